@@ -1,0 +1,10 @@
+"""femupdate: calibrates finite-element models of buildings to measured vibration."""
+
+from pathlib import Path as _Path
+
+__version__ = "0.1.0"
+
+# In a checkout `cli/` and `models/` lie beside this folder; installed they lie inside it.
+_checkout = _Path(__file__).resolve().parent.parent
+if (_checkout / "cli" / "main.py").exists():
+    __path__.append(str(_checkout))

@@ -1,0 +1,55 @@
+"""The reduced model: the building seen through a few shapes, affine in theta."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ReducedModel:
+    """Galerkin projection of a building on a mass-orthonormal basis V (mass matrix = identity).
+
+    With K(theta) = stiffness_constant + sum_i theta_i stiffness_terms[i], relative displacement
+    u = V q, uniform base acceleration a_g in one direction with influence vector i:
+        q'' + C q' + K(theta) q = -excitation a_g.
+
+    Attributes:
+        stiffness_terms: (p, r, r) one symmetric matrix a parameter, 1/s2.
+        stiffness_constant: (r, r) the part that no parameter scales, 1/s2.
+        excitation: (r,) V^T M i, the base motion's force on each coordinate per unit acceleration.
+        floor_shapes: (f, r) displacement of each observed floor (mean over its sensor points, in
+            the direction of the motion) per unit coordinate.
+        floors: names of the observed floors, bottom to top ("2F" ... "RF").
+        story_inertia: (s, r) force of inertia of all that lies above story i, per unit
+            acceleration of each coordinate (row i = i_above^T M V), kg.
+        story_mass: (s,) mass above the middle of story i in the direction of motion, kg.
+        story_drift: (s, r) displacement of the floor above less that of the floor below.
+        node_shapes: (N, 3, r) displacement of every node, float32, or None where not kept.
+    """
+
+    stiffness_terms: Floats
+    stiffness_constant: Floats
+    excitation: Floats
+    floor_shapes: Floats
+    floors: tuple[str, ...]
+    story_inertia: Floats
+    story_mass: Floats
+    story_drift: Floats
+    node_shapes: NDArray[np.float32] | None = None
+
+    @property
+    def size(self) -> int:
+        """Number of reduced coordinates r."""
+        return self.stiffness_constant.shape[0]
+
+    @property
+    def parameters(self) -> int:
+        """Number of stiffness parameters p."""
+        return self.stiffness_terms.shape[0]
+
+    def stiffness(self, theta: Floats) -> Floats:
+        """Reduced stiffness matrices, (..., p) -> (..., r, r), 1/s2."""
+        return self.stiffness_constant + np.einsum("...p,pij->...ij", theta, self.stiffness_terms)

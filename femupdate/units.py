@@ -1,0 +1,85 @@
+"""Unit names to SI factors, in one place.
+
+Inside the library everything is SI (m, kg, s, N, rad). Files and options state their units; this
+module is the only place that knows what those names mean.
+"""
+
+import re
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from femupdate.errors import UnitError
+
+STANDARD_GRAVITY = 9.80665  # m/s2, ISO 80000-3
+
+_LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "km": 1e3, "in": 0.0254, "ft": 0.3048}
+_ACCELERATION = {
+    "m/s2": 1.0,
+    "cm/s2": 1e-2,
+    "mm/s2": 1e-3,
+    "gal": 1e-2,
+    "g": STANDARD_GRAVITY,
+    "mg": STANDARD_GRAVITY * 1e-3,
+    "in/s2": 0.0254,
+    "ft/s2": 0.3048,
+}
+UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
+    {
+        "length": _LENGTH,
+        "mass": {"kg": 1.0, "t": 1e3, "g": 1e-3, "lb": 0.45359237},
+        "stress": {
+            "Pa": 1.0,
+            "kPa": 1e3,
+            "MPa": 1e6,
+            "GPa": 1e9,
+            "N/m2": 1.0,
+            "N/mm2": 1e6,
+            "kN/m2": 1e3,
+            "kN/mm2": 1e9,
+            "psi": 6894.757293168,
+            "ksi": 6894757.293168,
+        },
+        "density": {"kg/m3": 1.0, "t/m3": 1e3},
+        "stiffness": {"N/m": 1.0, "kN/m": 1e3, "MN/m": 1e6, "N/mm": 1e3, "kN/mm": 1e6},
+        "stiffness per mass": {"1/s2": 1.0, "N/m/kg": 1.0, "kN/m/t": 1.0},
+        "frequency": {"Hz": 1.0},
+        "time": {"s": 1.0, "ms": 1e-3},
+        "acceleration": _ACCELERATION,
+    }
+)
+
+_QUANTITY = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S.*?)\s*$")
+
+
+def factor(unit: str, kind: str) -> float:
+    """Return the SI factor of a unit.
+
+    Args:
+        unit: its name; `m/s^2`, `m/s/s` and `m/s**2` are read as `m/s2`.
+        kind: what it must measure, a key of `UNITS`.
+
+    Raises:
+        UnitError: the name is not a unit of that kind.
+    """
+    known = UNITS[kind]
+    name = unit.strip().replace("**", "").replace("^", "").replace("²", "2").replace("/s/s", "/s2")
+    if name in known:
+        return known[name]
+    folded = {key.lower(): value for key, value in known.items()}
+    # Case carries meaning for stresses (MPa, mPa): only accelerations are written in any case.
+    if kind == "acceleration" and name.lower() in folded:
+        return folded[name.lower()]
+    raise UnitError(f"unknown unit {unit!r} for {kind}; use one of {', '.join(known)}")
+
+
+def parse_quantity(text: str, kind: str) -> float:
+    """Return the SI value of a text such as `"180 mm"`.
+
+    Raises:
+        UnitError: no number, no unit, or a unit of another kind.
+    """
+    match = _QUANTITY.match(text)
+    if match is None:
+        example = next(iter(UNITS[kind]))
+        raise UnitError(f"{text!r} is not a {kind} with its unit, such as '1.5 {example}'")
+    return float(match.group(1)) * factor(match.group(2), kind)

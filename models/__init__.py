@@ -1,0 +1,1 @@
+"""Building files and trained surrogates, as data."""
