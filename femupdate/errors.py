@@ -31,3 +31,7 @@ class InferenceError(FemupdateError):
 
 class StudyError(FemupdateError):
     """The study folder lacks an artefact, holds a stale one or cannot be written."""
+
+
+class ReportError(FemupdateError):
+    """A figure or a picture cannot be made from what was given, or cannot be written."""

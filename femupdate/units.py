@@ -26,6 +26,8 @@ _ACCELERATION = {
 UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
     {
         "length": _LENGTH,
+        "area": {"m2": 1.0, "cm2": 1e-4, "mm2": 1e-6},
+        "inertia": {"m4": 1.0, "cm4": 1e-8, "mm4": 1e-12},
         "mass": {"kg": 1.0, "t": 1e3, "g": 1e-3, "lb": 0.45359237},
         "stress": {
             "Pa": 1.0,
@@ -48,7 +50,8 @@ UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
     }
 )
 
-_QUANTITY = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S.*?)\s*$")
+# The number is atomic: without that "2.8" would be read as 2 of a unit named "8".
+_QUANTITY = re.compile(r"^\s*((?>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?))\s*(\S.*?)\s*$")
 
 
 def factor(unit: str, kind: str) -> float:

@@ -1,0 +1,1 @@
+"""Reduced models and what is computed with them: modes, FRFs, histories, story forces."""

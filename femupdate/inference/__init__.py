@@ -1,0 +1,1 @@
+"""From likelihood to posterior: priors, likelihoods, the tempered sampler, metrics, storage."""

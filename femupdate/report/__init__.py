@@ -1,0 +1,1 @@
+"""Report: figures of the results and pictures of the mode shapes."""

@@ -1,0 +1,1 @@
+"""The amortised likelihood: data set, multimodal variational autoencoder, training."""

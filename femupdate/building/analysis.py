@@ -1,0 +1,163 @@
+"""What a building file says beside the building: frequencies, priors, damping, provenance."""
+
+from collections.abc import Mapping
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import Field, model_validator
+
+from femupdate.building.entry import Complaint, Entry
+from femupdate.building.quantities import (
+    Frequency,
+    FrequencyOrZero,
+    PositiveNumber,
+    Whole,
+)
+
+Floats = NDArray[np.float64]
+_MOST_FREQUENCIES = 1_000_000
+
+
+class FrequencyGrid(Entry):
+    """The frequencies at which responses are computed: start, start + step, ... (Hz)."""
+
+    start: FrequencyOrZero
+    step: Frequency
+    count: Whole
+
+    @model_validator(mode="after")
+    def _countable(self) -> "FrequencyGrid":
+        if not 2 <= self.count <= _MOST_FREQUENCIES:
+            text = f"{self.count} must lie between 2 and {_MOST_FREQUENCIES}; write another count"
+            raise Complaint("count", text)
+        return self
+
+    @property
+    def stop(self) -> float:
+        """The last frequency, Hz."""
+        return self.start + self.step * (self.count - 1)
+
+    def frequencies_hz(self) -> Floats:
+        """Return the (count,) frequencies, Hz."""
+        return self.start + self.step * np.arange(self.count, dtype=np.float64)
+
+
+class Range(Entry):
+    """The limits of a uniform prior."""
+
+    lower: PositiveNumber
+    upper: PositiveNumber
+
+    @model_validator(mode="after")
+    def _upright(self) -> "Range":
+        if self.lower >= self.upper:
+            raise Complaint(
+                "lower", f"{self.lower:g} must lie below upper = {self.upper:g}; exchange the two"
+            )
+        return self
+
+
+class Prior(Entry):
+    """Uniform priors: theta of all stories, of single ones, and zeta where it is a nuisance."""
+
+    theta: Range
+    stories: Mapping[str, Range] = Field(default_factory=dict)
+    zeta: Range | None = None
+
+    @model_validator(mode="after")
+    def _below_critical(self) -> "Prior":
+        if self.zeta is not None and self.zeta.upper >= 1.0:
+            raise Complaint(
+                "zeta.upper", f"{self.zeta.upper:g} must lie below 1 (critical); correct it"
+            )
+        return self
+
+    def theta_of(self, story: str) -> Range:
+        """Return the limits of one story's stiffness factor."""
+        return self.stories.get(story, self.theta)
+
+
+def _damping_ratio(ratio: float) -> None:
+    if ratio >= 1.0:
+        raise Complaint("ratio", f"{ratio:g} must lie below 1 (critical); 2 % is written 0.02")
+
+
+class ConstantDamping(Entry):
+    """One damping ratio for all modes; `ratio` is the one that predictions use."""
+
+    law: Literal["constant"]
+    ratio: PositiveNumber
+
+    @model_validator(mode="after")
+    def _below_critical(self) -> "ConstantDamping":
+        _damping_ratio(self.ratio)
+        return self
+
+    def modal_ratio(self, frequency_hz: ArrayLike) -> Floats:
+        """Return the damping ratio of modes at these frequencies (same shape)."""
+        return np.full(np.shape(frequency_hz), self.ratio)
+
+
+class RayleighDamping(Entry):
+    """Damping that reaches `ratio` at two frequencies, fixed whatever theta is.
+
+    The ratio of a mode of circular frequency w is a0 / (2 w) + a1 w / 2 (Rayleigh damping; Clough
+    and Penzien, 1993, section 12-5).
+    """
+
+    law: Literal["rayleigh"]
+    ratio: PositiveNumber
+    anchors: tuple[Frequency, Frequency]
+
+    @model_validator(mode="after")
+    def _two_anchors(self) -> "RayleighDamping":
+        _damping_ratio(self.ratio)
+        if self.anchors[0] == self.anchors[1]:
+            raise Complaint("anchors", "the two frequencies must differ; change one of them")
+        return self
+
+    @property
+    def mass_factor(self) -> float:
+        """a0, 1/s."""
+        first, second = 2.0 * np.pi * np.array(self.anchors)
+        return float(2.0 * self.ratio * first * second / (first + second))
+
+    @property
+    def stiffness_factor(self) -> float:
+        """a1, s."""
+        return float(self.ratio / (np.pi * sum(self.anchors)))
+
+    def modal_ratio(self, frequency_hz: ArrayLike) -> Floats:
+        """Return the damping ratio of modes at these frequencies (same shape)."""
+        omega = 2.0 * np.pi * np.asarray(frequency_hz, dtype=np.float64)
+        return self.mass_factor / (2.0 * omega) + self.stiffness_factor * omega / 2.0
+
+
+Damping = Annotated[ConstantDamping | RayleighDamping, Field(discriminator="law")]
+
+
+class Observation(Entry):
+    """What is assumed about an observation that does not say it itself.
+
+    `noise_sd` is the standard deviation of the noise on ln|H|.
+    """
+
+    noise_sd: PositiveNumber = 0.2
+
+
+class Reduction(Entry):
+    """How close the reduced model must follow the full one: difference in ln|H| allowed."""
+
+    tolerance: PositiveNumber = 0.02
+
+
+class Provenance(Entry):
+    """Which entries are published and which are assumed, as dotted keys or their beginnings.
+
+    `stories[*].height` stands for the height of every story, `walls[0]` for all of the first wall.
+    """
+
+    source: str = ""
+    published: tuple[str, ...] = ()
+    assumed: tuple[str, ...] = ()

@@ -1,0 +1,140 @@
+"""Checks across the entries of a building file: every name must name something."""
+
+from collections.abc import Iterable, Mapping
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+from femupdate.building.analysis import Damping, Prior, RayleighDamping
+from femupdate.building.entry import Complaint, unknown
+from femupdate.building.joints import check_joints
+from femupdate.building.members import Grid
+from femupdate.building.references import (
+    beam_runs,
+    intersections,
+    require,
+    resolve,
+    slab_lines,
+    wall_run,
+)
+
+if TYPE_CHECKING:
+    from femupdate.building.schema import FrameBuilding
+
+_CLOSEST_LINES = 1e-3  # m; nearer lines are a slip of the pen, and would make needle-thin elements
+
+
+def check_story_names(names: Iterable[str]) -> None:
+    """Raise Complaint where there is no story or two share a name."""
+    seen: list[str] = []
+    for number, name in enumerate(names):
+        if name in seen:
+            text = f"{name!r} is the name of stories[{seen.index(name)}] already; rename one"
+            raise Complaint(f"stories[{number}].name", text)
+        seen.append(name)
+    if not seen:
+        raise Complaint("stories", "the building has no story; add a [[stories]] table")
+
+
+def check_prior(prior: Prior, damping: Damping, stories: Iterable[str]) -> None:
+    """Raise Complaint where a prior is for an unknown story or for a damping that is fixed."""
+    known = list(stories)
+    for name in prior.stories:
+        if name not in known:
+            raise Complaint(f"prior.stories.{name}", unknown("story", name, known))
+    if prior.zeta is not None and isinstance(damping, RayleighDamping):
+        text = "Rayleigh damping is fixed by its anchors; remove the prior, or use constant damping"
+        raise Complaint("prior.zeta", text)
+
+
+def _check_lines(lines: Mapping[str, float], key: str) -> None:
+    if not lines:
+        raise Complaint(key, 'it has no line; add one, such as A = "0 m"')
+    ordered = sorted(lines.items(), key=lambda item: item[1])
+    for (first, low), (second, high) in pairwise(ordered):
+        if high - low < _CLOSEST_LINES:
+            raise Complaint(f"{key}.{second}", f"it lies on {first!r}; move one or remove it")
+    for name in lines:
+        if "-" in name or name == "*" or not name.strip():
+            raise Complaint(f"{key}.{name}", 'a line\'s name has no "-" and is not "*"; rename it')
+
+
+def _check_grid(grid: Grid) -> None:
+    _check_lines(grid.x, "grid.x")
+    _check_lines(grid.y, "grid.y")
+    for name in grid.x:
+        if name in grid.y:
+            raise Complaint(f"grid.x.{name}", "a line of grid.y has the same name; rename one")
+
+
+def _check_material(building: "FrameBuilding", name: str | None, key: str) -> None:
+    if name is not None:
+        require(name, building.materials, "material", f"{key}.material")
+    elif len(building.materials) != 1:
+        names = ", ".join(building.materials)
+        raise Complaint(f"{key}.material", f"the key is missing; name one of the materials {names}")
+
+
+def _check_members(building: "FrameBuilding") -> None:
+    grid, stories, floors = building.grid, building.story_names, building.floors
+    for name, section in building.sections.items():
+        _check_material(building, section.material, f"sections.{name}")
+    for n, columns in enumerate(building.columns):
+        require(columns.section, building.sections, "section", f"columns[{n}].section")
+        intersections(grid, columns.at, f"columns[{n}].at")
+        resolve(columns.stories, stories, "story", f"columns[{n}].stories")
+    for n, beams in enumerate(building.beams):
+        require(beams.section, building.sections, "section", f"beams[{n}].section")
+        beam_runs(grid, beams, f"beams[{n}]")
+        resolve(beams.floors, floors, "floor", f"beams[{n}].floors")
+    for n, wall in enumerate(building.walls):
+        wall_run(grid, wall, f"walls[{n}]")
+        resolve(wall.stories, stories, "story", f"walls[{n}].stories")
+        _check_material(building, wall.material, f"walls[{n}]")
+    for n, slab in enumerate(building.slabs):
+        slab_lines(slab.x, grid.x, f"slabs[{n}].x")
+        slab_lines(slab.y, grid.y, f"slabs[{n}].y")
+        resolve(slab.floors, floors, "floor", f"slabs[{n}].floors")
+        _check_material(building, slab.material, f"slabs[{n}]")
+
+
+def _check_floor_mass(building: "FrameBuilding") -> None:
+    given: dict[str, int] = {}
+    for n, mass in enumerate(building.floor_mass):
+        key = f"floor_mass[{n}].floors"
+        for floor in resolve(mass.floors, building.floors, "floor", key):
+            if floor in given:
+                text = f"floor_mass[{given[floor]}] gives the mass of {floor} already; remove one"
+                raise Complaint(key, text)
+            given[floor] = n
+
+
+def _check_sensors(building: "FrameBuilding") -> None:
+    intersections(building.grid, building.sensors.points, "sensors.points")
+    for floor, points in building.sensors.floors.items():
+        require(floor, building.floors, "floor", f"sensors.floors.{floor}")
+        intersections(building.grid, points, f"sensors.floors.{floor}")
+
+
+def _check_standing(building: "FrameBuilding") -> None:
+    stories = building.story_names
+    named = [columns.stories for columns in building.columns]
+    named += [wall.stories for wall in building.walls if wall.is_stiff]
+    held = {story for names in named for story in resolve(names, stories, "story", "stories")}
+    for number, story in enumerate(stories):
+        if story not in held:
+            text = f"no column or wall with stiffness stands in story {story!r}; add one"
+            raise Complaint(f"stories[{number}]", text)
+
+
+def check_frame(building: "FrameBuilding") -> None:
+    """Raise Complaint for the first entry of a frame building that names nothing it knows."""
+    check_story_names(building.story_names)
+    check_prior(building.prior, building.damping, building.story_names)
+    if not building.materials:
+        raise Complaint("materials", "the building has no material; add a [materials.NAME] table")
+    _check_grid(building.grid)
+    _check_members(building)
+    _check_floor_mass(building)
+    _check_sensors(building)
+    _check_standing(building)
+    check_joints(building)

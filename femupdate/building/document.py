@@ -1,0 +1,98 @@
+"""A building as a plain document: tables as the file holds them, its hashes, its leaf keys."""
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from pydantic import ValidationError
+
+from femupdate.building.analysis import ConstantDamping
+from femupdate.building.entry import as_building_error, close
+from femupdate.building.schema import Building, FrameBuilding, ShearBuilding
+from femupdate.errors import BuildingError
+
+_KINDS: Mapping[str, type[FrameBuilding] | type[ShearBuilding]] = {
+    "frame": FrameBuilding,
+    "shear": ShearBuilding,
+}
+_EMPTY: tuple[Any, ...] = ({}, [], "")  # each is the default of the entry that holds it
+# What a trained surrogate or a reduced model does not depend on.
+_NOT_MECHANICS = ("name", "title", "description", "observation", "reduction", "provenance")
+
+
+def to_document(building: Building) -> dict[str, Any]:
+    """Return the building as the tables of its file, quantities as text with their units."""
+    dumped = building.model_dump(mode="json", by_alias=True, exclude_none=True)
+    return {name: _without_empty(item) for name, item in dumped.items() if item not in _EMPTY}
+
+
+def _without_empty(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        inner = {name: _without_empty(item) for name, item in value.items()}
+        return {name: item for name, item in inner.items() if item not in _EMPTY}
+    return [_without_empty(item) for item in value] if isinstance(value, list) else value
+
+
+def from_document(
+    document: Mapping[str, Any], where: str = "building", *, from_file: bool = False
+) -> Building:
+    """Return the validated building.
+
+    Args:
+        document: the tables of a building file.
+        where: what to call the document in a message, such as the file's name.
+        from_file: refuse bare numbers where a quantity with its unit belongs.
+
+    Raises:
+        BuildingError: with the key in question and the mend.
+    """
+    kind = document.get("kind")
+    if not isinstance(kind, str) or kind not in _KINDS:
+        hint = close(kind, _KINDS) if isinstance(kind, str) else ""
+        said = "the key is missing" if kind is None else f"{kind!r} is not a kind of building"
+        raise BuildingError(f'{where}: kind: {said}; write "frame" or "shear"{hint}')
+    context = {"file": where} if from_file else None
+    try:
+        return _KINDS[kind].model_validate(dict(document), context=context)
+    except ValidationError as error:
+        raise as_building_error(error, document, where) from None
+
+
+def _digest(document: Mapping[str, Any]) -> str:
+    text = json.dumps(document, sort_keys=True, ensure_ascii=True, allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def building_hash(building: Building) -> str:
+    """Return the SHA-256 (hexadecimal) of all that the building says, in any units."""
+    return _digest(to_document(building))
+
+
+def mechanics_hash(building: Building) -> str:
+    """Return the SHA-256 of what a simulated data set depends on.
+
+    That is the mechanics, the sensors, the priors and the frequency grid; not names and texts, nor
+    the noise of observations, the tolerance of the reduction, or the damping ratio of predictions
+    where zeta has a prior.
+    """
+    document = {k: v for k, v in to_document(building).items() if k not in _NOT_MECHANICS}
+    if isinstance(building.damping, ConstantDamping) and building.prior.zeta is not None:
+        document["damping"] = {"law": building.damping.law}
+    return _digest(document)
+
+
+def leaf_keys(document: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the dotted keys of all values of a document; a list of plain values counts as one."""
+    return tuple(_leaves(document, ""))
+
+
+def _leaves(value: Any, path: str) -> Iterator[str]:
+    if isinstance(value, Mapping):
+        for name, item in value.items():
+            yield from _leaves(item, f"{path}.{name}" if path else str(name))
+    elif isinstance(value, list) and any(isinstance(item, Mapping) for item in value):
+        for number, item in enumerate(value):
+            yield from _leaves(item, f"{path}[{number}]")
+    else:
+        yield path

@@ -1,0 +1,129 @@
+"""Building files: TOML in and out, by path or by the name of a shipped model."""
+
+import logging
+import os
+import tomllib
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from femupdate.building.document import (
+    building_hash,
+    from_document,
+    mechanics_hash,
+    to_document,
+)
+from femupdate.building.entry import close
+from femupdate.building.mesh import check_mesh
+from femupdate.building.provenance import provenance_of
+from femupdate.building.schema import Building, FrameBuilding
+from femupdate.building.toml_writer import to_toml
+from femupdate.errors import BuildingError
+
+_SUFFIX = ".toml"
+_log = logging.getLogger(__name__)
+
+
+def shipped_buildings() -> tuple[str, ...]:
+    """Return the names of the buildings that come with femupdate."""
+    names = (entry.name for entry in files("femupdate.models").iterdir())
+    return tuple(sorted(name.removesuffix(_SUFFIX) for name in names if name.endswith(_SUFFIX)))
+
+
+def _is_path(text: str) -> bool:
+    return text.endswith(_SUFFIX) or "/" in text or os.sep in text
+
+
+def _not_found(text: str) -> BuildingError:
+    shipped = shipped_buildings()
+    hint = close(Path(text).stem, shipped)
+    return BuildingError(
+        f"{text}: there is no such building file; the shipped buildings are "
+        f"{', '.join(shipped)}{hint}"
+    )
+
+
+def _read(path_or_name: str | Path) -> tuple[str, str]:
+    """Return (what to call the file, its text)."""
+    text = str(path_or_name)
+    path = Path(path_or_name).expanduser()
+    if isinstance(path_or_name, str) and not _is_path(text) and text in shipped_buildings():
+        name = text + _SUFFIX
+        return name, files("femupdate.models").joinpath(name).read_text(encoding="utf-8")
+    try:
+        return text, path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise _not_found(text) from None
+    except UnicodeDecodeError:
+        raise BuildingError(f"{text}: this is not UTF-8 text; save it as UTF-8") from None
+    except OSError as error:
+        raise BuildingError(f"{text}: cannot be read ({error.strerror}); check the path") from None
+
+
+def _parse(text: str, where: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise BuildingError(f"{where}: this is not valid TOML: {error}; mend that line") from None
+
+
+def _check_mesh(building: Building, where: str) -> None:
+    if isinstance(building, FrameBuilding):
+        try:
+            check_mesh(building)
+        except BuildingError as error:
+            raise BuildingError(f"{where}: {error}") from None
+
+
+def load_building(path_or_name: str | Path) -> Building:
+    """Return the building of a file, or a shipped one by its name.
+
+    Args:
+        path_or_name: a path to a TOML file, or a name such as "six_story_wall_frame".
+
+    Raises:
+        BuildingError: no such file, not TOML, or an entry that cannot be; the message names the
+            file, the key and the mend.
+    """
+    where, text = _read(path_or_name)
+    building = from_document(_parse(text, where), where, from_file=True)
+    _check_mesh(building, where)
+    _log.info("loaded the building %s from %s", building.name, where)
+    return building
+
+
+def save_building(building: Building, path: str | Path) -> Path:
+    """Write the building as TOML that loads back equal, and return the path.
+
+    The file appears whole or not at all. Every figure carries its origin as a comment.
+
+    Raises:
+        BuildingError: the folder is missing or cannot be written.
+    """
+    target = Path(path).expanduser()
+    text = to_toml(to_document(building), comment=lambda key: provenance_of(building, key))
+    try:
+        _write_whole(target, text)
+    except OSError as error:
+        raise BuildingError(
+            f"{target}: cannot be written ({error.strerror}); check the folder"
+        ) from None
+    return target
+
+
+def _write_whole(target: Path, text: str) -> None:
+    part = target.with_name(f".{target.name}.{os.getpid()}.part")
+    try:
+        part.write_text(text, encoding="utf-8", newline="\n")
+        part.replace(target)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+__all__ = [
+    "building_hash",
+    "load_building",
+    "mechanics_hash",
+    "save_building",
+    "shipped_buildings",
+]

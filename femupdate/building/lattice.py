@@ -1,0 +1,138 @@
+"""The mesh lines of a frame building: every node lies where three of them cross."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femupdate.building.members import FrameStory, Grid
+from femupdate.building.references import Intersection, Run
+from femupdate.building.schema import BASE, floor_names
+from femupdate.errors import BuildingError
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Index = Integers | int
+
+_ROUNDING = 1e-6  # of an element: 1.8 m in parts of 0.3 m is six parts, not seven
+_MOST_CROSSINGS = 5_000_000
+
+
+@dataclass(frozen=True)
+class Lines:
+    """The mesh lines of one axis.
+
+    Attributes:
+        coordinate: (n,) ascending, m.
+        at: index of the mesh line on each named line (a grid line, or a floor).
+    """
+
+    coordinate: Floats
+    at: Mapping[str, int]
+
+    def __len__(self) -> int:
+        return len(self.coordinate)
+
+    def between(self, start: str, end: str) -> Integers:
+        """Return the indices of the mesh lines from one named line to another, both included."""
+        return np.arange(self.at[start], self.at[end] + 1)
+
+
+def divisions(length: float, size: float) -> int:
+    """Return into how many equal parts no longer than `size` a length is divided."""
+    return max(1, math.ceil(length / size - _ROUNDING))
+
+
+def divide(stations: Mapping[str, float], size: float, least: int = 1) -> Lines:
+    """Return the mesh lines through named coordinates.
+
+    Args:
+        stations: coordinate of each named line, m.
+        size: widest gap allowed, m.
+        least: fewest parts of an interval between two named lines.
+    """
+    ordered = sorted(stations.items(), key=lambda item: item[1])
+    values = [value for _, value in ordered]
+    parts = [max(least, divisions(b - a, size)) for a, b in pairwise(values)]
+    pieces = [
+        np.linspace(a, b, count, endpoint=False)
+        for (a, b), count in zip(pairwise(values), parts, strict=True)
+    ]
+    index = np.concatenate([[0], np.cumsum(parts, dtype=np.int64)]).astype(np.int64)
+    at = {name: int(n) for (name, _), n in zip(ordered, index, strict=True)}
+    return Lines(np.concatenate([*pieces, values[-1:]]), at)
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """The mesh lines of the three axes; a crossing's number rises with x, then y, then z."""
+
+    x: Lines
+    y: Lines
+    z: Lines
+
+    def crossings(self, ix: Index, iy: Index, iz: Index) -> Integers:
+        """Return the numbers of the crossings of these mesh lines (broadcast)."""
+        return np.asarray((iz * len(self.y) + iy) * len(self.x) + ix)
+
+    def coordinates(self, crossing: Integers) -> Floats:
+        """Return the (n, 3) coordinates of crossings, m."""
+        rest, ix = np.divmod(crossing, len(self.x))
+        iz, iy = np.divmod(rest, len(self.y))
+        return np.stack([self.x.coordinate[ix], self.y.coordinate[iy], self.z.coordinate[iz]], 1)
+
+    def level(self, crossing: Integers) -> Integers:
+        """Return the index of the mesh line in z of each crossing."""
+        return crossing // (len(self.x) * len(self.y))
+
+    def along(self, run: Run, levels: Integers) -> Integers:
+        """Return the (points, levels) crossings of a stretch of a grid line at these levels."""
+        if run.axis == 0:
+            points, other = self.x.between(run.start, run.end), self.y.at[run.line]
+            return self.crossings(points[:, None], other, levels[None, :])
+        points, other = self.y.between(run.start, run.end), self.x.at[run.line]
+        return self.crossings(other, points[:, None], levels[None, :])
+
+    def upright(self, point: Intersection, levels: Integers) -> Integers:
+        """Return the (levels,) crossings above an intersection of grid lines."""
+        return self.crossings(self.x.at[point.x], self.y.at[point.y], levels)
+
+    def rectangle(self, x: Sequence[str], y: Sequence[str], floor: str) -> Integers:
+        """Return the (nx, ny) crossings between two lines of each family on a floor."""
+        ix, iy = self.x.between(x[0], x[1]), self.y.between(y[0], y[1])
+        return self.crossings(ix[:, None], iy[None, :], self.z.at[floor])
+
+
+def lattice_of(grid: Grid, stories: Sequence[FrameStory], size: float, least: int = 1) -> Lattice:
+    """Return the mesh lines of a building (size, least: see `divide`); level 0 is the base.
+
+    Raises:
+        BuildingError: the mesh size is so small that the mesh would not fit into memory.
+    """
+    levels = np.concatenate([[0.0], np.cumsum([story.height for story in stories])])
+    floors = dict(zip((BASE, *floor_names(len(stories))), levels.tolist(), strict=True))
+    stations = (grid.x, grid.y, floors)
+    count = math.prod(_count(station, size) for station in stations)
+    if count > _MOST_CROSSINGS:
+        raise BuildingError(
+            f"mesh.size: {size:g} m would give some {count:.1e} nodes; write a larger size"
+        )
+    return Lattice(*(divide(station, size, least) for station in stations))
+
+
+def _count(stations: Mapping[str, float], size: float) -> float:
+    return sum(np.diff(sorted(stations.values()))) / size + len(stations)
+
+
+def strips(points: Integers) -> Integers:
+    """Return the (n - 1, 2) line elements along (n,) crossings."""
+    return np.stack([points[:-1], points[1:]], axis=1)
+
+
+def quadrilaterals(points: Integers) -> Integers:
+    """Return the (n, 4) elements of an (a, b) sheet of crossings, in order around each."""
+    around = (points[:-1, :-1], points[1:, :-1], points[1:, 1:], points[:-1, 1:])
+    return np.stack(around, axis=-1).reshape(-1, 4)

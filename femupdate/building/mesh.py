@@ -1,0 +1,246 @@
+"""Meshes a frame building: nodes, shells, bars, masses, supports, and where the floors are."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from femupdate.building.entry import Complaint
+from femupdate.building.lattice import Integers, Lattice, lattice_of
+from femupdate.building.masses import ground_mass, place_masses
+from femupdate.building.panels import (
+    Bar,
+    DeadWall,
+    Panel,
+    beam_bars,
+    column_bars,
+    dead_walls,
+    slab_panels,
+    wall_panels,
+)
+from femupdate.building.references import Intersection, intersections
+from femupdate.building.schema import Building, FrameBuilding
+from femupdate.errors import BuildingError
+from femupdate.fe.model import DOF_PER_NODE, Beams, FiniteElementModel, Shells
+
+Floats = NDArray[np.float64]
+_HELD = {"fixed": 6, "pinned": 3}
+
+
+@dataclass(frozen=True)
+class BuildingMesh:
+    """A frame building as a finite-element model, and what the model's nodes mean.
+
+    Attributes:
+        model: the finite-element model; its parameters are the stories' stiffness factors.
+        floors: names of the floors, bottom to top ("2F" ... "RF").
+        floor_nodes: node indices of each floor's sensor points.
+        floor_level: (floors,) height above the base, m.
+        base_nodes: (n,) indices of the nodes at the base.
+        direction: 0 where motion is measured along x, 1 along y.
+        story_names: names of the stories, bottom to top; story i is the model's group i.
+        ground_mass: the half of first-story walls without stiffness that rests on the ground and
+            is not in the model, kg.
+    """
+
+    model: FiniteElementModel
+    floors: tuple[str, ...]
+    floor_nodes: Mapping[str, Integers]
+    floor_level: Floats
+    base_nodes: Integers
+    direction: int
+    story_names: tuple[str, ...]
+    ground_mass: float
+
+
+def mesh_building(building: Building, mesh_size: float | None = None) -> BuildingMesh:
+    """Return the mesh of a frame building.
+
+    Every interval between grid lines, and every story, is divided into equal parts no longer than
+    the mesh size; walls, columns, beams and slabs meet in common nodes on those lines.
+
+    Args:
+        building: of kind "frame".
+        mesh_size: m; the building's own where None.
+
+    Raises:
+        BuildingError: a shear building, two members in one place, a part that is connected to
+            nothing below, a floor lighter than its self weight, a sensor where nothing is built.
+    """
+    if not isinstance(building, FrameBuilding):
+        raise BuildingError(
+            f'{building.name}: kind: a building of kind "shear" has no mesh; use shear_operators'
+        )
+    size = building.mesh.size if mesh_size is None else mesh_size
+    if not size > 0.0:
+        raise BuildingError(f"mesh.size: {size!r} m must be greater than 0; write a length")
+    return _mesh(building, lattice_of(building.grid, building.stories, size))
+
+
+def check_mesh(building: FrameBuilding) -> None:
+    """Raise BuildingError where `mesh_building` would, at the cost of a very coarse mesh."""
+    lattice_of(building.grid, building.stories, building.mesh.size)
+    # Two parts an interval: what nothing carries between two grid lines shows as well.
+    _mesh(building, lattice_of(building.grid, building.stories, math.inf, least=2))
+
+
+def _mesh(building: FrameBuilding, lattice: Lattice) -> BuildingMesh:
+    try:
+        return _mesh_on(building, lattice)
+    except Complaint as complaint:
+        raise BuildingError(f"{complaint.key}: {complaint}") from None
+
+
+def _mesh_on(building: FrameBuilding, lattice: Lattice) -> BuildingMesh:
+    panels = [*slab_panels(building, lattice), *wall_panels(building, lattice)]
+    bars = [*column_bars(building, lattice), *beam_bars(building, lattice)]
+    dead = list(dead_walls(building, lattice))
+    _refuse_doubles(panels, lattice)
+    _refuse_doubles(bars, lattice)
+    used = np.unique(np.concatenate([n.ravel() for n in _node_lists(panels, bars)]))
+    base = np.flatnonzero(lattice.level(used) == 0)
+    model = FiniteElementModel(
+        nodes=lattice.coordinates(used),
+        fixed=_fixed(len(used), base, _HELD[building.supports.base]),
+        groups=len(building.stories),
+        shells=_shells(panels, used),
+        beams=_beams(bars, used),
+    )
+    _refuse_floating(model, base)
+    masses = place_masses(building, model, list(_on_nodes(dead, used, lattice)))
+    return BuildingMesh(
+        model=replace(model, masses=masses),
+        floors=building.floors,
+        floor_nodes=_floor_nodes(building, lattice, used),
+        floor_level=building.floor_levels,
+        base_nodes=base,
+        direction="xy".index(building.sensors.direction),
+        story_names=building.story_names,
+        ground_mass=ground_mass(dead),
+    )
+
+
+def _node_lists(panels: Sequence[Panel], bars: Sequence[Bar]) -> list[Integers]:
+    return [panel.nodes for panel in panels] + [bar.nodes for bar in bars]
+
+
+def _refuse_doubles(blocks: Sequence[Panel] | Sequence[Bar], lattice: Lattice) -> None:
+    """Raise Complaint where two blocks have an element between the same nodes."""
+    if not blocks:
+        return
+    nodes = np.sort(np.concatenate([block.nodes for block in blocks]), axis=1)
+    owner = np.repeat(np.arange(len(blocks)), [len(block.nodes) for block in blocks])
+    _, first, inverse = np.unique(nodes, axis=0, return_index=True, return_inverse=True)
+    double = np.flatnonzero(first[inverse.ravel()] != np.arange(len(nodes)))
+    if len(double):
+        later, earlier = owner[double[0]], owner[first[inverse.ravel()[double[0]]]]
+        x, y, z = lattice.coordinates(nodes[double[0]]).mean(axis=0)
+        text = f"it lies on {blocks[earlier].key} at ({x:.3g}, {y:.3g}, {z:.3g}) m; remove one"
+        raise Complaint(blocks[later].key, text)
+
+
+def _fixed(count: int, base: Integers, held: int) -> NDArray[np.bool_]:
+    fixed = np.zeros((count, DOF_PER_NODE), dtype=np.bool_)
+    fixed[base, :held] = True
+    return fixed
+
+
+def _spread(values: Sequence[float], counts: Sequence[int]) -> Floats:
+    return np.repeat(np.array(values, dtype=np.float64), counts)
+
+
+def _shells(panels: Sequence[Panel], used: Integers) -> Shells:
+    if not panels:
+        return Shells()
+    counts = [len(panel.nodes) for panel in panels]
+    return Shells(
+        nodes=np.searchsorted(used, np.concatenate([panel.nodes for panel in panels])),
+        thickness=_spread([panel.thickness for panel in panels], counts),
+        youngs_modulus=_spread([panel.material.youngs_modulus for panel in panels], counts),
+        poisson_ratio=_spread([panel.material.poisson_ratio for panel in panels], counts),
+        density=_spread([panel.material.density for panel in panels], counts),
+        group=np.repeat(np.array([panel.group for panel in panels], dtype=np.int64), counts),
+        kind=np.repeat(np.array([panel.kind for panel in panels], dtype="<U24"), counts),
+    )
+
+
+def _beams(bars: Sequence[Bar], used: Integers) -> Beams:
+    if not bars:
+        return Beams()
+    counts = [len(bar.nodes) for bar in bars]
+    sections = [bar.section for bar in bars]
+    return Beams(
+        nodes=np.searchsorted(used, np.concatenate([bar.nodes for bar in bars])),
+        area=_spread([section.area for section in sections], counts),
+        shear_area_y=_spread([section.shear_area_y for section in sections], counts),
+        shear_area_z=_spread([section.shear_area_z for section in sections], counts),
+        inertia_y=_spread([section.inertia_y for section in sections], counts),
+        inertia_z=_spread([section.inertia_z for section in sections], counts),
+        torsion_constant=_spread([section.torsion_constant for section in sections], counts),
+        youngs_modulus=_spread([bar.material.youngs_modulus for bar in bars], counts),
+        poisson_ratio=_spread([bar.material.poisson_ratio for bar in bars], counts),
+        density=_spread([bar.material.density for bar in bars], counts),
+        up=np.repeat(np.array([bar.up for bar in bars]), counts, axis=0),
+        group=np.repeat(np.array([bar.group for bar in bars], dtype=np.int64), counts),
+        kind=np.repeat(np.array([bar.kind for bar in bars], dtype="<U24"), counts),
+    )
+
+
+def _refuse_floating(model: FiniteElementModel, base: Integers) -> None:
+    """Raise Complaint where a node has no path of elements down to the base."""
+    sides = [model.shells.nodes[:, [0, k]] for k in (1, 2, 3)] + [model.beams.nodes]
+    edges = np.concatenate(sides)
+    count = len(model.nodes)
+    graph = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(count, count))
+    _, part = connected_components(graph, directed=False)
+    floating = np.flatnonzero(~np.isin(part, part[base]))
+    if len(floating):
+        x, y, z = model.nodes[floating[0]]
+        raise Complaint(
+            "columns",
+            f"nothing connects what is at ({x:.3g}, {y:.3g}, {z:.3g}) m to the base; add a "
+            "column, wall, beam or slab that does",
+        )
+
+
+def _on_nodes(dead: Sequence[DeadWall], used: Integers, lattice: Lattice) -> Iterator[DeadWall]:
+    """Yield the walls without stiffness with node indices in place of crossings."""
+    for wall in dead:
+        _refuse_uncarried(wall, used, lattice)
+        above, below = np.searchsorted(used, wall.above), np.searchsorted(used, wall.below)
+        yield replace(wall, above=above, below=below)
+
+
+def _refuse_uncarried(wall: DeadWall, used: Integers, lattice: Lattice) -> None:
+    for place, crossings in (("above", wall.above), ("below", wall.below)):
+        missing = crossings[~np.isin(crossings, used)]
+        if len(missing):
+            x, y, z = lattice.coordinates(missing[:1])[0]
+            text = f"nothing at ({x:.3g}, {y:.3g}, {z:.3g}) m, {place} the wall, carries its weight"
+            raise Complaint(wall.key, f"{text}; put a beam or a slab along it")
+
+
+def _points(building: FrameBuilding, floor: str) -> tuple[str, tuple[Intersection, ...]]:
+    own = building.sensors.floors.get(floor)
+    key = "sensors.points" if own is None else f"sensors.floors.{floor}"
+    return key, intersections(building.grid, own or building.sensors.points, key)
+
+
+def _floor_nodes(
+    building: FrameBuilding, lattice: Lattice, used: Integers
+) -> Mapping[str, Integers]:
+    nodes = {}
+    for floor in building.floors:
+        key, points = _points(building, floor)
+        level = np.array([lattice.z.at[floor]])
+        crossings = np.concatenate([lattice.upright(point, level) for point in points])
+        for point, crossing in zip(points, crossings, strict=True):
+            if crossing not in used:
+                text = f"nothing is built at {point.y}-{point.x} on {floor}; name another point"
+                raise Complaint(key, text)
+        nodes[floor] = np.searchsorted(used, crossings)
+    return nodes

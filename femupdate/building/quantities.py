@@ -1,0 +1,158 @@
+"""Field types of the building file: quantities written with their units, plain numbers, names."""
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, GetCoreSchemaHandler, PlainSerializer, ValidationInfo
+from pydantic_core import CoreSchema, core_schema
+
+from femupdate.errors import UnitError
+from femupdate.units import UNITS, factor, parse_quantity
+
+# Units tried when a building is written, in order of preference at equal length of the text.
+_WRITTEN = {
+    "length": ("m", "mm"),
+    "area": ("m2", "mm2"),
+    "inertia": ("m4", "mm4"),
+    "mass": ("kg", "t"),
+    "stress": ("kN/mm2", "N/mm2", "Pa"),
+    "density": ("kg/m3",),
+    "stiffness": ("N/m", "kN/m"),
+    "stiffness per mass": ("1/s2",),
+    "frequency": ("Hz",),
+}
+_SIGNS = {"positive": 0.0, "not negative": 0.0, "any": -math.inf}
+
+
+def _text(value: float, unit: str, kind: str) -> str:
+    scaled = value / factor(unit, kind)
+    plain = int(scaled) if scaled.is_integer() and abs(scaled) < 1e15 else scaled
+    return f"{plain!r} {unit}"
+
+
+def format_quantity(value: float, kind: str) -> str:
+    """Return the shortest text that `parse_quantity` reads back as exactly this SI value."""
+    texts = [_text(value, unit, kind) for unit in _WRITTEN[kind]]
+    exact = [text for text in texts if parse_quantity(text, kind) == value]
+    si_unit = next(unit for unit in UNITS[kind] if UNITS[kind][unit] == 1.0)
+    return min(exact, key=len, default=f"{value!r} {si_unit}")
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """Marks a float that the file writes as text with a unit of this kind.
+
+    In a file (validation context `{"file": ...}`) a bare number is refused; built in Python, a
+    number is taken as SI.
+    """
+
+    kind: str
+    sign: str = "positive"
+
+    def read(self, value: Any, info: ValidationInfo) -> float:
+        """Return the SI value, or raise a ValueError with a plain sentence."""
+        number = self._number(value, from_file=bool((info.context or {}).get("file")))
+        low = _SIGNS[self.sign]
+        if not math.isfinite(number) or number < low or (self.sign == "positive" and number == low):
+            raise ValueError(f"{value!r} is not a {self.sign} {self.kind}; correct the figure")
+        return number
+
+    def _number(self, value: Any, *, from_file: bool) -> float:
+        if isinstance(value, str):
+            try:
+                return parse_quantity(value, self.kind)
+            except UnitError as error:
+                raise ValueError(str(error)) from error
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise ValueError(f"{value!r} is not a {self.kind}; write {self._example()}")
+        if from_file:
+            raise ValueError(f"{value!r} has no unit; write it as text, such as {self._example()}")
+        return float(value)
+
+    def _example(self) -> str:
+        return f'"1.5 {_WRITTEN[self.kind][0]}"'
+
+    def __get_pydantic_core_schema__(
+        self, source: type[Any], handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        """Tell pydantic how to read and write the field."""
+        write = core_schema.plain_serializer_function_ser_schema(
+            lambda value: format_quantity(value, self.kind), when_used="json"
+        )
+        return core_schema.with_info_plain_validator_function(self.read, serialization=write)
+
+
+def _number(value: Any) -> float:
+    """Read a plain number; a fraction such as "1/3" may be written as text."""
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        raise ValueError(f"{value!r} is not a number; write one, such as 0.5")
+    try:
+        top, _, bottom = str(value).partition("/")
+        number = float(top) / float(bottom) if bottom else float(top)
+    except (ValueError, ZeroDivisionError):
+        raise ValueError(f"{value!r} is not a number; write one, such as 0.5 or '1/3'") from None
+    if not math.isfinite(number):
+        raise ValueError(f"{value!r} is not a finite number; write one, such as 0.5")
+    return number
+
+
+def _positive(value: Any) -> float:
+    number = _number(value)
+    if number <= 0.0:
+        raise ValueError(f"{value!r} must be greater than 0; correct the figure")
+    return number
+
+
+def _names(value: Any) -> tuple[str, ...]:
+    listed = (value,) if isinstance(value, str) else value
+    if not isinstance(listed, list | tuple) or not all(isinstance(name, str) for name in listed):
+        raise ValueError(f'{value!r} must be a name, a list of names, or "*" for all')
+    if not listed:
+        raise ValueError('the list is empty; name at least one, or write "*" for all')
+    if len(set(listed)) < len(listed):
+        raise ValueError("a name is listed twice; keep one of the two")
+    return tuple(listed)
+
+
+def _whole(value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise ValueError(f"{value!r} is not a whole number; write one, such as 1024")
+    return value
+
+
+def _label(value: Any) -> str:
+    if not isinstance(value, str) or not value.strip():
+        raise ValueError(f"{value!r} is not a name; write some text in quotes")
+    return value
+
+
+def _flag(value: Any) -> bool:
+    if not isinstance(value, bool):
+        raise ValueError(f"{value!r} must be true or false, without quotes")
+    return value
+
+
+ALL = ("*",)  # a list of names that means every one
+
+Length = Annotated[float, Quantity("length")]
+Coordinate = Annotated[float, Quantity("length", "any")]
+Area = Annotated[float, Quantity("area")]
+Inertia = Annotated[float, Quantity("inertia")]
+Mass = Annotated[float, Quantity("mass")]
+Stress = Annotated[float, Quantity("stress")]
+Density = Annotated[float, Quantity("density", "not negative")]
+Stiffness = Annotated[float, Quantity("stiffness")]
+StiffnessPerMass = Annotated[float, Quantity("stiffness per mass")]
+Frequency = Annotated[float, Quantity("frequency")]
+FrequencyOrZero = Annotated[float, Quantity("frequency", "not negative")]
+Number = Annotated[float, BeforeValidator(_number)]
+PositiveNumber = Annotated[float, BeforeValidator(_positive)]
+Whole = Annotated[int, BeforeValidator(_whole)]
+Flag = Annotated[bool, BeforeValidator(_flag)]
+Label = Annotated[str, BeforeValidator(_label)]
+Names = Annotated[
+    tuple[str, ...],
+    BeforeValidator(_names),
+    PlainSerializer(lambda names: "*" if names == ALL else list(names), when_used="json"),
+]

@@ -1,0 +1,44 @@
+"""Damping laws: the damping ratio of every mode from its circular frequency."""
+
+from typing import Protocol, runtime_checkable
+
+import torch
+from torch import Tensor
+
+
+@runtime_checkable
+class DampingLaw(Protocol):
+    """Damping ratio of each mode.
+
+    `zeta` is the nuisance value of each sample; laws with fixed coefficients ignore it.
+    """
+
+    def ratio(self, omega: Tensor, zeta: Tensor) -> Tensor:
+        """Damping ratios (N, m) from circular frequencies (N, m), rad/s, and zeta (N,)."""
+        ...
+
+
+class ConstantDamping:
+    """The same damping ratio, zeta, in all modes."""
+
+    def ratio(self, omega: Tensor, zeta: Tensor) -> Tensor:
+        """Damping ratios (N, m): zeta of each sample."""
+        return zeta[:, None].expand_as(omega)
+
+
+class RayleighDamping:
+    """C = a0 M + a1 K with fixed coefficients: zeta_j = a0 / (2 omega_j) + a1 omega_j / 2.
+
+    Args:
+        ratio: damping ratio at both anchor frequencies.
+        frequencies_hz: the two anchor frequencies, Hz.
+    """
+
+    def __init__(self, ratio: float, frequencies_hz: tuple[float, float]) -> None:
+        low, high = (2.0 * torch.pi * f for f in frequencies_hz)
+        self.mass_coefficient = 2.0 * ratio * low * high / (low + high)
+        self.stiffness_coefficient = 2.0 * ratio / (low + high)
+
+    def ratio(self, omega: Tensor, zeta: Tensor) -> Tensor:
+        """Damping ratios (N, m); `zeta` is not used."""
+        return self.mass_coefficient / (2.0 * omega) + self.stiffness_coefficient * omega / 2.0

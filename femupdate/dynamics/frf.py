@@ -1,0 +1,56 @@
+"""Log frequency response functions: absolute floor acceleration over base acceleration."""
+
+from collections.abc import Iterator
+
+import torch
+from torch import Tensor
+
+from femupdate.dynamics.damping import DampingLaw
+from femupdate.dynamics.modal import ModalData
+
+
+def log_frf(modal: ModalData, frequency_hz: Tensor, law: DampingLaw, zeta: Tensor) -> Tensor:
+    """Return ln|H| (N, f, k) at the frequencies (k,), Hz, for the damping zeta (N,).
+
+    Precision and device are those of `modal`; float32 is enough for the response itself (the
+    frequencies must have been solved in float64). Memory is N x m x k numbers: see
+    `log_frf_batches` for many samples.
+    """
+    real, imaginary = frf_parts(modal, frequency_hz, law, zeta)
+    tiny = torch.finfo(real.dtype).tiny
+    return 0.5 * torch.log((real**2 + imaginary**2).clamp_min(tiny))
+
+
+def complex_frf(modal: ModalData, frequency_hz: Tensor, law: DampingLaw, zeta: Tensor) -> Tensor:
+    """Return the complex H (N, f, k), with the sign convention exp(+i omega t)."""
+    return torch.complex(*frf_parts(modal, frequency_hz, law, zeta))
+
+
+def frf_parts(
+    modal: ModalData, frequency_hz: Tensor, law: DampingLaw, zeta: Tensor
+) -> tuple[Tensor, Tensor]:
+    """Real and imaginary part of H, each (N, f, k); two real sums are faster than a complex one."""
+    w = (2.0 * torch.pi * frequency_hz).to(modal.omega)
+    omega = modal.omega[:, :, None]
+    ratio = law.ratio(modal.omega, zeta.to(modal.omega))[:, :, None]
+    stiffness = omega**2 - w**2
+    damping = 2.0 * ratio * omega * w
+    gain = w**2 / (stiffness**2 + damping**2)
+    series = modal.residual[..., 0:1] * w**2 + modal.residual[..., 1:2] * w**4
+    real = 1.0 + torch.bmm(modal.effect, stiffness * gain) + series
+    imaginary = -torch.bmm(modal.effect, damping * gain)
+    return real, imaginary
+
+
+def log_frf_batches(
+    modal: ModalData,
+    frequency_hz: Tensor,
+    law: DampingLaw,
+    zeta: Tensor,
+    *,
+    batch: int = 256,
+) -> Iterator[Tensor]:
+    """Yield ln|H| of consecutive samples, `batch` of them at a time."""
+    for start in range(0, len(modal), batch):
+        rows = slice(start, start + batch)
+        yield log_frf(modal[rows], frequency_hz, law, zeta[rows])

@@ -1,0 +1,252 @@
+"""Floor accelerations, story shears and story drifts of many parameter samples under one record."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+import torch
+from numpy.typing import ArrayLike, NDArray
+from torch import Tensor
+
+from femupdate.dynamics.damping import ConstantDamping, DampingLaw
+from femupdate.dynamics.modal import ReducedTensors, solve_modes
+from femupdate.dynamics.modal_response import keep_dynamic, project, see_modes
+from femupdate.dynamics.recurrence import interpolate_record, modal_states
+from femupdate.dynamics.reduced import ReducedModel
+from femupdate.dynamics.story import (
+    Outputs,
+    floor_acceleration_outputs,
+    story_drift_outputs,
+    story_shear_outputs,
+)
+from femupdate.errors import MeasurementError, ModelError
+
+Floats = NDArray[np.float64]
+Numbers = ArrayLike | Tensor
+Progress = Callable[[int], None]
+
+
+@dataclass(frozen=True)
+class Histories:
+    """Response histories of S samples at the instants 0, time_step, 2 time_step, ...
+
+    Attributes:
+        time_step: s.
+        floors: names of the f observed floors.
+        floor_acceleration: (S, f, n) absolute, m/s2.
+        story_shear: (S, s, n) N, positive with positive drift.
+        story_drift: (S, s, n) m, floor above less floor below.
+    """
+
+    time_step: float
+    floors: tuple[str, ...]
+    floor_acceleration: Floats
+    story_shear: Floats
+    story_drift: Floats
+
+    def __len__(self) -> int:
+        return len(self.floor_acceleration)
+
+    @property
+    def time(self) -> Floats:
+        """The n instants, s."""
+        return self.time_step * np.arange(self.floor_acceleration.shape[-1], dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class HistorySettings:
+    """How histories are computed.
+
+    Attributes:
+        law: damping law; `zeta` in all modes unless another is given.
+        oversampling: points a step at which the record is interpolated, band-limited, before the
+            exact integration along straight lines. 1 draws straight lines between the samples
+            themselves, as Nigam and Jennings (1969) do, and so loses a share 1 - sinc^2(f dt) of
+            the motion at frequency f: 3 % at a tenth of the sampling rate, 19 % at a quarter.
+            With 8 it is 0.05 % and 0.3 %.
+        tolerance: a mode is integrated when taking it as static could change an absolute
+            acceleration by more than this share of the base acceleration (likewise a shear, a
+            drift); 0 integrates all modes.
+        batch: samples at a time.
+        device: where to compute; it must know float64.
+    """
+
+    law: DampingLaw = field(default_factory=ConstantDamping)
+    oversampling: int = 8
+    tolerance: float = 1e-4
+    batch: int = 50
+    device: torch.device | str = "cpu"
+
+
+def floor_histories(
+    model: ReducedModel,
+    theta: Numbers,
+    zeta: Numbers,
+    acceleration: ArrayLike,
+    time_step: float,
+    *,
+    settings: HistorySettings | None = None,
+    progress: Progress | None = None,
+) -> Histories:
+    """Return the response of every sample, from rest, to one record of base acceleration.
+
+    All histories are held in memory, 8 S (f + 2 s) n bytes; for thousands of samples walk through
+    `history_batches` and summarise those.
+
+    Args:
+        model: the reduced model, p parameters, f floors and s stories.
+        theta: (S, p) stiffness factors.
+        zeta: damping ratio, (S,) or one for all.
+        acceleration: (n,) base acceleration, m/s2.
+        time_step: s.
+        settings: damping law, accuracy, batch and device.
+        progress: called with the number of samples done since the last call.
+
+    Raises:
+        MeasurementError: the record is too short, not finite or has no positive time step.
+        ModelError: theta or zeta does not fit, or a sample's stiffness is not positive definite.
+    """
+    batches = history_batches(
+        model, theta, zeta, acceleration, time_step, settings=settings, progress=progress
+    )
+    return join_histories(list(batches))
+
+
+def join_histories(parts: list[Histories]) -> Histories:
+    """Join histories of the same model and record into one."""
+    return Histories(
+        parts[0].time_step,
+        parts[0].floors,
+        np.concatenate([p.floor_acceleration for p in parts]),
+        np.concatenate([p.story_shear for p in parts]),
+        np.concatenate([p.story_drift for p in parts]),
+    )
+
+
+def history_batches(
+    model: ReducedModel,
+    theta: Numbers,
+    zeta: Numbers,
+    acceleration: ArrayLike,
+    time_step: float,
+    *,
+    settings: HistorySettings | None = None,
+    progress: Progress | None = None,
+) -> Iterator[Histories]:
+    """Check the input, then yield the histories of `settings.batch` samples at a time.
+
+    Arguments and errors as for `floor_histories`.
+    """
+    chosen = settings or HistorySettings()
+    samples = _check_theta(theta, model)
+    ratios = _check_zeta(zeta, len(samples))
+    record = _check_record(acceleration, time_step)
+    task = _Task(
+        model,
+        ReducedTensors.of(model, chosen.device),
+        torch.as_tensor(record, device=chosen.device),
+        torch.as_tensor(interpolate_record(record, chosen.oversampling), device=chosen.device),
+        float(time_step),
+        chosen,
+    )
+    return _walk(task, samples, ratios, progress)
+
+
+@dataclass(frozen=True)
+class _Task:
+    """What all batches share; `fine` is the record with `settings.oversampling` points a step."""
+
+    model: ReducedModel
+    tensors: ReducedTensors
+    record: Tensor
+    fine: Tensor
+    time_step: float
+    settings: HistorySettings
+
+
+def _walk(
+    task: _Task, theta: Tensor, zeta: Tensor, progress: Progress | None
+) -> Iterator[Histories]:
+    for start in range(0, len(theta), task.settings.batch):
+        rows = slice(start, start + task.settings.batch)
+        yield _named(task, _respond(task, theta[rows], zeta[rows], start))
+        if progress is not None:
+            progress(len(theta[rows]))
+
+
+def _respond(task: _Task, theta: Tensor, zeta: Tensor, first: int) -> Floats:
+    """Outputs (S, o, n) of one batch, the first of whose samples is number `first`."""
+    settings = task.settings
+    omega, vectors = solve_modes(task.tensors, theta.to(settings.device))
+    _check_stable(omega, first)
+    modes = see_modes(_outputs(task.model), omega, vectors, task.tensors.excitation)
+    modes = keep_dynamic(modes, 0.5 / task.time_step, settings.tolerance)
+    ratio = settings.law.ratio(modes.omega, zeta.to(settings.device))
+    states = modal_states(modes.omega, ratio, task.fine, task.time_step, settings.oversampling)
+    return project(states, modes, ratio, task.record).cpu().numpy()
+
+
+def _outputs(model: ReducedModel) -> Outputs:
+    floors = floor_acceleration_outputs(model)
+    return floors + story_shear_outputs(model) + story_drift_outputs(model)
+
+
+def _named(task: _Task, response: Floats) -> Histories:
+    """Tell the rows of (S, o, n) apart; they come in the order of `_outputs`."""
+    floors, stories = len(task.model.floor_shapes), len(task.model.story_mass)
+    acceleration, shear, drift = np.split(response, [floors, floors + stories], axis=1)
+    return Histories(task.time_step, task.model.floors, acceleration, shear, drift)
+
+
+def _check_theta(theta: Numbers, model: ReducedModel) -> Tensor:
+    samples = torch.as_tensor(theta, dtype=torch.float64)
+    if samples.ndim != 2 or samples.shape[1] != model.parameters or len(samples) == 0:
+        raise ModelError(
+            f"theta has the shape {tuple(samples.shape)}; "
+            f"the model needs (samples, {model.parameters})"
+        )
+    if not torch.isfinite(samples).all():
+        row = int(torch.isfinite(samples).all(dim=1).logical_not().nonzero()[0])
+        raise ModelError(f"theta of sample {row} is not finite; leave that sample out")
+    return samples
+
+
+def _check_zeta(zeta: Numbers, count: int) -> Tensor:
+    ratios = torch.as_tensor(zeta, dtype=torch.float64)
+    if ratios.ndim == 0:
+        ratios = ratios.expand(count)
+    if ratios.shape != (count,):
+        raise ModelError(
+            f"zeta has the shape {tuple(ratios.shape)}; give one number or one for each "
+            f"of the {count} samples"
+        )
+    if not bool((ratios >= 0.0).all()):  # False for NaN as well
+        raise ModelError("zeta must be zero or more in every sample; 0.02 means 2 % of critical")
+    return ratios
+
+
+def _check_record(acceleration: ArrayLike, time_step: float) -> Floats:
+    record = np.asarray(acceleration, dtype=np.float64)
+    if record.ndim != 1 or len(record) < 2:
+        raise MeasurementError(
+            f"the base acceleration has the shape {record.shape}; give one row of two samples "
+            "or more"
+        )
+    bad = np.flatnonzero(~np.isfinite(record))
+    if len(bad):
+        raise MeasurementError(
+            f"sample {bad[0]} of the base acceleration is {record[bad[0]]}; mend the record first"
+        )
+    if not (np.isfinite(time_step) and time_step > 0.0):
+        raise MeasurementError(f"the time step of the record is {time_step} s; it must be positive")
+    return record
+
+
+def _check_stable(omega: Tensor, first: int) -> None:
+    """`solve_modes` gives 0 for a negative eigenvalue; a building at rest has neither."""
+    unstable = (omega.amin(dim=1) <= 1e-7 * omega.amax(dim=1)).nonzero()
+    if len(unstable):
+        raise ModelError(
+            f"the stiffness of sample {first + int(unstable[0])} is not positive definite: "
+            "its theta or the model leaves the building unstable"
+        )

@@ -1,0 +1,114 @@
+"""Which modes matter to the outputs, and the outputs from the motion of the modes."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from femupdate.dynamics.story import Outputs
+
+IN_BAND = 1.5  # modes below this many Nyquist frequencies can resonate
+RESONANCE = 100.0  # amplification at a damping ratio of 0.005
+
+
+@dataclass(frozen=True)
+class ModalOutputs:
+    """The modes of S samples as the outputs see them: displacement eta + acceleration eta'' + base.
+
+    Every mode is scaled to a participation of one, eta'' + 2 zeta omega eta' + omega^2 eta = -a_g.
+
+    Attributes:
+        omega: (S, m) rad/s.
+        displacement, acceleration: (S, o, m) shares of eta and eta'' in each output.
+        base: (S, o) share of the base acceleration.
+    """
+
+    omega: Tensor
+    displacement: Tensor
+    acceleration: Tensor
+    base: Tensor
+
+
+def see_modes(outputs: Outputs, omega: Tensor, vectors: Tensor, excitation: Tensor) -> ModalOutputs:
+    """Express the outputs of the reduced coordinates by the modes.
+
+    Args:
+        outputs: o rows over r coordinates.
+        omega: (S, m) rad/s.
+        vectors: (S, r, m) mass-orthonormal modes.
+        excitation: (r,) force on each coordinate per unit base acceleration.
+    """
+    participation = torch.einsum("srj,r->sj", vectors, excitation)
+    scaled = vectors * participation[:, None, :]
+    displacement, acceleration, base = (
+        torch.as_tensor(rows, dtype=omega.dtype, device=omega.device)
+        for rows in (outputs.displacement, outputs.acceleration, outputs.base)
+    )
+    return ModalOutputs(
+        omega, displacement @ scaled, acceleration @ scaled, base.expand(len(omega), -1)
+    )
+
+
+def keep_dynamic(modes: ModalOutputs, nyquist_hz: float, tolerance: float) -> ModalOutputs:
+    """Leave the modes that are as good as static to the base term.
+
+    Which modes stay is decided for each sample by itself, so that its response does not depend on
+    the batch; the modes kept are as many as the sample with the most needs.
+    """
+    matters = importance(modes, 2.0 * torch.pi * nyquist_hz) > tolerance
+    count = max(1, int(matters.sum(dim=1).max()))
+    order = matters.to(torch.int8).argsort(dim=1, descending=True, stable=True)[:, :count]
+    pick = order[:, None, :].expand(-1, modes.base.shape[1], -1)
+    alive = matters[:, None, :]
+    return ModalOutputs(
+        modes.omega.gather(1, order),
+        (modes.displacement * alive).gather(2, pick),
+        (modes.acceleration * alive).gather(2, pick),
+        modes.base + _static_response(modes, ~matters),
+    )
+
+
+def importance(modes: ModalOutputs, nyquist: float) -> Tensor:
+    """Largest change (S, m) of any output if the mode were static, over the output's own size.
+
+    The size of an acceleration is the base acceleration's, of a shear the mass above times it, of
+    a drift the sum of the static drifts of all modes.
+    """
+    static = modes.displacement / modes.omega[:, None, :] ** 2
+    of_base = modes.acceleration / modes.base.abs()[..., None].clamp_min(1e-30)
+    of_static = static / static.abs().sum(-1, keepdim=True).clamp_min(1e-30)
+    share = torch.where(modes.base[..., None] != 0.0, of_base, of_static)
+    squared = (nyquist / modes.omega) ** 2
+    error = torch.where(squared > IN_BAND**-2, RESONANCE, squared / (1.0 - squared))
+    return share.abs().amax(dim=1) * error
+
+
+def _static_response(modes: ModalOutputs, static: Tensor) -> Tensor:
+    """Static modes follow as eta = -a_g / omega^2, without acceleration against the base."""
+    weight = torch.where(static, -1.0 / modes.omega**2, 0.0)
+    return (modes.displacement * weight[:, None, :]).sum(-1)
+
+
+def project(states: Iterator[Tensor], modes: ModalOutputs, ratio: Tensor, record: Tensor) -> Tensor:
+    """Return the outputs (S, o, n) from the modal states.
+
+    Args:
+        states: blocks (t, S, 2, m) of (omega eta, eta'), from which
+            eta'' = -a_g - 2 zeta omega eta' - omega^2 eta.
+        modes: S samples, o outputs, m modes.
+        ratio: (S, m) damping ratios.
+        record: (n,) base acceleration, m/s2.
+    """
+    omega = modes.omega[:, None, :]
+    of_first = modes.displacement / omega - modes.acceleration * omega
+    of_second = -2.0 * ratio[:, None, :] * omega * modes.acceleration
+    weights = torch.cat([of_first, of_second], dim=-1)
+    result = (modes.base - modes.acceleration.sum(-1))[..., None] * record
+    start = 0
+    for block in states:
+        stop = start + len(block)
+        columns = block.reshape(*block.shape[:2], -1).permute(1, 2, 0)
+        result[..., start:stop] += torch.bmm(weights, columns)
+        start = stop
+    return result

@@ -1,0 +1,116 @@
+"""Exact step-by-step response of many modes to one record (Nigam and Jennings 1969)."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+Floats = NDArray[np.float64]
+
+STEPS_AT_A_TIME = 256  # keeps the states of 50 samples x 60 modes inside a few ten megabytes
+HALF_LENGTH = 32  # of the interpolation filter, in samples of the record
+KAISER_BETA = 8.0  # 80 dB: flat to 1e-4 up to 0.92 of the Nyquist frequency
+
+
+def interpolate_record(acceleration: Floats, factor: int) -> Floats:
+    """Return the band-limited record at `factor` times its sampling rate.
+
+    Straight lines between samples take a share 1 - sinc^2(f dt) of the motion at frequency f away
+    (3 % at a tenth of the sampling rate, 19 % at a quarter) and put it above the Nyquist frequency.
+    A windowed sinc passes through the samples and keeps the motion; ground before the first and
+    after the last sample is at rest.
+
+    Args:
+        acceleration: (n,) samples.
+        factor: points a step, 1 or more.
+
+    Returns:
+        ((n - 1) factor + 1,) samples from the first to the last of the record.
+    """
+    if factor == 1:
+        return np.asarray(acceleration, dtype=np.float64)
+    from scipy.signal import firwin, resample_poly
+
+    taps = firwin(
+        2 * HALF_LENGTH * factor + 1, 1.0 / factor, window=("kaiser", KAISER_BETA), scale=False
+    )
+    fine = resample_poly(acceleration, factor, 1, window=taps)
+    return fine[: (len(acceleration) - 1) * factor + 1]
+
+
+def step_matrices(omega: Tensor, ratio: Tensor, time_step: float) -> tuple[Tensor, Tensor]:
+    """Return what one step does to the state and what the excitation at its two ends adds.
+
+    The state of a mode is v = (omega eta, eta') with eta'' + 2 zeta omega eta' + omega^2 eta = -a,
+    a linear over the step. All comes from one matrix exponential (Van Loan 1978), so that any
+    damping ratio, critical and beyond, and any step are treated alike.
+
+    Args:
+        omega, ratio: (...) rad/s and damping ratios.
+        time_step: s.
+
+    Returns:
+        transition (..., 2, 2) and load (..., 2, 2), whose last axis is start and end of the step.
+    """
+    generator = omega.new_zeros(*omega.shape, 4, 4)
+    generator[..., 0, 1] = omega * time_step
+    generator[..., 1, 0] = -omega * time_step
+    generator[..., 1, 1] = -2.0 * ratio * omega * time_step
+    generator[..., 1, 2] = -time_step
+    generator[..., 2, 3] = 1.0
+    exponential = torch.linalg.matrix_exp(generator)
+    from_start, from_slope = exponential[..., :2, 2], exponential[..., :2, 3]
+    return exponential[..., :2, :2], torch.stack([from_start - from_slope, from_slope], dim=-1)
+
+
+def join_steps(transition: Tensor, load: Tensor, factor: int) -> tuple[Tensor, Tensor]:
+    """Join `factor` steps into one that takes the excitation at its factor + 1 points.
+
+    Args:
+        transition, load: as from `step_matrices`.
+        factor: number of steps.
+
+    Returns:
+        transition (..., 2, 2) and load (..., 2, factor + 1).
+    """
+    joined = load.new_zeros(*load.shape[:-1], factor + 1)
+    power = torch.eye(2, dtype=load.dtype, device=load.device).expand_as(transition)
+    for step in range(factor):
+        joined = transition @ joined
+        joined[..., step : step + 2] += load
+        power = transition @ power
+    return power, joined
+
+
+def modal_states(
+    omega: Tensor, ratio: Tensor, record: Tensor, time_step: float, factor: int
+) -> Iterator[Tensor]:
+    """Yield the states of all modes, a block of time steps after the other, starting from rest.
+
+    Args:
+        omega, ratio: (S, m) rad/s and damping ratios.
+        record: ((n - 1) factor + 1,) base acceleration, m/s2, linear between its points.
+        time_step: s, of the states; the record's is time_step / factor.
+        factor: points of the record a step.
+
+    Yields:
+        (t, S, 2, m) states (omega eta, eta') at the first block of instants, the next, ...;
+        n instants in all, the first of them at rest. A block is overwritten by nobody.
+    """
+    transition, load = join_steps(*step_matrices(omega, ratio, time_step / factor), factor)
+    # (S, m, 2, .) -> (S, 2, m) slices: the loop below then needs two fused operations a step.
+    from_first, from_second = (transition[..., i].transpose(1, 2).contiguous() for i in (0, 1))
+    loads = load.permute(3, 0, 2, 1).reshape(factor + 1, -1)
+    points = record.unfold(0, factor + 1, factor)
+    state = omega.new_zeros(omega.shape[0], 2, omega.shape[1])
+    yield state[None]
+    for block in points.split(STEPS_AT_A_TIME):
+        states = (block @ loads).view(len(block), *state.shape)
+        for following in states:
+            following.addcmul_(from_first, state[:, :1]).addcmul_(from_second, state[:, 1:])
+            state = following
+        yield states
+        # Motion that died away would sink into denormal numbers, a hundred times slower.
+        state = torch.where(state.abs() < 1e-200, 0.0, state)

@@ -1,0 +1,154 @@
+"""Bands, peaks and story stiffness of many histories, without holding them all."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from femupdate.dynamics.history import Histories, join_histories
+from femupdate.dynamics.story import story_stiffness
+from femupdate.errors import ModelError
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """Mean, standard deviation, 5 % and 95 % quantile over the samples, each of shape (...)."""
+
+    mean: Floats
+    sd: Floats
+    q05: Floats
+    q95: Floats
+
+
+@dataclass(frozen=True)
+class HistorySummary:
+    """What is worth keeping of the histories of S samples.
+
+    Attributes:
+        floors: names of the f floors.
+        acceleration_mean, acceleration_sd: (f, n) floor acceleration over the samples, m/s2.
+        peak_acceleration: (S, f) largest absolute floor acceleration, m/s2.
+        peak_shear: (S, s) N.
+        peak_drift: (S, s) m.
+        story_stiffness: (S, s) least-squares slope of shear against drift, N/m.
+        examples: whole histories of the first samples, for drawing.
+    """
+
+    floors: tuple[str, ...]
+    acceleration_mean: Floats
+    acceleration_sd: Floats
+    peak_acceleration: Floats
+    peak_shear: Floats
+    peak_drift: Floats
+    story_stiffness: Floats
+    examples: Histories
+
+    def __len__(self) -> int:
+        return len(self.peak_acceleration)
+
+    @property
+    def time(self) -> Floats:
+        """The n instants, s."""
+        return self.examples.time
+
+
+def statistics(values: ArrayLike) -> Statistics:
+    """Statistics over the first axis of values (S, ...); the sd of a single sample is 0."""
+    array = np.asarray(values, dtype=float)
+    moments = _moments(array)
+    q05, q95 = np.quantile(array, [0.05, 0.95], axis=0)
+    return Statistics(moments.mean, _sd(moments), q05, q95)
+
+
+def summarise(histories: Histories | Iterable[Histories], examples: int = 100) -> HistorySummary:
+    """Summarise histories batch by batch, such as those of `history_batches`.
+
+    Args:
+        histories: one or many batches of the same model and record.
+        examples: how many samples to keep whole, one at least.
+
+    Raises:
+        ModelError: there are no histories, or a story does not drift (a base at rest).
+    """
+    moments: _Moments | None = None
+    rows: list[tuple[Floats, ...]] = []
+    kept: list[Histories] = []
+    for batch in [histories] if isinstance(histories, Histories) else histories:
+        fresh = _moments(batch.floor_acceleration)
+        moments = fresh if moments is None else _merge(moments, fresh)
+        rows.append(_per_sample(batch))
+        room = max(examples, 1) - sum(len(k) for k in kept)
+        if room > 0:
+            kept.append(_first(batch, room))
+    if moments is None:
+        raise ModelError("there are no histories to summarise; give at least one sample")
+    return _assemble(moments, rows, join_histories(kept))
+
+
+def _assemble(
+    moments: "_Moments", rows: list[tuple[Floats, ...]], examples: Histories
+) -> HistorySummary:
+    columns = [np.concatenate(column) for column in zip(*rows, strict=True)]
+    return HistorySummary(
+        floors=examples.floors,
+        acceleration_mean=moments.mean,
+        acceleration_sd=_sd(moments),
+        peak_acceleration=columns[0],
+        peak_shear=columns[1],
+        peak_drift=columns[2],
+        story_stiffness=columns[3],
+        examples=examples,
+    )
+
+
+def _per_sample(batch: Histories) -> tuple[Floats, ...]:
+    return (
+        _peak(batch.floor_acceleration),
+        _peak(batch.story_shear),
+        _peak(batch.story_drift),
+        story_stiffness(batch.story_shear, batch.story_drift),
+    )
+
+
+def _peak(values: Floats) -> Floats:
+    return np.maximum(values.max(axis=-1), -values.min(axis=-1))
+
+
+def _first(batch: Histories, count: int) -> Histories:
+    """Copies of the first samples: views would keep the whole batch in memory."""
+    return Histories(
+        batch.time_step,
+        batch.floors,
+        batch.floor_acceleration[:count].copy(),
+        batch.story_shear[:count].copy(),
+        batch.story_drift[:count].copy(),
+    )
+
+
+@dataclass(frozen=True)
+class _Moments:
+    """Count, mean and sum of squared deviations, which merge without cancellation."""
+
+    count: int
+    mean: Floats
+    squares: Floats
+
+
+def _moments(values: Floats) -> _Moments:
+    mean = values.mean(axis=0)
+    return _Moments(len(values), mean, ((values - mean) ** 2).sum(axis=0))
+
+
+def _merge(a: _Moments, b: _Moments) -> _Moments:
+    """Moments of both together (Chan, Golub and LeVeque 1979)."""
+    count = a.count + b.count
+    shift = b.mean - a.mean
+    mean = a.mean + shift * (b.count / count)
+    return _Moments(count, mean, a.squares + b.squares + shift**2 * (a.count * b.count / count))
+
+
+def _sd(moments: _Moments) -> Floats:
+    return np.sqrt(moments.squares / max(moments.count - 1, 1))

@@ -1,0 +1,204 @@
+"""From the model to sparse operators, affine in the stiffness parameters theta."""
+
+from dataclasses import dataclass
+from functools import reduce
+
+import numpy as np
+from scipy.sparse import csc_matrix, csr_matrix, identity
+
+from femupdate.errors import ModelError
+from femupdate.fe.beam import beam_matrices
+from femupdate.fe.check import check_model
+from femupdate.fe.element import ElementMatrices
+from femupdate.fe.entries import (
+    Entries,
+    element_entries,
+    mass_entries,
+    spring_entries,
+    summed,
+)
+from femupdate.fe.model import (
+    DOF_PER_NODE,
+    FiniteElementModel,
+    Flags,
+    Floats,
+    Integers,
+)
+from femupdate.fe.shell import shell_matrices
+
+
+@dataclass(frozen=True)
+class AffineOperators:
+    """Stiffness K(theta) = constant + sum_i theta_i terms[i] and mass of a supported structure.
+
+    Attributes:
+        stiffness_terms: one (n_free, n_free) matrix a parameter, N/m, N and N m.
+        stiffness_constant: (n_free, n_free) part that no parameter scales.
+        mass: (n_free, n_free) consistent mass, kg, kg m and kg m2.
+        mass_full: (6N, 6N) mass before supports.
+        free: (n_free,) indices of the free degrees of freedom, ascending, into 6N.
+        dof: 6N.
+        nodes: (N, 3) coordinates, m.
+        stiffness_values: (nnz, p) values of the terms on the sparsity pattern of
+            `stiffness_constant`, which holds the entries of all terms.
+    """
+
+    stiffness_terms: tuple[csc_matrix, ...]
+    stiffness_constant: csc_matrix
+    mass: csc_matrix
+    mass_full: csc_matrix
+    free: Integers
+    dof: int
+    nodes: Floats
+    stiffness_values: csr_matrix
+
+    @property
+    def parameters(self) -> int:
+        """Number of stiffness parameters p."""
+        return len(self.stiffness_terms)
+
+    def stiffness(self, theta: Floats) -> csc_matrix:
+        """Stiffness matrix at theta (p,), (n_free, n_free).
+
+        Raises:
+            ModelError: theta has another length, or a value that is not finite.
+        """
+        theta = np.asarray(theta, dtype=float)
+        if theta.shape != (self.parameters,) or not np.isfinite(theta).all():
+            raise ModelError(
+                f"theta must hold {self.parameters} finite values, one a stiffness parameter; "
+                f"got {theta.tolist()}"
+            )
+        values = self.stiffness_constant.data + self.stiffness_values @ theta
+        return _on_pattern(values, self.stiffness_constant)
+
+    def expand(self, values: Floats) -> Floats:
+        """Put zeros at the supports, (n_free, ...) -> (6N, ...)."""
+        full = np.zeros((self.dof, *values.shape[1:]), dtype=values.dtype)
+        full[self.free] = values
+        return full
+
+    def restrict(self, values: Floats) -> Floats:
+        """Keep the free degrees of freedom, (6N, ...) -> (n_free, ...)."""
+        return values[self.free]
+
+    def rigid_translation(self, direction: int) -> Floats:
+        """Unit translation of all nodes along 0 (x), 1 (y) or 2 (z), (6N,).
+
+        Raises:
+            ModelError: another direction.
+        """
+        if direction not in (0, 1, 2):
+            raise ModelError(f"direction {direction} is unknown; use 0 (ux), 1 (uy) or 2 (uz)")
+        motion = np.zeros((self.dof // DOF_PER_NODE, DOF_PER_NODE))
+        motion[:, direction] = 1.0
+        return motion.ravel()
+
+    def inertia(self, direction: int) -> Floats:
+        """Inertia force per unit base acceleration along 0, 1 or 2, (n_free,), kg and kg m.
+
+        The supports move too: consistent mass couples them with the free degrees of freedom.
+        """
+        return self.restrict(self.mass_full @ self.rigid_translation(direction))
+
+
+def assemble(model: FiniteElementModel) -> AffineOperators:
+    """Assemble stiffness terms and mass of a model.
+
+    Raises:
+        ModelError: an element is impossible, a node belongs to no element, an index is out of
+            range, or no degree of freedom is free.
+    """
+    check_model(model)
+    shells = _shell_matrices(model)
+    beams = beam_matrices(model.nodes[model.beams.nodes], model.beams)
+    free = np.flatnonzero(~model.fixed.ravel())
+    number = np.full(model.dof, -1)
+    number[free] = np.arange(len(free))
+
+    def stiffness_of(group: int) -> csc_matrix:
+        parts = _stiffness_entries(model, shells, beams, group)
+        return summed([part.renumbered(number) for part in parts], len(free))
+
+    terms = tuple(stiffness_of(group) for group in range(model.groups))
+    constant = stiffness_of(-1)
+    mass_full = summed(
+        (
+            element_entries(model.shells.nodes, shells.mass),
+            element_entries(model.beams.nodes, beams.mass),
+            mass_entries(model.masses),
+        ),
+        model.dof,
+    )
+    pattern = _union((constant, *terms))
+    return AffineOperators(
+        stiffness_terms=terms,
+        stiffness_constant=_on_pattern(_placed([constant], pattern).toarray()[:, 0], pattern),
+        mass=mass_full[free][:, free],
+        mass_full=mass_full,
+        free=free,
+        dof=model.dof,
+        nodes=model.nodes,
+        stiffness_values=_placed(terms, pattern),
+    )
+
+
+def _shell_matrices(model: FiniteElementModel) -> ElementMatrices:
+    shells = model.shells
+    return shell_matrices(
+        model.nodes[shells.nodes],
+        shells.thickness,
+        shells.youngs_modulus,
+        shells.poisson_ratio,
+        shells.density,
+        nodes=shells.nodes,
+    )
+
+
+def _stiffness_entries(
+    model: FiniteElementModel, shells: ElementMatrices, beams: ElementMatrices, group: int
+) -> tuple[Entries, ...]:
+    """Entries of all that one parameter scales, or that none scales for a negative group."""
+
+    def chosen(groups: Integers) -> Flags:
+        return groups == group if group >= 0 else groups < 0
+
+    of_shells, of_beams = chosen(model.shells.group), chosen(model.beams.group)
+    springs, of_springs = model.springs, chosen(model.springs.group)
+    return (
+        element_entries(model.shells.nodes[of_shells], shells.stiffness[of_shells]),
+        element_entries(model.beams.nodes[of_beams], beams.stiffness[of_beams]),
+        spring_entries(springs, of_springs),
+    )
+
+
+def _union(matrices: tuple[csc_matrix, ...]) -> csc_matrix:
+    """A matrix that has an entry wherever one of the given has one, and on its diagonal."""
+    diagonal = identity(matrices[0].shape[0], format="csc")
+    pattern = reduce(lambda left, right: left + abs(right), matrices, diagonal).tocsc()
+    pattern.sort_indices()
+    return pattern
+
+
+def _placed(matrices: tuple[csc_matrix, ...] | list[csc_matrix], pattern: csc_matrix) -> csr_matrix:
+    """Values of matrices at the entries of a pattern that holds them all, (nnz, p)."""
+    known = _keys(pattern)
+    where = [np.searchsorted(known, _keys(matrix)) for matrix in matrices]
+    starts = np.cumsum([0, *map(len, where)])
+    values = np.concatenate([matrix.data for matrix in matrices] or [np.zeros(0)])
+    rows = np.concatenate([*where, np.zeros(0, dtype=np.int64)])
+    return csc_matrix((values, rows, starts), shape=(pattern.nnz, len(matrices))).tocsr()
+
+
+def _keys(matrix: csc_matrix) -> Integers:
+    """One ascending number an entry, column by column."""
+    columns = np.repeat(np.arange(matrix.shape[1]), np.diff(matrix.indptr))
+    return columns * matrix.shape[0] + matrix.indices
+
+
+def _on_pattern(values: Floats, pattern: csc_matrix) -> csc_matrix:
+    """A matrix with given values that shares the index arrays of another."""
+    matrix = csc_matrix((values, pattern.indices, pattern.indptr), shape=pattern.shape, copy=False)
+    matrix.has_sorted_indices = True
+    matrix.has_canonical_format = True
+    return matrix

@@ -1,0 +1,83 @@
+"""Finding what moves freely in a structure that cannot stand."""
+
+import numpy as np
+from scipy.sparse import csc_matrix, diags
+
+from femupdate.errors import ModelError
+from femupdate.fe.assembly import AffineOperators
+from femupdate.fe.factorization import Factorization, SingularMatrixError, factorize
+from femupdate.fe.model import DOF_NAMES, DOF_PER_NODE, Floats
+
+# Stiffness of the softest pattern over that of single degrees of freedom. Rounding leaves up to
+# 3e-16 to a mechanism; a beam 10 000 times as long as its elements are deep still has 3e-14.
+_NO_STIFFNESS = 3e-15
+_SHIFT = 1e-10
+_ITERATIONS = 3
+_SEED = 7
+_ROTATION_ARM = 0.01  # of the structure's size: what makes a rotation comparable to a displacement
+_TIE = 0.999
+
+_FREE = (
+    "moves along {} with nothing to resist it; add a support or a connection there (the modes of a "
+    "structure that is meant to float need a negative shift_hz)"
+)
+_PUSHED = "is pushed along {} by a negative stiffness; check the parameters and the springs there"
+
+
+def factorize_supported(operators: AffineOperators, stiffness: csc_matrix) -> Factorization:
+    """Factorise the stiffness matrix of a structure that must stand by itself.
+
+    Args:
+        operators: where the matrix comes from, to name nodes.
+        stiffness: (n_free, n_free).
+
+    Raises:
+        ModelError: something moves freely, or is pushed away by a negative stiffness; the message
+            names a node and a direction.
+    """
+    diagonal = stiffness.diagonal()
+    if not (diagonal > 0.0).all():
+        worst = diagonal.min()
+        reason = _PUSHED if worst < 0.0 else _FREE
+        raise _error(operators, (diagonal == worst).astype(float), reason)
+    try:
+        factorization = factorize(stiffness)
+    except SingularMatrixError:
+        factorization = factorize((stiffness + _SHIFT * diags(diagonal)).tocsc())
+        raise _error(operators, _softest(factorization, diagonal)[0], _FREE) from None
+    softest, ratio = _softest(factorization, diagonal)
+    if abs(ratio) < _NO_STIFFNESS:
+        raise _error(operators, softest, _FREE)
+    pivots = factorization.pivots()
+    if pivots is None or (pivots < 0.0).any():
+        culprit = softest if pivots is None else np.maximum(-pivots / diagonal, 0.0)
+        raise _error(operators, culprit, _PUSHED)
+    return factorization
+
+
+def _softest(factorization: Factorization, diagonal: Floats) -> tuple[Floats, float]:
+    """Softest pattern of motion, and its stiffness where the diagonal is scaled to one.
+
+    Inverse iteration; the scaling makes displacements and rotations comparable.
+    """
+    scale = np.sqrt(diagonal)
+    pattern = np.random.default_rng(_SEED).standard_normal(len(scale))
+    ratio = 1.0
+    for _ in range(_ITERATIONS):
+        pattern /= np.linalg.norm(pattern)
+        image = scale * factorization.apply(scale * pattern)
+        ratio = 1.0 / float(pattern @ image)
+        pattern = image
+    return pattern / scale, ratio
+
+
+def _error(operators: AffineOperators, motion: Floats, reason: str) -> ModelError:
+    node, direction = np.divmod(operators.free, DOF_PER_NODE)
+    size = float(np.ptp(operators.nodes, axis=0).max()) or 1.0
+    magnitude = np.abs(motion) * np.where(direction < 3, 1.0, _ROTATION_ARM * size)
+    most = int((magnitude >= _TIE * magnitude.max()).argmax())
+    place = ", ".join(f"{value:g}" for value in operators.nodes[node[most]])
+    return ModelError(
+        f"the structure is a mechanism: node {node[most]} at ({place}) m "
+        + reason.format(DOF_NAMES[direction[most]])
+    )

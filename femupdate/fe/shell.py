@@ -1,0 +1,178 @@
+"""The flat four-node shell: membrane and plate put together in space, with its mass."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from femupdate.errors import ModelError
+from femupdate.fe.element import ElementMatrices, symmetric
+from femupdate.fe.membrane import DRILLING_STABILISATION, membrane_stiffness
+from femupdate.fe.model import Floats, Integers
+from femupdate.fe.plate import plate_stiffness
+from femupdate.fe.quadrilateral import (
+    CENTRE,
+    CORNERS,
+    GAUSS_POINTS,
+    determinants,
+    jacobians,
+    shape_functions,
+)
+
+_IN_PLANE = (6 * np.arange(4)[:, None] + [0, 1, 5]).ravel()
+_OUT_OF_PLANE = (6 * np.arange(4)[:, None] + [2, 3, 4]).ravel()
+_FLAT = 1e-9  # area over the square of the longest diagonal below which an element has no area
+_FOLDED = 1e-4  # corner Jacobian over the mean one: a corner of 180 degrees has 0
+
+
+@dataclass(frozen=True)
+class _Frame:
+    """Shells projected on their mean planes.
+
+    Attributes:
+        axes: (n, 3, 3) rows are the local x, y and z axes.
+        plane: (n, 4, 2) projected corners, m.
+        height: (n, 4) distance of the nodes from the plane, m.
+    """
+
+    axes: Floats
+    plane: Floats
+    height: Floats
+
+
+def shell_matrices(
+    coordinates: Floats,
+    thickness: Floats,
+    youngs_modulus: Floats,
+    poisson_ratio: Floats,
+    density: Floats,
+    nodes: Integers | None = None,
+) -> ElementMatrices:
+    """Stiffness and consistent mass of four-node shells.
+
+    Args:
+        coordinates: (n, 4, 3) corners in order around the element, m.
+        thickness: (n,) m.
+        youngs_modulus: (n,) Pa.
+        poisson_ratio: (n,).
+        density: (n,) kg/m3.
+        nodes: (n, 4) node numbers, for messages only.
+
+    Returns:
+        matrices (n, 24, 24).
+
+    Raises:
+        ModelError: an element is flat, concave, folded or has an impossible property.
+    """
+    _check_properties(thickness, youngs_modulus, poisson_ratio, density, nodes)
+    frame = _frame(coordinates)
+    _check_shape(frame, nodes)
+    stiffness = np.zeros((len(coordinates), 24, 24))
+    elastic = (thickness, youngs_modulus, poisson_ratio)
+    stiffness[:, _IN_PLANE[:, None], _IN_PLANE] = membrane_stiffness(frame.plane, *elastic)
+    stiffness[:, _OUT_OF_PLANE[:, None], _OUT_OF_PLANE] = plate_stiffness(frame.plane, *elastic)
+    mass = _mass(frame.plane, thickness, density)
+    to_local = _to_local(frame)
+    to_global = np.swapaxes(to_local, 1, 2)
+    return ElementMatrices(
+        symmetric(to_global @ stiffness @ to_local), symmetric(to_global @ mass @ to_local)
+    )
+
+
+def _frame(coordinates: Floats) -> _Frame:
+    """Mean planes: through the centroid of the corners, along both bisectors of the sides."""
+    centred = coordinates - coordinates.mean(axis=1, keepdims=True)
+    along_xi = np.einsum("i,nid->nd", CORNERS[:, 0], centred)
+    along_eta = np.einsum("i,nid->nd", CORNERS[:, 1], centred)
+    x = _unit(along_xi)
+    z = _unit(np.cross(along_xi, along_eta))
+    axes = np.stack([x, np.cross(z, x), z], axis=1)
+    local = np.einsum("nij,nkj->nki", axes, centred)
+    return _Frame(axes, local[..., :2], local[..., 2])
+
+
+def _unit(vectors: Floats) -> Floats:
+    """Unit vectors; a vector of no length stays so and is reported by the checks."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0.0)
+
+
+def _to_local(frame: _Frame) -> Floats:
+    """From global motion of the nodes to local motion of the projected corners, (n, 24, 24).
+
+    A rigid arm joins each node to its projection, u' = u + r cross (p' - p), so that forces of the
+    flat element stay in equilibrium at the nodes of a warped one.
+    """
+    count = len(frame.axes)
+    arm = np.zeros((count, 4, 3, 3))
+    arm[:, :, 0, 1] = -frame.height
+    arm[:, :, 1, 0] = frame.height
+    matrix = np.zeros((count, 4, 6, 4, 6))
+    for node in range(4):
+        matrix[:, node, :3, node, :3] = matrix[:, node, 3:, node, 3:] = frame.axes
+        matrix[:, node, :3, node, 3:] = arm[:, node] @ frame.axes
+    return matrix.reshape(count, 24, 24)
+
+
+def _mass(plane: Floats, thickness: Floats, density: Floats) -> Floats:
+    """Consistent mass in local axes, (n, 24, 24).
+
+    Rotations about in-plane axes carry rho t^3 / 12. The rotation about the normal carries as
+    small a part of it as its stabilising stiffness is of the shear modulus: its own vibrations
+    then stay near the thickness-shear frequency sqrt(12 G / rho) / t, where the plate theory ends.
+    """
+    determinant = determinants(jacobians(plane, GAUSS_POINTS))
+    shape = shape_functions(GAUSS_POINTS)
+    product = np.einsum("ng,gi,gj->nij", determinant, shape, shape)
+    translation = density * thickness
+    rotation = translation * thickness**2 / 12.0
+    drilling = DRILLING_STABILISATION * rotation
+    inertia = np.stack([translation] * 3 + [rotation] * 2 + [drilling], axis=1)
+    mass = np.zeros((len(plane), 4, 6, 4, 6))
+    for direction in range(6):
+        mass[:, :, direction, :, direction] = inertia[:, direction, None, None] * product
+    return mass.reshape(len(plane), 24, 24)
+
+
+def _check_shape(frame: _Frame, nodes: Integers | None) -> None:
+    corner = determinants(jacobians(frame.plane, CORNERS))
+    mean = determinants(jacobians(frame.plane, CENTRE))[:, 0]
+    size = np.abs(frame.plane).max(axis=(1, 2), initial=0.0) + np.abs(frame.height).max(axis=1)
+    bad = ~((mean > _FLAT * size**2) & (corner.min(axis=1) > _FOLDED * mean))
+    if bad.any():
+        raise ModelError(
+            f"{_name(int(bad.argmax()), nodes)} has no area, a folded side or a corner of 180 "
+            "degrees or more; list its four distinct nodes in order around a convex quadrilateral"
+        )
+
+
+def _check_properties(
+    thickness: Floats,
+    youngs_modulus: Floats,
+    poisson_ratio: Floats,
+    density: Floats,
+    nodes: Integers | None,
+) -> None:
+    rules = (
+        ("thickness", thickness, thickness > 0.0, "positive"),
+        ("Young's modulus", youngs_modulus, youngs_modulus > 0.0, "positive"),
+        (
+            "Poisson's ratio",
+            poisson_ratio,
+            (poisson_ratio > -1.0) & (poisson_ratio < 1.0),
+            "between -1 and 1",
+        ),
+        ("density", density, density >= 0.0, "zero or positive"),
+    )
+    for name, values, fine, demand in rules:
+        bad = ~(fine & np.isfinite(values))
+        if bad.any():
+            first = int(bad.argmax())
+            raise ModelError(
+                f"{_name(first, nodes)} has {name} {values[first]:g}; it must be {demand}"
+            )
+
+
+def _name(element: int, nodes: Integers | None) -> str:
+    if nodes is None:
+        return f"shell {element}"
+    return f"shell {element} (nodes {', '.join(map(str, nodes[element].tolist()))})"

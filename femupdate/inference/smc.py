@@ -1,0 +1,349 @@
+"""Tempered sequential Monte Carlo with a mixture-independence move.
+
+The sampler walks from the prior (or from a cheap likelihood already sampled) to the posterior by
+raising a likelihood to powers beta from 0 to 1 (Del Moral, Doucet & Jasra 2006; Ching & Chen 2007
+for the random walk of covariance b^2 S). Every level: next beta by the effective sample size,
+systematic resampling, then Metropolis-Hastings moves of all particles in one batch.
+"""
+
+import logging
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from femupdate.errors import InferenceError
+from femupdate.inference.mixture import GaussianMixture, fit_mixture
+from femupdate.inference.prior import UniformPrior
+
+logger = logging.getLogger(__name__)
+
+LogLikelihood = Callable[[Tensor], Tensor]
+"""Log likelihood (n,) of parameters theta (n, p)."""
+
+
+@dataclass(frozen=True)
+class SmcSettings:
+    """Settings of the sampler; the first three are the paper's.
+
+    Attributes:
+        ess_target: effective sample size that a tempering step keeps, as a share of the particles.
+        moves: Metropolis-Hastings moves a level.
+        walk_scale: b of the random walk's covariance b^2 S, S that of the particles.
+        independence_moves: how many of the moves propose from a fitted Gaussian mixture instead.
+        components: Gaussians in that mixture.
+        most_levels: give up after so many levels.
+    """
+
+    ess_target: float = 0.8
+    moves: int = 10
+    walk_scale: float = 0.2
+    independence_moves: int = 6
+    components: int = 8
+    most_levels: int = 200
+
+
+@dataclass(frozen=True)
+class Level:
+    """What happened at one tempering level."""
+
+    beta: float
+    ess: float
+    acceptance_walk: float
+    acceptance_independence: float
+    unique: float
+
+
+@dataclass(frozen=True)
+class SmcState:
+    """Everything needed to go on: particles, likelihoods, power, evidence and random state.
+
+    Attributes:
+        xi: (n, p) particles in standard normal coordinates.
+        base: (n,) log likelihood that the walk starts from (zero for the prior).
+        target: (n,) log likelihood that it goes to.
+        beta: power reached.
+        log_evidence: log of the ratio of normalising constants so far.
+        levels: one record a level done.
+        evaluations: calls of the target likelihood, one a particle.
+        invalid: how many of them were not a number.
+        random_state: state of the generator.
+    """
+
+    xi: Tensor
+    base: Tensor
+    target: Tensor
+    beta: float
+    log_evidence: float
+    levels: tuple[Level, ...]
+    evaluations: int
+    invalid: int
+    random_state: Tensor
+
+    @property
+    def done(self) -> bool:
+        """Whether the posterior is reached."""
+        return self.beta >= 1.0
+
+
+@dataclass(frozen=True)
+class SmcResult:
+    """Equally weighted draws from the posterior.
+
+    Attributes:
+        theta: (n, p).
+        log_likelihood: (n,) of the target.
+        log_evidence: log of the target's evidence (relative to the base's).
+        levels: one record a level.
+        evaluations: target likelihoods evaluated.
+        invalid: evaluations that gave no number, taken as minus infinity.
+    """
+
+    theta: Tensor
+    log_likelihood: Tensor
+    log_evidence: float
+    levels: tuple[Level, ...]
+    evaluations: int
+    invalid: int
+
+
+class TemperedSmc:
+    """Sampler for prior x base^(1 - beta) x target^beta.
+
+    Args:
+        prior: uniform prior; particles live in its standard normal coordinates.
+        target: log likelihood wanted.
+        base: log likelihood to start from; None for the prior alone.
+        settings: see `SmcSettings`.
+    """
+
+    def __init__(
+        self,
+        prior: UniformPrior,
+        target: LogLikelihood,
+        base: LogLikelihood | None = None,
+        settings: SmcSettings | None = None,
+    ) -> None:
+        self.prior = prior
+        self._target = target
+        self._base = base
+        self.settings = settings or SmcSettings()
+
+    def init(self, particles: int, seed: int, start: Tensor | None = None) -> SmcState:
+        """Draw the first particles, from the prior or given as theta (n, p) drawn from the base.
+
+        Raises:
+            InferenceError: no particle has a finite likelihood.
+        """
+        generator = torch.Generator(device=self.prior.lower.device).manual_seed(seed)
+        if start is None:
+            xi = torch.randn(
+                particles,
+                self.prior.size,
+                generator=generator,
+                dtype=torch.float64,
+                device=self.prior.lower.device,
+            )
+        else:
+            xi = self.prior.to_normal(start)
+        base, target, invalid = self._evaluate(xi)
+        if not bool(torch.isfinite(target).any()):
+            raise InferenceError(
+                "no parameter in the prior has a finite likelihood for this observation; check "
+                "that the file and the building belong together"
+            )
+        return SmcState(
+            xi, base, target, 0.0, 0.0, (), len(xi), invalid, generator.get_state()
+        )
+
+    def step(self, state: SmcState) -> SmcState:
+        """Go one tempering level up."""
+        generator = torch.Generator(device=state.xi.device)
+        generator.set_state(state.random_state)
+        gain = _difference(state.target, state.base)
+        increment = next_increment(gain, 1.0 - state.beta, self.settings.ess_target)
+        log_weight = increment * gain
+        beta = min(state.beta + increment, 1.0)
+        rows = systematic_rows(torch.softmax(log_weight, dim=0), generator)
+        moved = replace(
+            state,
+            xi=state.xi[rows],
+            base=state.base[rows],
+            target=state.target[rows],
+            beta=beta,
+            log_evidence=state.log_evidence
+            + float(torch.logsumexp(log_weight, dim=0))
+            - math.log(len(log_weight)),
+        )
+        moved, accepted = self._move(moved, generator)
+        level = Level(
+            beta,
+            effective_sample_size(log_weight),
+            *accepted,
+            unique=len(torch.unique(moved.xi, dim=0)) / len(moved.xi),
+        )
+        logger.debug("level %d: %s", len(state.levels) + 1, level)
+        return replace(moved, levels=(*state.levels, level), random_state=generator.get_state())
+
+    def run(
+        self,
+        particles: int,
+        seed: int,
+        *,
+        start: Tensor | None = None,
+        progress: Callable[[SmcState], None] | None = None,
+    ) -> SmcResult:
+        """Sample to the end; `progress` sees the state after every level.
+
+        Raises:
+            InferenceError: no finite likelihood, or too many levels.
+        """
+        state = self.init(particles, seed, start)
+        while not state.done:
+            if len(state.levels) >= self.settings.most_levels:
+                raise InferenceError(
+                    f"the sampler reached only beta = {state.beta:.3g} in "
+                    f"{self.settings.most_levels} levels; use more particles"
+                )
+            state = self.step(state)
+            if progress is not None:
+                progress(state)
+        return SmcResult(
+            self.prior.from_normal(state.xi),
+            state.target,
+            state.log_evidence,
+            state.levels,
+            state.evaluations,
+            state.invalid,
+        )
+
+    def _evaluate(self, xi: Tensor) -> tuple[Tensor, Tensor, int]:
+        theta = self.prior.from_normal(xi)
+        target = self._target(theta).to(torch.float64)
+        base = torch.zeros_like(target) if self._base is None else self._base(theta)
+        wrong = torch.isnan(target) | torch.isposinf(target)
+        target = torch.where(wrong, -torch.inf, target)
+        return base.to(torch.float64), target, int((wrong | torch.isneginf(target)).sum())
+
+    def _log_density(self, xi: Tensor, base: Tensor, target: Tensor, beta: float) -> Tensor:
+        tempered = base + beta * _difference(target, base)
+        return self.prior.log_density_normal(xi) + tempered
+
+    def _move(
+        self, state: SmcState, generator: torch.Generator
+    ) -> tuple[SmcState, tuple[float, float]]:
+        """Run the moves of a level; return the state and the mean acceptance of each kind."""
+        settings = self.settings
+        independent = max(0, min(settings.independence_moves, settings.moves))
+        mixture = (
+            fit_mixture(state.xi, settings.components, generator) if independent else None
+        )
+        factor = settings.walk_scale * _covariance_factor(state.xi)
+        accepted: dict[bool, list[float]] = {True: [], False: []}
+        for move in range(settings.moves):
+            by_mixture = mixture is not None and move < independent
+            if by_mixture:
+                assert mixture is not None
+                proposal = mixture.sample(len(state.xi), generator)
+                correction = mixture.log_density(state.xi) - mixture.log_density(proposal)
+            else:
+                noise = torch.randn(
+                    state.xi.shape, generator=generator, dtype=state.xi.dtype, device=state.xi.device
+                )
+                proposal = state.xi + noise @ factor.T
+                correction = torch.zeros_like(state.target)
+            state, share = self._accept(state, proposal, correction, generator)
+            accepted[by_mixture].append(share)
+        return state, (_mean(accepted[False]), _mean(accepted[True]))
+
+    def _accept(
+        self,
+        state: SmcState,
+        proposal: Tensor,
+        correction: Tensor,
+        generator: torch.Generator,
+    ) -> tuple[SmcState, float]:
+        base, target, invalid = self._evaluate(proposal)
+        log_ratio = (
+            self._log_density(proposal, base, target, state.beta)
+            - self._log_density(state.xi, state.base, state.target, state.beta)
+            + correction
+        )
+        uniform = torch.rand(
+            len(log_ratio), generator=generator, dtype=log_ratio.dtype, device=log_ratio.device
+        )
+        take = uniform.log() < torch.nan_to_num(log_ratio, nan=-torch.inf)
+        moved = replace(
+            state,
+            xi=torch.where(take[:, None], proposal, state.xi),
+            base=torch.where(take, base, state.base),
+            target=torch.where(take, target, state.target),
+            evaluations=state.evaluations + len(target),
+            invalid=state.invalid + invalid,
+        )
+        return moved, float(take.to(torch.float64).mean())
+
+
+def effective_sample_size(log_weight: Tensor) -> float:
+    """(sum w)^2 / sum w^2 (Kish 1965)."""
+    return float(
+        torch.exp(2.0 * torch.logsumexp(log_weight, 0) - torch.logsumexp(2.0 * log_weight, 0))
+    )
+
+
+def next_increment(gain: Tensor, most: float, ess_target: float) -> float:
+    """Largest step of beta, up to `most`, that keeps the share `ess_target` of the particles.
+
+    Found by bisection; at least 1e-12 so that the sampler always goes on.
+    """
+    wanted = ess_target * len(gain)
+    if effective_sample_size(most * gain) >= wanted:
+        return most
+    low, high = 0.0, most
+    while high - low > 1e-3 * high and high > 1e-12:
+        middle = 0.5 * (low + high)
+        if effective_sample_size(middle * gain) < wanted:
+            high = middle
+        else:
+            low = middle
+    return max(low, 1e-12)
+
+
+def systematic_rows(weight: Tensor, generator: torch.Generator) -> Tensor:
+    """Systematic resampling (Kitagawa 1996): n row indices for weights (n,) that sum to one."""
+    count = len(weight)
+    start = torch.rand(1, generator=generator, dtype=weight.dtype, device=weight.device)
+    points = (torch.arange(count, dtype=weight.dtype, device=weight.device) + start) / count
+    return torch.searchsorted(weight.cumsum(0), points).clamp_max(count - 1)
+
+
+def _difference(target: Tensor, base: Tensor) -> Tensor:
+    """target - base, minus infinity where either says impossible."""
+    possible = torch.isfinite(target) & torch.isfinite(base)
+    return torch.where(possible, target - base, -torch.inf)
+
+
+def _covariance_factor(xi: Tensor) -> Tensor:
+    """Lower factor of the particles' covariance, with a ridge for degenerate sets."""
+    covariance = torch.cov(xi.T).reshape(xi.shape[1], xi.shape[1])
+    ridge = 1e-10 * torch.eye(xi.shape[1], dtype=xi.dtype, device=xi.device)
+    return torch.linalg.cholesky(covariance + ridge)
+
+
+def _mean(values: list[float]) -> float:
+    return sum(values) / len(values) if values else math.nan
+
+
+__all__ = [
+    "GaussianMixture",
+    "Level",
+    "SmcResult",
+    "SmcSettings",
+    "SmcState",
+    "TemperedSmc",
+    "effective_sample_size",
+    "next_increment",
+    "systematic_rows",
+]

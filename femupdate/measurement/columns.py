@@ -1,0 +1,78 @@
+"""Names of the columns of observation files: floors, sensors, directions."""
+
+import re
+from dataclasses import dataclass
+
+BASE = "base"
+TIME = "time_s"
+FREQUENCY = "frequency_hz"
+DIRECTIONS = ("x", "y", "z")
+
+_FLOOR = r"RF|(?:[2-9]|[1-9]\d+)F"
+_CHANNEL = re.compile(
+    rf"(?P<floor>{BASE}|{_FLOOR})(?::(?P<sensor>[^\s.:]+))?(?:\.(?P<direction>[xyz]))?",
+    re.IGNORECASE,
+)
+_FRF = re.compile(rf"(?P<floor>{_FLOOR})(?:_(?P<part>re|im|sd))?", re.IGNORECASE)
+
+HISTORY_COLUMNS = "time_s, base, 2F ... RF, several sensors 2F:1 and 2F:2, other directions RF.y"
+FRF_COLUMNS = "frequency_hz, 2F ... RF as |H| or 2F_re and 2F_im, and 2F_sd"
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One acceleration channel of a building.
+
+    Attributes:
+        name: of its column, such as `2F:1.y`.
+        floor: `base`, `2F`, ... or `RF`.
+        sensor: what tells the sensors of a floor apart; empty where there is one.
+        direction: `x`, `y` or `z`.
+    """
+
+    name: str
+    floor: str
+    sensor: str = ""
+    direction: str = "x"
+
+
+@dataclass(frozen=True)
+class FrfColumn:
+    """One column of an FRF table: the floor and its part (`abs`, `re`, `im` or `sd`)."""
+
+    floor: str
+    part: str
+
+
+def parse_channel(name: str) -> Channel | None:
+    """Return the channel that a column name stands for, or None."""
+    match = _CHANNEL.fullmatch(name.strip())
+    if match is None:
+        return None
+    floor, sensor = _floor_name(match["floor"]), match["sensor"] or ""
+    direction = (match["direction"] or "x").lower()
+    return Channel(channel_name(floor, sensor, direction), floor, sensor, direction)
+
+
+def channel_name(floor: str, sensor: str = "", direction: str = "x") -> str:
+    """Return the column name of a channel; the direction x goes without saying."""
+    return floor + (f":{sensor}" if sensor else "") + (f".{direction}" if direction != "x" else "")
+
+
+def parse_frf_column(name: str) -> FrfColumn | None:
+    """Return what a column of an FRF table stands for, or None."""
+    match = _FRF.fullmatch(name.strip())
+    if match is None:
+        return None
+    return FrfColumn(_floor_name(match["floor"]), (match["part"] or "abs").lower())
+
+
+def floor_height(floor: str) -> float:
+    """Return a key that sorts floors from bottom to top: base, 2F, 3F, ..., RF."""
+    if floor == BASE:
+        return 1.0
+    return float("inf") if floor == "RF" else float(floor[:-1])
+
+
+def _floor_name(text: str) -> str:
+    return BASE if text.lower() == BASE else text.upper()

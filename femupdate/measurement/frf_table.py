@@ -1,0 +1,136 @@
+"""Tables of measured frequency response functions."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femupdate.measurement.columns import (
+    FREQUENCY,
+    FRF_COLUMNS,
+    Channel,
+    FrfColumn,
+    floor_height,
+)
+from femupdate.measurement.quantity import si_factor
+from femupdate.measurement.table import Table
+
+Floats = NDArray[np.float64]
+
+MINIMUM_FREQUENCIES = 3
+_RATIO_UNITS = ("", "-", "–", "1")
+
+
+@dataclass(frozen=True, eq=False)
+class FrfTable:
+    """Frequency response functions: absolute floor acceleration over base acceleration.
+
+    Attributes:
+        frequency_hz: (m,) increasing.
+        floors: (f,) bottom to top.
+        magnitude: (f, m) |H|, above zero.
+        complex_frf: (f, m) H, where every floor has its real and imaginary part, else None.
+        log_sd: (f, m) standard deviation of ln|H|, NaN on floors without one; None without any.
+        source: where it comes from, for messages and reports.
+    """
+
+    frequency_hz: Floats
+    floors: tuple[str, ...]
+    magnitude: Floats
+    complex_frf: NDArray[np.complex128] | None = None
+    log_sd: Floats | None = None
+    source: str = "FRF table"
+
+
+def frf_table(table: Table, at: int, known: Mapping[int, Channel | FrfColumn]) -> FrfTable:
+    """Return the response functions in a table.
+
+    Args:
+        table: the file's columns.
+        at: position of the frequencies.
+        known: what the other columns stand for, by position.
+
+    Raises:
+        MeasurementError: the frequencies do not increase, a floor lacks a part of its response
+            function, or a magnitude or standard deviation is not above zero.
+    """
+    file = table.file
+    frequency = table.values[:, at] * si_factor(file, table.units[at] or "Hz", "frequency")
+    _check_frequencies(table, frequency)
+    columns = {column: i for i, column in known.items() if isinstance(column, FrfColumn)}
+    floors = tuple(sorted({column.floor for column in columns}, key=floor_height))
+    if not floors:
+        raise file.error(f"there is no column of a floor; columns are {FRF_COLUMNS}")
+    curves = [_curve(table, floor, columns) for floor in floors]
+    log_sd = np.array([_log_sd(table, floor, columns) for floor in floors])
+    whole = all(np.iscomplexobj(curve) for curve in curves)
+    return FrfTable(
+        frequency_hz=frequency,
+        floors=floors,
+        magnitude=np.abs(np.array(curves)),
+        complex_frf=np.array(curves) if whole else None,
+        log_sd=None if np.isnan(log_sd).all() else log_sd,
+        source=file.path.name,
+    )
+
+
+def _check_frequencies(table: Table, frequency: Floats) -> None:
+    if frequency.size < MINIMUM_FREQUENCIES:
+        raise table.file.error(
+            f"{frequency.size} rows are no response function; give at least {MINIMUM_FREQUENCIES}",
+            int(table.lines[-1]),
+        )
+    wrong = np.flatnonzero((np.diff(frequency, prepend=-1.0) <= 0) | (frequency < 0))
+    if wrong.size:
+        raise table.file.error(
+            "the frequencies must be zero or above and increase; sort the rows by frequency",
+            int(table.lines[wrong[0]]),
+            FREQUENCY,
+        )
+
+
+def _curve(table: Table, floor: str, columns: Mapping[FrfColumn, int]) -> NDArray[np.inexact]:
+    """Return |H| or H of a floor, (m,), whichever the table has."""
+    magnitude, real, imaginary = (columns.get(FrfColumn(floor, p)) for p in ("abs", "re", "im"))
+    if magnitude is not None and real is None and imaginary is None:
+        values: NDArray[np.inexact] = _ratio(table, magnitude)
+        _require_above_zero(table, magnitude, np.asarray(values, dtype=np.float64), "|H|")
+        return values
+    if magnitude is None and real is not None and imaginary is not None:
+        values = _ratio(table, real) + 1j * _ratio(table, imaginary)
+        _require_above_zero(table, real, np.abs(values), "|H|")
+        return values
+    raise table.file.error(
+        f"floor {floor} must have either the column {floor} (|H|) or both {floor}_re and"
+        f" {floor}_im; complete the one or remove the other"
+    )
+
+
+def _log_sd(table: Table, floor: str, columns: Mapping[FrfColumn, int]) -> Floats:
+    position = columns.get(FrfColumn(floor, "sd"))
+    if position is None:
+        return np.full(table.values.shape[0], np.nan)
+    values = _ratio(table, position)
+    _require_above_zero(table, position, values, "the standard deviation of ln|H|")
+    return values
+
+
+def _ratio(table: Table, position: int) -> Floats:
+    unit = (table.units[position] or "").strip()
+    if unit not in _RATIO_UNITS:
+        raise table.file.error(
+            f"a response function is a ratio without unit, not {unit!r}; convert it and write -",
+            column=table.title(position),
+        )
+    return table.values[:, position]
+
+
+def _require_above_zero(table: Table, position: int, values: Floats, what: str) -> None:
+    wrong = np.flatnonzero(values <= 0)
+    if wrong.size:
+        raise table.file.error(
+            f"{what} is {values[wrong[0]]:g} and must be above zero; correct or remove the row",
+            int(table.lines[wrong[0]]),
+            table.title(position),
+        )

@@ -1,0 +1,287 @@
+"""Ground-motion records: any of the known formats to one acceleration history in m/s2."""
+
+import logging
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femupdate.errors import MeasurementError
+from femupdate.measurement.csmip import is_csmip, read_csmip
+from femupdate.measurement.jma import is_jma, read_jma
+from femupdate.measurement.knet import is_knet, read_knet
+from femupdate.measurement.peer import is_peer, read_peer
+from femupdate.measurement.plain import is_plain, read_plain
+from femupdate.measurement.quantity import agreed_unit, plain_unit, si_factor
+from femupdate.measurement.recording import RawChannel
+from femupdate.measurement.text import TextFile, closest, read_text
+from femupdate.units import STANDARD_GRAVITY
+
+Floats = NDArray[np.float64]
+logger = logging.getLogger(__name__)
+
+LARGEST_PEAK = 5.0 * STANDARD_GRAVITY  # m/s2; the largest recorded is about 4 g (2008, Iwate)
+SMALLEST_PEAK = 1e-6 * STANDARD_GRAVITY  # m/s2; below the resolution of an accelerograph
+MINIMUM_SAMPLES = 10
+# Filter of the resampling: 32 periods of the lower rate, stopband 80 dB down.
+_FILTER_PERIODS = 32
+_FILTER_BETA = 8.0
+_LARGEST_RATIO = 1000
+
+
+@dataclass(frozen=True)
+class _Format:
+    fits: Callable[[TextFile], bool]
+    read: Callable[[TextFile], tuple[RawChannel, ...]]
+
+
+# In the order in which they are tried: the plain table fits nearly everything.
+FORMATS: Mapping[str, _Format] = MappingProxyType(
+    {
+        "jma": _Format(is_jma, read_jma),
+        "knet": _Format(is_knet, read_knet),
+        "peer": _Format(is_peer, read_peer),
+        "csmip": _Format(is_csmip, read_csmip),
+        "plain": _Format(is_plain, read_plain),
+    }
+)
+
+
+@dataclass(frozen=True, eq=False)
+class GroundMotion:
+    """One component of ground acceleration, sampled uniformly from time 0.
+
+    Attributes:
+        acceleration: (n,) m/s2.
+        time_step: s.
+        name: of the record, the file's name without its ending.
+        channel: the component's name in the file.
+        format: of the file it came from, a key of `FORMATS`, or "array".
+        unit: that the file's numbers were in.
+        channels: names of all channels of that file.
+    """
+
+    acceleration: Floats
+    time_step: float
+    name: str = "motion"
+    channel: str = ""
+    format: str = "array"
+    unit: str = "m/s2"
+    channels: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        values = np.asarray(self.acceleration, dtype=np.float64)
+        object.__setattr__(self, "acceleration", values)
+        if values.ndim != 1 or values.size < 2 or not np.isfinite(values).all():
+            raise MeasurementError(
+                f"ground motion {self.name}: the acceleration must be one row of at least two"
+                " finite numbers"
+            )
+        if not (np.isfinite(self.time_step) and self.time_step > 0):
+            raise MeasurementError(
+                f"ground motion {self.name}: the time step is {self.time_step}; give seconds"
+                " above zero"
+            )
+
+    @property
+    def time(self) -> Floats:
+        """(n,) time of each sample, s."""
+        return np.arange(self.acceleration.size, dtype=np.float64) * self.time_step
+
+    @property
+    def duration(self) -> float:
+        """Time from the first sample to the last, s."""
+        return (self.acceleration.size - 1) * self.time_step
+
+    @property
+    def peak(self) -> float:
+        """Largest absolute acceleration, m/s2."""
+        return float(np.abs(self.acceleration).max())
+
+    def scaled(self, factor: float) -> "GroundMotion":
+        """Return the motion times a factor; a negative one turns its direction round."""
+        if not np.isfinite(factor):
+            raise MeasurementError(f"ground motion {self.name}: cannot be scaled by {factor}")
+        return replace(self, acceleration=self.acceleration * factor)
+
+    def demeaned(self, start: float = 0.0, end: float | None = None) -> "GroundMotion":
+        """Return the motion less its mean between two times (s), the whole record by default.
+
+        Raises:
+            MeasurementError: the times do not lie in the record.
+        """
+        part = self.acceleration[self._between(start, self.duration if end is None else end)]
+        return replace(self, acceleration=self.acceleration - part.mean())
+
+    def cut(self, start: float, end: float) -> "GroundMotion":
+        """Return the samples from `start` to `end` (s, both included), their time begun at 0.
+
+        Raises:
+            MeasurementError: the times do not lie in the record.
+        """
+        return replace(self, acceleration=self.acceleration[self._between(start, end)].copy())
+
+    def resampled(self, time_step: float) -> "GroundMotion":
+        """Return the motion at another time step (s), band-limited to the lower Nyquist frequency.
+
+        Polyphase filtering (scipy.signal.resample_poly) with a linear-phase Kaiser window: flat
+        within 0.1 % up to 0.9 of the lower Nyquist frequency, no delay. The record is taken as
+        zero before its start and after its end.
+
+        Raises:
+            MeasurementError: the two steps are in no ratio of whole numbers up to 1000.
+        """
+        from scipy.signal import firwin, resample_poly
+
+        if time_step == self.time_step:
+            return self
+        ratio = self._ratio(time_step)
+        up, down = ratio.numerator, ratio.denominator
+        half = _FILTER_PERIODS * max(up, down)
+        window = firwin(2 * half + 1, 1.0 / max(up, down), window=("kaiser", _FILTER_BETA))
+        values = resample_poly(self.acceleration, up, down, window=window)
+        return replace(self, acceleration=values, time_step=float(time_step))
+
+    def _ratio(self, time_step: float) -> Fraction:
+        if np.isfinite(time_step) and time_step > 0:
+            ratio = Fraction(self.time_step / time_step).limit_denominator(_LARGEST_RATIO)
+            drift = abs(float(ratio) * time_step / self.time_step - 1.0) * self.acceleration.size
+            # The last sample may drift by a thousandth of a step.
+            if 0 < ratio.numerator <= _LARGEST_RATIO and drift < 1e-3:
+                return ratio
+        raise MeasurementError(
+            f"ground motion {self.name}: cannot be resampled from {self.time_step:g} s to"
+            f" {time_step:g} s; take a step in a ratio of whole numbers up to {_LARGEST_RATIO}"
+        )
+
+    def _between(self, start: float, end: float) -> slice:
+        slack = 1e-6  # of a step, for times that are sums of rounded numbers
+        first = int(np.ceil(start / self.time_step - slack))
+        last = int(np.floor(end / self.time_step + slack))
+        if not 0 <= first < last < self.acceleration.size:
+            raise MeasurementError(
+                f"ground motion {self.name}: {start:g} s to {end:g} s is no part of a record of"
+                f" {self.duration:g} s; give a start below the end, both within the record"
+            )
+        return slice(first, last + 1)
+
+
+def read_record(
+    path: str | Path,
+    unit: str | None = None,
+    channel: str | int | None = None,
+    format: str | None = None,
+) -> GroundMotion:
+    """Read one channel of a ground-motion record.
+
+    Args:
+        path: the file; its format is told from its content.
+        unit: of the accelerations, where the file does not say it.
+        channel: its name in the file, or its number from 1; needed where there are several.
+        format: a key of `FORMATS`, where the content misleads.
+
+    Raises:
+        MeasurementError: the file cannot be read as a record, the channel is not in it, or its
+            peak is one that no earthquake has, which tells of a wrong unit.
+    """
+    file = read_text(path)
+    kind = _format_of(file, format)
+    channels = FORMATS[kind].read(file)
+    chosen = _choose(file, channels, channel, unit)
+    stated = agreed_unit(file, chosen.unit, unit, repr(chosen.name))
+    motion = GroundMotion(
+        acceleration=chosen.values * si_factor(file, stated, "acceleration"),
+        time_step=chosen.time_step,
+        name=file.path.stem,
+        channel=chosen.name,
+        format=kind,
+        unit=plain_unit(stated).lower(),
+        channels=tuple(each.name for each in channels),
+    )
+    _check_plausible(file, motion)
+    return motion
+
+
+def _format_of(file: TextFile, format: str | None) -> str:
+    known = ", ".join(FORMATS)
+    if format is not None:
+        if format not in FORMATS:
+            raise file.error(f"unknown format {format!r}{closest(format, FORMATS)}; use {known}")
+        return format
+    for kind, candidate in FORMATS.items():
+        if candidate.fits(file):
+            return kind
+    raise file.error(f"the file is in none of the known formats ({known}); convert it to CSV")
+
+
+def _choose(
+    file: TextFile, channels: tuple[RawChannel, ...], asked: str | int | None, unit: str | None
+) -> RawChannel:
+    if asked is None:
+        if len(channels) == 1:
+            return channels[0]
+        raise file.error(
+            f"the record has {len(channels)} channels; choose one by name or number:"
+            f" {_listing(file, channels, unit)}"
+        )
+    wanted = " ".join(str(asked).casefold().split())
+    names = [" ".join(each.name.casefold().split()) for each in channels]
+    found = [i for i, name in enumerate(names) if name == wanted]
+    if not found and wanted.isdecimal() and 1 <= int(wanted) <= len(channels):
+        found = [int(wanted) - 1]
+    if not found:
+        found = [i for i, name in enumerate(names) if name.split(",")[0] == wanted]
+        found = found or [i for i, name in enumerate(names) if name.split()[:1] == [wanted]]
+    if len(found) == 1:
+        return channels[found[0]]
+    problem = f"{len(found)} channels are called" if found else "there is no channel"
+    raise file.error(
+        f"{problem} {str(asked)!r}; choose by number: {_listing(file, channels, unit)}"
+    )
+
+
+def _listing(file: TextFile, channels: tuple[RawChannel, ...], unit: str | None) -> str:
+    """`1 = 90 Deg (peak 3.38 m/s2), 2 = ...`"""
+    entries = []
+    for number, each in enumerate(channels, start=1):
+        stated = each.unit or unit
+        peak = float(np.abs(each.values).max())
+        if stated is None:
+            shown = f"{peak:.4g} in its own unit"
+        else:
+            shown = f"{peak * si_factor(file, stated, 'acceleration'):.4g} m/s2"
+        entries.append(f"{number} = {each.name} (peak {shown})")
+    return ", ".join(entries)
+
+
+def _check_plausible(file: TextFile, motion: GroundMotion) -> None:
+    where = repr(motion.channel)
+    if motion.acceleration.size < MINIMUM_SAMPLES:
+        raise file.error(
+            f"{motion.acceleration.size} values are no record; give the whole time history",
+            column=where,
+        )
+    swing = float(np.abs(motion.acceleration - motion.acceleration.mean()).max())
+    if np.ptp(motion.acceleration) == 0.0:
+        raise file.error(
+            "every value is the same: the channel was dead; choose another", column=where
+        )
+    if max(motion.peak, swing) > LARGEST_PEAK or swing < SMALLEST_PEAK:
+        peak = motion.peak if motion.peak > LARGEST_PEAK else swing
+        raise file.error(
+            f"the peak is {peak / STANDARD_GRAVITY:.3g} g when the values are read in"
+            f" {motion.unit}, which no strong-motion record has (1e-06 to 5 g); is the unit wrong?",
+            column=where,
+        )
+    offset = abs(float(motion.acceleration.mean()))
+    if offset > 0.05 * swing:
+        logger.warning(
+            "%s, channel %s: the mean is %.3g m/s2; remove it with demeaned()",
+            file.path,
+            motion.channel,
+            offset,
+        )

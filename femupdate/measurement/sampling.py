@@ -1,0 +1,74 @@
+"""The time step of a column of times, or the row where the sampling breaks."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femupdate.measurement.text import TextFile
+
+Floats = NDArray[np.float64]
+
+# A jitter of a hundredth of a step turns the phase at half the Nyquist frequency by less than one
+# degree: nothing beside the noise of an accelerometer.
+_JITTER = 0.01
+# Times rounded more coarsely than this could hide a lost sample (which shifts them by half a step).
+_COARSEST = 0.3
+_MAXIMUM_DECIMALS = 9
+
+
+def uniform_step(file: TextFile, time: Floats, lines: NDArray[np.int64], title: str) -> float:
+    """Return the time step of uniformly sampled times, s.
+
+    Printed times are rounded: a time may differ from the straight line through all of them by
+    three quarters of its last printed digit, or by a hundredth of a step, whichever is larger.
+
+    Args:
+        file: where the times come from.
+        time: (n,) at least three times, s.
+        lines: (n,) their line numbers.
+        title: what messages call their column.
+
+    Raises:
+        MeasurementError: a time does not increase, or the sampling is not uniform.
+    """
+    backwards = np.flatnonzero(np.diff(time) <= 0)
+    if backwards.size and np.mean(np.diff(time) <= 0) > 0.5:
+        raise file.error("the times do not increase; sort the rows by time", None, title)
+    digit = 10.0 ** -_decimals(time)
+    time = time - time[0]
+    step, start = np.polyfit(np.arange(time.size), time, 1)
+    tolerance = min(max(0.75 * digit, _JITTER * step), _COARSEST * step)
+    deviation = np.abs(time - (start + step * np.arange(time.size)))
+    if backwards.size or deviation.max() > tolerance:
+        _raise_uneven(file, time, lines, title)
+    return _rounded_step(step, time.size, digit)
+
+
+def _raise_uneven(file: TextFile, time: Floats, lines: NDArray[np.int64], title: str) -> None:
+    steps = np.diff(time)
+    usual = float(np.median(steps))
+    worst = int(np.argmax(np.abs(steps - usual)))
+    raise file.error(
+        f"the sampling is not uniform: {steps[worst]:.6g} s after the row before, elsewhere"
+        f" {usual:.6g} s; fill the gap or resample to one time step",
+        int(lines[worst + 1]),
+        title,
+    )
+
+
+def _decimals(time: Floats) -> int:
+    """Number of decimals that the times are printed with."""
+    scale = np.abs(time).max() * 1e-14
+    for decimals in range(_MAXIMUM_DECIMALS):
+        if np.abs(np.round(time, decimals) - time).max() <= scale:
+            return decimals
+    return _MAXIMUM_DECIMALS
+
+
+def _rounded_step(step: float, count: int, digit: float) -> float:
+    """Take the nearest whole sampling rate, or the nearest round step, that the digits allow."""
+    allowed = digit / (count - 1)  # what the rounding of the first and last time allows
+    rate = round(1.0 / step)
+    if rate > 0 and abs(step - 1.0 / rate) <= allowed:
+        return 1.0 / rate
+    rounded = round(step, _MAXIMUM_DECIMALS)
+    return rounded if abs(step - rounded) <= allowed else float(step)

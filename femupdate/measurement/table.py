@@ -1,0 +1,196 @@
+"""Tables of numbers in text: delimiter, header row, units row, and the cell that is wrong."""
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femupdate.measurement.quantity import split_unit
+from femupdate.measurement.text import TextFile
+
+Floats = NDArray[np.float64]
+Row = tuple[int, str]  # line number, text
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Columns of finite numbers with their names and units.
+
+    Attributes:
+        file: where they come from.
+        names: (c,) titles of the columns without their units, or None where there is no header.
+        units: (c,) unit of each column, or None where the file does not say.
+        values: (r, c) the numbers.
+        lines: (r,) line number of each row.
+    """
+
+    file: TextFile
+    names: tuple[str, ...] | None
+    units: tuple[str | None, ...]
+    values: Floats
+    lines: NDArray[np.int64]
+
+    def title(self, column: int) -> str:
+        """Return what messages call a column."""
+        return column_title(self.names, column)
+
+
+def column_title(names: tuple[str, ...] | None, column: int) -> str:
+    """Return a column's quoted name, or its number from 1 where it has none."""
+    return repr(names[column]) if names else str(column + 1)
+
+
+def read_table(file: TextFile) -> Table:
+    """Read a table whose columns are parted by semicolons, tabs, commas or blanks.
+
+    Lines starting with # are skipped. A first row whose first cell is not a number is the header;
+    a second one without any number is the units row. Where the delimiter is not the comma, a
+    comma in a number is the decimal sign.
+
+    Raises:
+        MeasurementError: a cell is blank, text or not finite, a row has another number of cells,
+            or two columns have one name.
+    """
+    rows = file.rows()
+    delimiter = find_delimiter(rows[0][1])
+    rows = drop_trailing_blanks(rows, delimiter)
+    names, units, data = _head(file, rows, delimiter)
+    values, lines = parse_rows(file, data, delimiter, names)
+    return Table(file, names, units or (None,) * values.shape[1], values, lines)
+
+
+def find_delimiter(line: str) -> str | None:
+    """Return the delimiter of a row; None stands for blanks."""
+    # The semicolon comes first: beside it a comma can only be the decimal sign.
+    return next((mark for mark in ";\t," if mark in line), None)
+
+
+def cells_of(line: str, delimiter: str | None) -> list[str]:
+    """Split a row into its cells, without blanks and quotes around them."""
+    return [cell.strip().strip('"').strip() for cell in line.split(delimiter)]
+
+
+def is_number(cell: str) -> bool:
+    """Return whether a cell reads as a number (nan and inf included)."""
+    try:
+        float(cell.replace(",", "."))
+    except ValueError:
+        return False
+    return True
+
+
+def drop_trailing_blanks(rows: list[Row], delimiter: str | None) -> list[Row]:
+    """Drop from all rows the blank cells that end the first one, as spreadsheets leave them."""
+    if delimiter is None:
+        return rows
+    first = cells_of(rows[0][1], delimiter)
+    filled = max((position for position, cell in enumerate(first, start=1) if cell), default=0)
+    blank = len(first) - filled
+    if blank == 0 or filled == 0:
+        return rows
+    return [(line, _drop_blank_tail(text, delimiter, blank)) for line, text in rows]
+
+
+def parse_rows(
+    file: TextFile, rows: list[Row], delimiter: str | None, names: tuple[str, ...] | None
+) -> tuple[Floats, NDArray[np.int64]]:
+    """Return the values (r, c) of numeric rows and their line numbers (r,).
+
+    Raises:
+        MeasurementError: there is no row, or a cell is blank, text or not finite, or a row has
+            another number of cells than the first.
+    """
+    if not rows:
+        raise file.error("the file has a header but no data; write it again from its source")
+    texts = [text for _, text in rows]
+    if delimiter != ",":
+        texts = [text.replace(",", ".") for text in texts]
+    width = len(names) if names else len(cells_of(texts[0], delimiter))
+    lines = np.array([number for number, _ in rows])
+    try:
+        values = np.loadtxt(texts, delimiter=delimiter, comments=None, ndmin=2, quotechar='"')
+    except ValueError:
+        values = None
+    if values is None or values.shape[1] != width or not np.isfinite(values).all():
+        _blame(file, list(zip(lines.tolist(), texts, strict=True)), delimiter, width, names)
+        raise file.error("the table cannot be read as numbers; write plain decimal numbers")
+    return values, lines
+
+
+def _head(
+    file: TextFile, rows: list[Row], delimiter: str | None
+) -> tuple[tuple[str, ...] | None, tuple[str | None, ...] | None, list[Row]]:
+    line, text = rows[0]
+    if delimiter is None:  # "time (s) RF (g)": the unit stays with its name
+        text = re.sub(r"\s+([(\[])", r"\1", text)
+    first = cells_of(text, delimiter)
+    if is_number(first[0]):
+        return None, None, rows
+    titles = [split_unit(cell) for cell in first]
+    names = tuple(name for name, _ in titles)
+    _refuse_repeats(file, names, line)
+    units: tuple[str | None, ...] = tuple(unit for _, unit in titles)
+    second = cells_of(rows[1][1], delimiter) if len(rows) > 1 else ["0"]
+    if any(is_number(cell) for cell in second):
+        return names, units, rows[1:]
+    if len(second) != len(names):
+        raise file.error(
+            f"the units row has {len(second)} cells but the header has {len(names)};"
+            " give every column a unit",
+            rows[1][0],
+        )
+    stated = tuple(below or beside for below, beside in zip(second, units, strict=True))
+    return names, stated, rows[2:]
+
+
+def _drop_blank_tail(text: str, delimiter: str, count: int) -> str:
+    for _ in range(count):
+        head, mark, tail = text.rpartition(delimiter)
+        if not mark or tail.strip():
+            break
+        text = head
+    return text
+
+
+def _refuse_repeats(file: TextFile, names: tuple[str, ...], line: int) -> None:
+    for position, name in enumerate(names):
+        if not name:
+            raise file.error(
+                f"column {position + 1} has no name; give every column one or remove it", line
+            )
+        if name in names[:position]:
+            raise file.error(
+                f"two columns are called {name!r}; rename or remove one (several sensors of a"
+                f" floor are {name}:1, {name}:2)",
+                line,
+            )
+
+
+def _blame(
+    file: TextFile,
+    rows: list[Row],
+    delimiter: str | None,
+    width: int,
+    names: tuple[str, ...] | None,
+) -> None:
+    """Raise the error of the first cell that is no finite number."""
+    for line, text in rows:
+        cells = cells_of(text, delimiter)
+        if len(cells) != width:
+            raise file.error(
+                f"the row has {len(cells)} cells where {width} are expected; the file may be cut"
+                " off: complete or remove the row",
+                line,
+            )
+        for position, cell in enumerate(cells):
+            if is_number(cell) and np.isfinite(float(cell.replace(",", "."))):
+                continue
+            what = f"{cell!r} is not a number" if cell else "the cell is blank"
+            if is_number(cell):
+                what = f"the value is {cell}"
+            raise file.error(
+                f"{what}; fill in the measured value or remove the row or column",
+                line,
+                column_title(names, position),
+            )

@@ -1,0 +1,98 @@
+"""Measured files as text: decoding, lines, and errors that say where."""
+
+import difflib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from femupdate.errors import MeasurementError
+
+_UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
+_ZIP_MARK = b"PK\x03\x04"
+# JMA writes station names in Shift-JIS; latin-1 accepts every byte and comes last.
+_ENCODINGS = ("utf-8-sig", "cp932", "latin-1")
+
+
+@dataclass(frozen=True)
+class TextFile:
+    """The lines of a text file, numbered from 1 in messages.
+
+    Attributes:
+        path: where it was read.
+        lines: (n,) its lines without their ends.
+    """
+
+    path: Path
+    lines: tuple[str, ...]
+
+    def error(
+        self, message: str, line: int | None = None, column: str | None = None
+    ) -> MeasurementError:
+        """Return the error with the file's name, line and column in front of the message."""
+        where = str(self.path)
+        if line is not None:
+            where += f", line {line}"
+        if column is not None:
+            where += f", column {column}"
+        return MeasurementError(f"{where}: {message}")
+
+    def rows(self) -> list[tuple[int, str]]:
+        """Return (line number, text) of the lines that are neither blank nor comments (#)."""
+        numbered = enumerate(self.lines, start=1)
+        return [(n, line) for n, line in numbered if (s := line.strip()) and s[0] != "#"]
+
+
+def read_text(path: str | Path) -> TextFile:
+    """Read a text file in UTF-8 (with or without mark), UTF-16 with mark, or Shift-JIS.
+
+    Raises:
+        MeasurementError: the file is missing, a folder, unreadable, empty or not text.
+    """
+    path = Path(path)
+    text = _decode(path, _read_bytes(path))
+    # str.splitlines would also split at form feeds and other marks inside old headers.
+    lines = tuple(text.replace("\r\n", "\n").replace("\r", "\n").split("\n"))
+    file = TextFile(path, lines)
+    if not file.rows():
+        raise file.error("the file holds no data; write it again from its source")
+    return file
+
+
+def closest(name: str, known: Iterable[str]) -> str:
+    """Return " (did you mean 'x'?)" for the known name nearest to `name`, or an empty string."""
+    folded = {item.casefold(): item for item in known}
+    near = difflib.get_close_matches(name.casefold(), folded, n=1, cutoff=0.6)
+    return f" (did you mean {folded[near[0]]!r}?)" if near else ""
+
+
+def _read_bytes(path: Path) -> bytes:
+    if path.is_dir():
+        raise MeasurementError(f"{path} is a folder; name the file in it")
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise MeasurementError(f"{path}: no such file; check the name and the folder") from None
+    except OSError as error:
+        raise MeasurementError(
+            f"{path}: cannot be read ({error.strerror}); check its permissions"
+        ) from None
+    if not data.strip():
+        raise MeasurementError(f"{path}: the file is empty; write it again from its source")
+    return data
+
+
+def _decode(path: Path, data: bytes) -> str:
+    if data.startswith(_ZIP_MARK):
+        raise MeasurementError(
+            f"{path}: this is a workbook or an archive, not text; export it as CSV or unpack it"
+        )
+    if data.startswith(_UTF16_MARKS):
+        return data.decode("utf-16", errors="replace")
+    if b"\0" in data:
+        raise MeasurementError(f"{path}: this is not a text file; export the record as text")
+    for encoding in _ENCODINGS:
+        try:
+            return data.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+    raise AssertionError("latin-1 decodes every byte")

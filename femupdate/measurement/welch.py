@@ -1,0 +1,153 @@
+"""Spectra of a base and its floors by Welch's method, and how much they average."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femupdate.errors import MeasurementError
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+MINIMUM_AVERAGES = 5.0  # effective number of segments that the default length must leave
+FEWEST_AVERAGES = 2.0  # below this the coherence says nothing
+MINIMUM_SEGMENT = 16  # samples
+# Zero padding: bins four times as dense, so that the way between them is nearly straight.
+_PADDING = 4
+
+
+@dataclass(frozen=True)
+class Segments:
+    """How a record is cut.
+
+    Attributes:
+        length: samples in a segment.
+        count: number of segments, each overlapping half of the one before.
+        effective: number of independent segments that average as well.
+        seconds: length of a segment, s.
+        wanted: the length that the frequency grid asks for, s.
+    """
+
+    length: int
+    count: int
+    effective: float
+    seconds: float
+    wanted: float
+
+    @property
+    def note(self) -> str:
+        """One sentence for the user."""
+        text = (
+            f"Welch H1 with {self.count} Hann segments of {self.seconds:.4g} s, half overlapping"
+            f" ({self.effective:.1f} independent averages)."
+        )
+        if self.seconds < 0.99 * self.wanted:
+            text += (
+                f" The frequency step asks for {self.wanted:.4g} s, for which the record is too"
+                f" short: peaks narrower than {2.0 / self.seconds:.2g} Hz come out too low."
+            )
+        return text
+
+
+@dataclass(frozen=True, eq=False)
+class Spectra:
+    """One-sided spectral densities.
+
+    Attributes:
+        frequency_hz: (b,) the bins.
+        base: (b,) of the base.
+        floors: (f, b) of each floor.
+        cross: (f, b) of base and floor, conj(base) times floor.
+        padding: bins per independent bin.
+    """
+
+    frequency_hz: Floats
+    base: Floats
+    floors: Floats
+    cross: Complexes
+    padding: int = _PADDING
+
+
+def effective_averages(length: int, count: int) -> float:
+    """Return how many independent segments average as well as `count` half-overlapping ones.
+
+    The variance formula of Welch (1967) for Hann windows: n = K / (1 + 2 (1 - 1/K) rho), rho the
+    squared correlation of neighbouring windows (1/36 for long ones).
+    """
+    window, hop = _hann(length), length - length // 2
+    rho = (np.sum(window[: length - hop] * window[hop:]) / np.sum(window**2)) ** 2
+    return float(count / (1.0 + 2.0 * (1.0 - 1.0 / count) * rho))
+
+
+def choose_segments(
+    samples: int, time_step: float, wanted_s: float, asked_s: float | None, source: str
+) -> Segments:
+    """Cut a record: as asked, else as the grid wants, else shorter to leave enough averages.
+
+    Raises:
+        MeasurementError: the record is too short, or the length asked for leaves too few averages.
+    """
+    if asked_s is not None:
+        return _asked_segments(samples, time_step, asked_s, source)
+    length = round(wanted_s / time_step)
+    if length > samples or _cut(samples, length).effective < MINIMUM_AVERAGES:
+        # K half-overlapping segments fill (K + 1) / 2 lengths.
+        count = int(np.ceil(MINIMUM_AVERAGES)) + 1
+        length = 2 * samples // (count + 1)
+    if length < MINIMUM_SEGMENT:
+        raise MeasurementError(
+            f"{source}: {samples} samples are too short for a spectrum; give a longer record"
+        )
+    cut = _cut(samples, length)
+    return Segments(length, cut.count, cut.effective, length * time_step, wanted_s)
+
+
+def welch_spectra(base: Floats, floors: Floats, time_step: float, length: int) -> Spectra:
+    """Return the spectra of base (n,) and floors (f, n), segment means removed."""
+    from scipy.signal import csd, welch
+
+    options = {
+        "fs": 1.0 / time_step,
+        "window": "hann",
+        "nperseg": length,
+        "noverlap": length // 2,
+        "nfft": _PADDING * length,
+        "detrend": "constant",
+    }
+    frequency_hz, base_density = welch(base, **options)
+    # Floor by floor: all at once would hold every segment of every floor in memory.
+    floor_density = np.array([welch(floor, **options)[1] for floor in floors])
+    cross_density = np.array([csd(base, floor, **options)[1] for floor in floors])
+    return Spectra(frequency_hz, base_density, floor_density, cross_density)
+
+
+@dataclass(frozen=True)
+class _Cut:
+    count: int
+    effective: float
+
+
+def _cut(samples: int, length: int) -> _Cut:
+    overlap = length // 2
+    count = (samples - overlap) // (length - overlap)
+    return _Cut(count, effective_averages(length, count) if count else 0.0)
+
+
+def _asked_segments(samples: int, time_step: float, asked_s: float, source: str) -> Segments:
+    length = round(asked_s / time_step) if np.isfinite(asked_s) else 0
+    cut = _cut(samples, length) if MINIMUM_SEGMENT <= length <= samples else _Cut(0, 0.0)
+    if cut.effective < FEWEST_AVERAGES:
+        # Three half-overlapping segments fill two lengths.
+        raise MeasurementError(
+            f"{source}: segments of {asked_s:g} s are no use for a record of"
+            f" {samples * time_step:.4g} s; take {MINIMUM_SEGMENT * time_step:.3g} to"
+            f" {samples // 2 * time_step:.4g} s"
+        )
+    return Segments(length, cut.count, cut.effective, length * time_step, asked_s)
+
+
+def _hann(length: int) -> Floats:
+    from scipy.signal import get_window
+
+    return np.asarray(get_window("hann", length), dtype=np.float64)

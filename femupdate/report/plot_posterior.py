@@ -1,0 +1,225 @@
+"""Posterior samples of the parameters: pairs, and the way from prior to posterior."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import ArrayLike
+
+from femupdate.errors import ReportError
+from femupdate.report.density import density_1d, density_2d, mass_level
+from femupdate.report.figure import Floats, add_head, checked, checked_names, new_figure
+from femupdate.report.scale import plus_minus
+from femupdate.report.style import INK, SERIES, styled
+
+POINTS = 250  # drawn under the contours; more hide each other
+SHARES = (0.9, 0.5)
+
+
+@dataclass(frozen=True)
+class SampleSet:
+    """Posterior samples (S, p) and the name of the case they come from."""
+
+    label: str
+    samples: ArrayLike
+
+
+@dataclass(frozen=True)
+class Case:
+    """A checked set of samples and its colour."""
+
+    label: str
+    samples: Floats
+    color: str
+
+
+@styled
+def posterior_pairs(
+    sets: Sequence[SampleSet],
+    names: Sequence[str],
+    bounds: ArrayLike,
+    truth: ArrayLike | None = None,
+    *,
+    title: str = "Posterior of the stiffness factors",
+) -> Figure:
+    """Draw each parameter on the diagonal, pairs below it, correlations above.
+
+    Args:
+        sets: one to six posteriors of the same parameters.
+        names: p names.
+        bounds: (p, 2) prior bounds.
+        truth: (p,) true values, where they are known.
+        title: over the figure.
+
+    Raises:
+        ReportError: an array has another shape, or there are no samples or too many sets.
+    """
+    cases = checked_cases(sets, len(names))
+    limits = checked("bounds", bounds, len(names), 2)
+    true = None if truth is None else checked("truth", truth, len(names))
+    views = _views(cases, limits, true)
+    size = len(names)
+    side = max(1.25, min(2.1, 9.5 / size))
+    figure = new_figure(max(side * size + 0.5, 5.4), side * size + 0.4)
+    axes = figure.subplots(size, size, squeeze=False, gridspec_kw={"wspace": 0.0, "hspace": 0.0})
+    for row in range(size):
+        for column in range(size):
+            panel = axes[row, column]
+            panel.grid(False)
+            if row == column:
+                _draw_marginal(panel, cases, row, views[row], true)
+            elif row > column:
+                _draw_pair(panel, cases, (column, row), views, true)
+            else:
+                _draw_correlation(panel, cases, column, row)
+            _label(panel, row, column, names)
+    _head(figure, title, cases, true, size)
+    return figure
+
+
+def checked_cases(sets: Sequence[SampleSet], parameters: int) -> list[Case]:
+    """Check sets of samples and give each its colour.
+
+    Raises:
+        ReportError: no set, too many, or samples of another shape or not finite.
+    """
+    if not 1 <= len(sets) <= len(SERIES):
+        raise ReportError(
+            f"{len(sets)} sets of samples are given; the figure shows one to {len(SERIES)}"
+        )
+    cases = []
+    for given, color in zip(sets, SERIES, strict=False):
+        samples = checked(f"samples of {given.label}", given.samples, None, parameters)
+        if len(samples) < 2 or not np.isfinite(samples).all():
+            raise ReportError(f"{given.label} needs two samples or more, all of them finite")
+        cases.append(Case(given.label, samples, color))
+    return cases
+
+
+def _views(cases: list[Case], bounds: Floats, truth: Floats | None) -> list[tuple[float, float]]:
+    """What each axis shows: all but the last strays of the samples, within the prior."""
+    views = []
+    for index, (low, high) in enumerate(bounds):
+        tails = [np.quantile(case.samples[:, index], [0.001, 0.999]) for case in cases]
+        seen = np.concatenate([*tails, [] if truth is None else truth[index : index + 1]])
+        room = 0.12 * (np.ptp(seen) or 0.1 * (high - low))
+        views.append((max(seen.min() - room, low), min(seen.max() + room, high)))
+    return views
+
+
+def _draw_marginal(
+    panel: Axes,
+    cases: list[Case],
+    index: int,
+    view: tuple[float, float],
+    truth: Floats | None,
+) -> None:
+    top = 0.0
+    for case in cases:
+        density = density_1d(case.samples[:, index], view)
+        panel.fill_between(density.x, density.value, color=case.color, alpha=0.18, linewidth=0.0)
+        panel.plot(density.x, density.value, color=case.color)
+        top = max(top, density.value.max())
+    _write_estimates(panel, cases, index)
+    panel.set(xlim=view, ylim=(0.0, top * (1.12 + 0.22 * len(cases))))
+    if truth is not None:
+        panel.axvline(truth[index], ymax=0.7, color=INK, linewidth=0.9, linestyle="--")
+
+
+def _write_estimates(panel: Axes, cases: list[Case], index: int) -> None:
+    for line, case in enumerate(cases):
+        values = case.samples[:, index]
+        panel.annotate(
+            plus_minus(values.mean(), values.std(ddof=1)),
+            (0.5, 1.0),
+            xycoords="axes fraction",
+            xytext=(0, -4 - 11 * line),
+            textcoords="offset points",
+            ha="center",
+            va="top",
+            fontsize=8.5,
+            color=case.color,
+            fontweight="bold",
+        )
+
+
+def _draw_pair(
+    panel: Axes,
+    cases: list[Case],
+    pair: tuple[int, int],
+    views: list[tuple[float, float]],
+    truth: Floats | None,
+) -> None:
+    across, up = (views[index] for index in pair)
+    for case in cases:
+        x, y = (case.samples[:, index] for index in pair)
+        thin = slice(None, None, max(1, len(x) // POINTS))
+        panel.plot(x[thin], y[thin], ".", color=case.color, markersize=1.6, alpha=0.35, mew=0)
+        density = density_2d(x, y, across, up)
+        levels = sorted({mass_level(density.value, share) for share in SHARES})
+        fill = [to_rgba(case.color, alpha) for alpha in (0.16, 0.3)]
+        panel.contourf(density.x, density.y, density.value, [*levels, np.inf], colors=fill[-len(levels):])
+        panel.contour(
+            density.x, density.y, density.value, levels, colors=case.color, linewidths=0.9
+        )
+    if truth is not None:
+        panel.axvline(truth[pair[0]], color=INK, linewidth=0.7, linestyle="--")
+        panel.axhline(truth[pair[1]], color=INK, linewidth=0.7, linestyle="--")
+    panel.set(xlim=across, ylim=up)
+
+
+def _draw_correlation(panel: Axes, cases: list[Case], first: int, second: int) -> None:
+    panel.set(xlim=(0.0, 1.0), ylim=(0.0, 1.0))
+    panel.set_axis_off()
+    for line, case in enumerate(cases):
+        value = correlation(case.samples[:, first], case.samples[:, second])
+        weak = abs(value) < 0.2
+        panel.text(
+            0.5,
+            0.5 + 0.22 * ((len(cases) - 1) / 2 - line),
+            f"{value:+.2f}".replace("-", "\u2212"),
+            ha="center",
+            va="center",
+            fontsize=9.0 + 5.0 * abs(value),
+            color=case.color,
+            alpha=0.45 if weak else 1.0,
+        )
+
+
+def correlation(x: Floats, y: Floats) -> float:
+    """Correlation of two rows of samples, 0 where one of them does not vary."""
+    spread = x.std() * y.std()
+    return float(((x - x.mean()) * (y - y.mean())).mean() / spread) if spread > 0.0 else 0.0
+
+
+def _label(panel: Axes, row: int, column: int, names: Sequence[str]) -> None:
+    last = len(names) - 1
+    for axis in (panel.xaxis, panel.yaxis):
+        axis.set_major_locator(MaxNLocator(3, prune="both"))
+    panel.tick_params(
+        labelsize=8.0,
+        bottom=row == last,
+        labelbottom=row == last,
+        left=column == 0 and row > 0,
+        labelleft=column == 0 and row > 0,
+    )
+    panel.spines[["top", "right"]].set_visible(True)
+    if row == last:
+        panel.set_xlabel(names[column])
+    if column == 0 and row > 0:
+        panel.set_ylabel(names[row])
+
+
+def _head(
+    figure: Figure, title: str, cases: list[Case], truth: Floats | None, parameters: int
+) -> None:
+    handles = [Line2D([], [], color=case.color, linewidth=3.0, label=case.label) for case in cases]
+    if truth is not None:
+        handles.append(Line2D([], [], color=INK, linestyle="--", linewidth=0.9, label="Truth"))
+    note = "Contours hold 50 and 90 %; on the diagonal mean ± sd; above it correlations"
+    add_head(figure, title, handles, note=note if parameters > 1 else "")

@@ -1,0 +1,48 @@
+"""Units and figures that keep the numbers of a drawing short."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+
+@dataclass(frozen=True)
+class Scale:
+    """A unit for display, used from the SI value `start` on: SI value = value shown x factor."""
+
+    unit: str
+    factor: float
+    start: float
+
+
+_FORCE = (Scale("N", 1.0, 0.0), Scale("kN", 1e3, 1e3), Scale("MN", 1e6, 5e6))
+# Engineers think of drifts in mm, also in tenths of one and in hundreds.
+_LENGTH = (Scale("µm", 1e-6, 0.0), Scale("mm", 1e-3, 5e-5), Scale("m", 1.0, 2.0))
+
+
+def force_scale(values: ArrayLike) -> Scale:
+    """Return N, kN or MN, whichever suits the largest of the values, N."""
+    return _suiting(_FORCE, values)
+
+
+def length_scale(values: ArrayLike) -> Scale:
+    """Return µm, mm or m, whichever suits the largest of the values, m."""
+    return _suiting(_LENGTH, values)
+
+
+def _suiting(scales: tuple[Scale, ...], values: ArrayLike) -> Scale:
+    largest = float(np.max(np.abs(np.asarray(values, dtype=float)), initial=0.0))
+    return [scale for scale in scales if scale.start <= largest][-1]
+
+
+def three_figures(value: float) -> str:
+    """Return the value with three significant figures, trailing zeros kept: 0.300, 32.8, 328."""
+    return f"{value:#.3g}".rstrip(".")
+
+
+def plus_minus(mean: float, sd: float) -> str:
+    """Return mean ± standard deviation with two figures of the latter."""
+    if not sd > 0.0:
+        return f"{mean:.4g}"
+    decimals = max(0, 1 - int(np.floor(np.log10(sd))))
+    return f"{mean:.{decimals}f} ± {sd:.{decimals}f}"

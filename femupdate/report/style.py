@@ -1,0 +1,73 @@
+"""How every figure looks: one calm style with colours that colour-blind readers can tell apart."""
+
+import functools
+from collections.abc import Callable
+from types import MappingProxyType
+from typing import Any, ParamSpec, TypeVar
+
+from matplotlib import rc_context
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+# Okabe and Ito (2008): eight colours that stay apart for the common kinds of colour blindness.
+BLUE = "#0072B2"
+ORANGE = "#D55E00"
+GREEN = "#009E73"
+PURPLE = "#CC79A7"
+SKY = "#56B4E9"
+AMBER = "#E69F00"
+SERIES = (BLUE, ORANGE, GREEN, PURPLE, AMBER, SKY)
+INK = "#22262B"  # text and measured data
+QUIET = "#6B7280"  # axes and what stands behind
+FAINT = "#D9DDE3"  # grids and priors
+
+MAGNITUDE_MAP = "viridis"
+SPREAD_MAP = "cividis"
+
+STYLE = MappingProxyType(
+    {
+        "axes.axisbelow": True,
+        "axes.edgecolor": QUIET,
+        "axes.grid": True,
+        "axes.labelcolor": INK,
+        "axes.labelsize": 10.0,
+        "axes.linewidth": 0.8,
+        "axes.spines.right": False,
+        "axes.spines.top": False,
+        "axes.titlelocation": "left",
+        "axes.titlepad": 5.0,
+        "axes.titlesize": 10.0,
+        "axes.titleweight": "bold",
+        "figure.facecolor": "white",
+        "font.family": "DejaVu Sans",  # comes with matplotlib: the same everywhere
+        "font.size": 9.5,
+        "grid.color": FAINT,
+        "grid.linewidth": 0.6,
+        "legend.fontsize": 9.5,
+        "legend.frameon": False,
+        "legend.handlelength": 1.8,
+        "lines.linewidth": 1.3,
+        "lines.solid_capstyle": "round",
+        "savefig.facecolor": "white",
+        "text.color": INK,
+        "xtick.color": QUIET,
+        "xtick.labelcolor": INK,
+        "xtick.labelsize": 9.0,
+        "ytick.color": QUIET,
+        "ytick.labelcolor": INK,
+        "ytick.labelsize": 9.0,
+    }
+)
+
+
+def styled(draw: Callable[P, R]) -> Callable[P, R]:
+    """Run a drawing function in this style and leave matplotlib's settings as they were."""
+
+    @functools.wraps(draw)
+    def wrapper(*args: P.args, **kwargs: P.kwargs) -> R:
+        settings: dict[str, Any] = dict(STYLE)
+        with rc_context(settings):
+            return draw(*args, **kwargs)
+
+    return wrapper

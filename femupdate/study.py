@@ -1,0 +1,198 @@
+"""The study folder: what is where, what it was made from, atomic writes and resuming."""
+
+import contextlib
+import errno
+import hashlib
+import json
+import os
+import tempfile
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from femupdate import __version__
+from femupdate.errors import StudyError
+
+MANIFEST = "study.json"
+
+
+@contextlib.contextmanager
+def atomic_path(path: Path | str) -> Iterator[Path]:
+    """Yield a temporary path beside `path`; move it there when the block ends without error.
+
+    A reader never sees half a file, and a failed write leaves the old file as it was.
+
+    Raises:
+        StudyError: the folder cannot be written or the disk is full.
+    """
+    path = Path(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(
+            prefix=f".{path.stem}-", suffix=f".part{path.suffix}", dir=path.parent
+        )
+        os.close(handle)
+    except OSError as error:
+        raise StudyError(_write_failure(path, error)) from error
+    temporary = Path(name)
+    try:
+        yield temporary
+        # mkstemp makes private files; a study is shared like any other folder.
+        umask = os.umask(0)
+        os.umask(umask)
+        temporary.chmod(0o666 & ~umask)
+        os.replace(temporary, path)
+    except OSError as error:
+        raise StudyError(_write_failure(path, error)) from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_text(path: Path | str, text: str) -> None:
+    """Write a UTF-8 text file atomically."""
+    with atomic_path(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def file_hash(path: Path | str) -> str:
+    """SHA-256 of a file's content."""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+@dataclass(frozen=True)
+class Artefact:
+    """What is known of one file of a study.
+
+    Attributes:
+        file: path inside the study folder.
+        command: what made it.
+        version: of femupdate.
+        created: UTC time, ISO 8601.
+        settings: what it was made with.
+        made_from: hash of each thing it was made from.
+        sha256: of the file itself.
+    """
+
+    file: str
+    command: str
+    version: str
+    created: str
+    settings: Mapping[str, Any]
+    made_from: Mapping[str, str]
+    sha256: str
+
+
+class Study:
+    """A folder that holds everything made for one building and its observation.
+
+    Args:
+        folder: made when the first artefact is written.
+    """
+
+    def __init__(self, folder: Path | str) -> None:
+        self.folder = Path(folder)
+
+    def path(self, *parts: str) -> Path:
+        """Path of a file inside the study."""
+        return self.folder.joinpath(*parts)
+
+    def artefacts(self) -> dict[str, Artefact]:
+        """All recorded artefacts by name.
+
+        Raises:
+            StudyError: the record cannot be read.
+        """
+        manifest = self.path(MANIFEST)
+        if not manifest.exists():
+            return {}
+        try:
+            entries = json.loads(manifest.read_text(encoding="utf-8"))["artefacts"]
+            return {name: Artefact(**entry) for name, entry in entries.items()}
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise StudyError(
+                f"{manifest} cannot be read ({error}); move it away and run the commands again"
+            ) from error
+
+    def record(
+        self,
+        name: str,
+        file: str,
+        command: str,
+        made_from: Mapping[str, str],
+        settings: Mapping[str, Any] | None = None,
+    ) -> Artefact:
+        """Note that `file` has been written, by what and from what."""
+        artefact = Artefact(
+            file,
+            command,
+            __version__,
+            datetime.now(UTC).isoformat(timespec="seconds"),
+            dict(settings or {}),
+            dict(made_from),
+            file_hash(self.path(file)),
+        )
+        entries = {**self.artefacts(), name: artefact}
+        content = {
+            "femupdate": __version__,
+            "artefacts": {key: asdict(value) for key, value in sorted(entries.items())},
+        }
+        write_text(self.path(MANIFEST), json.dumps(content, indent=2, sort_keys=True) + "\n")
+        return artefact
+
+    def find(self, name: str, made_from: Mapping[str, str]) -> Path | None:
+        """Path of an artefact if it is there, whole, and made from just these things."""
+        artefact = self.artefacts().get(name)
+        if artefact is None or dict(artefact.made_from) != dict(made_from):
+            return None
+        path = self.path(artefact.file)
+        if not path.exists() or file_hash(path) != artefact.sha256:
+            return None
+        return path
+
+    def require(self, name: str, command: str) -> Path:
+        """Path of an artefact that must be there and whole.
+
+        Args:
+            name: of the artefact.
+            command: what the user should run when it is not.
+
+        Raises:
+            StudyError: it is missing, or is not the file that was recorded.
+        """
+        artefact = self.artefacts().get(name)
+        if artefact is None or not self.path(artefact.file).exists():
+            raise StudyError(
+                f"the study {self.folder} holds no {name}; run `femupdate {command}` first"
+            )
+        path = self.path(artefact.file)
+        if file_hash(path) != artefact.sha256:
+            raise StudyError(
+                f"{path} is not the file that femupdate wrote (it was changed or cut short); run "
+                f"`femupdate {command}` again"
+            )
+        return path
+
+    def check_fresh(self, name: str, made_from: Mapping[str, str], command: str) -> None:
+        """Make sure that an artefact was made from these things.
+
+        Raises:
+            StudyError: it is stale; the message names what has changed.
+        """
+        artefact = self.artefacts().get(name)
+        if artefact is None:
+            return
+        changed = [key for key, value in made_from.items() if artefact.made_from.get(key) != value]
+        if changed:
+            raise StudyError(
+                f"the {name} in {self.folder} was made from another {' and '.join(changed)}; run "
+                f"`femupdate {command}` again"
+            )
+
+
+def _write_failure(path: Path, error: OSError) -> str:
+    if error.errno == errno.ENOSPC:
+        return f"cannot write {path}: the disk is full; free some space and run the command again"
+    return f"cannot write {path}: {error.strerror or error}; check the folder and its permissions"

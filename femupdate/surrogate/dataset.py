@@ -1,0 +1,168 @@
+"""The training set: parameter samples with their modes, from which FRFs are made as needed.
+
+Modes are some forty times smaller than FRFs, and give the FRFs for any damping and any grid.
+"""
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from femupdate.dynamics.damping import DampingLaw
+from femupdate.dynamics.frf import log_frf
+from femupdate.dynamics.modal import ModalData, modal_data
+from femupdate.dynamics.reduced import ReducedModel
+from femupdate.inference.prior import UniformPrior
+from femupdate.study import atomic_path
+
+SHARD = 2500
+_FIELDS = ("theta", "omega", "effect", "residual")
+
+
+@dataclass(frozen=True)
+class ModalDataset:
+    """Parameter samples and their modes.
+
+    Attributes:
+        theta: (N, p) float64.
+        modal: float32 modal data of the N samples.
+    """
+
+    theta: Tensor
+    modal: ModalData
+
+    def __len__(self) -> int:
+        return len(self.theta)
+
+
+@dataclass(frozen=True)
+class DatasetPlan:
+    """What to compute.
+
+    Attributes:
+        samples: number of parameter samples, a Sobol sequence over the prior box.
+        modes: modes kept a sample.
+        top_frequency_hz: top of the frequency grid.
+        seed: of the scrambled sequence.
+    """
+
+    samples: int
+    modes: int
+    top_frequency_hz: float
+    seed: int
+
+
+def compute_dataset(
+    model: ReducedModel,
+    prior: UniformPrior,
+    plan: DatasetPlan,
+    folder: Path,
+    progress: Callable[[int], None] | None = None,
+) -> ModalDataset:
+    """Solve the modes of all samples in shards; shards already in `folder` are kept.
+
+    Two or more shards are solved at a time, one thread each: small eigenproblems gain nothing
+    from threads of their own. Killed half-way, the next call goes on where this one stopped.
+    The caller chooses a folder that belongs to this model, prior and plan alone.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    unit = torch.quasirandom.SobolEngine(prior.size, scramble=True, seed=plan.seed).draw(
+        plan.samples, dtype=torch.float64
+    )
+    theta = prior.from_unit(unit)
+    paths = [folder / f"{k:04d}.npz" for k in range(-(-plan.samples // SHARD))]
+
+    def solve(k: int) -> None:
+        rows = theta[k * SHARD : (k + 1) * SHARD]
+        if not paths[k].exists():
+            _write_shard(paths[k], rows, _solve_shard(model, rows, plan))
+        if progress is not None:
+            progress(len(rows))
+
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        with ThreadPoolExecutor(max_workers=max(1, len(os.sched_getaffinity(0)))) as pool:
+            list(pool.map(solve, range(len(paths))))
+    finally:
+        torch.set_num_threads(threads)
+    return _join([_read_shard(path) for path in paths])
+
+
+def save_dataset(dataset: ModalDataset, path: Path) -> None:
+    """Write a data set as one npz file."""
+    _write_shard(path, dataset.theta, dataset.modal)
+
+
+def load_dataset(path: Path) -> ModalDataset:
+    """Read a data set that `save_dataset` wrote."""
+    return _read_shard(path)
+
+
+def sample_zeta(count: int, bounds: tuple[float, float], generator: torch.Generator) -> Tensor:
+    """Uniform damping ratios (count,), float32."""
+    low, high = bounds
+    return low + (high - low) * torch.rand(count, generator=generator)
+
+
+def log_frf_pool(
+    dataset: ModalDataset,
+    frequency_hz: Tensor,
+    law: DampingLaw,
+    zeta: Tensor,
+    progress: Callable[[int], None] | None = None,
+    batch: int = 256,
+) -> Tensor:
+    """ln|H| of all samples, (N, f, k), as float16: its rounding, .002, is far below the noise."""
+    pool = torch.empty(
+        len(dataset), dataset.modal.effect.shape[1], len(frequency_hz), dtype=torch.float16
+    )
+    for start in range(0, len(dataset), batch):
+        rows = slice(start, start + batch)
+        pool[rows] = log_frf(dataset.modal[rows], frequency_hz, law, zeta[rows]).to(torch.float16)
+        if progress is not None:
+            progress(len(zeta[rows]))
+    return pool
+
+
+def _solve_shard(model: ReducedModel, theta: Tensor, plan: DatasetPlan) -> ModalData:
+    return modal_data(
+        model,
+        theta,
+        modes=plan.modes,
+        top_frequency_hz=plan.top_frequency_hz,
+        batch=64,
+    ).to("cpu", torch.float32)
+
+
+def _write_shard(path: Path, theta: Tensor, modal: ModalData) -> None:
+    with atomic_path(path) as temporary, open(temporary, "wb") as file:
+        np.savez(
+            file,
+            theta=theta.numpy(),
+            omega=modal.omega.numpy(),
+            effect=modal.effect.numpy(),
+            residual=modal.residual.numpy(),
+        )
+
+
+def _read_shard(path: Path) -> ModalDataset:
+    with np.load(path) as data:
+        theta, omega, effect, residual = (torch.from_numpy(data[name]) for name in _FIELDS)
+    return ModalDataset(theta, ModalData(omega, effect, residual))
+
+
+def _join(parts: list[ModalDataset]) -> ModalDataset:
+    return ModalDataset(
+        torch.cat([part.theta for part in parts]),
+        ModalData(
+            torch.cat([part.modal.omega for part in parts]),
+            torch.cat([part.modal.effect for part in parts]),
+            torch.cat([part.modal.residual for part in parts]),
+        ),
+    )

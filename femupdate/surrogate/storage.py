@@ -1,0 +1,106 @@
+"""Trained surrogates on disk: safetensors, with what they were trained for in the header."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import Tensor
+
+from femupdate.errors import SurrogateError
+from femupdate.study import atomic_path
+from femupdate.surrogate.network import Mvae, NetworkSizes
+
+# Rounding to half precision moves the latent means by a small share of the posterior's width (a
+# test measures it) and halves the file; the parameter encoder, whose error would add to the width
+# of every posterior, stays whole.
+_HALF_PRECISION = ("observation_encoder.", "decoder.")
+
+
+@dataclass(frozen=True)
+class SurrogateInfo:
+    """What a trained surrogate is for.
+
+    Attributes:
+        building: name of the building.
+        mechanics_hash: of the building's mechanics, prior and frequency grid.
+        floors: floors that it knows, bottom to top.
+        noise_sd: standard deviation of ln|H| that it was trained with.
+        version: of femupdate.
+        settings: of data set and training.
+        metrics: losses and times of the training.
+    """
+
+    building: str
+    mechanics_hash: str
+    floors: tuple[str, ...]
+    noise_sd: float
+    version: str
+    settings: Mapping[str, Any]
+    metrics: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class TrainedSurrogate:
+    """Networks and what they are for."""
+
+    mvae: Mvae
+    info: SurrogateInfo
+
+
+def save_surrogate(surrogate: TrainedSurrogate, path: Path) -> None:
+    """Write a surrogate, atomically."""
+    tensors = {
+        name: _packed(name, tensor) for name, tensor in surrogate.mvae.state_dict().items()
+    }
+    info = surrogate.info
+    header = {
+        "sizes": surrogate.mvae.sizes.as_dict(),
+        "building": info.building,
+        "mechanics_hash": info.mechanics_hash,
+        "floors": list(info.floors),
+        "noise_sd": info.noise_sd,
+        "version": info.version,
+        "settings": dict(info.settings),
+        "metrics": dict(info.metrics),
+    }
+    with atomic_path(path) as temporary:
+        save_file(tensors, temporary, metadata={"femupdate": json.dumps(header)})
+
+
+def load_surrogate(path: Path) -> TrainedSurrogate:
+    """Read a surrogate.
+
+    Raises:
+        SurrogateError: the file is missing, is not a surrogate or is cut short.
+    """
+    try:
+        with safe_open(path, framework="pt") as file:
+            header = json.loads((file.metadata() or {})["femupdate"])
+            state = {name: file.get_tensor(name).float() for name in file.keys()}  # noqa: SIM118
+    except (OSError, SafetensorError, KeyError, ValueError) as error:
+        raise SurrogateError(
+            f"{path} is not a trained surrogate of femupdate ({error}); run `femupdate train`"
+        ) from error
+    mvae = Mvae(NetworkSizes(**header["sizes"]))
+    mvae.load_state_dict(state)
+    mvae.eval()
+    info = SurrogateInfo(
+        header["building"],
+        header["mechanics_hash"],
+        tuple(header["floors"]),
+        header["noise_sd"],
+        header["version"],
+        header["settings"],
+        header["metrics"],
+    )
+    return TrainedSurrogate(mvae, info)
+
+
+def _packed(name: str, tensor: Tensor) -> Tensor:
+    half = name.startswith(_HALF_PRECISION)
+    return tensor.detach().to("cpu", torch.float16 if half else torch.float32).contiguous()

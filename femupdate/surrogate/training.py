@@ -1,0 +1,370 @@
+"""Training of the MVAE: one-cycle Adam, averaged weights, early stopping, resume after a kill."""
+
+import json
+import logging
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import Tensor
+
+from femupdate.dynamics.damping import DampingLaw
+from femupdate.errors import SurrogateError
+from femupdate.inference.prior import UniformPrior
+from femupdate.study import atomic_path
+from femupdate.surrogate.dataset import ModalDataset, log_frf_pool, sample_zeta
+from femupdate.surrogate.loss import LossSettings, LossTerms, loss_terms
+from femupdate.surrogate.network import Mvae, NetworkSizes
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class TrainingSettings:
+    """Settings of the training.
+
+    Attributes:
+        epochs: most epochs; the learning rate's one cycle spans them.
+        batch: samples a step.
+        learning_rate: top of the cycle.
+        patience: stop after so many epochs without a lower validation loss.
+        validation: share of the samples held out.
+        average: decay of the running average of the weights, which is what is kept.
+        redraw_zeta_every: epochs after which the damping of every sample is drawn anew.
+        roof_share: share of rows in which the top floor alone is observed.
+        full_share: share of rows in which all floors are observed; the rest see a random subset.
+        seed: of everything random.
+    """
+
+    epochs: int = 60
+    batch: int = 512
+    learning_rate: float = 2e-3
+    patience: int = 20
+    validation: float = 0.05
+    average: float = 0.998
+    redraw_zeta_every: int = 10
+    roof_share: float = 0.3
+    full_share: float = 0.4
+    seed: int = 0
+    loss: LossSettings = field(default_factory=LossSettings)
+
+    def as_dict(self) -> dict[str, object]:
+        """Plain numbers, for headers and records."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class TrainingTask:
+    """What is learned.
+
+    Attributes:
+        dataset: samples and their modes.
+        frequency_hz: (k,) grid.
+        law: damping law.
+        zeta_bounds: range of the damping ratio, a nuisance.
+        prior: box of the parameters.
+        sizes: of the networks.
+    """
+
+    dataset: ModalDataset
+    frequency_hz: Tensor
+    law: DampingLaw
+    zeta_bounds: tuple[float, float]
+    prior: UniformPrior
+    sizes: NetworkSizes
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where the training is, for a progress bar.
+
+    Attributes:
+        epoch: epochs done.
+        epochs: most epochs.
+        step: steps done in this epoch.
+        steps: steps an epoch.
+        validation_loss: of the last epoch, NaN before the first has ended.
+    """
+
+    epoch: int
+    epochs: int
+    step: int
+    steps: int
+    validation_loss: float
+
+
+@dataclass(frozen=True)
+class TrainingResult:
+    """The trained networks and how it went."""
+
+    mvae: Mvae
+    metrics: dict[str, float]
+
+
+@dataclass
+class _Run:
+    """The moving parts of a training; everything that a checkpoint holds."""
+
+    mvae: Mvae
+    average: Mvae
+    best: dict[str, Tensor]
+    optimizer: torch.optim.AdamW
+    epoch: int = 0
+    step: int = 0
+    best_loss: float = float("inf")
+    best_epoch: int = 0
+    seconds: float = 0.0
+
+
+def train_mvae(
+    task: TrainingTask,
+    settings: TrainingSettings,
+    checkpoint: Path | None = None,
+    progress: Callable[[Progress], None] | None = None,
+) -> TrainingResult:
+    """Train from scratch, or go on from the checkpoint of a training that was killed.
+
+    Every epoch's random numbers come from the seed and the epoch's number, so a resumed training
+    gives the same weights as one that was never stopped.
+
+    Raises:
+        SurrogateError: too few samples, or the checkpoint is of another training.
+    """
+    count = len(task.dataset)
+    held_out = max(1, round(settings.validation * count))
+    if count - held_out < settings.batch:
+        raise SurrogateError(
+            f"{count} samples are too few for batches of {settings.batch}; ask for more samples"
+        )
+    run = _start(task, settings)
+    fingerprint = json.dumps([settings.as_dict(), task.sizes.as_dict(), count], sort_keys=True)
+    if checkpoint is not None and checkpoint.exists():
+        _load_checkpoint(run, checkpoint, fingerprint)
+    order = torch.randperm(count, generator=_generator(settings.seed, 0))
+    validation, training = order[:held_out], order[held_out:]
+    pool: Tensor | None = None
+    validation_loss = run.best_loss
+    while run.epoch < settings.epochs and run.epoch - run.best_epoch < settings.patience:
+        started = time.monotonic()
+        if pool is None or run.epoch % settings.redraw_zeta_every == 0:
+            pool = _draw_pool(task, settings, run.epoch // settings.redraw_zeta_every)
+        tell = _teller(progress, run, settings, len(training), validation_loss)
+        _epoch(run, task, settings, pool, training, tell)
+        validation_loss = _validate(run.average, task, settings, pool, validation)
+        run.epoch += 1
+        run.seconds += time.monotonic() - started
+        if validation_loss < run.best_loss:
+            run.best_loss, run.best_epoch = validation_loss, run.epoch
+            run.best = {k: v.clone() for k, v in run.average.state_dict().items()}
+        logger.info("epoch %d: validation loss %.3f", run.epoch, validation_loss)
+        if checkpoint is not None:
+            _save_checkpoint(run, checkpoint, fingerprint)
+    run.average.load_state_dict(run.best)
+    run.average.eval()
+    metrics = {
+        "validation_loss": run.best_loss,
+        "best_epoch": float(run.best_epoch),
+        "epochs": float(run.epoch),
+        "seconds": run.seconds,
+    }
+    return TrainingResult(run.average, metrics)
+
+
+def draw_floor_masks(count: int, floors: int, settings: TrainingSettings, seed: Tensor) -> Tensor:
+    """Random masks (count, f) of observed floors, from uniform numbers `seed` (count, 2 + f)."""
+    if floors == 1:
+        return torch.ones(count, 1)
+    chosen = seed[:, 2:] < 0.5
+    # Every subset has at least one floor.
+    forced = (seed[:, 1] * floors).long().clamp_max(floors - 1)
+    chosen[torch.arange(count), forced] = True
+    masks = chosen.float()
+    masks[seed[:, 0] < settings.roof_share + settings.full_share] = 1.0
+    roof = torch.zeros(floors)
+    roof[-1] = 1.0
+    masks[seed[:, 0] < settings.roof_share] = roof
+    return masks
+
+
+def _start(task: TrainingTask, settings: TrainingSettings) -> _Run:
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(settings.seed)
+        mvae = Mvae(task.sizes)
+    pool = _draw_pool(task, settings, 0, first=4000).float()
+    mvae.x_mean.copy_(pool.mean(0))
+    mvae.x_scale.copy_(pool.std(0).clamp_min(settings.loss.noise_sd))
+    mvae.lower.copy_(task.prior.lower)
+    mvae.upper.copy_(task.prior.upper)
+    average = Mvae(task.sizes)
+    average.load_state_dict(mvae.state_dict())
+    optimizer = torch.optim.AdamW(
+        mvae.parameters(), lr=settings.learning_rate, weight_decay=1e-4
+    )
+    return _Run(mvae, average, dict(average.state_dict()), optimizer)
+
+
+def _draw_pool(
+    task: TrainingTask, settings: TrainingSettings, draw: int, first: int | None = None
+) -> Tensor:
+    """ln|H| of the samples (of the first few) with damping drawn for the `draw`-th time."""
+    generator = _generator(settings.seed, 1_000_000 + draw)
+    zeta = sample_zeta(len(task.dataset), task.zeta_bounds, generator)
+    dataset = task.dataset
+    if first is not None:
+        dataset = ModalDataset(dataset.theta[:first], dataset.modal[:first])
+    return log_frf_pool(dataset, task.frequency_hz, task.law, zeta[: len(dataset)])
+
+
+def _epoch(
+    run: _Run,
+    task: TrainingTask,
+    settings: TrainingSettings,
+    pool: Tensor,
+    rows: Tensor,
+    tell: Callable[[int], None],
+) -> None:
+    generator = _generator(settings.seed, 1 + run.epoch)
+    shuffled = rows[torch.randperm(len(rows), generator=generator)]
+    steps = len(rows) // settings.batch
+    for step in range(steps):
+        batch = shuffled[step * settings.batch : (step + 1) * settings.batch]
+        _set_rate(run, settings, steps)
+        terms = _terms(run.mvae, task, settings, pool, batch, generator)
+        run.optimizer.zero_grad()
+        terms.total(settings.loss).backward()
+        # The first steps can meet misfits of thousands of sigma.
+        torch.nn.utils.clip_grad_norm_(run.mvae.parameters(), 200.0)
+        run.optimizer.step()
+        run.step += 1
+        _update_average(run, settings)
+        tell(step + 1)
+
+
+def _terms(
+    mvae: Mvae,
+    task: TrainingTask,
+    settings: TrainingSettings,
+    pool: Tensor,
+    rows: Tensor,
+    generator: torch.Generator,
+) -> LossTerms:
+    numbers = torch.rand(len(rows), 2 + task.sizes.floors, generator=generator)
+    masks = draw_floor_masks(len(rows), task.sizes.floors, settings, numbers)
+    theta = task.dataset.theta[rows].to(torch.float32)
+    return loss_terms(mvae, pool[rows].float(), theta, masks, settings.loss, generator)
+
+
+def _validate(
+    mvae: Mvae, task: TrainingTask, settings: TrainingSettings, pool: Tensor, rows: Tensor
+) -> float:
+    """Loss on the held-out samples, with the same noise and masks every time."""
+    generator = _generator(settings.seed, 2_000_000)
+    total = 0.0
+    with torch.no_grad():
+        for batch in rows.split(settings.batch):
+            terms = _terms(mvae, task, settings, pool, batch, generator)
+            total += float(terms.total(settings.loss)) * len(batch)
+    return total / len(rows)
+
+
+def _set_rate(run: _Run, settings: TrainingSettings, steps: int) -> None:
+    """One cycle (Smith & Topin 2019): up over a tenth of the training, down by half a cosine."""
+    progress = torch.tensor(run.step / (settings.epochs * steps))
+    warm = 0.1
+    if progress < warm:
+        share = 0.04 + 0.96 * float(progress) / warm
+    else:
+        share = 0.5 * (1.0 + float(torch.cos(torch.pi * (progress - warm) / (1.0 - warm)))) + 1e-4
+    for group in run.optimizer.param_groups:
+        group["lr"] = settings.learning_rate * share
+
+
+def _update_average(run: _Run, settings: TrainingSettings) -> None:
+    decay = min(settings.average, (run.step + 1) / (run.step + 10))
+    with torch.no_grad():
+        pairs = zip(run.average.parameters(), run.mvae.parameters(), strict=True)
+        for average, current in pairs:
+            average.lerp_(current, 1.0 - decay)
+
+
+def _generator(seed: int, stream: int) -> torch.Generator:
+    return torch.Generator().manual_seed(seed * 10_000_019 + stream)
+
+
+def _teller(
+    progress: Callable[[Progress], None] | None,
+    run: _Run,
+    settings: TrainingSettings,
+    rows: int,
+    validation_loss: float,
+) -> Callable[[int], None]:
+    steps = rows // settings.batch
+    epoch = run.epoch
+
+    def tell(step: int) -> None:
+        if progress is not None:
+            progress(Progress(epoch, settings.epochs, step, steps, validation_loss))
+
+    return tell
+
+
+def _save_checkpoint(run: _Run, path: Path, fingerprint: str) -> None:
+    tensors: dict[str, Tensor] = {}
+    for prefix, state in (
+        ("mvae", run.mvae.state_dict()),
+        ("average", run.average.state_dict()),
+        ("best", run.best),
+    ):
+        tensors |= {f"{prefix}/{name}": value.contiguous().clone() for name, value in state.items()}
+    for index, state in run.optimizer.state_dict()["state"].items():
+        tensors |= {f"adam/{index}/{name}": value.clone() for name, value in state.items()}
+    numbers = {
+        "epoch": run.epoch,
+        "step": run.step,
+        "best_loss": run.best_loss,
+        "best_epoch": run.best_epoch,
+        "seconds": run.seconds,
+    }
+    with atomic_path(path) as temporary:
+        save_file(
+            tensors,
+            temporary,
+            metadata={"numbers": json.dumps(numbers), "fingerprint": fingerprint},
+        )
+
+
+def _load_checkpoint(run: _Run, path: Path, fingerprint: str) -> None:
+    try:
+        with safe_open(path, framework="pt") as file:
+            metadata = file.metadata() or {}
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    except (OSError, SafetensorError) as error:
+        raise SurrogateError(
+            f"the checkpoint {path} cannot be read ({error}); delete it to train from the start"
+        ) from error
+    if metadata.get("fingerprint") != fingerprint:
+        raise SurrogateError(
+            f"the checkpoint {path} belongs to a training with other settings; delete it to train "
+            "from the start"
+        )
+
+    def part(prefix: str) -> dict[str, Tensor]:
+        start = len(prefix) + 1
+        return {k[start:]: v for k, v in tensors.items() if k.startswith(prefix + "/")}
+
+    run.mvae.load_state_dict(part("mvae"))
+    run.average.load_state_dict(part("average"))
+    run.best = part("best")
+    adam: dict[int, dict[str, Tensor]] = {}
+    for name, value in part("adam").items():
+        index, key = name.split("/")
+        adam.setdefault(int(index), {})[key] = value
+    state = run.optimizer.state_dict()
+    state["state"] = adam
+    run.optimizer.load_state_dict(state)
+    for name, value in json.loads(metadata["numbers"]).items():
+        setattr(run, name, value)

@@ -1,0 +1,145 @@
+"""A small frame building as a file, and a maker of frame buildings of any size."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+SMALL = """\
+name = "small"
+kind = "frame"
+
+[grid.x]
+A = "0 m"
+B = "4 m"
+C = "7 m"
+
+[grid.y]
+P = "0 m"
+Q = "5 m"
+
+[[stories]]
+name = "low"
+height = "3.2 m"
+
+[[stories]]
+name = "high"
+height = "2.8 m"
+
+[materials.concrete]
+youngs_modulus = "25 GPa"
+poisson_ratio = 0.2
+density = "2400 kg/m3"
+
+[sections.column]
+shape = "rectangle"
+width = "300 mm"
+depth = "500 mm"
+
+[sections.beam]
+shape = "rectangle"
+width = "250 mm"
+depth = "400 mm"
+
+[[columns]]
+section = "column"
+
+[[beams]]
+section = "beam"
+
+[[walls]]
+along = "P"
+from = "A"
+to = "B"
+thickness = "150 mm"
+
+[[walls]]
+along = "C"
+from = "P"
+to = "Q"
+thickness = "100 mm"
+role = "non_structural"
+
+[[slabs]]
+x = ["A", "C"]
+y = ["P", "Q"]
+thickness = "150 mm"
+
+[[floor_mass]]
+total = "60 t"
+
+[mesh]
+size = "1 m"
+
+[sensors]
+direction = "x"
+points = ["P-B", "Q-B"]
+
+[frequency_grid]
+start = "0.1 Hz"
+step = "0.1 Hz"
+count = 300
+
+[prior.theta]
+lower = "1/3"
+upper = 3
+
+[prior.zeta]
+lower = 0.01
+upper = 0.05
+
+[damping]
+law = "constant"
+ratio = 0.02
+"""
+
+
+@pytest.fixture
+def small_text() -> str:
+    """A valid two-story frame building, as the text of its file."""
+    return SMALL
+
+
+@pytest.fixture
+def make_document() -> Callable[..., dict[str, Any]]:
+    """A maker of documents of rectangular frame buildings (SI numbers, as from Python)."""
+
+    def make(
+        heights: list[float],
+        bays: tuple[list[float], list[float]],
+        mesh_size: float,
+        floor_mass: float | None = None,
+        walls: list[dict[str, Any]] | None = None,
+    ) -> dict[str, Any]:
+        lines = [
+            {f"{name}{n}": sum(widths[:n]) for n in range(len(widths) + 1)}
+            for name, widths in zip("XY", bays, strict=True)
+        ]
+        document: dict[str, Any] = {
+            "name": "made",
+            "kind": "frame",
+            "grid": {"x": lines[0], "y": lines[1]},
+            "stories": [{"name": f"S{n}", "height": h} for n, h in enumerate(heights, 1)],
+            "materials": {
+                "concrete": {"youngs_modulus": 25e9, "poisson_ratio": 0.2, "density": 2400.0}
+            },
+            "sections": {
+                "column": {"shape": "rectangle", "width": 0.4, "depth": 0.6},
+                "beam": {"shape": "rectangle", "width": 0.3, "depth": 0.5},
+            },
+            "columns": [{"section": "column"}],
+            "beams": [{"section": "beam"}],
+            "walls": walls or [],
+            "slabs": [{"x": [*lines[0]][:: len(bays[0])], "y": [*lines[1]][:: len(bays[1])]}],
+            "mesh": {"size": mesh_size},
+            "sensors": {"direction": "y", "points": ["X0-Y0"]},
+            "frequency_grid": {"start": 0.1, "step": 0.1, "count": 100},
+            "prior": {"theta": {"lower": 0.5, "upper": 2.0}},
+            "damping": {"law": "constant", "ratio": 0.03},
+        }
+        document["slabs"][0]["thickness"] = 0.15
+        if floor_mass is not None:
+            document["floor_mass"] = [{"total": floor_mass}]
+        return document
+
+    return make

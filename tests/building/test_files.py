@@ -1,0 +1,178 @@
+"""Building files: found, read, written, hashed."""
+
+import tomllib
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from femupdate.building.document import from_document, to_document
+from femupdate.building.files import (
+    building_hash,
+    load_building,
+    mechanics_hash,
+    save_building,
+    shipped_buildings,
+)
+from femupdate.building.schema import FrameBuilding
+from femupdate.building.toml_writer import to_toml
+from femupdate.errors import BuildingError
+
+NAMES = ("shear_3dof", "shear_4dof", "six_story_wall_frame")
+
+
+def test_the_three_models_are_shipped():
+    assert set(NAMES) <= set(shipped_buildings())
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_saved_building_loads_back_equal(name, tmp_path):
+    building = load_building(name)
+    path = save_building(building, tmp_path / "copy.toml")
+    again = load_building(path)
+    assert again == building
+    assert building_hash(again) == building_hash(building)
+    assert [entry.name for entry in tmp_path.iterdir()] == ["copy.toml"]  # no partial file left
+
+
+def test_frame_with_every_optional_entry_loads_back_equal(small_text, tmp_path):
+    text = small_text.replace('points = ["P-B", "Q-B"]', 'points = "P-B"').replace(
+        'direction = "x"', 'direction = "y"'
+    )
+    text += (
+        '\n[sensors.floors]\nRF = ["A-P", "Q-C"]\n[prior.stories.high]\nlower = 0.5\nupper = 0.7\n'
+    )
+    text += '\n[sections.odd]\nshape = "figures"\narea = "12345 mm2"\nshear_area_y = "1e-2 m2"\n'
+    text += 'shear_area_z = "0.01 m2"\ninertia_y = "3e7 mm4"\ninertia_z = "0.1 m4"\n'
+    text += 'torsion_constant = "7.7e-5 m4"\n'
+    path = tmp_path / "odd.toml"
+    path.write_text('description = """two\nlines "quoted" \\\\ and é"""\n' + text, encoding="utf-8")
+    building = load_building(path)
+    assert isinstance(building, FrameBuilding)
+    assert building.description == 'two\nlines "quoted" \\ and é'
+    assert building.prior.theta_of("high").upper == 0.7
+    assert building.prior.theta_of("low").lower == pytest.approx(1 / 3, rel=1e-15)
+    assert building.sections["odd"].figures().inertia_y == pytest.approx(3e-5, rel=1e-15)
+    assert load_building(save_building(building, tmp_path / "again.toml")) == building
+
+
+def test_saved_figures_carry_units_and_their_origin(tmp_path):
+    path = save_building(load_building("six_story_wall_frame"), tmp_path / "six.toml")
+    lines = path.read_text(encoding="utf-8").splitlines()
+    assert 'youngs_modulus = "24.4 kN/mm2"  # published' in lines
+    assert 'total = "21500 kg"  # assumed' in lines or 'total = "21.5 t"  # assumed' in lines
+
+
+def test_saving_into_a_missing_folder_says_so(tmp_path):
+    with pytest.raises(BuildingError, match="cannot be written"):
+        save_building(load_building("shear_4dof"), tmp_path / "absent" / "x.toml")
+
+
+def test_missing_file_lists_shipped_names_and_the_nearest():
+    with pytest.raises(BuildingError) as error:
+        load_building("six_story_wall_fram")
+    assert all(name in str(error.value) for name in NAMES)
+    assert "did you mean 'six_story_wall_frame'?" in str(error.value)
+
+
+def test_missing_path_names_the_path(tmp_path):
+    with pytest.raises(BuildingError, match=r"nowhere\.toml: there is no such building file"):
+        load_building(tmp_path / "nowhere.toml")
+
+
+def test_path_to_a_folder_is_refused(tmp_path):
+    with pytest.raises(BuildingError, match="cannot be read"):
+        load_building(tmp_path)
+
+
+def test_file_that_is_not_toml_names_the_line(tmp_path):
+    path = tmp_path / "broken.toml"
+    path.write_text('name = "x"\nkind = frame\n', encoding="utf-8")
+    with pytest.raises(BuildingError, match=r"broken\.toml: this is not valid TOML.*line 2"):
+        load_building(path)
+
+
+def test_file_that_is_not_text_is_refused(tmp_path):
+    path = tmp_path / "binary.toml"
+    path.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(BuildingError, match="not UTF-8"):
+        load_building(path)
+
+
+def test_units_do_not_change_the_hash(small_text, tmp_path):
+    texts = (small_text, small_text.replace('"4 m"', '"4000 mm"').replace('"60 t"', '"60000 kg"'))
+    buildings = []
+    for number, text in enumerate(texts):
+        path = tmp_path / f"{number}.toml"
+        path.write_text(text, encoding="utf-8")
+        buildings.append(load_building(path))
+    assert building_hash(buildings[0]) == building_hash(buildings[1])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "changes"),
+    [
+        ('name = "small"', 'name = "other"\ntitle = "T"', False),
+        ("ratio = 0.02", "ratio = 0.03", False),  # zeta has a prior: predictions alone use it
+        ("count = 300", "count = 299", True),
+        ("lower = 0.01", "lower = 0.012", True),
+        ('thickness = "100 mm"', 'thickness = "101 mm"', True),
+        ('direction = "x"', 'direction = "y"', True),
+    ],
+)
+def test_what_changes_the_mechanics_hash(small_text, tmp_path, old, new, changes):
+    paths = tmp_path / "a.toml", tmp_path / "b.toml"
+    paths[0].write_text(small_text, encoding="utf-8")
+    paths[1].write_text(small_text.replace(old, new), encoding="utf-8")
+    first, second = (load_building(path) for path in paths)
+    assert building_hash(first) != building_hash(second)
+    assert (mechanics_hash(first) != mechanics_hash(second)) == changes
+
+
+def test_fixed_constant_damping_is_mechanics(small_text, tmp_path):
+    text = small_text.replace("[prior.zeta]\nlower = 0.01\nupper = 0.05\n", "")
+    hashes = []
+    for ratio in ("0.02", "0.03"):
+        path = tmp_path / "x.toml"
+        path.write_text(text.replace("ratio = 0.02", f"ratio = {ratio}"), encoding="utf-8")
+        hashes.append(mechanics_hash(load_building(path)))
+    assert hashes[0] != hashes[1]
+
+
+def test_document_round_trip_needs_no_file():
+    building = load_building("shear_4dof")
+    assert from_document(to_document(building)) == building
+
+
+texts = st.text(st.characters(exclude_categories=("Cs",)), max_size=20)
+scalars = st.one_of(
+    texts, st.booleans(), st.integers(-(2**60), 2**60), st.floats(allow_nan=False).filter(abs)
+)
+finite = scalars.filter(lambda v: not (isinstance(v, float) and abs(v) == float("inf")))
+plain = st.one_of(finite, st.lists(texts, max_size=3))
+documents = st.recursive(
+    st.dictionaries(texts, plain, max_size=3),
+    lambda tables: st.dictionaries(
+        texts,
+        st.one_of(plain, tables, st.lists(tables, min_size=1, max_size=3)),
+        max_size=3,
+    ),
+    max_leaves=8,
+)
+
+
+@given(document=documents)
+def test_written_toml_reads_back_equal(document):
+    # An empty table inside a list of tables or alone is kept as well.
+    assert tomllib.loads(to_toml(document)) == document
+
+
+def test_toml_writer_refuses_what_it_cannot_write():
+    with pytest.raises(TypeError, match="Path"):
+        to_toml({"a": Path("x")})
+
+
+def test_toml_comments_stand_behind_their_entries():
+    text = to_toml({"a": {"b": 1}}, comment=lambda key: f"said of {key}")
+    assert text == "[a]\nb = 1  # said of a.b\n"

@@ -1,0 +1,296 @@
+"""Meshes of frame buildings: geometry, ownership, masses, supports, sensors."""
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from femupdate.building.document import from_document
+from femupdate.building.files import load_building
+from femupdate.building.lattice import divisions
+from femupdate.building.masses import bar_lengths, self_mass, shell_areas
+from femupdate.building.mesh import mesh_building
+from femupdate.errors import BuildingError
+from femupdate.fe.assembly import assemble
+from femupdate.fe.solve import lowest_modes
+
+DENSITY = 2400.0
+COLUMN, BEAM = 0.4 * 0.6, 0.3 * 0.5  # m2, as the maker of documents has them
+SLAB = 0.15  # m
+
+
+@pytest.mark.parametrize(
+    ("length", "size", "parts"),
+    [(1.8, 0.3, 6), (0.9, 0.3, 3), (0.9, 0.31, 3), (0.9, 0.29, 4), (1.5, 0.3, 5), (0.2, 0.3, 1)],
+)
+def test_an_interval_has_as_few_parts_as_the_mesh_size_allows(length, size, parts):
+    assert divisions(length, size) == parts
+
+
+def total_mass(mesh):
+    return float(self_mass(mesh.model, []).sum() + mesh.model.masses.mass.sum())
+
+
+widths = st.lists(st.floats(2.0, 8.0), min_size=1, max_size=3)
+
+
+@settings(
+    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(
+    heights=st.lists(st.floats(2.0, 5.0), min_size=1, max_size=4),
+    bays=st.tuples(widths, widths),
+    size=st.floats(0.8, 6.0),
+)
+def test_a_building_of_any_size_weighs_what_its_drawings_say(make_document, heights, bays, size):
+    mesh = mesh_building(from_document(make_document(heights, bays, size)))
+    depth, width = sum(bays[1]), sum(bays[0])
+    columns = (len(bays[0]) + 1) * (len(bays[1]) + 1) * COLUMN * np.array(heights)
+    beams = ((len(bays[1]) + 1) * width + (len(bays[0]) + 1) * depth) * BEAM
+    per_story = DENSITY * (columns + beams + width * depth * SLAB)
+    # Sums of products in another order: rounding alone.
+    np.testing.assert_allclose(self_mass(mesh.model, []), per_story, rtol=1e-12)
+    document = make_document(heights, bays, size, floor_mass=2.0 * per_story.max())
+    loaded = mesh_building(from_document(document))
+    assert total_mass(loaded) == pytest.approx(2.0 * per_story.max() * len(heights), rel=1e-12)
+    model = mesh.model
+    used = np.unique(np.concatenate([model.shells.nodes.ravel(), model.beams.nodes.ravel()]))
+    np.testing.assert_array_equal(used, np.arange(len(model.nodes)))
+    assert len(np.unique(model.nodes, axis=0)) == len(model.nodes)
+    assert set(model.shells.group) == set(model.beams.group) == set(range(len(heights)))
+    assert bar_lengths(model).max() <= size * (1 + 1e-6)
+    np.testing.assert_array_equal(mesh.base_nodes, np.flatnonzero(model.nodes[:, 2] == 0.0))
+    assert len(mesh.base_nodes) == (len(bays[0]) + 1) * (len(bays[1]) + 1)
+    assert model.fixed[mesh.base_nodes].all()
+    assert model.fixed.sum() == 6 * len(mesh.base_nodes)
+
+
+@pytest.mark.parametrize("stories", [1, 2, 12])
+def test_a_building_of_other_height_needs_no_code_and_stands(make_document, stories):
+    heights = [3.0 + 0.1 * n for n in range(stories)]
+    walls = [{"along": "Y1", "from": "X0", "to": "X1", "thickness": 0.2}]
+    document = make_document(heights, ([5.0, 6.0], [4.0]), 2.5, 80e3, walls)
+    mesh = mesh_building(from_document(document))
+    assert mesh.model.groups == stories
+    assert mesh.floors == (*(f"{n}F" for n in range(2, stories + 1)), "RF")
+    np.testing.assert_allclose(mesh.floor_level, np.cumsum(heights), rtol=1e-14)
+    assert total_mass(mesh) == pytest.approx(80e3 * stories, rel=1e-12)
+    frequencies = lowest_modes(assemble(mesh.model), np.ones(stories), 3).frequency_hz
+    assert np.all(frequencies > 0.1)
+    # A framed building's first period lies near 0.1 s a story (a rule of thumb of codes).
+    assert 0.3 < frequencies[0] * 0.1 * stories < 3.0
+
+
+def test_a_stiffer_story_shows_in_the_frequencies(make_document):
+    document = make_document([3.0, 3.5, 2.8], ([5.0], [4.0, 6.0]), 2.0, 60e3)
+    operators = assemble(mesh_building(from_document(document)).model)
+    reference = lowest_modes(operators, np.ones(3), 1).frequency_hz[0]
+    assert lowest_modes(operators, np.full(3, 4.0), 1).frequency_hz[0] == pytest.approx(
+        2.0 * reference, rel=1e-6
+    )  # every element belongs to a story: K scales as a whole
+    rises = [
+        lowest_modes(operators, 1.0 + np.eye(3)[story], 1).frequency_hz[0] / reference
+        for story in range(3)
+    ]
+    assert rises[0] > rises[1] > rises[2] > 1.0  # lower stories matter more to the first mode
+
+
+@pytest.fixture
+def small(small_text, tmp_path):
+    path = tmp_path / "small.toml"
+    path.write_text(small_text, encoding="utf-8")
+    return load_building(path)
+
+
+def test_each_story_owns_what_carries_its_floor_and_the_floor(small):
+    model = mesh_building(small).model
+    low, high = 3.2, 6.0
+    shell_z = model.nodes[model.shells.nodes][:, :, 2]
+    beam_z = model.nodes[model.beams.nodes][:, :, 2]
+    for kind, z, elements in (
+        ("wall", shell_z, model.shells),
+        ("slab", shell_z, model.shells),
+        ("column", beam_z, model.beams),
+        ("beam", beam_z, model.beams),
+    ):
+        for group, (bottom, top) in enumerate([(0.0, low), (low, high)]):
+            heights = z[(elements.kind == kind) & (elements.group == group)]
+            assert len(heights)
+            assert heights.max() == pytest.approx(top)
+            floor_only = kind in ("slab", "beam")
+            assert heights.min() == pytest.approx(top if floor_only else bottom)
+
+
+def test_columns_and_beams_share_the_nodes_of_walls_and_slabs(small):
+    model = mesh_building(small).model
+    wall = np.unique(model.shells.nodes[model.shells.kind == "wall"])
+    column = np.unique(model.beams.nodes[model.beams.kind == "column"])
+    edge = wall[np.isclose(model.nodes[wall, 0], 4.0)]
+    assert len(edge) == 4 + 3 + 1  # 3.2 m in four parts, 2.8 m in three
+    assert np.isin(edge, column).all()
+    slab = np.unique(model.shells.nodes[model.shells.kind == "slab"])
+    beam = np.unique(model.beams.nodes[model.beams.kind == "beam"])
+    assert np.isin(beam, slab).all()
+    shared = np.intersect1d(wall, slab)
+    assert len(shared) == 2 * 5  # on both floors, 4 m in four parts
+
+
+def test_sections_stand_as_the_file_says(small):
+    beams = mesh_building(small).model.beams
+    column = np.flatnonzero(beams.kind == "column")[0]
+    # Width 300 mm along x (local y), depth 500 mm along y (local z).
+    assert beams.inertia_y[column] == pytest.approx(0.3 * 0.5**3 / 12, rel=1e-12)
+    assert beams.inertia_z[column] == pytest.approx(0.5 * 0.3**3 / 12, rel=1e-12)
+    np.testing.assert_array_equal(beams.up[column], [0, 1, 0])
+    girder = np.flatnonzero(beams.kind == "beam")[0]
+    assert beams.inertia_y[girder] == pytest.approx(0.25 * 0.4**3 / 12, rel=1e-12)
+    assert beams.shear_area_z[girder] == pytest.approx(0.25 * 0.4 * 5 / 6, rel=1e-12)
+    np.testing.assert_array_equal(beams.up[girder], [0, 0, 1])
+
+
+def test_a_deep_column_is_stiff_along_its_depth(make_document):
+    """One column under a tiny slab: f follows 3 E I / (m h^3), with I of the direction."""
+    document = make_document([4.0], ([0.01], [0.01]), 10.0, 20e3)
+    document["beams"] = []
+    document["columns"] = [{"section": "column", "at": "X0-Y0"}]
+    document["sections"]["column"] = {"shape": "rectangle", "width": 0.1, "depth": 0.2}
+    model = mesh_building(from_document(document)).model
+    operators = assemble(model)
+    modes = lowest_modes(operators, np.ones(1), 2)
+    inertias = np.array([0.2 * 0.1**3, 0.1 * 0.2**3]) / 12
+    expected = np.sqrt(3 * 25e9 * inertias / (20e3 * 4.0**3)) / (2 * np.pi)
+    # Shear deformation (under 0.3 %), the column's own mass (0.96 t of the 20 t is not all at the
+    # top: some 2 %) and the slab's size are left out of the closed form.
+    np.testing.assert_allclose(modes.frequency_hz, expected, rtol=0.03)
+    top = np.argmax(model.nodes[:, 2])
+    first = np.abs(operators.expand(modes.shapes).reshape(-1, 6, 2)[top, :2, 0])
+    assert first[0] > 10 * first[1]  # the weak axis bends along x, where the width lies
+
+
+def test_sensor_points_are_where_the_file_says(small):
+    mesh = mesh_building(small)
+    assert mesh.direction == 0
+    for floor, level in (("2F", 3.2), ("RF", 6.0)):
+        expected = [[4.0, 0.0, level], [4.0, 5.0, level]]
+        np.testing.assert_allclose(mesh.model.nodes[mesh.floor_nodes[floor]], expected, atol=1e-12)
+
+
+def test_one_floor_may_have_points_of_its_own(small_text, tmp_path):
+    text = small_text.replace(
+        '"Q-B"]\n', '"Q-B"]\n[sensors.floors]\nRF = ["C-Q", "P-A", "B-P"]\n'
+    ).replace('direction = "x"', 'direction = "y"')
+    path = tmp_path / "own.toml"
+    path.write_text(text, encoding="utf-8")
+    mesh = mesh_building(load_building(path))
+    assert mesh.direction == 1
+    roof = mesh.model.nodes[mesh.floor_nodes["RF"]]
+    np.testing.assert_allclose(roof[:, :2], [[7, 5], [0, 0], [4, 0]], atol=1e-12)
+    assert len(mesh.floor_nodes["2F"]) == 2
+
+
+def test_wall_without_stiffness_weighs_on_both_floors(small):
+    mesh = mesh_building(small)
+    wall = DENSITY * 0.1 * 5.0 * np.array([3.2, 2.8])
+    assert mesh.ground_mass == pytest.approx(wall[0] / 2, rel=1e-12)
+    # All is counted in the floor masses but what rests on the ground.
+    assert total_mass(mesh) == pytest.approx(2 * 60e3 - wall[0] / 2, rel=1e-12)
+    assert "non_structural_wall" not in mesh.model.shells.kind
+    without = small.model_copy(update={"walls": small.walls[:1]})
+    heavy, light = (
+        (m := mesh_building(b).model.masses, np.bincount(m.node, m.mass))[1]
+        for b in (small, without)
+    )
+    nodes = mesh.model.nodes
+    rest = np.array([60e3, 60e3]) - self_mass(mesh_building(without).model, [])
+    for level, moved, left in (
+        (3.2, wall.sum() / 2, 1 - wall[0] / rest[0]),
+        (6.0, wall[1] / 2, 1 - wall[1] / rest[1]),
+    ):
+        on_floor = np.isclose(nodes[:, 2], level)
+        line = on_floor & np.isclose(nodes[:, 0], 7.0)
+        padded = np.zeros((2, len(nodes)))
+        padded[0, : len(heavy)], padded[1, : len(light)] = heavy, light
+        extra = padded[0] - left * padded[1]  # the spread rest shrinks by the wall's self weight
+        assert extra[line].sum() == pytest.approx(moved, rel=1e-9)
+        np.testing.assert_allclose(extra[on_floor & ~line], 0.0, atol=1e-9 * 60e3)
+
+
+def test_wall_switched_on_becomes_shells(small):
+    stiff = small.walls[1].model_copy(update={"stiffness": True})
+    mesh = mesh_building(small.model_copy(update={"walls": (small.walls[0], stiff)}))
+    shells = mesh.model.shells
+    chosen = shells.kind == "non_structural_wall"
+    areas = np.bincount(shells.group[chosen], shell_areas(mesh.model)[chosen])
+    np.testing.assert_allclose(areas, [5.0 * 3.2, 5.0 * 2.8], rtol=1e-12)
+    assert mesh.ground_mass == 0.0
+    assert total_mass(mesh) == pytest.approx(2 * 60e3, rel=1e-12)
+
+
+def test_shear_wall_may_be_switched_off(small):
+    soft = small.walls[0].model_copy(update={"stiffness": False})
+    mesh = mesh_building(small.model_copy(update={"walls": (soft,)}))
+    assert set(mesh.model.shells.kind) == {"slab"}
+    assert mesh.ground_mass == pytest.approx(DENSITY * 0.15 * 4.0 * 3.2 / 2, rel=1e-12)
+
+
+def test_pinned_base_leaves_rotations_free(small):
+    pinned = small.model_copy(
+        update={"supports": small.supports.model_copy(update={"base": "pinned"})}
+    )
+    mesh = mesh_building(pinned)
+    assert mesh.model.fixed[mesh.base_nodes, :3].all()
+    assert not mesh.model.fixed[:, 3:].any()
+
+
+def test_spread_mass_follows_tributary_areas(make_document):
+    document = make_document([3.0], ([4.0], [6.0]), 2.0, 100e3)
+    model = mesh_building(from_document(document)).model
+    rest = 100e3 - self_mass(model, []).sum()
+    at = {tuple(model.nodes[n, :2]): m for n, m in zip(model.masses.node, model.masses.mass)}  # noqa: B905
+    assert len(at) == 3 * 4
+    assert at[2.0, 2.0] == pytest.approx(rest / 6, rel=1e-12)
+    assert at[0.0, 2.0] == pytest.approx(rest / 12, rel=1e-12)
+    assert at[4.0, 6.0] == pytest.approx(rest / 24, rel=1e-12)
+
+
+def test_plan_with_a_corner_left_out(make_document):
+    """Two slabs leave one bay open; nothing is built there, and the rest stands."""
+    document = make_document([3.0, 3.0], ([5.0, 4.0], [6.0, 3.0]), 1.5, 120e3)
+    document["slabs"] = [
+        {"x": ["X0", "X2"], "y": ["Y0", "Y1"], "thickness": SLAB},
+        {"x": ["X0", "X1"], "y": ["Y1", "Y2"], "thickness": SLAB},
+    ]
+    document["columns"][0]["at"] = [f"X{i}-Y{j}" for i in range(3) for j in range(3) if i + j < 4]
+    document["beams"] = [
+        {"section": "beam", "along": ["Y0", "Y1"]},
+        {"section": "beam", "along": ["X0", "X1"]},
+        {"section": "beam", "along": "Y2", "to": "X1"},
+        {"section": "beam", "along": "X2", "from": "Y0", "to": "Y1"},
+    ]
+    mesh = mesh_building(from_document(document))
+    x, y = mesh.model.nodes[:, 0], mesh.model.nodes[:, 1]
+    assert not np.any((x > 5.0 + 1e-9) & (y > 6.0 + 1e-9))
+    assert total_mass(mesh) == pytest.approx(2 * 120e3, rel=1e-12)
+    assert lowest_modes(assemble(mesh.model), np.ones(2), 1).frequency_hz[0] > 0.5
+
+
+def test_lines_may_be_written_in_any_order(make_document):
+    document = make_document([3.0], ([4.0, 2.0], [6.0]), 2.0, 100e3)
+    shuffled = {
+        **document,
+        "grid": {"x": {"X2": 6.0, "X0": 0.0, "X1": 4.0}, "y": {"Y1": 6.0, "Y0": 0}},
+    }
+    shuffled["slabs"] = [{"x": ["X2", "X0"], "y": ["Y1", "Y0"], "thickness": SLAB}]
+    one, other = (mesh_building(from_document(d)).model for d in (document, shuffled))
+    np.testing.assert_allclose(np.unique(one.nodes, axis=0), np.unique(other.nodes, axis=0))
+    assert len(one.beams) == len(other.beams)
+
+
+def test_shear_building_has_no_mesh():
+    with pytest.raises(BuildingError, match="use shear_operators"):
+        mesh_building(load_building("shear_4dof"))
+
+
+def test_mesh_size_must_be_positive(small):
+    with pytest.raises(BuildingError, match=r"mesh\.size"):
+        mesh_building(small, mesh_size=0.0)

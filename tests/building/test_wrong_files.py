@@ -1,0 +1,374 @@
+"""Every wrong file ends in one sentence that names the file, the key and the mend."""
+
+import re
+
+import pytest
+
+from femupdate.building.files import load_building
+from femupdate.errors import BuildingError
+
+ZETA = "[prior.zeta]\nlower = 0.01\nupper = 0.05\n"
+STORIES = re.compile(r"\[\[stories\]\].*?(?=\[materials)", re.DOTALL)
+
+CASES = {
+    "no kind": ('kind = "frame"\n', "", "kind: the key is missing"),
+    "wrong kind": ('"frame"', '"fram"', "kind: 'fram' is not a kind.*did you mean 'frame'"),
+    "unknown key": (
+        'thickness = "150 mm"\n\n[[walls]]',
+        'thicknes = "150 mm"\n\n[[walls]]',
+        r"walls\[0\]\.thicknes: unknown key; did you mean 'thickness'\?",
+    ),
+    "unknown table": ("[mesh]", "[mash]", "mash: unknown key; did you mean 'mesh'"),
+    "unknown key without a likeness": (
+        "[damping]",
+        "[damping]\nxyz = 1",
+        "damping.xyz: unknown key; the known ones are",
+    ),
+    "missing key": ('height = "2.8 m"\n', "", r"stories\[1\]\.height: the key is missing; add it"),
+    "missing table": ('[mesh]\nsize = "1 m"\n', "", "mesh: the key is missing"),
+    "missing unit": ('"2.8 m"', "2.8", r"stories\[1\]\.height: 2.8 has no unit.*such as \"1.5 m\""),
+    "unit forgotten in the text": ('"2.8 m"', '"2.8"', r"stories\[1\]\.height: '2.8' is not a len"),
+    "wrong unit": (
+        '"25 GPa"',
+        '"25 m"',
+        "materials.concrete.youngs_modulus: unknown unit 'm' for stress; use one of Pa, kPa",
+    ),
+    "negative": (
+        'thickness = "100 mm"',
+        'thickness = "-100 mm"',
+        r"walls\[1\]\.thickness: '-100 mm' is not a positive length",
+    ),
+    "zero": ('size = "1 m"', 'size = "0 m"', "mesh.size: '0 m' is not a positive length"),
+    "too great": ('size = "1 m"', 'size = "1e999 m"', "mesh.size: '1e999 m' is not a positive"),
+    "mesh too fine": ('size = "1 m"', 'size = "1 mm"', "mesh.size: .*nodes; write a larger size"),
+    "list for a length": (
+        'size = "1 m"',
+        'size = ["1 m"]',
+        r"mesh.size: \['1 m'\] is not a length",
+    ),
+    "text for a number": ("ratio = 0.02", 'ratio = "two"', "damping.ratio: 'two' is not a number"),
+    "flag for a number": ("ratio = 0.02", "ratio = true", "damping.ratio: True is not a number"),
+    "not a number": ("ratio = 0.02", "ratio = nan", "damping.ratio: nan is not a finite number"),
+    "per cent for a ratio": ("ratio = 0.02", "ratio = 2", "damping.ratio: 2 must lie below 1"),
+    "fraction for a count": (
+        "count = 300",
+        "count = 300.5",
+        "frequency_grid.count: 300.5 is not a",
+    ),
+    "count of one": ("count = 300", "count = 1", "frequency_grid.count: 1 must lie between"),
+    "number for a name": ('name = "low"', "name = 1", r"stories\[0\]\.name: 1 is not a name"),
+    "text for a flag": (
+        'role = "non_structural"',
+        'stiffness = "no"',
+        r"walls\[1\]\.stiffness: 'no' must be true or false",
+    ),
+    "unknown role": (
+        '"non_structural"',
+        '"partition"',
+        r"walls\[1\]\.role: 'partition' is not known; write one of 'shear' or",
+    ),
+    "unknown grid line": (
+        'along = "P"',
+        'along = "R"',
+        r"walls\[0\]\.along: no grid line is named 'R' \(known: A, B, C, P, Q\)",
+    ),
+    "wall outside": (
+        'to = "B"',
+        'to = "D"',
+        r"walls\[0\]\.to: no grid line across 'P' is named 'D' \(known: A, B, C\)",
+    ),
+    "wall to a parallel line": (
+        'to = "B"',
+        'to = "Q"',
+        r"walls\[0\]\.to: 'Q' does not cross 'P'; write one of A, B, C",
+    ),
+    "wall of no length": ('to = "B"', 'to = "A"', r"walls\[0\]\.to: it starts and ends at 'A'"),
+    "slab line of the other family": (
+        'x = ["A", "C"]',
+        'x = ["A", "P"]',
+        r"slabs\[0\]\.x\[1\]: no grid line is named 'P'",
+    ),
+    "slab of no width": ('x = ["A", "C"]', 'x = ["A", "A"]', r"slabs\[0\]\.x: it starts and ends"),
+    "slab of three lines": (
+        'x = ["A", "C"]',
+        'x = ["A", "B", "C"]',
+        r"slabs\[0\]\.x: the list has 3 entries; write 2",
+    ),
+    "unknown story": (
+        'role = "non_structural"',
+        'stories = ["hihg"]',
+        r"walls\[1\]\.stories: no story is named 'hihg'.*did you mean 'high'",
+    ),
+    "unknown floor": (
+        'total = "60 t"',
+        'total = "60 t"\nfloors = ["3F"]',
+        r"floor_mass\[0\]\.floors: no floor is named '3F' \(known: 2F, RF\)",
+    ),
+    "floor mass twice": (
+        'total = "60 t"',
+        'total = "60 t"\n[[floor_mass]]\ntotal = "50 t"',
+        r"floor_mass\[1\]\.floors: floor_mass\[0\] gives the mass of 2F already",
+    ),
+    "floor mass below self weight": (
+        '"60 t"',
+        '"20 t"',
+        r"floor_mass\[0\]\.total: 2F weighs "
+        r"[\d.]+ t by itself .*more than the 20 t",
+    ),
+    "floor mass without a slab": (
+        'thickness = "150 mm"\n\n[[floor',
+        'thickness = "150 mm"\nfloors = "2F"\n\n[[floor',
+        r"floor_mass\[0\]\.floors: RF has no",
+    ),
+    "empty list": (
+        'total = "60 t"',
+        'total = "60 t"\nfloors = []',
+        r"floor_mass\[0\]\.floors: the",
+    ),
+    "name twice in a list": (
+        'total = "60 t"',
+        'total = "60 t"\nfloors = ["2F", "2F"]',
+        r"floor_mass\[0\]\.floors: a name is listed twice",
+    ),
+    "all beside a name": (
+        'total = "60 t"',
+        'total = "60 t"\nfloors = ["2F", "*"]',
+        r'floor_mass\[0\]\.floors: "\*" stands for all',
+    ),
+    "story named twice": (
+        'name = "high"',
+        'name = "low"',
+        r"stories\[1\]\.name: 'low' is the name of stories\[0\]",
+    ),
+    "lines on each other": ('B = "4 m"', 'B = "0.0001 m"', r"grid\.x\.B: it lies on 'A'"),
+    "same name across": ('Q = "5 m"', 'B = "5 m"', r"grid\.x\.B: a line of grid\.y has the same"),
+    "hyphen in a line": ('C = "7 m"', 'C = "7 m"\nD-1 = "9 m"', r"grid\.x\.D-1: a line's name"),
+    "no such section": (
+        'section = "beam"',
+        'section = "bean"',
+        r"beams\[0\]\.section: no section is named 'bean'.*did you mean 'beam'",
+    ),
+    "star for a section": ('section = "beam"', 'section = "*"', r"beams\[0\]\.section: .*one name"),
+    "no such material": (
+        'depth = "500 mm"',
+        'depth = "500 mm"\nmaterial = "steel"',
+        r"sections\.column\.material: no material is named 'steel'",
+    ),
+    "which material": (
+        "[sections.column]",
+        '[materials.steel]\nyoungs_modulus = "205 GPa"\n'
+        'poisson_ratio = 0.3\ndensity = "7850 kg/m3"\n\n[sections.column]',
+        r"sections\.column\.material: .*name one of the materials concrete, steel",
+    ),
+    "unstable Poisson": (
+        "poisson_ratio = 0.2",
+        "poisson_ratio = 0.5",
+        r"materials\.concrete\.poisson_ratio: 0.5 must lie from 0 to below 0.5",
+    ),
+    "no shape": (
+        '[sections.beam]\nshape = "rectangle"',
+        "[sections.beam]",
+        r"sections\.beam\.shape: the key is missing",
+    ),
+    "unknown shape": (
+        '[sections.beam]\nshape = "rectangle"',
+        '[sections.beam]\nshape = "round"',
+        r"sections\.beam\.shape: 'round' is not known; write one of",
+    ),
+    "key of another shape": (
+        'depth = "400 mm"',
+        'area = "1 m2"',
+        r"sections\.beam\.area: unknown key",
+    ),
+    "prior upside down": (
+        'lower = "1/3"',
+        "lower = 4",
+        r"prior\.theta\.lower: 4 must lie below upper = 3; exchange the two",
+    ),
+    "prior from zero": ('lower = "1/3"', "lower = 0", r"prior\.theta\.lower: 0 must be greater"),
+    "prior divided by zero": ('"1/3"', '"1/0"', r"prior\.theta\.lower: '1/0' is not a number"),
+    "zeta beyond critical": (
+        "upper = 0.05",
+        "upper = 5",
+        r"prior\.zeta\.upper: 5 must lie below 1",
+    ),
+    "prior of no story": (
+        "[prior.zeta]",
+        "[prior.stories.top]\nlower = 1\nupper = 2\n[prior.zeta]",
+        r"prior\.stories\.top: no story is named 'top' \(known: low, high\)",
+    ),
+    "unknown law": ('law = "constant"', 'law = "modal"', r"damping\.law: 'modal' is not known"),
+    "no law": ('law = "constant"\n', "", r"damping\.law: the key is missing"),
+    "nuisance with Rayleigh": (
+        'law = "constant"',
+        'law = "rayleigh"\nanchors = ["1 Hz", "9 Hz"]',
+        r"prior\.zeta: Rayleigh damping is fixed by its anchors",
+    ),
+    "one anchor twice": (
+        ZETA + '\n[damping]\nlaw = "constant"',
+        '[damping]\nlaw = "rayleigh"\nanchors = ["5 Hz", "5 Hz"]',
+        r"damping\.anchors: the two frequencies must",
+    ),
+    "one anchor": (
+        ZETA + '\n[damping]\nlaw = "constant"',
+        '[damping]\nlaw = "rayleigh"\nanchors = ["5 Hz"]',
+        r"damping\.anchors\[1\]: the key is missing",
+    ),
+    "sensor off the grid": ('"Q-B"]', '"Q-Z"]', r"sensors\.points\[1\]: no grid line is named 'Z'"),
+    "sensor on parallel lines": ('"Q-B"]', '"A-B"]', r"sensors\.points\[1\]: 'A' and 'B' are par"),
+    "sensor on one line": ('"Q-B"]', '"Q"]', r"sensors\.points\[1\]: 'Q' is not an intersection"),
+    "sensor on no floor": (
+        "[frequency_grid]",
+        '[sensors.floors]\n4F = ["A-P"]\n[frequency_grid]',
+        r"sensors\.floors\.4F: no floor is named '4F'",
+    ),
+    "wrong direction": (
+        'direction = "x"',
+        'direction = "z"',
+        r"sensors\.direction: 'z' is not kno",
+    ),
+    "two walls in one place": (
+        'along = "C"\nfrom = "P"\nto = "Q"\nthickness = "100 mm"\nrole = "non_structural"',
+        'along = "P"\nfrom = "A"\nto = "C"\nthickness = "100 mm"',
+        r"walls\[1\]: it lies on walls\[0\] at",
+    ),
+    "two columns in one place": (
+        "[[beams]]",
+        '[[columns]]\nsection = "column"\nat = "A-P"\n[[beams]]',
+        r"columns\[1\]: it lies on columns\[0\] at",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_wrong_file(case, small_text, tmp_path):
+    old, new, message = CASES[case]
+    assert old in small_text
+    path = tmp_path / "wrong.toml"
+    path.write_text(small_text.replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(BuildingError) as error:
+        load_building(path)
+    sentence = str(error.value)
+    assert re.search(r"wrong\.toml: " + message, sentence), sentence
+    assert "\n" not in sentence
+    assert "pydantic" not in sentence
+    assert "type=" not in sentence
+
+
+def write(tmp_path, text):
+    path = tmp_path / "wrong.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_no_story_at_all(small_text, tmp_path):
+    path = write(tmp_path, STORIES.sub("", small_text))
+    with pytest.raises(BuildingError, match="stories: the key is missing"):
+        load_building(path)
+    path = write(tmp_path, STORIES.sub("", small_text).replace("kind", "stories = []\nkind"))
+    with pytest.raises(BuildingError, match="stories: the building has no story; add"):
+        load_building(path)
+
+
+def test_text_where_a_table_belongs(small_text, tmp_path):
+    text = small_text.replace('[mesh]\nsize = "1 m"\n', "").replace("kind", 'mesh = "1 m"\nkind', 1)
+    with pytest.raises(BuildingError, match="mesh: must be a table"):
+        load_building(write(tmp_path, text))
+
+
+def test_several_complaints_are_counted(small_text, tmp_path):
+    text = small_text.replace('"25 GPa"', '"25 m"').replace('"2.8 m"', '"2.8 kg"')
+    with pytest.raises(BuildingError, match=r"stories\[1\]\.height.*\(1 more to mend"):
+        load_building(write(tmp_path, text))
+
+
+def test_story_without_column_or_stiff_wall(small_text, tmp_path):
+    text = small_text.replace('section = "column"\n', 'section = "column"\nstories = "low"\n', 1)
+    text = text.replace('thickness = "150 mm"\n', 'thickness = "150 mm"\nstories = "low"\n', 1)
+    with pytest.raises(BuildingError, match=r"stories\[1\]: no column or wall with stiffness"):
+        load_building(write(tmp_path, text))
+
+
+def test_floating_part_is_located(small_text, tmp_path):
+    text = small_text.replace("[[slabs]]", '[[slabs]]\nfloors = "2F"')
+    text = text.replace('section = "beam"', 'section = "beam"\nfloors = ["2F", "RF"]')
+    text = text.replace('section = "column"\n', 'section = "column"\nat = ["A-P", "B-P"]\n', 1)
+    # Line Q of the roof is then held by beams of the roof alone, which do reach P: it stands.
+    text = text.replace(
+        '[[floor_mass]]\ntotal = "60 t"', '[[floor_mass]]\ntotal="60 t"\nfloors="2F"'
+    )
+    load_building(write(tmp_path, text))
+    alone = text.replace('floors = ["2F", "RF"]', 'along = ["P", "Q"]\nfloors = ["2F", "RF"]')
+    alone = alone.replace('role = "non_structural"', 'role = "non_structural"\nstories = "low"')
+    alone = alone.replace('along = "C"', 'along = "P"').replace(
+        'from = "P"\nto = "Q"', 'from="A"\nto="B"'
+    )
+    alone = alone.replace('points = ["P-B", "Q-B"]', 'points = ["P-B"]')
+    with pytest.raises(
+        BuildingError, match=r"nothing connects what is at \(0, 5, 6\) m to the base"
+    ):
+        load_building(write(tmp_path, alone))
+
+
+def test_sensor_where_nothing_is_built(small_text, tmp_path):
+    text = small_text.replace('x = ["A", "C"]', 'x = ["A", "B"]')
+    text = text.replace('section = "beam"\n', 'section = "beam"\nalong = ["A", "B"]\n', 1)
+    text = text.replace('section = "column"\n', 'section = "column"\nat = ["A-P", "B-P"]\n', 1)
+    text = text.replace('along = "C"', 'along = "A"').replace('"Q-B"]', '"Q-C"]')
+    with pytest.raises(
+        BuildingError, match=r"sensors\.points: nothing is built at Q-C on 2F; name"
+    ):
+        load_building(write(tmp_path, text))
+
+
+def test_wall_without_stiffness_that_nothing_carries(small_text, tmp_path):
+    text = small_text.replace('x = ["A", "C"]', 'x = ["A", "B"]')
+    text = text.replace('section = "beam"\n', 'section = "beam"\nalong = ["P", "Q"]\n', 1)
+    with pytest.raises(
+        BuildingError, match=r"walls\[1\]: nothing at .* above the wall, carries its weight"
+    ):
+        load_building(write(tmp_path, text))
+
+
+def test_beam_that_ends_at_a_wall_without_a_column(small_text, tmp_path):
+    text = small_text.replace(
+        'section = "column"\n', 'section = "column"\nat = ["A-P", "C-P", "A-Q"]\n', 1
+    )
+    load_building(write(tmp_path, text))  # the beams run on along the wall
+    ending = text.replace(
+        'section = "beam"\n', 'section = "beam"\nalong="P"\nfrom="B"\nto="C"\n', 1
+    )
+    ending = ending.replace("non_structural", "shear")
+    with pytest.raises(
+        BuildingError, match=r"beams\[0\]: on line 'P' a beam ends at the edge .*'B'"
+    ):
+        load_building(write(tmp_path, ending))
+
+
+def test_shear_story_with_two_stiffnesses(tmp_path):
+    text = """
+name = "s"
+kind = "shear"
+[[stories]]
+name = "S1"
+mass = "2 t"
+stiffness = "5 kN/m"
+stiffness_per_mass = "3 1/s2"
+[frequency_grid]
+start = "0 Hz"
+step = "1 Hz"
+count = 3
+[prior.theta]
+lower = 1
+upper = 2
+[damping]
+law = "constant"
+ratio = 0.1
+"""
+    with pytest.raises(BuildingError, match=r"stories\[0\]\.stiffness: give either"):
+        load_building(write(tmp_path, text))
+    without = text.replace('stiffness = "5 kN/m"\n', "").replace(
+        'stiffness_per_mass = "3 1/s2"\n', ""
+    )
+    with pytest.raises(BuildingError, match=r"stories\[0\]\.stiffness: give either"):
+        load_building(write(tmp_path, without))

@@ -1,0 +1,373 @@
+"""Histories against closed forms, scipy's integrators and the frequency domain."""
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from femupdate.dynamics.damping import RayleighDamping
+from femupdate.dynamics.history import HistorySettings, floor_histories, history_batches
+from femupdate.dynamics.recurrence import interpolate_record, step_matrices
+from femupdate.dynamics.reduced import ReducedModel
+from femupdate.dynamics.story import story_stiffness
+from femupdate.dynamics.summary import summarise
+from femupdate.errors import MeasurementError, ModelError
+
+STRAIGHT = HistorySettings(oversampling=1, tolerance=0.0)
+MASS = np.array([3000.0, 2000.0, 1700.0, 900.0])
+SPRING = np.array([9e6, 5e6, 4e6, 1.5e6])
+THETA = np.array([[1.0, 1.0, 1.0, 1.0], [0.5, 2.1, 0.8, 1.3], [2.7, 0.4, 1.9, 0.6]])
+
+
+def shear_building(mass: np.ndarray, spring: np.ndarray, seed: int = 7) -> ReducedModel:
+    """A chain in rotated mass-orthonormal coordinates: nothing is diagonal, nothing symmetric."""
+    count = len(mass)
+    rotation = np.linalg.qr(np.random.default_rng(seed).normal(size=(count, count)))[0]
+    basis = rotation / np.sqrt(mass)[:, None]
+    drift = np.eye(count) - np.eye(count, k=-1)
+    above = np.triu(np.ones((count, count))) * mass
+    return ReducedModel(
+        stiffness_terms=np.stack(
+            [k * np.outer(basis.T @ d, basis.T @ d) for k, d in zip(spring, drift, strict=True)]
+        ),
+        stiffness_constant=np.zeros((count, count)),
+        excitation=basis.T @ mass,
+        floor_shapes=basis,
+        floors=(*(f"{i + 2}F" for i in range(count - 1)), "RF"),
+        story_inertia=above @ basis,
+        story_mass=above.sum(axis=1),
+        story_drift=drift @ basis,
+    )
+
+
+def oscillator(omega: float) -> ReducedModel:
+    return shear_building(np.array([2.5]), np.array([2.5 * omega**2]))
+
+
+def chain_matrices(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    drift = np.eye(len(MASS)) - np.eye(len(MASS), k=-1)
+    return np.diag(MASS), drift.T @ np.diag(theta * SPRING) @ drift
+
+
+def modal_damping_matrix(M: np.ndarray, K: np.ndarray, zeta: float) -> np.ndarray:
+    root = np.sqrt(M)
+    squared, modes = np.linalg.eigh(np.linalg.solve(root, K) @ np.linalg.inv(root))
+    return root @ modes @ np.diag(2.0 * zeta * np.sqrt(squared)) @ modes.T @ root
+
+
+def integrate(M, K, C, record, step):
+    """Relative displacement and absolute acceleration (n, dof) by DOP853, lines between samples."""
+    time = np.arange(len(record)) * step
+    size = len(M)
+    one = np.ones(size)
+
+    def rate(t, y):
+        force = -M @ one * np.interp(t, time, record) - C @ y[size:] - K @ y[:size]
+        return np.concatenate([y[size:], np.linalg.solve(M, force)])
+
+    y = solve_ivp(
+        rate,
+        (0.0, time[-1]),
+        np.zeros(2 * size),
+        method="DOP853",
+        t_eval=time,
+        max_step=step,
+        rtol=1e-10,
+        atol=1e-14,
+    ).y.T
+    relative, speed = y[:, :size], y[:, size:]
+    return relative, -np.linalg.solve(M, (C @ speed.T) + (K @ relative.T)).T
+
+
+def step_response(omega: float, zeta: float, t: np.ndarray) -> np.ndarray:
+    """u of u'' + 2 zeta omega u' + omega^2 u = -1 from rest (any textbook of dynamics)."""
+    if zeta == 1.0:
+        shape = np.exp(-omega * t) * (1.0 + omega * t)
+    elif zeta < 1.0:
+        damped = omega * np.sqrt(1.0 - zeta**2)
+        decay = np.exp(-zeta * omega * t)
+        shape = decay * (np.cos(damped * t) + zeta * omega / damped * np.sin(damped * t))
+    else:
+        spread = omega * np.sqrt(zeta**2 - 1.0)
+        slow, fast = -zeta * omega + spread, -zeta * omega - spread
+        shape = (fast * np.exp(slow * t) - slow * np.exp(fast * t)) / (fast - slow)
+    return -(1.0 - shape) / omega**2
+
+
+@pytest.mark.parametrize("zeta", [0.0, 0.02, 0.3, 1.0, 2.5])
+@pytest.mark.parametrize("step_over_period", [0.01, 0.4, 3.3])
+def test_free_response_to_a_step_is_exact_for_any_time_step(zeta, step_over_period):
+    omega = 2.0 * np.pi * 1.7
+    step = step_over_period / 1.7
+    found = floor_histories(
+        oscillator(omega), [[1.0]], zeta, np.full(60, 0.8), step, settings=STRAIGHT
+    )
+    exact = 0.8 * step_response(omega, zeta, np.arange(60) * step)
+    # Round-off of the matrix exponential grows with the 60 steps.
+    np.testing.assert_allclose(found.story_drift[0, 0], exact, atol=1e-11 * np.abs(exact).max())
+    np.testing.assert_allclose(
+        found.story_shear[0, 0], -2.5 * found.floor_acceleration[0, 0], rtol=1e-9, atol=1e-12
+    )
+
+
+def test_resonance_builds_up_in_proportion_to_time():
+    omega, step = 2.0 * np.pi * 2.0, 0.5 / 400
+    t = np.arange(4000) * step
+    found = floor_histories(oscillator(omega), [[1.0]], 0.0, np.sin(omega * t), step)
+    exact = -(np.sin(omega * t) - omega * t * np.cos(omega * t)) / (2.0 * omega**2)
+    # The record is band-limited but starts with a kink, which sampling rounds off.
+    assert np.abs(found.story_drift[0, 0] - exact).max() < 1e-4 * np.abs(exact).max()
+
+
+@pytest.mark.parametrize(("oversampling", "low", "high"), [(1, -0.13, -0.12), (8, -3e-3, 0.0)])
+def test_harmonic_steady_state_five_samples_a_period(oversampling, low, high):
+    """Straight lines lose 1 - sinc^2(0.2) = 12.5 % of the motion, oversampling keeps it."""
+    step, frequency, zeta, natural = 0.01, 20.0, 0.05, 17.0
+    t = np.arange(3000) * step
+    ramp = np.minimum(t / 2.0, 1.0)
+    record = ramp * np.sin(2.0 * np.pi * frequency * t + 0.4)
+    chosen = HistorySettings(oversampling=oversampling)
+    found = floor_histories(
+        oscillator(2.0 * np.pi * natural), [[1.0]], zeta, record, step, settings=chosen
+    )
+    steady = found.floor_acceleration[0, 0, 1500:2500]  # whole periods
+    amplitude = np.sqrt(2.0) * steady.std()
+    ratio = frequency / natural
+    exact = np.sqrt(1 + (2 * zeta * ratio) ** 2) / np.hypot(1 - ratio**2, 2 * zeta * ratio)
+    assert low < amplitude / exact - 1.0 <= high + 1e-6
+
+
+@pytest.mark.parametrize("sample", range(len(THETA)))
+def test_chain_against_scipy(sample):
+    rng = np.random.default_rng(sample)
+    record, step, zeta = rng.normal(size=150), 0.02, 0.04
+    M, K = chain_matrices(THETA[sample])
+    relative, absolute = integrate(M, K, modal_damping_matrix(M, K, zeta), record, step)
+    found = floor_histories(
+        shear_building(MASS, SPRING), THETA, [zeta] * 3, record, step, settings=STRAIGHT
+    )
+    drift = np.diff(relative, axis=1, prepend=0.0).T
+    shear = -np.cumsum((MASS * absolute)[:, ::-1], axis=1)[:, ::-1].T
+    for got, wanted in (
+        (found.story_drift[sample], drift),
+        (found.floor_acceleration[sample], absolute.T),
+        (found.story_shear[sample], shear),
+    ):  # scipy's tolerance of 1e-10 a step over 150 steps
+        np.testing.assert_allclose(got, wanted, atol=1e-7 * np.abs(wanted).max())
+
+
+def test_rayleigh_damping_against_scipy():
+    record, step = np.random.default_rng(5).normal(size=120), 0.02
+    law = RayleighDamping(0.05, (1.5, 9.0))
+    M, K = chain_matrices(THETA[1])
+    C = law.mass_coefficient * M + law.stiffness_coefficient * K
+    _, absolute = integrate(M, K, C, record, step)
+    chosen = HistorySettings(law=law, oversampling=1, tolerance=0.0)
+    found = floor_histories(
+        shear_building(MASS, SPRING), THETA[1:2], 0.9, record, step, settings=chosen
+    )
+    scale = np.abs(absolute).max()
+    np.testing.assert_allclose(found.floor_acceleration[0], absolute.T, atol=1e-7 * scale)
+
+
+def test_chain_against_the_frequency_domain():
+    """FFT of the response over FFT of the record is the FRF of the chain, once all has died out."""
+    step, zeta, count = 0.01, 0.05, 8192
+    record = np.zeros(count)
+    record[40:1500] = np.random.default_rng(2).normal(size=1460)
+    found = floor_histories(shear_building(MASS, SPRING), THETA, zeta, record, step)
+    frequency = np.fft.rfftfreq(count, step)
+    chosen = np.flatnonzero((frequency > 0.5) & (frequency < 40.0))[::37]
+    spectrum = np.fft.rfft(record)
+    for theta, response in zip(THETA, found.floor_acceleration, strict=True):
+        M, K = chain_matrices(theta)
+        C = modal_damping_matrix(M, K, zeta)
+        got = (np.fft.rfft(response, axis=-1) / spectrum)[:, chosen].T
+        for w, value in zip(2.0 * np.pi * frequency[chosen], got, strict=True):
+            dynamic = K - w**2 * M + 1j * w * C
+            exact = 1.0 + w**2 * np.linalg.solve(dynamic, MASS)
+            # 8 points a step leave 1 - sinc^2(f dt / 8) < 0.9 % at 40 Hz of 50.
+            np.testing.assert_allclose(value, exact, atol=0.01 * np.abs(exact).max())
+
+
+def test_undamped_shear_building_carries_its_springs_forces():
+    record = np.random.default_rng(4).normal(size=700)
+    found = floor_histories(shear_building(MASS, SPRING), THETA, 0.0, record, 0.01)
+    springs = (THETA * SPRING)[:, :, None]
+    scale = np.abs(found.story_shear).max()
+    np.testing.assert_allclose(found.story_shear, springs * found.story_drift, atol=1e-9 * scale)
+    np.testing.assert_allclose(
+        story_stiffness(found.story_shear, found.story_drift), springs[..., 0], rtol=1e-8
+    )
+
+
+def test_damped_story_stiffness_is_near_the_springs():
+    record = np.random.default_rng(4).normal(size=3000)
+    found = floor_histories(shear_building(MASS, SPRING), THETA, 0.02, record, 0.01)
+    stiffness = story_stiffness(found.story_shear, found.story_drift)
+    # Damping forces are a quarter period off the drift; what is left is of the order of zeta.
+    np.testing.assert_allclose(stiffness, THETA * SPRING, rtol=0.02)
+
+
+def test_slow_base_motion_meets_the_static_limit():
+    t = np.arange(4000) * 0.01
+    record = 0.3 * np.sin(np.pi * t / 40.0) ** 4
+    found = floor_histories(shear_building(MASS, SPRING), THETA, 0.05, record, 0.01)
+    static = -np.triu(np.ones((4, 4))) @ MASS
+    # The base moves about fifty times slower than the building sways.
+    np.testing.assert_allclose(
+        found.floor_acceleration, np.broadcast_to(record, (3, 4, 4000)), atol=3e-3
+    )
+    drift = static[:, None] / (THETA[1] * SPRING)[:, None] * record
+    np.testing.assert_allclose(found.story_drift[1], drift, atol=5e-3 * np.abs(drift).max())
+
+
+def test_base_at_rest_gives_exactly_nothing():
+    found = floor_histories(shear_building(MASS, SPRING), THETA, 0.02, np.zeros(300), 0.01)
+    assert not found.floor_acceleration.any()
+    assert not found.story_shear.any()
+    assert not found.story_drift.any()
+    with pytest.raises(ModelError, match="does not drift"):
+        summarise(found)
+
+
+def test_batches_and_single_samples_agree():
+    rng = np.random.default_rng(8)
+    theta, zeta = rng.uniform(0.4, 2.5, (7, 4)), rng.uniform(0.0, 0.1, 7)
+    record = rng.normal(size=600)
+    model = shear_building(MASS, SPRING)
+    whole = floor_histories(model, theta, zeta, record, 0.02)
+    seen: list[int] = []
+    parts = floor_histories(
+        model, theta, zeta, record, 0.02, settings=HistorySettings(batch=3), progress=seen.append
+    )
+    assert seen == [3, 3, 1]
+    one = floor_histories(model, theta[4:5], zeta[4:5], record, 0.02)
+    # Only the order of sums in the matrix products differs.
+    scale = 1e-11 * np.abs(whole.story_shear).max()
+    np.testing.assert_allclose(parts.story_shear, whole.story_shear, atol=scale)
+    np.testing.assert_allclose(one.story_shear[0], whole.story_shear[4], atol=scale)
+
+
+def test_tensors_and_arrays_are_alike_and_input_is_left_alone():
+    record = np.sin(np.arange(200) * 0.3)
+    theta, zeta = torch.as_tensor(THETA), torch.full((3,), 0.03, dtype=torch.float64)
+    copies = record.copy(), theta.clone(), zeta.clone()
+    model = shear_building(MASS, SPRING)
+    a = floor_histories(model, theta, zeta, record, 0.01)
+    b = floor_histories(model, THETA.tolist(), 0.03, record.tolist(), 0.01)
+    np.testing.assert_array_equal(a.floor_acceleration, b.floor_acceleration)
+    assert np.array_equal(copies[0], record)
+    assert torch.equal(copies[1], theta)
+    assert torch.equal(copies[2], zeta)
+
+
+@settings(max_examples=20, deadline=None)
+@given(
+    st.lists(st.floats(0.34, 3.0), min_size=4, max_size=4),
+    st.floats(0.0, 0.1),
+    st.floats(-5.0, 5.0),
+    st.integers(1, 80),
+)
+def test_response_is_linear_and_knows_no_absolute_time(theta, zeta, factor, delay):
+    first, second = np.random.default_rng(delay).normal(size=(2, 300))
+    first[:40] = 0.0  # longer than the interpolation reaches back before the motion starts
+    model = shear_building(MASS, SPRING)
+
+    def respond(record):
+        return floor_histories(model, [theta], zeta, record, 0.01).floor_acceleration[0]
+
+    alone = respond(first)
+    together = respond(first + factor * second)
+    scale = 1e-9 * (1.0 + np.abs(together).max())
+    np.testing.assert_allclose(together, alone + factor * respond(second), atol=scale)
+    late = respond(np.concatenate([np.zeros(delay), first]))
+    np.testing.assert_allclose(late[:, delay:], alone, atol=scale)
+
+
+def test_modes_taken_as_static_change_little():
+    """Thirty storeys sampled at 20 Hz: many modes lie far above what the record can contain."""
+    rng = np.random.default_rng(1)
+    model = shear_building(rng.uniform(800.0, 1200.0, 30), rng.uniform(4e7, 6e7, 30))
+    record = rng.normal(size=400)
+    theta = rng.uniform(0.4, 2.5, (3, 30))
+    all_modes = floor_histories(
+        model, theta, 0.03, record, 0.05, settings=HistorySettings(tolerance=0.0)
+    )
+    few = floor_histories(
+        model, theta, 0.03, record, 0.05, settings=HistorySettings(tolerance=1e-3)
+    )
+    for name in ("floor_acceleration", "story_shear", "story_drift"):
+        a, b = getattr(all_modes, name), getattr(few, name)
+        assert np.abs(a - b).max() < 2e-3 * np.abs(a).max()
+    assert not np.array_equal(all_modes.floor_acceleration, few.floor_acceleration)
+
+
+def test_long_silence_after_the_motion_stays_exact_zero_and_fast():
+    record = np.zeros(20000)
+    record[:50] = 1.0
+    found = floor_histories(oscillator(200.0), [[1.0]], 0.5, record, 0.01)
+    assert np.abs(found.floor_acceleration[..., 10000:]).max() == 0.0
+
+
+@pytest.mark.parametrize("factor", [2, 5, 8])
+def test_interpolation_keeps_samples_and_band(factor):
+    t = np.arange(400.0)
+    record = np.sin(2.0 * np.pi * 0.4 * t + 0.3)
+    fine = interpolate_record(record, factor)
+    assert len(fine) == 399 * factor + 1
+    np.testing.assert_allclose(fine[::factor], record, atol=1e-12)
+    between = np.sin(2.0 * np.pi * 0.4 * np.arange(len(fine)) / factor + 0.3)
+    middle = slice(100 * factor, 300 * factor)
+    np.testing.assert_allclose(fine[middle], between[middle], atol=5e-4)  # 80 dB is 1e-4
+
+
+def test_step_matrices_against_the_published_recurrence():
+    """Transition of Nigam and Jennings (1969): e^(-zeta omega h) (cos, sin) of the damped mode."""
+    omega, zeta, step = 31.0, 0.07, 0.013
+    transition, load = step_matrices(
+        torch.tensor(omega, dtype=torch.float64), torch.tensor(zeta, dtype=torch.float64), step
+    )
+    damped = omega * np.sqrt(1.0 - zeta**2)
+    decay, c, s = np.exp(-zeta * omega * step), np.cos(damped * step), np.sin(damped * step)
+    a12 = decay * s / damped * omega  # the state is (omega eta, eta')
+    a22 = decay * (c - zeta * omega / damped * s)
+    np.testing.assert_allclose(transition[:, 1], [a12, a22], rtol=1e-12)
+    # A constant excitation for ever leaves the static deflection where it is.
+    rest = torch.tensor([-1.0 / omega, 0.0], dtype=torch.float64)
+    np.testing.assert_allclose(transition @ rest + load.sum(-1), rest, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "message"),
+    [
+        ({"theta": np.ones((2, 3))}, ModelError, r"needs \(samples, 4\)"),
+        ({"theta": np.ones(4)}, ModelError, r"needs \(samples, 4\)"),
+        ({"theta": np.ones((0, 4))}, ModelError, r"needs \(samples, 4\)"),
+        ({"theta": np.array([[1, 1, 1, 1], [1, np.nan, 1, 1]])}, ModelError, "sample 1 is not"),
+        (
+            {"theta": np.array([[1, 1, 1, 1], [1, -1, 1, 1]])},
+            ModelError,
+            "sample 1 is not positive",
+        ),
+        ({"zeta": np.full(3, 0.02)}, ModelError, "each of the 2 samples"),
+        ({"zeta": -0.01}, ModelError, "zero or more"),
+        ({"zeta": np.nan}, ModelError, "zero or more"),
+        ({"acceleration": np.ones(1)}, MeasurementError, "two samples"),
+        ({"acceleration": np.ones((2, 50))}, MeasurementError, "one row"),
+        ({"acceleration": np.array([0, 1, np.inf, 2])}, MeasurementError, "sample 2 .* is inf"),
+        ({"time_step": 0.0}, MeasurementError, "must be positive"),
+        ({"time_step": np.nan}, MeasurementError, "must be positive"),
+    ],
+)
+def test_wrong_input_is_told_in_one_sentence(change, error, message):
+    arguments = {
+        "theta": np.ones((2, 4)),
+        "zeta": 0.02,
+        "acceleration": np.ones(50),
+        "time_step": 0.01,
+    } | change
+    with pytest.raises(error, match=message):
+        list(history_batches(shear_building(MASS, SPRING), **arguments))

@@ -1,0 +1,148 @@
+"""Story shear, drift and stiffness, and their summary over samples."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from femupdate.dynamics.history import Histories
+from femupdate.dynamics.reduced import ReducedModel
+from femupdate.dynamics.story import (
+    floor_acceleration_outputs,
+    story_drift_outputs,
+    story_shear_outputs,
+    story_stiffness,
+)
+from femupdate.dynamics.summary import statistics, summarise
+from femupdate.errors import ModelError
+
+FLOORS = ("2F", "3F", "RF")
+
+
+def random_histories(samples: int, seed: int = 3) -> Histories:
+    rng = np.random.default_rng(seed)
+    drift = rng.normal(size=(samples, 3, 400)) * 1e-3
+    shear = drift * rng.uniform(1e7, 9e7, (samples, 3, 1)) + rng.normal(size=drift.shape) * 1e3
+    offset = rng.normal(size=(1, 3, 400)) * 5.0  # a mean far from zero: no cancellation allowed
+    return Histories(0.01, FLOORS, offset + rng.normal(size=(samples, 3, 400)) * 0.1, shear, drift)
+
+
+def pieces(histories: Histories, *stops: int) -> list[Histories]:
+    bounds = [0, *stops, len(histories)]
+    return [
+        Histories(
+            histories.time_step,
+            histories.floors,
+            histories.floor_acceleration[a:b],
+            histories.story_shear[a:b],
+            histories.story_drift[a:b],
+        )
+        for a, b in pairwise(bounds)
+    ]
+
+
+@given(
+    st.lists(st.floats(1e5, 1e9), min_size=1, max_size=5),
+    st.floats(-0.01, 0.01),
+    st.floats(-1e4, 1e4),
+)
+def test_stiffness_of_a_spring_is_its_own_whatever_the_offsets(springs, drift_offset, shear_offset):
+    k = np.array(springs)[:, None]
+    drift = 1e-3 * np.sin(np.linspace(0.0, 9.0, 120)) * np.arange(1, len(springs) + 1)[:, None]
+    found = story_stiffness(k * drift + shear_offset, drift + drift_offset)
+    np.testing.assert_allclose(found, k[:, 0], rtol=1e-6)  # offsets cost up to 1e4 / 1e2 in digits
+
+
+def test_stiffness_agrees_with_polyfit_for_every_sample_and_story():
+    histories = random_histories(4)
+    found = story_stiffness(histories.story_shear, histories.story_drift)
+    for sample, story in np.ndindex(found.shape):
+        slope = np.polyfit(
+            histories.story_drift[sample, story], histories.story_shear[sample, story], 1
+        )[0]
+        assert found[sample, story] == pytest.approx(slope, rel=1e-9)
+
+
+def test_story_that_stands_still_is_named():
+    drift = np.random.default_rng(0).normal(size=(2, 3, 50))
+    drift[1, 1] = 0.0
+    with pytest.raises(ModelError, match="story 2 does not drift"):
+        story_stiffness(drift, drift)
+
+
+def test_shear_and_drift_of_different_shape():
+    with pytest.raises(ModelError, match="differ in shape"):
+        story_stiffness(np.zeros((2, 50)), np.zeros((3, 50)))
+
+
+def test_signs_and_shares_of_the_outputs():
+    model = ReducedModel(
+        stiffness_terms=np.ones((1, 2, 2)),
+        stiffness_constant=np.eye(2),
+        excitation=np.array([3.0, 4.0]),
+        floor_shapes=np.array([[1.0, 2.0], [5.0, 7.0]]),
+        floors=("2F", "RF"),
+        story_inertia=np.array([[11.0, 13.0], [17.0, 19.0]]),
+        story_mass=np.array([30.0, 20.0]),
+        story_drift=np.array([[1.0, 2.0], [4.0, 5.0]]),
+    )
+    floor, shear, drift = (
+        make(model)
+        for make in (floor_acceleration_outputs, story_shear_outputs, story_drift_outputs)
+    )
+    everything = floor + shear + drift
+    q, acceleration, base = np.array([0.3, -0.7]), np.array([2.0, 1.0]), 0.4
+    value = everything.displacement @ q + everything.acceleration @ acceleration
+    value += everything.base * base
+    expected = [
+        2.0 + 2.0 + 0.4,
+        10.0 + 7.0 + 0.4,
+        -(22.0 + 13.0 + 30.0 * 0.4),
+        -(34.0 + 19.0 + 20.0 * 0.4),
+        0.3 - 1.4,
+        1.2 - 3.5,
+    ]
+    np.testing.assert_allclose(value, expected, rtol=1e-14)
+
+
+@pytest.mark.parametrize("stops", [(), (1,), (3, 4), (2, 5, 9)])
+def test_summary_in_batches_equals_the_whole(stops):
+    histories = random_histories(11)
+    summary = summarise(pieces(histories, *stops), examples=4)
+    acceleration = histories.floor_acceleration
+    np.testing.assert_allclose(summary.acceleration_mean, acceleration.mean(axis=0), rtol=1e-12)
+    np.testing.assert_allclose(summary.acceleration_sd, acceleration.std(axis=0, ddof=1), rtol=1e-9)
+    np.testing.assert_array_equal(summary.peak_acceleration, np.abs(acceleration).max(axis=-1))
+    np.testing.assert_array_equal(summary.peak_drift, np.abs(histories.story_drift).max(axis=-1))
+    np.testing.assert_array_equal(summary.peak_shear, np.abs(histories.story_shear).max(axis=-1))
+    assert summary.story_stiffness.shape == (11, 3)
+    assert len(summary) == 11
+    np.testing.assert_array_equal(summary.examples.story_drift, histories.story_drift[:4])
+    assert summary.time[-1] == pytest.approx(3.99)
+
+
+def test_summary_of_one_sample_has_no_spread():
+    summary = summarise(random_histories(1))
+    assert np.all(summary.acceleration_sd == 0.0)
+    assert len(summary.examples) == 1
+
+
+def test_examples_do_not_hold_the_batch_in_memory():
+    histories = random_histories(50)
+    summary = summarise(histories, examples=2)
+    assert not np.shares_memory(summary.examples.story_shear, histories.story_shear)
+
+
+def test_nothing_to_summarise():
+    with pytest.raises(ModelError, match="no histories"):
+        summarise([])
+
+
+def test_statistics_of_known_numbers():
+    found = statistics(np.arange(101.0)[:, None] * [1.0, -2.0])
+    np.testing.assert_allclose(found.mean, [50.0, -100.0])
+    np.testing.assert_allclose(found.q05, [5.0, -190.0])
+    np.testing.assert_allclose(found.q95, [95.0, -10.0])
+    np.testing.assert_allclose(found.sd, np.arange(101.0).std(ddof=1) * np.array([1.0, 2.0]))

@@ -1,0 +1,35 @@
+"""Gives the tests the helper files beside them, which no package holds."""
+
+import importlib.util
+from pathlib import Path
+
+import pytest
+
+
+def _load(name):
+    spec = importlib.util.spec_from_file_location(
+        f"fe_{name}", Path(__file__).parent / f"{name}.py"
+    )
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="session")
+def meshes():
+    return _load("meshes")
+
+
+@pytest.fixture(scope="session")
+def published():
+    return _load("published")
+
+
+@pytest.fixture(scope="session")
+def opensees():
+    """OpenSeesPy, which fails to import where the system lacks BLAS."""
+    try:
+        import openseespy.opensees as module
+    except (ImportError, RuntimeError) as error:
+        pytest.skip(f"OpenSeesPy cannot be imported: {error}")
+    return module

@@ -1,0 +1,253 @@
+"""Assembly: affine in theta, complete in mass, indifferent to numbering, plain about mistakes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from femupdate.errors import ModelError
+from femupdate.fe.assembly import assemble
+from femupdate.fe.beam import beam_matrices
+from femupdate.fe.model import PointMasses, Springs
+from femupdate.fe.shell import shell_matrices
+from femupdate.fe.solve import lowest_modes
+
+
+@pytest.fixture
+def parts():
+    springs = Springs(
+        nodes=np.array([[3, -1], [5, 9], [9, 2]]),
+        direction=np.array([0, 4, 2]),
+        stiffness=np.array([1e6, 2e7, 3e8]),
+        group=np.array([-1, 2, 2]),
+    )
+    masses = PointMasses(
+        np.array([4, 9]), np.array([500.0, 90.0]), np.array([[1.0, 2, 3], [4, 5, 6]])
+    )
+    return {"springs": springs, "masses": masses}
+
+
+@pytest.fixture
+def structure(meshes, parts):
+    points, elements = meshes.frame_with_wall()
+    fixed = meshes.hold(len(points), (points[:, 2] == 0, range(6)))
+    return meshes.model(points, fixed, groups=3, **elements, **parts)
+
+
+def looped(model):
+    """The same matrices, element by element and entry by entry, before supports."""
+    stiffness, mass = np.zeros((2, model.groups + 1, model.dof, model.dof))
+    shells, beams, springs = model.shells, model.beams, model.springs
+    elastic = (shells.thickness, shells.youngs_modulus, shells.poisson_ratio, shells.density)
+    of_shells = shell_matrices(model.nodes[shells.nodes], *elastic)
+    of_beams = beam_matrices(model.nodes[beams.nodes], beams)
+    for elements, matrices in ((shells, of_shells), (beams, of_beams)):
+        for k, nodes in enumerate(elements.nodes):
+            dof = np.concatenate([6 * n + np.arange(6) for n in nodes])
+            stiffness[elements.group[k]][np.ix_(dof, dof)] += matrices.stiffness[k]
+            mass[-1][np.ix_(dof, dof)] += matrices.mass[k]
+    for (a, b), d, k, group in zip(
+        springs.nodes, springs.direction, springs.stiffness, springs.group, strict=True
+    ):
+        stretch = np.zeros(model.dof)
+        stretch[6 * a + d] = 1.0
+        if b >= 0:
+            stretch[6 * b + d] = -1.0
+        stiffness[group] += k * np.outer(stretch, stretch)
+    for node, m, inertia in zip(
+        model.masses.node, model.masses.mass, model.masses.inertia, strict=True
+    ):
+        dof = 6 * node + np.arange(6)
+        mass[-1][dof, dof] += np.concatenate([[m] * 3, inertia])
+    return stiffness, mass[-1]
+
+
+def close(sparse, dense):
+    np.testing.assert_allclose(
+        sparse.toarray(), dense, rtol=1e-12, atol=1e-14 * np.abs(dense).max()
+    )
+
+
+def test_every_entry_is_where_a_plain_loop_puts_it(structure):
+    operators = assemble(structure)
+    stiffness, mass = looped(structure)
+    free = np.flatnonzero(~structure.fixed.ravel())
+    np.testing.assert_array_equal(operators.free, free)
+    for group in range(3):
+        close(operators.stiffness_terms[group], stiffness[group][np.ix_(free, free)])
+    close(operators.stiffness_constant, stiffness[-1][np.ix_(free, free)])
+    close(operators.mass_full, mass)
+    close(operators.mass, mass[np.ix_(free, free)])
+
+
+def test_stiffness_is_affine_in_theta(structure):
+    theta = np.array([0.37, 2.9, 1.4])
+    scale = np.append(theta, 1.0)  # the last one for elements of no parameter
+    shells, beams, springs = structure.shells, structure.beams, structure.springs
+    scaled = replace(
+        structure,
+        shells=replace(shells, youngs_modulus=shells.youngs_modulus * scale[shells.group]),
+        beams=replace(beams, youngs_modulus=beams.youngs_modulus * scale[beams.group]),
+        springs=replace(springs, stiffness=springs.stiffness * scale[springs.group]),
+    )
+    operators = assemble(structure)
+    close(operators.stiffness(theta), assemble(scaled).stiffness(np.ones(3)).toarray())
+    by_terms = operators.stiffness_constant + sum(
+        value * term for value, term in zip(theta, operators.stiffness_terms, strict=True)
+    )
+    close(operators.stiffness(theta), by_terms.toarray())
+
+
+def test_stiffness_shares_its_pattern_and_leaves_the_operators_alone(structure):
+    operators = assemble(structure)
+    before = operators.stiffness_constant.data.copy()
+    first, second = (operators.stiffness(np.full(3, value)) for value in (1.0, 5.0))
+    assert first.indices is second.indices
+    first.data[:] = 0.0
+    np.testing.assert_array_equal(operators.stiffness_constant.data, before)
+    assert second.data.any()
+
+
+@pytest.mark.parametrize("theta", [[1.0], [1.0, 2.0, np.nan], [[1.0, 1.0, 1.0]]])
+def test_theta_of_another_shape_is_refused(structure, theta):
+    with pytest.raises(ModelError, match="theta must hold 3 finite values"):
+        assemble(structure).stiffness(np.array(theta))
+
+
+def test_a_model_without_parameters_is_constant(meshes):
+    points, elements = meshes.frame_with_wall()
+    fixed = meshes.hold(len(points), (points[:, 2] == 0, range(6)))
+    constant = {name: replace(part, group=0 * part.group - 1) for name, part in elements.items()}
+    operators = assemble(meshes.model(points, fixed, groups=0, **constant))
+    plain = assemble(meshes.model(points, fixed, groups=2, **elements))
+    close(operators.stiffness(np.zeros(0)), plain.stiffness(np.ones(2)).toarray())
+
+
+def test_expand_and_restrict(structure):
+    operators = assemble(structure)
+    values = np.random.default_rng(0).standard_normal((len(operators.free), 2))
+    full = operators.expand(values)
+    assert full.shape == (structure.dof, 2)
+    assert not full[structure.fixed.ravel()].any()
+    np.testing.assert_array_equal(operators.restrict(full), values)
+    assert operators.expand(values[:, 0] * 1j).dtype == complex
+
+
+@pytest.mark.parametrize("direction", [0, 1, 2])
+def test_inertia_sees_the_moving_supports(structure, direction):
+    """The force of inertia on free and held degrees of freedom together is the whole mass."""
+    operators = assemble(structure)
+    motion = operators.rigid_translation(direction)
+    shells, beams = structure.shells, structure.beams
+    areas = np.where(shells.group == 0, 4.5 * 3 / 12, 4.5 * 2.5 / 6)
+    total = 2500 * (areas * shells.thickness).sum() + 2400 * beams.area[0] * 3.0 + 590
+    assert motion @ operators.mass_full @ motion == pytest.approx(total, rel=1e-12)
+    _, mass = looped(structure)
+    np.testing.assert_allclose(
+        operators.inertia(direction), (mass @ motion)[operators.free], atol=1e-9
+    )
+    only_free = operators.mass @ operators.restrict(motion)
+    assert operators.inertia(direction).sum() > only_free.sum() + 1.0
+    np.testing.assert_array_equal(
+        motion.reshape(-1, 6).sum(axis=0)[direction], len(structure.nodes)
+    )
+
+
+def test_an_unknown_direction_is_refused(structure):
+    with pytest.raises(ModelError, match="direction 3 is unknown"):
+        assemble(structure).inertia(3)
+
+
+def test_numbering_of_nodes_does_not_matter(meshes, structure):
+    order = np.random.default_rng(3).permutation(len(structure.nodes))
+    number = np.argsort(order)
+    ground = np.append(number, -1)
+    renumbered = replace(
+        structure,
+        nodes=structure.nodes[order],
+        fixed=structure.fixed[order],
+        shells=replace(structure.shells, nodes=number[structure.shells.nodes]),
+        beams=replace(structure.beams, nodes=number[structure.beams.nodes]),
+        masses=replace(structure.masses, node=number[structure.masses.node]),
+        springs=replace(structure.springs, nodes=ground[structure.springs.nodes]),
+    )
+    theta = np.array([0.5, 2.0, 1.0])
+    first, second = (assemble(model) for model in (structure, renumbered))
+    modes = [lowest_modes(operators, theta, 5) for operators in (first, second)]
+    np.testing.assert_allclose(modes[0].frequency_hz, modes[1].frequency_hz, rtol=1e-9)
+    shapes = [
+        o.expand(m.shapes).reshape(-1, 6, 5) for o, m in zip((first, second), modes, strict=True)
+    ]
+    same = np.abs(np.einsum("ndk,ndk->k", shapes[0][order], shapes[1]))
+    size = np.einsum("ndk,ndk->k", shapes[0], shapes[0])
+    np.testing.assert_allclose(same, size, rtol=1e-6)
+
+
+def broken(model, part, **changes):
+    return replace(model, **{part: replace(getattr(model, part), **changes)})
+
+
+def with_first(values, value):
+    values = values.copy()
+    values.reshape(-1)[0] = value
+    return values
+
+
+@pytest.mark.parametrize(
+    ("part", "name", "value", "message"),
+    [
+        ("shells", "nodes", 999, "shell 0 names node 999"),
+        ("shells", "nodes", -1, "shell 0 names node -1"),
+        ("beams", "nodes", 999, "beam 0 names node 999"),
+        ("springs", "nodes", 999, "spring 0 names node 999"),
+        ("springs", "nodes", -1, "spring 0 names node -1"),
+        ("masses", "node", 999, "point mass 0 names node 999"),
+        ("shells", "group", 3, "shell 0 belongs to parameter 3"),
+        ("beams", "group", 7, "beam 0 belongs to parameter 7"),
+        ("springs", "direction", 6, "spring 0 acts along 6"),
+        ("springs", "stiffness", np.inf, "spring 0 must have a finite stiffness"),
+        ("masses", "mass", -1.0, "point mass 0 must have a finite mass"),
+        ("masses", "inertia", np.nan, "point mass 0 must have a finite mass"),
+        ("shells", "thickness", 0.0, r"shell 0 \(nodes .*\) has thickness 0"),
+    ],
+)
+def test_a_part_that_does_not_fit_is_named(structure, part, name, value, message):
+    values = with_first(getattr(getattr(structure, part), name), value)
+    with pytest.raises(ModelError, match=message):
+        assemble(broken(structure, part, **{name: values}))
+
+
+def test_a_spring_from_a_node_to_itself_is_refused(structure):
+    nodes = np.array([[3, -1], [5, 5], [9, 2]])
+    with pytest.raises(ModelError, match="spring 1 joins a node to itself"):
+        assemble(broken(structure, "springs", nodes=nodes))
+
+
+def test_lonely_nodes_are_named(structure):
+    count = len(structure.nodes)
+    model = replace(
+        structure,
+        nodes=np.concatenate([structure.nodes, np.ones((2, 3))]),
+        fixed=np.concatenate([structure.fixed, np.zeros((2, 6), dtype=bool)]),
+    )
+    with pytest.raises(ModelError, match=f"nodes {count}, {count + 1} belong to no"):
+        assemble(model)
+
+
+def test_many_lonely_nodes_are_counted(structure):
+    model = replace(
+        structure,
+        nodes=np.concatenate([structure.nodes, np.ones((20, 3))]),
+        fixed=np.concatenate([structure.fixed, np.zeros((20, 6), dtype=bool)]),
+    )
+    with pytest.raises(ModelError, match="and 12 more belong"):
+        assemble(model)
+
+
+def test_supports_and_coordinates_must_make_sense(structure):
+    with pytest.raises(ModelError, match="every degree of freedom is held"):
+        assemble(replace(structure, fixed=np.ones_like(structure.fixed)))
+    with pytest.raises(ModelError, match="`fixed` has shape"):
+        assemble(replace(structure, fixed=structure.fixed[1:]))
+    with pytest.raises(ModelError, match="node 0 must have finite coordinates"):
+        assemble(replace(structure, nodes=with_first(structure.nodes, np.nan)))

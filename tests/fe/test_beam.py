@@ -1,0 +1,255 @@
+"""The Timoshenko beam against closed forms, with a section that has no symmetry to hide behind."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.polynomial import Polynomial
+
+from femupdate.errors import ModelError
+from femupdate.fe.assembly import assemble
+from femupdate.fe.beam import beam_matrices
+from femupdate.fe.solve import lowest_modes
+
+E, NU, DENSITY = 210e9, 0.3, 7850.0
+G = E / (2 * (1 + NU))
+SECTION = {
+    "area": 0.02,
+    "shear_area_y": 0.011,
+    "shear_area_z": 0.007,
+    "inertia_y": 2.0e-4,
+    "inertia_z": 0.5e-4,
+    "torsion_constant": 0.9e-4,
+    "youngs_modulus": E,
+    "poisson_ratio": NU,
+    "density": DENSITY,
+}
+# Bending along local y uses inertia_z and shear_area_y, and the other way round.
+PLANES = {1: ("inertia_z", "shear_area_y"), 2: ("inertia_y", "shear_area_z")}
+vectors = st.tuples(*[st.floats(-3, 3)] * 3)
+
+
+def local_axes(direction, up):
+    x = direction / np.linalg.norm(direction)
+    z = up - (up @ x) * x
+    z /= np.linalg.norm(z)
+    return np.array([x, np.cross(z, x), z])
+
+
+def cantilever(meshes, length, count, direction=(1.0, 0.0, 0.0), up=(0.0, 0.0, 1.0), **changes):
+    direction = np.asarray(direction) / np.linalg.norm(direction)
+    points = np.linspace(0, length, count + 1)[:, None] * direction
+    fixed = meshes.zeros(count + 1).astype(bool)
+    fixed[0] = True
+    beams = meshes.beams(meshes.chain(count), up=up, **{**SECTION, **changes})
+    return meshes.model(points, fixed, beams=beams)
+
+
+@pytest.mark.parametrize("count", [1, 3])
+@pytest.mark.parametrize(
+    ("direction", "up"),
+    [((1, 0, 0), (0, 0, 1)), ((0, 0, 1), (1, 0.3, 0)), ((2.0, -1.0, 1.5), (0.2, 0.1, 1.0))],
+)
+def test_tip_displacement_is_exact(meshes, count, direction, up):
+    """Axial, shear with bending, torsion and end moments, each in the beam's own axes."""
+    length, axes = 2.5, local_axes(np.array(direction, float), np.array(up, float))
+    model = cantilever(meshes, length, count, direction, up)
+
+    def tip(component, value):
+        load = meshes.zeros(count + 1)
+        part = slice(0, 3) if component < 3 else slice(3, 6)
+        load[-1, part] = value * axes[component % 3]
+        u = meshes.displacement(model, load)[-1]
+        return np.concatenate([axes @ u[:3], axes @ u[3:]])
+
+    expected = np.zeros((6, 6))
+    expected[0, 0] = length / (E * SECTION["area"])
+    expected[3, 3] = length / (G * SECTION["torsion_constant"])
+    for along, about, sign in ((1, 5, 1.0), (2, 4, -1.0)):
+        inertia, shear_area = (SECTION[name] for name in PLANES[along])
+        expected[along, along] = length**3 / (3 * E * inertia) + length / (G * shear_area)
+        expected[about, about] = length / (E * inertia)
+        expected[along, about] = expected[about, along] = sign * length**2 / (2 * E * inertia)
+    found = np.array([tip(component, 1.0) for component in range(6)])
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("along", [1, 2])
+def test_infinite_shear_area_gives_euler_bernoulli(meshes, along):
+    inertia, shear_area = PLANES[along]
+    model = cantilever(meshes, 2.5, 1, **{shear_area: np.inf})
+    load = meshes.zeros(2)
+    load[1, along] = 1.0
+    expected = 2.5**3 / (3 * E * SECTION[inertia])
+    assert meshes.displacement(model, load)[1, along] == pytest.approx(expected, rel=1e-10)
+
+
+def shape_mass(length, inertia, shear_area):
+    """Mass of deflection and rotation by exact integration of the static shapes, (4, 4)."""
+    flexibility = E * inertia / (G * shear_area)
+    deflections = [Polynomial.basis(k) for k in range(4)]
+    # From the equilibrium of shear and moment: rotation = w' + (E I / G A_s) w'''.
+    rotations = [w.deriv() + flexibility * w.deriv(3) for w in deflections]
+    ends = np.array(
+        [[w(0), r(0), w(length), r(length)] for w, r in zip(deflections, rotations, strict=True)]
+    )
+    coefficients = np.linalg.inv(ends)
+    mass = np.zeros((4, 4))
+    for weight, fields in ((SECTION["area"], deflections), (inertia, rotations)):
+        shapes = [sum(c * f for c, f in zip(row, fields, strict=True)) for row in coefficients]
+        for i, first in enumerate(shapes):
+            for j, second in enumerate(shapes):
+                mass[i, j] += DENSITY * weight * (first * second).integ()(length)
+    return mass
+
+
+@pytest.mark.parametrize("length", [0.2, 1.0, 8.0])
+@pytest.mark.parametrize("along", [1, 2])
+def test_mass_is_that_of_the_static_shapes(meshes, length, along):
+    beams = meshes.beams([[0, 1]], **SECTION)
+    mass = beam_matrices(np.array([[[0.0, 0, 0], [length, 0, 0]]]), beams).mass[0]
+    inertia, shear_area = (SECTION[name] for name in PLANES[along])
+    index = np.array([1, 5, 7, 11]) if along == 1 else np.array([2, 4, 8, 10])
+    sign = np.array([1, 1, 1, 1]) if along == 1 else np.array([1, -1, 1, -1])
+    wanted = np.outer(sign, sign) * shape_mass(length, inertia, shear_area)
+    np.testing.assert_allclose(mass[np.ix_(index, index)], wanted, rtol=1e-9)
+
+
+@given(start=vectors, way=vectors, up=vectors)
+@settings(max_examples=100, deadline=None)
+def test_rigid_motion_and_momentum_in_any_position(meshes, start, way, up):
+    start, way, up = (np.array(v) for v in (start, way, up))
+    length = np.linalg.norm(way)
+    if length < 0.1 or np.linalg.norm(np.cross(way, up)) < 1e-2:
+        return
+    ends = np.stack([start, start + way])
+    matrices = beam_matrices(ends[None], meshes.beams([[0, 1]], up=up, **SECTION))
+    modes = np.zeros((2, 6, 6))
+    modes[:, range(6), range(6)] = 1.0
+    for axis in range(3):
+        modes[:, :3, 3 + axis] = np.cross(np.eye(3)[axis], ends)
+    modes = modes.reshape(12, 6)
+    stiffness, mass = matrices.stiffness[0], matrices.mass[0]
+    assert np.abs(stiffness @ modes).max() < 1e-11 * np.abs(stiffness).max() * np.abs(modes).max()
+    scale = 1 / np.sqrt(np.diag(stiffness))
+    values = np.linalg.eigvalsh(scale[:, None] * stiffness * scale)
+    assert np.abs(values[:6]).max() < 1e-12
+    assert values[6] > 1e-6
+    total = DENSITY * SECTION["area"] * length
+    rigid = modes.T @ mass @ modes
+    axes = local_axes(way, up)
+    centre = ends.mean(axis=0)
+    polar = SECTION["inertia_y"] + SECTION["inertia_z"]
+    # A slender solid: thin rod, and the section's inertia about each local axis.
+    own = np.diag([polar, SECTION["inertia_y"], SECTION["inertia_z"]]) * DENSITY * length
+    own += total * length**2 / 12 * np.diag([0, 1, 1])
+    about_origin = axes.T @ own @ axes
+    about_origin += total * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+    size = total * (1 + np.abs(ends).max() ** 2)
+    np.testing.assert_allclose(rigid[:3, :3], total * np.eye(3), atol=1e-10 * size)
+    expected = total * np.array([np.cross(axis, centre) for axis in np.eye(3)]).T
+    np.testing.assert_allclose(rigid[:3, 3:], expected, atol=1e-10 * size)
+    np.testing.assert_allclose(rigid[3:, 3:], about_origin, atol=1e-10 * size)
+
+
+def pinned_timoshenko(length, inertia, shear_area, mode):
+    """Exact frequency (Hz) of a simply supported Timoshenko beam."""
+    k = mode * np.pi / length
+    shear = G * shear_area
+    stiffness = np.array([[shear * k**2, -shear * k], [-shear * k, E * inertia * k**2 + shear]])
+    scale = 1 / np.sqrt([DENSITY * SECTION["area"], DENSITY * inertia])
+    return np.sqrt(np.linalg.eigvalsh(scale[:, None] * stiffness * scale)[0]) / (2 * np.pi)
+
+
+def test_frequencies_of_a_simply_supported_deep_beam(meshes):
+    """Both bending planes, torsion and extension of one beam, each at its own frequency."""
+    length, count = 1.5, 32
+    points = np.linspace(0, length, count + 1)[:, None] * [1.0, 0.0, 0.0]
+    ends = np.isin(np.arange(count + 1), [0, count])
+    fixed = meshes.hold(count + 1, (ends, (1, 2, 3)), (points[:, 0] == 0, (0,)))
+    beams = meshes.beams(meshes.chain(count), **SECTION)
+    found = lowest_modes(assemble(meshes.model(points, fixed, beams=beams)), np.ones(1), 12)
+    polar = SECTION["inertia_y"] + SECTION["inertia_z"]
+    exact = [
+        pinned_timoshenko(length, *(SECTION[name] for name in PLANES[along]), mode)
+        for along in (1, 2)
+        for mode in (1, 2, 3)
+    ]
+    exact += [
+        np.sqrt(G * SECTION["torsion_constant"] / (DENSITY * polar)) / (2 * length),
+        np.sqrt(E / DENSITY) / (4 * length),
+    ]
+    # Six elements or more to each half wave: the worst is 0.3 %.
+    for target in exact:
+        nearest = np.abs(found.frequency_hz / target - 1).min()
+        assert nearest < 5e-3, target
+    assert found.frequency_hz[0] == pytest.approx(min(exact), rel=1e-3)
+
+
+def test_nafems_fv5_deep_beam(meshes):
+    """10 m, 2 m x 2 m in five elements: shear and rotary inertia decide, torsion is there."""
+    area, side, count = 4.0, 2.0, 5
+    steel = {"youngs_modulus": 200e9, "poisson_ratio": 0.3, "density": 8000.0}
+    beams = meshes.beams(
+        meshes.chain(count),
+        area=area,
+        shear_area_y=area / 1.2,
+        shear_area_z=area / 1.2,
+        inertia_y=side**4 / 12,
+        inertia_z=side**4 / 12,
+        torsion_constant=side**4 / 6,  # the published torsion takes the polar moment
+        **steel,
+    )
+    points = np.linspace(0, 10, count + 1)[:, None] * [1.0, 0.0, 0.0]
+    first, last = points[:, 0] == 0, points[:, 0] == 10
+    fixed = meshes.hold(count + 1, (first, (0, 1, 2, 3)), (last, (1, 2)))
+    found = lowest_modes(assemble(meshes.model(points, fixed, beams=beams)), np.ones(1), 6)
+    target = [42.649, 42.649, 77.542, 125.00, 148.31, 148.31]
+    # Torsion and extension of five linear elements err by (pi / 20)^2 / 6 = 0.4 %, the second
+    # bending mode by 1.4 %.
+    assert found.frequency_hz == pytest.approx(target, rel=0.015)
+    assert found.frequency_hz[:4] == pytest.approx(target[:4], rel=0.005)
+
+
+def test_first_frequencies_of_an_inclined_slender_cantilever(meshes):
+    """Clamped-free Euler-Bernoulli roots 1.8751 and 4.6941, in both planes."""
+    length = 12.0
+    section = {**SECTION, "shear_area_y": np.inf, "shear_area_z": np.inf}
+    model = cantilever(meshes, length, 12, (1.0, 1.0, 2.0), (0.3, -1.0, 0.2), **section)
+    found = lowest_modes(assemble(model), np.ones(1), 4).frequency_hz
+    roots = np.array([1.87510407, 4.69409113])
+    exact = np.concatenate(
+        [
+            roots**2 * np.sqrt(E * SECTION[name] / (DENSITY * SECTION["area"])) / length**2
+            for name in ("inertia_y", "inertia_z")
+        ]
+    ) / (2 * np.pi)
+    # Rotary inertia lowers the second mode by I/A (4.69/L)^2 ~ 1e-3.
+    assert found == pytest.approx(np.sort(exact), rel=3e-3)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"area": 0.0}, "beam 0 .nodes 0 and 1. needs a positive area"),
+        ({"inertia_y": -1.0}, "positive inertia y"),
+        ({"torsion_constant": 0.0}, "positive torsion constant"),
+        ({"youngs_modulus": np.nan}, "positive youngs modulus"),
+        ({"shear_area_z": 0.0}, "positive shear area z"),
+        ({"poisson_ratio": 1.5}, "Poisson's ratio"),
+        ({"density": -1.0}, "density"),
+        ({"up": (2.0, 0.0, 0.0)}, "`up` along its axis"),
+        ({"up": (0.0, 0.0, 0.0)}, "`up` along its axis"),
+    ],
+)
+def test_an_impossible_beam_is_refused_by_name(meshes, changes, message):
+    beams = meshes.beams([[0, 1]], **{**SECTION, **changes})
+    with pytest.raises(ModelError, match=message):
+        beam_matrices(np.array([[[0.0, 0, 0], [1.0, 0, 0]]]), beams)
+
+
+def test_a_beam_without_length_is_refused_by_name(meshes):
+    beams = meshes.beams([[7, 8], [9, 4]], **SECTION)
+    ends = np.array([[[0.0, 0, 0], [1.0, 0, 0]], [[5.0, 5, 5], [5.0, 5, 5]]])
+    with pytest.raises(ModelError, match="beam 1 .nodes 9 and 4. has no length"):
+        beam_matrices(ends, beams)

@@ -1,0 +1,183 @@
+"""What holds for every shell, whatever its shape and position."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from femupdate.errors import ModelError
+from femupdate.fe.shell import shell_matrices
+
+E, NU, DENSITY = 3.0e10, 0.2, 2500.0
+SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+# Corners moved by up to 0.2 of the side leave every quadrilateral convex.
+nudges = st.lists(st.floats(-0.2, 0.2), min_size=8, max_size=8)
+heights = st.floats(-0.1, 0.1)
+sides = st.floats(0.2, 5.0)
+thicknesses = st.floats(0.03, 0.3)
+seeds = st.integers(0, 10_000)
+
+
+def quadrilateral(nudge, height, side, rotation):
+    corners = SQUARE.copy()
+    corners[:, :2] += np.reshape(nudge, (4, 2))
+    corners[:, 2] += height * np.array([1, -1, 1, -1])
+    return (corners * [side, 1.0, 1.0]) @ rotation.T + [3.0, -2.0, 7.0]
+
+
+def matrices(corners, thickness):
+    one = np.ones(1)
+    return shell_matrices(corners[None], thickness * one, E * one, NU * one, DENSITY * one)
+
+
+def rigid_modes(corners):
+    modes = np.zeros((4, 6, 6))
+    modes[:, [0, 1, 2], [0, 1, 2]] = 1.0
+    modes[:, [3, 4, 5], [3, 4, 5]] = 1.0
+    arm = corners - corners.mean(axis=0)
+    for axis in range(3):
+        modes[:, :3, 3 + axis] = np.cross(np.eye(3)[axis], arm)
+    return modes.reshape(24, 6)
+
+
+@given(nudge=nudges, height=heights, side=sides, thickness=thicknesses, seed=seeds)
+@settings(max_examples=150, deadline=None)
+def test_six_rigid_modes_and_no_more(meshes, nudge, height, side, thickness, seed):
+    corners = quadrilateral(nudge, height, side, meshes.random_rotation(seed))
+    stiffness = matrices(corners, thickness).stiffness[0]
+    np.testing.assert_array_equal(stiffness, stiffness.T)
+    modes = rigid_modes(corners)
+    # Rounding: 24 terms of the largest entry.
+    assert np.abs(stiffness @ modes).max() < 1e-12 * np.abs(stiffness).max() * np.abs(modes).max()
+    scale = 1 / np.sqrt(np.diag(stiffness))
+    values = np.linalg.eigvalsh(scale[:, None] * stiffness * scale)
+    assert np.abs(values[:6]).max() < 1e-13
+    # The softest strain pattern is bending: (t / side)^2 of the rest, at least 1e-5 here.
+    assert values[6] > 1e-7
+
+
+@given(nudge=nudges, side=sides, thickness=thicknesses, seed=seeds)
+@settings(max_examples=100, deadline=None)
+def test_mass_of_a_flat_shell(meshes, nudge, side, thickness, seed):
+    """Mass, centre of mass and moments of inertia of a solid plate of that outline."""
+    corners = quadrilateral(nudge, 0.0, side, meshes.random_rotation(seed))
+    mass = matrices(corners, thickness).mass[0]
+    modes = rigid_modes(corners)
+    rigid = modes.T @ mass @ modes
+    area, first, second = outline_moments(corners)
+    total = DENSITY * thickness * area
+    normal = np.cross(corners[1] - corners[0], corners[3] - corners[0])
+    normal /= np.linalg.norm(normal)
+    np.testing.assert_allclose(rigid[:3, :3], total * np.eye(3), atol=1e-10 * total)
+    # Linear momentum of a turn about the corners' mean is total * (axis x centre of mass).
+    moment = DENSITY * thickness * first
+    expected = np.array([np.cross(axis, moment) for axis in np.eye(3)]).T
+    np.testing.assert_allclose(rigid[:3, 3:], expected, atol=1e-10 * total * side)
+    thin = DENSITY * thickness * (np.trace(second) * np.eye(3) - second)
+    rotary = total * thickness**2 / 12
+    # About in-plane axes rho t^3 / 12; about the normal only the hundredth of it that keeps the
+    # drilling rotation from being massless.
+    thick = rotary * (np.eye(3) - 0.99 * np.outer(normal, normal))
+    np.testing.assert_allclose(rigid[3:, 3:], thin + thick, atol=1e-9 * total * max(side, 1) ** 2)
+    assert np.linalg.eigvalsh(mass).min() > 0.0
+
+
+def outline_moments(corners):
+    """Area, first and second moments about the corners' mean, from two triangles."""
+    arm = corners - corners.mean(axis=0)
+    area, first, second = 0.0, np.zeros(3), np.zeros((3, 3))
+    for triangle in (arm[[0, 1, 2]], arm[[0, 2, 3]]):
+        size = 0.5 * np.linalg.norm(np.cross(triangle[1] - triangle[0], triangle[2] - triangle[0]))
+        middles = 0.5 * (triangle + np.roll(triangle, 1, axis=0))  # exact for quadratics
+        area += size
+        first += size * middles.mean(axis=0)
+        second += size * middles.T @ middles / 3
+    return area, first, second
+
+
+@given(nudge=nudges, height=heights, seed=seeds, start=st.integers(1, 3))
+@settings(max_examples=80, deadline=None)
+def test_numbering_and_position_do_not_matter(meshes, nudge, height, seed, start):
+    """Same element from another first node, other side up, and turned in space."""
+    corners = quadrilateral(nudge, height, 1.7, np.eye(3))
+    reference = matrices(corners, 0.1)
+    rotation = meshes.random_rotation(seed)
+    turn = np.kron(np.eye(8), rotation)
+    moved = matrices(corners @ rotation.T, 0.1)
+    for order in (np.roll(np.arange(4), start), np.arange(4)[::-1]):
+        index = (6 * order[:, None] + np.arange(6)).ravel()
+        renumbered = matrices(corners[order], 0.1)
+        for name in ("stiffness", "mass"):
+            wanted = getattr(reference, name)[0]
+            size = np.abs(wanted).max()
+            got = getattr(renumbered, name)[0]
+            np.testing.assert_allclose(got, wanted[np.ix_(index, index)], atol=1e-12 * size)
+            turned = turn @ wanted @ turn.T
+            np.testing.assert_allclose(getattr(moved, name)[0], turned, atol=1e-12 * size)
+
+
+def test_a_batch_equals_its_elements(meshes):
+    corners = np.stack(
+        [quadrilateral(np.linspace(-0.1, 0.15, 8) * k, 0.05 * k, k, np.eye(3)) for k in (1, 2, 3)]
+    )
+    thickness, modulus = np.array([0.1, 0.2, 0.3]), E * np.array([1.0, 1.5, 0.5])
+    poisson, density = np.array([0.1, 0.2, 0.3]), np.array([2500.0, 0.0, 7800.0])
+    batch = shell_matrices(corners, thickness, modulus, poisson, density)
+    for k in range(3):
+        pick = slice(k, k + 1)
+        single = shell_matrices(
+            corners[pick], thickness[pick], modulus[pick], poisson[pick], density[pick]
+        )
+        np.testing.assert_allclose(batch.stiffness[k], single.stiffness[0], rtol=1e-12, atol=1e-3)
+        np.testing.assert_allclose(batch.mass[k], single.mass[0], rtol=1e-12, atol=1e-9)
+
+
+def test_an_empty_batch_gives_empty_matrices():
+    none = np.zeros(0)
+    assert shell_matrices(np.zeros((0, 4, 3)), none, none, none, none).stiffness.shape == (
+        0,
+        24,
+        24,
+    )
+
+
+SHAPES = {
+    "bow tie": [[0, 0, 0], [1, 1, 0], [1, 0, 0], [0, 1, 0]],
+    "concave": [[0, 0, 0], [1, 0, 0], [0.2, 0.2, 0], [0, 1, 0]],
+    "double node": [[0, 0, 0], [1, 0, 0], [1, 0, 0], [0, 1, 0]],
+    "line": [[0, 0, 0], [1, 0, 0], [2, 0, 0], [3, 0, 0]],
+    "point": [[1, 2, 3]] * 4,
+    "triangle with a node in its side": [[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0]],
+}
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_an_impossible_shape_is_refused_by_name(meshes, shape):
+    corners = np.stack([SQUARE, np.array(SHAPES[shape], dtype=float) @ meshes.random_rotation(5).T])
+    two = np.ones(2)
+    numbers = np.array([[0, 1, 2, 3], [14, 15, 92, 65]])
+    with pytest.raises(ModelError, match=r"shell 1 \(nodes 14, 15, 92, 65\).*convex"):
+        shell_matrices(corners, 0.1 * two, E * two, NU * two, two, nodes=numbers)
+
+
+@pytest.mark.parametrize(
+    ("name", "position", "value"),
+    [
+        ("thickness", 0, 0.0),
+        ("thickness", 0, np.nan),
+        ("Young's modulus", 1, -1.0),
+        ("Poisson's ratio", 2, 1.0),
+        ("density", 3, -1.0),
+        ("density", 3, np.inf),
+    ],
+)
+def test_an_impossible_property_is_refused_by_name(name, position, value):
+    properties = [np.full(2, v) for v in (0.1, E, NU, DENSITY)]
+    properties[position][1] = value
+    with pytest.raises(ModelError, match=f"shell 1 has {name}"):
+        shell_matrices(np.stack([SQUARE, SQUARE + 1]), *properties)
+
+
+def test_a_slender_element_is_accepted():
+    corners = SQUARE * [1000.0, 1.0, 1.0]
+    assert np.isfinite(matrices(corners, 0.1).stiffness).all()

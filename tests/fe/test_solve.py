@@ -1,0 +1,225 @@
+"""Modes, static displacement and factorisation."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+from scipy.sparse import csc_matrix, diags
+
+import femupdate.fe.solve as solve
+from femupdate.errors import ModelError
+from femupdate.fe.assembly import assemble
+from femupdate.fe.model import PointMasses, Springs
+from femupdate.fe.solve import factorize, lowest_modes, static_displacement
+
+ONE = np.ones(1)
+
+
+def spring_chain(meshes, stiffness, mass, direction=0):
+    """Masses in a row on springs from the ground, free along one direction only."""
+    count = len(mass)
+    fixed = np.ones((count, 6), dtype=bool)
+    fixed[:, direction] = False
+    springs = Springs(
+        nodes=np.stack([np.arange(count), np.arange(-1, count - 1)], axis=1),
+        direction=np.full(count, direction),
+        stiffness=np.asarray(stiffness, dtype=float),
+        group=np.zeros(count, dtype=np.int64),
+    )
+    masses = PointMasses(
+        np.arange(count), np.asarray(mass, float), np.tile([7.0, 11.0, 13.0], (count, 1))
+    )
+    points = meshes.stack(np.arange(count), 0 * np.arange(count), 0 * np.arange(count))
+    return meshes.model(points, fixed, springs=springs, masses=masses)
+
+
+@pytest.mark.parametrize(("direction", "inertia"), [(0, 250.0), (2, 250.0), (3, 7.0), (5, 13.0)])
+def test_one_mass_on_a_spring(meshes, direction, inertia):
+    modes = lowest_modes(assemble(spring_chain(meshes, [4e5], [250.0], direction)), ONE, 1)
+    assert modes.frequency_hz == pytest.approx([np.sqrt(4e5 / inertia) / (2 * np.pi)], rel=1e-12)
+    assert modes.shapes == pytest.approx(np.array([[1 / np.sqrt(inertia)]]), rel=1e-12)
+
+
+def test_two_masses_against_the_textbook(meshes):
+    k, m = np.array([3e5, 1e5]), np.array([200.0, 90.0])
+    operators = assemble(spring_chain(meshes, k, m))
+    values, vectors = eigh([[k.sum(), -k[1]], [-k[1], k[1]]], np.diag(m))
+    modes = lowest_modes(operators, ONE, 2)
+    assert modes.frequency_hz == pytest.approx(np.sqrt(values) / (2 * np.pi), rel=1e-12)
+    np.testing.assert_allclose(np.abs(modes.shapes), np.abs(vectors), rtol=1e-10)
+    assert (modes.shapes[np.abs(modes.shapes).argmax(axis=0), [0, 1]] > 0).all()
+
+
+@pytest.fixture(scope="module")
+def plate(meshes):
+    """A cantilever plate of 1 188 free degrees of freedom, enough for the Lanczos method."""
+    s, t, quads = meshes.grid(11, 17)
+    points = meshes.stack(3 * s, 5 * t, 0.2 * s * t)
+    fixed = meshes.hold(len(s), (s == 0, range(6)))
+    return meshes.model(points, fixed, shells=meshes.shells(quads, 0.1, 30e9, 0.2, 2500.0))
+
+
+@pytest.fixture(scope="module")
+def plate_operators(plate):
+    return assemble(plate)
+
+
+def test_lanczos_agrees_with_a_dense_solution(plate_operators):
+    modes = lowest_modes(plate_operators, ONE, 12)
+    stiffness, mass = plate_operators.stiffness(ONE), plate_operators.mass
+    values = eigh(stiffness.toarray(), mass.toarray(), eigvals_only=True)[:12]
+    np.testing.assert_allclose(modes.frequency_hz, np.sqrt(values) / (2 * np.pi), rtol=1e-7)
+    np.testing.assert_allclose(modes.shapes.T @ mass @ modes.shapes, np.eye(12), atol=1e-8)
+    omega2 = (2 * np.pi * modes.frequency_hz) ** 2
+    energy = modes.shapes.T @ stiffness @ modes.shapes
+    np.testing.assert_allclose(energy, np.diag(omega2), atol=1e-7 * omega2.max())
+    largest = np.abs(modes.shapes).argmax(axis=0)
+    assert (modes.shapes[largest, np.arange(12)] > 0).all()
+
+
+def test_the_same_call_gives_the_same_bits(plate_operators):
+    first, second = (lowest_modes(plate_operators, ONE, 6) for _ in range(2))
+    np.testing.assert_array_equal(first.frequency_hz, second.frequency_hz)
+    np.testing.assert_array_equal(first.shapes, second.shapes)
+
+
+@pytest.mark.parametrize("shift", [-0.1, -5.0, -50.0])
+def test_a_shift_changes_nothing(plate_operators, shift):
+    plain = lowest_modes(plate_operators, ONE, 6)
+    shifted = lowest_modes(plate_operators, ONE, 6, shift_hz=shift)
+    np.testing.assert_allclose(shifted.frequency_hz, plain.frequency_hz, rtol=1e-7)
+    np.testing.assert_allclose(shifted.shapes, plain.shapes, atol=1e-5 * np.abs(plain.shapes).max())
+
+
+def test_theta_scales_frequencies_by_its_root(plate_operators):
+    plain, stiff = (lowest_modes(plate_operators, value * ONE, 4) for value in (1.0, 2.25))
+    np.testing.assert_allclose(stiff.frequency_hz, 1.5 * plain.frequency_hz, rtol=1e-8)
+
+
+def test_six_zero_frequencies_of_a_free_structure(meshes):
+    points, parts = meshes.frame_with_wall()
+    rotation = meshes.random_rotation(8)
+    up = parts["beams"].up @ rotation.T
+    parts["beams"] = replace(parts["beams"], up=up)
+    operators = assemble(meshes.model(points @ rotation.T, groups=2, **parts))
+    modes = lowest_modes(operators, np.ones(2), 8, shift_hz=-1.0)
+    assert modes.frequency_hz[:6].max() < 1e-3
+    assert modes.frequency_hz[6] > 1.0
+    # They span the rigid motions: translations come back from them with their whole mass.
+    for direction in range(3):
+        motion = operators.rigid_translation(direction)
+        share = modes.shapes[:, :6].T @ operators.mass @ motion
+        assert share @ share == pytest.approx(motion @ operators.mass @ motion, rel=1e-8)
+
+
+def test_six_zero_frequencies_by_lanczos(meshes, plate):
+    operators = assemble(replace(plate, fixed=np.zeros_like(plate.fixed)))
+    for count in (4, 9):
+        modes = lowest_modes(operators, ONE, count, shift_hz=-1.0)
+        assert modes.frequency_hz[:6].max() < 1e-3
+        assert (modes.frequency_hz[6:] > 1.0).all()
+
+
+def test_few_masses_on_many_degrees_of_freedom(meshes, plate):
+    """A massless plate with three lumps has exactly nine modes, found from its flexibility."""
+    lumps = PointMasses(np.array([150, 99, 207]), np.array([900.0, 500.0, 70.0]), np.zeros((3, 3)))
+    massless = replace(plate.shells, density=0.0 * plate.shells.density)
+    operators = assemble(replace(plate, shells=massless, masses=lumps))
+    modes = lowest_modes(operators, ONE, 9)
+    massive = np.flatnonzero(operators.mass.diagonal())
+    loads = np.eye(len(operators.free))[:, massive]
+    flexibility = factorize(operators.stiffness(ONE)).solve(loads)[massive]
+    mass = operators.mass.diagonal()[massive]
+    values = np.sort(1 / np.linalg.eigvals(flexibility * mass).real)
+    np.testing.assert_allclose(modes.frequency_hz, np.sqrt(values) / (2 * np.pi), rtol=1e-7)
+    with pytest.raises(ModelError, match="10 modes were asked for, but 9 free degrees of freedom"):
+        lowest_modes(operators, ONE, 10)
+
+
+@pytest.mark.parametrize("count", [0, -3])
+def test_no_modes_is_refused(plate_operators, count):
+    with pytest.raises(ModelError, match="modes were asked for"):
+        lowest_modes(plate_operators, ONE, count)
+
+
+@pytest.mark.parametrize("shift", [0.0, 2.0, np.nan])
+def test_a_shift_that_is_not_negative_is_refused(plate_operators, shift):
+    with pytest.raises(ModelError, match="give a negative frequency"):
+        lowest_modes(plate_operators, ONE, 3, shift_hz=shift)
+
+
+def test_a_missed_mode_is_noticed(plate_operators, monkeypatch):
+    """An eigenvalue solver that skips the second mode is found out by the Sturm count."""
+    honest = solve.eigsh
+    calls = []
+
+    def skipping(*args, k, **options):
+        calls.append(k)
+        values, shapes = honest(*args, k=k + 1, **options)
+        order = np.delete(np.argsort(values), 1)
+        return values[order], shapes[:, order]
+
+    monkeypatch.setattr(solve, "eigsh", skipping)
+    with pytest.raises(ModelError, match="missed a mode"):
+        lowest_modes(plate_operators, ONE, 6)
+    assert len(calls) == 2
+
+
+def test_wrong_modes_are_noticed(plate_operators, monkeypatch):
+    honest = solve.eigsh
+
+    def sloppy(*args, **options):
+        values, shapes = honest(*args, **options)
+        return values, shapes + 1e-3 * np.roll(shapes, 1, axis=1)
+
+    monkeypatch.setattr(solve, "eigsh", sloppy)
+    with pytest.raises(ModelError, match="relative residual"):
+        lowest_modes(plate_operators, ONE, 6)
+
+
+def test_static_displacement_is_symmetric_and_linear(plate, plate_operators):
+    """Maxwell and Betti: displacement at j under a force at i equals that at i under one at j."""
+    i, j = 6 * 150 + 2, 6 * 60 + 1
+    loads = np.zeros((plate.dof, 2))
+    loads[i, 0] = loads[j, 1] = 1e4
+    u = static_displacement(plate_operators, ONE, loads)
+    assert u.shape == loads.shape
+    assert u[j, 0] == pytest.approx(u[i, 1], rel=1e-7)
+    assert not u[plate.fixed.ravel()].any()
+    single = static_displacement(plate_operators, 2.0 * ONE, loads[:, 0])
+    np.testing.assert_allclose(2.0 * single, u[:, 0], atol=1e-9 * np.abs(u[:, 0]).max())
+
+
+def test_a_load_of_another_length_is_refused(plate_operators):
+    with pytest.raises(ModelError, match="the load has 12 rows"):
+        static_displacement(plate_operators, ONE, np.zeros(12))
+
+
+@pytest.mark.parametrize("kind", ["definite", "indefinite", "complex", "zero diagonal"])
+def test_factorize_solves_symmetric_systems(kind):
+    rng = np.random.default_rng(5)
+    dense = rng.standard_normal((40, 40))
+    dense = dense @ dense.T + 40 * np.eye(40)
+    if kind == "indefinite":
+        dense -= 90 * np.diag(rng.uniform(size=40))
+    if kind == "complex":
+        dense = dense * (1 + 0.02j) - 60 * np.eye(40)
+    if kind == "zero diagonal":
+        np.fill_diagonal(dense, 0.0)
+    rhs = rng.standard_normal((40, 3))
+    solution = factorize(csc_matrix(dense)).solve(rhs)
+    np.testing.assert_allclose(solution, np.linalg.solve(dense, rhs), rtol=1e-8)
+
+
+def test_pivots_count_negative_eigenvalues():
+    matrix = diags([np.full(50, 2.0), -np.ones(49), -np.ones(49)], [0, 1, -1]).tocsc()
+    values = np.linalg.eigvalsh(matrix.toarray())
+    shifted = (matrix - 1.1 * diags(np.ones(50))).tocsc()
+    pivots = factorize(shifted).pivots()
+    assert (pivots < 0).sum() == (values < 1.1).sum()
+
+
+def test_factorize_refuses_a_singular_matrix():
+    with pytest.raises(ModelError, match="singular"):
+        factorize(csc_matrix(np.ones((3, 3))))

@@ -1,0 +1,51 @@
+"""The real Ridgecrest record, and the part of it that is shipped."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from femupdate.errors import MeasurementError
+from femupdate.measurement.record import read_record
+from femupdate.units import STANDARD_GRAVITY
+
+RECORD = "records/ridgecrest_2019_clc.v1"
+EXAMPLE = Path(__file__).resolve().parents[2] / "examples/records/ridgecrest_2019_clc_90.csv"
+
+
+# What the file's own headers state (three decimals of g).
+@pytest.mark.parametrize(
+    ("channel", "count", "peak_g", "at_s"),
+    [(1, 31932, 0.344, 234.36), ("360 Deg", 32080, 0.511, 235.70), ("up", 32190, 0.347, 234.39)],
+)
+def test_header_peak_comes_out(shared_file, channel, count, peak_g, at_s):
+    motion = read_record(shared_file(RECORD), channel=channel)
+    assert motion.acceleration.size == count
+    assert motion.time_step == 0.01
+    assert motion.channels == ("90 Deg", "360 Deg", "Up")
+    at = int(np.argmax(np.abs(motion.acceleration)))
+    assert motion.peak / STANDARD_GRAVITY == pytest.approx(peak_g, abs=5e-4)
+    assert motion.time[at] == pytest.approx(at_s, abs=1e-9)
+
+
+def test_file_cut_off_in_its_last_channel_is_refused(shared_file, write):
+    data = shared_file(RECORD).read_bytes()
+    with pytest.raises(MeasurementError, match=r"announces 32190 values in channel Up but \d+ fo"):
+        read_record(write(data[: len(data) - 9000], "cut.v1"), channel=1)
+
+
+def test_shipped_part_is_the_original_less_its_quiet_mean(shared_file):
+    whole = read_record(shared_file(RECORD), channel="90 Deg")
+    part = read_record(EXAMPLE)
+    expected = whole.cut(200, 290).demeaned(0, 24)
+    assert (part.time_step, part.channel, part.unit) == (0.01, "90 Deg", "m/s2")
+    # Written with nine significant digits.
+    np.testing.assert_allclose(part.acceleration, expected.acceleration, rtol=5e-9)
+
+
+def test_shipped_record_says_where_it_is_from_and_stays_small():
+    text = EXAMPLE.read_text()
+    for word in ("CI.CLC", "gmprocess", "CC0 1.0", "subtracted"):
+        assert word in text
+    assert EXAMPLE.stat().st_size < 500_000
+    assert read_record(EXAMPLE).peak == pytest.approx(0.34425 * STANDARD_GRAVITY, rel=1e-4)

@@ -1,0 +1,220 @@
+"""What cannot be read as a record is refused in one plain sentence that says where."""
+
+import numpy as np
+import pytest
+
+from femupdate.errors import MeasurementError
+from femupdate.measurement.record import read_record
+
+N = 40
+VALUES = np.round(50 * np.sin(0.7 * np.arange(N)) + 0.1 * np.arange(N), 3)
+TIMES = [f"{i * 0.01:.2f}" for i in range(N)]
+
+
+def rows(values=VALUES, times=TIMES) -> list[str]:
+    return [f"{t},{v}" for t, v in zip(times, values, strict=True)]
+
+
+def plain(lines: list[str], head: str = "time_s,a\ns,gal\n") -> str:
+    return head + "\n".join(lines) + "\n"
+
+
+def changed(line: int, text: str) -> list[str]:
+    """The good rows with another text at one line number of the file (header: lines 1 and 2)."""
+    lines = rows()
+    lines[line - 3] = text
+    return lines
+
+
+PLAIN = {
+    "empty": ("", "the file is empty"),
+    "blank lines": ("\n \n\n", "the file is empty"),
+    "comments alone": ("# a\n# b\n", "holds no data"),
+    "header alone": ("time_s,a\n", "header but no data"),
+    "header and units alone": ("time_s,a\ns,gal\n", "header but no data"),
+    "two rows": (plain(rows()[:2]), "line 4: 2 rows are no record"),
+    "nine rows": (plain(rows()[:9]), "9 values are no record"),
+    "one column": ("\n".join(str(v) for v in VALUES), "one column only"),
+    "no time": ("NS,EW\n" + "\n".join(f"{v},{-v}" for v in VALUES), "no column of times among NS"),
+    "no time, no header": (
+        "\n".join(f"{v},{-v}" for v in VALUES),
+        "column 1: the times do not increase",
+    ),
+    "no unit": (plain(rows(), "time_s,a\n"), "does not say its unit; give it by the unit option"),
+    "unknown unit": (plain(rows(), "time_s,a\ns,furlong\n"), "unknown unit 'furlong'"),
+    "unit of speed": (plain(rows(), "time_s,a\ns,m/s\n"), "unknown unit 'm/s'"),
+    "unit of mass": (plain(rows(), "time_s,a\ns,kg\n"), "unknown unit 'kg'"),
+    "unknown time unit": (plain(rows(), "time_s,a\nh,gal\n"), "unknown unit 'h' for time"),
+    "short units row": (plain(rows(), "time_s,a\ns\n"), "line 2: the units row has 1 cells"),
+    "nan": (plain(changed(7, "0.04,nan")), "line 7, column 'a': the value is nan"),
+    "infinite": (plain(changed(7, "0.04,-inf")), "line 7, column 'a': the value is -inf"),
+    "blank cell": (plain(changed(9, "0.06,")), "line 9, column 'a': the cell is blank"),
+    "text": (plain(changed(12, "0.09,n/a")), "line 12, column 'a': 'n/a' is not a number"),
+    "text in time": (plain(changed(5, "x,1.0")), "line 5, column 'time_s': 'x' is not a number"),
+    "hexadecimal": (plain(changed(5, "0.02,0x1F")), "'0x1F' is not a number"),
+    "cut line": (plain([*rows()[:-1], "0.3"]), "line 42: the row has 1 cells where 2"),
+    "extra cell": (plain(changed(8, "0.05,1,2")), "line 8: the row has 3 cells where 2"),
+    "gap": (plain(rows()[:20] + rows()[21:]), "line 23, column 'time_s': the sampling is not unif"),
+    "repeated row": (plain(rows()[:20] + rows()[19:]), "line 23, column 'time_s': the sampling"),
+    "time runs backwards": (plain(rows()[::-1]), "the times do not increase"),
+    "one time wrong": (plain(changed(20, "0.175,1.0")), "the sampling is not uniform"),
+    "constant": (plain(rows(np.full(N, 3.0))), "every value is the same"),
+    "zeros": (plain(rows(0 * VALUES)), "every value is the same"),
+    "818 g": (plain(rows(VALUES / 52.2 * 818), "time_s,a\ns,g\n"), "is the unit wrong?"),
+    "gal taken for m/s2": (plain(rows(2 * VALUES), "time_s,a\ns,m/s2\n"), "10.9 g when the values"),
+    "g taken for gal": (plain(rows(VALUES / 98100)), "is the unit wrong?"),
+    "repeated name": (plain([r + ",1" for r in rows()], "t,a,a\n"), "two columns are called 'a'"),
+    "nameless column": (plain([r + ",1" for r in rows()], "t,,a\n"), "column 2 has no name"),
+    "prose": ("Dear all,\nplease find the record attached.\n", "none of the known formats"),
+}
+
+
+@pytest.mark.parametrize(("text", "message"), PLAIN.values(), ids=PLAIN)
+def test_bad_table(write, text, message):
+    with pytest.raises(MeasurementError) as caught:
+        read_record(write(text, "bad.csv"))
+    sentence = str(caught.value)
+    assert message in sentence
+    assert "bad.csv" in sentence
+    assert "\n" not in sentence
+
+
+def edited(text: str, old: str, new: str) -> str:
+    assert old in text
+    return text.replace(old, new, 1)
+
+
+def last_line_less(text: str) -> str:
+    return "\n".join(text.rstrip("\n").split("\n")[:-1]) + "\n"
+
+
+HEADERED = {
+    "jma without rate": ("jma", lambda t: edited(t, "SAMPLING RATE", "SOMETHING"), "SAMPLING RATE"),
+    "jma rate of zero": ("jma", lambda t: edited(t, "50Hz", "0Hz"), "must be a number above zero"),
+    "jma without unit": ("jma", lambda t: edited(t, " UNIT", " UNITED"), "does not give UNIT"),
+    "jma in kine": ("jma", lambda t: edited(t, "gal(cm/s/s)", "kine"), "unknown unit 'kine'"),
+    "jma without names": ("jma", lambda t: edited(t, " NS\n", ""), "row of channel names"),
+    "jma text": ("jma", lambda t: edited(t, "32.311", "****"), "line 9, column 'NS': '****'"),
+    "jma without data": ("jma", lambda t: t[: t.index(" NS\n") + 4], "no data"),
+    "peer too few": ("peer", last_line_less, "line 4: the header announces 40 values but 35 follow"),
+    "peer too many": ("peer", lambda t: t + " 0.1\n", "announces 40 values but 41 follow"),
+    "peer text": ("peer", lambda t: edited(t, "E-02", "Exxx"), "is not a number"),
+    "peer nan": ("peer", lambda t: t + " NaN", "line 13: 'NaN' is not a number"),
+    "peer no count": ("peer", lambda t: edited(t, "NPTS=   40", "NPTS= many"), "NPTS is 'many'"),
+    "peer zero step": ("peer", lambda t: edited(t, ".0100", "0"), "DT is '0'"),
+    "peer velocity": ("peer", lambda t: edited(t, "ACCELERATION", "VELOCITY"), "take the .AT2 file"),
+    "peer in pixels": ("peer", lambda t: edited(t, "OF G", "OF PX"), "unknown unit 'PX'"),
+    "csmip too few": (
+        "csmip_v1",
+        lambda t: edited(t, "  .003231", ""),
+        "line 5: the header announces 40 values in channel Up but 7 follow",
+    ),
+    "csmip row less": (
+        "csmip_v1",
+        lambda t: "\n".join(t.split("\n")[:5] + t.split("\n")[6:]),
+        "announces 40 values in channel Up but 32 follow",
+    ),
+    "csmip too many": (
+        "csmip_v1",
+        lambda t: edited(t, "/&", "  .000001\n/&"),
+        "announces 40 values in channel Up but 41 follow",
+    ),
+    "csmip row too many": (
+        "csmip_v1",
+        lambda t: edited(t, " 40 Acc", " 32 Acc"),
+        "announces 32 values in channel Up but 33 follow",
+    ),
+    "csmip cut off": ("csmip_v1", lambda t: t[: t.index("/&") - 30], "values in channel Up but"),
+    "csmip other width": (
+        "csmip_v1",
+        lambda t: edited(t, "8f9.6", "8f7.6"),
+        "is not a number in columns of 7 characters",
+    ),
+    "csmip text": ("csmip_v1", lambda t: edited(t, ".003231", "*******"), "line 6, column 2"),
+    "csmip no format": ("csmip_v1", lambda t: edited(t, "(8f9.6)", ""), "line 5: the line that ann"),
+    "csmip unit": ("csmip_v1", lambda t: edited(t, "of g.", "of volt."), "unknown unit 'volt'"),
+    "csmip v2 row less": (
+        "csmip_v2",
+        lambda t: "\n".join(t.split("\n")[:4] + t.split("\n")[5:]),
+        "line 4: the header announces 40 values in channel 270 Deg, Roof - center but 32 follow",
+    ),
+    "knet too few": ("knet", last_line_less, "line 12: the header announces 40 values but 32"),
+    "knet too many": ("knet", lambda t: t + " 3\n", "announces 40 values but 41 follow"),
+    "knet no direction": ("knet", lambda t: edited(t, "Dir.", "Dxr."), "does not give Dir."),
+    "knet no scale": ("knet", lambda t: edited(t, "(gal)/", "(gal)/0*"), "'0'; it must be"),
+}
+
+
+@pytest.mark.parametrize(("kind", "spoil", "message"), HEADERED.values(), ids=HEADERED)
+def test_bad_record_of_a_known_format(write, texts, kind, spoil, message):
+    good = {
+        "jma": lambda: texts["jma"]({"NS": VALUES}),
+        "peer": lambda: texts["peer"](VALUES / 981),
+        "csmip_v1": lambda: texts["csmip_v1"]({"Up": VALUES / 10000}),
+        "csmip_v2": lambda: texts["csmip_v2"](VALUES),
+        "knet": lambda: texts["knet"](np.round(VALUES * 100).astype(int), "0.4"),
+    }[kind]()
+    read_record(write(good, "good.txt"))
+    with pytest.raises(MeasurementError) as caught:
+        read_record(write(spoil(good), "bad.txt"))
+    assert message in str(caught.value)
+    assert "bad.txt" in str(caught.value)
+
+
+def test_missing_file_folder_and_workbook(write, tmp_path):
+    with pytest.raises(MeasurementError, match="no such file"):
+        read_record(tmp_path / "kobe.csv")
+    with pytest.raises(MeasurementError, match="is a folder"):
+        read_record(tmp_path)
+    with pytest.raises(MeasurementError, match="export it as CSV"):
+        read_record(write(b"PK\x03\x04rest", "book.xlsx"))
+    with pytest.raises(MeasurementError, match="not a text file"):
+        read_record(write(b"1.0,2.0\n\x00\x01\x02", "binary.dat"))
+
+
+def test_unit_against_the_file_is_refused_and_the_same_unit_accepted(write):
+    path = write(plain(rows()))
+    with pytest.raises(MeasurementError, match="the file says gal but the unit option says g;"):
+        read_record(path, unit="g")
+    assert read_record(path, unit="cm/s2").unit == "gal"
+    with pytest.raises(MeasurementError, match="unknown unit 'cubit'"):
+        read_record(path, unit="cubit")
+
+
+def test_channels_are_listed_with_their_peaks(write, texts):
+    path = write(texts["csmip_v1"]({" 90 Deg": VALUES / 981, "360 Deg": -VALUES / 500}))
+    with pytest.raises(MeasurementError) as caught:
+        read_record(path)
+    peak = np.abs(VALUES).max()
+    for part in ("choose one", "1 = 90 Deg", "2 = 360 Deg", f"{peak / 500 * 9.80665:.4g}"):
+        assert part in str(caught.value)
+
+
+@pytest.mark.parametrize("channel", ["North", 0, 3, "-1", "", "Deg"])
+def test_channel_that_is_not_there(write, texts, channel):
+    path = write(texts["csmip_v1"]({" 90 Deg": VALUES / 981, "360 Deg": -VALUES / 500}))
+    with pytest.raises(MeasurementError, match="there is no channel .* choose by number: 1 = 90"):
+        read_record(path, channel=channel)
+
+
+def test_channel_name_that_two_bear(write, texts):
+    path = write(texts["csmip_v1"]({"90 Deg": VALUES / 981, "90 Deg ": -VALUES / 500}))
+    with pytest.raises(MeasurementError, match="2 channels are called '90 deg'"):
+        read_record(path, channel="90 deg")
+
+
+def test_wide_table_lists_peaks_without_a_unit(write):
+    path = write("time,NS,EW\n" + "\n".join(r + ",7" for r in rows()))
+    with pytest.raises(MeasurementError, match="2 = EW .peak 7 in its own unit"):
+        read_record(path)
+
+
+def test_unknown_format(write):
+    with pytest.raises(MeasurementError, match=r"'pear' \(did you mean 'peer'\?\)"):
+        read_record(write(plain(rows())), format="pear")
+
+
+@pytest.mark.parametrize("kind", ["jma", "knet", "peer", "csmip"])
+def test_forced_format_that_does_not_fit(write, kind):
+    with pytest.raises(MeasurementError):
+        read_record(write(plain(rows())), format=kind)

@@ -1,0 +1,195 @@
+"""Every record format, written from known values and read back."""
+
+import numpy as np
+import pytest
+
+from femupdate.measurement.record import FORMATS, read_record
+from femupdate.units import STANDARD_GRAVITY
+
+# The files hold printed digits, and reading them takes one multiplication: a few ulp.
+EXACT = {"rtol": 1e-14, "atol": 0}
+
+
+def test_jma_gives_the_named_channel_in_si(write, texts, wave):
+    channels = {"NS": wave, "EW": -2 * wave, "UD": wave + 1}
+    path = write(texts["jma"](channels))
+    motion = read_record(path, channel="EW")
+    np.testing.assert_allclose(motion.acceleration, -2 * wave * 1e-2, **EXACT)
+    assert motion.time_step == 1 / 50
+    assert (motion.format, motion.unit, motion.channel) == ("jma", "gal", "EW")
+    assert motion.channels == ("NS", "EW", "UD")
+    assert motion.name == "record"
+
+
+def test_jma_columns_are_taken_by_their_names_not_their_order(write, texts, wave):
+    path = write(texts["jma"]({"EW": -wave, "UD": wave / 3, "NS": wave}))
+    np.testing.assert_allclose(read_record(path, channel="NS").acceleration, wave * 1e-2, **EXACT)
+
+
+def test_jma_from_a_spreadsheet_in_shift_jis(write, texts, wave):
+    text = texts["jma"]({"NS": wave, "EW": wave, "UD": wave}, rate="100Hz", spare=",,,,")
+    text = text.replace("KOBE", "神戸市中央区")
+    motion = read_record(write(text.replace("\n", "\r\n").encode("cp932")), channel=1)
+    np.testing.assert_allclose(motion.acceleration, wave * 1e-2, **EXACT)
+    assert motion.time_step == 0.01
+
+
+@pytest.mark.parametrize("count", [10, 11, 14, 15])
+def test_peer_whether_or_not_the_last_row_is_full(write, texts, wave, count):
+    values = wave[:count] / 981
+    motion = read_record(write(texts["peer"](values), "RSN1.AT2"))
+    printed = np.array([float(f"{value:.7E}") for value in values])
+    np.testing.assert_allclose(motion.acceleration, printed * STANDARD_GRAVITY, **EXACT)
+    assert motion.time_step == 0.01
+    assert (motion.format, motion.unit, motion.channel) == ("peer", "g", "337")
+
+
+def test_peer_old_header_and_touching_columns(write, wave):
+    values = -np.abs(wave[:12] / 1000) - 0.01
+    rows = ["".join(f"{v:14.7E}" for v in values[i : i + 5]) for i in (0, 5, 10)]
+    assert "E-01-" in rows[0]
+    text = "PEER\nTest\nACCELERATION TIME HISTORY IN UNITS OF G\n  12   0.0050   NPTS, DT\n"
+    motion = read_record(write(text + "\n".join(rows), "old.AT2"))
+    printed = np.array([float(f"{v:.7E}") for v in values])
+    np.testing.assert_allclose(motion.acceleration, printed * STANDARD_GRAVITY, **EXACT)
+    assert motion.time_step == 0.005
+
+
+def test_csmip_volume_1_reads_columns_by_width(write, texts, wave):
+    values = np.round(wave / 981, 6)
+    wide = -1.234567 - np.arange(19) * 0.01  # nine characters: neighbours touch
+    path = write(texts["csmip_v1"]({" 90 Deg": values, "360 Deg": wide, " Up": -values[:16]}), "a.v1")
+    assert "-1.234567-1.244567" in path.read_text()
+    first, second, third = (read_record(path, channel=i) for i in (1, "360", "up"))
+    np.testing.assert_allclose(first.acceleration, values * STANDARD_GRAVITY, **EXACT)
+    np.testing.assert_allclose(second.acceleration, wide * STANDARD_GRAVITY, **EXACT)
+    np.testing.assert_allclose(third.acceleration, -values[:16] * STANDARD_GRAVITY, **EXACT)
+    assert first.channels == ("90 Deg", "360 Deg", "Up")
+    assert (first.format, first.time_step) == ("csmip", 0.01)
+
+
+def test_csmip_units_as_they_are_written(write, texts, wave):
+    text = texts["csmip_v1"]({"Up": wave / 981})
+    spaced = read_record(write(text.replace("of g. ", "of g . "), "spaced.v1"))
+    tenths = read_record(write(text.replace("of g. ", "of g/10. "), "tenths.v1"))
+    np.testing.assert_allclose(spaced.acceleration, 10 * tenths.acceleration, **EXACT)
+
+
+def test_csmip_volume_2_takes_the_acceleration_block_alone(write, texts, wave):
+    motion = read_record(write(texts["csmip_v2"](wave), "CE1.V2"))
+    np.testing.assert_allclose(motion.acceleration, wave * 1e-2, **EXACT)
+    assert motion.time_step == 0.005
+    assert motion.channel == "270 Deg, Roof - center"
+    assert motion.unit == "cm/s2"
+
+
+def test_knet_scales_counts_and_keeps_the_offset(write, texts):
+    counts = [-11657, -11655, 4210, -30012, 8, 0, 1, 2, -3, 2500]
+    motion = read_record(write(texts["knet"](counts, "0.1"), "TST.EW"))
+    expected = np.array(counts) * 7845 / 8223790 * 1e-2
+    np.testing.assert_allclose(motion.acceleration, expected, **EXACT)
+    assert (motion.format, motion.unit, motion.channel) == ("knet", "gal", "E-W")
+    assert motion.time_step == 0.01
+
+
+def table(values, delimiter=",", head="", step=0.02, decimals=2):
+    rows = [
+        f"{i * step:.{decimals}f}{delimiter}{value:.3f}" for i, value in enumerate(values.tolist())
+    ]
+    return head + "\n".join(rows) + "\n"
+
+
+@pytest.mark.parametrize("delimiter", [",", ";", "\t", " ", "   ", ", "])
+@pytest.mark.parametrize("ends", ["\n", "\r\n", "\r"])
+def test_plain_table_with_any_delimiter_and_line_end(write, wave, delimiter, ends):
+    text = table(wave, delimiter, "# from a friend\n\n").replace("\n", ends)
+    motion = read_record(write(text, "a.txt"), unit="gal")
+    np.testing.assert_allclose(motion.acceleration, wave * 1e-2, **EXACT)
+    assert (motion.format, motion.time_step, motion.unit) == ("plain", 0.02, "gal")
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "time_s,acc\ns,gal\n",
+        "time (s),acc (gal)\n",
+        '"Time","acc [cm/s^2]"\n',
+        "t,acc\nms,cm/s2\n",
+    ],
+)
+@pytest.mark.parametrize("mark", ["", "\ufeff"])
+def test_plain_table_states_its_unit_in_the_header(write, wave, head, mark):
+    step = 20.0 if "ms" in head else 0.02
+    motion = read_record(write(mark + table(wave, head=head, step=step)))
+    np.testing.assert_allclose(motion.acceleration, wave * 1e-2, **EXACT)
+    assert motion.time_step == pytest.approx(0.02, rel=1e-14)  # a product of two rounded numbers
+    assert motion.channel == "acc"
+
+
+def test_plain_table_with_decimal_commas(write, wave):
+    text = table(wave, ";", "time;a\ns;mm/s2\n").replace(".", ",")
+    motion = read_record(write(text))
+    np.testing.assert_allclose(motion.acceleration, wave * 1e-3, **EXACT)
+
+
+def test_wide_table_gives_the_named_column(write, wave):
+    rows = [f"{v:.3f},{i * 0.005:.3f},{-2 * v:.3f}" for i, v in enumerate(wave)]
+    path = write("NS,time,EW\ngal,s,mm/s2\n" + "\n".join(rows))
+    motion = read_record(path, channel="ew")
+    np.testing.assert_allclose(motion.acceleration, np.round(-2 * wave, 3) * 1e-3, **EXACT)
+    assert motion.time_step == 0.005
+    np.testing.assert_allclose(read_record(path, channel=1).acceleration, wave * 1e-2, **EXACT)
+
+
+def test_first_column_that_grows_evenly_is_the_time(write, wave):
+    assert read_record(write(table(wave, head="n,acc\n")), unit="gal").time_step == 0.02
+
+
+def test_two_sensors_of_one_direction_are_told_apart_by_number(write, texts, wave):
+    path = write(texts["csmip_v1"]({"90 Deg": wave / 981, "90 Deg ": wave / 500}), "a.v1")
+    peak = read_record(path, channel="2").peak
+    assert peak == pytest.approx(np.abs(np.round(wave / 500, 6)).max() * STANDARD_GRAVITY)
+
+
+def test_utf_16_as_spreadsheets_save_unicode_text(write, wave):
+    content = table(wave, "\t", "time_s\ta\ns\tgal\n").encode("utf-16")
+    np.testing.assert_allclose(read_record(write(content)).acceleration, wave * 1e-2, **EXACT)
+
+
+def test_format_can_be_forced(write, wave):
+    path = write("# NPTS= 3, DT= .01\n" + table(wave))
+    assert read_record(path, unit="gal", format="plain").format == "plain"
+    assert set(FORMATS) == {"jma", "knet", "peer", "csmip", "plain"}
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor"),
+    [("gal", 1e-2), ("cm/s^2", 1e-2), ("m/s/s", 1.0), ("g", 9.80665), ("mg", 9.80665e-3),
+     ("in/s2", 0.0254), ("cm/sec2", 1e-2), ("cm/sec/sec", 1e-2)],
+)  # fmt: skip
+def test_unit_option(write, wave, unit, factor):
+    small = wave / 100
+    path = write(table(small))
+    printed = np.round(small, 3)
+    np.testing.assert_allclose(
+        read_record(path, unit=unit).acceleration, printed * factor, rtol=1e-14, atol=0
+    )
+
+
+@pytest.mark.parametrize(
+    ("rate", "decimals"), [(120, 6), (120, 3), (200, 3), (128, 7), (100, 2), (60, 4), (1000, 4)]
+)
+def test_rounded_times_give_the_exact_rate(write, wave, rate, decimals):
+    path = write(table(wave, step=1 / rate, decimals=decimals))
+    assert read_record(path, unit="gal").time_step == 1 / rate
+
+
+def test_time_need_not_begin_at_zero(write, wave):
+    rows = [f"{1e5 + i * 0.04:.2f},{v:.3f}" for i, v in enumerate(wave)]
+    assert read_record(write("\n".join(rows)), unit="gal").time_step == 0.04
+
+
+def test_offset_is_told_not_removed(write, wave, caplog):
+    motion = read_record(write(table(wave + 900)), unit="gal")
+    assert motion.acceleration.mean() == pytest.approx((wave + 900).mean() * 1e-2)
+    assert "demeaned" in caplog.text
