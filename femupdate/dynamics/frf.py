@@ -36,7 +36,8 @@ def frf_parts(
     stiffness = omega**2 - w**2
     damping = 2.0 * ratio * omega * w
     gain = w**2 / (stiffness**2 + damping**2)
-    series = modal.residual[..., 0:1] * w**2 + modal.residual[..., 1:2] * w**4
+    powers = torch.stack([w ** (2 * k + 2) for k in range(modal.residual.shape[-1])])
+    series = modal.residual @ powers
     real = 1.0 + torch.bmm(modal.effect, stiffness * gain) + series
     imaginary = -torch.bmm(modal.effect, damping * gain)
     return real, imaginary

@@ -10,6 +10,11 @@ from torch import Tensor
 from femupdate.dynamics.reduced import ReducedModel
 
 
+# How far above the grid's top a mode must lie to be replaced by its power series.
+_ABOVE = 1.05
+SERIES_TERMS = 3
+
+
 @dataclass(frozen=True)
 class ModalData:
     """What the FRFs of N parameter samples need, for any damping and any frequency grid.
@@ -21,7 +26,7 @@ class ModalData:
     Attributes:
         omega: (N, m) circular frequencies, rad/s.
         effect: (N, f, m) floor shape times participation factor of each mode.
-        residual: (N, f, 2) static and first dynamic term of the modes left out, s^2 and s^4.
+        residual: (N, f, 3) first terms of the power series of the modes left out, s^2, s^4, s^6.
     """
 
     omega: Tensor
@@ -126,7 +131,7 @@ def _keep(
 ) -> ModalData:
     """Keep the modes that matter most; the others, taken as stiff, go to the power series."""
     if modes is None or modes >= omega.shape[1]:
-        return ModalData(omega, effect, effect.new_zeros(*effect.shape[:2], 2))
+        return ModalData(omega, effect, effect.new_zeros(*effect.shape[:2], SERIES_TERMS))
     if top_frequency_hz is None:
         raise ValueError("top_frequency_hz is needed to leave modes out")
     order = _importance(omega, effect, 2.0 * torch.pi * top_frequency_hz).argsort(
@@ -137,24 +142,24 @@ def _keep(
     omega_left = omega.gather(1, left)
     effect_left = effect.gather(2, left[:, None, :].expand(-1, effect.shape[1], -1))
     # A mode inside the band whose effect is negligible must not enter the series: it diverges.
-    stiff = omega_left > 1.5 * 2.0 * torch.pi * top_frequency_hz
+    stiff = omega_left > _ABOVE * 2.0 * torch.pi * top_frequency_hz
     weights = torch.where(stiff, 1.0 / omega_left.clamp_min(1e-9) ** 2, 0.0)
-    static = (effect_left * weights[:, None, :]).sum(-1)
-    dynamic = (effect_left * weights[:, None, :] ** 2).sum(-1)
+    powers = torch.stack([weights ** (k + 1) for k in range(SERIES_TERMS)], dim=-1)
     return ModalData(
         omega.gather(1, kept),
         effect.gather(2, kept[:, None, :].expand(-1, effect.shape[1], -1)),
-        torch.stack([static, dynamic], dim=-1),
+        effect_left @ powers,
     )
 
 
 def _importance(omega: Tensor, effect: Tensor, top: float) -> Tensor:
-    """Largest change that leaving a mode to the power series can make to any floor's H.
+    """Largest change that leaving a mode out can make to any floor's H.
 
-    In the band that is the resonance peak (taken at a damping ratio of .005); above it the third
-    term of the series at the top of the grid.
+    In the band that is the resonance peak, taken at a damping ratio of .01; above it what the
+    first terms of the power series leave at the top of the grid.
     """
     size = effect.abs().amax(dim=1)
     ratio = top / omega.clamp_min(1e-9)
-    series = ratio**6 / (1.0 - (ratio**2).clamp_max(0.99))
-    return size * torch.where(ratio < 1 / 1.5, series, 100.0)
+    above = ratio < 1.0 / _ABOVE
+    series = ratio ** (2 * SERIES_TERMS + 2) / (1.0 - (ratio**2).clamp_max(_ABOVE**-2))
+    return size * torch.where(above, series, 50.0)

@@ -47,7 +47,7 @@ class ReductionTarget:
     frequency_hz: Floats
     zeta: float
     tolerance: float
-    samples: int = 48
+    samples: int = 64
     seed: int = 0
 
 

@@ -146,8 +146,8 @@ def _check_properties(beams: Beams) -> None:
     for name in ("shear_area_y", "shear_area_z"):
         demand = f"needs a positive {name.replace('_', ' ')} (infinity for no shear flexibility)"
         _refuse(~(getattr(beams, name) > 0.0), beams, demand)
-    fine = (beams.poisson_ratio > -1.0) & (beams.poisson_ratio < 1.0)
-    _refuse(~fine, beams, "needs a Poisson's ratio between -1 and 1")
+    fine = (beams.poisson_ratio > -1.0) & (beams.poisson_ratio <= 0.5)
+    _refuse(~fine, beams, "needs a Poisson's ratio between -1 and 0.5")
     fine = (beams.density >= 0.0) & np.isfinite(beams.density)
     _refuse(~fine, beams, "needs a density that is zero or positive")
 

@@ -44,11 +44,11 @@ def _check_indices(model: FiniteElementModel) -> None:
         ("spring", model.springs.nodes[:, 1:], -1),
     )
     for name, nodes, lowest in connected:
-        bad = ((nodes < lowest) | (nodes >= count)).any(axis=1)
+        bad = (nodes < lowest) | (nodes >= count)
         if bad.any():
-            first = int(bad.argmax())
+            first, column = np.argwhere(bad)[0]
             raise ModelError(
-                f"{name} {first} names node {nodes[first].max()}, but there are only nodes 0 to "
+                f"{name} {first} names node {nodes[first, column]}, but there are only nodes 0 to "
                 f"{count - 1}"
             )
     grouped = (("shell", model.shells), ("beam", model.beams), ("spring", model.springs))

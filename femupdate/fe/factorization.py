@@ -87,7 +87,7 @@ def factorize(matrix: csc_matrix) -> Factorization:
             continue
         if result.residual(result.apply(probe), probe) < _RESIDUAL:
             return result
-    raise SingularMatrixError("the matrix is singular; the structure is a mechanism at this load")
+    raise SingularMatrixError("the matrix is singular to working precision")
 
 
 def _factors(matrix: csc_matrix, pivoted: bool) -> SuperLU:

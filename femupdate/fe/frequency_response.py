@@ -6,7 +6,7 @@ from scipy.sparse import csc_matrix
 
 from femupdate.errors import ModelError
 from femupdate.fe.assembly import AffineOperators
-from femupdate.fe.factorization import factorize
+from femupdate.fe.factorization import SingularMatrixError, factorize
 from femupdate.fe.model import Floats
 
 Complex = NDArray[np.complex128]
@@ -38,7 +38,13 @@ def harmonic_displacement(
     response = np.zeros((len(frequency_hz), operators.dof), dtype=complex)
     for row, omega in zip(response, 2.0 * np.pi * np.asarray(frequency_hz), strict=True):
         dynamic = stiffness + 1j * omega * damping - omega**2 * operators.mass
-        row[operators.free] = factorize(dynamic.tocsc()).solve(force)
+        try:
+            row[operators.free] = factorize(dynamic.tocsc()).solve(force)
+        except SingularMatrixError as error:
+            raise ModelError(
+                f"the response at {omega / (2.0 * np.pi):g} Hz has no finite value; add damping or "
+                "choose another frequency"
+            ) from error
     return response
 
 

@@ -158,8 +158,8 @@ def _check_properties(
         (
             "Poisson's ratio",
             poisson_ratio,
-            (poisson_ratio > -1.0) & (poisson_ratio < 1.0),
-            "between -1 and 1",
+            (poisson_ratio > -1.0) & (poisson_ratio <= 0.5),
+            "between -1 and 0.5",
         ),
         ("density", density, density >= 0.0, "zero or positive"),
     )

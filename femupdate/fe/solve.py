@@ -102,6 +102,8 @@ class _Problem:
 
 
 def _check_request(massive: int, count: int, shift_hz: float | None) -> None:
+    if not massive:
+        raise ModelError("no free degree of freedom carries mass; give densities or point masses")
     if not 1 <= count <= massive:
         raise ModelError(
             f"{count} modes were asked for, but {massive} free degrees of freedom carry mass; "

@@ -30,6 +30,7 @@ _VOLUME_2 = re.compile(
 _CHANNEL = re.compile(r"^Chan\s+(\d+):\s*(.*)$", re.IGNORECASE)
 _MENTIONED = re.compile(r"accelerogram points|points of accel data", re.IGNORECASE)
 
+_END = re.compile(r"^/&|points of (accel|veloc|displ) data", re.IGNORECASE)
 _HEADER_LINES = 200
 
 
@@ -113,6 +114,7 @@ def _values(file: TextFile, block: _Block) -> Floats:
     fields: list[str] = []
     for index in block.lines:
         row = file.lines[index].rstrip() if index < len(file.lines) else ""
+        row = "" if _END.search(row) else row
         starts = range(0, len(row), block.width)
         fields += _checked(file, index, [row[s : s + block.width] for s in starts], block)
         if len(starts) < block.per_line:
@@ -126,8 +128,6 @@ def _values(file: TextFile, block: _Block) -> Floats:
 
 def _checked(file: TextFile, index: int, fields: list[str], block: _Block) -> list[str]:
     """Return the fields of a row when each is a finite number with its decimal point."""
-    if fields and fields[0].startswith("/&"):
-        return []
     for position, field in enumerate(fields):
         # A field without its point means that the columns are not where the format says.
         if "." not in field or not _is_finite(field):

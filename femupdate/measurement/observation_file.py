@@ -183,7 +183,7 @@ def _acceleration(table: Table, position: int, channel: Channel, unit: str | Non
             + ("a response needs a base that moves" if channel.floor == BASE else "leave it out"),
             column=title,
         )
-    peak = float(np.abs(values - values.mean()).max())
+    peak = float(np.abs(values).max())
     if channel.floor == BASE and peak > LARGEST_PEAK:
         raise file.error(
             f"the base peaks at {peak / STANDARD_GRAVITY:.3g} g when read in {stated}, which no"

@@ -20,7 +20,7 @@ class Density:
 
 
 def bandwidth(samples: Floats, dimensions: int) -> float:
-    """Width of the smoothing kernel by Scott's rule (1992), from a spread that outliers leave be."""
+    """Width of the smoothing kernel by Scott's rule (1992), from a spread robust to outliers."""
     low, high = np.quantile(samples, [0.25, 0.75])
     spread = min(samples.std(), (high - low) / 1.349) or samples.std()
     return float(spread * len(samples) ** (-1.0 / (dimensions + 4)))
@@ -37,7 +37,9 @@ def density_1d(samples: Floats, limits: tuple[float, float]) -> Density:
     return Density(_centres(edges), np.zeros(0), smooth / max(smooth.sum(), 1e-300))
 
 
-def density_2d(x: Floats, y: Floats, across: tuple[float, float], up: tuple[float, float]) -> Density:
+def density_2d(
+    x: Floats, y: Floats, across: tuple[float, float], up: tuple[float, float]
+) -> Density:
     """Density of pairs (S,); `value` is (CELLS, CELLS) with y along its first axis."""
     from scipy.ndimage import gaussian_filter
 

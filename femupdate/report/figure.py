@@ -29,13 +29,13 @@ NOTE_HEIGHT = 0.24
 @styled
 def new_figure(width: float, height: float) -> Figure:
     """Return an empty figure in the house style, inches, that pyplot knows nothing of."""
-    figure = Figure(figsize=(width, height), layout="constrained")
+    figure = Figure(figsize=(width, height), dpi=DOTS_PER_INCH, layout="constrained")
     FigureCanvasAgg(figure)
     _layout(figure).set(w_pad=0.08, h_pad=0.06)
     return figure
 
 
-def label_edges(axes: NDArray[np.object_], used: int, across: str, up: str) -> None:
+def label_edges(axes: NDArray[Any], used: int, across: str, up: str) -> None:
     """Label the left column and the lowest used row of a grid of panels; hide unused panels."""
     columns = axes.shape[1]
     for place, panel in enumerate(axes.flat):
@@ -74,9 +74,7 @@ def add_head(
     _layout(figure).set(rect=(0.0, 0.0, 1.0, 1.0 - head / height))
     left = 0.1 / figure.get_figwidth()
     if title:
-        figure.text(
-            left, 1.0 - 0.1 / height, title, fontsize=13.0, fontweight="bold", va="top"
-        )
+        figure.text(left, 1.0 - 0.1 / height, title, fontsize=13.0, fontweight="bold", va="top")
     if note:
         place = 1.0 - (above - NOTE_HEIGHT) / height
         figure.text(left, place, note, fontsize=9.0, color=QUIET, va="top")

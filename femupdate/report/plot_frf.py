@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,11 +12,18 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import ArrayLike, NDArray
 
-from femupdate.report.figure import Floats, add_head, checked, checked_names, label_edges, new_figure
+from femupdate.report.figure import (
+    Floats,
+    add_head,
+    checked,
+    checked_names,
+    label_edges,
+    new_figure,
+)
 from femupdate.report.style import BLUE, INK, QUIET, styled
 
-BAND = {"color": BLUE, "alpha": 0.25, "linewidth": 0.0}
-NOISE = {"color": QUIET, "alpha": 0.28, "linewidth": 0.0}
+BAND: dict[str, Any] = {"color": BLUE, "alpha": 0.25, "linewidth": 0.0}
+NOISE: dict[str, Any] = {"color": QUIET, "alpha": 0.28, "linewidth": 0.0}
 
 
 @dataclass(frozen=True)
@@ -133,7 +141,7 @@ def _draw_measured(panel: Axes, frequency: Floats, measured: _Measured, floor: i
         )
 
 
-def _finish(axes: NDArray[np.object_], floors: int, frequency: Floats) -> None:
+def _finish(axes: NDArray[Any], floors: int, frequency: Floats) -> None:
     start = 0.0 if frequency[0] < 0.05 * frequency[-1] else frequency[0]
     axes.flat[0].set(yscale="log", xlim=(start, frequency[-1]))
     label_edges(axes, floors, "Frequency (Hz)", "|H|")

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from math import ceil
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,15 +18,16 @@ from femupdate.report.figure import (
     Floats,
     add_head,
     checked,
-    checked_names,
     label_edges,
     new_figure,
 )
 from femupdate.report.scale import Scale, force_scale, length_scale, three_figures
 from femupdate.report.style import BLUE, FAINT, INK, styled
 
-BAND = {"color": BLUE, "alpha": 0.3, "linewidth": 0.0}
-MEASURED = {"color": INK, "linewidth": 0.9}
+BAND: dict[str, Any] = {"color": BLUE, "alpha": 0.3, "linewidth": 0.0}
+MEASURED: dict[str, Any] = {"color": INK, "linewidth": 0.9}
+BEHIND: dict[str, Any] = {"linewidth": 0.5, "zorder": 1.5}
+BEFORE: dict[str, Any] = {"linestyle": "--", "zorder": 2.5}
 ZOOM_SHARE = 0.12  # of the record, in the panels on the right
 LINES = 100  # samples drawn
 POINTS = 1200  # instants drawn of each
@@ -104,7 +106,9 @@ def _draw_history(
     panel.fill_between(t, middle - twice, middle + twice, **BAND)
     whole = inside.all()
     if measured is not None:  # behind the prediction where there is no room to see both
-        style = {"linewidth": 0.5, "zorder": 1.5} if whole else {"linestyle": "--", "zorder": 2.5}
+        style: dict[str, Any] = (
+            {"linewidth": 0.5, "zorder": 1.5} if whole else {"linestyle": "--", "zorder": 2.5}
+        )
         panel.plot(t, measured[inside], **MEASURED | style)
     panel.plot(t, middle, color=BLUE, linewidth=0.6 if whole else 1.2)
     panel.set_xlim(*limits)

@@ -1,6 +1,7 @@
 """Intervals in rows: parameters from prior to posterior, frequencies of the modes."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,8 +16,14 @@ from femupdate.report.style import BLUE, FAINT, INK, QUIET, SKY, styled
 
 ROW_HEIGHT = 0.26  # inches for each interval
 BETWEEN_ROWS = 0.2
-PRIOR = {"color": FAINT, "solid_capstyle": "butt"}
-MEASURED = {"color": INK, "linestyle": "", "marker": "|", "markersize": 17.0, "mew": 1.6}
+PRIOR: dict[str, Any] = {"color": FAINT, "solid_capstyle": "butt"}
+MEASURED: dict[str, Any] = {
+    "color": INK,
+    "linestyle": "",
+    "marker": "|",
+    "markersize": 17.0,
+    "mew": 1.6,
+}
 
 
 @styled
@@ -108,9 +115,7 @@ def mode_frequencies(
     return figure
 
 
-def _draw_interval(
-    panel: Axes, values: Floats, height: float, color: str, unit: str = ""
-) -> None:
+def _draw_interval(panel: Axes, values: Floats, height: float, color: str, unit: str = "") -> None:
     """A line from 5 to 95 %, the mean as a dot, and both in figures at the right."""
     low, high = np.quantile(values, [0.05, 0.95])
     mean = values.mean()
@@ -154,5 +159,5 @@ def _frequency_handles(prior: bool, measured: bool) -> list[Line2D]:
 
 
 def _interval_handle(color: str, label: str) -> Line2D:
-    marker = {"marker": "o", "markerfacecolor": "white", "markersize": 5.5}
+    marker: dict[str, Any] = {"marker": "o", "markerfacecolor": "white", "markersize": 5.5}
     return Line2D([], [], color=color, linewidth=3.2, label=label, **marker)

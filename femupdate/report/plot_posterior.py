@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from femupdate.errors import ReportError
 from femupdate.report.density import density_1d, density_2d, mass_level
-from femupdate.report.figure import Floats, add_head, checked, checked_names, new_figure
+from femupdate.report.figure import Floats, add_head, checked, new_figure
 from femupdate.report.scale import plus_minus
 from femupdate.report.style import INK, SERIES, styled
 
@@ -163,7 +163,9 @@ def _draw_pair(
         density = density_2d(x, y, across, up)
         levels = sorted({mass_level(density.value, share) for share in SHARES})
         fill = [to_rgba(case.color, alpha) for alpha in (0.16, 0.3)]
-        panel.contourf(density.x, density.y, density.value, [*levels, np.inf], colors=fill[-len(levels):])
+        panel.contourf(
+            density.x, density.y, density.value, [*levels, np.inf], colors=fill[-len(levels) :]
+        )
         panel.contour(
             density.x, density.y, density.value, levels, colors=case.color, linewidths=0.9
         )

@@ -66,7 +66,7 @@ def styled(draw: Callable[P, R]) -> Callable[P, R]:
 
     @functools.wraps(draw)
     def wrapper(*args: P.args, **kwargs: P.kwargs) -> R:
-        settings: dict[str, Any] = dict(STYLE)
+        settings: Any = dict(STYLE)
         with rc_context(settings):
             return draw(*args, **kwargs)
 

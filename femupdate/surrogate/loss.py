@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from femupdate.surrogate.latent import latent_log_likelihood
-from femupdate.surrogate.network import LatentGaussian, Mvae
+from femupdate.surrogate.network import LatentGaussian, Mvae, Visibility
 
 
 @dataclass(frozen=True)
@@ -66,25 +66,24 @@ def loss_terms(
     mvae: Mvae,
     log_frf: Tensor,
     theta: Tensor,
-    mask: Tensor,
+    visibility: Visibility,
     settings: LossSettings,
     generator: torch.Generator,
 ) -> LossTerms:
-    """Compute the terms for noise-free ln|H| (B, f, k), theta (B, p) and floors mask (B, f).
+    """Compute the terms for noise-free ln|H| (B, f, k) and theta (B, p).
 
     The encoder sees the FRF with fresh noise. The reconstruction target carries an independent
     noise; since the decoder is Gaussian its expectation over that noise is known, and is used in
     place of a draw: (x' - m)^2 becomes (x - m)^2 + noise_sd^2.
     """
     noise = torch.empty_like(log_frf).normal_(generator=generator)
-    valid = mask[:, :, None] > 0
-    q_x = mvae.encode_observation(log_frf + settings.noise_sd * noise, valid.expand_as(log_frf))
-    q_theta = mvae.encode_parameters(theta, mask)
+    q_x = mvae.encode_observation(log_frf + settings.noise_sd * noise, visibility)
+    q_theta = mvae.encode_parameters(theta, visibility)
     return LossTerms(
-        _reconstruction(mvae, (q_x, q_theta), log_frf, mask, settings, generator),
+        _reconstruction(mvae, (q_x, q_theta), log_frf, visibility, settings, generator),
         (prior_divergence(q_x) + prior_divergence(q_theta)).mean(),
         (divergence(q_x, q_theta) + divergence(q_theta, q_x)).mean(),
-        local_contrast(mvae, q_x, q_theta, theta, mask, settings, generator)
+        local_contrast(mvae, q_x, q_theta, theta, visibility, settings, generator)
         if settings.contrast > 0.0
         else log_frf.new_zeros(()),
     )
@@ -94,11 +93,11 @@ def _reconstruction(
     mvae: Mvae,
     posteriors: tuple[LatentGaussian, LatentGaussian],
     log_frf: Tensor,
-    mask: Tensor,
+    visibility: Visibility,
     settings: LossSettings,
     generator: torch.Generator,
 ) -> Tensor:
-    """-ln p(x'|z) summed over observed floors and all frequencies, and over both encoders.
+    """-ln p(x'|z) summed over what is observed, and over both encoders.
 
     Only `points` frequencies are decoded; the sum is scaled up, an unbiased estimate.
     """
@@ -112,8 +111,8 @@ def _reconstruction(
     variance = settings.noise_sd**2 + scale**2 * log_excess.exp()
     misfit = ((torch.cat([target, target]) - mean) * scale) ** 2 + settings.noise_sd**2
     nats = 0.5 * (misfit / variance + torch.log(2.0 * math.pi * variance))
-    both = torch.cat([mask, mask])
-    return (nats.sum(-1) * both).sum() * (total / points) / len(log_frf)
+    observed = visibility.weights(total, chosen)
+    return (nats * torch.cat([observed, observed])).sum() * (total / points) / len(log_frf)
 
 
 def local_contrast(
@@ -121,7 +120,7 @@ def local_contrast(
     q_x: LatentGaussian,
     q_theta: LatentGaussian,
     theta: Tensor,
-    mask: Tensor,
+    visibility: Visibility,
     settings: LossSettings,
     generator: torch.Generator,
 ) -> Tensor:
@@ -147,7 +146,7 @@ def local_contrast(
     inside = ((near > 0.0) & (near < 1.0)).all(-1)
     candidates = mvae.lower + box * near.clamp(0.0, 1.0)
     q_near = mvae.encode_parameters(
-        candidates.reshape(count * others, size), mask[rows].repeat_interleave(others, 0)
+        candidates.reshape(count * others, size), visibility[rows].repeat(others)
     )
     shape = (count, others, -1)
     other = latent_log_likelihood(

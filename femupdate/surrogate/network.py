@@ -18,7 +18,7 @@ class NetworkSizes:
         floor_features: features that each floor's FRF is first reduced to.
         width: width of the residual blocks of the observation encoder and the decoder.
         parameter_width: the same for the parameter encoder.
-        blocks: residual blocks in each network.
+        blocks: residual blocks in each encoder; the decoder has one less.
     """
 
     floors: int
@@ -33,6 +33,47 @@ class NetworkSizes:
     def as_dict(self) -> dict[str, int]:
         """Plain numbers, for the header of a weights file."""
         return asdict(self)
+
+
+@dataclass(frozen=True)
+class Visibility:
+    """What of each FRF is observed: some floors, over one band.
+
+    What z can say depends on it, so both encoders are told.
+
+    Attributes:
+        floors: (B, f) one where the floor is observed, else zero.
+        band: (B, 2) first and last observed frequency, as shares of the grid from 0 to 1.
+    """
+
+    floors: Tensor
+    band: Tensor
+
+    def __len__(self) -> int:
+        return len(self.floors)
+
+    def __getitem__(self, rows: Tensor | slice) -> "Visibility":
+        return Visibility(self.floors[rows], self.band[rows])
+
+    def repeat(self, count: int) -> "Visibility":
+        """Every row `count` times, kept together."""
+        return Visibility(
+            self.floors.repeat_interleave(count, 0), self.band.repeat_interleave(count, 0)
+        )
+
+    def expand(self, count: int) -> "Visibility":
+        """A single row as `count` rows."""
+        return Visibility(self.floors.expand(count, -1), self.band.expand(count, -1))
+
+    def features(self) -> Tensor:
+        """(B, f + 2) for the encoders."""
+        return torch.cat([self.floors, 2.0 * self.band - 1.0], dim=1)
+
+    def weights(self, points: int, chosen: Tensor | slice = slice(None)) -> Tensor:
+        """(B, f, k) one where a point is observed; `chosen` picks some of the frequencies."""
+        share = torch.linspace(0.0, 1.0, points, device=self.band.device)[chosen]
+        inside = (share >= self.band[:, :1] - 1e-6) & (share <= self.band[:, 1:] + 1e-6)
+        return self.floors[:, :, None] * inside[:, None, :]
 
 
 @dataclass(frozen=True)
@@ -108,31 +149,34 @@ class ObservationEncoder(nn.Module):
         super().__init__()
         joined = sizes.floors * sizes.floor_features
         self.floors = FloorLinear(sizes.floors, sizes.points, sizes.floor_features)
-        self.join = nn.Linear(joined + sizes.floors, sizes.width)
+        self.join = nn.Linear(joined + sizes.floors + 2, sizes.width)
         self.blocks = nn.Sequential(*(ResidualBlock(sizes.width) for _ in range(sizes.blocks)))
         self.head = GaussianHead(sizes.width, sizes.latent)
 
-    def forward(self, x: Tensor, mask: Tensor) -> LatentGaussian:
-        """x (B, f, k), zero where nothing is observed, and mask (B, f) of observed floors."""
-        features = nn.functional.silu(self.floors(x)) * mask[:, :, None]
-        joined = torch.cat([features.flatten(1), mask], dim=1)
+    def forward(self, x: Tensor, visibility: Visibility) -> LatentGaussian:
+        """x (B, f, k), zero where nothing is observed."""
+        features = nn.functional.silu(self.floors(x)) * visibility.floors[:, :, None]
+        joined = torch.cat([features.flatten(1), visibility.features()], dim=1)
         return self.head(self.blocks(self.join(joined)))
 
 
 class ParameterEncoder(nn.Module):
-    """q(z|theta), for the floors that are observed: what z can say depends on them."""
+    """q(z|theta), for what is observed."""
 
     def __init__(self, sizes: NetworkSizes) -> None:
         super().__init__()
-        self.join = nn.Linear(2 * sizes.parameters + sizes.floors, sizes.parameter_width)
+        self.join = nn.Linear(
+            2 * sizes.parameters + sizes.floors + 2, sizes.parameter_width
+        )
         self.blocks = nn.Sequential(
             *(ResidualBlock(sizes.parameter_width) for _ in range(sizes.blocks))
         )
         self.head = GaussianHead(sizes.parameter_width, sizes.latent)
 
-    def forward(self, features: Tensor, mask: Tensor) -> LatentGaussian:
-        """features (B, 2 p), see `parameter_features`, and mask (B, f) of observed floors."""
-        return self.head(self.blocks(self.join(torch.cat([features, mask], dim=1))))
+    def forward(self, features: Tensor, visibility: Visibility) -> LatentGaussian:
+        """features (B, 2 p), see `parameter_features`."""
+        joined = torch.cat([features, visibility.features()], dim=1)
+        return self.head(self.blocks(self.join(joined)))
 
 
 class Decoder(nn.Module):
@@ -142,7 +186,7 @@ class Decoder(nn.Module):
         super().__init__()
         self.sizes = sizes
         self.join = nn.Linear(sizes.latent, sizes.width)
-        self.blocks = nn.Sequential(*(ResidualBlock(sizes.width) for _ in range(sizes.blocks)))
+        self.blocks = nn.Sequential(*(ResidualBlock(sizes.width) for _ in range(sizes.blocks - 1)))
         self.norm = nn.LayerNorm(sizes.width)
         self.split = nn.Linear(sizes.width, sizes.floors * sizes.floor_features)
         self.floors = FloorLinear(sizes.floors, sizes.floor_features, sizes.points)
@@ -191,17 +235,14 @@ class Mvae(nn.Module):
         self.register_buffer("x_mean", torch.zeros(sizes.floors, sizes.points))
         self.register_buffer("x_scale", torch.ones(sizes.floors, sizes.points))
 
-    def encode_observation(self, log_frf: Tensor, valid: Tensor) -> LatentGaussian:
-        """q(z|x) for ln|H| (B, f, k) where `valid` (B, f, k) or (B, f, 1) says it is known.
-
-        A floor without a valid point counts as not observed; single invalid points of an observed
-        floor are filled with the mean over the training set.
-        """
+    def encode_observation(self, log_frf: Tensor, visibility: Visibility) -> LatentGaussian:
+        """q(z|x) for ln|H| (B, f, k), of which only the visible part counts; all must be finite."""
         standard = (log_frf - self.x_mean) / self.x_scale
-        mask = valid.any(dim=-1).to(standard.dtype)
-        return self.observation_encoder(torch.where(valid, standard, 0.0), mask)
+        return self.observation_encoder(
+            standard * visibility.weights(self.sizes.points), visibility
+        )
 
-    def encode_parameters(self, theta: Tensor, mask: Tensor) -> LatentGaussian:
-        """q(z|theta) for theta (B, p) when the floors of mask (B, f) are observed."""
+    def encode_parameters(self, theta: Tensor, visibility: Visibility) -> LatentGaussian:
+        """q(z|theta) for theta (B, p), given what is visible."""
         features = parameter_features(theta, self.lower, self.upper)
-        return self.parameter_encoder(features, mask)
+        return self.parameter_encoder(features, visibility)

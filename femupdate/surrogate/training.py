@@ -18,7 +18,7 @@ from femupdate.inference.prior import UniformPrior
 from femupdate.study import atomic_path
 from femupdate.surrogate.dataset import ModalDataset, log_frf_pool, sample_zeta
 from femupdate.surrogate.loss import LossSettings, LossTerms, loss_terms
-from femupdate.surrogate.network import Mvae, NetworkSizes
+from femupdate.surrogate.network import Mvae, NetworkSizes, Visibility
 
 logger = logging.getLogger(__name__)
 
@@ -37,6 +37,8 @@ class TrainingSettings:
         redraw_zeta_every: epochs after which the damping of every sample is drawn anew.
         roof_share: share of rows in which the top floor alone is observed.
         full_share: share of rows in which all floors are observed; the rest see a random subset.
+        full_band_share: share of rows observed over the whole grid; the rest lose up to its lowest
+            tenth and its upper seven tenths.
         seed: of everything random.
     """
 
@@ -47,8 +49,9 @@ class TrainingSettings:
     validation: float = 0.05
     average: float = 0.998
     redraw_zeta_every: int = 10
-    roof_share: float = 0.3
-    full_share: float = 0.4
+    roof_share: float = 0.4
+    full_share: float = 0.3
+    full_band_share: float = 0.75
     seed: int = 0
     loss: LossSettings = field(default_factory=LossSettings)
 
@@ -174,20 +177,23 @@ def train_mvae(
     return TrainingResult(run.average, metrics)
 
 
-def draw_floor_masks(count: int, floors: int, settings: TrainingSettings, seed: Tensor) -> Tensor:
-    """Random masks (count, f) of observed floors, from uniform numbers `seed` (count, 2 + f)."""
-    if floors == 1:
-        return torch.ones(count, 1)
-    chosen = seed[:, 2:] < 0.5
+def draw_visibility(
+    count: int, floors: int, settings: TrainingSettings, generator: torch.Generator
+) -> Visibility:
+    """Random observed floors and bands: what calibrations may meet later."""
+    kind, forced, band = torch.rand(3, count, generator=generator)
+    chosen = torch.rand(count, floors, generator=generator) < 0.5
     # Every subset has at least one floor.
-    forced = (seed[:, 1] * floors).long().clamp_max(floors - 1)
-    chosen[torch.arange(count), forced] = True
+    chosen[torch.arange(count), (forced * floors).long().clamp_max(floors - 1)] = True
     masks = chosen.float()
-    masks[seed[:, 0] < settings.roof_share + settings.full_share] = 1.0
-    roof = torch.zeros(floors)
-    roof[-1] = 1.0
-    masks[seed[:, 0] < settings.roof_share] = roof
-    return masks
+    masks[kind < settings.roof_share + settings.full_share] = 1.0
+    masks[kind < settings.roof_share, :-1] = 0.0
+    low, high = torch.rand(2, count, generator=generator)
+    cut = band >= settings.full_band_share
+    ends = torch.stack(
+        [torch.where(cut, 0.1 * low**2, 0.0), torch.where(cut, 1.0 - 0.7 * high, 1.0)], dim=1
+    )
+    return Visibility(masks, ends)
 
 
 def _start(task: TrainingTask, settings: TrainingSettings) -> _Run:
@@ -252,10 +258,9 @@ def _terms(
     rows: Tensor,
     generator: torch.Generator,
 ) -> LossTerms:
-    numbers = torch.rand(len(rows), 2 + task.sizes.floors, generator=generator)
-    masks = draw_floor_masks(len(rows), task.sizes.floors, settings, numbers)
+    seen = draw_visibility(len(rows), task.sizes.floors, settings, generator)
     theta = task.dataset.theta[rows].to(torch.float32)
-    return loss_terms(mvae, pool[rows].float(), theta, masks, settings.loss, generator)
+    return loss_terms(mvae, pool[rows].float(), theta, seen, settings.loss, generator)
 
 
 def _validate(

@@ -117,15 +117,15 @@ def zeros(count):
     return np.zeros((count, 6))
 
 
-def frame_with_wall():
+def frame_with_wall(fine=1):
     """A wall, a slab and a column that touch, nowhere symmetric: (model parts, points).
 
     The wall stands in the plane y = 0, the slab lies on it at z = 3, the column carries the slab's
     far corner. The wall belongs to parameter 0, the column to parameter 1, the slab to none.
     """
-    s, t, quads = grid(3, 4)
+    s, t, quads = grid(3 * fine, 4 * fine)
     wall = stack(4.5 * s, 0 * s, 3.0 * t)
-    u, v, floor = grid(3, 2)
+    u, v, floor = grid(3 * fine, 2 * fine)
     slab = stack(4.5 * u, 2.5 * v, 3.0 + 0 * u)
     column = stack(np.full(2, 4.5), np.full(2, 2.5), np.array([0.0, 1.5]))
     points = np.concatenate([wall, slab, column])

@@ -236,7 +236,7 @@ def test_first_frequencies_of_an_inclined_slender_cantilever(meshes):
         ({"torsion_constant": 0.0}, "positive torsion constant"),
         ({"youngs_modulus": np.nan}, "positive youngs modulus"),
         ({"shear_area_z": 0.0}, "positive shear area z"),
-        ({"poisson_ratio": 1.5}, "Poisson's ratio"),
+        ({"poisson_ratio": 0.6}, "Poisson's ratio"),
         ({"density": -1.0}, "density"),
         ({"up": (2.0, 0.0, 0.0)}, "`up` along its axis"),
         ({"up": (0.0, 0.0, 0.0)}, "`up` along its axis"),
@@ -251,5 +251,5 @@ def test_an_impossible_beam_is_refused_by_name(meshes, changes, message):
 def test_a_beam_without_length_is_refused_by_name(meshes):
     beams = meshes.beams([[7, 8], [9, 4]], **SECTION)
     ends = np.array([[[0.0, 0, 0], [1.0, 0, 0]], [[5.0, 5, 5], [5.0, 5, 5]]])
-    with pytest.raises(ModelError, match="beam 1 .nodes 9 and 4. has no length"):
+    with pytest.raises(ModelError, match=r"beam 1 \(nodes 9 and 4\) has no length"):
         beam_matrices(ends, beams)

@@ -53,9 +53,9 @@ def test_all_modes_together_give_the_same(operators):
     zeta = 0.5 * (alpha / own + beta * own)
     transfer = 1 / (own**2 + 2j * zeta * own * omega - omega**2)
     modal = (transfer * (shapes.T @ operators.restrict(load))) @ shapes.T
-    np.testing.assert_allclose(
-        direct[:, operators.free], modal, atol=1e-9 * np.abs(modal).max(axis=1, keepdims=True)
-    )
+    # The dense eigenproblem loses cond(K) eps ~ 1e-8 in its softest modes.
+    for found, wanted in zip(direct[:, operators.free], modal, strict=True):
+        np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-7 * np.abs(wanted).max())
 
 
 def test_zero_frequency_is_static(operators):
@@ -64,6 +64,19 @@ def test_zero_frequency_is_static(operators):
     found = harmonic_displacement(operators, THETA, np.array([0.0]), load, damping)
     wanted = static_displacement(operators, THETA, load)
     np.testing.assert_allclose(found[0], wanted, atol=1e-10 * np.abs(wanted).max())
+
+
+def test_an_undamped_resonance_is_refused(meshes):
+    frequency = 3.0
+    fixed = np.ones((1, 6), dtype=bool)
+    fixed[0, 2] = False
+    stiffness = np.array([(2 * np.pi * frequency) ** 2])
+    springs = Springs(np.array([[0, -1]]), np.array([2]), stiffness, np.array([0]))
+    masses = PointMasses(np.array([0]), np.ones(1), np.zeros((1, 3)))
+    one = assemble(meshes.model([[0.0, 0, 0]], fixed, springs=springs, masses=masses))
+    none = csc_matrix((1, 1))
+    with pytest.raises(ModelError, match="at 3 Hz has no finite value"):
+        harmonic_displacement(one, np.ones(1), np.array([2.0, frequency]), np.ones(6), none)
 
 
 def test_rayleigh_coefficients_give_zeta_at_both_frequencies():

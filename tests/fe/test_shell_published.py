@@ -4,7 +4,13 @@ Expected ratios of coarse meshes are those of a QM6 membrane with MITC4 bending,
 independent programs; targets are given in `published.py`.
 """
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
+
+from femupdate.fe.assembly import assemble
+from femupdate.fe.solve import lowest_modes
 
 TWO_PER_CENT = 0.02  # coarse-mesh scores differ by that much between drilling formulations
 
@@ -104,3 +110,37 @@ def test_wall_against_the_timoshenko_beam(meshes, columns, rows, score):
     area, inertia, shear_modulus = 0.3 * 6, 0.3 * 6**3 / 12, 30e9 / 2.4
     target = 1e6 * (21**3 / (3 * 30e9 * inertia) + 21 / (shear_modulus * area / 1.2))
     assert u[t == 1, 0].mean() / target == pytest.approx(score, abs=0.005)
+
+
+def coupled_wall(meshes, fine):
+    """Two piers of 2.4 m and lintels of 0.7 m over openings of 2.4 m, six stories of 3.5 m."""
+    columns, rows = 6 * fine, 30 * fine
+    s, t, quads = meshes.grid(columns, rows)
+    centre = np.stack([s, t], axis=1)[quads].mean(axis=1)
+    opening = (np.abs(centre[:, 0] - 0.5) < 1 / 6) & (6 * centre[:, 1] % 1 < 0.8)
+    used, quads = np.unique(quads[~opening], return_inverse=True)
+    s, t = s[used], t[used]
+    fixed = meshes.hold(len(s), (t == 0, range(6)))
+    shells = meshes.shells(quads.reshape(-1, 4), 0.3, 30e9, 0.2, 2500.0)
+    return meshes.model(meshes.stack(7.2 * s, 0 * s, 21 * t), fixed, shells=shells)
+
+
+@pytest.mark.parametrize(
+    ("fine", "elements", "top", "frequencies"),
+    [(1, 132, 7.321e-3, (6.406, 24.07)), (2, 528, 7.989e-3, (6.135, 23.30))],
+)
+def test_coupled_wall(meshes, fine, elements, top, frequencies):
+    """100 kN a floor on its line; expected: the enhanced-strain ASDShellQ4 on the same mesh."""
+    model = coupled_wall(meshes, fine)
+    assert len(model.shells) == elements
+    load = meshes.zeros(len(model.nodes))
+    for floor in range(1, 7):
+        line = np.abs(model.nodes[:, 2] - 3.5 * floor) < 1e-6
+        load[:, 0] += 1e5 * meshes.line_weights(line, model.nodes[:, 0])
+    u = meshes.displacement(model, load)
+    roof = np.abs(model.nodes[:, 2] - 21) < 1e-6
+    assert u[roof, 0].mean() == pytest.approx(top, rel=0.02)
+    out_of_plane = meshes.hold(len(model.nodes), (model.nodes[:, 2] > -1, (1, 3, 5)))
+    flat = replace(model, fixed=model.fixed | out_of_plane)
+    found = lowest_modes(assemble(flat), np.ones(1), 2).frequency_hz
+    assert found == pytest.approx(frequencies, rel=0.01)

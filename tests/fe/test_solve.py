@@ -220,6 +220,17 @@ def test_pivots_count_negative_eigenvalues():
     assert (pivots < 0).sum() == (values < 1.1).sum()
 
 
+def test_pivots_come_in_the_order_of_the_matrix():
+    """A degree of freedom without neighbours keeps its diagonal as its pivot."""
+    dense = 4.0 * np.eye(30) - np.eye(30, k=1) - np.eye(30, k=-1)
+    for lonely, value in ((17, -3.0), (4, -2.0)):
+        dense[lonely] = dense[:, lonely] = 0.0
+        dense[lonely, lonely] = value
+    pivots = factorize(csc_matrix(dense)).pivots()
+    np.testing.assert_array_equal(np.flatnonzero(pivots < 0), [4, 17])
+    assert pivots[[4, 17]] == pytest.approx([-2.0, -3.0])
+
+
 def test_factorize_refuses_a_singular_matrix():
     with pytest.raises(ModelError, match="singular"):
         factorize(csc_matrix(np.ones((3, 3))))

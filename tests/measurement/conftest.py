@@ -73,7 +73,11 @@ def fixed(values: Sequence[float], width: int, decimals: int, per_line: int = 8)
     """Rows of Fortran (8f9.6) output: no zero before the point, columns that may touch."""
     words = []
     for value in values:
-        word = f"{value:.{decimals}f}".replace("0.", ".", 1) if abs(value) < 1 else f"{value:.{decimals}f}"
+        word = (
+            f"{value:.{decimals}f}".replace("0.", ".", 1)
+            if abs(value) < 1
+            else f"{value:.{decimals}f}"
+        )
         assert len(word) <= width
         words.append(word.rjust(width))
     return ["".join(words[i : i + per_line]) for i in range(0, len(words), per_line)]
@@ -87,7 +91,8 @@ def csmip_v1_text(channels: dict[str, Sequence[float]], rate: str = "100") -> st
             "Station Id. TST     35.816N, 117.598W",
             f"Chan  {number}: {name}",
             "    1  100    1    3    3  100 -999    3",
-            f" {len(values)} Accelerogram points at {rate} pts/sec in units of g.       Format: (8f9.6)  ",
+            f" {len(values)} Accelerogram points at {rate} pts/sec in units of g.  "
+            "     Format: (8f9.6)  ",
             *fixed(values, 9, 6),
             f"/&  ----------  End of Data for Station Channel   {number}  ----------",
         ]

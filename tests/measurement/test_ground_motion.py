@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from femupdate.errors import MeasurementError
 from femupdate.measurement.record import GroundMotion
 
-
 MIDDLE = 6.0
 
 
@@ -21,7 +20,7 @@ def tone(frequency: float, time: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize(
     ("old", "new"), [(0.01, 0.005), (0.01, 0.02), (1 / 120, 0.005), (0.02, 0.001), (0.005, 1 / 128)]
 )
-@pytest.mark.parametrize("share", [0.05, 0.5, 0.88])
+@pytest.mark.parametrize("share", [0.05, 0.5, 0.9])
 def test_resampling_keeps_a_tone_in_place_and_size(old, new, share):
     frequency = share * 0.5 / max(old, new)
     time = np.arange(round(2 * MIDDLE / old)) * old
@@ -45,10 +44,10 @@ def test_resampling_to_the_same_step_changes_nothing():
     assert motion.resampled(0.01) is motion
 
 
-@pytest.mark.parametrize("step", [0.0, -0.01, np.nan, np.inf, 0.01 / np.pi, 1e-9])
+@pytest.mark.parametrize("step", [0.0, -0.01, np.nan, np.inf, 0.01 / np.sqrt(2), 1e-9])
 def test_resampling_to_an_impossible_step(step):
     with pytest.raises(MeasurementError, match="cannot be resampled"):
-        GroundMotion(np.ones(20), 0.01).resampled(step)
+        GroundMotion(np.ones(20_000), 0.01).resampled(step)
 
 
 def test_cut_includes_both_ends_and_begins_at_zero():
@@ -78,9 +77,7 @@ def test_cut_outside_the_record(ends):
 def test_scaled_and_demeaned():
     motion = GroundMotion(np.r_[np.full(50, 2.0), np.arange(50.0)], 0.01)
     np.testing.assert_array_equal(motion.scaled(-0.1).acceleration, -0.1 * motion.acceleration)
-    np.testing.assert_array_equal(
-        motion.demeaned(0, 0.49).acceleration, motion.acceleration - 2.0
-    )
+    np.testing.assert_array_equal(motion.demeaned(0, 0.49).acceleration, motion.acceleration - 2.0)
     assert motion.demeaned().acceleration.mean() == pytest.approx(0, abs=1e-14)
     assert motion.peak == 49.0
     with pytest.raises(MeasurementError, match="cannot be scaled by nan"):

@@ -26,8 +26,7 @@ def histories_text(
 
 def frf_text(frequency, columns, head="frequency_hz", units="") -> str:
     rows = [
-        ",".join(f"{v:.6g}" for v in row)
-        for row in zip(frequency, *columns.values(), strict=True)
+        ",".join(f"{v:.6g}" for v in row) for row in zip(frequency, *columns.values(), strict=True)
     ]
     return "\n".join([",".join([head, *columns]), *([units] if units else []), *rows])
 
@@ -120,7 +119,10 @@ HISTORY_ERRORS = {
     "blank unit": (GOOD.replace("s,gal,gal", "s,gal,"), "column '2F:1': the file does not say"),
     "wrong unit": (GOOD.replace(",mg", ",mm"), "unknown unit 'mm' for acceleration"),
     "no time": (GOOD.replace("time_s", "zeit"), "the first is 'zeit'; rename it or map it"),
-    "unknown column": (GOOD.replace(",RF,", ",roof,"), "unknown column 'roof'; columns are time_s"),
+    "unknown column": (
+        GOOD.replace(",RF,", ",roof,"),
+        "unknown column 'roof' (did you mean 'RF'?); columns",
+    ),
     "near miss": (GOOD.replace("base", "bse"), "unknown column 'bse' (did you mean 'base'?)"),
     "first floor": (GOOD.replace("2F:1", "1F"), "unknown column '1F'"),
     "repeated": (GOOD.replace("2F:2", "2F:1"), "line 2: two columns are called '2F:1'"),
@@ -133,7 +135,7 @@ HISTORY_ERRORS = {
     "short": ("\n".join(GOOD.split("\n")[:66]), "line 66: 63 rows are too short for a spectrum"),
     "gap": ("\n".join(GOOD.split("\n")[:40] + GOOD.split("\n")[41:]), "line 41, column 'time_s'"),
     "818 g": (
-        histories_text(samples=SAMPLES * 818, units="s,g,g,g,g,g"),
+        histories_text(samples=SAMPLES / np.abs(SAMPLES[0]).max() * 818, units="s,g,g,g,g,g"),
         "column 'base': the base peaks at 818 g",
     ),
 }

@@ -58,7 +58,9 @@ def test_peer_old_header_and_touching_columns(write, wave):
 def test_csmip_volume_1_reads_columns_by_width(write, texts, wave):
     values = np.round(wave / 981, 6)
     wide = -1.234567 - np.arange(19) * 0.01  # nine characters: neighbours touch
-    path = write(texts["csmip_v1"]({" 90 Deg": values, "360 Deg": wide, " Up": -values[:16]}), "a.v1")
+    path = write(
+        texts["csmip_v1"]({" 90 Deg": values, "360 Deg": wide, " Up": -values[:16]}), "a.v1"
+    )
     assert "-1.234567-1.244567" in path.read_text()
     first, second, third = (read_record(path, channel=i) for i in (1, "360", "up"))
     np.testing.assert_allclose(first.acceleration, values * STANDARD_GRAVITY, **EXACT)

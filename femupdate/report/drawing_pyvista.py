@@ -1,0 +1,94 @@
+"""The building rendered off screen by PyVista."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femupdate.report.geometry import VIEW, Floats, Geometry, mesh_lines, outline
+from femupdate.report.style import INK
+
+Pixels = NDArray[np.uint8]
+
+WINDOW = (1200, 1300)
+TUBE = 0.006  # radius of a beam over the size of the building
+LIFT = 0.006  # of lines on a surface towards the eye, over the size: else they sink in and out
+
+
+def render(geometry: Geometry, moved: Floats, values: Floats, color_map: str, top: float) -> Pixels:
+    """Return a picture (h, w, 3) of the building, white around.
+
+    Args:
+        geometry: the building at rest, drawn as a grey outline.
+        moved: (N, 3) where its nodes are drawn.
+        values: (N,) what colours it, from 0 to `top`.
+        color_map: name of a matplotlib colour map.
+        top: value of the last colour.
+    """
+    with _quiet_vtk():
+        import pyvista
+
+        plotter: Any = pyvista.Plotter(off_screen=True, window_size=list(WINDOW))
+        try:
+            plotter.set_background("white")
+            plotter.enable_anti_aliasing("ssaa")
+            look = {
+                "scalars": "value",
+                "cmap": color_map,
+                "clim": (0.0, top),
+                "lighting": False,  # shades would be read as values
+                "show_scalar_bar": False,
+            }
+            for mesh in _meshes(pyvista, geometry, moved, values):
+                plotter.add_mesh(mesh, **look)
+            for points, lines, line_look in _wires(geometry, moved):
+                wires = _lines(pyvista, points, lines)
+                plotter.add_mesh(wires, color=INK, lighting=False, **line_look)
+            plotter.enable_parallel_projection()
+            plotter.view_vector(VIEW, viewup=(0.0, 0.0, 1.0))
+            return np.asarray(plotter.screenshot(return_img=True))[..., :3]
+        finally:
+            plotter.close()
+
+
+def _meshes(pyvista: Any, geometry: Geometry, moved: Floats, values: Floats) -> Iterator[Any]:
+    if len(geometry.shells):
+        faces = np.insert(geometry.shells, 0, 4, axis=1).ravel()
+        shells = pyvista.PolyData(moved, faces=faces)
+        shells.point_data["value"] = values
+        yield shells
+    if len(geometry.beams):
+        beams = _lines(pyvista, moved, geometry.beams)
+        beams.point_data["value"] = values
+        yield beams.tube(radius=TUBE * geometry.size, n_sides=12)
+
+
+def _wires(
+    geometry: Geometry, moved: Floats
+) -> Iterator[tuple[Floats, NDArray[np.int64], dict[str, float]]]:
+    """Points, lines and look of the building at rest, of the mesh and of the moved outline."""
+    edges = outline(geometry)
+    lifted = moved + LIFT * geometry.size * np.asarray(VIEW)
+    yield geometry.nodes, edges, {"opacity": 0.4, "line_width": 2.0}
+    if len(geometry.shells):
+        yield lifted, mesh_lines(geometry), {"opacity": 0.35, "line_width": 2.0}
+    yield lifted, edges, {"opacity": 0.6, "line_width": 2.5}
+
+
+def _lines(pyvista: Any, points: Floats, lines: NDArray[np.int64]) -> Any:
+    return pyvista.PolyData(points, lines=np.insert(lines, 0, 2, axis=1).ravel())
+
+
+@contextmanager
+def _quiet_vtk() -> Iterator[None]:
+    """Keep VTK from writing to stderr about each graphics library that it tries and misses."""
+    from vtkmodules.vtkCommonCore import vtkLogger
+
+    before = vtkLogger.GetCurrentVerbosityCutoff()
+    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)
+    try:
+        yield
+    finally:
+        vtkLogger.SetStderrVerbosity(before)

@@ -1,0 +1,109 @@
+"""The building as it is drawn: nodes, shells, beams, and the lines that show its outline."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from femupdate.errors import ReportError
+from femupdate.fe.model import FiniteElementModel
+from femupdate.report.figure import checked
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+DEFORMATION = 0.12  # largest displacement as drawn, over the largest side of the building
+VIEW = (-1.0, -1.55, 0.72)  # from the building towards the eye: at a corner, from above
+FOLD = np.cos(np.radians(30.0))  # shells that meet at more than this angle make an edge
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """What is drawn of a finite-element model.
+
+    Attributes:
+        nodes: (N, 3) m, z up.
+        shells: (n, 4) node indices.
+        beams: (m, 2) node indices.
+    """
+
+    nodes: Floats
+    shells: Integers
+    beams: Integers
+
+    @classmethod
+    def of(cls, nodes: ArrayLike, shells: ArrayLike, beams: ArrayLike) -> "Geometry":
+        """Check the arrays; either of shells and beams may be empty.
+
+        Raises:
+            ReportError: wrong shapes, nothing to draw, or an index without a node.
+        """
+        points = checked("nodes", nodes, None, 3)
+        quads = np.asarray(shells, dtype=np.int64).reshape(-1, 4)
+        lines = np.asarray(beams, dtype=np.int64).reshape(-1, 2)
+        used = np.concatenate([quads.ravel(), lines.ravel()])
+        if not len(used):
+            raise ReportError("there are neither shells nor beams to draw")
+        if used.min() < 0 or used.max() >= len(points):
+            raise ReportError(
+                f"an element uses node {used[(used < 0) | (used >= len(points))][0]}, "
+                f"but there are {len(points)} nodes"
+            )
+        return cls(points, quads, lines)
+
+    @classmethod
+    def of_model(cls, model: FiniteElementModel) -> "Geometry":
+        """The shells and beams of a finite-element model."""
+        return cls.of(model.nodes, model.shells.nodes, model.beams.nodes)
+
+    @property
+    def size(self) -> float:
+        """Largest side of the building, m."""
+        return float(np.ptp(self._drawn(), axis=0).max())
+
+    def _drawn(self) -> Floats:
+        used = np.unique(np.concatenate([self.shells.ravel(), self.beams.ravel()]))
+        return self.nodes[used]
+
+
+def deformed(geometry: Geometry, shape: Floats) -> Floats:
+    """Return the nodes (N, 3) moved by a shape (N, 3), scaled so that it can be seen."""
+    largest = np.linalg.norm(shape, axis=1).max()
+    return geometry.nodes + shape * (DEFORMATION * geometry.size / (largest or 1.0))
+
+
+def outline(geometry: Geometry) -> Integers:
+    """Return lines (l, 2) that show the building without its mesh.
+
+    These are the beams, and the sides of shells where a surface ends, folds or branches.
+    """
+    lines, owner, count = np.unique(
+        _sides(geometry.shells), axis=0, return_inverse=True, return_counts=True
+    )
+    owner = owner.reshape(-1)
+    normals = np.repeat(_normals(geometry), 4, axis=0)
+    # Two shells on one side: compare their normals; the order of nodes may turn one about.
+    order = np.argsort(owner, kind="stable")
+    first = np.concatenate([[0], np.cumsum(count)[:-1]]).astype(np.int64)
+    pair = count == 2
+    a, b = normals[order[first[pair]]], normals[order[first[pair] + 1]]
+    edge = ~pair
+    edge[pair] = np.abs(np.einsum("ij,ij->i", a, b)) < FOLD
+    return np.unique(np.concatenate([lines[edge], np.sort(geometry.beams, axis=1)]), axis=0)
+
+
+def mesh_lines(geometry: Geometry) -> Integers:
+    """Return the sides (l, 2) of all shells, each once."""
+    return np.unique(_sides(geometry.shells), axis=0)
+
+
+def _sides(shells: Integers) -> Integers:
+    """Sides (4 n, 2) of the shells, the lower node first."""
+    sides = np.stack([shells, np.roll(shells, -1, axis=1)], axis=-1)
+    return np.sort(sides.reshape(-1, 2), axis=1)
+
+
+def _normals(geometry: Geometry) -> Floats:
+    corners = geometry.nodes[geometry.shells]
+    normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    return normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)

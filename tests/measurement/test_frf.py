@@ -1,0 +1,357 @@
+"""FRFs estimated from histories, against systems whose response is known in closed form."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import signal
+
+from femupdate.errors import MeasurementError
+from femupdate.measurement.columns import Channel, parse_channel
+from femupdate.measurement.frf import (
+    NOISE_FLOOR,
+    Observation,
+    estimate_frf,
+    observation_for,
+    observation_from_table,
+    select_floors,
+)
+from femupdate.measurement.observation_file import FrfTable, Histories, read_observation_file
+from femupdate.measurement.welch import effective_averages
+
+RATE = 200.0
+GRID = np.arange(1, 1025) * 0.05  # the wall-frame's: to 51.2 Hz
+BAND = (GRID > 1) & (GRID < 45)
+
+
+def histories(rate=RATE, source="test", **rows: np.ndarray) -> Histories:
+    """Histories of columns whose names are written with _ for : and __ for the dot."""
+    channels = []
+    for name in rows:
+        channel = parse_channel(name.replace("__", ".").replace("_", ":").removeprefix("f"))
+        assert isinstance(channel, Channel)
+        channels.append(channel)
+    return Histories(1 / rate, tuple(channels), np.array(list(rows.values())), source)
+
+
+def noise(seconds: float, seed: int, rate=RATE) -> np.ndarray:
+    return np.random.default_rng(seed).normal(size=round(seconds * rate))
+
+
+def coloured(seconds: float, seed: int) -> np.ndarray:
+    """Noise in 0.5 to 50 Hz, as a shake table is driven."""
+    sos = signal.butter(4, [0.5, 50], "bandpass", fs=RATE, output="sos")
+    return signal.sosfilt(sos, noise(seconds, seed))
+
+
+def sdof_filter(f0: float, zeta: float) -> tuple[np.ndarray, np.ndarray]:
+    """Absolute over base acceleration of a mass on a spring and a damper, bilinear at RATE."""
+    omega = 2 * np.pi * f0
+    return signal.bilinear([2 * zeta * omega, omega**2], [1, 2 * zeta * omega, omega**2], RATE)
+
+
+def closed_form(system: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    return signal.freqz(*system, worN=GRID, fs=RATE)[1]
+
+
+TWO = (sdof_filter(5.8, 0.02), sdof_filter(16.0, 0.02))
+
+
+def two_floors(seed: int, sensor_noise: float, seconds: float = 80.0) -> Histories:
+    """A shake-table run: 80 s, a floor tuned to 5.8 Hz and one to 16 Hz, noise on all sensors."""
+    base = coloured(seconds, seed)
+    floors = [signal.lfilter(*system, base) for system in TWO]
+    rng = np.random.default_rng(1000 + seed)
+    rows = [x + sensor_noise * base.std() * rng.normal(size=x.size) for x in floors]
+    return histories(base=base, f2F=rows[0], RF=rows[1])
+
+
+@pytest.mark.parametrize("sensor_noise", [0.01, 0.05, 0.2])
+def test_stated_noise_covers_the_error(sensor_noise):
+    truth = np.log(np.abs(np.array([closed_form(system) for system in TWO])))
+    audible = BAND & (truth > np.log(3 * sensor_noise))
+    ratios, usable = [], []
+    for seed in range(12):
+        observation = estimate_frf(two_floors(seed, sensor_noise), GRID)
+        above_floor = observation.noise_sd > 1.5 * NOISE_FLOOR
+        error = (observation.log_frf - truth) / observation.noise_sd
+        ratios.append(error[observation.valid & above_floor & BAND])
+        usable.append(observation.valid[audible].mean())
+    ratio = np.concatenate(ratios)
+    # 12 records of some 2 x 300 independent points: sd of the share .003. Seven segments give a
+    # noise that is itself uncertain by a fifth, which may move the share from .954 by .03.
+    assert 0.93 < np.mean(np.abs(ratio) < 2) < 0.985
+    assert np.mean(ratio**2) == pytest.approx(1, abs=0.25)
+    assert np.mean(usable) > 0.95
+
+
+@given(
+    f0=st.floats(2, 30), zeta=st.floats(0.03, 0.2), gain=st.floats(0.3, 3), seed=st.integers(0, 99)
+)
+@settings(max_examples=15, deadline=None)
+def test_any_resonator_is_found_within_the_noise(f0, zeta, gain, seed):
+    base = coloured(80, seed)
+    system = sdof_filter(f0, zeta)
+    floor = -gain * signal.lfilter(*system, base) + 0.02 * base.std() * noise(80, seed + 100)
+    observation = estimate_frf(histories(base=base, RF=floor), GRID)
+    truth = -gain * closed_form(system)
+    use = observation.valid[0] & BAND
+    audible = BAND & (np.abs(truth) > 0.1)  # five times the sensor's noise
+    assert use[audible].mean() > 0.9
+    sd = observation.noise_sd[0][use]
+    amplitude = np.abs(observation.log_frf[0] - np.log(np.abs(truth)))[use] / sd
+    turned = np.angle(np.exp(1j * observation.phase[0]) / truth)[use] / sd
+    # .95 expected. One record of 80 s has some hundred independent points (sd .02), and its noise
+    # is known to a fifth: .85 is four sds off.
+    assert np.mean(np.abs(amplitude) < 2) > 0.85
+    assert np.mean(np.abs(turned) < 2) > 0.85
+
+
+@pytest.mark.parametrize("samples", [-3, 3, 10])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_delay_and_sign_stay_in_the_phase(samples, sign):
+    base = noise(100, 4)
+    floor = sign * 1.7 * np.roll(base, samples)
+    observation = estimate_frf(histories(base=base, RF=floor), GRID)
+    expected = sign * np.exp(-2j * np.pi * GRID * samples / RATE)
+    turned = np.angle(np.exp(1j * observation.phase[0]) / expected)
+    use = observation.valid[0]
+    assert use[BAND].all()
+    # A delay takes samples out of the segment, and what it takes is noise of this size.
+    assert np.abs(turned[use]).max() < 0.05
+    np.testing.assert_allclose(observation.log_frf[0][use], np.log(1.7), atol=0.05)
+
+
+def test_perfect_coherence_does_not_give_zero_noise():
+    base = noise(80, 1)
+    observation = estimate_frf(histories(base=base, RF=2.5 * base), GRID)
+    np.testing.assert_allclose(observation.log_frf[0], np.log(2.5), atol=1e-9)
+    np.testing.assert_array_equal(observation.noise_sd[0], NOISE_FLOOR)
+    np.testing.assert_allclose(observation.coherence[0], 1, atol=1e-12)
+
+
+def test_coherence_is_scipys():
+    base = noise(80, 2)
+    floor = signal.lfilter(*TWO[0], base) + 0.5 * noise(80, 3)
+    observation = estimate_frf(histories(base=base, RF=floor), GRID)
+    frequency, expected = signal.coherence(base, floor, RATE, nperseg=4000, noverlap=2000)
+    at = np.searchsorted(frequency, GRID - 1e-6)
+    np.testing.assert_allclose(observation.coherence[0], expected[at], rtol=1e-9)
+    assert observation.resolution_hz == pytest.approx(1.5 / 20)
+
+
+@pytest.mark.parametrize("count", [2, 5, 9, 40])
+def test_effective_averages_against_chance(count):
+    """Unrelated signals have a mean coherence of one over the number of independent segments."""
+    rng = np.random.default_rng(count)
+    length = 64
+    samples = (count + 1) * length // 2
+    values = [
+        signal.coherence(*rng.normal(size=(2, samples)), nperseg=length)[1][4:-4].mean()
+        for _ in range(400)
+    ]
+    # 400 means over some 12 independent bins: 1 to 2 %; the formula is Welch's for one spectrum.
+    assert 1 / np.mean(values) == pytest.approx(effective_averages(length, count), rel=0.04)
+
+
+def test_sensors_of_a_floor_are_averaged_in_time():
+    base, twist = noise(60, 5), noise(60, 6)
+    floor = signal.lfilter(*TWO[0], base)
+    apart = histories(base=base, f2F_1=floor + 3 * twist, f2F_2=floor - 3 * twist, RF=base + floor)
+    observation = estimate_frf(apart, GRID)
+    together = estimate_frf(histories(base=base, f2F=floor, RF=base + floor), GRID)
+    np.testing.assert_allclose(observation.log_frf, together.log_frf, atol=1e-9)
+    assert observation.floors == ("2F", "RF")
+    assert "Sensors averaged in time: 2F (2)." in observation.notes
+
+
+def test_directions_are_kept_apart():
+    base_x, base_y = noise(60, 7), noise(60, 8)
+    data = histories(base=base_x, base__y=base_y, RF=2 * base_x, RF__y=5 * base_y)
+    in_x, in_y = estimate_frf(data, GRID), estimate_frf(data, GRID, direction="y")
+    np.testing.assert_allclose(in_x.log_frf[0][5:], np.log(2), atol=1e-9)
+    np.testing.assert_allclose(in_y.log_frf[0][5:], np.log(5), atol=1e-9)
+    with pytest.raises(
+        MeasurementError, match=r"no base channel in direction z; the file has .*RF"
+    ):
+        estimate_frf(data, GRID, direction="z")
+    lone = histories(base=base_x, base__y=base_y, RF=2 * base_x)
+    with pytest.raises(MeasurementError, match="no floor channel in direction y"):
+        estimate_frf(lone, GRID, direction="y")
+
+
+def test_points_that_were_not_measured_are_flagged():
+    # 80 Hz sampling: Nyquist 40 Hz; segments of 20 s resolve 0.05 Hz.
+    base = noise(100, 9, rate=80)
+    grid = np.r_[0.01, 0.02, GRID]
+    observation = estimate_frf(histories(80.0, base=base, RF=3 * base), grid)
+    valid = observation.valid[0]
+    assert not valid[:2].any()
+    assert not valid[grid >= 39.999].any()
+    assert valid[(grid > 0.2) & (grid < 39.9)].all()
+    assert np.isnan(observation.log_frf[0][grid > 40]).all()
+    assert any("lie outside what was measured" in note for note in observation.notes)
+
+
+def test_unrelated_floor_and_powerless_base_are_flagged():
+    base = coloured(100, 10)
+    related = estimate_frf(histories(base=base, f2F=noise(100, 11), RF=base), GRID)
+    assert related.valid[0].mean() < 0.005  # one in a hundred by chance, and not even around it
+    assert related.valid[1][BAND].all()
+    narrow = signal.sosfiltfilt(signal.butter(12, [2, 10], "band", fs=RATE, output="sos"), base)
+    silent = estimate_frf(histories(base=narrow, RF=signal.lfilter(*TWO[1], narrow)), GRID)
+    assert silent.valid[0][(GRID > 2.5) & (GRID < 9)].all()
+    assert not silent.valid[0][GRID > 20].any()
+    with pytest.raises(MeasurementError, match="no point of the frequency grid can be used"):
+        estimate_frf(histories(base=base, RF=noise(100, 12)), GRID[100:110])
+
+
+def test_short_record_gets_shorter_segments_and_says_so():
+    base = noise(30, 13)
+    observation = estimate_frf(histories(base=base, RF=1.5 * base), GRID)
+    assert "8.57 s" in observation.notes[0]  # six half-overlapping segments fill 3.5 lengths
+    assert "asks for 20 s" in observation.notes[0]
+    first = GRID[observation.valid[0]][0]
+    assert first == pytest.approx(0.15)  # the first grid point above 1 / 8.57 s
+    # Between its bins H is interpolated as a complex number: a constant stays one.
+    np.testing.assert_allclose(observation.log_frf[0][observation.valid[0]], np.log(1.5), atol=1e-9)
+
+
+@pytest.mark.parametrize(("segment", "works"), [(40, True), (41, False), (0.07, False), (5, True)])
+def test_segment_length_can_be_chosen(segment, works):
+    base = noise(80, 14)
+    data = histories(base=base, RF=base)
+    if works:
+        assert f"segments of {segment} s" in estimate_frf(data, GRID, segment_s=segment).notes[0]
+    else:
+        with pytest.raises(MeasurementError, match=r"take 0\.08 to 40 s"):
+            estimate_frf(data, GRID, segment_s=segment)
+
+
+def test_too_short_for_a_spectrum():
+    base = noise(0.25, 15)
+    with pytest.raises(MeasurementError, match="50 samples are too short for a spectrum"):
+        estimate_frf(histories(base=base, RF=base), GRID)
+
+
+@pytest.mark.parametrize("grid", [[], [0.0, 1.0], [2.0, 1.0], [1.0, np.nan], [[1.0, 2.0]], [-1.0]])
+def test_bad_grid(grid):
+    base = noise(10, 16)
+    with pytest.raises(MeasurementError, match="the frequency grid must increase"):
+        estimate_frf(histories(base=base, RF=base), np.array(grid))
+
+
+def test_bias_at_a_sharp_peak_is_the_documented_one():
+    f0, zeta, seconds = 5.8, 0.02, 20.0
+    system = sdof_filter(f0, zeta)
+    at = np.argmax(np.abs(closed_form(system)))
+    errors = []
+    for seed in range(60):
+        base = noise(80, 200 + seed)
+        data = histories(base=base, RF=signal.lfilter(*system, base))
+        errors.append(
+            estimate_frf(data, GRID).log_frf[0][at] - np.log(np.abs(closed_form(system)[at]))
+        )
+    documented = -1 / (3 * (zeta * f0 * seconds) ** 2)
+    assert documented == pytest.approx(-0.062, abs=1e-3)
+    # The mean of 60 records has a sd of .01; the formula leaves out terms of its square.
+    assert np.mean(errors) == pytest.approx(documented, abs=0.03)
+
+
+def test_building_of_other_floors_is_refused():
+    base = noise(60, 17)
+    data = histories(source="tower.csv", base=base, f7F=base, RF=base)
+    with pytest.raises(MeasurementError) as caught:
+        observation_for(("2F", "3F", "RF"), data, GRID)
+    for part in ("tower.csv", "another building", "7F, RF", "2F, 3F, RF"):
+        assert part in str(caught.value)
+
+
+def test_fewer_floors_than_the_building_in_any_order():
+    base = noise(60, 18)
+    data = histories(base=base, RF=3 * base, f2F=2 * base)
+    observation = observation_for(("2F", "3F", "RF"), data, GRID)
+    assert observation.floors == ("2F", "RF")
+    np.testing.assert_allclose(observation.log_frf[:, 100], np.log([2, 3]), atol=1e-9)
+
+
+def test_select_floors():
+    base = noise(60, 19)
+    data = histories(base=base, f2F=2 * base, f3F=3 * base, RF=5 * base)
+    observation = estimate_frf(data, GRID)
+    roof = select_floors(observation, ["RF", "2F"])
+    assert roof.floors == ("RF", "2F")
+    np.testing.assert_allclose(roof.log_frf[:, 100], np.log([5, 2]), atol=1e-9)
+    assert roof.valid.shape == roof.phase.shape == roof.coherence.shape == (2, GRID.size)
+    for wrong in (["4F"], [], ["RF", "RF"]):
+        with pytest.raises(MeasurementError, match="choose among 2F, 3F, RF, each once"):
+            select_floors(observation, wrong)
+
+
+def table(**others) -> FrfTable:
+    magnitude = np.exp(np.array([[0.0, 1.0, -1.0], [2.0, 2.0, 4.0]]))
+    return FrfTable(np.array([1.0, 2.0, 4.0]), ("2F", "RF"), magnitude, source="t.csv", **others)
+
+
+def test_table_is_interpolated_in_the_logarithm_and_not_beyond():
+    observation = observation_from_table(table(), np.array([0.5, 1.0, 1.5, 3.0, 4.0, 4.5]))
+    np.testing.assert_allclose(
+        observation.log_frf[:, 1:5], [[0, 0.5, 0, -1], [2, 2, 3, 4]], atol=1e-15
+    )
+    np.testing.assert_array_equal(observation.valid, [[0, 1, 1, 1, 1, 0]] * 2)
+    assert (observation.noise_sd[observation.valid] == 0.2).all()
+    assert observation.phase is None
+    assert "Noise on ln|H| taken as 0.2 for 2F, RF." in observation.notes
+
+
+def test_table_brings_its_own_noise_and_phase():
+    log_sd = np.array([[0.1, 0.3, 0.3], [np.nan] * 3])
+    angle = np.array([[0.0, -1.0, -2.0], [0.5, 1.0, 3.0]])
+    data = table(log_sd=log_sd, complex_frf=table().magnitude * np.exp(1j * angle))
+    observation = observation_from_table(data, np.array([1.0, 1.5, 2.0]), default_noise=0.07)
+    np.testing.assert_allclose(observation.noise_sd, [[0.1, 0.2, 0.3], [0.07] * 3])
+    np.testing.assert_allclose(observation.phase[:, [0, 2]], angle[:, :2], atol=1e-15)
+    assert "0.07 for RF." in observation.notes[0]
+    through = observation_for(["2F", "3F", "RF"], data, np.array([1.0, 1.5]), default_noise=0.07)
+    np.testing.assert_array_equal(through.noise_sd, observation.noise_sd[:, :2])
+
+
+def test_table_outside_the_grid_and_of_another_building():
+    with pytest.raises(MeasurementError, match=r"t\.csv: no point of the frequency grid"):
+        observation_from_table(table(), np.array([5.0, 6.0]))
+    with pytest.raises(MeasurementError, match="another building"):
+        observation_for(["3F", "RF"], table(), GRID)
+
+
+def test_observation_refuses_what_does_not_fit():
+    good = {
+        "log_frf": np.zeros((1, 2)),
+        "noise_sd": np.ones((1, 2)),
+        "valid": np.ones((1, 2), bool),
+    }
+    grid = np.array([1.0, 2.0])
+    Observation(grid, ("RF",), **good)
+    with pytest.raises(MeasurementError, match="floors by frequencies"):
+        Observation(grid, ("2F", "RF"), **good)
+    with pytest.raises(MeasurementError, match="noise above zero"):
+        Observation(grid, ("RF",), **good | {"noise_sd": np.zeros((1, 2))})
+
+
+@pytest.mark.parametrize(
+    ("run", "peaks"),
+    # Where the frame's published description puts them (to about two resolution bandwidths).
+    [("northridge", (3.7, 11.2, 16.6)), ("sine1p0", (None, 11.2, 16.6))],
+)
+def test_real_bench_top_frame_peaks(shared_file, run, peaks):
+    columns = {"time_s": "t_s", "base": "a_base", "2F": "a_1F", "3F": "a_2F", "RF": "a_3F"}
+    data = read_observation_file(shared_file(f"data/mini_flexible_{run}.csv"), "m/s2", columns)
+    observation = observation_for(("2F", "3F", "RF"), data, GRID)
+    roof = np.where(observation.valid[2], observation.log_frf[2], -np.inf)
+    for peak, low, high in zip(peaks, (2, 9, 15), (6, 13, 18), strict=True):
+        near = (low < GRID) & (high > GRID)
+        found = GRID[near][np.argmax(roof[near])]
+        if peak is not None:
+            assert found == pytest.approx(peak, abs=0.16)
+    in_band = (GRID > 0.5) & (GRID < 15)
+    assert np.median(observation.coherence[:, in_band]) > 0.93
+    assert observation.valid[:, in_band].mean() > 0.75

@@ -1,0 +1,87 @@
+"""Files written are read back as they were, whole or not at all."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from femupdate.errors import MeasurementError
+from femupdate.measurement.columns import channel_name, floor_height, parse_channel
+from femupdate.measurement.observation_file import Histories, read_observation_file
+from femupdate.measurement.record import GroundMotion, read_record
+from femupdate.measurement.write import write_observation_histories, write_record
+
+
+def sample(time_step: float = 1 / 120, count: int = 500) -> Histories:
+    channels = tuple(parse_channel(n) for n in ("base", "RF:1", "RF:2.y", "2F"))
+    values = np.random.default_rng(3).normal(size=(4, count)) * [[1], [3], [1e-4], [0.1]]
+    return Histories(time_step, channels, values, "made.csv")
+
+
+@given(rate=st.sampled_from([50, 100, 120, 128, 200, 256, 1000, 1024]), count=st.integers(64, 400))
+@settings(max_examples=20, deadline=None)
+def test_histories_round_trip(tmp_path_factory, rate, count):
+    data = sample(1 / rate, count)
+    path = write_observation_histories(tmp_path_factory.mktemp("w") / "made.csv", data)
+    back = read_observation_file(path)
+    assert back.time_step == data.time_step
+    assert back.channels == data.channels
+    # Nine significant digits are written.
+    np.testing.assert_allclose(back.acceleration, data.acceleration, rtol=5e-9)
+
+
+def test_label_and_units_stand_above_the_numbers(tmp_path):
+    path = write_observation_histories(
+        tmp_path / "a.csv", sample(), ("Simulated, not measured.", "Two\nlines.")
+    )
+    assert path.read_text().split("\n")[:5] == [
+        "# Simulated, not measured.",
+        "# Two",
+        "# lines.",
+        "time_s,base,RF:1,RF:2.y,2F",
+        "s,m/s2,m/s2,m/s2,m/s2",
+    ]
+
+
+def test_record_round_trip(tmp_path):
+    motion = GroundMotion(np.random.default_rng(1).normal(size=300), 0.005, "m", "90 Deg, roof")
+    back = read_record(write_record(tmp_path / "r.csv", motion, ("made",)))
+    np.testing.assert_allclose(back.acceleration, motion.acceleration, rtol=5e-9)
+    assert (back.time_step, back.channel, back.unit) == (0.005, "90 Deg roof", "m/s2")
+
+
+def test_old_file_stays_when_the_new_one_cannot_be_written(tmp_path, monkeypatch):
+    path = tmp_path / "a.csv"
+    path.write_text("old")
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.replace", full)
+    with pytest.raises(MeasurementError, match=r"cannot be written \(No space left"):
+        write_observation_histories(path, sample())
+    assert path.read_text() == "old"
+    assert [p.name for p in tmp_path.iterdir()] == ["a.csv"]
+
+
+def test_folder_that_is_not_there(tmp_path):
+    with pytest.raises(MeasurementError, match=r"cannot be written \(No such file"):
+        write_observation_histories(tmp_path / "none" / "a.csv", sample())
+
+
+@pytest.mark.parametrize("name", ["base", "2F", "10F:west", "RF.y", "base:1.z", "3F:2"])
+def test_column_names_round_trip(name):
+    channel = parse_channel(name)
+    assert channel.name == name
+    assert channel_name(channel.floor, channel.sensor, channel.direction) == name
+
+
+@pytest.mark.parametrize(
+    "name", ["", "1F", "0F", "F", "roof", "2F.w", "2F:", "2F:1:2", "B1F", "2F "]
+)
+def test_what_is_no_column_name(name):
+    assert parse_channel(name) is None or name.strip() == "2F"
+
+
+def test_floors_sort_from_bottom_to_top():
+    assert sorted(["RF", "10F", "2F", "base"], key=floor_height) == ["base", "2F", "10F", "RF"]

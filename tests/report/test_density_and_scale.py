@@ -1,0 +1,77 @@
+"""Densities against the normal distribution, units and figures against what one would write."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import norm
+
+from femupdate.report.density import density_1d, density_2d, mass_level
+from femupdate.report.scale import force_scale, length_scale, plus_minus, three_figures
+
+NORMAL = np.random.default_rng(2).normal(size=(2, 40000))
+
+
+def test_density_is_that_of_the_normal_distribution():
+    density = density_1d(NORMAL[0], (-5.0, 5.0))
+    exact = norm.pdf(density.x) * (density.x[1] - density.x[0])
+    assert np.abs(density.value - exact).max() < 0.03 * exact.max()  # 40,000 samples, smoothed
+
+
+def test_density_does_not_sink_at_a_bound():
+    uniform = np.random.default_rng(4).uniform(0.0, 1.0, 40000)
+    density = density_1d(uniform, (0.0, 1.0))
+    assert density.value[0] == pytest.approx(density.value[160], rel=0.1)
+
+
+def test_contours_hold_their_share_of_samples():
+    x, y = NORMAL[0], 0.5 * NORMAL[0] + 2.0 * NORMAL[1]
+    density = density_2d(x, y, (-5.0, 5.0), (-9.0, 9.0))
+    cell = (
+        np.clip(np.searchsorted(density.y, y), 0, 79),
+        np.clip(np.searchsorted(density.x, x), 0, 79),
+    )
+    for share in (0.5, 0.9):
+        inside = density.value[cell] >= mass_level(density.value, share)
+        assert inside.mean() == pytest.approx(share, abs=0.03)  # cells and smoothing
+
+
+@given(st.floats(0.01, 0.99))
+def test_levels_fall_as_the_share_grows(share):
+    value = density_2d(NORMAL[0], NORMAL[1], (-4.0, 4.0), (-4.0, 4.0)).value
+    assert mass_level(value, share) >= mass_level(value, min(1.0, share + 0.01))
+
+
+@pytest.mark.parametrize(
+    ("values", "unit"),
+    [([3.0, -900.0], "N"), ([0.0], "N"), ([-2.5e5], "kN"), ([3e6], "kN"), ([6e6, 1.0], "MN")],
+)
+def test_force_unit(values, unit):
+    assert force_scale(values).unit == unit
+
+
+@pytest.mark.parametrize(
+    ("values", "unit"), [([2e-6], "µm"), ([-3e-4], "mm"), ([0.3], "mm"), ([2.4], "m"), ([], "µm")]
+)
+def test_length_unit(values, unit):
+    assert length_scale(values).unit == unit
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(0.3, "0.300"), (32.84, "32.8"), (328.4, "328"), (1.0, "1.00")]
+)
+def test_three_figures(value, text):
+    assert three_figures(value) == text
+
+
+@pytest.mark.parametrize(
+    ("mean", "sd", "text"),
+    [
+        (1.23456, 0.0456, "1.235 ± 0.046"),
+        (123.4, 11.9, "123 ± 12"),
+        (5.0, 0.0, "5"),
+        (-0.5, 0.2, "-0.50 ± 0.20"),
+    ],
+)
+def test_plus_minus(mean, sd, text):
+    assert plus_minus(mean, sd) == text

@@ -1,0 +1,252 @@
+"""Mode shape pictures: rendered where that is possible, drawn where it is not."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from femupdate.errors import ReportError
+from femupdate.fe.model import Beams, FiniteElementModel, Shells
+from femupdate.report import rendering as rendering_module
+from femupdate.report import scenes
+from femupdate.report.drawing_matplotlib import project
+from femupdate.report.geometry import Geometry, deformed, mesh_lines, outline
+from femupdate.report.rendering import Rendering, probe, rendering
+from femupdate.report.scenes import mode_shape_scene
+
+
+def frame(stories: int = 2) -> Geometry:
+    """Two bays by one, slabs of 2 x 2 shells a bay, columns at the corners."""
+    x, y, z = np.arange(5) * 0.9, np.arange(3) * 0.75, np.arange(stories + 1) * 0.9
+    grid = np.stack(np.meshgrid(x, y, z, indexing="ij"), axis=-1)
+    index = np.arange(grid[..., 0].size).reshape(grid.shape[:3])
+    slabs = [
+        [index[i, j, k], index[i + 1, j, k], index[i + 1, j + 1, k], index[i, j + 1, k]]
+        for k in range(1, stories + 1)
+        for i in range(4)
+        for j in range(2)
+    ]
+    columns = [
+        [index[i, j, k], index[i, j, k + 1]]
+        for k in range(stories)
+        for i in (0, 2, 4)
+        for j in (0, 2)
+    ]
+    return Geometry.of(grid.reshape(-1, 3), slabs, columns)
+
+
+def sway(geometry: Geometry) -> np.ndarray:
+    height = geometry.nodes[:, 2:3]
+    return np.hstack([height**1.5, 0.1 * height * geometry.nodes[:, :1], 0.0 * height])
+
+
+@pytest.fixture
+def fresh_probe():
+    rendering.cache_clear()
+    yield
+    rendering.cache_clear()
+
+
+@pytest.mark.parametrize("renderer", ["pyvista", "matplotlib"])
+@pytest.mark.parametrize("spread", [True, False])
+def test_scene_shows_the_building(renderer, spread, tmp_path):
+    if renderer == "pyvista" and not rendering().works:
+        pytest.skip(f"PyVista cannot render here: {rendering().reason}")
+    geometry = frame()
+    sd = 0.02 * geometry.nodes[:, 2] if spread else None
+    path = mode_shape_scene(
+        geometry,
+        sway(geometry),
+        tmp_path / "mode.png",
+        shape_sd=sd,
+        title="Mode 1",
+        renderer=renderer,
+    )
+    picture = imread(path)[..., :3]
+    assert picture.shape[1] == (1620 if spread else 810)
+    assert 900 < picture.shape[0] < 1100
+    halves = np.split(picture, 2, axis=1) if spread else [picture]
+    for half in halves:
+        middle = half[int(0.2 * len(half)) : int(0.75 * len(half))]  # between heading and scale
+        ink = (middle.min(axis=-1) < 0.9).mean()
+        assert ink > 0.15, "a building fills a good part of its panel"
+        hues = np.unique((middle.reshape(-1, 3) * 15).astype(int), axis=0)
+        assert len(hues) > 30, "a field has many colours"
+
+
+@pytest.mark.parametrize("renderer", ["pyvista", "matplotlib"])
+@pytest.mark.parametrize("part", ["shells", "beams"])
+def test_scene_of_shells_alone_and_of_beams_alone(renderer, part, tmp_path):
+    if renderer == "pyvista" and not rendering().works:
+        pytest.skip(f"PyVista cannot render here: {rendering().reason}")
+    whole = frame()
+    kept = {
+        "shells": whole.shells if part == "shells" else [],
+        "beams": whole.beams if part == "beams" else [],
+    }
+    geometry = Geometry.of(whole.nodes, **kept)
+    path = mode_shape_scene(geometry, sway(geometry), tmp_path / "mode.png", renderer=renderer)
+    assert imread(path)[..., :3].std() > 0.05
+
+
+def test_rest_and_no_spread_can_be_drawn(tmp_path):
+    geometry = frame(1)
+    nothing = np.zeros_like(geometry.nodes)
+    sd = np.zeros(len(nothing))
+    path = mode_shape_scene(
+        geometry, nothing, tmp_path / "mode.png", shape_sd=sd, renderer="matplotlib"
+    )
+    assert path.exists()
+
+
+def test_machine_that_cannot_render_draws_and_says_what_to_install(
+    tmp_path, monkeypatch, caplog, fresh_probe
+):
+    crash = "import os, signal; os.kill(os.getpid(), signal.SIGSEGV)"
+    monkeypatch.setattr(rendering_module, "_PICTURE", crash)
+    monkeypatch.setattr(scenes.drawing_pyvista, "render", lambda *_: pytest.fail("it rendered"))
+    geometry = frame()
+    for name in ("first.png", "second.png"):
+        path = mode_shape_scene(geometry, sway(geometry), tmp_path / name)
+        assert imread(path)[..., :3].std() > 0.05
+    said = [record.getMessage() for record in caplog.records]
+    assert len(said) == 1, "said once a process"
+    assert "crashes" in said[0]
+    assert "libegl1" in said[0]
+    assert "libosmesa6" in said[0]
+
+
+def test_machine_that_can_render_does(tmp_path, monkeypatch, fresh_probe):
+    monkeypatch.setattr(rendering_module, "_PICTURE", "raise SystemExit(0)")
+    seen = []
+
+    def render(geometry, moved, values, color_map, top):
+        seen.append((color_map, top, values.max()))
+        picture = np.full((400, 300, 3), 255, dtype=np.uint8)
+        picture[100:300, 50:250] = 40
+        return picture
+
+    monkeypatch.setattr(scenes.drawing_pyvista, "render", render)
+    geometry = frame()
+    shape = 7.0 * sway(geometry)
+    largest = np.linalg.norm(shape, axis=1).max()
+    mode_shape_scene(
+        geometry, shape, tmp_path / "mode.png", shape_sd=np.full(len(shape), 0.05 * largest)
+    )
+    assert seen[0] == ("viridis", 1.0, pytest.approx(1.0))
+    assert seen[1] == ("cividis", pytest.approx(5.0), pytest.approx(5.0))
+
+
+@pytest.mark.parametrize(
+    ("code", "reason"),
+    [
+        ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", "crashes"),
+        ("raise SystemExit(139)", "crashes"),
+        ("raise SystemExit(3)", "blank"),
+        ("raise ModuleNotFoundError('no module named pyvista')", "no module named pyvista"),
+        ("raise SystemExit(7)", "exit status 7"),
+    ],
+)
+def test_probe_survives_what_it_probes(code, reason):
+    found = probe((sys.executable, "-c", code))
+    assert not found.works
+    assert reason in found.reason
+
+
+def test_probe_does_not_wait_for_ever():
+    found = probe((sys.executable, "-c", "import time; time.sleep(60)"), timeout=0.5)
+    assert found == Rendering(False, "no picture within 0 s")
+
+
+def test_probe_without_a_program():
+    assert "no process could be started" in probe(("/nowhere/python",)).reason
+
+
+def test_rendering_writes_nothing_to_the_terminal(tmp_path):
+    """VTK tells stderr of every graphics library that it tries and misses."""
+    if not rendering().works:
+        pytest.skip(f"PyVista cannot render here: {rendering().reason}")
+    code = (
+        "import numpy as np;"
+        "from femupdate.report.geometry import Geometry;"
+        "from femupdate.report.scenes import mode_shape_scene;"
+        "g = Geometry.of(np.eye(4, 3), [[0, 1, 2, 3]], [[0, 1]]);"
+        f"mode_shape_scene(g, np.ones((4, 3)), {str(tmp_path / 'm.png')!r}, renderer='pyvista')"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        check=True,
+        env={**os.environ, "DISPLAY": ""},
+    )
+    assert done.stdout + done.stderr == b""
+
+
+def test_geometry_of_a_model():
+    model = FiniteElementModel(
+        nodes=np.arange(15.0).reshape(5, 3),
+        fixed=np.zeros((5, 6), dtype=bool),
+        groups=1,
+        shells=Shells(nodes=np.array([[0, 1, 2, 3]])),
+        beams=Beams(nodes=np.array([[3, 4]])),
+    )
+    geometry = Geometry.of_model(model)
+    assert geometry.shells.tolist() == [[0, 1, 2, 3]]
+    assert geometry.beams.tolist() == [[3, 4]]
+
+
+@pytest.mark.parametrize(
+    ("nodes", "shells", "beams", "message"),
+    [
+        (np.ones((4, 2)), [[0, 1, 2, 3]], [], "nodes has the shape"),
+        (np.ones((4, 3)), [], [], "neither shells nor beams"),
+        (np.ones((4, 3)), [[0, 1, 2, 4]], [], "uses node 4, but there are 4"),
+        (np.ones((4, 3)), [], [[-1, 2]], "uses node -1"),
+    ],
+)
+def test_wrong_geometry(nodes, shells, beams, message):
+    with pytest.raises(ReportError, match=message):
+        Geometry.of(nodes, shells, beams)
+
+
+def test_wrong_shapes_of_modes(tmp_path):
+    geometry = frame()
+    with pytest.raises(ReportError, match="shape_mean has the shape"):
+        mode_shape_scene(geometry, np.ones((5, 3)), tmp_path / "mode.png")
+    with pytest.raises(ReportError, match="shape_sd has the shape"):
+        mode_shape_scene(geometry, sway(geometry), tmp_path / "mode.png", shape_sd=np.ones(3))
+
+
+def test_outline_leaves_the_mesh_out():
+    plate = np.array([[i, j, 0.0] for i in range(3) for j in range(3)])
+    shells = [[0, 3, 4, 1], [3, 6, 7, 4], [1, 4, 5, 2], [8, 7, 4, 5]]  # the last turned about
+    flat = Geometry.of(plate, shells, [])
+    assert len(mesh_lines(flat)) == 12
+    assert len(outline(flat)) == 8, "the rim alone"
+    folded = Geometry.of(plate + np.outer(plate[:, 0] > 1.5, [0.0, 0.0, 2.0]), shells, [])
+    assert len(outline(folded)) == 10, "the fold as well"
+    nodes = np.vstack([plate, [[1.0, 0.0, 1.0], [1.0, 1.0, 1.0]]])
+    branched = Geometry.of(nodes, [*shells, [3, 4, 10, 9]], [[0, 1], [4, 9]])
+    lines = {tuple(line) for line in outline(branched).tolist()}
+    assert {(3, 4), (4, 9), (9, 10)} <= lines, "where a wall stands, the beam, the wall's top"
+    assert (4, 7) not in lines
+
+
+def test_deformation_is_scaled_to_be_seen():
+    geometry = frame()
+    moved = deformed(geometry, 1e-6 * sway(geometry)) - geometry.nodes
+    assert np.linalg.norm(moved, axis=1).max() == pytest.approx(0.12 * 3.6)
+    np.testing.assert_allclose(
+        moved[:, 0] * sway(geometry)[:, 1], moved[:, 1] * sway(geometry)[:, 0]
+    )
+
+
+def test_view_keeps_up_upright_and_near_things_near():
+    points = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [-1.0, -1.0, 0.0]])
+    flat, near = project(points)
+    assert flat[1, 0] == pytest.approx(flat[0, 0])
+    assert flat[1, 1] > flat[0, 1]
+    assert near[2] > near[0], "the corner towards the eye"
