@@ -1,1 +1,1 @@
-"""The command line: reads arguments, calls the library, shows progress."""
+"""The command line: reads arguments, calls the library, shows progress; no engineering in it."""

@@ -1,4 +1,4 @@
-"""The errors femupdate raises on purpose: each message says what is wrong, where, and what to do."""
+"""Errors that femupdate raises on purpose: each says what is wrong, where, and what to do."""
 
 
 class FemupdateError(Exception):

@@ -1,53 +1,18 @@
-"""The study folder: what is where, what it was made from, atomic writes and resuming."""
+"""The study folder: what is where and what it was made from."""
 
-import contextlib
-import errno
 import hashlib
 import json
-import os
-import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from femupdate import __version__
+from femupdate.atomic import atomic_path
 from femupdate.errors import StudyError
 
 MANIFEST = "study.json"
-
-
-@contextlib.contextmanager
-def atomic_path(path: Path | str) -> Iterator[Path]:
-    """Yield a temporary path beside `path`; move it there when the block ends without error.
-
-    A reader never sees half a file, and a failed write leaves the old file as it was.
-
-    Raises:
-        StudyError: the folder cannot be written or the disk is full.
-    """
-    path = Path(path)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(
-            prefix=f".{path.stem}-", suffix=f".part{path.suffix}", dir=path.parent
-        )
-        os.close(handle)
-    except OSError as error:
-        raise StudyError(_write_failure(path, error)) from error
-    temporary = Path(name)
-    try:
-        yield temporary
-        # mkstemp makes private files; a study is shared like any other folder.
-        umask = os.umask(0)
-        os.umask(umask)
-        temporary.chmod(0o666 & ~umask)
-        os.replace(temporary, path)
-    except OSError as error:
-        raise StudyError(_write_failure(path, error)) from error
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def write_text(path: Path | str, text: str) -> None:
@@ -111,7 +76,7 @@ class Study:
         try:
             entries = json.loads(manifest.read_text(encoding="utf-8"))["artefacts"]
             return {name: Artefact(**entry) for name, entry in entries.items()}
-        except (OSError, ValueError, KeyError, TypeError) as error:
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             raise StudyError(
                 f"{manifest} cannot be read ({error}); move it away and run the commands again"
             ) from error
@@ -190,9 +155,3 @@ class Study:
                 f"the {name} in {self.folder} was made from another {' and '.join(changed)}; run "
                 f"`femupdate {command}` again"
             )
-
-
-def _write_failure(path: Path, error: OSError) -> str:
-    if error.errno == errno.ENOSPC:
-        return f"cannot write {path}: the disk is full; free some space and run the command again"
-    return f"cannot write {path}: {error.strerror or error}; check the folder and its permissions"

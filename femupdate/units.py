@@ -4,6 +4,7 @@ Inside the library everything is SI (m, kg, s, N, rad). Files and options state 
 module is the only place that knows what those names mean.
 """
 
+import math
 import re
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -79,10 +80,13 @@ def parse_quantity(text: str, kind: str) -> float:
     """Return the SI value of a text such as `"180 mm"`.
 
     Raises:
-        UnitError: no number, no unit, or a unit of another kind.
+        UnitError: no number, no unit, a unit of another kind, or a number beyond all bounds.
     """
     match = _QUANTITY.match(text)
     if match is None:
         example = next(iter(UNITS[kind]))
         raise UnitError(f"{text!r} is not a {kind} with its unit, such as '1.5 {example}'")
-    return float(match.group(1)) * factor(match.group(2), kind)
+    value = float(match.group(1)) * factor(match.group(2), kind)
+    if not math.isfinite(value):
+        raise UnitError(f"{text!r} is too large for a number; correct it")
+    return value

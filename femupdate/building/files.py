@@ -7,6 +7,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from femupdate.atomic import atomic_path
 from femupdate.building.document import (
     building_hash,
     from_document,
@@ -98,26 +99,13 @@ def save_building(building: Building, path: str | Path) -> Path:
     The file appears whole or not at all. Every figure carries its origin as a comment.
 
     Raises:
-        BuildingError: the folder is missing or cannot be written.
+        BuildingError: the file cannot be written.
     """
     target = Path(path).expanduser()
     text = to_toml(to_document(building), comment=lambda key: provenance_of(building, key))
-    try:
-        _write_whole(target, text)
-    except OSError as error:
-        raise BuildingError(
-            f"{target}: cannot be written ({error.strerror}); check the folder"
-        ) from None
+    with atomic_path(target, BuildingError) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
     return target
-
-
-def _write_whole(target: Path, text: str) -> None:
-    part = target.with_name(f".{target.name}.{os.getpid()}.part")
-    try:
-        part.write_text(text, encoding="utf-8", newline="\n")
-        part.replace(target)
-    finally:
-        part.unlink(missing_ok=True)
 
 
 __all__ = [

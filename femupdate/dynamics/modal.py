@@ -9,7 +9,6 @@ from torch import Tensor
 
 from femupdate.dynamics.reduced import ReducedModel
 
-
 # How far above the grid's top a mode must lie to be replaced by its power series.
 _ABOVE = 1.05
 SERIES_TERMS = 3

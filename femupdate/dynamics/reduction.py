@@ -8,21 +8,27 @@ by how small the response of the floors is there, since it is the logarithm that
 The responses are compressed by their weighted Gram matrix (proper orthogonal decomposition).
 """
 
-import os
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
 from scipy.stats import qmc
 
+from femupdate.dynamics.full_response import (
+    FloorModes,
+    FloorSensors,
+    floor_sensors,
+    full_modes,
+    superposition_log_frf,
+)
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.errors import ModelError
 from femupdate.fe.assembly import AffineOperators
 from femupdate.fe.model import DOF_PER_NODE
-from femupdate.fe.solve import Modes, lowest_modes, static_displacement
+from femupdate.processors import processor_count
 
 Floats = NDArray[np.float64]
 _SIZES = (40, 60, 80, 100, 120, 140, 160, 180, 200, 230, 260, 300)
@@ -68,25 +74,6 @@ class Reduction:
     checks: int
 
 
-@dataclass(frozen=True)
-class _Reference:
-    """The full model's response at one theta."""
-
-    theta: Floats
-    omega: Floats
-    effect: Floats  # (f, m)
-    static: Floats  # (f,) displacement of the floors that the modes kept miss, s2
-
-
-@dataclass(frozen=True)
-class _Sensors:
-    """Rows (f, n_free) that average the sensor points of each floor, and the base's force."""
-
-    rows: Floats
-    excitation: Floats
-    direction: int
-
-
 def reduce_operators(
     operators: AffineOperators,
     floor_nodes: Mapping[str, NDArray[np.int64]],
@@ -108,14 +95,9 @@ def reduce_operators(
     Raises:
         ModelError: no basis of up to 300 shapes meets the tolerance.
     """
-    sensors = _sensors(operators, floor_nodes, direction)
-    box = np.log(target.lower), np.log(target.upper)
-    sobol = qmc.Sobol(len(target.lower), seed=np.random.default_rng(target.seed))
-    # Soft stories have most modes below the top of the grid: sample theta evenly in its logarithm.
-    thetas = np.exp(box[0] + (box[1] - box[0]) * sobol.random(target.samples))
-    rng = np.random.default_rng(target.seed + 1)
-    unseen = target.lower + (target.upper - target.lower) * rng.random((_CHECKS, thetas.shape[1]))
-    total, done = target.samples + _CHECKS, 0
+    sensors = floor_sensors(operators, floor_nodes, direction)
+    thetas, unseen = _samples(target)
+    total, done = len(thetas) + len(unseen), 0
 
     def tick() -> None:
         nonlocal done
@@ -128,33 +110,32 @@ def reduce_operators(
         tick()
         return shapes
 
-    def reference(theta: Floats) -> _Reference:
-        found = _reference(operators, sensors, theta, target)
+    def reference(theta: Floats) -> FloorModes:
+        top = 2.0 * float(target.frequency_hz[-1])
+        felt = full_modes(operators, sensors, theta, top).felt
         tick()
-        return found
+        return felt
 
-    with ThreadPoolExecutor(max_workers=max(1, len(os.sched_getaffinity(0)))) as pool:
+    with ThreadPoolExecutor(max_workers=processor_count()) as pool:
         snapshots = np.concatenate(list(pool.map(snapshot, thetas)), axis=1)
         references = list(pool.map(reference, unseen))
-    basis, energy = _compress(operators, snapshots)
-    for size in (*(s for s in _SIZES if s < len(energy)), len(energy)):
-        if size > _SIZES[-1]:
-            break
+    basis = _compress(operators, snapshots)
+    most = basis.shape[1]
+    for size in (*(s for s in _SIZES if s < most), most):
         model = _project(operators, basis[:, :size], floor_nodes, story_levels, sensors)
-        errors = np.stack([_log_error(model, found, target) for found in references])
+        errors = _log_errors(model, unseen, references, target)
         rms = float(np.sqrt((errors**2).mean()))
-        if rms <= 0.75 * target.tolerance:
-            return Reduction(model, rms, float(np.abs(errors).max()), _CHECKS)
+        # A margin for the theta that were not checked, unless there is nothing left to add.
+        if rms <= (0.75 if size < most else 1.0) * target.tolerance:
+            return Reduction(model, rms, float(np.abs(errors).max()), len(unseen))
     raise ModelError(
-        f"a reduced model of {min(len(energy), _SIZES[-1])} shapes still differs from the full one "
-        f"by {rms:.2g} rms in ln|H|, more than the tolerance {target.tolerance:g}; raise "
-        "reduction.tolerance or lower the top of the frequency grid"
+        f"a reduced model of {most} shapes still differs from the full one by {rms:.2g} rms in "
+        f"ln|H|, more than the tolerance {target.tolerance:g}; raise reduction.tolerance or lower "
+        "the top of the frequency grid"
     )
 
 
-def reduce_lumped(
-    stiffness_terms: Floats, mass: Floats, floors: tuple[str, ...]
-) -> ReducedModel:
+def reduce_lumped(stiffness_terms: Floats, mass: Floats, floors: tuple[str, ...]) -> ReducedModel:
     """A shear building as a reduced model; nothing is left out.
 
     Args:
@@ -179,101 +160,54 @@ def reduce_lumped(
     )
 
 
-def superposition_log_frf(
-    omega: Floats, effect: Floats, static: Floats, frequency_hz: Floats, zeta: float
-) -> Floats:
-    """ln|H| (f, k) from the modes of one model, with a static correction for those left out.
+def _samples(target: ReductionTarget) -> tuple[Floats, Floats]:
+    """Parameter vectors (n, p) for the basis, and others for the checks.
 
-    Args:
-        omega: (m,) rad/s.
-        effect: (f, m) floor shape times participation factor.
-        static: (f,) displacement under unit base acceleration that the modes miss, s2.
-        frequency_hz: (k,).
-        zeta: damping ratio of all modes.
+    Soft stories have most modes below the top of the grid: the basis samples theta evenly in its
+    logarithm.
     """
-    w = 2.0 * np.pi * frequency_hz
-    flexibility = omega[:, None] ** 2 - w**2 + 2j * zeta * omega[:, None] * w
-    response = 1.0 + effect @ (w**2 / flexibility) + static[:, None] * w**2
-    return np.log(np.abs(response))
-
-
-def _sensors(
-    operators: AffineOperators, floor_nodes: Mapping[str, NDArray[np.int64]], direction: int
-) -> _Sensors:
-    rows = np.zeros((len(floor_nodes), operators.dof))
-    for row, nodes in zip(rows, floor_nodes.values(), strict=True):
-        row[DOF_PER_NODE * np.asarray(nodes) + direction] = 1.0 / len(nodes)
-    return _Sensors(rows[:, operators.free], operators.inertia(direction), direction)
-
-
-def _modes_below(operators: AffineOperators, theta: Floats, top_hz: float) -> Modes:
-    """All modes up to a frequency: ask for more until the last one lies above it."""
-    count = min(80, len(operators.free) - 1)
-    while True:
-        modes = lowest_modes(operators, theta, count)
-        if modes.frequency_hz[-1] >= top_hz or count >= len(operators.free) - 1:
-            return modes
-        growth = (top_hz / modes.frequency_hz[-1]) ** 1.2
-        count = min(int(count * min(max(1.15 * growth, 1.25), 4.0)), len(operators.free) - 1)
-
-
-def _static(
-    operators: AffineOperators, sensors: _Sensors, theta: Floats, modes: Modes
-) -> tuple[Floats, Floats]:
-    """Static response to the base motion (n_free,), and what the modes miss at the floors."""
-    load = np.zeros(operators.dof)
-    load[operators.free] = sensors.excitation
-    displacement = static_displacement(operators, theta, load)[operators.free]
-    omega_squared = (2.0 * np.pi * modes.frequency_hz) ** 2
-    in_modes = modes.shapes @ ((modes.shapes.T @ sensors.excitation) / omega_squared)
-    return displacement, sensors.rows @ (displacement - in_modes)
+    low, high = np.log(target.lower), np.log(target.upper)
+    sobol = qmc.Sobol(len(target.lower), seed=np.random.default_rng(target.seed))
+    # The sequence is balanced over powers of two only.
+    power = max(target.samples - 1, 0).bit_length()
+    thetas = np.exp(low + (high - low) * sobol.random_base2(power)[: target.samples])
+    rng = np.random.default_rng(target.seed + 1)
+    unseen = target.lower + (target.upper - target.lower) * rng.random((_CHECKS, len(low)))
+    return thetas, unseen
 
 
 def _snapshots(
-    operators: AffineOperators, sensors: _Sensors, theta: Floats, target: ReductionTarget
+    operators: AffineOperators, sensors: FloorSensors, theta: Floats, target: ReductionTarget
 ) -> Floats:
     """Weighted shapes (n_free, c) that span the responses at one theta over the grid."""
-    top = float(target.frequency_hz[-1])
-    modes = _modes_below(operators, theta, 1.5 * top)
-    omega = 2.0 * np.pi * modes.frequency_hz
-    participation = modes.shapes.T @ sensors.excitation
-    floors = sensors.rows @ modes.shapes
-    static, missed = _static(operators, sensors, theta, modes)
+    modes = full_modes(operators, sensors, theta, 1.5 * float(target.frequency_hz[-1]))
+    omega = modes.felt.omega[:, None]
     grid = target.frequency_hz[::2]
     w = 2.0 * np.pi * grid
-    size = np.exp(
-        superposition_log_frf(omega, floors * participation, missed, grid, target.zeta)
-    ).clip(1e-3)
-    response = 1.0 / (omega[:, None] ** 2 - w**2 + 2j * target.zeta * omega[:, None] * w)
-    primal = participation[:, None] * response * (w**2 / size.min(axis=0))
+    size = np.exp(modes.felt.log_frf(grid, target.zeta)).clip(1e-3)
+    response = 1.0 / (omega**2 - w**2 + 2j * target.zeta * omega * w)
+    primal = modes.participation[:, None] * response * (w**2 / size.min(axis=0))
     # Duals matter less than the motion itself: a twentieth of its weight was best of those tried.
-    dual = [0.05**0.5 * shape[:, None] * response * (w**2 / one) for shape, one in zip(
-        floors, size, strict=True)]
+    dual = [
+        0.05**0.5 * shape[:, None] * response * (w**2 / one)
+        for shape, one in zip(modes.floors, size, strict=True)
+    ]
     gram = sum((c @ c.conj().T).real for c in (primal, *dual))
     energy, directions = np.linalg.eigh(gram)
     kept = energy > 1e-9 * energy[-1]
     shapes = modes.shapes @ (directions[:, kept] * np.sqrt(energy[kept] / energy[-1]))
-    return np.column_stack([shapes, 1e-2 * static])
+    return np.column_stack([shapes, 1e-2 * modes.static])
 
 
-def _reference(
-    operators: AffineOperators, sensors: _Sensors, theta: Floats, target: ReductionTarget
-) -> _Reference:
-    modes = _modes_below(operators, theta, 2.0 * float(target.frequency_hz[-1]))
-    effect = (sensors.rows @ modes.shapes) * (modes.shapes.T @ sensors.excitation)
-    _, missed = _static(operators, sensors, theta, modes)
-    return _Reference(theta, 2.0 * np.pi * modes.frequency_hz, effect, missed)
-
-
-def _compress(operators: AffineOperators, snapshots: Floats) -> tuple[Floats, Floats]:
-    """M-orthonormal basis of the snapshots, most energetic first, and the energies."""
+def _compress(operators: AffineOperators, snapshots: Floats) -> Floats:
+    """M-orthonormal basis (n_free, r) of the snapshots, most energetic first."""
     gram = snapshots.T @ (operators.mass @ snapshots)
     energy, directions = np.linalg.eigh(gram)
     kept = np.flatnonzero(energy > 1e-14 * energy[-1])[::-1][: _SIZES[-1]]
     basis = snapshots @ (directions[:, kept] / np.sqrt(energy[kept]))
     # Once more: the energies span many decades and the first pass loses orthogonality with them.
     factor = np.linalg.cholesky(basis.T @ (operators.mass @ basis))
-    return np.linalg.solve(factor, basis.T).T, energy[kept]
+    return solve_triangular(factor, basis.T, lower=True).T
 
 
 def _project(
@@ -281,7 +215,7 @@ def _project(
     basis: Floats,
     floor_nodes: Mapping[str, NDArray[np.int64]],
     story_levels: Floats,
-    sensors: _Sensors,
+    sensors: FloorSensors,
 ) -> ReducedModel:
     def onto(matrix: object) -> Floats:
         projected = basis.T @ (matrix @ basis)  # type: ignore[operator]
@@ -307,24 +241,28 @@ def _above(
     operators: AffineOperators, basis: Floats, story_levels: Floats, direction: int
 ) -> tuple[Floats, Floats]:
     """Inertia rows (s, r) and masses (s,) of what lies above the middle of each story."""
-    middle = 0.5 * (story_levels[1:] + story_levels[:-1])
-    above = operators.nodes[:, 2] > middle[:, None]
-    selector = np.zeros((len(middle), operators.dof))
-    selector[:, direction::DOF_PER_NODE] = above
+    low, high = story_levels[:-1, None], story_levels[1:, None]
+    above = operators.nodes[:, 2] - 0.5 * (low + high)
+    # A node at mid-height carries as much from above as from below: rounding must not decide.
+    at_middle = np.abs(above) < 1e-6 * (high - low)
+    selector = np.zeros((len(above), operators.dof))
+    selector[:, direction::DOF_PER_NODE] = np.where(at_middle, 0.5, above > 0.0)
     weighted = (operators.mass_full @ selector.T).T
     everything = operators.rigid_translation(direction)
     return weighted[:, operators.free] @ basis, weighted @ everything
 
 
-def _log_error(model: ReducedModel, found: _Reference, target: ReductionTarget) -> Floats:
-    """Reduced less full ln|H| (f, k) at the lowest damping."""
-    squared, vectors = torch.linalg.eigh(torch.from_numpy(model.stiffness(found.theta)))
-    shapes = vectors.numpy()
-    effect = (model.floor_shapes @ shapes) * (shapes.T @ model.excitation)
-    omega = np.sqrt(squared.numpy())
+def _log_errors(
+    model: ReducedModel, thetas: Floats, full: list[FloorModes], target: ReductionTarget
+) -> Floats:
+    """Reduced less full ln|H| (n, f, k) at the lowest damping, one a theta."""
+    squared, vectors = np.linalg.eigh(model.stiffness(thetas))
     nothing = np.zeros(len(model.floors))
-    ours = superposition_log_frf(omega, effect, nothing, target.frequency_hz, target.zeta)
-    full = superposition_log_frf(
-        found.omega, found.effect, found.static, target.frequency_hz, target.zeta
-    )
-    return ours - full
+    errors = []
+    for one, shapes, found in zip(squared, vectors, full, strict=True):
+        effect = (model.floor_shapes @ shapes) * (shapes.T @ model.excitation)
+        ours = superposition_log_frf(
+            np.sqrt(one), effect, nothing, target.frequency_hz, target.zeta
+        )
+        errors.append(ours - found.log_frf(target.frequency_hz, target.zeta))
+    return np.stack(errors)

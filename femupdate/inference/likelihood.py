@@ -4,89 +4,22 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
 from femupdate.dynamics.damping import DampingLaw
 from femupdate.dynamics.frf import log_frf
 from femupdate.dynamics.modal import modal_data
 from femupdate.dynamics.reduced import ReducedModel
-from femupdate.errors import MeasurementError, SurrogateError
+from femupdate.errors import SurrogateError
+from femupdate.inference.encoder_input import encoder_input
 from femupdate.measurement.observation import Observation
 from femupdate.surrogate.latent import latent_log_likelihood
 from femupdate.surrogate.network import LatentGaussian, Visibility
 from femupdate.surrogate.storage import TrainedSurrogate
 
-Floats = NDArray[np.float64]
-
-# A floor with less of the common band than this is left to the data-space likelihood.
-_LEAST_SHARE = 0.5
-
-
-@dataclass(frozen=True)
-class EncoderInput:
-    """An observation as the observation encoder takes it.
-
-    Attributes:
-        log_frf: (1, f, k) ln|H| of all floors of the surrogate; zero where nothing is observed.
-        visibility: which floors, and the band that they have in common.
-        notes: what was filled or left out, in sentences.
-    """
-
-    log_frf: Tensor
-    visibility: Visibility
-    notes: tuple[str, ...]
-
-
-def encoder_input(observation: Observation, floors: tuple[str, ...]) -> EncoderInput:
-    """Bring an observation to the surrogate's floors, one band and no gaps.
-
-    The band reaches from the first to the last frequency at which all observed floors are valid;
-    gaps inside it are filled by straight lines in ln|H|, and the notes say how many.
-
-    Raises:
-        MeasurementError: no floor has enough valid points in common with the others.
-    """
-    rows = {name: row for row, name in enumerate(observation.floors)}
-    common = observation.valid.all(axis=0)
-    if not common.any():
-        raise MeasurementError(
-            f"{observation.source}: at no frequency are all floors valid; leave out the worst "
-            "floor with --sensors"
-        )
-    first, last = np.flatnonzero(common)[[0, -1]]
-    points = observation.frequency_hz.size
-    log_values = np.zeros((1, len(floors), points))
-    mask = np.zeros((1, len(floors)))
-    notes = []
-    for column, floor in enumerate(floors):
-        if floor not in rows:
-            continue
-        valid = observation.valid[rows[floor], first : last + 1]
-        if valid.mean() < _LEAST_SHARE:
-            notes.append(f"Floor {floor} is left out: {valid.mean():.0%} of its points are valid.")
-            continue
-        mask[0, column] = 1.0
-        log_values[0, column] = _filled(observation, rows[floor])
-        if not valid.all():
-            notes.append(f"Floor {floor}: {1 - valid.mean():.1%} of the band is interpolated.")
-    if not mask.any():
-        raise MeasurementError(
-            f"{observation.source}: no floor has enough valid points; use a longer record"
-        )
-    band = np.array([[first, last]]) / (points - 1)
-    return EncoderInput(
-        torch.from_numpy(log_values).float(),
-        Visibility(torch.from_numpy(mask).float(), torch.from_numpy(band).float()),
-        tuple(notes),
-    )
-
-
-def _filled(observation: Observation, row: int) -> Floats:
-    """ln|H| of one floor at all frequencies, straight lines across what is not valid."""
-    valid = observation.valid[row]
-    frequency = observation.frequency_hz
-    return np.interp(frequency, frequency[valid], observation.log_frf[row, valid])
+# Modes kept for a response: with 32 the six-story building's ln|H| is within .008 rms at the
+# lowest damping of its prior, far below any measured noise.
+_MODES = 40
 
 
 class LatentLikelihood:
@@ -124,14 +57,13 @@ class LatentLikelihood:
             )
 
     def __call__(self, theta: Tensor) -> Tensor:
-        """Log likelihood (n,) of theta (n, p)."""
+        """Log likelihood (n,), float32, of theta (n, p), on the device of theta."""
+        known = theta.to(self.posterior_z.mean)
         with torch.inference_mode():
-            q = self._mvae.encode_parameters(
-                theta.to(torch.float32), self._visibility.expand(len(theta))
-            )
+            q = self._mvae.encode_parameters(known, self._visibility.expand(len(theta)))
             return latent_log_likelihood(
                 self.posterior_z.mean, self.posterior_z.variance, q.mean, q.variance
-            )
+            ).to(theta.device)
 
 
 @dataclass(frozen=True)
@@ -208,13 +140,13 @@ class DataLikelihood:
         self.terms = data_terms(observation, model.floors)
 
     def __call__(self, parameters: Tensor) -> Tensor:
-        """Log likelihood (n,) of parameters (n, p), or (n, p + 1) with zeta last."""
+        """Log likelihood (n,) of parameters (n, p) or, with zeta last, (n, p + 1)."""
         return -0.5 * self.terms.independent * self.misfit(parameters)
 
     def misfit(self, parameters: Tensor) -> Tensor:
         """Sum of squared whitened residuals (n,), over all valid points."""
         parts = [self._misfit(rows) for rows in parameters.split(self._batch)]
-        return torch.cat(parts)
+        return torch.cat(parts).to(parameters.device)
 
     def _misfit(self, parameters: Tensor) -> Tensor:
         count = self._model.parameters
@@ -231,12 +163,10 @@ class DataLikelihood:
     def predict(self, theta: Tensor, zeta: Tensor) -> Tensor:
         """ln|H| (n, f, k) of the observed floors."""
         modal = modal_data(
-            self._model, theta, modes=_MODES, top_frequency_hz=float(self._frequency[-1]),
+            self._model,
+            theta,
+            modes=_MODES,
+            top_frequency_hz=float(self._frequency[-1]),
             device=self._device,
         ).to(self._device)
         return log_frf(modal, self._frequency, self._law, zeta)[:, list(self.terms.rows)]
-
-
-# Modes kept for a response: with 32 the six-story building's ln|H| is within .008 rms at the
-# lowest damping of its prior, far below any measured noise.
-_MODES = 40

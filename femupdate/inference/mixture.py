@@ -58,7 +58,6 @@ def fit_mixture(
     Starts from k-means++ seeds (Arthur & Vassilvitskii 2007). Covariances get a ridge of 1e-6 of
     the pooled variance, so that a component on a few particles stays invertible.
     """
-    count, size = x.shape
     scale = x.std(dim=0).clamp_min(1e-12)
     ridge = torch.diag((1e-3 * scale) ** 2)
     seeds = x[_spread_seeds(x / scale, components, generator)]

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from femupdate.atomic import atomic_path
 from femupdate.errors import StudyError
 from femupdate.measurement.observation import Observation
-from femupdate.study import atomic_path
 
 Floats = NDArray[np.float64]
 
@@ -126,28 +126,41 @@ def load_posterior(path: Path) -> Posterior:
     Raises:
         StudyError: the file is missing or is not a posterior of femupdate.
     """
+    import h5py
     import xarray as xr
 
+    if not Path(path).exists():
+        raise StudyError(f"there is no posterior {path}; run `femupdate calibrate` first")
     try:
+        # h5netcdf complains on stderr about files that HDF5 refuses: let HDF5 see them first.
+        h5py.File(path, "r").close()
         with xr.open_datatree(path, engine="h5netcdf") as tree:
-            tree.load()
-            draws, stats = tree["posterior"], tree["sample_stats"]
-            return Posterior(
-                tuple(str(name) for name in draws["parameter"].values),
-                draws["theta"].values,
-                draws["zeta"].values if "zeta" in draws else None,
-                stats["lp"].values,
-                tree["constant_data"]["prior_lower"].values,
-                tree["constant_data"]["prior_upper"].values,
-                str(tree.attrs["likelihood"]),
-                stats["log_evidence"].values if "log_evidence" in stats else None,
-                _observation(tree["observed_data"]),
-                json.loads(tree.attrs["settings"]),
-            )
-    except (OSError, KeyError, ValueError) as error:
+            return _posterior(tree.load())
+    # Bytes that are wrong somewhere make HDF5 and its layers raise errors of every kind.
+    except Exception as error:
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise StudyError(
-            f"{path} is not a posterior of femupdate ({error}); run `femupdate calibrate` again"
+            f"{path} is not a posterior of femupdate ({reason}); run `femupdate calibrate` again"
         ) from error
+
+
+def _posterior(tree: Any) -> Posterior:
+    draws, stats, constants, measured = (
+        tree[group].to_dataset()
+        for group in ("posterior", "sample_stats", "constant_data", "observed_data")
+    )
+    return Posterior(
+        tuple(str(name) for name in draws["parameter"].values),
+        draws["theta"].values,
+        draws["zeta"].values if "zeta" in draws else None,
+        stats["lp"].values,
+        constants["prior_lower"].values,
+        constants["prior_upper"].values,
+        str(tree.attrs["likelihood"]),
+        stats["log_evidence"].values if "log_evidence" in stats else None,
+        _observation(measured),
+        json.loads(tree.attrs["settings"]),
+    )
 
 
 def _observation(group: Any) -> Observation:

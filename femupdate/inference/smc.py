@@ -15,8 +15,9 @@ import torch
 from torch import Tensor
 
 from femupdate.errors import InferenceError
-from femupdate.inference.mixture import GaussianMixture, fit_mixture
+from femupdate.inference.mixture import fit_mixture
 from femupdate.inference.prior import UniformPrior
+from femupdate.inference.tempering import effective_sample_size, next_increment, systematic_rows
 
 logger = logging.getLogger(__name__)
 
@@ -67,8 +68,8 @@ class SmcState:
         beta: power reached.
         log_evidence: log of the ratio of normalising constants so far.
         levels: one record a level done.
-        evaluations: calls of the target likelihood, one a particle.
-        invalid: how many of them were not a number.
+        evaluations: of the target likelihood, one a particle and move.
+        invalid: how many of them gave no finite number.
         random_state: state of the generator.
     """
 
@@ -98,7 +99,7 @@ class SmcResult:
         log_evidence: log of the target's evidence (relative to the base's).
         levels: one record a level.
         evaluations: target likelihoods evaluated.
-        invalid: evaluations that gave no number, taken as minus infinity.
+        invalid: evaluations that gave no finite number; all count as impossible.
     """
 
     theta: Tensor
@@ -132,10 +133,16 @@ class TemperedSmc:
         self.settings = settings or SmcSettings()
 
     def init(self, particles: int, seed: int, start: Tensor | None = None) -> SmcState:
-        """Draw the first particles, from the prior or given as theta (n, p) drawn from the base.
+        """Draw the first particles, or take them from draws of the base.
+
+        Args:
+            particles: how many to draw from the prior; not used where `start` is given.
+            seed: of everything random.
+            start: (n, p) theta drawn from prior times base.
 
         Raises:
-            InferenceError: no particle has a finite likelihood.
+            InferenceError: no particle has a finite likelihood, there are fewer than two, or a
+                start lies outside the prior's box.
         """
         generator = torch.Generator(device=self.prior.lower.device).manual_seed(seed)
         if start is None:
@@ -147,16 +154,16 @@ class TemperedSmc:
                 device=self.prior.lower.device,
             )
         else:
-            xi = self.prior.to_normal(start)
+            xi = self._started(start)
+        if len(xi) < 2:
+            raise InferenceError(f"the sampler cannot work with {len(xi)} particles; use hundreds")
         base, target, invalid = self._evaluate(xi)
-        if not bool(torch.isfinite(target).any()):
+        if not bool(torch.isfinite(_difference(target, base)).any()):
             raise InferenceError(
                 "no parameter in the prior has a finite likelihood for this observation; check "
                 "that the file and the building belong together"
             )
-        return SmcState(
-            xi, base, target, 0.0, 0.0, (), len(xi), invalid, generator.get_state()
-        )
+        return SmcState(xi, base, target, 0.0, 0.0, (), len(xi), invalid, generator.get_state())
 
     def step(self, state: SmcState) -> SmcState:
         """Go one tempering level up."""
@@ -219,6 +226,17 @@ class TemperedSmc:
             state.invalid,
         )
 
+    def _started(self, start: Tensor) -> Tensor:
+        """Standard normal coordinates of draws in the box, finite on its very bounds too."""
+        unit = self.prior.to_unit(start.to(self.prior.lower))
+        # Rounding alone can carry a draw past a bound.
+        if not bool(((unit > -1e-6) & (unit < 1.0 + 1e-6)).all()):
+            raise InferenceError(
+                "the draws to start from leave the box of the prior; draw them under this prior"
+            )
+        least = torch.finfo(unit.dtype).eps / 2.0
+        return torch.special.ndtri(unit.clamp(least, 1.0 - least))
+
     def _evaluate(self, xi: Tensor) -> tuple[Tensor, Tensor, int]:
         theta = self.prior.from_normal(xi)
         target = self._target(theta).to(torch.float64)
@@ -237,9 +255,7 @@ class TemperedSmc:
         """Run the moves of a level; return the state and the mean acceptance of each kind."""
         settings = self.settings
         independent = max(0, min(settings.independence_moves, settings.moves))
-        mixture = (
-            fit_mixture(state.xi, settings.components, generator) if independent else None
-        )
+        mixture = fit_mixture(state.xi, settings.components, generator) if independent else None
         factor = settings.walk_scale * _covariance_factor(state.xi)
         accepted: dict[bool, list[float]] = {True: [], False: []}
         for move in range(settings.moves):
@@ -250,7 +266,10 @@ class TemperedSmc:
                 correction = mixture.log_density(state.xi) - mixture.log_density(proposal)
             else:
                 noise = torch.randn(
-                    state.xi.shape, generator=generator, dtype=state.xi.dtype, device=state.xi.device
+                    state.xi.shape,
+                    generator=generator,
+                    dtype=state.xi.dtype,
+                    device=state.xi.device,
                 )
                 proposal = state.xi + noise @ factor.T
                 correction = torch.zeros_like(state.target)
@@ -286,39 +305,6 @@ class TemperedSmc:
         return moved, float(take.to(torch.float64).mean())
 
 
-def effective_sample_size(log_weight: Tensor) -> float:
-    """(sum w)^2 / sum w^2 (Kish 1965)."""
-    return float(
-        torch.exp(2.0 * torch.logsumexp(log_weight, 0) - torch.logsumexp(2.0 * log_weight, 0))
-    )
-
-
-def next_increment(gain: Tensor, most: float, ess_target: float) -> float:
-    """Largest step of beta, up to `most`, that keeps the share `ess_target` of the particles.
-
-    Found by bisection; at least 1e-12 so that the sampler always goes on.
-    """
-    wanted = ess_target * len(gain)
-    if effective_sample_size(most * gain) >= wanted:
-        return most
-    low, high = 0.0, most
-    while high - low > 1e-3 * high and high > 1e-12:
-        middle = 0.5 * (low + high)
-        if effective_sample_size(middle * gain) < wanted:
-            high = middle
-        else:
-            low = middle
-    return max(low, 1e-12)
-
-
-def systematic_rows(weight: Tensor, generator: torch.Generator) -> Tensor:
-    """Systematic resampling (Kitagawa 1996): n row indices for weights (n,) that sum to one."""
-    count = len(weight)
-    start = torch.rand(1, generator=generator, dtype=weight.dtype, device=weight.device)
-    points = (torch.arange(count, dtype=weight.dtype, device=weight.device) + start) / count
-    return torch.searchsorted(weight.cumsum(0), points).clamp_max(count - 1)
-
-
 def _difference(target: Tensor, base: Tensor) -> Tensor:
     """target - base, minus infinity where either says impossible."""
     possible = torch.isfinite(target) & torch.isfinite(base)
@@ -334,16 +320,3 @@ def _covariance_factor(xi: Tensor) -> Tensor:
 
 def _mean(values: list[float]) -> float:
     return sum(values) / len(values) if values else math.nan
-
-
-__all__ = [
-    "GaussianMixture",
-    "Level",
-    "SmcResult",
-    "SmcSettings",
-    "SmcState",
-    "TemperedSmc",
-    "effective_sample_size",
-    "next_increment",
-    "systematic_rows",
-]

@@ -260,13 +260,16 @@ def _trusted(spectra: Spectra, coherence: Floats, noise: Floats, averages: float
 
     incoherent = _incoherent(spectra, coherence, averages)
     around = 1.0 - incoherent / np.maximum(_smooth(spectra.floors, spectra), _TINY)
-    # Chance exceeds g2 with probability (1 - g2)^(n - 1) between unrelated signals.
-    chance = 1.0 - _CHANCE ** (1.0 / (averages - 1.0))
+    # Chance exceeds g2 with probability (1 - g2)^(n - 1) between unrelated signals. The coherence
+    # around a frequency rests on about half as many more averages as it has bins (Hann windows
+    # make neighbours repeat each other).
+    pooled = averages * (2 * _NOISE_BINS + 1) / 2.0
+    chance = 1.0 - _CHANCE ** (1.0 / (pooled - 1.0))
     nearby = maximum_filter1d(spectra.base, 2 * _NEARBY_BINS * spectra.padding + 1)
     power = (spectra.base > _POWER_NEARBY * nearby) & (
         spectra.base > _POWER_ANYWHERE * spectra.base.max()
     )
-    related = (around >= MINIMUM_COHERENCE) & (coherence > chance)
+    related = around >= max(MINIMUM_COHERENCE, chance)
     return np.asarray(related & (noise <= LARGEST_NOISE) & power)
 
 

@@ -1,14 +1,14 @@
 """Observation files and records, written as they are read, all at once or not at all."""
 
-import contextlib
 import io
-import os
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from femupdate.atomic import atomic_path
 from femupdate.errors import MeasurementError
 from femupdate.measurement.columns import TIME
 from femupdate.measurement.observation_file import Histories
@@ -17,24 +17,26 @@ from femupdate.measurement.record import GroundMotion
 Floats = NDArray[np.float64]
 
 _TIME_FORMAT = "%.10g"
-_ACCELERATION_FORMAT = "%.9g"
+DIGITS = 9  # significant ones of accelerations
 
 
 def write_observation_histories(
-    path: str | Path, histories: Histories, comments: Sequence[str] = ()
+    path: str | Path, histories: Histories, comments: Sequence[str] = (), digits: int = DIGITS
 ) -> Path:
     """Write histories as an observation file in s and m/s2, and return its path.
 
     Args:
         path: the CSV file; one that is there is replaced once the new one is whole.
-        histories: what to write, at nine significant digits.
+        histories: what to write.
         comments: lines that say where the numbers come from; each gets a # in front.
+        digits: significant ones of the accelerations.
 
     Raises:
         MeasurementError: the file cannot be written.
     """
     names = [channel.name for channel in histories.channels]
-    return _write_table(path, names, histories.acceleration, histories.time_step, comments)
+    columns = _Columns(names, histories.acceleration, digits)
+    return _write_table(path, columns, histories.time_step, comments)
 
 
 def write_record(path: str | Path, motion: GroundMotion, comments: Sequence[str] = ()) -> Path:
@@ -49,37 +51,32 @@ def write_record(path: str | Path, motion: GroundMotion, comments: Sequence[str]
         MeasurementError: the file cannot be written.
     """
     name = " ".join(motion.channel.replace(",", " ").split()) or "acceleration"
-    return _write_table(path, [name], motion.acceleration[None], motion.time_step, comments)
+    columns = _Columns([name], motion.acceleration[None], DIGITS)
+    return _write_table(path, columns, motion.time_step, comments)
+
+
+@dataclass(frozen=True, eq=False)
+class _Columns:
+    """Accelerations (c, n) in m/s2, what their columns are called, and how many digits they get."""
+
+    names: Sequence[str]
+    values: Floats
+    digits: int
 
 
 def _write_table(
-    path: str | Path,
-    names: Sequence[str],
-    values: Floats,
-    time_step: float,
-    comments: Sequence[str],
+    path: str | Path, columns: _Columns, time_step: float, comments: Sequence[str]
 ) -> Path:
+    names, values = columns.names, columns.values
     buffer = io.StringIO()
     for comment in comments:
         buffer.writelines(f"# {line}\n" for line in comment.splitlines())
     buffer.write(",".join([TIME, *names]) + "\n")
     buffer.write(",".join(["s", *["m/s2"] * len(names)]) + "\n")
     time = np.arange(values.shape[1]) * time_step
-    formats = [_TIME_FORMAT, *[_ACCELERATION_FORMAT] * len(names)]
+    formats = [_TIME_FORMAT, *[f"%.{columns.digits}g"] * len(names)]
     np.savetxt(buffer, np.column_stack([time, values.T]), fmt=formats, delimiter=",")
-    return _replace(Path(path), buffer.getvalue())
-
-
-def _replace(path: Path, text: str) -> Path:
-    """Write beside the file and move into place, so that nobody ever sees half of it."""
-    part = path.with_name(f"{path.name}.{os.getpid()}.part")
-    try:
-        part.write_text(text, encoding="utf-8", newline="\n")
-        os.replace(part, path)
-    except OSError as error:
-        with contextlib.suppress(OSError):
-            part.unlink(missing_ok=True)
-        raise MeasurementError(
-            f"{path}: cannot be written ({error.strerror}); check the folder and the space on it"
-        ) from None
-    return path
+    target = Path(path)
+    with atomic_path(target, MeasurementError) as temporary:
+        temporary.write_text(buffer.getvalue(), encoding="utf-8", newline="\n")
+    return target

@@ -1,7 +1,5 @@
 """Making and saving figures, and checking what they are made from."""
 
-import os
-import tempfile
 from collections.abc import Sequence
 from math import ceil
 from pathlib import Path
@@ -13,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from numpy.typing import ArrayLike, NDArray
 
+from femupdate.atomic import atomic_path
 from femupdate.errors import ReportError
 from femupdate.report.style import QUIET, styled
 
@@ -105,24 +104,9 @@ def save_figure(figure: Figure, path: str | Path) -> Path:
     target = Path(path)
     if target.suffix.lower() != ".png":
         raise ReportError(f"{target} is not the name of a picture; let it end in .png")
-    try:
-        _write(figure, target)
-    except OSError as error:
-        raise ReportError(f"the picture {target} cannot be written: {error.strerror}") from error
+    with atomic_path(target, ReportError) as temporary:
+        figure.savefig(temporary, format="png", dpi=DOTS_PER_INCH)
     return target
-
-
-def _write(figure: Figure, target: Path) -> None:
-    """Write beside the target and rename: a reader never meets half a picture."""
-    handle, name = tempfile.mkstemp(prefix=f".{target.stem}-", suffix=".part", dir=target.parent)
-    os.close(handle)
-    try:
-        figure.savefig(name, format="png", dpi=DOTS_PER_INCH)
-        os.chmod(name, 0o644)
-        os.replace(name, target)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
 
 
 def checked(name: str, values: ArrayLike, *shape: int | None) -> Floats:

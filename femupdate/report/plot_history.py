@@ -28,7 +28,8 @@ BAND: dict[str, Any] = {"color": BLUE, "alpha": 0.3, "linewidth": 0.0}
 MEASURED: dict[str, Any] = {"color": INK, "linewidth": 0.9}
 BEHIND: dict[str, Any] = {"linewidth": 0.5, "zorder": 1.5}
 BEFORE: dict[str, Any] = {"linestyle": "--", "zorder": 2.5}
-ZOOM_SHARE = 0.12  # of the record, in the panels on the right
+ZOOM_SHARE = 0.12  # of the record, at most, in the panels on the right
+ZOOM_CYCLES = 20  # there, at most
 LINES = 100  # samples drawn
 POINTS = 1200  # instants drawn of each
 
@@ -87,11 +88,20 @@ def floor_history_bands(
 
 
 def strong_part(time: Floats, acceleration: Floats) -> tuple[float, float]:
-    """Return the start and end, s, of the stretch of the record that holds most of the motion."""
-    length = max(2, round(ZOOM_SHARE * len(time)))
-    energy = np.concatenate([[0.0], np.cumsum(acceleration**2)])
+    """Return the start and end, s, of the strongest twenty cycles or so of a history."""
+    strong = _strongest(acceleration**2, max(2, round(ZOOM_SHARE * len(time))))
+    crossings = np.count_nonzero(np.diff(np.sign(acceleration[strong])))
+    length = (strong.stop - strong.start) * 2 * ZOOM_CYCLES / max(crossings, 2 * ZOOM_CYCLES)
+    shown = _strongest(acceleration**2, max(2, round(length)))
+    return float(time[shown.start]), float(time[shown.stop - 1])
+
+
+def _strongest(power: Floats, length: int) -> slice:
+    """The stretch of that many instants, or all where there are fewer, with most power."""
+    length = min(length, len(power))
+    energy = np.concatenate([[0.0], np.cumsum(power)])
     start = int(np.argmax(energy[length:] - energy[:-length]))
-    return float(time[start]), float(time[start + length - 1])
+    return slice(start, start + length)
 
 
 def _draw_history(
@@ -181,11 +191,8 @@ def story_shear_drift(
 def _most_drift(drift: Floats) -> slice:
     """The stretch of POINTS instants with most drift, summed over stories each by its size."""
     power = np.einsum("ksn,ksn->sn", drift, drift)
-    power = (power / np.maximum(power.max(axis=1, keepdims=True), 1e-300)).sum(axis=0)
-    length = min(POINTS, len(power))
-    energy = np.concatenate([[0.0], np.cumsum(power)])
-    start = int(np.argmax(energy[length:] - energy[:-length]))
-    return slice(start, start + length)
+    power /= np.maximum(power.max(axis=1, keepdims=True), 1e-300)
+    return _strongest(power.sum(axis=0), POINTS)
 
 
 def _draw_story(

@@ -51,13 +51,14 @@ def theta_intervals(
     limits = checked("bounds", bounds, len(names), 2)
     true = None if truth is None else checked("truth", truth, len(names))
     band = ROW_HEIGHT * len(cases) + BETWEEN_ROWS
+    texts = [_template(case.samples) for case in cases]
     figure = new_figure(8.5, 0.75 + band * len(names))
     panel = figure.subplots()
     for row, (low, high) in enumerate(limits):
         panel.plot([low, high], [row, row], linewidth=58.0 * (band - 0.14), **PRIOR)
         for place, case in enumerate(cases):
             height = row + ((len(cases) - 1) / 2 - place) * ROW_HEIGHT / band
-            _draw_interval(panel, case.samples[:, row], height, case.color)
+            _draw_interval(panel, case.samples[:, row], height, case.color, texts[place])
         if true is not None:
             half = 0.36
             panel.plot([true[row]] * 2, [row - half, row + half], color=INK, linestyle="--")
@@ -104,7 +105,7 @@ def mode_frequencies(
         if before is not None:
             low, high = np.quantile(before[:, row], [0.05, 0.95])
             panel.plot([low, high], [row - 0.33] * 2, color=QUIET, linewidth=3.0)
-        _draw_interval(panel, samples[:, row], row, BLUE, unit=" Hz")
+        _draw_interval(panel, samples[:, row], row, BLUE, _template(samples, " Hz"))
     if seen is not None:
         panel.plot(seen, np.arange(count), **MEASURED)
     _finish_rows(panel, labels)
@@ -115,15 +116,23 @@ def mode_frequencies(
     return figure
 
 
-def _draw_interval(panel: Axes, values: Floats, height: float, color: str, unit: str = "") -> None:
+def _template(samples: Floats, unit: str = "") -> str:
+    """Format of mean and 5 to 95 %: two figures of the narrowest interval of samples (S, p)."""
+    low, high = np.quantile(samples, [0.05, 0.95], axis=0)
+    width = np.maximum(high - low, 1e-3 * np.abs(samples.mean(axis=0)))
+    decimals = int(np.clip(1 - np.floor(np.log10(max(width.min(), 1e-4))), 0, 4))
+    number = f"{{:.{decimals}f}}"
+    return f"{number}{unit}   [{number}, {number}]"
+
+
+def _draw_interval(panel: Axes, values: Floats, height: float, color: str, text: str) -> None:
     """A line from 5 to 95 %, the mean as a dot, and both in figures at the right."""
     low, high = np.quantile(values, [0.05, 0.95])
     mean = values.mean()
     panel.plot([low, high], [height] * 2, color=color, linewidth=3.2)
     panel.plot(mean, height, "o", color="white", markeredgecolor=color, markersize=5.5, mew=1.4)
-    decimals = max(0, 1 - int(np.floor(np.log10(max(high - low, 1e-3 * abs(mean), 1e-9)))))
     panel.annotate(
-        f"{mean:.{decimals}f}{unit}   [{low:.{decimals}f}, {high:.{decimals}f}]",
+        text.format(mean, low, high),
         (1.02, height),
         xycoords=("axes fraction", "data"),
         va="center",

@@ -36,8 +36,11 @@ def _suiting(scales: tuple[Scale, ...], values: ArrayLike) -> Scale:
 
 
 def three_figures(value: float) -> str:
-    """Return the value with three significant figures, trailing zeros kept: 0.300, 32.8, 328."""
-    return f"{value:#.3g}".rstrip(".")
+    """Return three significant figures with their zeros, never an exponent: 0.300, 32.8, 1560."""
+    if not value:
+        return "0"
+    decimals = 2 - int(np.floor(np.log10(abs(value))))
+    return f"{round(value, decimals):.{max(decimals, 0)}f}"
 
 
 def plus_minus(mean: float, sd: float) -> str:

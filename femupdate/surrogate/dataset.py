@@ -3,25 +3,31 @@
 Modes are some forty times smaller than FRFs, and give the FRFs for any damping and any grid.
 """
 
-import os
+import logging
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from femupdate.atomic import atomic_path
 from femupdate.dynamics.damping import DampingLaw
 from femupdate.dynamics.frf import log_frf
 from femupdate.dynamics.modal import ModalData, modal_data
 from femupdate.dynamics.reduced import ReducedModel
+from femupdate.errors import SurrogateError
 from femupdate.inference.prior import UniformPrior
-from femupdate.study import atomic_path
+from femupdate.processors import processor_count
+
+logger = logging.getLogger(__name__)
 
 SHARD = 2500
 _FIELDS = ("theta", "omega", "effect", "residual")
+_UNREADABLE = (OSError, EOFError, KeyError, ValueError, BadZipFile)
 
 
 @dataclass(frozen=True)
@@ -64,11 +70,21 @@ def compute_dataset(
     folder: Path,
     progress: Callable[[int], None] | None = None,
 ) -> ModalDataset:
-    """Solve the modes of all samples in shards; shards already in `folder` are kept.
+    """Solve the modes of all samples in shards; sound shards already in `folder` are kept.
 
     Two or more shards are solved at a time, one thread each: small eigenproblems gain nothing
     from threads of their own. Killed half-way, the next call goes on where this one stopped.
     The caller chooses a folder that belongs to this model, prior and plan alone.
+
+    Args:
+        model: the reduced model.
+        prior: box of the parameters.
+        plan: what to compute.
+        folder: of the shards; made where it is missing.
+        progress: called, by several threads, with the number of samples done since the last call.
+
+    Raises:
+        StudyError: the folder cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
     unit = torch.quasirandom.SobolEngine(prior.size, scramble=True, seed=plan.seed).draw(
@@ -77,21 +93,24 @@ def compute_dataset(
     theta = prior.from_unit(unit)
     paths = [folder / f"{k:04d}.npz" for k in range(-(-plan.samples // SHARD))]
 
-    def solve(k: int) -> None:
+    def solve(k: int) -> ModalDataset:
         rows = theta[k * SHARD : (k + 1) * SHARD]
-        if not paths[k].exists():
+        shard = _kept_shard(paths[k], rows, min(plan.modes, model.size))
+        if shard is None:
             _write_shard(paths[k], rows, _solve_shard(model, rows, plan))
+            shard = _read_shard(paths[k])
         if progress is not None:
             progress(len(rows))
+        return shard
 
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
-        with ThreadPoolExecutor(max_workers=max(1, len(os.sched_getaffinity(0)))) as pool:
-            list(pool.map(solve, range(len(paths))))
+        with ThreadPoolExecutor(max_workers=processor_count()) as pool:
+            shards = list(pool.map(solve, range(len(paths))))
     finally:
         torch.set_num_threads(threads)
-    return _join([_read_shard(path) for path in paths])
+    return _join(shards)
 
 
 def save_dataset(dataset: ModalDataset, path: Path) -> None:
@@ -100,8 +119,17 @@ def save_dataset(dataset: ModalDataset, path: Path) -> None:
 
 
 def load_dataset(path: Path) -> ModalDataset:
-    """Read a data set that `save_dataset` wrote."""
-    return _read_shard(path)
+    """Read a data set that `save_dataset` wrote.
+
+    Raises:
+        SurrogateError: the file is missing or damaged.
+    """
+    try:
+        return _read_shard(path)
+    except _UNREADABLE as error:
+        raise SurrogateError(
+            f"{path} is not a data set of femupdate ({error}); run `femupdate train` again"
+        ) from error
 
 
 def sample_zeta(count: int, bounds: tuple[float, float], generator: torch.Generator) -> Tensor:
@@ -138,6 +166,19 @@ def _solve_shard(model: ReducedModel, theta: Tensor, plan: DatasetPlan) -> Modal
         top_frequency_hz=plan.top_frequency_hz,
         batch=64,
     ).to("cpu", torch.float32)
+
+
+def _kept_shard(path: Path, theta: Tensor, modes: int) -> ModalDataset | None:
+    """A shard that is there, whole and of just these samples, else None."""
+    if not path.exists():
+        return None
+    try:
+        shard = _read_shard(path)
+    except _UNREADABLE as error:
+        logger.warning("%s is damaged (%s) and is computed again", path, error)
+        return None
+    fits = torch.equal(shard.theta, theta) and shard.modal.omega.shape == (len(theta), modes)
+    return shard if fits else None
 
 
 def _write_shard(path: Path, theta: Tensor, modal: ModalData) -> None:

@@ -165,9 +165,7 @@ class ParameterEncoder(nn.Module):
 
     def __init__(self, sizes: NetworkSizes) -> None:
         super().__init__()
-        self.join = nn.Linear(
-            2 * sizes.parameters + sizes.floors + 2, sizes.parameter_width
-        )
+        self.join = nn.Linear(2 * sizes.parameters + sizes.floors + 2, sizes.parameter_width)
         self.blocks = nn.Sequential(
             *(ResidualBlock(sizes.parameter_width) for _ in range(sizes.blocks))
         )

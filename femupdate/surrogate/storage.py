@@ -11,8 +11,8 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor
 
+from femupdate.atomic import atomic_path
 from femupdate.errors import SurrogateError
-from femupdate.study import atomic_path
 from femupdate.surrogate.network import Mvae, NetworkSizes
 
 # Rounding to half precision moves the latent means by a small share of the posterior's width (a
@@ -54,9 +54,7 @@ class TrainedSurrogate:
 
 def save_surrogate(surrogate: TrainedSurrogate, path: Path) -> None:
     """Write a surrogate, atomically."""
-    tensors = {
-        name: _packed(name, tensor) for name, tensor in surrogate.mvae.state_dict().items()
-    }
+    tensors = {name: _packed(name, tensor) for name, tensor in surrogate.mvae.state_dict().items()}
     info = surrogate.info
     header = {
         "sizes": surrogate.mvae.sizes.as_dict(),
@@ -82,23 +80,25 @@ def load_surrogate(path: Path) -> TrainedSurrogate:
         with safe_open(path, framework="pt") as file:
             header = json.loads((file.metadata() or {})["femupdate"])
             state = {name: file.get_tensor(name).float() for name in file.keys()}  # noqa: SIM118
-    except (OSError, SafetensorError, KeyError, ValueError) as error:
+        return TrainedSurrogate(_filled(header.pop("sizes"), state), _info(header))
+    except (OSError, SafetensorError, KeyError, TypeError, ValueError, RuntimeError) as error:
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise SurrogateError(
-            f"{path} is not a trained surrogate of femupdate ({error}); run `femupdate train`"
+            f"{path} is not a trained surrogate of femupdate ({reason}); run `femupdate train`"
         ) from error
-    mvae = Mvae(NetworkSizes(**header["sizes"]))
+
+
+def _filled(sizes: Mapping[str, int], state: Mapping[str, Tensor]) -> Mvae:
+    """Networks with these weights."""
+    # The weights that they start from are drawn at random: leave the caller's random state alone.
+    with torch.random.fork_rng(devices=[]):
+        mvae = Mvae(NetworkSizes(**sizes))
     mvae.load_state_dict(state)
-    mvae.eval()
-    info = SurrogateInfo(
-        header["building"],
-        header["mechanics_hash"],
-        tuple(header["floors"]),
-        header["noise_sd"],
-        header["version"],
-        header["settings"],
-        header["metrics"],
-    )
-    return TrainedSurrogate(mvae, info)
+    return mvae.eval()
+
+
+def _info(header: Mapping[str, Any]) -> SurrogateInfo:
+    return SurrogateInfo(**{**header, "floors": tuple(header["floors"])})
 
 
 def _packed(name: str, tensor: Tensor) -> Tensor:

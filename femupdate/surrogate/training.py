@@ -1,26 +1,29 @@
 """Training of the MVAE: one-cycle Adam, averaged weights, early stopping, resume after a kill."""
 
+import copy
 import json
 import logging
+import math
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import torch
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
 from torch import Tensor
 
 from femupdate.dynamics.damping import DampingLaw
 from femupdate.errors import SurrogateError
 from femupdate.inference.prior import UniformPrior
-from femupdate.study import atomic_path
+from femupdate.surrogate.checkpoint import TrainingRun, load_checkpoint, save_checkpoint
 from femupdate.surrogate.dataset import ModalDataset, log_frf_pool, sample_zeta
 from femupdate.surrogate.loss import LossSettings, LossTerms, loss_terms
 from femupdate.surrogate.network import Mvae, NetworkSizes, Visibility
 
 logger = logging.getLogger(__name__)
+
+# Samples from which the mean and the scale of ln|H| are taken.
+_STANDARDISING = 4000
 
 
 @dataclass(frozen=True)
@@ -108,19 +111,15 @@ class TrainingResult:
     metrics: dict[str, float]
 
 
-@dataclass
-class _Run:
-    """The moving parts of a training; everything that a checkpoint holds."""
+@dataclass(frozen=True)
+class _Samples:
+    """Parameters (n, p), float32, and their ln|H| (n, f, k), float16."""
 
-    mvae: Mvae
-    average: Mvae
-    best: dict[str, Tensor]
-    optimizer: torch.optim.AdamW
-    epoch: int = 0
-    step: int = 0
-    best_loss: float = float("inf")
-    best_epoch: int = 0
-    seconds: float = 0.0
+    theta: Tensor
+    log_frf: Tensor
+
+    def __len__(self) -> int:
+        return len(self.theta)
 
 
 def train_mvae(
@@ -135,7 +134,9 @@ def train_mvae(
     gives the same weights as one that was never stopped.
 
     Raises:
-        SurrogateError: too few samples, or the checkpoint is of another training.
+        SurrogateError: too few samples, the checkpoint is of another training, or the training
+            diverged.
+        StudyError: the checkpoint cannot be written.
     """
     count = len(task.dataset)
     held_out = max(1, round(settings.validation * count))
@@ -146,26 +147,26 @@ def train_mvae(
     run = _start(task, settings)
     fingerprint = json.dumps([settings.as_dict(), task.sizes.as_dict(), count], sort_keys=True)
     if checkpoint is not None and checkpoint.exists():
-        _load_checkpoint(run, checkpoint, fingerprint)
+        load_checkpoint(run, checkpoint, fingerprint)
     order = torch.randperm(count, generator=_generator(settings.seed, 0))
-    validation, training = order[:held_out], order[held_out:]
-    pool: Tensor | None = None
-    validation_loss = run.best_loss
+    # The damping of the held-out samples is drawn once: losses of all epochs are comparable.
+    validation = _draw_samples(task, settings, 0, order[:held_out])
+    training: _Samples | None = None
+    validation_loss = run.best_loss if run.epoch else math.nan
     while run.epoch < settings.epochs and run.epoch - run.best_epoch < settings.patience:
         started = time.monotonic()
-        if pool is None or run.epoch % settings.redraw_zeta_every == 0:
-            pool = _draw_pool(task, settings, run.epoch // settings.redraw_zeta_every)
+        if training is None or run.epoch % settings.redraw_zeta_every == 0:
+            draw = run.epoch // settings.redraw_zeta_every
+            training = _draw_samples(task, settings, draw, order[held_out:])
         tell = _teller(progress, run, settings, len(training), validation_loss)
-        _epoch(run, task, settings, pool, training, tell)
-        validation_loss = _validate(run.average, task, settings, pool, validation)
+        _epoch(run, settings, training, tell)
+        validation_loss = _validate(run.average, settings, validation)
         run.epoch += 1
         run.seconds += time.monotonic() - started
-        if validation_loss < run.best_loss:
-            run.best_loss, run.best_epoch = validation_loss, run.epoch
-            run.best = {k: v.clone() for k, v in run.average.state_dict().items()}
+        _keep_best(run, validation_loss)
         logger.info("epoch %d: validation loss %.3f", run.epoch, validation_loss)
         if checkpoint is not None:
-            _save_checkpoint(run, checkpoint, fingerprint)
+            save_checkpoint(run, checkpoint, fingerprint)
     run.average.load_state_dict(run.best)
     run.average.eval()
     metrics = {
@@ -196,50 +197,46 @@ def draw_visibility(
     return Visibility(masks, ends)
 
 
-def _start(task: TrainingTask, settings: TrainingSettings) -> _Run:
+def _start(task: TrainingTask, settings: TrainingSettings) -> TrainingRun:
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(settings.seed)
         mvae = Mvae(task.sizes)
-    pool = _draw_pool(task, settings, 0, first=4000).float()
+    first = torch.arange(min(_STANDARDISING, len(task.dataset)))
+    pool = _draw_samples(task, settings, 0, first).log_frf.float()
     mvae.x_mean.copy_(pool.mean(0))
     mvae.x_scale.copy_(pool.std(0).clamp_min(settings.loss.noise_sd))
     mvae.lower.copy_(task.prior.lower)
     mvae.upper.copy_(task.prior.upper)
-    average = Mvae(task.sizes)
-    average.load_state_dict(mvae.state_dict())
-    optimizer = torch.optim.AdamW(
-        mvae.parameters(), lr=settings.learning_rate, weight_decay=1e-4
-    )
-    return _Run(mvae, average, dict(average.state_dict()), optimizer)
+    average = copy.deepcopy(mvae)
+    best = {name: value.clone() for name, value in average.state_dict().items()}
+    optimizer = torch.optim.AdamW(mvae.parameters(), lr=settings.learning_rate, weight_decay=1e-4)
+    return TrainingRun(mvae, average, best, optimizer)
 
 
-def _draw_pool(
-    task: TrainingTask, settings: TrainingSettings, draw: int, first: int | None = None
-) -> Tensor:
-    """ln|H| of the samples (of the first few) with damping drawn for the `draw`-th time."""
+def _draw_samples(
+    task: TrainingTask, settings: TrainingSettings, draw: int, rows: Tensor
+) -> _Samples:
+    """Some of the samples with damping drawn for the `draw`-th time."""
     generator = _generator(settings.seed, 1_000_000 + draw)
-    zeta = sample_zeta(len(task.dataset), task.zeta_bounds, generator)
-    dataset = task.dataset
-    if first is not None:
-        dataset = ModalDataset(dataset.theta[:first], dataset.modal[:first])
-    return log_frf_pool(dataset, task.frequency_hz, task.law, zeta[: len(dataset)])
+    zeta = sample_zeta(len(task.dataset), task.zeta_bounds, generator)[rows]
+    some = ModalDataset(task.dataset.theta[rows], task.dataset.modal[rows])
+    pool = log_frf_pool(some, task.frequency_hz, task.law, zeta)
+    return _Samples(some.theta.to(torch.float32), pool)
 
 
 def _epoch(
-    run: _Run,
-    task: TrainingTask,
+    run: TrainingRun,
     settings: TrainingSettings,
-    pool: Tensor,
-    rows: Tensor,
+    samples: _Samples,
     tell: Callable[[int], None],
 ) -> None:
     generator = _generator(settings.seed, 1 + run.epoch)
-    shuffled = rows[torch.randperm(len(rows), generator=generator)]
-    steps = len(rows) // settings.batch
+    shuffled = torch.randperm(len(samples), generator=generator)
+    steps = len(samples) // settings.batch
     for step in range(steps):
-        batch = shuffled[step * settings.batch : (step + 1) * settings.batch]
+        rows = shuffled[step * settings.batch : (step + 1) * settings.batch]
         _set_rate(run, settings, steps)
-        terms = _terms(run.mvae, task, settings, pool, batch, generator)
+        terms = _terms(run.mvae, settings, samples, rows, generator)
         run.optimizer.zero_grad()
         terms.total(settings.loss).backward()
         # The first steps can meet misfits of thousands of sigma.
@@ -252,31 +249,38 @@ def _epoch(
 
 def _terms(
     mvae: Mvae,
-    task: TrainingTask,
     settings: TrainingSettings,
-    pool: Tensor,
+    samples: _Samples,
     rows: Tensor,
     generator: torch.Generator,
 ) -> LossTerms:
-    seen = draw_visibility(len(rows), task.sizes.floors, settings, generator)
-    theta = task.dataset.theta[rows].to(torch.float32)
-    return loss_terms(mvae, pool[rows].float(), theta, seen, settings.loss, generator)
+    log_frf = samples.log_frf[rows].float()
+    seen = draw_visibility(len(rows), log_frf.shape[1], settings, generator)
+    return loss_terms(mvae, log_frf, samples.theta[rows], seen, settings.loss, generator)
 
 
-def _validate(
-    mvae: Mvae, task: TrainingTask, settings: TrainingSettings, pool: Tensor, rows: Tensor
-) -> float:
+def _validate(mvae: Mvae, settings: TrainingSettings, samples: _Samples) -> float:
     """Loss on the held-out samples, with the same noise and masks every time."""
     generator = _generator(settings.seed, 2_000_000)
     total = 0.0
     with torch.no_grad():
-        for batch in rows.split(settings.batch):
-            terms = _terms(mvae, task, settings, pool, batch, generator)
-            total += float(terms.total(settings.loss)) * len(batch)
-    return total / len(rows)
+        for rows in torch.arange(len(samples)).split(settings.batch):
+            terms = _terms(mvae, settings, samples, rows, generator)
+            total += float(terms.total(settings.loss)) * len(rows)
+    return total / len(samples)
 
 
-def _set_rate(run: _Run, settings: TrainingSettings, steps: int) -> None:
+def _keep_best(run: TrainingRun, validation_loss: float) -> None:
+    if not math.isfinite(validation_loss):
+        raise SurrogateError(
+            f"the training diverged in epoch {run.epoch}; train again with a lower learning rate"
+        )
+    if validation_loss < run.best_loss:
+        run.best_loss, run.best_epoch = validation_loss, run.epoch
+        run.best = {name: value.clone() for name, value in run.average.state_dict().items()}
+
+
+def _set_rate(run: TrainingRun, settings: TrainingSettings, steps: int) -> None:
     """One cycle (Smith & Topin 2019): up over a tenth of the training, down by half a cosine."""
     progress = torch.tensor(run.step / (settings.epochs * steps))
     warm = 0.1
@@ -288,7 +292,7 @@ def _set_rate(run: _Run, settings: TrainingSettings, steps: int) -> None:
         group["lr"] = settings.learning_rate * share
 
 
-def _update_average(run: _Run, settings: TrainingSettings) -> None:
+def _update_average(run: TrainingRun, settings: TrainingSettings) -> None:
     decay = min(settings.average, (run.step + 1) / (run.step + 10))
     with torch.no_grad():
         pairs = zip(run.average.parameters(), run.mvae.parameters(), strict=True)
@@ -302,7 +306,7 @@ def _generator(seed: int, stream: int) -> torch.Generator:
 
 def _teller(
     progress: Callable[[Progress], None] | None,
-    run: _Run,
+    run: TrainingRun,
     settings: TrainingSettings,
     rows: int,
     validation_loss: float,
@@ -315,61 +319,3 @@ def _teller(
             progress(Progress(epoch, settings.epochs, step, steps, validation_loss))
 
     return tell
-
-
-def _save_checkpoint(run: _Run, path: Path, fingerprint: str) -> None:
-    tensors: dict[str, Tensor] = {}
-    for prefix, state in (
-        ("mvae", run.mvae.state_dict()),
-        ("average", run.average.state_dict()),
-        ("best", run.best),
-    ):
-        tensors |= {f"{prefix}/{name}": value.contiguous().clone() for name, value in state.items()}
-    for index, state in run.optimizer.state_dict()["state"].items():
-        tensors |= {f"adam/{index}/{name}": value.clone() for name, value in state.items()}
-    numbers = {
-        "epoch": run.epoch,
-        "step": run.step,
-        "best_loss": run.best_loss,
-        "best_epoch": run.best_epoch,
-        "seconds": run.seconds,
-    }
-    with atomic_path(path) as temporary:
-        save_file(
-            tensors,
-            temporary,
-            metadata={"numbers": json.dumps(numbers), "fingerprint": fingerprint},
-        )
-
-
-def _load_checkpoint(run: _Run, path: Path, fingerprint: str) -> None:
-    try:
-        with safe_open(path, framework="pt") as file:
-            metadata = file.metadata() or {}
-            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    except (OSError, SafetensorError) as error:
-        raise SurrogateError(
-            f"the checkpoint {path} cannot be read ({error}); delete it to train from the start"
-        ) from error
-    if metadata.get("fingerprint") != fingerprint:
-        raise SurrogateError(
-            f"the checkpoint {path} belongs to a training with other settings; delete it to train "
-            "from the start"
-        )
-
-    def part(prefix: str) -> dict[str, Tensor]:
-        start = len(prefix) + 1
-        return {k[start:]: v for k, v in tensors.items() if k.startswith(prefix + "/")}
-
-    run.mvae.load_state_dict(part("mvae"))
-    run.average.load_state_dict(part("average"))
-    run.best = part("best")
-    adam: dict[int, dict[str, Tensor]] = {}
-    for name, value in part("adam").items():
-        index, key = name.split("/")
-        adam.setdefault(int(index), {})[key] = value
-    state = run.optimizer.state_dict()
-    state["state"] = adam
-    run.optimizer.load_state_dict(state)
-    for name, value in json.loads(metadata["numbers"]).items():
-        setattr(run, name, value)

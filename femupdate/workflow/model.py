@@ -149,7 +149,7 @@ def open_study(
 
 def keep_model(study: Study, building: Building, reduction: Reduction) -> StudyModel:
     """Write a building and its reduced model into a study."""
-    save_building(building, _prepared(study.path(_BUILDING_FILE)))
+    save_building(building, study.path(_BUILDING_FILE))
     save_reduced(reduction.model, reduction.rms_error, study.path(_REDUCED_FILE))
     model = _study_model(building, reduction.model, reduction.rms_error)
     study.record(
@@ -217,7 +217,7 @@ def load_reduced(path: Path) -> tuple[ReducedModel, float]:
     """Read a reduced model and its rms error."""
     with np.load(path) as data:
         header = json.loads(str(data["header"]))
-        shapes = data["node_shapes"] if "node_shapes" in data else None
+        shapes = data.get("node_shapes")
         arrays = {name: data[name] for name in _ARRAYS}
     model = ReducedModel(**arrays, floors=tuple(header["floors"]), node_shapes=shapes)
     return model, float(header["rms_error"])
@@ -248,11 +248,3 @@ def _study_model(building: Building, reduced: ReducedModel, error: float) -> Stu
         zeta_bounds(building),
         error,
     )
-
-
-def _prepared(path: Path) -> Path:
-    """Make the folder of a path; StudyError where that is not possible."""
-    with atomic_path(path.parent / ".probe"):
-        pass
-    (path.parent / ".probe").unlink()
-    return path

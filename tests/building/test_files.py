@@ -64,9 +64,15 @@ def test_saved_figures_carry_units_and_their_origin(tmp_path):
     assert 'total = "21500 kg"  # assumed' in lines or 'total = "21.5 t"  # assumed' in lines
 
 
-def test_saving_into_a_missing_folder_says_so(tmp_path):
-    with pytest.raises(BuildingError, match="cannot be written"):
-        save_building(load_building("shear_4dof"), tmp_path / "absent" / "x.toml")
+def test_saving_makes_missing_folders(tmp_path):
+    building = load_building("shear_4dof")
+    assert load_building(save_building(building, tmp_path / "new" / "x.toml")) == building
+
+
+def test_saving_where_a_file_stands_for_the_folder_says_so(tmp_path):
+    (tmp_path / "taken").write_text("a file")
+    with pytest.raises(BuildingError, match=r"cannot write .*x\.toml"):
+        save_building(load_building("shear_4dof"), tmp_path / "taken" / "x.toml")
 
 
 def test_missing_file_lists_shipped_names_and_the_nearest():

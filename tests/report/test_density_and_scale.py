@@ -58,7 +58,8 @@ def test_length_unit(values, unit):
 
 
 @pytest.mark.parametrize(
-    ("value", "text"), [(0.3, "0.300"), (32.84, "32.8"), (328.4, "328"), (1.0, "1.00")]
+    ("value", "text"),
+    [(0.3, "0.300"), (32.84, "32.8"), (328.4, "328"), (1.0, "1.00"), (1562.8, "1560"), (0.0, "0")],
 )
 def test_three_figures(value, text):
     assert three_figures(value) == text

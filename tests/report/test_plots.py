@@ -284,10 +284,13 @@ def test_wrong_arrays_are_told_in_one_sentence(draw, message):
 
 
 def test_strong_part_is_found():
-    start, end = strong_part(TIME, motion()[0])
-    assert end - start == pytest.approx(0.12 * TIME[-1], rel=0.01)
-    assert start < 6.0 < end
+    start, end = strong_part(TIME, motion()[0])  # 4.77 Hz, strongest at 6 s
     assert (start + end) / 2.0 == pytest.approx(6.0, abs=0.2)
+    assert end - start == pytest.approx(0.12 * TIME[-1], rel=0.01), "the whole share: few cycles"
+    fast = np.exp(-((TIME - 6.0) ** 2)) * np.sin(2.0 * np.pi * 25.0 * TIME)
+    start, end = strong_part(TIME, fast)
+    assert end - start == pytest.approx(20 / 25.0, rel=0.05), "twenty cycles"
+    assert strong_part(TIME, np.zeros_like(TIME))[0] == 0.0
 
 
 def test_correlation_of_known_and_of_constant_rows():

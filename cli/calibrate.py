@@ -1,0 +1,125 @@
+"""femupdate calibrate."""
+
+from pathlib import Path
+
+import click
+
+from .common import (
+    Bars,
+    parse_columns,
+    parse_names,
+    print_json,
+    print_notes,
+    print_pictures,
+    shared_options,
+    table,
+)
+
+
+@click.command("calibrate")
+@click.argument("observation", type=click.Path(path_type=Path))
+@click.option("--building", help="Shipped name or TOML file, for a new study.")
+@click.option("--sensors", callback=parse_names, help="Floors to use, such as RF or 2F,RF.")
+@click.option("--exact", is_flag=True, help="Data-space likelihood with the file's own noise.")
+@click.option("--particles", type=click.IntRange(min=200), default=5000, show_default=True)
+@click.option("--chains", type=click.IntRange(min=1), default=4, show_default=True)
+@click.option("--unit", help="Of the accelerations, where the file does not say it.")
+@click.option("--columns", callback=parse_columns, help="Names: ours=theirs,ours=theirs.")
+@click.option("--device", default="cpu", show_default=True, help="cpu, cuda, ...")
+@shared_options
+def command(
+    observation: Path,
+    building: str | None,
+    sensors: tuple[str, ...],
+    exact: bool,
+    particles: int,
+    chains: int,
+    unit: str | None,
+    columns: dict[str, str] | None,
+    device: str,
+    study_folder: Path,
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Draw the posterior of the stiffness factors from the measured file OBSERVATION.
+
+    OBSERVATION is a CSV file of histories (time_s, base, 2F, ..., RF, several sensors a floor as
+    2F:1, 2F:2) or of FRFs (frequency_hz, 2F, ..., RF).
+    """
+    from femupdate.study import Study
+    from femupdate.workflow.calibrate import (
+        CalibrationSettings,
+        ObservationSource,
+        calibrate_study,
+        check_readable,
+    )
+    from femupdate.workflow.model import open_study
+
+    study = Study(study_folder)
+    source = ObservationSource(observation, unit, columns, sensors)
+    settings = CalibrationSettings(particles, exact, chains, seed, device)
+    with Bars() as bars:
+        check_readable(source)
+        model = open_study(study, building, bars)
+        report = calibrate_study(study, model, source, settings, bars)
+    posterior = report.posterior
+    draws = posterior.samples
+    quantiles = {q: _quantile(draws, q) for q in (0.05, 0.95)}
+    if as_json:
+        content = {
+            "posterior": report.path,
+            "likelihood": posterior.likelihood,
+            "parameters": posterior.names,
+            "mean": draws.mean(axis=0),
+            "sd": draws.std(axis=0),
+            "q05": quantiles[0.05],
+            "q95": quantiles[0.95],
+            "r_hat": report.r_hat,
+            "misfit": report.misfit,
+            "particles": len(draws),
+            "evaluations": report.evaluations,
+            "invalid": report.invalid,
+            "floors": posterior.observation.floors,
+            "notes": report.notes,
+            "pictures": report.pictures,
+            "seconds": report.seconds,
+        }
+        zeta = posterior.zeta_samples
+        if zeta is not None:
+            content["zeta"] = {"mean": zeta.mean(), "sd": zeta.std()}
+        if posterior.log_evidence is not None:
+            content["log_evidence"] = posterior.log_evidence.mean()
+            content["log_evidence_sd"] = posterior.log_evidence.std()
+        print_json(content)
+        return
+    click.echo(
+        f"{posterior.likelihood.capitalize()} posterior of {model.building.name} from "
+        f"{', '.join(posterior.observation.floors)}: {len(draws)} draws, {report.seconds:.1f} s"
+    )
+    rows = [
+        (name, *(f"{v:.4f}" for v in (mean, sd, low, high)), f"{hat:.3f}")
+        for name, mean, sd, low, high, hat in zip(
+            posterior.names,
+            draws.mean(axis=0),
+            draws.std(axis=0),
+            quantiles[0.05],
+            quantiles[0.95],
+            report.r_hat,
+            strict=True,
+        )
+    ]
+    click.echo(table(("", "mean", "sd", "5 %", "95 %", "r-hat"), rows))
+    if posterior.zeta_samples is not None:
+        zeta = posterior.zeta_samples
+        click.echo(f"  damping ratio {zeta.mean():.4f} +- {zeta.std():.4f}")
+    if posterior.log_evidence is not None:
+        evidence = posterior.log_evidence
+        click.echo(f"  log evidence {evidence.mean():.2f} +- {evidence.std():.2f} (runs)")
+    print_notes(report.notes)
+    print_pictures((report.path, *report.pictures))
+
+
+def _quantile(draws, q):  # type: ignore[no-untyped-def]
+    import numpy as np
+
+    return np.quantile(draws, q, axis=0)

@@ -1,0 +1,132 @@
+"""femupdate predict."""
+
+from pathlib import Path
+
+import click
+
+from .common import (
+    Bars,
+    parse_columns,
+    print_json,
+    print_notes,
+    print_pictures,
+    shared_options,
+    table,
+)
+
+
+@click.command("predict")
+@click.option("--record", type=click.Path(path_type=Path), required=True, help="Ground motion.")
+@click.option("--channel", help="Name or number, where the record has several.")
+@click.option("--unit", help="Of the accelerations, where the file does not say it.")
+@click.option("--scale", type=float, default=1.0, show_default=True, help="Factor on the record.")
+@click.option("--damping", type=click.FloatRange(0.0, 1.0), help="One ratio for all modes.")
+@click.option("--samples", type=click.IntRange(min=2), default=300, show_default=True)
+@click.option(
+    "--measured",
+    type=click.Path(path_type=Path),
+    help="Observation file with the floors measured in the same motion.",
+)
+@click.option("--columns", callback=parse_columns, help="Names in that file: ours=theirs,...")
+@shared_options
+def command(
+    record: Path,
+    channel: str | None,
+    unit: str | None,
+    scale: float,
+    damping: float | None,
+    samples: int,
+    measured: Path | None,
+    columns: dict[str, str] | None,
+    study_folder: Path,
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Predict floor accelerations and story shears for a ground motion.
+
+    Reads JMA CSV, K-NET, PEER AT2, CSMIP V1 and V2 and plain two-column files. --damping
+    defaults to the posterior's own damping ratio.
+    """
+    from femupdate.study import Study
+    from femupdate.workflow.model import open_study
+    from femupdate.workflow.predict import (
+        PredictionSettings,
+        RecordSource,
+        predict_study,
+    )
+
+    study = Study(study_folder)
+    study.require("posterior", "calibrate")
+    with Bars() as bars:
+        report = predict_study(
+            study,
+            open_study(study, None, bars),
+            RecordSource(record, unit, channel, scale),
+            PredictionSettings(samples, damping, seed),
+            measured=measured,
+            columns=columns,
+            progress=bars,
+        )
+    floors = report.summary.floors
+    peaks, stiffness = report.peak_acceleration, report.story_stiffness
+    comparison = report.comparison
+    if as_json:
+        content = {
+            "prediction": report.path,
+            "floors": floors,
+            "peak_acceleration_m_s2": {
+                floor: {"mean": m, "q05": a, "q95": b}
+                for floor, m, a, b in zip(floors, peaks.mean, peaks.q05, peaks.q95, strict=True)
+            },
+            "story_stiffness_n_per_m": {
+                str(story): {"mean": m, "q05": a, "q95": b}
+                for story, (m, a, b) in enumerate(
+                    zip(stiffness.mean, stiffness.q05, stiffness.q95, strict=True), start=1
+                )
+            },
+            "damping": report.damping,
+            "notes": report.notes,
+            "pictures": report.pictures,
+            "seconds": report.seconds,
+        }
+        if comparison is not None:
+            content["comparison"] = {
+                floor: {
+                    "relative_error": comparison.relative_error[k],
+                    "correlation": comparison.correlation[k],
+                    "peak_ratio": comparison.peak_ratio[k],
+                    "within_band": comparison.within_band[k],
+                }
+                for k, floor in enumerate(comparison.floors)
+            }
+        print_json(content)
+        return
+    click.echo(f"Prediction from {len(report.summary)} posterior draws, {report.seconds:.1f} s")
+    click.echo(f"  damping ratio: {report.damping}")
+    rows = [
+        (floor, *(f"{v:.3f}" for v in values))
+        for floor, *values in zip(floors, peaks.mean, peaks.q05, peaks.q95, strict=True)
+    ]
+    click.echo(table(("peak m/s2", "mean", "5 %", "95 %"), rows))
+    rows = [
+        (f"story {story}", *(f"{v:.4g}" for v in values))
+        for story, values in enumerate(
+            zip(stiffness.mean, stiffness.q05, stiffness.q95, strict=True), start=1
+        )
+    ]
+    click.echo(table(("stiffness N/m", "mean", "5 %", "95 %"), rows))
+    if comparison is not None:
+        rows = [
+            (
+                floor,
+                f"{comparison.relative_error[k]:.3f}",
+                f"{comparison.correlation[k]:.3f}",
+                f"{comparison.peak_ratio[k]:.3f}",
+                f"{comparison.within_band[k]:.1%}",
+            )
+            for k, floor in enumerate(comparison.floors)
+        ]
+        head = ("against measured", "error rms", "correlation", "peak ratio", "within 2 sd")
+        click.echo(table(head, rows))
+    print_notes(report.notes)
+    print_pictures((report.path, *report.pictures))

@@ -1,0 +1,50 @@
+"""femupdate render."""
+
+from pathlib import Path
+
+import click
+
+from .common import Bars, print_json, print_pictures, shared_options, table
+
+
+@click.command("render")
+@click.option("--modes", type=click.IntRange(1, 12), default=3, show_default=True)
+@click.option("--samples", type=click.IntRange(min=5), default=60, show_default=True)
+@shared_options
+def command(modes: int, samples: int, study_folder: Path, seed: int, as_json: bool) -> None:
+    """Draw the mode shapes of the posterior off screen: mean shape and its spread.
+
+    Modes are those that the base motion drives, lowest first.
+    """
+    from femupdate.study import Study
+    from femupdate.workflow.model import open_study
+    from femupdate.workflow.render import render_study
+
+    study = Study(study_folder)
+    study.require("posterior", "calibrate")
+    with Bars() as bars:
+        model = open_study(study, None, bars)
+        rendered = render_study(study, model, modes, samples, seed=seed, progress=bars)
+    if as_json:
+        print_json(
+            {
+                "modes": [
+                    {
+                        "mode": mode.number,
+                        "frequency_hz": mode.frequency_mean,
+                        "frequency_sd": mode.frequency_sd,
+                        "found": mode.found,
+                        "picture": mode.picture,
+                    }
+                    for mode in rendered
+                ],
+                "study": study_folder,
+            }
+        )
+        return
+    rows = [
+        (str(m.number), f"{m.frequency_mean:.3f}", f"{m.frequency_sd:.3f}", f"{m.found:.0%}")
+        for m in rendered
+    ]
+    click.echo(table(("mode", "Hz", "sd", "recognised in draws"), rows))
+    print_pictures(tuple(mode.picture for mode in rendered))

@@ -1,0 +1,62 @@
+"""femupdate train."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import click
+
+from .common import Bars, print_json, shared_options
+
+
+@click.command("train")
+@click.option("--building", help="Shipped name or TOML file, for a new study.")
+@click.option("--samples", type=click.IntRange(min=100), default=100_000, show_default=True)
+@click.option("--epochs", type=click.IntRange(min=1), default=60, show_default=True)
+@click.option("--batch", type=click.IntRange(min=8), default=512, show_default=True)
+@click.option("--fresh", is_flag=True, help="Train even though a fitting surrogate is there.")
+@shared_options
+def command(
+    building: str | None,
+    samples: int,
+    epochs: int,
+    batch: int,
+    fresh: bool,
+    study_folder: Path,
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Train the surrogate of the study's building.
+
+    Killed half-way, the same command goes on where it stopped. Skipped when a trained surrogate
+    (the study's own or a shipped one) fits the building.
+    """
+    from femupdate.study import Study
+    from femupdate.workflow.model import open_study
+    from femupdate.workflow.train import default_settings, train_study
+
+    study = Study(study_folder)
+    with Bars() as bars:
+        model = open_study(study, building, bars)
+        settings = replace(default_settings(model, epochs, seed), batch=batch)
+        report = train_study(study, model, samples, settings, fresh=fresh, progress=bars)
+    metrics = dict(report.surrogate.info.metrics)
+    if as_json:
+        print_json(
+            {
+                "surrogate": report.path,
+                "trained": report.trained,
+                "dataset_seconds": report.dataset_seconds,
+                "training_seconds": report.training_seconds,
+                "metrics": metrics,
+                "study": study_folder,
+            }
+        )
+        return
+    if not report.trained:
+        click.echo(f"A surrogate that fits is there already: {report.path} (--fresh trains anew).")
+        return
+    click.echo(
+        f"Data set {report.dataset_seconds:.0f} s, training {report.training_seconds:.0f} s, "
+        f"best epoch {metrics['best_epoch']:.0f} of {metrics['epochs']:.0f}, validation loss "
+        f"{metrics['validation_loss']:.1f}\n  {report.path}"
+    )

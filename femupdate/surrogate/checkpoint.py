@@ -1,0 +1,126 @@
+"""The state of a training, and its file."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import Tensor
+
+from femupdate.atomic import atomic_path
+from femupdate.errors import SurrogateError
+from femupdate.surrogate.network import Mvae
+
+
+@dataclass
+class TrainingRun:
+    """The moving parts of a training; everything that a checkpoint holds.
+
+    Attributes:
+        mvae: the networks being trained.
+        average: running average of their weights.
+        best: state of the average at the lowest validation loss.
+        optimizer: of `mvae`.
+        epoch: epochs done.
+        step: optimiser steps done.
+        best_loss: lowest validation loss.
+        best_epoch: epoch after which it was found.
+        seconds: spent so far, all runs together.
+    """
+
+    mvae: Mvae
+    average: Mvae
+    best: dict[str, Tensor]
+    optimizer: torch.optim.AdamW
+    epoch: int = 0
+    step: int = 0
+    best_loss: float = float("inf")
+    best_epoch: int = 0
+    seconds: float = 0.0
+
+
+def save_checkpoint(run: TrainingRun, path: Path, fingerprint: str) -> None:
+    """Write a training, atomically.
+
+    Args:
+        run: the training.
+        path: of the file.
+        fingerprint: settings that a training must share to go on from it.
+
+    Raises:
+        StudyError: the file cannot be written.
+    """
+    tensors: dict[str, Tensor] = {}
+    for prefix, state in (
+        ("mvae", run.mvae.state_dict()),
+        ("average", run.average.state_dict()),
+        ("best", run.best),
+    ):
+        tensors |= {f"{prefix}/{name}": value.contiguous().clone() for name, value in state.items()}
+    for index, state in run.optimizer.state_dict()["state"].items():
+        tensors |= {f"adam/{index}/{name}": value.clone() for name, value in state.items()}
+    numbers = {
+        "epoch": run.epoch,
+        "step": run.step,
+        "best_loss": run.best_loss,
+        "best_epoch": run.best_epoch,
+        "seconds": run.seconds,
+    }
+    with atomic_path(path) as temporary:
+        save_file(
+            tensors,
+            temporary,
+            metadata={"numbers": json.dumps(numbers), "fingerprint": fingerprint},
+        )
+
+
+def load_checkpoint(run: TrainingRun, path: Path, fingerprint: str) -> None:
+    """Bring a training that has just been set up to where a checkpoint left it.
+
+    Raises:
+        SurrogateError: the file cannot be read, or is of a training with other settings or data.
+    """
+    try:
+        with safe_open(path, framework="pt") as file:
+            metadata = file.metadata() or {}
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    except (OSError, SafetensorError) as error:
+        raise SurrogateError(
+            f"the checkpoint {path} cannot be read ({error}); delete it to train from the start"
+        ) from error
+    if metadata.get("fingerprint") != fingerprint:
+        raise SurrogateError(
+            f"the checkpoint {path} belongs to a training with other settings; delete it to train "
+            "from the start"
+        )
+
+    def part(prefix: str) -> dict[str, Tensor]:
+        start = len(prefix) + 1
+        return {k[start:]: v for k, v in tensors.items() if k.startswith(prefix + "/")}
+
+    _check_data(run, part("mvae"), path)
+    run.mvae.load_state_dict(part("mvae"))
+    run.average.load_state_dict(part("average"))
+    run.best = part("best")
+    adam: dict[int, dict[str, Tensor]] = {}
+    for name, value in part("adam").items():
+        index, key = name.split("/")
+        adam.setdefault(int(index), {})[key] = value
+    state = run.optimizer.state_dict()
+    state["state"] = adam
+    run.optimizer.load_state_dict(state)
+    for name, value in json.loads(metadata["numbers"]).items():
+        setattr(run, name, value)
+
+
+def _check_data(run: TrainingRun, state: dict[str, Tensor], path: Path) -> None:
+    """The buffers hold prior box, mean and scale of the data: other data have others."""
+    for name, own in run.mvae.named_buffers():
+        # The order of summation may differ between runs: rounding alone.
+        if not torch.allclose(state[name], own, rtol=1e-4, atol=1e-4):
+            raise SurrogateError(
+                f"the checkpoint {path} belongs to a training on other data; delete it to train "
+                "from the start"
+            )

@@ -1,0 +1,466 @@
+"""calibrate: from an observation file to the posterior of the stiffness factors."""
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from femupdate.errors import MeasurementError
+from femupdate.inference.likelihood import DataLikelihood, LatentLikelihood
+from femupdate.inference.posterior import Posterior, save_posterior
+from femupdate.inference.prior import UniformPrior
+from femupdate.inference.smc import SmcResult, SmcSettings, SmcState, TemperedSmc
+from femupdate.measurement.frf import observation_for
+from femupdate.measurement.observation import Observation, select_floors
+from femupdate.measurement.observation_file import read_observation_file
+from femupdate.study import Study, file_hash
+from femupdate.workflow.model import StudyModel
+from femupdate.workflow.progress import Progress, Silent
+from femupdate.workflow.train import find_surrogate, require_surrogate
+
+Floats = NDArray[np.float64]
+
+POSTERIOR = "posterior"
+_CHAINS = 4
+_PREDICTIVE = 200
+_ZETA_GRID = 25
+_ZETA_SAMPLES = 48
+
+
+@dataclass(frozen=True)
+class ObservationSource:
+    """Where an observation comes from and how to read it.
+
+    Attributes:
+        path: the file.
+        unit: of the accelerations where the file does not say.
+        columns: our column name to the file's.
+        sensors: floors to use; all of the file's where empty.
+    """
+
+    path: Path
+    unit: str | None = None
+    columns: Mapping[str, str] | None = None
+    sensors: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class CalibrationSettings:
+    """How to sample.
+
+    Attributes:
+        particles: in all; shared among independent runs.
+        exact: data-space likelihood instead of the latent one.
+        chains: independent runs, so that their agreement can be judged.
+        seed: of the sampler.
+        device: where the likelihood is evaluated.
+        smc: settings of the sampler.
+    """
+
+    particles: int = 5000
+    exact: bool = False
+    chains: int = _CHAINS
+    seed: int = 0
+    device: str = "cpu"
+    smc: SmcSettings = field(default_factory=SmcSettings)
+
+
+@dataclass(frozen=True)
+class CalibrationReport:
+    """A posterior and what to make of it.
+
+    Attributes:
+        posterior: the draws.
+        path: where they are stored.
+        r_hat: (p,) potential scale reduction between the independent runs.
+        misfit: mean squared whitened residual of ln|H| at the posterior draw that fits best; 1
+            when the model explains the data to within their noise.
+        notes: what the user should know, in sentences.
+        pictures: files drawn.
+        seconds: all the time taken.
+        evaluations: of the likelihood.
+        invalid: evaluations without a number.
+    """
+
+    posterior: Posterior
+    path: Path
+    r_hat: Floats
+    misfit: float
+    notes: tuple[str, ...]
+    pictures: tuple[Path, ...]
+    seconds: float
+    evaluations: int
+    invalid: int
+
+
+def read_observation(model: StudyModel, source: ObservationSource) -> Observation:
+    """Read an observation file on the building's floors and frequency grid.
+
+    Raises:
+        MeasurementError: the file cannot be used, or belongs to another building.
+    """
+    data = read_observation_file(source.path, source.unit, source.columns)
+    observation = observation_for(
+        model.building.floors,
+        data,
+        model.building.frequency_grid.frequencies_hz(),
+        direction=observed_direction(model),
+        default_noise=model.building.observation.noise_sd,
+    )
+    if source.sensors:
+        missing = [name for name in source.sensors if name not in observation.floors]
+        if missing:
+            raise MeasurementError(
+                f"{source.path}: there is no {', '.join(missing)} to use; the file has "
+                f"{', '.join(observation.floors)}"
+            )
+        observation = select_floors(observation, source.sensors)
+    return observation
+
+
+def check_readable(source: ObservationSource) -> None:
+    """Read the file once, so that a bad one is told before anything is built or written.
+
+    Raises:
+        MeasurementError: the file cannot be used.
+    """
+    read_observation_file(source.path, source.unit, source.columns)
+
+
+def observed_direction(model: StudyModel) -> str:
+    """Direction of the measured motion; lumped buildings have one only."""
+    sensors = getattr(model.building, "sensors", None)
+    return sensors.direction if sensors is not None else "x"
+
+
+def calibrate_study(
+    study: Study,
+    model: StudyModel,
+    source: ObservationSource,
+    settings: CalibrationSettings | None = None,
+    progress: Progress | None = None,
+) -> CalibrationReport:
+    """Draw the posterior for an observation file; store it, and draw it.
+
+    Raises:
+        MeasurementError: the observation cannot be used.
+        SurrogateError: no surrogate fits the building (latent likelihood).
+        InferenceError: the sampler cannot go on.
+    """
+    show, settings = progress or Silent(), settings or CalibrationSettings()
+    started = time.monotonic()
+    observation = read_observation(model, source)
+    if settings.exact:
+        results, notes = _sample_exact(study, model, observation, settings, show)
+    else:
+        results, notes = _sample_latent(study, model, observation, settings, show)
+    posterior = _posterior(model, observation, settings, results)
+    misfit = _best_misfit(model, posterior, settings.seed)
+    path = study.path("posterior.nc")
+    save_posterior(posterior, path)
+    study.record(
+        POSTERIOR,
+        "posterior.nc",
+        "calibrate",
+        {**model.made_from(), "observation": file_hash(source.path)},
+        {"file": str(source.path), "sensors": list(observation.floors), **_plain(settings)},
+    )
+    pictures = draw_posterior(study, model, posterior, show)
+    return CalibrationReport(
+        posterior,
+        path,
+        r_hat(posterior.theta),
+        misfit,
+        (*observation.notes, *notes, *_judgement(posterior, misfit)),
+        pictures,
+        time.monotonic() - started,
+        sum(result.evaluations for result in results),
+        sum(result.invalid for result in results),
+    )
+
+
+def r_hat(theta: Floats) -> Floats:
+    """Potential scale reduction (p,) of chains (c, n, p) (Gelman & Rubin 1992); NaN for one."""
+    chains, draws = theta.shape[:2]
+    if chains < 2:
+        return np.full(theta.shape[-1], np.nan)
+    within = theta.var(axis=1, ddof=1).mean(axis=0)
+    between = theta.mean(axis=1).var(axis=0, ddof=1)
+    return np.sqrt((draws - 1) / draws + between / within)
+
+
+def draw_zeta(
+    model: StudyModel, observation: Observation, theta: Floats, seed: int
+) -> Floats | None:
+    """Damping ratios (n,) for posterior draws theta (n, p), or None where the law is fixed.
+
+    p(zeta | theta, x) by the data-space likelihood on a grid, averaged over some draws of theta:
+    the height of the resonance peaks tells zeta almost regardless of theta. Where the model does
+    not reach the data, the noise is taken as large as the misfit, so that zeta stays uncertain.
+    """
+    if model.zeta_bounds is None:
+        return None
+    rng = np.random.default_rng(seed)
+    some = torch.from_numpy(theta[rng.permutation(len(theta))[:_ZETA_SAMPLES]])
+    grid = torch.linspace(*model.zeta_bounds, _ZETA_GRID, dtype=torch.float64)
+    likelihood = DataLikelihood(model.reduced, model.law, observation)
+    both = torch.cat([some.repeat_interleave(len(grid), 0), grid.repeat(len(some))[:, None]], dim=1)
+    misfit = likelihood.misfit(both).reshape(len(some), len(grid))
+    inflation = max(1.0, float(misfit.min()) / likelihood.terms.count)
+    log_density = -0.5 * likelihood.terms.independent * misfit / inflation
+    density = torch.softmax(log_density, dim=1).mean(dim=0).numpy()
+    # Within a cell of the grid zeta is uniform.
+    width = (model.zeta_bounds[1] - model.zeta_bounds[0]) / (_ZETA_GRID - 1)
+    drawn = grid.numpy()[rng.choice(_ZETA_GRID, size=len(theta), p=density)]
+    spread = drawn + width * (rng.random(len(theta)) - 0.5)
+    return np.clip(spread, *model.zeta_bounds)
+
+
+def predictive_log_frf(
+    model: StudyModel, posterior: Posterior, count: int = _PREDICTIVE, seed: int = 0
+) -> Floats:
+    """ln|H| (n, f, k) of all floors at n posterior draws, measured or not."""
+    from femupdate.dynamics.frf import log_frf
+    from femupdate.dynamics.modal import modal_data
+
+    theta, zeta = posterior.thinned(count, seed)
+    ratio = zeta if zeta is not None else np.full(len(theta), model.building.damping.ratio)
+    frequency = model.frequency_hz
+    modal = modal_data(
+        model.reduced, torch.from_numpy(theta), modes=40, top_frequency_hz=float(frequency[-1])
+    )
+    parts = [
+        log_frf(modal[rows], frequency, model.law, torch.from_numpy(ratio[rows]))
+        for rows in (slice(k, k + 50) for k in range(0, len(theta), 50))
+    ]
+    return torch.cat(parts).numpy()
+
+
+def draw_posterior(
+    study: Study, model: StudyModel, posterior: Posterior, show: Progress
+) -> tuple[Path, ...]:
+    """FRF fit, pair plot and intervals of a posterior."""
+    from femupdate.report import plot_frf
+    from femupdate.report.figure import save_figure
+    from femupdate.report.plot_intervals import theta_intervals
+    from femupdate.report.plot_posterior import SampleSet, posterior_pairs
+
+    show.start("Drawing", 3)
+    predicted = predictive_log_frf(model, posterior)
+    low, high = np.quantile(predicted, [0.05, 0.95], axis=0)
+    observation = on_all_floors(posterior.observation, model.building.floors)
+    names = [_pretty(name) for name in posterior.names]
+    bounds = np.column_stack([posterior.lower, posterior.upper])
+    label = f"{', '.join(posterior.observation.floors)} ({posterior.likelihood} likelihood)"
+    sets = [SampleSet(label, posterior.samples)]
+    frf = plot_frf.frf_fit(
+        observation.frequency_hz,
+        model.building.floors,
+        plot_frf.Prediction(predicted.mean(axis=0), low, high),
+        plot_frf.Observation(observation.log_frf, observation.noise_sd, observation.valid),
+    )
+    paths = [save_figure(frf, study.path("pictures", "frf_fit.png"))]
+    show.advance()
+    pairs = posterior_pairs(sets, names, bounds)
+    paths.append(save_figure(pairs, study.path("pictures", "posterior.png")))
+    show.advance()
+    intervals = theta_intervals(names, sets, bounds)
+    paths.append(save_figure(intervals, study.path("pictures", "stiffness_factors.png")))
+    show.advance()
+    return tuple(paths)
+
+
+def on_all_floors(observation: Observation, floors: Sequence[str]) -> Observation:
+    """The same observation with rows of NaN for the floors that were not measured."""
+    shape = (len(floors), observation.frequency_hz.size)
+    log_values, noise = np.full(shape, np.nan), np.full(shape, np.nan)
+    valid = np.zeros(shape, dtype=bool)
+    for row, name in enumerate(observation.floors):
+        place = list(floors).index(name)
+        log_values[place] = observation.log_frf[row]
+        noise[place] = observation.noise_sd[row]
+        valid[place] = observation.valid[row]
+    return Observation(
+        observation.frequency_hz, tuple(floors), log_values, noise, valid, source=observation.source
+    )
+
+
+def _sample_latent(
+    study: Study,
+    model: StudyModel,
+    observation: Observation,
+    settings: CalibrationSettings,
+    show: Progress,
+) -> tuple[list[SmcResult], tuple[str, ...]]:
+    surrogate = require_surrogate(study, model)
+    likelihood = LatentLikelihood(surrogate, observation, settings.device)
+    sampler = TemperedSmc(model.prior.to(settings.device), likelihood, settings=settings.smc)
+    results = _run(sampler, settings, "Sampling (latent likelihood)", show)
+    notes = list(likelihood.input.notes)
+    typical = float(np.median(observation.noise_sd[observation.valid]))
+    trained = surrogate.info.noise_sd
+    if typical < 0.7 * trained:
+        notes.append(
+            f"The surrogate takes the noise on ln|H| as {trained:g}, the file shows {typical:.2g}: "
+            "this posterior is wider than the data allow; --exact uses the file's noise."
+        )
+    if typical > 1.3 * trained:
+        notes.append(
+            f"The surrogate takes the noise on ln|H| as {trained:g}, but the file shows "
+            f"{typical:.2g}: this posterior is too narrow; use --exact."
+        )
+    return results, tuple(notes)
+
+
+def _sample_exact(
+    study: Study,
+    model: StudyModel,
+    observation: Observation,
+    settings: CalibrationSettings,
+    show: Progress,
+) -> tuple[list[SmcResult], tuple[str, ...]]:
+    """Data-space likelihood, with zeta as one more parameter where it is a nuisance.
+
+    A building with a surrogate starts from the latent posterior, which saves most of the levels;
+    its evidence is then relative to the latent likelihood's, so it adds the latent run's own.
+    """
+    bounds = model.zeta_bounds
+    prior = model.prior if bounds is None else _with_zeta(model.prior, bounds)
+    fixed = model.building.damping.ratio if bounds is None else None
+    target = DataLikelihood(model.reduced, model.law, observation, fixed, device=settings.device)
+    found = find_surrogate(study, model)
+    if found is None or model.building.kind == "shear":
+        sampler = TemperedSmc(prior, target, settings=settings.smc)
+        return _run(sampler, settings, "Sampling (data-space likelihood)", show), ()
+    size = model.prior.size
+    latent = LatentLikelihood(found[0], observation, settings.device)
+    first = TemperedSmc(
+        prior, lambda parameters: latent(parameters[:, :size]), settings=settings.smc
+    )
+    starts = _run(first, settings, "Sampling (latent likelihood)", show)
+    bridge = TemperedSmc(
+        prior, target, base=lambda parameters: latent(parameters[:, :size]), settings=settings.smc
+    )
+    results = _run(bridge, settings, "Bridge to the data-space likelihood", show, starts)
+    joined = [
+        replace(result, log_evidence=result.log_evidence + start.log_evidence)
+        for result, start in zip(results, starts, strict=True)
+    ]
+    return joined, ()
+
+
+def _run(
+    sampler: TemperedSmc,
+    settings: CalibrationSettings,
+    label: str,
+    show: Progress,
+    starts: list[SmcResult] | None = None,
+) -> list[SmcResult]:
+    """All chains, one after the other, with a bar over the logarithm of the tempering power."""
+    each = max(settings.particles // settings.chains, 50)
+    show.start(label, 100 * settings.chains)
+    results = []
+    for chain in range(settings.chains):
+        shown = 0
+
+        def tell(state: SmcState) -> None:
+            nonlocal shown
+            # beta runs from about 1e-5 to 1, evenly in its logarithm.
+            done = int(100 * min(1.0, max(0.0, 1.0 + np.log10(state.beta) / 5.0)))
+            show.advance(done - shown, f"power {state.beta:.2g}")
+            shown = done
+
+        start = starts[chain].theta if starts is not None else None
+        seed = settings.seed * 1009 + chain
+        results.append(sampler.run(each, seed, start=start, progress=tell))
+    return results
+
+
+def _with_zeta(prior: UniformPrior, bounds: tuple[float, float]) -> UniformPrior:
+    low, high = (torch.tensor([b], dtype=torch.float64) for b in bounds)
+    return UniformPrior(
+        (*prior.names, "zeta"), torch.cat([prior.lower, low]), torch.cat([prior.upper, high])
+    )
+
+
+def _posterior(
+    model: StudyModel,
+    observation: Observation,
+    settings: CalibrationSettings,
+    results: list[SmcResult],
+) -> Posterior:
+    drawn = np.stack([_numpy(result.theta) for result in results])
+    size = model.prior.size
+    theta, rest = drawn[..., :size], drawn[..., size:]
+    if rest.shape[-1]:
+        zeta: Floats | None = rest[..., 0]
+    else:
+        flat = draw_zeta(model, observation, theta.reshape(-1, size), settings.seed)
+        zeta = None if flat is None else flat.reshape(theta.shape[:2])
+    evidence = np.array([result.log_evidence for result in results])
+    return Posterior(
+        model.prior.names,
+        theta,
+        zeta,
+        np.stack([_numpy(result.log_likelihood) for result in results]),
+        model.prior.lower.numpy(),
+        model.prior.upper.numpy(),
+        "exact" if settings.exact else "latent",
+        evidence if settings.exact else None,
+        observation,
+        _plain(settings),
+    )
+
+
+def _best_misfit(model: StudyModel, posterior: Posterior, seed: int) -> float:
+    """Smallest mean squared whitened residual over some posterior draws."""
+    theta, zeta = posterior.thinned(100, seed)
+    fixed = model.building.damping.ratio if zeta is None else None
+    likelihood = DataLikelihood(model.reduced, model.law, posterior.observation, fixed)
+    parameters = theta if zeta is None else np.column_stack([theta, zeta])
+    return float(likelihood.misfit(torch.from_numpy(parameters)).min()) / likelihood.terms.count
+
+
+def _judgement(posterior: Posterior, misfit: float) -> tuple[str, ...]:
+    notes = []
+    factor = np.sqrt(misfit)
+    if misfit > 2.0:
+        text = (
+            f"The model misses the measured ln|H| by {factor:.1f} times its noise (rms, best "
+            "draw): something is missing in the model"
+        )
+        if posterior.likelihood == "exact":
+            text += ", and the standard deviations given are too small by about that factor"
+        notes.append(text + ".")
+    worst = r_hat(posterior.theta)
+    if np.isfinite(worst).all() and worst.max() > 1.05:
+        notes.append(
+            f"The independent runs differ (r-hat up to {worst.max():.2f}): use more particles."
+        )
+    return tuple(notes)
+
+
+def _plain(settings: CalibrationSettings) -> dict[str, object]:
+    return {
+        "particles": settings.particles,
+        "chains": settings.chains,
+        "seed": settings.seed,
+        "exact": settings.exact,
+        "ess_target": settings.smc.ess_target,
+        "moves": settings.smc.moves,
+        "walk_scale": settings.smc.walk_scale,
+        "independence_moves": settings.smc.independence_moves,
+    }
+
+
+def _pretty(name: str) -> str:
+    return name.replace("theta_", "θ")
+
+
+def _numpy(tensor: Tensor) -> Floats:
+    return tensor.detach().cpu().to(torch.float64).numpy()

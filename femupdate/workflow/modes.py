@@ -1,0 +1,90 @@
+"""Modes of the reduced model at parameter samples, matched to one another."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from femupdate.building.schema import Building
+from femupdate.dynamics.modal import ReducedTensors, solve_modes
+from femupdate.dynamics.reduced import ReducedModel
+
+Floats = NDArray[np.float64]
+
+# A mode counts as driven when some floor sees at least this share of the base motion in it.
+_DRIVEN = 0.05
+
+
+@dataclass(frozen=True)
+class ReducedModes:
+    """All modes of S parameter samples.
+
+    Attributes:
+        frequency_hz: (S, r).
+        vectors: (S, r, r) mass-orthonormal columns, one a mode.
+    """
+
+    frequency_hz: Floats
+    vectors: Floats
+
+
+@dataclass(frozen=True)
+class TrackedMode:
+    """One mode followed through the samples.
+
+    Attributes:
+        frequency_hz: (S,) NaN where no mode of a sample resembles the reference.
+        vectors: (S, r) signed like the reference.
+        found: share of the samples in which the mode was found.
+    """
+
+    frequency_hz: Floats
+    vectors: Floats
+    found: float
+
+
+def reduced_modes(model: ReducedModel, theta: Floats) -> ReducedModes:
+    """Modes at theta (S, p)."""
+    omega, vectors = solve_modes(ReducedTensors.of(model), torch.from_numpy(theta))
+    return ReducedModes(omega.numpy() / (2.0 * np.pi), vectors.numpy())
+
+
+def driven_modes(model: ReducedModel, modes: ReducedModes, count: int) -> list[int]:
+    """The lowest modes of the first sample that the base motion drives at some floor."""
+    vectors = modes.vectors[0]
+    effect = (model.floor_shapes @ vectors) * (model.excitation @ vectors)
+    return [int(k) for k in np.flatnonzero(np.abs(effect).max(axis=0) >= _DRIVEN)[:count]]
+
+
+def track_mode(modes: ReducedModes, reference: Floats) -> TrackedMode:
+    """Follow the mode that resembles a reference vector (r,) through all samples.
+
+    Modes are mass-orthonormal, so the modal assurance criterion is the squared product of two
+    vectors (Allemang & Brown 1982); below one half no mode is the reference's own.
+    """
+    products = np.einsum("srj,r->sj", modes.vectors, reference)
+    best = np.abs(products).argmax(axis=1)
+    rows = np.arange(len(best))
+    signs = np.sign(products[rows, best])
+    own = products[rows, best] ** 2 >= 0.5
+    frequency = np.where(own, modes.frequency_hz[rows, best], np.nan)
+    vectors = modes.vectors[rows, :, best] * signs[:, None]
+    return TrackedMode(frequency, np.where(own[:, None], vectors, np.nan), float(own.mean()))
+
+
+def node_displacements(model: ReducedModel, vector: Floats) -> Floats:
+    """Displacement of every node (..., N, 3) of reduced coordinates (..., r)."""
+    assert model.node_shapes is not None
+    return np.einsum("ndr,...r->...nd", model.node_shapes, vector)
+
+
+def levels_with_base(building: Building) -> Floats:
+    """Heights of base and floors, m; one a story where the file gives no heights."""
+    heights = [getattr(story, "height", None) or 1.0 for story in building.stories]
+    return np.concatenate([[0.0], np.cumsum(heights)])
+
+
+def with_base(shapes: Floats) -> Floats:
+    """Put a row of zeros, the base, before the rows of floor shapes (f, ...)."""
+    return np.concatenate([np.zeros((1, *shapes.shape[1:])), shapes])

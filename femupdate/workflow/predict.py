@@ -1,0 +1,326 @@
+"""predict: what the calibrated building does in another earthquake."""
+
+import json
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from femupdate.dynamics.history import HistorySettings, history_batches
+from femupdate.dynamics.summary import HistorySummary, Statistics, statistics, summarise
+from femupdate.errors import MeasurementError
+from femupdate.inference.posterior import Posterior, load_posterior
+from femupdate.measurement.observation_file import Histories as MeasuredHistories
+from femupdate.measurement.observation_file import read_observation_file
+from femupdate.measurement.record import GroundMotion, read_record
+from femupdate.study import Study, atomic_path, file_hash
+from femupdate.workflow.calibrate import observed_direction
+from femupdate.workflow.model import StudyModel
+from femupdate.workflow.progress import Progress, Silent
+
+Floats = NDArray[np.float64]
+
+PREDICTION = "prediction"
+_EXAMPLES = 100
+
+
+@dataclass(frozen=True)
+class RecordSource:
+    """Which ground motion, and what of it.
+
+    Attributes:
+        path: the file.
+        unit: where the file does not say.
+        channel: name or number, where the file has several.
+        scale: factor on the acceleration.
+    """
+
+    path: Path
+    unit: str | None = None
+    channel: str | None = None
+    scale: float = 1.0
+
+
+@dataclass(frozen=True)
+class PredictionSettings:
+    """How to predict.
+
+    Attributes:
+        samples: posterior draws used.
+        damping: one ratio for all of them; None takes each draw's own where the posterior has it,
+            else the building's.
+        seed: which draws.
+    """
+
+    samples: int = 300
+    damping: float | None = None
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Prediction against floors that were measured in the same motion.
+
+    Attributes:
+        floors: that were measured.
+        relative_error: (f,) rms of mean prediction less measurement over rms of the measurement.
+        correlation: (f,) of the two histories.
+        peak_ratio: (f,) peak of the mean prediction over the measured peak.
+        within_band: (f,) share of the instants at which the measurement lies within 2 sd.
+    """
+
+    floors: tuple[str, ...]
+    relative_error: Floats
+    correlation: Floats
+    peak_ratio: Floats
+    within_band: Floats
+
+
+@dataclass(frozen=True)
+class PredictionReport:
+    """What was predicted.
+
+    Attributes:
+        summary: bands and peaks.
+        path: the netCDF file.
+        peak_acceleration: (f,) statistics over the samples, m/s2.
+        story_stiffness: (s,) statistics, N/m.
+        damping: what damping was used, in words.
+        comparison: with measured floors, where there are any.
+        notes: what the user should know.
+        pictures: files drawn.
+        seconds: all the time taken.
+    """
+
+    summary: HistorySummary
+    path: Path
+    peak_acceleration: Statistics
+    story_stiffness: Statistics
+    damping: str
+    comparison: Comparison | None
+    notes: tuple[str, ...]
+    pictures: tuple[Path, ...]
+    seconds: float
+
+
+def predict_study(
+    study: Study,
+    model: StudyModel,
+    record: RecordSource,
+    settings: PredictionSettings | None = None,
+    *,
+    measured: Path | None = None,
+    columns: Mapping[str, str] | None = None,
+    progress: Progress | None = None,
+) -> PredictionReport:
+    """Predict floor histories and story shears for a ground motion.
+
+    Args:
+        study: with a posterior.
+        model: of the study.
+        record: the ground motion.
+        settings: samples and damping.
+        measured: observation file with the floors measured in the same motion, to compare.
+        columns: its column names, ours to the file's.
+        progress: told about samples done.
+
+    Raises:
+        MeasurementError: record or measurement cannot be used.
+        StudyError: there is no posterior, or it is of another building.
+    """
+    show, settings = progress or Silent(), settings or PredictionSettings()
+    started = time.monotonic()
+    motion = read_record(record.path, record.unit, _channel(record.channel)).scaled(record.scale)
+    reference = None if measured is None else _measured(model, measured, columns, record, motion)
+    posterior = load_posterior(study.require("posterior", "calibrate"))
+    study.check_fresh("posterior", model.made_from(), "calibrate")
+    theta, zeta, damping = _draws(model, posterior, settings)
+    show.start("Integrating the response", len(theta))
+    batches = history_batches(
+        model.reduced,
+        theta,
+        zeta,
+        motion.acceleration,
+        motion.time_step,
+        settings=HistorySettings(law=model.law),
+        progress=show.advance,
+    )
+    summary = summarise(batches, _EXAMPLES)
+    comparison = None if reference is None else _compare(summary, reference)
+    path = study.path("prediction.nc")
+    save_prediction(summary, motion, path, damping)
+    study.record(
+        PREDICTION,
+        "prediction.nc",
+        "predict",
+        {
+            **model.made_from(),
+            "posterior": study.artefacts()["posterior"].sha256,
+            "record": file_hash(record.path),
+        },
+        {"file": str(record.path), "scale": record.scale, "damping": damping},
+    )
+    return PredictionReport(
+        summary,
+        path,
+        statistics(summary.peak_acceleration),
+        statistics(summary.story_stiffness),
+        damping,
+        comparison,
+        _notes(model, motion),
+        _draw(study, summary, motion, reference, show),
+        time.monotonic() - started,
+    )
+
+
+def save_prediction(
+    summary: HistorySummary, motion: GroundMotion, path: Path, damping: str
+) -> None:
+    """Write netCDF groups `predictions` (bands, per-sample peaks) and `constant_data`."""
+    import xarray as xr
+
+    stories = np.arange(1, summary.peak_shear.shape[1] + 1)
+    coordinates = {"floor": list(summary.floors), "time_s": summary.time, "story": stories}
+    predictions = xr.Dataset(
+        {
+            "acceleration_mean": (("floor", "time_s"), summary.acceleration_mean),
+            "acceleration_sd": (("floor", "time_s"), summary.acceleration_sd),
+            "peak_acceleration": (("sample", "floor"), summary.peak_acceleration),
+            "peak_shear": (("sample", "story"), summary.peak_shear),
+            "peak_drift": (("sample", "story"), summary.peak_drift),
+            "story_stiffness": (("sample", "story"), summary.story_stiffness),
+        },
+        coords=coordinates,
+        attrs={"units": json.dumps({"acceleration": "m/s2", "shear": "N", "drift": "m"})},
+    )
+    constant = xr.Dataset(
+        {"base_acceleration": ("time_s", motion.acceleration)}, {"time_s": summary.time}
+    )
+    tree = xr.DataTree.from_dict({"/predictions": predictions, "/constant_data": constant})
+    tree.attrs = {"record": motion.name, "channel": motion.channel, "damping": damping}
+    with atomic_path(path) as temporary:
+        tree.to_netcdf(temporary, engine="h5netcdf")
+
+
+def _channel(text: str | None) -> str | int | None:
+    return int(text) if text is not None and text.isdigit() else text
+
+
+def _draws(
+    model: StudyModel, posterior: Posterior, settings: PredictionSettings
+) -> tuple[torch.Tensor, torch.Tensor, str]:
+    theta, zeta = posterior.thinned(settings.samples, settings.seed)
+    if model.zeta_bounds is None:
+        ratio, text = np.full(len(theta), model.building.damping.ratio), "the building's law"
+    elif settings.damping is not None:
+        ratio, text = np.full(len(theta), settings.damping), f"{settings.damping:g} in all modes"
+    elif zeta is not None:
+        ratio, text = zeta, f"{zeta.mean():.4f} +- {zeta.std():.4f}, from the posterior"
+    else:
+        ratio = np.full(len(theta), model.building.damping.ratio)
+        text = f"{model.building.damping.ratio:g} in all modes, the building file's"
+    return torch.from_numpy(theta), torch.from_numpy(ratio), text
+
+
+def _measured(
+    model: StudyModel,
+    path: Path,
+    columns: Mapping[str, str] | None,
+    record: RecordSource,
+    motion: GroundMotion,
+) -> Floats:
+    """Measured floor accelerations (f, n), sensors averaged, NaN for floors without any."""
+    data = read_observation_file(path, record.unit, columns)
+    if not isinstance(data, MeasuredHistories):
+        raise MeasurementError(f"{path}: a comparison needs histories (a column time_s)")
+    count = motion.acceleration.size
+    same = abs(data.time_step - motion.time_step) < 1e-6 * motion.time_step
+    if not same or data.acceleration.shape[1] != count:
+        raise MeasurementError(
+            f"{path}: {data.acceleration.shape[1]} samples every {data.time_step:g} s do not match "
+            f"the record's {count} every {motion.time_step:g} s; take both from one recording"
+        )
+    direction = observed_direction(model)
+    rows = np.full((len(model.reduced.floors), count), np.nan)
+    for place, floor in enumerate(model.reduced.floors):
+        own = [
+            row
+            for row, channel in enumerate(data.channels)
+            if channel.floor == floor and channel.direction == direction
+        ]
+        if own:
+            rows[place] = data.acceleration[own].mean(axis=0) * record.scale
+    if np.isnan(rows).all():
+        raise MeasurementError(
+            f"{path}: none of its floors ({', '.join(data.floors)}) belongs to the building "
+            f"({', '.join(model.reduced.floors)})"
+        )
+    return rows
+
+
+def _compare(summary: HistorySummary, measured: Floats) -> Comparison:
+    seen = np.isfinite(measured).all(axis=1)
+    mean, sd, truth = summary.acceleration_mean[seen], summary.acceleration_sd[seen], measured[seen]
+    error = np.sqrt(((mean - truth) ** 2).mean(axis=1) / (truth**2).mean(axis=1))
+    correlation = (mean * truth).sum(axis=1) / np.sqrt(
+        (mean**2).sum(axis=1) * (truth**2).sum(axis=1)
+    )
+    return Comparison(
+        tuple(summary.floors[row] for row in np.flatnonzero(seen)),
+        error,
+        correlation,
+        np.abs(mean).max(axis=1) / np.abs(truth).max(axis=1),
+        (np.abs(mean - truth) <= 2.0 * sd).mean(axis=1),
+    )
+
+
+def _notes(model: StudyModel, motion: GroundMotion) -> tuple[str, ...]:
+    notes = [
+        f"Record {motion.name}{' ' + motion.channel if motion.channel else ''}: peak "
+        f"{motion.peak:.3g} m/s2, {motion.duration:.1f} s at {1 / motion.time_step:.4g} Hz."
+    ]
+    top = float(model.frequency_hz[-1])
+    if 0.5 / motion.time_step > 1.05 * top:
+        notes.append(
+            f"The reduced model is checked up to {top:.4g} Hz; what the record holds above that is "
+            "followed approximately."
+        )
+    if not getattr(model.building, "masses_known", True):
+        notes.append(
+            "The masses of this building are nominal: story shears and stiffnesses are relative."
+        )
+    return tuple(notes)
+
+
+def _draw(
+    study: Study,
+    summary: HistorySummary,
+    motion: GroundMotion,
+    measured: Floats | None,
+    show: Progress,
+) -> tuple[Path, ...]:
+    from femupdate.report.figure import save_figure
+    from femupdate.report.plot_history import floor_history_bands, story_shear_drift
+
+    show.start("Drawing", 2)
+    title = f"Floor acceleration, mean ± 2 sd: {motion.name} (peak {motion.peak:.2f} m/s²)"
+    bands = floor_history_bands(
+        summary.time,
+        summary.acceleration_mean,
+        summary.acceleration_sd,
+        summary.floors,
+        measured=measured,
+        title=title,
+    )
+    paths = [save_figure(bands, study.path("pictures", "floor_histories.png"))]
+    show.advance()
+    lines = story_shear_drift(
+        summary.examples.story_shear, summary.examples.story_drift, summary.story_stiffness
+    )
+    paths.append(save_figure(lines, study.path("pictures", "story_shear_drift.png")))
+    show.advance()
+    return tuple(paths)

@@ -1,0 +1,270 @@
+"""simulate: a synthetic observation of a building whose truth is known, made in the time domain.
+
+The motion comes from the full model on a finer mesh than the one that will explain it, integrated
+mode by mode, and is seen by single accelerometers with their noise.
+"""
+
+import json
+import logging
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femupdate import __version__
+from femupdate.building.analysis import RayleighDamping
+from femupdate.building.files import mechanics_hash
+from femupdate.building.schema import Building
+from femupdate.dynamics.history import HistorySettings, floor_histories
+from femupdate.errors import BuildingError, MeasurementError, ModelError
+from femupdate.measurement.columns import BASE, Channel, channel_name
+from femupdate.measurement.observation_file import Histories
+from femupdate.measurement.record import GroundMotion
+from femupdate.measurement.write import write_observation_histories
+from femupdate.study import file_hash, write_text
+from femupdate.workflow.full_model import SensorModel, sensor_model
+from femupdate.workflow.model import damping_law, theta_prior
+from femupdate.workflow.progress import Progress, Silent
+from femupdate.workflow.synthetic import Simulation, SimulationSettings, Truth, label
+
+__all__ = [
+    "Simulation",
+    "SimulationSettings",
+    "Truth",
+    "simulate_observation",
+    "truth_path",
+    "white_noise",
+    "write_simulation",
+]
+
+Floats = NDArray[np.float64]
+logger = logging.getLogger(__name__)
+
+DIGITS = 6  # of the numbers in the file
+_RAMP_S = 1.0  # a table starts and stops smoothly
+_LARGEST_BAND = 0.9  # of the Nyquist frequency; the record is interpolated flat up to 0.92
+# The record is taken as straight between 32 points a sample: at half the Nyquist frequency that
+# loses 2e-4 of the response.
+_OVERSAMPLING = 32
+_EXCITED = 0.01  # share of the mass from which a mode is worth naming
+
+
+def simulate_observation(
+    building: Building,
+    settings: SimulationSettings | None = None,
+    progress: Progress | None = None,
+) -> Simulation:
+    """Simulate what accelerometers in a building record.
+
+    Args:
+        building: of either kind.
+        settings: what is simulated.
+        progress: told about the steps.
+
+    Raises:
+        BuildingError: a sensor point, mesh size or damping ratio does not fit the building.
+        MeasurementError: the base motion cannot be made or sampled as asked.
+        ModelError: theta does not fit, or the structure is a mechanism.
+    """
+    chosen = settings or SimulationSettings()
+    show = progress or Silent()
+    _check_settings(chosen)
+    streams = np.random.default_rng(chosen.seed).spawn(3)
+    theta = _theta(building, chosen.theta, streams[0])
+    zeta = _zeta(building, chosen.zeta)
+    motion = _base_motion(chosen, streams[1])
+    show.start("Solving the full model", 1)
+    seen = sensor_model(
+        building, theta, _top(chosen), mesh_size=chosen.mesh_size, sensors=chosen.sensors
+    )
+    show.advance()
+    show.start("Integrating the motion", 1)
+    exact = _respond(building, seen, zeta, motion)
+    show.advance()
+    base = Channel(channel_name(BASE, direction=seen.direction), BASE, "", seen.direction)
+    histories = Histories(
+        motion.time_step,
+        (base, *seen.channels),
+        _record(np.vstack([motion.acceleration, exact]), chosen, streams[2]),
+        f"synthetic observation of {building.name}",
+    )
+    truth = _truth(building, seen, theta, zeta, chosen.seed)
+    return Simulation(histories, truth, label(seen, truth, chosen, motion))
+
+
+def write_simulation(
+    simulation: Simulation, path: str | Path, comments: Sequence[str] = ()
+) -> tuple[Path, Path]:
+    """Write the observation file and, beside it, its truth as `<name>.truth.json`.
+
+    Args:
+        simulation: what to write.
+        path: of the CSV file.
+        comments: lines to add to the label at its top.
+
+    Returns:
+        the two paths.
+
+    Raises:
+        MeasurementError, StudyError: a file cannot be written.
+    """
+    written = write_observation_histories(
+        path, simulation.histories, (*simulation.comments, *comments), DIGITS
+    )
+    content = {
+        "what": "truth behind a synthetic observation; not a measurement",
+        "observation": written.name,
+        "observation_sha256": file_hash(written),
+        "femupdate": __version__,
+        **simulation.truth.as_dict(),
+    }
+    truth = truth_path(written)
+    write_text(truth, json.dumps(content, indent=2) + "\n")
+    return written, truth
+
+
+def truth_path(observation: str | Path) -> Path:
+    """Return where the truth of an observation file lies."""
+    return Path(observation).with_suffix(".truth.json")
+
+
+def white_noise(
+    duration_s: float,
+    sampling_hz: float,
+    rms: float,
+    band_hz: tuple[float, float],
+    rng: np.random.Generator,
+) -> GroundMotion:
+    """Return Gaussian noise of an even spectrum within a band and nothing outside it.
+
+    The noise has just the given rms (m/s2) before its first and last second rise from and fall to
+    zero by half a cosine.
+
+    Raises:
+        MeasurementError: the record is too short for the band.
+    """
+    count = round(duration_s * sampling_hz)
+    frequency = np.fft.rfftfreq(count, 1.0 / sampling_hz)
+    inside = (frequency >= band_hz[0]) & (frequency <= band_hz[1])
+    ramp = round(_RAMP_S * sampling_hz)
+    if np.count_nonzero(inside) < 2 or count < 4 * ramp:
+        raise MeasurementError(
+            f"{duration_s:g} s are too short for white noise from {band_hz[0]:g} to "
+            f"{band_hz[1]:g} Hz; take {4 * _RAMP_S:g} s or more"
+        )
+    noise = np.fft.irfft(np.where(inside, np.fft.rfft(rng.standard_normal(count)), 0.0), count)
+    noise *= rms / np.sqrt(np.mean(noise**2))
+    rise = 0.5 - 0.5 * np.cos(np.pi * np.arange(ramp) / ramp)
+    noise[:ramp] *= rise
+    noise[-ramp:] *= rise[::-1]
+    return GroundMotion(noise, 1.0 / sampling_hz, "white noise")
+
+
+def _check_settings(settings: SimulationSettings) -> None:
+    for name in ("duration_s", "sampling_hz", "rms_m_s2", "quantisation_m_s2"):
+        value = getattr(settings, name)
+        if value is not None and not (np.isfinite(value) and value > 0.0):
+            raise MeasurementError(f"{name} is {value}; it must be a number above zero")
+    noise = settings.sensor_noise_m_s2
+    if not (np.isfinite(noise) and noise >= 0.0):
+        raise MeasurementError(f"sensor_noise_m_s2 is {noise}; it must be zero or more")
+    low, high = settings.band_hz
+    if settings.base_motion is None and not 0.0 < low < high:
+        raise MeasurementError(f"the band {low:g} to {high:g} Hz is none; give two that rise")
+    top = _LARGEST_BAND * 0.5 * settings.sampling_hz
+    if settings.base_motion is None and high > top:
+        raise MeasurementError(
+            f"a band up to {high:g} Hz does not fit {settings.sampling_hz:g} samples a second; "
+            f"stay below {top:g} Hz or sample at {high / (0.5 * _LARGEST_BAND):.4g} Hz or more"
+        )
+
+
+def _theta(building: Building, asked: tuple[float, ...] | None, rng: np.random.Generator) -> Floats:
+    prior = theta_prior(building)
+    lower, upper = prior.lower.numpy(), prior.upper.numpy()
+    if asked is None:
+        return lower + (upper - lower) * rng.random(prior.size)
+    theta = np.asarray(asked, dtype=np.float64)
+    if theta.shape != (prior.size,) or not (np.isfinite(theta) & (theta > 0.0)).all():
+        raise ModelError(
+            f"theta is {theta.tolist()}; the building {building.name} needs {prior.size} numbers "
+            "above zero, one a story"
+        )
+    outside = [
+        name
+        for name, out in zip(prior.names, (theta < lower) | (theta > upper), strict=True)
+        if out
+    ]
+    if outside:
+        logger.warning("%s: %s lies outside the prior", building.name, ", ".join(outside))
+    return theta
+
+
+def _zeta(building: Building, asked: float | None) -> float | None:
+    """The damping ratio of all modes, or None where the building's law has fixed coefficients."""
+    fixed = isinstance(building.damping, RayleighDamping)
+    if asked is None:
+        return None if fixed else building.damping.ratio
+    if fixed:
+        raise BuildingError(
+            f"{building.name}: damping.law is rayleigh, which gives every mode its own ratio; "
+            "leave zeta out"
+        )
+    if not 0.0 < asked < 1.0:
+        raise ModelError(f"zeta is {asked:g}; it must lie between 0 and 1 (0.02 means 2 %)")
+    return float(asked)
+
+
+def _base_motion(settings: SimulationSettings, rng: np.random.Generator) -> GroundMotion:
+    if settings.base_motion is not None:
+        return settings.base_motion.resampled(1.0 / settings.sampling_hz)
+    return white_noise(
+        settings.duration_s, settings.sampling_hz, settings.rms_m_s2, settings.band_hz, rng
+    )
+
+
+def _top(settings: SimulationSettings) -> float:
+    """Frequency up to which modes are kept: the Nyquist frequency, well above the motion's band."""
+    nyquist = 0.5 * settings.sampling_hz
+    return nyquist if settings.base_motion else max(nyquist, 1.5 * settings.band_hz[1])
+
+
+def _respond(
+    building: Building, seen: SensorModel, zeta: float | None, motion: GroundMotion
+) -> Floats:
+    """Absolute acceleration of every sensor (c, n), m/s2."""
+    settings = HistorySettings(damping_law(building), oversampling=_OVERSAMPLING, tolerance=0.0)
+    found = floor_histories(
+        seen.model,
+        np.zeros((1, 0)),
+        0.0 if zeta is None else zeta,
+        motion.acceleration,
+        motion.time_step,
+        settings=settings,
+    )
+    return found.floor_acceleration[0]
+
+
+def _record(exact: Floats, settings: SimulationSettings, rng: np.random.Generator) -> Floats:
+    """What the recorder writes of the channels (c, n)."""
+    noisy = exact + settings.sensor_noise_m_s2 * rng.standard_normal(exact.shape)
+    step = settings.quantisation_m_s2
+    return noisy if step is None else step * np.round(noisy / step)
+
+
+def _truth(
+    building: Building, seen: SensorModel, theta: Floats, zeta: float | None, seed: int
+) -> Truth:
+    driven = seen.effective_mass >= _EXCITED
+    return Truth(
+        theta_prior(building).names,
+        theta,
+        zeta,
+        seen.frequency_hz[driven],
+        seen.effective_mass[driven],
+        building.name,
+        mechanics_hash(building),
+        seen.mesh_size,
+        seed,
+    )

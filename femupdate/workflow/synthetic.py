@@ -1,0 +1,154 @@
+"""What a simulation is asked for, what comes of it, and the label that says so."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femupdate import __version__
+from femupdate.measurement.observation_file import Histories
+from femupdate.measurement.record import GroundMotion
+from femupdate.workflow.full_model import SensorModel, SensorPoints
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SimulationSettings:
+    """What is simulated.
+
+    Attributes:
+        theta: stiffness factors, one a story; drawn from the prior where None.
+        zeta: damping ratio of all modes; the building's own damping where None.
+        mesh_size: m; half of the building's own where None.
+        sensors: points on every floor, or by floor (see `sensor_model`).
+        base_motion: motion of the base; band-limited white noise where None.
+        duration_s, rms_m_s2, band_hz: of the white noise; the rms is that between the ramps of one
+            second at both ends.
+        sampling_hz: of the file.
+        sensor_noise_m_s2: rms of the white noise of every channel, the base's included.
+        quantisation_m_s2: step of the recorder; None for none.
+        seed: of theta, base motion and noise.
+    """
+
+    theta: tuple[float, ...] | None = None
+    zeta: float | None = None
+    mesh_size: float | None = None
+    sensors: SensorPoints | None = None
+    base_motion: GroundMotion | None = None
+    duration_s: float = 80.0
+    sampling_hz: float = 200.0
+    rms_m_s2: float = 0.3
+    band_hz: tuple[float, float] = (0.5, 50.0)
+    sensor_noise_m_s2: float = 0.003
+    quantisation_m_s2: float | None = None
+    seed: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """What inference should find.
+
+    Attributes:
+        parameters: names of the stiffness factors.
+        theta: (p,) their true values.
+        zeta: damping ratio of all modes; None where the building's law gives each mode its own.
+        frequency_hz: natural frequencies of the modes that the base motion drives, Hz.
+        effective_mass: share of the mass that each of them moves.
+        building: name of the building.
+        building_hash: of its mechanics.
+        mesh_size: m; None for a shear building.
+        seed: of the simulation.
+    """
+
+    parameters: tuple[str, ...]
+    theta: Floats
+    zeta: float | None
+    frequency_hz: Floats
+    effective_mass: Floats
+    building: str
+    building_hash: str
+    mesh_size: float | None
+    seed: int
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as JSON holds it."""
+        return {
+            "building": self.building,
+            "building_hash": self.building_hash,
+            "mesh_size_m": self.mesh_size,
+            "seed": self.seed,
+            "parameters": list(self.parameters),
+            "theta": self.theta.tolist(),
+            "zeta": self.zeta,
+            "frequencies_hz": np.round(self.frequency_hz, 4).tolist(),
+            "effective_mass": np.round(self.effective_mass, 4).tolist(),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation:
+    """A synthetic observation.
+
+    Attributes:
+        histories: as a recorder would have written them.
+        truth: what made them.
+        comments: sentences that say so, for the file.
+    """
+
+    histories: Histories
+    truth: Truth
+    comments: tuple[str, ...]
+
+
+def label(
+    seen: SensorModel, truth: Truth, settings: SimulationSettings, motion: GroundMotion
+) -> tuple[str, ...]:
+    """Return the sentences that say what a simulated observation is."""
+    quantised = settings.quantisation_m_s2
+    step = "" if quantised is None else f", quantised to {quantised:g} m/s2"
+    return (
+        f"synthetic: made by femupdate {__version__} from building {truth.building}, "
+        f"{_mesh_words(seen)}, theta = {', '.join(f'{t:.6g}' for t in truth.theta)}, "
+        f"{_damping_words(truth.zeta)}, seed {truth.seed}; not a measurement",
+        f"base motion along {seen.direction}: {_motion_words(settings, motion)}",
+        f"white noise of {settings.sensor_noise_m_s2:g} m/s2 rms on every channel{step}",
+        *_place_words(seen),
+    )
+
+
+def _mesh_words(seen: SensorModel) -> str:
+    if seen.mesh_size is None:
+        return "the chain itself"
+    modes = len(seen.frequency_hz)
+    return f"mesh {seen.mesh_size:g} m ({seen.dof} degrees of freedom, {modes} modes)"
+
+
+def _damping_words(zeta: float | None) -> str:
+    return "damping as in its file" if zeta is None else f"zeta = {zeta:g} in every mode"
+
+
+def _motion_words(settings: SimulationSettings, motion: GroundMotion) -> str:
+    sampled = f"{motion.duration:.4g} s at {settings.sampling_hz:g} Hz"
+    if settings.base_motion is not None:
+        return f"{motion.name}, {sampled}"
+    low, high = settings.band_hz
+    return (
+        f"white noise, {settings.rms_m_s2:g} m/s2 rms, {low:g} to {high:g} Hz, {sampled}, rising "
+        "from and falling to rest within a second"
+    )
+
+
+def _place_words(seen: SensorModel) -> tuple[str, ...]:
+    """Where the sensors are: one line where all floors are alike, else one a floor."""
+    by_floor: dict[str, list[str]] = {}
+    for channel, place in zip(seen.channels, seen.places, strict=True):
+        by_floor.setdefault(channel.floor, []).append(f"{channel.sensor} at {place}".strip())
+    lines: Mapping[str, str] = {floor: ", ".join(words) for floor, words in by_floor.items()}
+    if not any(seen.places):
+        return ()
+    if len(set(lines.values())) == 1:
+        return (f"sensors of every floor: {next(iter(lines.values()))}",)
+    return tuple(f"sensors of {floor}: {words}" for floor, words in lines.items())

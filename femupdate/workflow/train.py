@@ -1,0 +1,190 @@
+"""train: the data set and the MVAE of a study's building; finding a surrogate that fits."""
+
+import shutil
+import time
+from dataclasses import dataclass
+from importlib.resources import as_file, files
+from pathlib import Path
+
+from femupdate import __version__
+from femupdate.errors import SurrogateError
+from femupdate.study import Study
+from femupdate.surrogate.dataset import DatasetPlan, ModalDataset, compute_dataset
+from femupdate.surrogate.loss import LossSettings
+from femupdate.surrogate.network import NetworkSizes
+from femupdate.surrogate.storage import (
+    SurrogateInfo,
+    TrainedSurrogate,
+    load_surrogate,
+    save_surrogate,
+)
+from femupdate.surrogate.training import (
+    Progress as TrainingProgress,
+)
+from femupdate.surrogate.training import (
+    TrainingSettings,
+    TrainingTask,
+    train_mvae,
+)
+from femupdate.workflow.model import StudyModel
+from femupdate.workflow.progress import Progress, Silent
+
+SURROGATE = "surrogate"
+_SURROGATE_FILE = "surrogate.safetensors"
+_CHECKPOINT = "training.safetensors"
+_MODES_KEPT = 28
+
+
+@dataclass(frozen=True)
+class TrainReport:
+    """What was trained, or found.
+
+    Attributes:
+        surrogate: the trained networks.
+        path: where they are.
+        trained: False where a fitting surrogate was there already.
+        seconds: spent on the data set and on the training, now.
+    """
+
+    surrogate: TrainedSurrogate
+    path: Path
+    trained: bool
+    dataset_seconds: float
+    training_seconds: float
+
+
+def find_surrogate(study: Study, model: StudyModel) -> tuple[TrainedSurrogate, Path] | None:
+    """The study's own surrogate, or the shipped one, if it was trained for this building."""
+    own = study.find(SURROGATE, model.made_from())
+    if own is not None:
+        return load_surrogate(own), own
+    resource = files("femupdate.models") / f"{model.building.name}.safetensors"
+    if not resource.is_file():
+        return None
+    with as_file(resource) as path:
+        surrogate = load_surrogate(path)
+        fits = surrogate.info.mechanics_hash == model.hash
+        return (surrogate, path) if fits else None
+
+
+def require_surrogate(study: Study, model: StudyModel) -> TrainedSurrogate:
+    """A surrogate that fits the building.
+
+    Raises:
+        SurrogateError: there is none.
+    """
+    found = find_surrogate(study, model)
+    if found is None:
+        raise SurrogateError(
+            f"no trained surrogate fits the building {model.building.name}; run `femupdate train "
+            f"--study {study.folder}` (once a building), or calibrate with --exact"
+        )
+    return found[0]
+
+
+def train_study(
+    study: Study,
+    model: StudyModel,
+    samples: int = 100_000,
+    settings: TrainingSettings | None = None,
+    *,
+    fresh: bool = False,
+    progress: Progress | None = None,
+) -> TrainReport:
+    """Make the data set and train; skipped when a fitting surrogate is there.
+
+    Killed half-way, the next call goes on from the last shard of the data set or the last epoch.
+
+    Raises:
+        SurrogateError: too few samples, or a checkpoint of another training is in the way.
+    """
+    show = progress or Silent()
+    found = None if fresh else find_surrogate(study, model)
+    if found is not None:
+        return TrainReport(found[0], found[1], False, 0.0, 0.0)
+    settings = settings or default_settings(model)
+    started = time.monotonic()
+    dataset, folder = _dataset(study, model, samples, settings.seed, show)
+    between = time.monotonic()
+    checkpoint = study.path(_CHECKPOINT)
+    result = train_mvae(_task(model, dataset), settings, checkpoint, _bar(show))
+    surrogate = TrainedSurrogate(
+        result.mvae,
+        SurrogateInfo(
+            model.building.name,
+            model.hash,
+            model.reduced.floors,
+            settings.loss.noise_sd,
+            __version__,
+            {"samples": samples, "modes": _MODES_KEPT, "training": settings.as_dict()},
+            result.metrics,
+        ),
+    )
+    path = study.path(_SURROGATE_FILE)
+    save_surrogate(surrogate, path)
+    study.record(SURROGATE, _SURROGATE_FILE, "train", model.made_from(), {"samples": samples})
+    checkpoint.unlink(missing_ok=True)
+    shutil.rmtree(folder, ignore_errors=True)
+    return TrainReport(surrogate, path, True, between - started, time.monotonic() - between)
+
+
+def default_settings(model: StudyModel, epochs: int = 60, seed: int = 0) -> TrainingSettings:
+    """Settings for a building: its own noise, everything else as shipped."""
+    noise = model.building.observation.noise_sd
+    return TrainingSettings(epochs=epochs, seed=seed, loss=LossSettings(noise_sd=noise))
+
+
+def network_sizes(model: StudyModel) -> NetworkSizes:
+    """Sizes of the networks: what a floor contributes shrinks as floors are added."""
+    floors = len(model.reduced.floors)
+    return NetworkSizes(
+        floors=floors,
+        points=len(model.frequency_hz),
+        parameters=model.reduced.parameters,
+        floor_features=max(24, 384 // floors),
+    )
+
+
+def _dataset(
+    study: Study, model: StudyModel, samples: int, seed: int, show: Progress
+) -> tuple[ModalDataset, Path]:
+    plan = DatasetPlan(
+        samples,
+        min(_MODES_KEPT, model.reduced.size),
+        float(model.frequency_hz[-1]),
+        seed + 1,
+    )
+    # Shards of another building, plan or reduction are never mixed in: the folder's name says.
+    folder = study.path("dataset", f"{model.hash[:12]}-{samples}-{model.reduced.size}-{seed}")
+    show.start("Solving modes of parameter samples", samples)
+    return compute_dataset(model.reduced, model.prior, plan, folder, show.advance), folder
+
+
+def _task(model: StudyModel, dataset: ModalDataset) -> TrainingTask:
+    ratio = model.building.damping.ratio
+    return TrainingTask(
+        dataset,
+        model.frequency_hz.float(),
+        model.law,
+        model.zeta_bounds or (ratio, ratio),
+        model.prior,
+        network_sizes(model),
+    )
+
+
+def _bar(show: Progress):  # type: ignore[no-untyped-def]
+    """A bar over epochs, in hundredths."""
+    started = False
+    shown = 0
+
+    def tell(state: TrainingProgress) -> None:
+        nonlocal started, shown
+        if not started:
+            show.start("Training the MVAE", 100 * state.epochs)
+            started = True
+        done = int(100 * (state.epoch + state.step / state.steps))
+        note = f"epoch {state.epoch + 1}, validation loss {state.validation_loss:.1f}"
+        show.advance(done - shown, note)
+        shown = done
+
+    return tell
