@@ -6,6 +6,7 @@ import click
 
 from .common import (
     Bars,
+    parse_band,
     parse_columns,
     parse_names,
     print_json,
@@ -20,6 +21,7 @@ from .common import (
 @click.argument("observation", type=click.Path(path_type=Path))
 @click.option("--building", help="Shipped name or TOML file, for a new study.")
 @click.option("--sensors", callback=parse_names, help="Floors to use, such as RF or 2F,RF.")
+@click.option("--band", callback=parse_band, help="Frequencies to use, such as 0.5,18 (Hz).")
 @click.option("--exact", is_flag=True, help="Data-space likelihood with the file's own noise.")
 @click.option("--particles", type=click.IntRange(min=200), default=5000, show_default=True)
 @click.option("--chains", type=click.IntRange(min=1), default=4, show_default=True)
@@ -31,6 +33,7 @@ def command(
     observation: Path,
     building: str | None,
     sensors: tuple[str, ...],
+    band: tuple[float, float] | None,
     exact: bool,
     particles: int,
     chains: int,
@@ -56,7 +59,7 @@ def command(
     from femupdate.workflow.model import open_study
 
     study = Study(study_folder)
-    source = ObservationSource(observation, unit, columns, sensors)
+    source = ObservationSource(observation, unit, columns, sensors, band)
     settings = CalibrationSettings(particles, exact, chains, seed, device)
     with Bars() as bars:
         check_readable(source)

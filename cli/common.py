@@ -86,6 +86,18 @@ def parse_numbers(
         raise click.BadParameter("write numbers with commas, such as 0.8,1.1,1.0") from None
 
 
+def parse_band(
+    context: click.Context, parameter: click.Parameter, text: str | None
+) -> tuple[float, float] | None:
+    """Read two frequencies, the lower first."""
+    numbers = parse_numbers(context, parameter, text)
+    if numbers is None:
+        return None
+    if len(numbers) != 2 or not 0.0 <= numbers[0] < numbers[1]:
+        raise click.BadParameter("write the lowest and the highest frequency, such as 0.5,18")
+    return numbers[0], numbers[1]
+
+
 def print_json(content: dict[str, Any]) -> None:
     """Print one JSON object; what is not a number becomes null."""
     click.echo(json.dumps(_plain(content), indent=2))

@@ -11,7 +11,7 @@ from .common import Bars, print_json, shared_options
 @click.command("train")
 @click.option("--building", help="Shipped name or TOML file, for a new study.")
 @click.option("--samples", type=click.IntRange(min=100), default=100_000, show_default=True)
-@click.option("--epochs", type=click.IntRange(min=1), default=60, show_default=True)
+@click.option("--epochs", type=click.IntRange(min=1), default=45, show_default=True)
 @click.option("--batch", type=click.IntRange(min=8), default=512, show_default=True)
 @click.option("--fresh", is_flag=True, help="Train even though a fitting surrogate is there.")
 @shared_options

@@ -4,7 +4,7 @@ from pathlib import Path as _Path
 
 __version__ = "0.1.0"
 
-# In a checkout `cli/` and `models/` lie beside this folder; installed they lie inside it.
+# In a checkout `cli/`, `models/` and `examples/` lie beside this folder; installed, inside it.
 _checkout = _Path(__file__).resolve().parent.parent
 if (_checkout / "cli" / "main.py").exists():
     __path__.append(str(_checkout))

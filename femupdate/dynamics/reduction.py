@@ -32,7 +32,7 @@ from femupdate.processors import processor_count
 
 Floats = NDArray[np.float64]
 _SIZES = (40, 60, 80, 100, 120, 140, 160, 180, 200, 230, 260, 300)
-_CHECKS = 6
+_CHECKS = 4
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class ReductionTarget:
     frequency_hz: Floats
     zeta: float
     tolerance: float
-    samples: int = 64
+    samples: int = 48
     seed: int = 0
 
 

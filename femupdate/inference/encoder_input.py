@@ -15,6 +15,8 @@ Floats = NDArray[np.float64]
 
 # A floor with less of the observed band than this is left to the data-space likelihood.
 _LEAST_SHARE = 0.5
+# The encoder takes an estimate this uncertain rather than a straight line across its place.
+_WORST_NOISE = 0.7
 
 
 @dataclass(frozen=True)
@@ -35,32 +37,36 @@ class EncoderInput:
 def encoder_input(observation: Observation, floors: tuple[str, ...]) -> EncoderInput:
     """Bring an observation to the surrogate's floors, one band and no gaps.
 
-    Floors with too few valid points are left out. The band reaches from the first to the last
-    frequency at which all others are valid; gaps inside it are filled by straight lines in ln|H|,
-    and the notes say how much.
+    The band is where, as a rule, all observed floors have usable estimates; what is missing inside
+    is filled by straight lines in ln|H|, and the notes say how much.
 
     Raises:
-        MeasurementError: no floor has a valid point, or at no frequency are all floors valid.
+        MeasurementError: no floor has enough valid points in common with the others.
     """
-    used, notes = _usable_floors(observation, floors)
-    rows = [observation.floors.index(name) for name in used]
-    common = np.flatnonzero(observation.valid[rows].all(axis=0))
-    if not common.size:
-        raise MeasurementError(
-            f"{observation.source}: at no frequency are all floors valid; leave out the worst "
-            "floor with --sensors"
-        )
-    first, last = common[[0, -1]]
+    rows = {name: row for row, name in enumerate(observation.floors)}
+    usable = _usable(observation)
+    first, last = _common_band(observation, usable)
     points = observation.frequency_hz.size
     log_values = np.zeros((1, len(floors), points))
     mask = np.zeros((1, len(floors)))
-    for name, row in zip(used, rows, strict=True):
-        column = floors.index(name)
+    notes = []
+    for column, floor in enumerate(floors):
+        if floor not in rows:
+            continue
+        own = usable[rows[floor]]
+        share = own[first : last + 1].mean()
+        if share < _LEAST_SHARE:
+            notes.append(f"Floor {floor} is left out: {share:.0%} of its points can be used.")
+            continue
         mask[0, column] = 1.0
-        log_values[0, column] = _filled(observation, row)
-        missing = 1.0 - observation.valid[row, first : last + 1].mean()
-        if missing > 0.0:
-            notes.append(f"Floor {name}: {missing:.1%} of the band is interpolated.")
+        known = observation.frequency_hz[own], observation.log_frf[rows[floor], own]
+        log_values[0, column] = np.interp(observation.frequency_hz, *known)
+        if share < 1.0:
+            notes.append(f"Floor {floor}: {1 - share:.1%} of the band is interpolated.")
+    if not mask.any():
+        raise MeasurementError(
+            f"{observation.source}: no floor has enough valid points; use a longer record"
+        )
     band = np.array([[first, last]]) / (points - 1)
     return EncoderInput(
         torch.from_numpy(log_values).float(),
@@ -69,32 +75,33 @@ def encoder_input(observation: Observation, floors: tuple[str, ...]) -> EncoderI
     )
 
 
-def _usable_floors(
-    observation: Observation, floors: tuple[str, ...]
-) -> tuple[list[str], list[str]]:
-    """Observed floors of the surrogate with enough valid points, and notes on the others.
-
-    What is enough is judged over the band that the best of them cover: one bad sensor shall not
-    narrow the band of all.
-    """
-    known = [name for name in floors if name in observation.floors]
-    valid = {name: observation.valid[observation.floors.index(name)] for name in known}
-    most = max((int(row.sum()) for row in valid.values()), default=0)
-    if not most:
+def _usable(observation: Observation) -> NDArray[np.bool_]:
+    """Points (f, m) that the encoder may see: valid, or uncertain but better than a guess."""
+    if not observation.valid.any():
         raise MeasurementError(
-            f"{observation.source}: no floor has a valid point; use a longer or a stronger record"
+            f"{observation.source}: no floor has enough valid points; use a longer record"
         )
-    shares = {name: row.sum() / most for name, row in valid.items()}
-    notes = [
-        f"Floor {name} is left out: it has {share:.0%} of the valid points of the best floor."
-        for name, share in shares.items()
-        if share < _LEAST_SHARE
-    ]
-    return [name for name in known if shares[name] >= _LEAST_SHARE], notes
+    finite = np.isfinite(observation.log_frf) & np.isfinite(observation.noise_sd)
+    noise = np.where(finite, observation.noise_sd, np.inf)
+    low, high = np.flatnonzero(observation.valid.any(axis=0))[[0, -1]]
+    span = np.zeros(observation.frequency_hz.size, dtype=bool)
+    span[low : high + 1] = True
+    return np.asarray(observation.valid | (finite & (noise <= _WORST_NOISE) & span))
 
 
-def _filled(observation: Observation, row: int) -> Floats:
-    """ln|H| of one floor at all frequencies, straight lines across what is not valid."""
-    valid = observation.valid[row]
-    frequency = observation.frequency_hz
-    return np.interp(frequency, frequency[valid], observation.log_frf[row, valid])
+def _common_band(observation: Observation, usable: NDArray[np.bool_]) -> tuple[int, int]:
+    """First and last frequency around which most floors are usable; stray points do not count."""
+    share = usable.mean(axis=0)
+    width = max(3, observation.frequency_hz.size // 40)
+    window = np.ones(width) / width
+    # At the ends of the grid part of the window is missing.
+    around = np.convolve(share, window, mode="same") / np.convolve(
+        np.ones_like(share), window, mode="same"
+    )
+    inside = np.flatnonzero((around >= 0.5) & (share > 0.0))
+    if not inside.size:
+        raise MeasurementError(
+            f"{observation.source}: in no band can most floors be used; leave out the worst floors "
+            "with --sensors"
+        )
+    return int(inside[0]), int(inside[-1])

@@ -78,7 +78,7 @@ def fit_mixture(
 
 def _maximise(x: Tensor, responsibility: Tensor, ridge: Tensor) -> GaussianMixture:
     """Weights, means and covariances from responsibilities (n, k)."""
-    mass = responsibility.sum(0) + 1e-9
+    mass = responsibility.sum(0).clamp_min(1e-9)  # of a component that has lost all particles
     mean = (responsibility.T @ x) / mass[:, None]
     centred = x[None] - mean[:, None]
     weighted = responsibility.T[:, :, None] * centred

@@ -15,11 +15,14 @@ import torch
 from torch import Tensor
 
 from femupdate.errors import InferenceError
-from femupdate.inference.mixture import fit_mixture
+from femupdate.inference.mixture import GaussianMixture, fit_mixture
 from femupdate.inference.prior import UniformPrior
 from femupdate.inference.tempering import effective_sample_size, next_increment, systematic_rows
 
 logger = logging.getLogger(__name__)
+
+# Distinct particles that a component of the fitted mixture needs, a coordinate and its weight.
+_DISTINCT_PER_COORDINATE = 5
 
 LogLikelihood = Callable[[Tensor], Tensor]
 """Log likelihood (n,) of parameters theta (n, p)."""
@@ -160,8 +163,9 @@ class TemperedSmc:
         base, target, invalid = self._evaluate(xi)
         if not bool(torch.isfinite(_difference(target, base)).any()):
             raise InferenceError(
-                "no parameter in the prior has a finite likelihood for this observation; check "
-                "that the file and the building belong together"
+                f"none of the {len(xi)} first parameter sets has a finite likelihood for this "
+                "observation; check that the file and the building belong together, or use more "
+                "particles"
             )
         return SmcState(xi, base, target, 0.0, 0.0, (), len(xi), invalid, generator.get_state())
 
@@ -255,7 +259,7 @@ class TemperedSmc:
         """Run the moves of a level; return the state and the mean acceptance of each kind."""
         settings = self.settings
         independent = max(0, min(settings.independence_moves, settings.moves))
-        mixture = fit_mixture(state.xi, settings.components, generator) if independent else None
+        mixture = self._fit(state.xi, generator) if independent else None
         factor = settings.walk_scale * _covariance_factor(state.xi)
         accepted: dict[bool, list[float]] = {True: [], False: []}
         for move in range(settings.moves):
@@ -276,6 +280,16 @@ class TemperedSmc:
             state, share = self._accept(state, proposal, correction, generator)
             accepted[by_mixture].append(share)
         return state, (_mean(accepted[False]), _mean(accepted[True]))
+
+    def _fit(self, xi: Tensor, generator: torch.Generator) -> GaussianMixture:
+        """A mixture of the particles, of fewer components where few of them are distinct.
+
+        Resampling of a small share leaves many copies: components on a few points each would
+        propose those points again and again.
+        """
+        distinct = len(torch.unique(xi, dim=0))
+        most = max(1, distinct // (_DISTINCT_PER_COORDINATE * (xi.shape[1] + 1)))
+        return fit_mixture(xi, min(self.settings.components, most), generator)
 
     def _accept(
         self,

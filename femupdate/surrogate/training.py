@@ -45,7 +45,7 @@ class TrainingSettings:
         seed: of everything random.
     """
 
-    epochs: int = 60
+    epochs: int = 45
     batch: int = 512
     learning_rate: float = 2e-3
     patience: int = 20

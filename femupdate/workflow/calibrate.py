@@ -41,12 +41,14 @@ class ObservationSource:
         unit: of the accelerations where the file does not say.
         columns: our column name to the file's.
         sensors: floors to use; all of the file's where empty.
+        band_hz: lowest and highest frequency to use, or None for all.
     """
 
     path: Path
     unit: str | None = None
     columns: Mapping[str, str] | None = None
     sensors: tuple[str, ...] = ()
+    band_hz: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -120,7 +122,25 @@ def read_observation(model: StudyModel, source: ObservationSource) -> Observatio
                 f"{', '.join(observation.floors)}"
             )
         observation = select_floors(observation, source.sensors)
-    return observation
+    return observation if source.band_hz is None else _within(observation, source.band_hz)
+
+
+def _within(observation: Observation, band_hz: tuple[float, float]) -> Observation:
+    """The same observation, valid only within a band."""
+    low, high = band_hz
+    inside = (observation.frequency_hz >= low) & (observation.frequency_hz <= high)
+    valid = observation.valid & inside
+    if valid.any(axis=0).sum() < 10:
+        raise MeasurementError(
+            f"{observation.source}: fewer than ten frequencies lie between {low:g} and {high:g} Hz "
+            "and can be used; widen --band"
+        )
+    return replace(
+        observation,
+        valid=valid,
+        log_frf=np.where(inside, observation.log_frf, np.nan),
+        noise_sd=np.where(inside, observation.noise_sd, np.nan),
+    )
 
 
 def check_readable(source: ObservationSource) -> None:
@@ -168,7 +188,12 @@ def calibrate_study(
         "posterior.nc",
         "calibrate",
         {**model.made_from(), "observation": file_hash(source.path)},
-        {"file": str(source.path), "sensors": list(observation.floors), **_plain(settings)},
+        {
+            "file": str(source.path),
+            "sensors": list(observation.floors),
+            "band_hz": source.band_hz,
+            **_plain(settings),
+        },
     )
     pictures = draw_posterior(study, model, posterior, show)
     return CalibrationReport(

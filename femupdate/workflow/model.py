@@ -138,7 +138,7 @@ def open_study(
         StudyError: the study is of another building.
         BuildingError, ModelError: the building cannot be read or cannot stand.
     """
-    chosen = _choose_building(study, building)
+    chosen = choose_building(study, building)
     kept = study.find(REDUCED, {"building": mechanics_hash(chosen)})
     if kept is not None:
         reduced, error = load_reduced(kept)
@@ -223,7 +223,12 @@ def load_reduced(path: Path) -> tuple[ReducedModel, float]:
     return model, float(header["rms_error"])
 
 
-def _choose_building(study: Study, name: str | None) -> Building:
+def choose_building(study: Study, name: str | None) -> Building:
+    """The building asked for, the study's own, or the default one.
+
+    Raises:
+        StudyError: the study holds another building than the one asked for.
+    """
     kept = study.path(_BUILDING_FILE)
     if not kept.exists():
         return load_building(name or DEFAULT_BUILDING)

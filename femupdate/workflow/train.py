@@ -128,7 +128,7 @@ def train_study(
     return TrainReport(surrogate, path, True, between - started, time.monotonic() - between)
 
 
-def default_settings(model: StudyModel, epochs: int = 60, seed: int = 0) -> TrainingSettings:
+def default_settings(model: StudyModel, epochs: int = 45, seed: int = 0) -> TrainingSettings:
     """Settings for a building: its own noise, everything else as shipped."""
     noise = model.building.observation.noise_sd
     return TrainingSettings(epochs=epochs, seed=seed, loss=LossSettings(noise_sd=noise))

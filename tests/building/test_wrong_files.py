@@ -39,7 +39,7 @@ CASES = {
         r"walls\[1\]\.thickness: '-100 mm' is not a positive length",
     ),
     "zero": ('size = "1 m"', 'size = "0 m"', "mesh.size: '0 m' is not a positive length"),
-    "too great": ('size = "1 m"', 'size = "1e999 m"', "mesh.size: '1e999 m' is not a positive"),
+    "too great": ('size = "1 m"', 'size = "1e999 m"', "mesh.size: '1e999 m' is too large"),
     "mesh too fine": ('size = "1 m"', 'size = "1 mm"', "mesh.size: .*nodes; write a larger size"),
     "list for a length": (
         'size = "1 m"',

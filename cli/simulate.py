@@ -1,0 +1,87 @@
+"""femupdate simulate."""
+
+from pathlib import Path
+
+import click
+
+from .common import Bars, parse_band, parse_numbers, print_json, shared_options
+
+
+@click.command("simulate")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(dir_okay=False, path_type=Path),
+    required=True,
+    help="CSV file to write; its truth goes beside it as .truth.json.",
+)
+@click.option("--building", help="Shipped name or TOML file; default: the study's.")
+@click.option("--theta", callback=parse_numbers, help="Stiffness factors; default: random.")
+@click.option("--zeta", type=click.FloatRange(0.0, 1.0), help="Damping ratio of all modes.")
+@click.option("--mesh-size", type=float, help="m; default: half of the building's own.")
+@click.option("--duration", type=float, default=80.0, show_default=True, help="s")
+@click.option("--sampling", type=float, default=200.0, show_default=True, help="Hz")
+@click.option("--rms", type=float, default=0.3, show_default=True, help="Of the base, m/s2.")
+@click.option("--band", callback=parse_band, default="0.5,50", show_default=True, help="Hz")
+@click.option("--record", type=click.Path(path_type=Path), help="Base motion instead of noise.")
+@click.option("--channel", help="Of the record, where it has several.")
+@click.option("--unit", help="Of the record, where the file does not say it.")
+@click.option("--scale", type=float, default=1.0, show_default=True, help="Factor on the record.")
+@click.option("--sensor-noise", type=float, default=0.003, show_default=True, help="m/s2 rms")
+@shared_options
+def command(
+    output: Path,
+    building: str | None,
+    theta: tuple[float, ...] | None,
+    zeta: float | None,
+    mesh_size: float | None,
+    duration: float,
+    sampling: float,
+    rms: float,
+    band: tuple[float, float],
+    record: Path | None,
+    channel: str | None,
+    unit: str | None,
+    scale: float,
+    sensor_noise: float,
+    study_folder: Path,
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Make a synthetic observation file of a building whose stiffness factors are known.
+
+    The full model, on a finer mesh than the one that calibrations use, is shaken by band-limited
+    white noise (or a record) and seen by single accelerometers with their own noise.
+    """
+    from femupdate.measurement.record import read_record
+    from femupdate.study import Study
+    from femupdate.workflow.model import choose_building
+    from femupdate.workflow.simulate import (
+        SimulationSettings,
+        simulate_observation,
+        write_simulation,
+    )
+
+    chosen = choose_building(Study(study_folder), building)
+    number = int(channel) if channel is not None and channel.isdigit() else channel
+    motion = None if record is None else read_record(record, unit, number).scaled(scale)
+    settings = SimulationSettings(
+        theta=theta,
+        zeta=zeta,
+        mesh_size=mesh_size,
+        base_motion=motion,
+        duration_s=duration,
+        sampling_hz=sampling if motion is None else 1.0 / motion.time_step,
+        rms_m_s2=rms,
+        band_hz=band,
+        sensor_noise_m_s2=sensor_noise,
+        seed=seed,
+    )
+    with Bars() as bars:
+        simulation = simulate_observation(chosen, settings, bars)
+        file, truth = write_simulation(simulation, output)
+    if as_json:
+        print_json({"observation": file, "truth_file": truth, "truth": simulation.truth.as_dict()})
+        return
+    factors = ", ".join(f"{value:.3f}" for value in simulation.truth.theta)
+    click.echo(f"{file}\n{truth}\n  stiffness factors {factors}")

@@ -1,0 +1,1 @@
+"""The shipped example: a synthetic observation, a real ground motion, and scripts."""

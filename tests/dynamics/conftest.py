@@ -1,0 +1,142 @@
+"""Shear chains with matrices of their own, and a small frame building."""
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import pytest
+import torch
+from scipy.linalg import eigh
+
+from femupdate.building.document import from_document
+from femupdate.building.mesh import mesh_building
+from femupdate.dynamics.reduction import reduce_lumped
+from femupdate.fe.assembly import assemble
+
+
+@dataclass(frozen=True)
+class Chain:
+    """A shear chain: masses (n,), kg, and story springs (n,), N/m, at theta = 1."""
+
+    mass: np.ndarray
+    spring: np.ndarray
+
+    def matrices(self, theta):
+        """Textbook M and K: k_i + k_{i+1} on the diagonal, -k_{i+1} beside it."""
+        k = np.append(np.asarray(theta) * self.spring, 0.0)
+        K = np.diag(k[:-1] + k[1:]) - np.diag(k[1:-1], 1) - np.diag(k[1:-1], -1)
+        return np.diag(self.mass), K
+
+    def reduced(self):
+        count = len(self.mass)
+        terms = np.stack([self.matrices(row)[1] for row in np.eye(count)])
+        names = (*(f"{i + 2}F" for i in range(count - 1)), "RF")
+        return reduce_lumped(terms, np.diag(self.mass), names)
+
+    def modal_damping(self, theta, zeta):
+        """C with the same damping ratio in every mode (Clough and Penzien, 1993, section 12-5)."""
+        M, K = self.matrices(theta)
+        squared, modes = eigh(K, M)
+        return M @ modes @ np.diag(2.0 * zeta * np.sqrt(squared)) @ modes.T @ M
+
+    def frf(self, theta, frequency_hz, C):
+        """Absolute acceleration over base acceleration (n, k), one linear solution each."""
+        M, K = self.matrices(theta)
+        columns = []
+        for w in 2.0 * np.pi * np.asarray(frequency_hz):
+            dynamic = K + 1j * w * C - w**2 * M
+            columns.append(1.0 + w**2 * np.linalg.solve(dynamic, M @ np.ones(len(M))))
+        return np.stack(columns, axis=1)
+
+
+@pytest.fixture(scope="session")
+def chain():
+    """Four unequal floors."""
+    return Chain(np.array([3000.0, 2000.0, 1700.0, 900.0]), np.array([9e6, 5e6, 4e6, 1.5e6]))
+
+
+@pytest.fixture(scope="session")
+def tall_chain():
+    """Thirty floors: most modes lie above any grid that is used here."""
+    rng = np.random.default_rng(5)
+    return Chain(1000.0 * rng.uniform(0.5, 1.5, 30), 1e7 * rng.uniform(0.5, 1.5, 30))
+
+
+@pytest.fixture(scope="session")
+def make_chain():
+    return Chain
+
+
+@pytest.fixture(scope="session")
+def thetas():
+    return np.array([[1.0, 1.0, 1.0, 1.0], [0.5, 2.1, 0.8, 1.3], [2.7, 0.4, 1.9, 0.6]])
+
+
+@pytest.fixture(scope="session")
+def tensor():
+    def make(values):
+        return torch.as_tensor(np.asarray(values), dtype=torch.float64)
+
+    return make
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A frame building, meshed and assembled."""
+
+    mesh: object
+    operators: object
+    heights: tuple[float, ...]
+    story_mass: tuple[float, ...]  # of columns, walls, beams and slab of each story, kg
+    column_mass: tuple[float, ...]  # of columns and walls alone
+
+    @property
+    def levels(self):
+        return np.concatenate([[0.0], self.mesh.floor_level])
+
+
+_CONCRETE = {"youngs_modulus": 25e9, "poisson_ratio": 0.2, "density": 2400.0}
+_SECTIONS = {
+    "column": {"shape": "rectangle", "width": 0.4, "depth": 0.6},
+    "beam": {"shape": "rectangle", "width": 0.3, "depth": 0.5},
+}
+
+
+@pytest.fixture(scope="session")
+def small_frame():
+    """Two unequal stories with a wall off the centre: motion couples with torsion."""
+
+    @cache
+    def make(mesh_size):
+        heights, widths, depth = (3.4, 2.9), (5.0, 4.0), 6.0
+        document = {
+            "name": "made",
+            "kind": "frame",
+            "grid": {"x": {"A": 0.0, "B": 5.0, "C": 9.0}, "y": {"P": 0.0, "Q": depth}},
+            "stories": [{"name": f"S{n}", "height": h} for n, h in enumerate(heights, 1)],
+            "materials": {"concrete": _CONCRETE},
+            "sections": _SECTIONS,
+            "columns": [{"section": "column"}],
+            "beams": [{"section": "beam"}],
+            "walls": [{"along": "Q", "from": "A", "to": "B", "thickness": 0.15}],
+            "slabs": [{"x": ["A", "C"], "y": ["P", "Q"], "thickness": 0.15}],
+            "mesh": {"size": mesh_size},
+            "sensors": {"direction": "x", "points": ["A-P", "C-Q"]},
+            "frequency_grid": {"start": 0.2, "step": 0.2, "count": 150},
+            "prior": {"theta": {"lower": 1 / 3, "upper": 3.0}},
+            "damping": {"law": "constant", "ratio": 0.02},
+        }
+        mesh = mesh_building(from_document(document))
+        wall = 0.15 * widths[0]
+        upright = [2400.0 * h * (6 * 0.4 * 0.6 + wall) for h in heights]
+        bars = 2 * sum(widths) + 3 * depth
+        flat = 2400.0 * (bars * 0.3 * 0.5 + sum(widths) * depth * 0.15)
+        return Frame(
+            mesh,
+            assemble(mesh.model),
+            heights,
+            tuple(mass + flat for mass in upright),
+            tuple(upright),
+        )
+
+    return make

@@ -1,0 +1,47 @@
+"""Damping laws against their definitions."""
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from femupdate.dynamics.damping import ConstantDamping, DampingLaw, RayleighDamping
+
+
+@given(
+    low=st.floats(0.05, 5.0), high=st.floats(5.1, 80.0), ratio=st.floats(1e-4, 0.5), swap=st.booleans()
+)
+def test_rayleigh_damping_has_its_ratio_at_both_anchors_and_less_between(low, high, ratio, swap):
+    law = RayleighDamping(ratio, (high, low) if swap else (low, high))
+    omega = 2.0 * torch.pi * torch.tensor([[low, (low * high) ** 0.5, high]], dtype=torch.float64)
+    found = law.ratio(omega, torch.zeros(1))[0]
+    # The minimum, at the geometric mean, is 2 sqrt(r) / (1 + r) of the ratio, r = high / low.
+    least = ratio * 2.0 * np.sqrt(high / low) / (1.0 + high / low)
+    np.testing.assert_allclose(found, [ratio, least, ratio], rtol=1e-12)
+
+
+def test_rayleigh_damping_is_that_of_a0_m_plus_a1_k(chain, tensor):
+    """The diagonal of Phi^T C Phi is 2 zeta omega; off it there is nothing."""
+    law = RayleighDamping(0.03, (1.0, 20.0))
+    M, K = chain.matrices([0.5, 2.1, 0.8, 1.3])
+    squared, modes = torch.linalg.eigh(tensor(np.linalg.inv(M) ** 0.5 @ K @ np.linalg.inv(M) ** 0.5))
+    modes = np.linalg.inv(M) ** 0.5 @ modes.numpy()
+    C = law.mass_coefficient * M + law.stiffness_coefficient * K
+    ratio = law.ratio(squared.sqrt()[None], torch.zeros(1))[0]
+    np.testing.assert_allclose(
+        modes.T @ C @ modes, np.diag(2.0 * ratio * squared.sqrt()), atol=1e-10
+    )
+
+
+def test_constant_damping_gives_every_mode_the_ratio_of_its_sample():
+    omega = torch.rand(3, 5, dtype=torch.float64)
+    zeta = torch.tensor([0.01, 0.02, 0.05], dtype=torch.float64)
+    found = ConstantDamping().ratio(omega, zeta)
+    assert found.shape == omega.shape
+    assert bool((found == zeta[:, None]).all())
+
+
+@pytest.mark.parametrize("law", [ConstantDamping(), RayleighDamping(0.02, (1.0, 20.0))])
+def test_both_are_damping_laws(law):
+    assert isinstance(law, DampingLaw)

@@ -1,0 +1,143 @@
+"""FRFs against direct solutions of the equations of motion."""
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from femupdate.dynamics.damping import ConstantDamping, RayleighDamping
+from femupdate.dynamics.frf import complex_frf, log_frf, log_frf_batches
+from femupdate.dynamics.modal import modal_data
+
+FREQUENCY = np.linspace(0.0, 20.0, 57)
+# Equal masses m and springs theta_i 1000 m, one roof curve for all four (Katafygiotis and Lam 2002,
+# as the four-story benchmark prints them, five digits).
+EQUIVALENT = [
+    [1.0, 1.0, 1.0, 1.0],
+    [1.72206, 0.63637, 1.30144, 0.70116],
+    [2.0, 1.0, 0.5, 1.0],
+    [2.63969, 0.64718, 0.81280, 0.72018],
+]
+
+
+@pytest.mark.parametrize("zeta", [0.0, 0.005, 0.02, 0.3])
+def test_constant_modal_damping_against_a_direct_solution(chain, thetas, tensor, zeta):
+    found = complex_frf(
+        modal_data(chain.reduced(), tensor(thetas)),
+        tensor(FREQUENCY),
+        ConstantDamping(),
+        tensor([zeta] * 3),
+    )
+    for row, theta in enumerate(thetas):
+        expected = chain.frf(theta, FREQUENCY, chain.modal_damping(theta, zeta))
+        # Near a resonance without damping the solution itself loses five digits.
+        np.testing.assert_allclose(found[row], expected, rtol=1e-8, atol=1e-8)
+
+
+def test_rayleigh_damping_against_a_direct_solution(chain, thetas, tensor):
+    law = RayleighDamping(0.02, (1.0, 20.0))
+    low, high = 2.0 * np.pi * 1.0, 2.0 * np.pi * 20.0
+    of_mass, of_stiffness = 0.04 * low * high / (low + high), 0.04 / (low + high)
+    found = complex_frf(
+        modal_data(chain.reduced(), tensor(thetas)), tensor(FREQUENCY), law, tensor([9.9] * 3)
+    )
+    for row, theta in enumerate(thetas):
+        M, K = chain.matrices(theta)
+        expected = chain.frf(theta, FREQUENCY, of_mass * M + of_stiffness * K)
+        np.testing.assert_allclose(found[row], expected, rtol=1e-10, atol=1e-10)
+
+
+def test_every_sample_has_its_own_damping(chain, thetas, tensor):
+    zeta = [0.01, 0.05, 0.002]
+    data = modal_data(chain.reduced(), tensor(thetas))
+    found = log_frf(data, tensor(FREQUENCY), ConstantDamping(), tensor(zeta))
+    for row, theta in enumerate(thetas):
+        expected = chain.frf(theta, FREQUENCY, chain.modal_damping(theta, zeta[row]))
+        np.testing.assert_allclose(found[row], np.log(np.abs(expected)), atol=1e-9)
+
+
+def test_floors_move_with_a_base_that_hardly_moves(chain, thetas, tensor):
+    """|H(0)| = 1: absolute floor acceleration over base acceleration."""
+    data = modal_data(chain.reduced(), tensor(thetas))
+    found = complex_frf(data, tensor([0.0]), ConstantDamping(), tensor([0.02] * 3))
+    assert bool((found == 1.0).all())
+    assert bool((log_frf(data, tensor([0.0]), ConstantDamping(), tensor([0.02] * 3)) == 0).all())
+
+
+def test_response_lags_the_base(chain, thetas, tensor):
+    """exp(+i omega t): at the first resonance H is near -i times a positive number."""
+    data = modal_data(chain.reduced(), tensor(thetas))
+    first = data.omega[:, 0] / (2.0 * np.pi)
+    for row in range(3):
+        found = complex_frf(data[row : row + 1], first[row : row + 1], ConstantDamping(), tensor([0.01]))
+        assert bool((found.imag < -3.0).all())
+        assert bool((found.real.abs() < 1.2).all())  # the base itself, and the other modes
+
+
+def test_the_four_solutions_of_the_benchmark_have_one_roof_curve(make_chain, tensor):
+    equal = make_chain(np.ones(4), np.full(4, 1000.0))
+    frequency = 0.02 * np.arange(1, 1025)
+    data = modal_data(equal.reduced(), tensor(EQUIVALENT))
+    found = log_frf(data, tensor(frequency), RayleighDamping(0.02, (1.0, 20.0)), torch.zeros(4))
+    roof, low = found[:, 3], found[:, 0]
+    # Half a unit of the fifth printed digit, 5e-6 of 2.6, moves the curve by up to 2e-4 near peaks.
+    np.testing.assert_allclose(roof, roof[:1].expand(4, -1), atol=2e-4)
+    # The exact pair agrees to rounding, and the lowest floor tells all four apart.
+    np.testing.assert_allclose(roof[2], roof[0], atol=1e-10)
+    apart = (low[:, None] - low[None]).abs().amax(-1) + 9.0 * torch.eye(4)
+    assert float(apart.min()) > 0.2
+
+
+def test_single_precision_is_enough_for_the_response(tall_chain, tensor):
+    theta = tensor(np.random.default_rng(3).uniform(0.4, 2.5, (6, 30)))
+    frequency, zeta = torch.linspace(0.02, 20.0, 500), torch.full((6,), 0.01)
+    data = modal_data(tall_chain.reduced(), theta, modes=28, top_frequency_hz=20.0)
+    exact = log_frf(data, frequency.double(), ConstantDamping(), zeta.double())
+    found = log_frf(data.to("cpu", torch.float32), frequency, ConstantDamping(), zeta)
+    assert found.dtype == torch.float32
+    # At deep antiresonances the sum of thirty terms cancels to 1e-3 of its largest.
+    assert float((found - exact).abs().max()) < 5e-3
+    assert float((found - exact).square().mean().sqrt()) < 1e-4
+
+
+@pytest.mark.parametrize("batch", [1, 2, 3, 50])
+def test_batches_equal_one_by_one(chain, tensor, batch):
+    theta = tensor(np.random.default_rng(0).uniform(0.4, 2.5, (5, 4)))
+    zeta = tensor(np.linspace(0.01, 0.05, 5))
+    data, law = modal_data(chain.reduced(), theta), ConstantDamping()
+    parts = list(log_frf_batches(data, tensor(FREQUENCY), law, zeta, batch=batch))
+    assert [len(part) for part in parts[:-1]] == [batch] * (len(parts) - 1)
+    joined = torch.cat(parts)
+    for row in range(5):
+        one = log_frf(data[row : row + 1], tensor(FREQUENCY), law, zeta[row : row + 1])
+        np.testing.assert_allclose(joined[row], one[0], atol=1e-12)
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    theta=st.lists(st.floats(0.33, 3.0), min_size=4, max_size=4),
+    scale=st.floats(0.05, 20.0),
+    zeta=st.floats(0.002, 0.2),
+)
+def test_stiffness_and_frequency_scale_together(chain, theta, scale, zeta):
+    """K -> s K is a change of the time's unit: H(f sqrt(s)) of the stiff one is H(f)."""
+    grid = torch.linspace(0.1, 15.0, 40, dtype=torch.float64)
+    values = torch.tensor([theta, [scale * one for one in theta]], dtype=torch.float64)
+    data, law = modal_data(chain.reduced(), values), ConstantDamping()
+    ratio = torch.full((1,), zeta, dtype=torch.float64)
+    soft = log_frf(data[:1], grid, law, ratio)
+    stiff = log_frf(data[1:], grid * scale**0.5, law, ratio)
+    torch.testing.assert_close(soft, stiff, rtol=0.0, atol=1e-8)
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")
+def test_a_gpu_gives_the_same(tall_chain, tensor):
+    theta = tensor(np.random.default_rng(3).uniform(0.4, 2.5, (6, 30)))
+    frequency, zeta = tensor(FREQUENCY[1:]), tensor([0.02] * 6)
+    here = log_frf(modal_data(tall_chain.reduced(), theta), frequency, ConstantDamping(), zeta)
+    solved = modal_data(tall_chain.reduced(), theta, device="cuda")
+    assert solved.omega.device.type == "cpu"
+    there = log_frf(solved.to("cuda"), frequency, ConstantDamping(), zeta).cpu()
+    # Another eigenvalue solver, in double precision as well.
+    torch.testing.assert_close(there, here, rtol=0.0, atol=1e-8)

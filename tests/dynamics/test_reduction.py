@@ -1,0 +1,305 @@
+"""Reduced models against the full ones, and shear buildings against hand calculation."""
+
+import numpy as np
+import pytest
+import torch
+from scipy.linalg import eigh
+from scipy.sparse import csc_matrix
+
+from femupdate.dynamics import reduction
+from femupdate.dynamics.damping import ConstantDamping, RayleighDamping
+from femupdate.dynamics.frf import complex_frf, log_frf
+from femupdate.dynamics.full_response import floor_sensors, full_modes
+from femupdate.dynamics.modal import modal_data
+from femupdate.dynamics.reduction import ReductionTarget, reduce_lumped, reduce_operators
+from femupdate.errors import ModelError
+from femupdate.fe.assembly import assemble
+from femupdate.fe.frequency_response import harmonic_displacement
+from femupdate.fe.model import Beams, FiniteElementModel, PointMasses
+from femupdate.fe.solve import static_displacement
+
+GRID = 0.2 * np.arange(1, 151)
+UNSEEN = np.array([[0.41, 2.3], [2.7, 0.9], [1.0, 1.0]])
+
+
+def target(tolerance=0.02, zeta=0.01, samples=16, seed=0, stories=2):
+    return ReductionTarget(
+        np.full(stories, 1 / 3), np.full(stories, 3.0), GRID, zeta, tolerance, samples, seed
+    )
+
+
+def reduce(frame, aim, progress=None):
+    mesh = frame.mesh
+    return reduce_operators(
+        frame.operators, mesh.floor_nodes, frame.levels, mesh.direction, aim, progress
+    )
+
+
+@pytest.fixture(scope="module")
+def frame(small_frame):
+    return small_frame(2.0)
+
+
+@pytest.fixture(scope="module")
+def reduced(frame):
+    return reduce(frame, target())
+
+
+def mean_rows(frame):
+    """(f, n_free) mean displacement of each floor's sensors along x, written out."""
+    rows = np.zeros((2, frame.operators.dof))
+    for row, nodes in zip(rows, frame.mesh.floor_nodes.values(), strict=True):
+        assert len(nodes) == 2
+        row[6 * nodes[0]] = row[6 * nodes[1]] = 0.5
+    return rows[:, frame.operators.free]
+
+
+def dense(frame, theta):
+    operators = frame.operators
+    return operators.stiffness(theta).toarray(), operators.mass.toarray()
+
+
+def full_log_frf(frame, theta, zeta):
+    """ln|H| (f, k) from all modes of the full model, by a dense solver."""
+    K, M = dense(frame, theta)
+    squared, modes = eigh(K, M)
+    omega, w = np.sqrt(squared)[:, None], 2.0 * np.pi * GRID
+    participation = modes.T @ frame.operators.inertia(0)
+    response = participation[:, None] / (omega**2 - w**2 + 2j * zeta * omega * w)
+    return np.log(np.abs(1.0 + w**2 * (mean_rows(frame) @ modes @ response)))
+
+
+def reduced_log_frf(model, theta, zeta):
+    data = modal_data(model, torch.as_tensor(theta)[None])
+    zetas = torch.full((1,), zeta, dtype=torch.float64)
+    return log_frf(data, torch.from_numpy(GRID), ConstantDamping(), zetas)[0].numpy()
+
+
+@pytest.mark.parametrize("zeta", [0.01, 0.02, 0.05])
+@pytest.mark.parametrize("theta", UNSEEN, ids=str)
+def test_reduced_responses_follow_the_full_model(frame, reduced, theta, zeta):
+    error = reduced_log_frf(reduced.model, theta, zeta) - full_log_frf(frame, theta, zeta)
+    assert np.sqrt((error**2).mean()) <= 0.02
+
+
+def test_the_error_reported_is_that_of_the_checks(frame, reduced):
+    """The reference of the reduction itself, modes below a frequency and a static correction."""
+    rng = np.random.default_rng(1)  # seed + 1: the checks are drawn by another generator
+    unseen = 1 / 3 + (3.0 - 1 / 3) * rng.random((6, 2))
+    errors = [
+        reduced_log_frf(reduced.model, theta, 0.01) - full_log_frf(frame, theta, 0.01)
+        for theta in unseen
+    ]
+    assert reduced.checks == 6
+    # Modes above twice the top are replaced by their static response in the reference.
+    assert reduced.rms_error == pytest.approx(np.sqrt(np.mean(np.square(errors))), rel=0.2)
+    assert reduced.rms_error <= 0.02
+    assert reduced.largest_error == pytest.approx(np.abs(errors).max(), rel=0.2)
+
+
+@pytest.mark.parametrize("theta", UNSEEN[:2], ids=str)
+def test_direct_solution_with_modal_damping(frame, reduced, theta):
+    zeta = 0.02
+    K, M = dense(frame, theta)
+    squared, modes = eigh(K, M)
+    C = csc_matrix(M @ modes @ np.diag(2.0 * zeta * np.sqrt(squared)) @ modes.T @ M)
+    compare_with_direct(frame, reduced.model, theta, C, ConstantDamping(), zeta)
+
+
+@pytest.mark.parametrize("theta", UNSEEN[:2], ids=str)
+def test_direct_solution_with_rayleigh_damping(frame, reduced, theta):
+    law = RayleighDamping(0.03, (3.0, 25.0))
+    K, M = dense(frame, theta)
+    low, high = 6.0 * np.pi, 50.0 * np.pi
+    C = csc_matrix(0.06 * low * high / (low + high) * M + 0.06 / (low + high) * K)
+    compare_with_direct(frame, reduced.model, theta, C, law, 0.0)
+
+
+def compare_with_direct(frame, model, theta, C, law, zeta):
+    frequency = np.array([0.7, 4.3, 9.1, 17.7])
+    load = frame.operators.expand(frame.operators.inertia(0))
+    u = harmonic_displacement(frame.operators, theta, frequency, load, C)[:, frame.operators.free]
+    expected = 1.0 + (2.0 * np.pi * frequency) ** 2 * (mean_rows(frame) @ u.T)
+    data = modal_data(model, torch.from_numpy(theta)[None])
+    zetas = torch.full((1,), zeta, dtype=torch.float64)
+    found = complex_frf(data, torch.from_numpy(frequency), law, zetas)[0].numpy()
+    # The tolerance of the reduction, at single frequencies up to a few times its rms.
+    np.testing.assert_allclose(found, expected, rtol=0.05)
+
+
+def test_reduced_frequencies_bound_the_full_ones_from_above(frame, reduced):
+    """Rayleigh and Ritz: true of any subspace and any theta, if K is projected as M is."""
+    for theta in [np.array([40.0, 0.02]), *UNSEEN]:
+        full = eigh(*dense(frame, theta), eigvals_only=True)[: reduced.model.size]
+        small = np.linalg.eigvalsh(reduced.model.stiffness(theta))
+        assert (small >= full * (1.0 - 1e-9)).all()
+    np.testing.assert_allclose(small[:3], full[:3], rtol=1e-3)  # inside the prior they are close
+
+
+def test_the_stiffness_is_affine_in_theta(frame, reduced, monkeypatch):
+    """V^T K(theta) V for any theta, inside the prior or not, and V^T M V = I."""
+    kept = []
+    project = reduction._project
+
+    def spy(operators, basis, *others):
+        kept.append(basis)
+        return project(operators, basis, *others)
+
+    monkeypatch.setattr(reduction, "_project", spy)
+    again = reduce(frame, target())
+    V = kept[-1]
+    np.testing.assert_allclose(V.T @ (frame.operators.mass @ V), np.eye(V.shape[1]), atol=1e-11)
+    for theta in ([0.4, 2.0], [7.0, 0.0], [0.0, 0.0]):
+        expected = V.T @ (frame.operators.stiffness(np.array(theta)) @ V)
+        found = again.model.stiffness(np.array(theta))
+        np.testing.assert_allclose(found, expected, atol=1e-12 * np.abs(expected).max() + 1e-9)
+        np.testing.assert_array_equal(found, found.T)
+    np.testing.assert_allclose(again.model.excitation, V.T @ frame.operators.inertia(0), atol=1e-9)
+    full = frame.operators.expand(V).reshape(-1, 6, V.shape[1])
+    np.testing.assert_allclose(again.model.node_shapes, full[:, :3], rtol=1e-5, atol=1e-7)
+
+
+def test_a_seed_gives_one_model_and_another_seed_another(frame, reduced):
+    again = reduce(frame, target())
+    for name in ("stiffness_terms", "excitation", "floor_shapes", "story_inertia"):
+        assert np.array_equal(getattr(again.model, name), getattr(reduced.model, name)), name
+    other = reduce(frame, target(seed=3))
+    assert not np.array_equal(other.model.stiffness_terms, reduced.model.stiffness_terms)
+    assert other.rms_error <= 0.02
+
+
+@pytest.mark.parametrize("samples", [1, 3, 5])
+def test_any_number_of_samples_will_do(frame, samples):
+    told = []
+    result = reduce(frame, target(tolerance=1.0, samples=samples), lambda *done: told.append(done))
+    assert result.rms_error <= 1.0
+    assert told[-1] == (samples + 6, samples + 6)
+
+
+@pytest.mark.parametrize("mesh_size", [1.5, 2.0, 4.0])
+def test_mass_and_inertia_above_each_story(small_frame, mesh_size):
+    """What the drawings say of the floors, the story above and half of the story itself."""
+    frame = small_frame(mesh_size)
+    model = reduce(frame, target(tolerance=0.1, samples=4)).model
+    upper = frame.story_mass[1] - 0.5 * frame.column_mass[1]
+    whole = sum(frame.story_mass) - 0.5 * frame.column_mass[0]
+    # The frame has as many elements above the middle of a story as below it, or one across.
+    np.testing.assert_allclose(model.story_mass, [whole, upper], rtol=1e-10)
+    assert model.story_mass[0] > model.story_mass[1] > 0.0
+
+
+def test_drift_and_inertia_of_the_stories(frame, reduced):
+    """Drifts under a steady acceleration of the base, and the inertia of a rigid translation."""
+    theta = np.array([0.6, 1.9])
+    q = np.linalg.solve(reduced.model.stiffness(theta), -reduced.model.excitation)
+    load = frame.operators.expand(frame.operators.inertia(0))
+    u = -static_displacement(frame.operators, theta, load)
+    drift = np.diff([0.0, *(mean_rows(frame) @ u[frame.operators.free])])
+    np.testing.assert_allclose(reduced.model.story_drift @ q, drift, rtol=0.02)
+    # The inertia of a rigid motion of all that is free is the mass itself.
+    rigid = reduced.model.excitation  # V^T M 1, the coordinates of a rigid translation
+    held = reduced.model.story_inertia @ rigid
+    np.testing.assert_allclose(held, reduced.model.story_mass, rtol=0.02)
+
+
+def test_a_tolerance_that_cannot_be_met(frame):
+    with pytest.raises(ModelError, match=r"still differs .* raise reduction\.tolerance"):
+        reduce(frame, target(tolerance=1e-9, samples=1))
+
+
+def stick():
+    """A massless cantilever with three point masses: most degrees of freedom carry none."""
+    count = 3
+    nodes = np.column_stack([np.zeros(4), np.zeros(4), [0.0, 3.0, 5.5, 8.5]])
+    fixed = np.zeros((4, 6), dtype=bool)
+    fixed[0] = True
+    ones = np.ones(count)
+    beams = Beams(
+        nodes=np.array([[0, 1], [1, 2], [2, 3]]),
+        area=0.3 * ones,
+        shear_area_y=np.inf * ones,
+        shear_area_z=np.inf * ones,
+        inertia_y=0.02 * ones,
+        inertia_z=0.03 * ones,
+        torsion_constant=0.01 * ones,
+        youngs_modulus=25e9 * ones,
+        poisson_ratio=0.2 * ones,
+        density=0.0 * ones,
+        up=np.tile([1.0, 0.0, 0.0], (count, 1)),
+        group=np.arange(count),
+    )
+    masses = PointMasses(np.array([1, 2, 3]), np.array([9e4, 5e4, 7e4]), np.zeros((3, 3)))
+    return FiniteElementModel(nodes=nodes, fixed=fixed, groups=3, beams=beams, masses=masses)
+
+
+def test_modes_of_a_stick_whose_rotations_carry_no_mass():
+    """Nine of eighteen degrees of freedom carry mass: no more modes are asked for than there are."""
+    operators = assemble(stick())
+    theta = np.array([0.5, 2.2, 1.1])
+    levels = np.array([3.0, 5.5, 8.5])
+    nodes = {"2F": np.array([1]), "3F": np.array([2]), "RF": np.array([3])}
+    found = full_modes(operators, floor_sensors(operators, nodes, 0), theta, 1e4)
+    assert len(found.felt.omega) < 9
+    # Bending along x, condensed by hand: deflections of the cantilever under unit loads.
+    flexibility = cantilever_flexibility(levels, 25e9 * 0.02 * theta)
+    mass = np.array([9e4, 5e4, 7e4])
+    squared = eigh(np.linalg.inv(flexibility), np.diag(mass), eigvals_only=True)
+    felt = np.abs(found.felt.effect).max(axis=0) > 1e-6
+    np.testing.assert_allclose(found.felt.omega[felt], np.sqrt(squared[: felt.sum()]), rtol=1e-6)
+    assert felt.sum() >= 2
+    held = found.felt.effect @ found.felt.omega**-2.0 + found.felt.missed
+    np.testing.assert_allclose(held, flexibility @ mass, rtol=1e-6)
+
+
+def cantilever_flexibility(levels, bending):
+    """Deflection at i under a unit load at j: the integral of both moments over E I."""
+    edges = np.concatenate([[0.0], levels])
+    z = np.concatenate([np.linspace(*pair, 2001) for pair in zip(edges, levels, strict=False)])
+    stiffness = np.repeat(bending, 2001)
+    arms = np.clip(levels[:, None] - z, 0.0, None)
+    return np.array([[np.trapezoid(a * b / stiffness, z) for a in arms] for b in arms])
+
+
+def test_lumped_building_by_hand():
+    """Three floors of 4, 3 and 2 kg on springs of 50, 30 and 20 N/m at theta = 1."""
+    terms = np.zeros((3, 3, 3))
+    terms[0, 0, 0] = 50.0
+    terms[1, :2, :2] = [[30.0, -30.0], [-30.0, 30.0]]
+    terms[2, 1:, 1:] = [[20.0, -20.0], [-20.0, 20.0]]
+    model = reduce_lumped(terms, np.diag([4.0, 3.0, 2.0]), ("2F", "3F", "RF"))
+    u = np.array([0.1, 0.4, -0.3])
+    q = np.sqrt([4.0, 3.0, 2.0]) * u
+    np.testing.assert_allclose(model.floor_shapes @ q, u)
+    np.testing.assert_allclose(model.story_drift @ q, [0.1, 0.3, -0.7])
+    np.testing.assert_allclose(model.story_mass, [9.0, 5.0, 2.0])
+    # Force of inertia of all above, with u as acceleration: 4 * .1 + 3 * .4 - 2 * .3, and so on.
+    np.testing.assert_allclose(model.story_inertia @ q, [1.0, 0.6, -0.6])
+    np.testing.assert_allclose(model.excitation @ q, 1.0)
+    theta = np.array([2.0, 0.5, 3.0])
+    energy = 100.0 * 0.1**2 + 15.0 * 0.3**2 + 60.0 * 0.7**2
+    assert q @ model.stiffness(theta) @ q == pytest.approx(energy, rel=1e-12)
+    assert (model.size, model.parameters) == (3, 3)
+
+
+def test_stiffness_takes_many_theta_at_once(chain, thetas):
+    model = chain.reduced()
+    many = model.stiffness(thetas.reshape(3, 1, 4))
+    assert many.shape == (3, 1, 4, 4)
+    np.testing.assert_allclose(many[1, 0], model.stiffness(thetas[1]), rtol=1e-14)
+
+
+def test_modes_of_the_full_model_are_found_up_to_a_frequency(frame):
+    """However many there are, and the static response makes up for the rest."""
+    theta = np.array([0.4, 2.0])
+    squared, shapes = eigh(*dense(frame, theta))
+    sensors = floor_sensors(frame.operators, frame.mesh.floor_nodes, 0)
+    np.testing.assert_allclose(sensors.rows, mean_rows(frame))
+    for top in (5.0, 150.0, 400.0):
+        found = full_modes(frame.operators, sensors, theta, top)
+        below = np.sqrt(squared) < 2.0 * np.pi * top
+        count = len(found.felt.omega)
+        assert count >= below.sum()
+        np.testing.assert_allclose(found.felt.omega, np.sqrt(squared[:count]), rtol=1e-6)
+        effect = (mean_rows(frame) @ shapes) * (shapes.T @ frame.operators.inertia(0))
+        rest = effect[:, count:] @ (1.0 / squared[count:])
+        np.testing.assert_allclose(found.felt.missed, rest, atol=1e-8 * np.abs(found.static).max())

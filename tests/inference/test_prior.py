@@ -1,0 +1,81 @@
+"""The box and its maps."""
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import kstest, norm, uniform
+
+lower = st.floats(-50.0, 50.0)
+width = st.floats(1e-3, 100.0)
+share = st.floats(1e-6, 1.0 - 1e-6)
+
+
+@given(low=lower, size=width, unit=share)
+def test_maps_are_inverse_of_one_another(box, low, size, unit):
+    prior = box([low, 0.33], [low + size, 3.0])
+    point = torch.tensor([[unit, 1.0 - unit]], dtype=torch.float64)
+    theta = prior.from_unit(point)
+    # A narrow box far from zero loses digits of the share, not of theta.
+    slack = 1e-14 * (1.0 + abs(low) / size)
+    np.testing.assert_allclose(prior.to_unit(theta), point, atol=slack)
+    np.testing.assert_allclose(prior.from_unit(prior.to_unit(theta)), theta, rtol=1e-12)
+    # The inverse of the normal distribution is right to ten digits of the share.
+    back = (prior.from_normal(prior.to_normal(theta)) - theta) / (prior.upper - prior.lower)
+    np.testing.assert_allclose(back, 0.0, atol=1e-10 + slack)
+
+
+@given(xi=st.floats(-8.0, 5.0))
+def test_standard_normal_coordinates_are_those_of_scipy(box, xi):
+    """Above +5 the share is 1 less 3e-7: theta itself has no digits left for xi."""
+    prior = box([0.33], [3.0])
+    theta = prior.from_normal(torch.tensor([[xi]], dtype=torch.float64))
+    assert float(theta) == pytest.approx(0.33 + 2.67 * norm.cdf(xi), rel=1e-12)
+    share = torch.tensor([[norm.cdf(xi)]], dtype=torch.float64)
+    unit = box([0.0], [1.0])
+    assert float(unit.to_normal(unit.from_unit(share))) == pytest.approx(xi, abs=1e-8)
+
+
+@given(xi=st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=2))
+def test_every_point_of_the_normal_space_is_inside_the_box(box, xi):
+    prior = box([-2.0, 0.1], [5.0, 0.2])
+    theta = prior.from_normal(torch.tensor([xi], dtype=torch.float64))
+    assert bool(((theta >= prior.lower) & (theta <= prior.upper)).all())
+
+
+def test_bounds_go_to_infinity_and_back(box):
+    prior = box([-2.0, 0.1], [5.0, 0.2])
+    ends = torch.stack([prior.lower, prior.upper])
+    xi = prior.to_normal(ends)
+    assert xi.tolist() == [[-torch.inf, -torch.inf], [torch.inf, torch.inf]]
+    np.testing.assert_allclose(prior.from_normal(xi), ends, rtol=1e-15)
+
+
+def test_density_of_normal_coordinates(box):
+    prior = box([0.0] * 3, [1.0, 2.0, 3.0])
+    xi = torch.randn(7, 3, dtype=torch.float64)
+    constant = 3 * norm.logpdf(0.0)
+    expected = norm.logpdf(xi.numpy()).sum(1) - constant
+    np.testing.assert_allclose(prior.log_density_normal(xi), expected, rtol=1e-12)
+
+
+def test_samples_are_uniform_and_repeat_with_the_seed(box):
+    prior = box([-2.0, 0.33], [5.0, 3.0])
+    draws = prior.sample(4000, torch.Generator().manual_seed(3))
+    again = prior.sample(4000, torch.Generator().manual_seed(3))
+    assert torch.equal(draws, again)
+    assert draws.dtype == torch.float64
+    for column, low, size in ((0, -2.0, 7.0), (1, 0.33, 2.67)):
+        assert kstest(draws[:, column].numpy(), uniform(low, size).cdf).pvalue > 0.01
+    assert abs(np.corrcoef(draws.numpy().T)[0, 1]) < 0.05
+
+
+def test_a_box_upside_down_is_refused(box):
+    with pytest.raises(ValueError, match="upper bound"):
+        box([1.0, 0.0], [2.0, 0.0])
+
+
+def test_as_many_names_as_bounds(box):
+    assert box([0.0] * 3, [1.0] * 3).size == 3
+    assert box([0.0], [1.0]).to("cpu").names == ("theta_1",)

@@ -1,0 +1,329 @@
+"""The sampler against posteriors and evidences in closed form, none of them symmetric."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+import torch
+from scipy.stats import kstest, norm
+
+from femupdate.errors import InferenceError
+from femupdate.inference.smc import SmcSettings, TemperedSmc
+
+WALK = SmcSettings(independence_moves=0, walk_scale=0.5, moves=15)
+MIXTURE = SmcSettings(independence_moves=10)
+PROBLEM = (
+    np.array([[1.0, 0.4, 0.0], [-0.3, 2.0, 0.7], [0.0, 0.5, 1.5], [0.2, -1.0, 0.6]]),
+    np.array([1.3, -0.8, 2.1, 0.4]),
+    0.3,
+)
+
+
+def same(one, other):
+    for field in fields(one):
+        a, b = getattr(one, field.name), getattr(other, field.name)
+        equal = torch.equal(a, b) if isinstance(a, torch.Tensor) else a == b or a != a
+        assert equal, field.name
+
+
+@pytest.mark.parametrize("settings", [SmcSettings(), WALK, MIXTURE], ids=["both", "walk", "mixture"])
+def test_linear_gaussian_posterior_and_evidence(box, linear_gaussian, settings):
+    prior, exact = box([0.3, -5.0, 10.0], [3.0, 2.0, 11.0]), linear_gaussian(*PROBLEM)
+    result = TemperedSmc(prior, exact.on(prior), settings=settings).run(2000, 1)
+    xi = prior.to_normal(result.theta).numpy()
+    sd = np.sqrt(np.diag(exact.covariance))
+    # Standard errors of 2000 draws: .022 sd, 1.6 % of a variance; particles are not quite
+    # independent (over twenty seeds the spread is up to half as large again).
+    np.testing.assert_allclose((xi.mean(0) - exact.mean) / sd, 0.0, atol=0.12)
+    ratio = np.linalg.solve(exact.covariance, np.cov(xi.T))
+    np.testing.assert_allclose(ratio, np.eye(3), atol=0.25)
+    # Standard deviation over seeds .05 to .08.
+    assert result.log_evidence == pytest.approx(exact.log_evidence, abs=0.3)
+    assert result.invalid == 0
+    moves = settings.moves
+    assert result.evaluations == 2000 * (1 + moves * len(result.levels))
+    np.testing.assert_allclose(
+        result.log_likelihood, exact.on(prior)(result.theta), rtol=1e-9, atol=1e-9
+    )
+
+
+@pytest.mark.parametrize("rate", [30.0, 2.0, -9.0])
+@pytest.mark.parametrize("settings", [SmcSettings(), WALK], ids=["both", "walk"])
+def test_one_dimension_with_a_likelihood_that_leans(box, rate, settings):
+    """exp(-rate u) on the unit interval: evidence (1 - exp(-rate)) / rate."""
+    prior = box([2.0], [6.0])
+    result = TemperedSmc(
+        prior, lambda theta: -rate * (theta[:, 0] - 2.0) / 4.0, settings=settings
+    ).run(1500, 3)
+    u = (result.theta[:, 0].numpy() - 2.0) / 4.0
+    assert result.log_evidence == pytest.approx(np.log(-np.expm1(-rate) / rate), abs=0.15)
+    found = kstest(u, lambda x: np.expm1(-rate * x) / np.expm1(-rate))
+    assert found.statistic < 2.0 / 1500**0.5  # p = .0007 for independent draws
+
+
+def test_half_space_of_a_box(box):
+    """1 where theta_1 + 2 theta_2 < 1.5, else impossible: the evidence is an area."""
+    prior = box([0.0, 0.0], [1.0, 3.0])
+
+    def inside(theta):
+        return torch.where(theta[:, 0] + 2.0 * theta[:, 1] < 1.5, 0.0, -torch.inf)
+
+    result = TemperedSmc(prior, inside).run(3000, 5)
+    area = (0.75 + 0.25) / 2.0
+    # Binomial: sd of ln is ((1 - p) / (p n))^.5 = .041; the moves add nothing.
+    assert result.log_evidence == pytest.approx(np.log(area / 3.0), abs=4 * 0.041)
+    assert bool((inside(result.theta) == 0.0).all())
+    assert result.theta[:, 0].mean() == pytest.approx(5.0 / 12.0, abs=0.04)
+    assert result.theta[:, 1].mean() == pytest.approx((1.5**3 - 0.5**3) / 24.0 / 0.5, abs=0.03)
+    assert result.invalid > 1000
+
+
+def test_a_slope_cut_by_a_half_space(box):
+    """exp(-5 theta_1 - 2 theta_2) above the diagonal of the unit square."""
+    prior = box([0.0, 0.0], [1.0, 1.0])
+
+    def log_likelihood(theta):
+        slope = -5.0 * theta[:, 0] - 2.0 * theta[:, 1]
+        return torch.where(theta[:, 1] > theta[:, 0], slope, -torch.inf)
+
+    # The integral over x of exp(-5 x) (exp(-2 x) - exp(-2)) / 2.
+    exact = 0.5 * (-np.expm1(-7.0) / 7.0 + np.exp(-2.0) * np.expm1(-5.0) / 5.0)
+    result = TemperedSmc(prior, log_likelihood).run(3000, 2)
+    assert result.log_evidence == pytest.approx(np.log(exact), abs=0.15)
+
+
+@pytest.mark.parametrize("wrong", [torch.nan, torch.inf, -torch.inf])
+def test_points_without_a_number_are_counted_and_never_rewarded(box, wrong):
+    prior = box([0.0, 0.0], [1.0, 1.0])
+
+    def log_likelihood(theta):
+        value = -3.0 * theta[:, 0]
+        return torch.where(theta[:, 0] + theta[:, 1] > 0.8, wrong, value)
+
+    result = TemperedSmc(prior, log_likelihood).run(2000, 0)
+    assert bool((result.theta.sum(1) <= 0.8).all())
+    assert bool(torch.isfinite(result.log_likelihood).all())
+    assert 0 < result.invalid < result.evaluations
+    # The integral of exp(-3 x) (.8 - x) over x from 0 to .8.
+    exact = 0.8 / 3.0 + np.expm1(-2.4) / 9.0
+    assert result.log_evidence == pytest.approx(np.log(exact), abs=0.2)
+
+
+def test_invalid_points_are_counted_one_by_one(box):
+    prior = box([0.0], [1.0])
+    seen = []
+
+    def log_likelihood(theta):
+        value = torch.where(theta[:, 0] > 0.5, torch.nan, 0.0 * theta[:, 0])
+        seen.append(int(torch.isnan(value).sum()))
+        return value
+
+    result = TemperedSmc(prior, log_likelihood).run(500, 0)
+    assert result.invalid == sum(seen)
+
+
+@pytest.mark.parametrize("value", [-torch.inf, torch.nan, torch.inf])
+def test_a_likelihood_that_is_nowhere_finite(box, value):
+    sampler = TemperedSmc(box([0.0], [1.0]), lambda theta: torch.full((len(theta),), value))
+    with pytest.raises(InferenceError, match="none of the 100 .* has a finite likelihood"):
+        sampler.run(100, 0)
+
+
+def test_a_base_that_excludes_all_that_the_target_admits(box):
+    prior = box([0.0], [1.0])
+    sampler = TemperedSmc(
+        prior,
+        lambda theta: torch.where(theta[:, 0] < 0.5, 0.0, -torch.inf),
+        base=lambda theta: torch.where(theta[:, 0] > 0.5, 0.0, -torch.inf),
+    )
+    with pytest.raises(InferenceError, match="finite likelihood"):
+        sampler.run(100, 0)
+
+
+def test_one_point_that_is_possible_is_enough(box):
+    """A few finite particles of a thousand: the sampler recovers from them."""
+    prior = box([0.0], [1.0])
+
+    def log_likelihood(theta):
+        return torch.where(theta[:, 0] < 5e-3, -1e4 * theta[:, 0], -torch.inf)
+
+    result = TemperedSmc(prior, log_likelihood).run(1000, 3)
+    assert bool((result.theta < 5e-3).all())
+    u = result.theta[:, 0].numpy() * 1e4
+    assert u.mean() == pytest.approx(1.0, abs=0.2)
+    assert result.log_evidence == pytest.approx(np.log(1e-4), abs=1.5)  # five or so of a thousand
+
+
+def test_bridge_from_one_posterior_to_another(box, linear_gaussian):
+    prior = box([0.3, -5.0, 10.0], [3.0, 2.0, 11.0])
+    A, y, s = PROBLEM
+    base, target = linear_gaussian(A, y + [0.3, -0.2, 0.1, 0.4], 3.0 * s), linear_gaussian(*PROBLEM)
+    start = base.draws(prior, 2000, seed=9)
+    sampler = TemperedSmc(prior, target.on(prior), base=base.on(prior))
+    result = sampler.run(2000, 4, start=start)
+    ratio = target.log_evidence - base.log_evidence
+    assert result.log_evidence == pytest.approx(ratio, abs=0.25)
+    xi = prior.to_normal(result.theta).numpy()
+    sd = np.sqrt(np.diag(target.covariance))
+    np.testing.assert_allclose((xi.mean(0) - target.mean) / sd, 0.0, atol=0.12)
+    np.testing.assert_allclose(
+        np.linalg.solve(target.covariance, np.cov(xi.T)), np.eye(3), atol=0.25
+    )
+    assert len(result.levels) < len(TemperedSmc(prior, target.on(prior)).run(300, 0).levels)
+
+
+def test_a_bridge_to_the_base_itself_changes_nothing(box, linear_gaussian):
+    prior, exact = box([0.3, -5.0, 10.0], [3.0, 2.0, 11.0]), linear_gaussian(*PROBLEM)
+    log_likelihood = exact.on(prior)
+    result = TemperedSmc(prior, log_likelihood, base=log_likelihood).run(
+        500, 0, start=exact.draws(prior, 500, seed=1)
+    )
+    assert len(result.levels) == 1
+    assert result.log_evidence == 0.0
+
+
+def test_draws_to_start_from_may_lie_on_the_very_bounds(box):
+    prior = box([0.1, -1.0], [0.7, 2.0])
+    start = prior.sample(200, torch.Generator().manual_seed(0))
+    start[0], start[1] = prior.lower, prior.upper
+    start[2, 0] = prior.upper[0] * (1.0 + 1e-15)
+    result = TemperedSmc(prior, lambda theta: -theta.sum(1)).run(200, 0, start=start)
+    assert bool(torch.isfinite(result.theta).all())
+
+
+def test_draws_to_start_from_outside_the_box_are_refused(box):
+    prior = box([0.1, -1.0], [0.7, 2.0])
+    start = prior.sample(200, torch.Generator().manual_seed(0))
+    start[3, 1] = 2.5
+    with pytest.raises(InferenceError, match="leave the box"):
+        TemperedSmc(prior, lambda theta: -theta.sum(1)).run(200, 0, start=start)
+
+
+def test_particles_that_are_all_the_same_move_apart(box, linear_gaussian):
+    """A degenerate covariance: a start of copies of one point, or on a line."""
+    prior, exact = box([0.0] * 3, [1.0] * 3), linear_gaussian(*PROBLEM)
+    sampler = TemperedSmc(prior, exact.on(prior))
+    point = torch.full((200, 3), 0.7, dtype=torch.float64)
+    line = torch.linspace(0.1, 0.9, 200, dtype=torch.float64)[:, None].expand(200, 3)
+    for start in (point, line):
+        result = sampler.run(200, 0, start=start)
+        assert bool(torch.isfinite(result.theta).all())
+        assert len(torch.unique(result.theta, dim=0)) > 50
+
+
+@pytest.mark.parametrize("settings", [SmcSettings(), WALK], ids=["both", "walk"])
+@pytest.mark.parametrize("stop", [1, 3])
+def test_a_run_that_was_stopped_goes_on_bit_for_bit(box, linear_gaussian, settings, stop):
+    prior, exact = box([0.3, -5.0, 10.0], [3.0, 2.0, 11.0]), linear_gaussian(*PROBLEM)
+    whole = TemperedSmc(prior, exact.on(prior), settings=settings).run(300, 7)
+    first = TemperedSmc(prior, exact.on(prior), settings=settings)
+    state = first.init(300, 7)
+    for _ in range(stop):
+        state = first.step(state)
+    kept = {f.name: getattr(state, f.name) for f in fields(state)}
+    copied = {k: v.clone() if isinstance(v, torch.Tensor) else v for k, v in kept.items()}
+    torch.manual_seed(99)  # whatever else happens meanwhile
+    state = type(state)(**copied)
+    again = TemperedSmc(prior, exact.on(prior), settings=settings)
+    while not state.done:
+        state = again.step(state)
+    assert torch.equal(prior.from_normal(state.xi), whole.theta)
+    assert torch.equal(state.target, whole.log_likelihood)
+    assert state.log_evidence == whole.log_evidence
+    assert (state.evaluations, state.invalid) == (whole.evaluations, whole.invalid)
+    for one, other in zip(state.levels, whole.levels, strict=True):
+        same(one, other)
+
+
+def test_a_step_leaves_its_state_as_it_was(box, linear_gaussian):
+    prior, exact = box([0.0] * 3, [1.0] * 3), linear_gaussian(*PROBLEM)
+    sampler = TemperedSmc(prior, exact.on(prior))
+    state = sampler.init(200, 0)
+    before = replace(state, xi=state.xi.clone(), target=state.target.clone())
+    one, other = sampler.step(state), sampler.step(state)
+    same(one, other)
+    same(state, before)
+
+
+def test_a_seed_gives_one_answer_and_leaves_the_global_generator_alone(box, linear_gaussian):
+    prior, exact = box([0.0] * 3, [1.0] * 3), linear_gaussian(*PROBLEM)
+    sampler = TemperedSmc(prior, exact.on(prior))
+    torch.manual_seed(5)
+    before = torch.random.get_rng_state()
+    one = sampler.run(300, 11)
+    assert torch.equal(torch.random.get_rng_state(), before)
+    torch.manual_seed(6)
+    assert torch.equal(sampler.run(300, 11).theta, one.theta)
+    assert not torch.equal(sampler.run(300, 12).theta, one.theta)
+
+
+def test_levels_tell_what_happened(box, linear_gaussian):
+    prior, exact = box([0.0] * 3, [1.0] * 3), linear_gaussian(*PROBLEM)
+    seen = []
+    result = TemperedSmc(prior, exact.on(prior)).run(400, 0, progress=seen.append)
+    assert [state.levels[-1] for state in seen] == list(result.levels)
+    betas = [level.beta for level in result.levels]
+    assert betas == sorted(set(betas))
+    assert betas[-1] == 1.0
+    for level in result.levels:
+        assert level.ess >= 0.8 * 400 * (1.0 - 1e-9)
+        assert 0.0 < level.acceptance_walk <= 1.0
+        assert 0.2 < level.acceptance_independence <= 1.0  # the mixture fits a Gaussian well
+        assert 0.9 < level.unique <= 1.0
+
+
+def test_four_narrow_modes_keep_their_weights(box):
+    """Unequal Gaussians in the box; the weights of the modes are their integrals."""
+    weight = np.array([0.34, 0.13, 0.35, 0.18])
+    centre = np.array([[1.0, 1.0], [1.7, 0.6], [2.0, 2.6], [2.7, 0.9]])
+    sd = np.array([[0.01, 0.02], [0.007, 0.012], [0.03, 0.006], [0.012, 0.01]])
+    prior = box([0.33, 0.33], [3.0, 3.0])
+
+    def log_likelihood(theta):
+        z = (theta[:, None] - torch.from_numpy(centre)) / torch.from_numpy(sd)
+        constant = torch.from_numpy(np.log(weight) - np.log(sd).sum(1) - np.log(2.0 * np.pi))
+        return torch.logsumexp(constant - 0.5 * (z**2).sum(-1), dim=1)
+
+    result = TemperedSmc(prior, log_likelihood).run(2000, 0)
+    theta = result.theta.numpy()
+    mode = np.abs((theta[:, None] - centre) / sd).max(-1).argmin(1)
+    share = np.bincount(mode, minlength=4) / 2000
+    # Binomial error of 2000 draws, .008 to .011, doubled by resampling at some fifteen levels.
+    np.testing.assert_allclose(share, weight, atol=3 * 0.02)
+    assert result.log_evidence == pytest.approx(np.log(1.0 / 2.67**2), abs=0.25)
+    for k in range(4):
+        inside = theta[mode == k]
+        np.testing.assert_allclose(inside.std(0), sd[k], rtol=0.2)
+        np.testing.assert_allclose(inside.mean(0), centre[k], atol=5 * sd[k].max() / 15)
+
+
+def test_the_walk_alone_stays_at_its_invariant_distribution(box):
+    """Prior alone, flat likelihood: particles stay standard normal whatever the moves do."""
+    prior = box([0.0, 0.0], [1.0, 2.0])
+    for settings in (WALK, MIXTURE):
+        result = TemperedSmc(
+            prior, lambda theta: torch.zeros(len(theta), dtype=torch.float64), settings=settings
+        ).run(1500, 0)
+        assert result.log_evidence == pytest.approx(0.0, abs=1e-12)
+        xi = prior.to_normal(result.theta).numpy()
+        assert kstest(xi[:, 0], norm.cdf).statistic < 2.0 / 1500**0.5
+
+
+def test_too_many_levels(box, linear_gaussian):
+    prior, exact = box([0.0] * 3, [1.0] * 3), linear_gaussian(*PROBLEM)
+    sampler = TemperedSmc(prior, exact.on(prior), settings=SmcSettings(most_levels=2))
+    with pytest.raises(InferenceError, match=r"reached only beta = .* in 2 levels"):
+        sampler.run(200, 0)
+
+
+@pytest.mark.parametrize("particles", [0, 1])
+def test_too_few_particles(box, particles):
+    sampler = TemperedSmc(box([0.0], [1.0]), lambda theta: -theta[:, 0])
+    with pytest.raises(InferenceError, match="particles"):
+        sampler.run(particles, 0)
+
+
+def test_a_handful_of_particles_gets_through(box):
+    result = TemperedSmc(box([0.0], [1.0]), lambda theta: -5.0 * theta[:, 0]).run(3, 0)
+    assert result.theta.shape == (3, 1)
+    assert np.isfinite(result.log_evidence)
