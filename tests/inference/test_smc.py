@@ -32,13 +32,12 @@ def test_linear_gaussian_posterior_and_evidence(box, linear_gaussian, settings):
     result = TemperedSmc(prior, exact.on(prior), settings=settings).run(2000, 1)
     xi = prior.to_normal(result.theta).numpy()
     sd = np.sqrt(np.diag(exact.covariance))
-    # Standard errors of 2000 draws: .022 sd, 1.6 % of a variance; particles are not quite
-    # independent (over twenty seeds the spread is up to half as large again).
-    np.testing.assert_allclose((xi.mean(0) - exact.mean) / sd, 0.0, atol=0.12)
+    # 2000 independent draws have standard errors of .022 sd and 3 % of a variance. Over twenty
+    # seeds the largest of three was off by up to .07 and .15, the log evidence by .045 (sd).
+    np.testing.assert_allclose((xi.mean(0) - exact.mean) / sd, 0.0, atol=0.1)
     ratio = np.linalg.solve(exact.covariance, np.cov(xi.T))
-    np.testing.assert_allclose(ratio, np.eye(3), atol=0.25)
-    # Standard deviation over seeds .05 to .08.
-    assert result.log_evidence == pytest.approx(exact.log_evidence, abs=0.3)
+    np.testing.assert_allclose(ratio, np.eye(3), atol=0.2)
+    assert result.log_evidence == pytest.approx(exact.log_evidence, abs=0.18)
     assert result.invalid == 0
     moves = settings.moves
     assert result.evaluations == 2000 * (1 + moves * len(result.levels))
@@ -140,18 +139,18 @@ def test_a_base_that_excludes_all_that_the_target_admits(box):
         sampler.run(100, 0)
 
 
-def test_one_point_that_is_possible_is_enough(box):
-    """A few finite particles of a thousand: the sampler recovers from them."""
+@pytest.mark.parametrize("seed", range(4))
+def test_a_few_possible_points_are_enough(box, seed):
+    """Two of a hundred particles survive the first level: many copies of few points."""
     prior = box([0.0], [1.0])
 
     def log_likelihood(theta):
-        return torch.where(theta[:, 0] < 5e-3, -1e4 * theta[:, 0], -torch.inf)
+        return torch.where(theta[:, 0] < 2e-2, -1e3 * theta[:, 0], -torch.inf)
 
-    result = TemperedSmc(prior, log_likelihood).run(1000, 3)
-    assert bool((result.theta < 5e-3).all())
-    u = result.theta[:, 0].numpy() * 1e4
-    assert u.mean() == pytest.approx(1.0, abs=0.2)
-    assert result.log_evidence == pytest.approx(np.log(1e-4), abs=1.5)  # five or so of a thousand
+    result = TemperedSmc(prior, log_likelihood).run(1000, seed)
+    assert result.theta.mean() == pytest.approx(1e-3, rel=0.15)
+    # Some twenty points of a thousand: .22 for their number, and as much for where they lie.
+    assert result.log_evidence == pytest.approx(np.log(1e-3), abs=1.2)
 
 
 def test_bridge_from_one_posterior_to_another(box, linear_gaussian):
@@ -288,9 +287,10 @@ def test_four_narrow_modes_keep_their_weights(box):
     theta = result.theta.numpy()
     mode = np.abs((theta[:, None] - centre) / sd).max(-1).argmin(1)
     share = np.bincount(mode, minlength=4) / 2000
-    # Binomial error of 2000 draws, .008 to .011, doubled by resampling at some fifteen levels.
-    np.testing.assert_allclose(share, weight, atol=3 * 0.02)
-    assert result.log_evidence == pytest.approx(np.log(1.0 / 2.67**2), abs=0.25)
+    # Binomial errors of 2000 draws are .008 to .011, and so were the spreads over twenty seeds;
+    # that of the log evidence was .03.
+    np.testing.assert_allclose(share, weight, atol=4 * 0.011)
+    assert result.log_evidence == pytest.approx(np.log(1.0 / 2.67**2), abs=0.15)
     for k in range(4):
         inside = theta[mode == k]
         np.testing.assert_allclose(inside.std(0), sd[k], rtol=0.2)

@@ -1,0 +1,82 @@
+"""The four-story benchmark, roof alone: a posterior with four modes that is known exactly.
+
+Its numbers come from long runs over the exact likelihood, which costs microseconds here.
+"""
+
+import numpy as np
+import pytest
+import torch
+from scipy.stats import norm
+
+from femupdate.building.files import load_building
+from femupdate.building.shear import shear_operators
+from femupdate.dynamics.damping import RayleighDamping
+from femupdate.dynamics.frf import log_frf
+from femupdate.dynamics.modal import modal_data
+from femupdate.dynamics.reduction import reduce_lumped
+from femupdate.inference.likelihood import DataLikelihood
+from femupdate.inference.prior import UniformPrior
+from femupdate.inference.smc import TemperedSmc
+from femupdate.measurement.observation import Observation
+
+MODES = np.array(
+    [
+        [1.0, 1.0, 1.0, 1.0],
+        [1.72206, 0.63637, 1.30144, 0.70116],
+        [2.0, 1.0, 0.5, 1.0],
+        [2.63969, 0.64718, 0.81280, 0.72018],
+    ]
+)
+SD = np.array(
+    [
+        [0.0071, 0.0058, 0.0045, 0.0067],
+        [0.0073, 0.0052, 0.0048, 0.0022],
+        [0.0269, 0.0114, 0.0036, 0.0028],
+        [0.0117, 0.0046, 0.0043, 0.0037],
+    ]
+)
+WEIGHT = np.array([0.337, 0.132, 0.346, 0.185])
+LOG_EVIDENCE = -580.90
+
+
+@pytest.fixture(scope="module")
+def likelihood():
+    building = load_building("shear_4dof")
+    lumped = shear_operators(building)
+    model = reduce_lumped(lumped.stiffness_terms, lumped.mass, lumped.floors)
+    law = RayleighDamping(building.damping.ratio, building.damping.anchors)
+    frequency = building.frequency_grid.frequencies_hz()
+    assert (frequency.size, frequency[0], frequency[-1]) == pytest.approx((1024, 0.02, 20.48))
+    truth = modal_data(model, torch.ones(1, 4))
+    clean = log_frf(truth, torch.from_numpy(frequency), law, torch.zeros(1))[0, 3].numpy()
+    noise = norm.rvs(size=1024, random_state=101) * 0.2
+    shape = (1, 1024)
+    observation = Observation(
+        frequency, ("RF",), (clean + noise)[None], np.full(shape, 0.2), np.ones(shape, dtype=bool)
+    )
+    return DataLikelihood(model, law, observation, building.damping.ratio, batch=512)
+
+
+def test_the_four_modes_fit_equally_well(likelihood):
+    misfit = likelihood.misfit(torch.from_numpy(MODES))
+    # Chi-square with 1024 degrees of freedom, sd 45; five printed digits of theta move the peaks.
+    assert float(misfit[0]) == pytest.approx(1024.0, abs=4 * 45.0)
+    np.testing.assert_allclose(misfit, misfit[0], atol=0.5)
+    away = torch.from_numpy(MODES + 6.0 * SD)
+    assert bool((likelihood(away) < likelihood(torch.from_numpy(MODES)) - 5.0).all())
+
+
+@pytest.mark.slow
+def test_posterior_and_evidence_are_the_exact_ones(likelihood):
+    prior = UniformPrior(
+        ("theta_1", "theta_2", "theta_3", "theta_4"),
+        torch.full((4,), 0.33, dtype=torch.float64),
+        torch.full((4,), 3.0, dtype=torch.float64),
+    )
+    result = TemperedSmc(prior, likelihood).run(2000, 1)
+    theta = result.theta.numpy()
+    mode = np.abs((theta[:, None] - MODES) / SD).max(-1).argmin(1)
+    print(result.log_evidence,np.bincount(mode,minlength=4)/2000,[theta[mode==k].std(0)/SD[k] for k in range(4)],len(result.levels), result.levels[-1])
+    assert result.log_evidence == pytest.approx(LOG_EVIDENCE, abs=0.3)
+    np.testing.assert_allclose(np.bincount(mode, minlength=4) / 2000, WEIGHT, atol=0.05)
+    np.testing.assert_allclose(theta[mode == 0].std(0), SD[0], rtol=0.15)
