@@ -13,13 +13,17 @@ from .common import Bars, print_json, print_notes, print_pictures, shared_option
 def command(building: str | None, study_folder: Path, seed: int, as_json: bool) -> None:
     """Build the model of BUILDING: mesh, checks, modes, pictures, reduced model.
 
-    BUILDING is a TOML file or the name of a shipped building; default: six_story_wall_frame.
+    BUILDING is a TOML file or the name of a shipped building; default: the study's own, or
+    six_story_wall_frame for a new study.
     """
     from femupdate.study import Study
     from femupdate.workflow.build import build_study
+    from femupdate.workflow.checks import check_writable
 
+    study = Study(study_folder)
+    check_writable(study)
     with Bars() as bars:
-        report = build_study(Study(study_folder), building, bars)
+        report = build_study(study, building, bars)
     if as_json:
         print_json(
             {

@@ -54,15 +54,15 @@ def command(
         CalibrationSettings,
         ObservationSource,
         calibrate_study,
-        check_readable,
     )
+    from femupdate.workflow.checks import check_calibration
     from femupdate.workflow.model import open_study
 
     study = Study(study_folder)
     source = ObservationSource(observation, unit, columns, sensors, band)
     settings = CalibrationSettings(particles, exact, chains, seed, device)
     with Bars() as bars:
-        check_readable(source)
+        check_calibration(study, source, settings, building)
         model = open_study(study, building, bars)
         report = calibrate_study(study, model, source, settings, bars)
     posterior = report.posterior

@@ -32,12 +32,19 @@ def shared_options(function: F) -> F:
     @click.option(
         "--study",
         "study_folder",
-        type=click.Path(file_okay=False, path_type=Path),
+        type=click.Path(path_type=Path),
+        callback=_require_folder,
         default=Path("study"),
         show_default=True,
         help="Folder that holds everything made for one building.",
     )
-    @click.option("--seed", type=int, default=0, show_default=True, help="Of everything random.")
+    @click.option(
+        "--seed",
+        type=click.IntRange(0, 2**32 - 1),
+        default=0,
+        show_default=True,
+        help="Of everything random.",
+    )
     @click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout.")
     @click.option("-v", "--verbose", count=True, help="Say more; -vv for debugging.")
     @functools.wraps(function)
@@ -53,6 +60,13 @@ def shared_options(function: F) -> F:
             raise Failure(_os_failure(error)) from error
 
     return wrapper  # type: ignore[return-value]
+
+
+def _require_folder(context: click.Context, parameter: click.Parameter, path: Path) -> Path:
+    """A study need not be there yet, but nothing else may stand in its place."""
+    if path.exists() and not path.is_dir():
+        raise Failure(f"{path} is a file, not a folder; choose another folder with --study")
+    return path
 
 
 def parse_columns(

@@ -48,7 +48,7 @@ def command(
     defaults to the posterior's own damping ratio.
     """
     from femupdate.study import Study
-    from femupdate.workflow.model import open_study
+    from femupdate.workflow.checks import check_writable, open_calibrated
     from femupdate.workflow.predict import (
         PredictionSettings,
         RecordSource,
@@ -56,11 +56,11 @@ def command(
     )
 
     study = Study(study_folder)
-    study.require("posterior", "calibrate")
+    check_writable(study)
     with Bars() as bars:
         report = predict_study(
             study,
-            open_study(study, None, bars),
+            open_calibrated(study, bars),
             RecordSource(record, unit, channel, scale),
             PredictionSettings(samples, damping, seed),
             measured=measured,

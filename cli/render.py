@@ -17,13 +17,13 @@ def command(modes: int, samples: int, study_folder: Path, seed: int, as_json: bo
     Modes are those that the base motion drives, lowest first.
     """
     from femupdate.study import Study
-    from femupdate.workflow.model import open_study
+    from femupdate.workflow.checks import check_writable, open_calibrated
     from femupdate.workflow.render import render_study
 
     study = Study(study_folder)
-    study.require("posterior", "calibrate")
+    check_writable(study)
     with Bars() as bars:
-        model = open_study(study, None, bars)
+        model = open_calibrated(study, bars)
         rendered = render_study(study, model, modes, samples, seed=seed, progress=bars)
     if as_json:
         print_json(

@@ -31,10 +31,14 @@ def command(
     (the study's own or a shipped one) fits the building.
     """
     from femupdate.study import Study
+    from femupdate.surrogate.training import TrainingSettings
+    from femupdate.workflow.checks import check_writable
     from femupdate.workflow.model import open_study
-    from femupdate.workflow.train import default_settings, train_study
+    from femupdate.workflow.train import check_samples, default_settings, train_study
 
     study = Study(study_folder)
+    check_writable(study)
+    check_samples(samples, TrainingSettings(batch=batch))
     with Bars() as bars:
         model = open_study(study, building, bars)
         settings = replace(default_settings(model, epochs, seed), batch=batch)

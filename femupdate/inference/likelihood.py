@@ -1,5 +1,6 @@
 """The two likelihoods of the stiffness factors: amortised (latent) and of the data themselves."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,8 +8,8 @@ import torch
 from torch import Tensor
 
 from femupdate.dynamics.damping import DampingLaw
-from femupdate.dynamics.frf import log_frf
-from femupdate.dynamics.modal import modal_data
+from femupdate.dynamics.frf import log_frf_batches
+from femupdate.dynamics.modal import ModalData, modal_data
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.errors import SurrogateError
 from femupdate.inference.encoder_input import encoder_input
@@ -117,7 +118,7 @@ class DataLikelihood:
         law: damping law.
         observation: on `observation.frequency_hz`.
         zeta: fixed damping ratio, or None where it is the last parameter.
-        batch: parameter vectors at a time; memory goes with batch x modes x frequencies.
+        batch: responses at a time; default what is fastest.
         device: where to evaluate.
     """
 
@@ -128,7 +129,7 @@ class DataLikelihood:
         observation: Observation,
         zeta: float | None = None,
         *,
-        batch: int = 128,
+        batch: int | None = None,
         device: torch.device | str = "cpu",
     ) -> None:
         self._model = model
@@ -145,28 +146,34 @@ class DataLikelihood:
 
     def misfit(self, parameters: Tensor) -> Tensor:
         """Sum of squared whitened residuals (n,), over all valid points."""
-        parts = [self._misfit(rows) for rows in parameters.split(self._batch)]
+        parts = [self._misfit(predicted) for predicted in self._responses(parameters)]
         return torch.cat(parts).to(parameters.device)
-
-    def _misfit(self, parameters: Tensor) -> Tensor:
-        count = self._model.parameters
-        theta = parameters[:, :count]
-        zeta = (
-            parameters[:, count]
-            if self._zeta is None
-            else parameters.new_full((len(parameters),), self._zeta)
-        )
-        predicted = self.predict(theta, zeta)
-        residual = (predicted - self.terms.log_frf.to(predicted)) ** 2
-        return (residual * self.terms.weight.to(predicted)).sum((1, 2))
 
     def predict(self, theta: Tensor, zeta: Tensor) -> Tensor:
         """ln|H| (n, f, k) of the observed floors."""
+        return torch.cat(list(self._batches(theta, zeta)))
+
+    def _responses(self, parameters: Tensor) -> Iterator[Tensor]:
+        count = self._model.parameters
+        theta = parameters[:, :count]
+        if self._zeta is None:
+            return self._batches(theta, parameters[:, count])
+        return self._batches(theta, theta.new_full((len(theta),), self._zeta))
+
+    def _batches(self, theta: Tensor, zeta: Tensor) -> Iterator[Tensor]:
         modal = modal_data(
             self._model,
             theta,
             modes=_MODES,
             top_frequency_hz=float(self._frequency[-1]),
             device=self._device,
-        ).to(self._device)
-        return log_frf(modal, self._frequency, self._law, zeta)[:, list(self.terms.rows)]
+        )
+        rows = list(self.terms.rows)
+        seen = ModalData(modal.omega, modal.effect[:, rows], modal.residual[:, rows])
+        return log_frf_batches(
+            seen.to(self._device), self._frequency, self._law, zeta, batch=self._batch
+        )
+
+    def _misfit(self, predicted: Tensor) -> Tensor:
+        residual = (predicted - self.terms.log_frf.to(predicted)) ** 2
+        return (residual * self.terms.weight.to(predicted)).sum((1, 2))

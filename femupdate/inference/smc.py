@@ -204,14 +204,17 @@ class TemperedSmc:
         seed: int,
         *,
         start: Tensor | None = None,
+        state: SmcState | None = None,
         progress: Callable[[SmcState], None] | None = None,
     ) -> SmcResult:
         """Sample to the end; `progress` sees the state after every level.
 
+        A `state` from an earlier run is gone on from; particles, seed and start then do not count.
+
         Raises:
             InferenceError: no finite likelihood, or too many levels.
         """
-        state = self.init(particles, seed, start)
+        state = self.init(particles, seed, start) if state is None else state
         while not state.done:
             if len(state.levels) >= self.settings.most_levels:
                 raise InferenceError(

@@ -16,7 +16,7 @@ from torch import Tensor
 
 from femupdate.atomic import atomic_path
 from femupdate.dynamics.damping import DampingLaw
-from femupdate.dynamics.frf import log_frf
+from femupdate.dynamics.frf import log_frf_batches
 from femupdate.dynamics.modal import ModalData, modal_data
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.errors import SurrogateError
@@ -144,17 +144,17 @@ def log_frf_pool(
     law: DampingLaw,
     zeta: Tensor,
     progress: Callable[[int], None] | None = None,
-    batch: int = 256,
+    batch: int | None = None,
 ) -> Tensor:
     """ln|H| of all samples, (N, f, k), as float16: its rounding, .002, is far below the noise."""
-    pool = torch.empty(
-        len(dataset), dataset.modal.effect.shape[1], len(frequency_hz), dtype=torch.float16
-    )
-    for start in range(0, len(dataset), batch):
-        rows = slice(start, start + batch)
-        pool[rows] = log_frf(dataset.modal[rows], frequency_hz, law, zeta[rows]).to(torch.float16)
+    floors = dataset.modal.effect.shape[1]
+    pool = torch.empty(len(dataset), floors, len(frequency_hz), dtype=torch.float16)
+    start = 0
+    for part in log_frf_batches(dataset.modal, frequency_hz, law, zeta, batch=batch):
+        pool[start : start + len(part)] = part.to(torch.float16)
+        start += len(part)
         if progress is not None:
-            progress(len(zeta[rows]))
+            progress(len(part))
     return pool
 
 

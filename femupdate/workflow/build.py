@@ -12,9 +12,9 @@ from femupdate.errors import StudyError
 from femupdate.fe.solve import Modes, lowest_modes
 from femupdate.study import Study, atomic_path
 from femupdate.workflow.model import (
-    DEFAULT_BUILDING,
     FrameParts,
     StudyModel,
+    choose_building,
     frame_parts,
     keep_model,
     reduce_building,
@@ -62,7 +62,8 @@ def build_study(
         StudyError: the study holds a posterior of another building, or cannot be written.
     """
     show = progress or Silent()
-    chosen = load_building(building or DEFAULT_BUILDING)
+    # Without a name a study keeps its own building: the default never replaces it.
+    chosen = load_building(building) if building else choose_building(study, None)
     _refuse_other(study, chosen)
     if chosen.kind == "shear":
         return _build_lumped(study, chosen)

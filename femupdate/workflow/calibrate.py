@@ -1,5 +1,6 @@
 """calibrate: from an observation file to the posterior of the stiffness factors."""
 
+import json
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -10,17 +11,19 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from femupdate.building.schema import Building
 from femupdate.errors import MeasurementError
 from femupdate.inference.likelihood import DataLikelihood, LatentLikelihood
 from femupdate.inference.posterior import Posterior, save_posterior
 from femupdate.inference.prior import UniformPrior
-from femupdate.inference.smc import SmcResult, SmcSettings, SmcState, TemperedSmc
+from femupdate.inference.smc import SmcResult, SmcSettings, TemperedSmc
 from femupdate.measurement.frf import observation_for
 from femupdate.measurement.observation import Observation, select_floors
 from femupdate.measurement.observation_file import read_observation_file
 from femupdate.study import Study, file_hash
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.progress import Progress, Silent
+from femupdate.workflow.sampling import ChainRunner
 from femupdate.workflow.train import find_surrogate, require_surrogate
 
 Floats = NDArray[np.float64]
@@ -106,13 +109,18 @@ def read_observation(model: StudyModel, source: ObservationSource) -> Observatio
     Raises:
         MeasurementError: the file cannot be used, or belongs to another building.
     """
+    return observation_of(model.building, source)
+
+
+def observation_of(building: Building, source: ObservationSource) -> Observation:
+    """Like `read_observation`, for a building that has no model yet."""
     data = read_observation_file(source.path, source.unit, source.columns)
     observation = observation_for(
-        model.building.floors,
+        building.floors,
         data,
-        model.building.frequency_grid.frequencies_hz(),
-        direction=observed_direction(model),
-        default_noise=model.building.observation.noise_sd,
+        building.frequency_grid.frequencies_hz(),
+        direction=_direction(building),
+        default_noise=building.observation.noise_sd,
     )
     if source.sensors:
         missing = [name for name in source.sensors if name not in observation.floors]
@@ -154,7 +162,11 @@ def check_readable(source: ObservationSource) -> None:
 
 def observed_direction(model: StudyModel) -> str:
     """Direction of the measured motion; lumped buildings have one only."""
-    sensors = getattr(model.building, "sensors", None)
+    return _direction(model.building)
+
+
+def _direction(building: Building) -> str:
+    sensors = getattr(building, "sensors", None)
     return sensors.direction if sensors is not None else "x"
 
 
@@ -175,26 +187,29 @@ def calibrate_study(
     show, settings = progress or Silent(), settings or CalibrationSettings()
     started = time.monotonic()
     observation = read_observation(model, source)
+    origin = {**model.made_from(), "observation": file_hash(source.path)}
+    settled = {"sensors": list(observation.floors), "band_hz": source.band_hz, **_plain(settings)}
+    run = ChainRunner(
+        settings.particles,
+        settings.chains,
+        settings.seed,
+        show,
+        study.path("sampling"),
+        json.dumps([origin, settled], sort_keys=True),
+    )
+    notes: tuple[str, ...] = ()
     if settings.exact:
-        results, notes = _sample_exact(study, model, observation, settings, show)
+        results = _sample_exact(study, model, observation, settings, run)
     else:
-        results, notes = _sample_latent(study, model, observation, settings, show)
+        results, notes = _sample_latent(study, model, observation, settings, run)
     posterior = _posterior(model, observation, settings, results)
     misfit = _best_misfit(model, posterior, settings.seed)
     path = study.path("posterior.nc")
     save_posterior(posterior, path)
     study.record(
-        POSTERIOR,
-        "posterior.nc",
-        "calibrate",
-        {**model.made_from(), "observation": file_hash(source.path)},
-        {
-            "file": str(source.path),
-            "sensors": list(observation.floors),
-            "band_hz": source.band_hz,
-            **_plain(settings),
-        },
+        POSTERIOR, "posterior.nc", "calibrate", origin, {"file": str(source.path), **settled}
     )
+    run.clear()
     pictures = draw_posterior(study, model, posterior, show)
     return CalibrationReport(
         posterior,
@@ -320,12 +335,12 @@ def _sample_latent(
     model: StudyModel,
     observation: Observation,
     settings: CalibrationSettings,
-    show: Progress,
+    run: ChainRunner,
 ) -> tuple[list[SmcResult], tuple[str, ...]]:
     surrogate = require_surrogate(study, model)
     likelihood = LatentLikelihood(surrogate, observation, settings.device)
     sampler = TemperedSmc(model.prior.to(settings.device), likelihood, settings=settings.smc)
-    results = _run(sampler, settings, "Sampling (latent likelihood)", show)
+    results = run(sampler, "Sampling (latent likelihood)")
     notes = list(likelihood.input.notes)
     typical = float(np.median(observation.noise_sd[observation.valid]))
     trained = surrogate.info.noise_sd
@@ -347,12 +362,12 @@ def _sample_exact(
     model: StudyModel,
     observation: Observation,
     settings: CalibrationSettings,
-    show: Progress,
-) -> tuple[list[SmcResult], tuple[str, ...]]:
+    run: ChainRunner,
+) -> list[SmcResult]:
     """Data-space likelihood, with zeta as one more parameter where it is a nuisance.
 
-    A building with a surrogate starts from the latent posterior, which saves most of the levels;
-    its evidence is then relative to the latent likelihood's, so it adds the latent run's own.
+    A frame with a surrogate starts from the latent posterior, which saves most of the levels; its
+    evidence is then relative to the latent likelihood's, so it adds the latent run's own.
     """
     bounds = model.zeta_bounds
     prior = model.prior if bounds is None else _with_zeta(model.prior, bounds)
@@ -361,49 +376,20 @@ def _sample_exact(
     found = find_surrogate(study, model)
     if found is None or model.building.kind == "shear":
         sampler = TemperedSmc(prior, target, settings=settings.smc)
-        return _run(sampler, settings, "Sampling (data-space likelihood)", show), ()
+        return run(sampler, "Sampling (data-space likelihood)")
     size = model.prior.size
     latent = LatentLikelihood(found[0], observation, settings.device)
-    first = TemperedSmc(
-        prior, lambda parameters: latent(parameters[:, :size]), settings=settings.smc
-    )
-    starts = _run(first, settings, "Sampling (latent likelihood)", show)
-    bridge = TemperedSmc(
-        prior, target, base=lambda parameters: latent(parameters[:, :size]), settings=settings.smc
-    )
-    results = _run(bridge, settings, "Bridge to the data-space likelihood", show, starts)
-    joined = [
+
+    def base(parameters: Tensor) -> Tensor:
+        return latent(parameters[:, :size])
+
+    starts = run(TemperedSmc(prior, base, settings=settings.smc), "Sampling (latent likelihood)")
+    bridge = TemperedSmc(prior, target, base=base, settings=settings.smc)
+    results = run(bridge, "Bridge to the data-space likelihood", starts)
+    return [
         replace(result, log_evidence=result.log_evidence + start.log_evidence)
         for result, start in zip(results, starts, strict=True)
     ]
-    return joined, ()
-
-
-def _run(
-    sampler: TemperedSmc,
-    settings: CalibrationSettings,
-    label: str,
-    show: Progress,
-    starts: list[SmcResult] | None = None,
-) -> list[SmcResult]:
-    """All chains, one after the other, with a bar over the logarithm of the tempering power."""
-    each = max(settings.particles // settings.chains, 50)
-    show.start(label, 100 * settings.chains)
-    results = []
-    for chain in range(settings.chains):
-        shown = 0
-
-        def tell(state: SmcState) -> None:
-            nonlocal shown
-            # beta runs from about 1e-5 to 1, evenly in its logarithm.
-            done = int(100 * min(1.0, max(0.0, 1.0 + np.log10(state.beta) / 5.0)))
-            show.advance(done - shown, f"power {state.beta:.2g}")
-            shown = done
-
-        start = starts[chain].theta if starts is not None else None
-        seed = settings.seed * 1009 + chain
-        results.append(sampler.run(each, seed, start=start, progress=tell))
-    return results
 
 
 def _with_zeta(prior: UniformPrior, bounds: tuple[float, float]) -> UniformPrior:

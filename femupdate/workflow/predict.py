@@ -10,9 +10,10 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from femupdate.building.analysis import RayleighDamping
 from femupdate.dynamics.history import HistorySettings, history_batches
 from femupdate.dynamics.summary import HistorySummary, Statistics, statistics, summarise
-from femupdate.errors import MeasurementError
+from femupdate.errors import BuildingError, MeasurementError
 from femupdate.inference.posterior import Posterior, load_posterior
 from femupdate.measurement.observation_file import Histories as MeasuredHistories
 from femupdate.measurement.observation_file import read_observation_file
@@ -129,6 +130,7 @@ def predict_study(
         progress: told about samples done.
 
     Raises:
+        BuildingError: a ratio is asked for, but the building's law gives every mode its own.
         MeasurementError: record or measurement cannot be used.
         StudyError: there is no posterior, or it is of another building.
     """
@@ -214,7 +216,12 @@ def _draws(
     model: StudyModel, posterior: Posterior, settings: PredictionSettings
 ) -> tuple[torch.Tensor, torch.Tensor, str]:
     theta, zeta = posterior.thinned(settings.samples, settings.seed)
-    if model.zeta_bounds is None:
+    if isinstance(model.building.damping, RayleighDamping):
+        if settings.damping is not None:
+            raise BuildingError(
+                f"{model.building.name}: damping.law is rayleigh, which gives every mode its own "
+                "ratio; leave --damping out"
+            )
         ratio, text = np.full(len(theta), model.building.damping.ratio), "the building's law"
     elif settings.damping is not None:
         ratio, text = np.full(len(theta), settings.damping), f"{settings.damping:g} in all modes"

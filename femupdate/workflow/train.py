@@ -1,5 +1,6 @@
 """train: the data set and the MVAE of a study's building; finding a surrogate that fits."""
 
+import shlex
 import shutil
 import time
 from dataclasses import dataclass
@@ -7,6 +8,8 @@ from importlib.resources import as_file, files
 from pathlib import Path
 
 from femupdate import __version__
+from femupdate.building.files import mechanics_hash
+from femupdate.building.schema import Building
 from femupdate.errors import SurrogateError
 from femupdate.study import Study
 from femupdate.surrogate.dataset import DatasetPlan, ModalDataset, compute_dataset
@@ -55,16 +58,21 @@ class TrainReport:
 
 def find_surrogate(study: Study, model: StudyModel) -> tuple[TrainedSurrogate, Path] | None:
     """The study's own surrogate, or the shipped one, if it was trained for this building."""
-    own = study.find(SURROGATE, model.made_from())
+    return surrogate_of(study, model.building)
+
+
+def surrogate_of(study: Study, building: Building) -> tuple[TrainedSurrogate, Path] | None:
+    """Like `find_surrogate`, for a building that has no model yet."""
+    mechanics = mechanics_hash(building)
+    own = study.find(SURROGATE, {"building": mechanics})
     if own is not None:
         return load_surrogate(own), own
-    resource = files("femupdate.models") / f"{model.building.name}.safetensors"
+    resource = files("femupdate.models") / f"{building.name}.safetensors"
     if not resource.is_file():
         return None
     with as_file(resource) as path:
         surrogate = load_surrogate(path)
-        fits = surrogate.info.mechanics_hash == model.hash
-        return (surrogate, path) if fits else None
+        return (surrogate, path) if surrogate.info.mechanics_hash == mechanics else None
 
 
 def require_surrogate(study: Study, model: StudyModel) -> TrainedSurrogate:
@@ -73,13 +81,35 @@ def require_surrogate(study: Study, model: StudyModel) -> TrainedSurrogate:
     Raises:
         SurrogateError: there is none.
     """
-    found = find_surrogate(study, model)
+    return needed_surrogate(study, model.building)
+
+
+def needed_surrogate(
+    study: Study, building: Building, asked: str | None = None
+) -> TrainedSurrogate:
+    """Like `require_surrogate`; `asked` is the name or path by which the building was chosen."""
+    found = surrogate_of(study, building)
     if found is None:
+        named = f" --building {shlex.quote(asked)}" if asked else ""
         raise SurrogateError(
-            f"no trained surrogate fits the building {model.building.name}; run `femupdate train "
-            f"--study {study.folder}` (once a building), or calibrate with --exact"
+            f"no trained surrogate fits the building {building.name}; run `femupdate train "
+            f"--study {shlex.quote(str(study.folder))}{named}` (once a building), or calibrate with "
+            "--exact"
         )
     return found[0]
+
+
+def check_samples(samples: int, settings: TrainingSettings) -> None:
+    """Make sure that the samples not held out fill a batch.
+
+    Raises:
+        SurrogateError: they do not.
+    """
+    if samples - max(1, round(settings.validation * samples)) < settings.batch:
+        raise SurrogateError(
+            f"{samples} samples are too few for batches of {settings.batch}; ask for more samples "
+            "or smaller batches"
+        )
 
 
 def train_study(
@@ -103,6 +133,7 @@ def train_study(
     if found is not None:
         return TrainReport(found[0], found[1], False, 0.0, 0.0)
     settings = settings or default_settings(model)
+    check_samples(samples, settings)
     started = time.monotonic()
     dataset, folder = _dataset(study, model, samples, settings.seed, show)
     between = time.monotonic()
@@ -124,7 +155,8 @@ def train_study(
     save_surrogate(surrogate, path)
     study.record(SURROGATE, _SURROGATE_FILE, "train", model.made_from(), {"samples": samples})
     checkpoint.unlink(missing_ok=True)
-    shutil.rmtree(folder, ignore_errors=True)
+    # What other trainings left here, killed and then abandoned, goes as well.
+    shutil.rmtree(folder.parent, ignore_errors=True)
     return TrainReport(surrogate, path, True, between - started, time.monotonic() - between)
 
 

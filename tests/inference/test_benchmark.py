@@ -54,7 +54,7 @@ def likelihood():
     observation = Observation(
         frequency, ("RF",), (clean + noise)[None], np.full(shape, 0.2), np.ones(shape, dtype=bool)
     )
-    return DataLikelihood(model, law, observation, building.damping.ratio, batch=512)
+    return DataLikelihood(model, law, observation, building.damping.ratio)
 
 
 def test_the_four_modes_fit_equally_well(likelihood):
@@ -76,7 +76,11 @@ def test_posterior_and_evidence_are_the_exact_ones(likelihood):
     result = TemperedSmc(prior, likelihood).run(2000, 1)
     theta = result.theta.numpy()
     mode = np.abs((theta[:, None] - MODES) / SD).max(-1).argmin(1)
-    print(result.log_evidence,np.bincount(mode,minlength=4)/2000,[theta[mode==k].std(0)/SD[k] for k in range(4)],len(result.levels), result.levels[-1])
+    # Over runs of this size the log evidence spreads by .06, a mode's weight by .007 to .016, and
+    # 250 to 700 particles give a standard deviation to 3 to 5 %.
     assert result.log_evidence == pytest.approx(LOG_EVIDENCE, abs=0.3)
     np.testing.assert_allclose(np.bincount(mode, minlength=4) / 2000, WEIGHT, atol=0.05)
-    np.testing.assert_allclose(theta[mode == 0].std(0), SD[0], rtol=0.15)
+    for k in range(4):
+        np.testing.assert_allclose(theta[mode == k].std(0), SD[k], rtol=0.15)
+    assert result.invalid == 0
+    assert result.levels[-1].acceptance_independence > 0.5

@@ -1,0 +1,99 @@
+"""What would stop a step half-way, found before anything is built or written."""
+
+import os
+from pathlib import Path
+
+from femupdate.building.files import mechanics_hash
+from femupdate.errors import InferenceError, StudyError
+from femupdate.inference.encoder_input import encoder_input
+from femupdate.study import Study
+from femupdate.workflow.calibrate import (
+    POSTERIOR,
+    CalibrationSettings,
+    ObservationSource,
+    check_readable,
+    observation_of,
+)
+from femupdate.workflow.model import StudyModel, choose_building, open_study
+from femupdate.workflow.progress import Progress
+from femupdate.workflow.train import needed_surrogate
+
+
+def check_calibration(
+    study: Study,
+    source: ObservationSource,
+    settings: CalibrationSettings,
+    building: str | None = None,
+) -> None:
+    """Read and compare all that a calibration needs, and write nothing.
+
+    Args:
+        study: the folder.
+        source: the observation.
+        settings: of the calibration.
+        building: name or path, for a new study.
+
+    Raises:
+        MeasurementError: the observation cannot be used, or belongs to another building.
+        BuildingError: the building cannot be read.
+        SurrogateError: no surrogate fits the building, and one is needed.
+        InferenceError: the device is not there.
+        StudyError: the study is of another building, or cannot be written.
+    """
+    check_writable(study)
+    check_device(settings.device)
+    check_readable(source)
+    chosen = choose_building(study, building)
+    observation = observation_of(chosen, source)
+    if not settings.exact:
+        known = study.path("building.toml").exists()
+        surrogate = needed_surrogate(study, chosen, None if known else building)
+        encoder_input(observation, surrogate.info.floors)
+
+
+def check_device(name: str) -> None:
+    """Make sure that torch can compute in double precision on a device.
+
+    Raises:
+        InferenceError: it cannot.
+    """
+    import torch
+
+    try:
+        torch.zeros(1, dtype=torch.float64, device=name).sum().item()
+    # Builds of torch without a device say so by errors of several kinds.
+    except (RuntimeError, AssertionError, TypeError, ValueError, NotImplementedError) as error:
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
+        raise InferenceError(
+            f"the device {name} cannot be used ({reason[:100]}); choose another, such as cpu"
+        ) from error
+
+
+def check_writable(study: Study) -> None:
+    """Make sure that files can be written into a study, which need not be there yet.
+
+    Raises:
+        StudyError: they cannot.
+    """
+    folder = _nearest(study.folder)
+    if not folder.is_dir():
+        raise StudyError(f"{folder} is a file, not a folder; choose another folder with --study")
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise StudyError(f"cannot write into {folder}; check its permissions or choose another")
+
+
+def open_calibrated(study: Study, progress: Progress | None = None) -> StudyModel:
+    """Return the model of a study that has a posterior of just this model.
+
+    Raises:
+        StudyError: there is no posterior, or it is damaged or of another building.
+    """
+    study.require(POSTERIOR, "calibrate")
+    building = choose_building(study, None)
+    study.check_fresh(POSTERIOR, {"building": mechanics_hash(building)}, "calibrate")
+    return open_study(study, None, progress)
+
+
+def _nearest(folder: Path) -> Path:
+    """The folder itself, or the lowest folder above it that is there."""
+    return next(path for path in (folder, *folder.absolute().parents) if path.exists())

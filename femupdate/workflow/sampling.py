@@ -1,0 +1,136 @@
+"""Independent runs of the sampler, with their progress, gone on with after a kill."""
+
+import hashlib
+import json
+import shutil
+import time
+import zipfile
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from femupdate.atomic import atomic_path
+from femupdate.inference.smc import Level, SmcResult, SmcState, TemperedSmc
+from femupdate.workflow.progress import Progress
+
+_TENSORS = ("xi", "base", "target", "random_state")
+_LEAST_PARTICLES = 50
+# Writing the state takes milliseconds; a run that takes seconds in all need not do it every level.
+_SAVE_EVERY_S = 2.0
+
+
+@dataclass(frozen=True)
+class ChainRunner:
+    """Runs a sampler several times and keeps what is done in a folder until all is stored.
+
+    Attributes:
+        particles: in all runs together.
+        chains: number of runs.
+        seed: of all of them.
+        show: told about progress.
+        folder: where the state of every chain is kept between levels.
+        fingerprint: what the state belongs to; a state of anything else is not gone on from.
+    """
+
+    particles: int
+    chains: int
+    seed: int
+    show: Progress
+    folder: Path
+    fingerprint: str
+
+    def __call__(
+        self, sampler: TemperedSmc, label: str, starts: list[SmcResult] | None = None
+    ) -> list[SmcResult]:
+        """Run all chains of one sampler, named by its label, from the prior or from draws."""
+        self.show.start(label, 100 * self.chains)
+        each = max(self.particles // self.chains, _LEAST_PARTICLES)
+        results = []
+        for chain in range(self.chains):
+            start = starts[chain].theta if starts is not None else None
+            kept = _Kept(self.folder, json.dumps([self.fingerprint, label, chain]))
+            results.append(
+                sampler.run(
+                    each,
+                    self.seed * 1009 + chain,
+                    start=start,
+                    state=kept.load(),
+                    progress=_Teller(self.show, kept),
+                )
+            )
+        return results
+
+    def clear(self) -> None:
+        """Remove the folder: the posterior is stored."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+
+@dataclass(frozen=True)
+class _Kept:
+    """The state of one chain on disk; `mark` says what it belongs to."""
+
+    folder: Path
+    mark: str
+
+    @property
+    def path(self) -> Path:
+        return self.folder / f"{hashlib.sha256(self.mark.encode()).hexdigest()[:16]}.npz"
+
+    def save(self, state: SmcState) -> None:
+        arrays = {name: getattr(state, name).cpu().numpy() for name in _TENSORS}
+        numbers = {
+            "beta": state.beta,
+            "log_evidence": state.log_evidence,
+            "evaluations": state.evaluations,
+            "invalid": state.invalid,
+            "levels": [asdict(level) for level in state.levels],
+        }
+        with atomic_path(self.path) as temporary, open(temporary, "wb") as file:
+            np.savez(
+                file, mark=np.array(self.mark), numbers=np.array(json.dumps(numbers)), **arrays
+            )
+
+    def load(self) -> SmcState | None:
+        if not self.path.exists():
+            return None
+        try:
+            with open(self.path, "rb") as file, np.load(file) as data:
+                if str(data["mark"]) != self.mark:
+                    return None
+                numbers = json.loads(str(data["numbers"]))
+                xi, base, target, random_state = (torch.from_numpy(data[n]) for n in _TENSORS)
+        except (OSError, ValueError, KeyError, zipfile.BadZipFile):
+            return None  # a state that cannot be read only costs the time to draw it again
+        return SmcState(
+            xi=xi,
+            base=base,
+            target=target,
+            beta=numbers["beta"],
+            log_evidence=numbers["log_evidence"],
+            levels=tuple(Level(**level) for level in numbers["levels"]),
+            evaluations=numbers["evaluations"],
+            invalid=numbers["invalid"],
+            random_state=random_state,
+        )
+
+
+class _Teller:
+    """Moves the bar evenly in the logarithm of beta, and saves the state now and then."""
+
+    def __init__(self, show: Progress, kept: _Kept) -> None:
+        self._show, self._kept = show, kept
+        self._shown = 0
+        self._started = self._saved = time.monotonic()
+
+    def __call__(self, state: SmcState) -> None:
+        # beta runs from about 1e-5 to 1.
+        done = int(100 * min(1.0, max(0.0, 1.0 + np.log10(state.beta) / 5.0)))
+        self._show.advance(done - self._shown, f"power {state.beta:.2g}")
+        self._shown = done
+        now = time.monotonic()
+        last = state.done and now - self._started > _SAVE_EVERY_S
+        if last or now - self._saved > _SAVE_EVERY_S:
+            self._kept.save(state)
+            self._saved = now
