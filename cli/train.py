@@ -13,6 +13,15 @@ from .common import Bars, print_json, shared_options
 @click.option("--samples", type=click.IntRange(min=100), default=100_000, show_default=True)
 @click.option("--epochs", type=click.IntRange(min=1), default=45, show_default=True)
 @click.option("--batch", type=click.IntRange(min=8), default=512, show_default=True)
+@click.option("--learning-rate", type=click.FloatRange(min=1e-7), default=2e-3, show_default=True)
+@click.option(
+    "--roof-share",
+    type=click.FloatRange(0.0, 1.0),
+    default=0.4,
+    show_default=True,
+    help="Share of the samples seen with the roof alone.",
+)
+@click.option("--start", type=click.Path(path_type=Path), help="Weights to start from.")
 @click.option("--fresh", is_flag=True, help="Train even though a fitting surrogate is there.")
 @shared_options
 def command(
@@ -20,6 +29,9 @@ def command(
     samples: int,
     epochs: int,
     batch: int,
+    learning_rate: float,
+    roof_share: float,
+    start: Path | None,
     fresh: bool,
     study_folder: Path,
     seed: int,
@@ -41,8 +53,17 @@ def command(
     check_samples(samples, TrainingSettings(batch=batch))
     with Bars() as bars:
         model = open_study(study, building, bars)
-        settings = replace(default_settings(model, epochs, seed), batch=batch)
-        report = train_study(study, model, samples, settings, fresh=fresh, progress=bars)
+        default = default_settings(model, epochs, seed)
+        settings = replace(
+            default,
+            batch=batch,
+            learning_rate=learning_rate,
+            roof_share=roof_share,
+            full_share=min(default.full_share, 1.0 - roof_share),
+        )
+        report = train_study(
+            study, model, samples, settings, fresh=fresh, start=start, progress=bars
+        )
     metrics = dict(report.surrogate.info.metrics)
     if as_json:
         print_json(

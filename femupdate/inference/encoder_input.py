@@ -9,7 +9,7 @@ from torch import Tensor
 
 from femupdate.errors import MeasurementError
 from femupdate.measurement.observation import Observation
-from femupdate.surrogate.network import Visibility
+from femupdate.surrogate.network import EARLIEST_END, LATEST_START, Visibility
 
 Floats = NDArray[np.float64]
 
@@ -37,42 +37,59 @@ class EncoderInput:
 def encoder_input(observation: Observation, floors: tuple[str, ...]) -> EncoderInput:
     """Bring an observation to the surrogate's floors, one band and no gaps.
 
-    The band is where, as a rule, all observed floors have usable estimates; what is missing inside
-    is filled by straight lines in ln|H|, and the notes say how much.
+    Floors with few usable estimates in the band of most floors are left out. The band that is
+    passed on is where all others have them; what is missing inside it is filled by straight lines
+    in ln|H|, and the notes say how much.
 
     Raises:
         MeasurementError: no floor has enough valid points in common with the others.
     """
-    rows = {name: row for row, name in enumerate(observation.floors)}
     usable = _usable(observation)
-    first, last = _common_band(observation, usable)
+    used, notes = _choose_floors(observation, floors, usable)
+    rows = [observation.floors.index(name) for name in used]
+    first, last = _band(_around(usable[rows]).min(axis=0), observation.source)
     points = observation.frequency_hz.size
     log_values = np.zeros((1, len(floors), points))
     mask = np.zeros((1, len(floors)))
-    notes = []
-    for column, floor in enumerate(floors):
-        if floor not in rows:
-            continue
-        own = usable[rows[floor]]
-        share = own[first : last + 1].mean()
-        if share < _LEAST_SHARE:
-            notes.append(f"Floor {floor} is left out: {share:.0%} of its points can be used.")
-            continue
+    for name, row in zip(used, rows, strict=True):
+        column, own = floors.index(name), usable[row]
         mask[0, column] = 1.0
-        known = observation.frequency_hz[own], observation.log_frf[rows[floor], own]
+        known = observation.frequency_hz[own], observation.log_frf[row, own]
         log_values[0, column] = np.interp(observation.frequency_hz, *known)
+        share = own[first : last + 1].mean()
         if share < 1.0:
-            notes.append(f"Floor {floor}: {1 - share:.1%} of the band is interpolated.")
-    if not mask.any():
-        raise MeasurementError(
-            f"{observation.source}: no floor has enough valid points; use a longer record"
-        )
+            notes.append(f"Floor {name}: {1 - share:.1%} of the band is interpolated.")
     band = np.array([[first, last]]) / (points - 1)
+    if band[0, 0] > LATEST_START or band[0, 1] < EARLIEST_END:
+        low, high = observation.frequency_hz[[first, last]]
+        notes.append(
+            f"The usable band, {low:.3g} to {high:.3g} Hz, is narrower than the surrogate was "
+            "trained for; --exact does not mind."
+        )
     return EncoderInput(
         torch.from_numpy(log_values).float(),
         Visibility(torch.from_numpy(mask).float(), torch.from_numpy(band).float()),
         tuple(notes),
     )
+
+
+def _choose_floors(
+    observation: Observation, floors: tuple[str, ...], usable: NDArray[np.bool_]
+) -> tuple[list[str], list[str]]:
+    """Floors with enough usable points in the band of most floors, and notes on the others."""
+    first, last = _band(_around(usable).mean(axis=0), observation.source)
+    used, notes = [], []
+    for name in (name for name in floors if name in observation.floors):
+        share = usable[observation.floors.index(name), first : last + 1].mean()
+        if share >= _LEAST_SHARE:
+            used.append(name)
+        else:
+            notes.append(f"Floor {name} is left out: {share:.0%} of its points can be used.")
+    if not used:
+        raise MeasurementError(
+            f"{observation.source}: no floor has enough valid points; use a longer record"
+        )
+    return used, notes
 
 
 def _usable(observation: Observation) -> NDArray[np.bool_]:
@@ -86,22 +103,30 @@ def _usable(observation: Observation) -> NDArray[np.bool_]:
     low, high = np.flatnonzero(observation.valid.any(axis=0))[[0, -1]]
     span = np.zeros(observation.frequency_hz.size, dtype=bool)
     span[low : high + 1] = True
-    return np.asarray(observation.valid | (finite & (noise <= _WORST_NOISE) & span))
+    uncertain = finite & (noise > 0.0) & (noise <= _WORST_NOISE) & span
+    return np.asarray(observation.valid | uncertain)
 
 
-def _common_band(observation: Observation, usable: NDArray[np.bool_]) -> tuple[int, int]:
-    """First and last frequency around which most floors are usable; stray points do not count."""
-    share = usable.mean(axis=0)
-    width = max(3, observation.frequency_hz.size // 40)
-    window = np.ones(width) / width
+def _around(usable: NDArray[np.bool_]) -> Floats:
+    """Share of usable points near every frequency (f, m); zero where no floor is usable at all."""
+    width = max(3, usable.shape[1] // 40)
+    window = np.ones(width)
     # At the ends of the grid part of the window is missing.
-    around = np.convolve(share, window, mode="same") / np.convolve(
-        np.ones_like(share), window, mode="same"
-    )
-    inside = np.flatnonzero((around >= 0.5) & (share > 0.0))
+    there = np.convolve(np.ones(usable.shape[1]), window, mode="same")
+    near = np.stack([np.convolve(row, window, mode="same") for row in usable]) / there
+    return np.where(usable.any(axis=0), near, 0.0)
+
+
+def _band(share: Floats, source: str) -> tuple[int, int]:
+    """First and last frequency around which at least half can be used; stray points do not count.
+
+    Raises:
+        MeasurementError: there is no such frequency.
+    """
+    inside = np.flatnonzero(share >= 0.5)
     if not inside.size:
         raise MeasurementError(
-            f"{observation.source}: in no band can most floors be used; leave out the worst floors "
-            "with --sensors"
+            f"{source}: in no band can most floors be used; leave out the worst floors with "
+            "--sensors"
         )
     return int(inside[0]), int(inside[-1])

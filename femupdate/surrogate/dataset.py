@@ -194,7 +194,8 @@ def _write_shard(path: Path, theta: Tensor, modal: ModalData) -> None:
 
 
 def _read_shard(path: Path) -> ModalDataset:
-    with np.load(path) as data:
+    # np.load leaves a damaged file open if it opened it itself.
+    with open(path, "rb") as file, np.load(file) as data:
         theta, omega, effect, residual = (torch.from_numpy(data[name]) for name in _FIELDS)
     return ModalDataset(theta, ModalData(omega, effect.float(), residual))
 

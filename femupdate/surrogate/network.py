@@ -35,6 +35,10 @@ class NetworkSizes:
         return asdict(self)
 
 
+# Bands that are trained for start in the lowest tenth of the grid and end above its lower 3/10.
+LATEST_START, EARLIEST_END = 0.1, 0.3
+
+
 @dataclass(frozen=True)
 class Visibility:
     """What of each FRF is observed: some floors, over one band.

@@ -18,7 +18,13 @@ from femupdate.inference.prior import UniformPrior
 from femupdate.surrogate.checkpoint import TrainingRun, load_checkpoint, save_checkpoint
 from femupdate.surrogate.dataset import ModalDataset, log_frf_pool, sample_zeta
 from femupdate.surrogate.loss import LossSettings, LossTerms, loss_terms
-from femupdate.surrogate.network import Mvae, NetworkSizes, Visibility
+from femupdate.surrogate.network import (
+    EARLIEST_END,
+    LATEST_START,
+    Mvae,
+    NetworkSizes,
+    Visibility,
+)
 
 logger = logging.getLogger(__name__)
 
@@ -127,8 +133,9 @@ def train_mvae(
     settings: TrainingSettings,
     checkpoint: Path | None = None,
     progress: Callable[[Progress], None] | None = None,
+    initial: Mvae | None = None,
 ) -> TrainingResult:
-    """Train from scratch, or go on from the checkpoint of a training that was killed.
+    """Train from scratch or from `initial` weights; go on from the checkpoint of a killed training.
 
     Every epoch's random numbers come from the seed and the epoch's number, so a resumed training
     gives the same weights as one that was never stopped.
@@ -144,7 +151,7 @@ def train_mvae(
         raise SurrogateError(
             f"{count} samples are too few for batches of {settings.batch}; ask for more samples"
         )
-    run = _start(task, settings)
+    run = _start(task, settings, initial)
     fingerprint = json.dumps([settings.as_dict(), task.sizes.as_dict(), count], sort_keys=True)
     if checkpoint is not None and checkpoint.exists():
         load_checkpoint(run, checkpoint, fingerprint)
@@ -191,13 +198,14 @@ def draw_visibility(
     masks[kind < settings.roof_share, :-1] = 0.0
     low, high = torch.rand(2, count, generator=generator)
     cut = band >= settings.full_band_share
-    ends = torch.stack(
-        [torch.where(cut, 0.1 * low**2, 0.0), torch.where(cut, 1.0 - 0.7 * high, 1.0)], dim=1
-    )
-    return Visibility(masks, ends)
+    start = torch.where(cut, LATEST_START * low**2, 0.0)
+    end = torch.where(cut, 1.0 - (1.0 - EARLIEST_END) * high, 1.0)
+    return Visibility(masks, torch.stack([start, end], dim=1))
 
 
-def _start(task: TrainingTask, settings: TrainingSettings) -> TrainingRun:
+def _start(
+    task: TrainingTask, settings: TrainingSettings, initial: Mvae | None = None
+) -> TrainingRun:
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(settings.seed)
         mvae = Mvae(task.sizes)
@@ -207,6 +215,12 @@ def _start(task: TrainingTask, settings: TrainingSettings) -> TrainingRun:
     mvae.x_scale.copy_(pool.std(0).clamp_min(settings.loss.noise_sd))
     mvae.lower.copy_(task.prior.lower)
     mvae.upper.copy_(task.prior.upper)
+    if initial is not None:
+        if initial.sizes != task.sizes:
+            raise SurrogateError(
+                "the weights to start from have other sizes than this training; train from scratch"
+            )
+        mvae.load_state_dict(initial.state_dict())
     average = copy.deepcopy(mvae)
     best = {name: value.clone() for name, value in average.state_dict().items()}
     optimizer = torch.optim.AdamW(mvae.parameters(), lr=settings.learning_rate, weight_decay=1e-4)

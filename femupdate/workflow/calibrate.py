@@ -1,5 +1,6 @@
 """calibrate: from an observation file to the posterior of the stiffness factors."""
 
+import hashlib
 import json
 import time
 from collections.abc import Mapping, Sequence
@@ -11,6 +12,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from femupdate import __version__
 from femupdate.building.schema import Building
 from femupdate.errors import MeasurementError
 from femupdate.inference.likelihood import DataLikelihood, LatentLikelihood
@@ -21,10 +23,10 @@ from femupdate.measurement.frf import observation_for
 from femupdate.measurement.observation import Observation, select_floors
 from femupdate.measurement.observation_file import read_observation_file
 from femupdate.study import Study, file_hash
-from femupdate.workflow.model import StudyModel
+from femupdate.workflow.model import REDUCED, StudyModel
 from femupdate.workflow.progress import Progress, Silent
 from femupdate.workflow.sampling import ChainRunner
-from femupdate.workflow.train import find_surrogate, require_surrogate
+from femupdate.workflow.train import SURROGATE, find_surrogate, require_surrogate
 
 Floats = NDArray[np.float64]
 
@@ -195,7 +197,7 @@ def calibrate_study(
         settings.seed,
         show,
         study.path("sampling"),
-        json.dumps([origin, settled], sort_keys=True),
+        json.dumps([origin, settled, _judged(study, observation)], sort_keys=True),
     )
     notes: tuple[str, ...] = ()
     if settings.exact:
@@ -390,6 +392,16 @@ def _sample_exact(
         replace(result, log_evidence=result.log_evidence + start.log_evidence)
         for result, start in zip(results, starts, strict=True)
     ]
+
+
+def _judged(study: Study, observation: Observation) -> list[str]:
+    """Hashes of what a likelihood is made of: the data as read, reduced model and surrogate."""
+    data = hashlib.sha256()
+    for values in (observation.log_frf, observation.noise_sd, observation.valid):
+        data.update(np.ascontiguousarray(values).tobytes())
+    kept = study.artefacts()
+    models = [kept[name].sha256 for name in (REDUCED, SURROGATE) if name in kept]
+    return [__version__, data.hexdigest(), *models]
 
 
 def _with_zeta(prior: UniformPrior, bounds: tuple[float, float]) -> UniformPrior:

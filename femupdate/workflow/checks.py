@@ -1,6 +1,7 @@
 """What would stop a step half-way, found before anything is built or written."""
 
 import os
+import textwrap
 from pathlib import Path
 
 from femupdate.building.files import mechanics_hash
@@ -63,9 +64,9 @@ def check_device(name: str) -> None:
         torch.zeros(1, dtype=torch.float64, device=name).sum().item()
     # Builds of torch without a device say so by errors of several kinds.
     except (RuntimeError, AssertionError, TypeError, ValueError, NotImplementedError) as error:
-        reason = (str(error).splitlines() or [type(error).__name__])[0]
+        reason = textwrap.shorten(str(error), 60, placeholder=" ...")
         raise InferenceError(
-            f"the device {name} cannot be used ({reason[:100]}); choose another, such as cpu"
+            f"the device {name} cannot be used ({reason}); choose another, such as cpu"
         ) from error
 
 

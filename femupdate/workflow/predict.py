@@ -18,7 +18,8 @@ from femupdate.inference.posterior import Posterior, load_posterior
 from femupdate.measurement.observation_file import Histories as MeasuredHistories
 from femupdate.measurement.observation_file import read_observation_file
 from femupdate.measurement.record import GroundMotion, read_record
-from femupdate.study import Study, atomic_path, file_hash
+from femupdate.netcdf import write_tree
+from femupdate.study import Study, file_hash
 from femupdate.workflow.calibrate import observed_direction
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.progress import Progress, Silent
@@ -204,8 +205,7 @@ def save_prediction(
     )
     tree = xr.DataTree.from_dict({"/predictions": predictions, "/constant_data": constant})
     tree.attrs = {"record": motion.name, "channel": motion.channel, "damping": damping}
-    with atomic_path(path) as temporary:
-        tree.to_netcdf(temporary, engine="h5netcdf")
+    write_tree(tree, path)
 
 
 def _channel(text: str | None) -> str | int | None:

@@ -11,7 +11,7 @@ from femupdate import __version__
 from femupdate.building.files import mechanics_hash
 from femupdate.building.schema import Building
 from femupdate.errors import SurrogateError
-from femupdate.study import Study
+from femupdate.study import Study, file_hash
 from femupdate.surrogate.dataset import DatasetPlan, ModalDataset, compute_dataset
 from femupdate.surrogate.loss import LossSettings
 from femupdate.surrogate.network import NetworkSizes
@@ -90,11 +90,11 @@ def needed_surrogate(
     """Like `require_surrogate`; `asked` is the name or path by which the building was chosen."""
     found = surrogate_of(study, building)
     if found is None:
-        named = f" --building {shlex.quote(asked)}" if asked else ""
+        options = f"--study {shlex.quote(str(study.folder))}"
+        options += f" --building {shlex.quote(asked)}" if asked else ""
         raise SurrogateError(
             f"no trained surrogate fits the building {building.name}; run `femupdate train "
-            f"--study {shlex.quote(str(study.folder))}{named}` (once a building), or calibrate with "
-            "--exact"
+            f"{options}` (once a building), or calibrate with --exact"
         )
     return found[0]
 
@@ -119,9 +119,13 @@ def train_study(
     settings: TrainingSettings | None = None,
     *,
     fresh: bool = False,
+    start: Path | None = None,
     progress: Progress | None = None,
 ) -> TrainReport:
     """Make the data set and train; skipped when a fitting surrogate is there.
+
+    With `start`, a weights file of the same sizes, training goes on from there instead of from
+    scratch.
 
     Killed half-way, the next call goes on from the last shard of the data set or the last epoch.
 
@@ -129,16 +133,17 @@ def train_study(
         SurrogateError: too few samples, or a checkpoint of another training is in the way.
     """
     show = progress or Silent()
-    found = None if fresh else find_surrogate(study, model)
+    found = None if fresh or start is not None else find_surrogate(study, model)
     if found is not None:
         return TrainReport(found[0], found[1], False, 0.0, 0.0)
     settings = settings or default_settings(model)
     check_samples(samples, settings)
+    initial = None if start is None else load_surrogate(start).mvae
     started = time.monotonic()
     dataset, folder = _dataset(study, model, samples, settings.seed, show)
     between = time.monotonic()
     checkpoint = study.path(_CHECKPOINT)
-    result = train_mvae(_task(model, dataset), settings, checkpoint, _bar(show))
+    result = train_mvae(_task(model, dataset), settings, checkpoint, _bar(show), initial)
     surrogate = TrainedSurrogate(
         result.mvae,
         SurrogateInfo(
@@ -147,7 +152,12 @@ def train_study(
             model.reduced.floors,
             settings.loss.noise_sd,
             __version__,
-            {"samples": samples, "modes": _MODES_KEPT, "training": settings.as_dict()},
+            {
+                "samples": samples,
+                "modes": _MODES_KEPT,
+                "training": settings.as_dict(),
+                "started_from": None if start is None else file_hash(start),
+            },
             result.metrics,
         ),
     )

@@ -3,14 +3,18 @@
 import numpy as np
 import pytest
 import torch
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from femupdate.dynamics.damping import ConstantDamping, DampingLaw, RayleighDamping
 
 
+@settings(deadline=None)
 @given(
-    low=st.floats(0.05, 5.0), high=st.floats(5.1, 80.0), ratio=st.floats(1e-4, 0.5), swap=st.booleans()
+    low=st.floats(0.05, 5.0),
+    high=st.floats(5.1, 80.0),
+    ratio=st.floats(1e-4, 0.5),
+    swap=st.booleans(),
 )
 def test_rayleigh_damping_has_its_ratio_at_both_anchors_and_less_between(low, high, ratio, swap):
     law = RayleighDamping(ratio, (high, low) if swap else (low, high))
@@ -25,7 +29,9 @@ def test_rayleigh_damping_is_that_of_a0_m_plus_a1_k(chain, tensor):
     """The diagonal of Phi^T C Phi is 2 zeta omega; off it there is nothing."""
     law = RayleighDamping(0.03, (1.0, 20.0))
     M, K = chain.matrices([0.5, 2.1, 0.8, 1.3])
-    squared, modes = torch.linalg.eigh(tensor(np.linalg.inv(M) ** 0.5 @ K @ np.linalg.inv(M) ** 0.5))
+    squared, modes = torch.linalg.eigh(
+        tensor(np.linalg.inv(M) ** 0.5 @ K @ np.linalg.inv(M) ** 0.5)
+    )
     modes = np.linalg.inv(M) ** 0.5 @ modes.numpy()
     C = law.mass_coefficient * M + law.stiffness_coefficient * K
     ratio = law.ratio(squared.sqrt()[None], torch.zeros(1))[0]

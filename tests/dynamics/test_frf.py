@@ -70,7 +70,9 @@ def test_response_lags_the_base(chain, thetas, tensor):
     data = modal_data(chain.reduced(), tensor(thetas))
     first = data.omega[:, 0] / (2.0 * np.pi)
     for row in range(3):
-        found = complex_frf(data[row : row + 1], first[row : row + 1], ConstantDamping(), tensor([0.01]))
+        found = complex_frf(
+            data[row : row + 1], first[row : row + 1], ConstantDamping(), tensor([0.01])
+        )
         assert bool((found.imag < -3.0).all())
         assert bool((found.real.abs() < 1.2).all())  # the base itself, and the other modes
 

@@ -94,7 +94,14 @@ def test_modes_in_the_band_that_no_floor_feels_do_not_spoil_the_series():
     shapes = np.array([[0.1, 1e-3, 2e-3, 1e-3, -0.1, 0.2, -0.3]])
     zeros = np.zeros((1, 7))
     model = ReducedModel(
-        np.diag(omega**2)[None], np.zeros((7, 7)), excitation, shapes, ("RF",), zeros, zeros[0], zeros
+        np.diag(omega**2)[None],
+        np.zeros((7, 7)),
+        excitation,
+        shapes,
+        ("RF",),
+        zeros,
+        zeros[0],
+        zeros,
     )
     theta = torch.ones(1, 1, dtype=torch.float64)
     kept = modal_data(model, theta, modes=2, top_frequency_hz=10.0)

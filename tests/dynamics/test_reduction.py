@@ -233,7 +233,7 @@ def stick():
 
 
 def test_modes_of_a_stick_whose_rotations_carry_no_mass():
-    """Nine of eighteen degrees of freedom carry mass: no more modes are asked for than there are."""
+    """Nine of eighteen degrees of freedom carry mass: no more modes than that are asked for."""
     operators = assemble(stick())
     theta = np.array([0.5, 2.2, 1.1])
     levels = np.array([3.0, 5.5, 8.5])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import kstest, norm, uniform
 
@@ -12,6 +12,7 @@ width = st.floats(1e-3, 100.0)
 share = st.floats(1e-6, 1.0 - 1e-6)
 
 
+@settings(deadline=None)
 @given(low=lower, size=width, unit=share)
 def test_maps_are_inverse_of_one_another(box, low, size, unit):
     prior = box([low, 0.33], [low + size, 3.0])
@@ -26,6 +27,7 @@ def test_maps_are_inverse_of_one_another(box, low, size, unit):
     np.testing.assert_allclose(back, 0.0, atol=1e-10 + slack)
 
 
+@settings(deadline=None)
 @given(xi=st.floats(-8.0, 5.0))
 def test_standard_normal_coordinates_are_those_of_scipy(box, xi):
     """Above +5 the share is 1 less 3e-7: theta itself has no digits left for xi."""
@@ -37,6 +39,7 @@ def test_standard_normal_coordinates_are_those_of_scipy(box, xi):
     assert float(unit.to_normal(unit.from_unit(share))) == pytest.approx(xi, abs=1e-8)
 
 
+@settings(deadline=None)
 @given(xi=st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=2))
 def test_every_point_of_the_normal_space_is_inside_the_box(box, xi):
     prior = box([-2.0, 0.1], [5.0, 0.2])

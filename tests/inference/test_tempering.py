@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 import torch
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from femupdate.inference.tempering import effective_sample_size, next_increment, systematic_rows
 
-gains = st.lists(
-    st.one_of(st.floats(-1e4, 1e4), st.just(-np.inf)), min_size=2, max_size=60
-).filter(lambda values: max(values) > -np.inf)
+gains = st.lists(st.one_of(st.floats(-1e4, 1e4), st.just(-np.inf)), min_size=2, max_size=60).filter(
+    lambda values: max(values) > -np.inf
+)
 
 
 def test_effective_sample_size_by_hand():
@@ -20,6 +20,7 @@ def test_effective_sample_size_by_hand():
     assert effective_sample_size(torch.tensor([0.0, -torch.inf, -torch.inf])) == pytest.approx(1.0)
 
 
+@settings(deadline=None)
 @given(values=gains, most=st.floats(1e-6, 1.0), share=st.floats(0.1, 0.95))
 def test_the_increment_keeps_the_effective_size_it_promises(values, most, share):
     gain = torch.tensor(values, dtype=torch.float64)
@@ -42,11 +43,12 @@ def test_the_last_step_ends_at_one_exactly():
         assert beta + next_increment(gain, 1.0 - beta, 0.8) == 1.0
 
 
-weights = st.lists(
-    st.one_of(st.just(0.0), st.floats(1e-6, 1.0)), min_size=1, max_size=40
-).filter(lambda values: sum(values) > 0)
+weights = st.lists(st.one_of(st.just(0.0), st.floats(1e-6, 1.0)), min_size=1, max_size=40).filter(
+    lambda values: sum(values) > 0
+)
 
 
+@settings(deadline=None)
 @given(values=weights, seed=st.integers(0, 2**31))
 def test_every_row_comes_floor_or_ceil_of_its_share(values, seed):
     weight = torch.tensor(values, dtype=torch.float64)
@@ -70,11 +72,12 @@ def test_resampling_is_unbiased():
     np.testing.assert_allclose(mean, 5.0 * weight, atol=5.0 * 0.5 / tries**0.5)
 
 
-
 @pytest.mark.parametrize("end", [0.0, 1.0 - 2.0**-53])
 def test_rows_of_weight_zero_never_come(monkeypatch, end):
     """Not even where the draw is an end of its range or the weights do not quite sum to one."""
-    monkeypatch.setattr(torch, "rand", lambda *_, **kinds: torch.full((1,), end, dtype=kinds["dtype"]))
+    monkeypatch.setattr(
+        torch, "rand", lambda *_, **kinds: torch.full((1,), end, dtype=kinds["dtype"])
+    )
     weight = torch.tensor([0.0, 0.1, 0.2, 0.3, 0.4 - 1e-13, 0.0], dtype=torch.float64)
     rows = systematic_rows(weight, torch.Generator())
     assert set(rows.tolist()) <= {1, 2, 3, 4}

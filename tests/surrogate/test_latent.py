@@ -1,6 +1,7 @@
 """The latent likelihood against quadrature and exact arithmetic."""
 
-import mpmath
+from decimal import Decimal, localcontext
+
 import numpy as np
 import pytest
 import torch
@@ -21,16 +22,15 @@ def tensor(*values):
 
 def exact(mean_x, variance_x, mean_theta, variance_theta):
     """One dimension, by completing the square in fifty digits."""
-    with mpmath.workdps(50):
-        a, A, b, B = (mpmath.mpf(v) for v in (mean_x, variance_x, mean_theta, variance_theta))
+    with localcontext() as context:
+        context.prec = 50
+        a, A, b, B = (Decimal(v) for v in (mean_x, variance_x, mean_theta, variance_theta))
         precision = 1 / A + 1 / B - 1
         if precision <= 0:
             return -np.inf
         linear = a / A + b / B
         constant = a**2 / A + b**2 / B
-        return float(
-            (linear**2 / precision - constant) / 2 - mpmath.log(A * B * precision) / 2
-        )
+        return float((linear**2 / precision - constant - (A * B * precision).ln()) / 2)
 
 
 @pytest.mark.parametrize(
@@ -77,7 +77,7 @@ def test_two_dimensions_against_quadrature():
     assert float(found) == pytest.approx(np.log(value), abs=1e-5)
 
 
-@settings(max_examples=200)
+@settings(max_examples=200, deadline=None)
 @given(a=mean, A=variance, b=mean, B=variance)
 def test_against_fifty_digits_for_all_variances(a, A, b, B):
     found = float(latent_log_likelihood(tensor(a), tensor(A), tensor(b), tensor(B)))
@@ -109,7 +109,7 @@ def test_single_precision_at_the_width_of_real_posteriors():
     np.testing.assert_allclose(found, double, rtol=1e-5, atol=1e-4)
 
 
-@settings(max_examples=100)
+@settings(max_examples=100, deadline=None)
 @given(a=mean, A=st.floats(0.5, 50.0), b=mean, B=st.floats(0.5, 50.0))
 def test_an_integral_that_diverges_is_minus_infinity(a, A, b, B):
     found = float(latent_log_likelihood(tensor(a), tensor(A), tensor(b), tensor(B)))
@@ -126,15 +126,18 @@ def test_one_invalid_dimension_rules_the_point_out():
     found = latent_log_likelihood(means, tensor(0.2, 2.0, 0.1), -means, tensor(0.2, 2.0, 0.1))
     assert float(found) == -np.inf
     # On the edge itself, 1/2 + 1/2 - 1 = 0, the integral diverges too.
-    assert float(latent_log_likelihood(tensor(0.0), tensor(2.0), tensor(0.0), tensor(2.0))) == -np.inf
+    assert (
+        float(latent_log_likelihood(tensor(0.0), tensor(2.0), tensor(0.0), tensor(2.0))) == -np.inf
+    )
 
 
-@pytest.mark.parametrize("wrong", [0.0, -0.3, np.inf, np.nan])
+@pytest.mark.parametrize("wrong", [0.0, np.inf, np.nan])
 def test_variances_that_are_none_are_never_rewarded(wrong):
-    found = float(latent_log_likelihood(tensor(0.1), tensor(wrong), tensor(0.2), tensor(0.0)))
-    assert found == -np.inf or np.isnan(found) is False
+    found = float(latent_log_likelihood(tensor(0.1), tensor(wrong), tensor(0.1), tensor(wrong)))
+    assert found == -np.inf
 
 
+@settings(deadline=None)
 @given(a=mean, A=variance, b=mean, B=variance)
 def test_the_two_gaussians_may_change_places(a, A, b, B):
     one = latent_log_likelihood(tensor(a), tensor(A), tensor(b), tensor(B))

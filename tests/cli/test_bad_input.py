@@ -1,0 +1,534 @@
+"""Input that cannot be used: exit code 1, one sentence, and nothing written.
+
+Every case runs on a study that is not there yet and on one that holds a posterior.
+"""
+
+import os
+import resource
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROWS = 400  # of an observation: enough for a spectrum
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Files to make bad ones from."""
+
+    folder: Path
+    tower: Path
+    rows: tuple[str, ...]
+
+    def file(self, name, content):
+        path = self.folder / name
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return path
+
+    def observation(self, *rows, name="bad.csv"):
+        return self.file(name, "\n".join(rows or self.rows) + "\n")
+
+    def changed(self, line, old, new):
+        """A good observation with a change in one line (0 and 1 are the head)."""
+        rows = list(self.rows)
+        assert old in rows[line]
+        rows[line] = rows[line].replace(old, new, 1)
+        return self.observation(*rows)
+
+    def column(self, line, at, text):
+        """A good observation with one cell replaced."""
+        cells = self.rows[line].split(",")
+        return self.changed(line, self.rows[line], ",".join([*cells[:at], text, *cells[at + 1 :]]))
+
+    def without_column(self, at):
+        return self.observation(
+            *(",".join(c for k, c in enumerate(row.split(",")) if k != at) for row in self.rows)
+        )
+
+
+@pytest.fixture
+def bench(tmp_path, tower_file, tower_observation):
+    lines = tower_observation.path.read_text().splitlines()
+    head = next(n for n, line in enumerate(lines) if line.startswith("time_s"))
+    folder = tmp_path / "input"
+    folder.mkdir()
+    shutil.copy(tower_file, folder)
+    return Bench(folder, folder / "tower.toml", tuple(lines[head : head + 2 + ROWS]))
+
+
+@pytest.fixture(params=["fresh", "kept"])
+def study(request, tmp_path, tower_study):
+    folder = tmp_path / request.param
+    return Path(shutil.copytree(tower_study, folder)) if request.param == "kept" else folder
+
+
+def in_g(bench):
+    """Values of 818 (gal) in columns that claim g."""
+    rows = [row.split(",") for row in bench.rows]
+    rows[1] = ["s", "g", "g", "g"]
+    peak = max(abs(float(row[1])) for row in rows[2:])
+    scaled = [[row[0], *(f"{float(c) * 818 / peak:.5g}" for c in row[1:])] for row in rows[2:]]
+    return bench.observation(*map(",".join, [*rows[:2], *scaled]))
+
+
+BAD_OBSERVATIONS = {
+    "missing": (lambda b: b.folder / "nowhere.csv", ["nowhere.csv", "no such file"]),
+    "directory": (lambda b: b.folder, ["is a folder; name the file in it"]),
+    "empty": (lambda b: b.file("bad.csv", ""), ["bad.csv", "the file is empty"]),
+    "blank": (lambda b: b.file("bad.csv", " \n\n\n"), ["the file is empty"]),
+    "comments alone": (lambda b: b.file("bad.csv", "# nothing\n"), ["the file holds no data"]),
+    "head alone": (lambda b: b.observation(*b.rows[:2]), ["bad.csv"]),
+    "two rows": (lambda b: b.observation(*b.rows[:4]), ["2 rows are too short"]),
+    "text": (lambda b: b.column(7, 2, "strong"), ["line 8", "2F", "strong"]),
+    "nan": (lambda b: b.column(7, 1, "nan"), ["line 8", "base"]),
+    "infinite": (lambda b: b.column(7, 1, "inf"), ["line 8", "base"]),
+    "gap": (lambda b: b.column(7, 3, ""), ["line 8", "RF"]),
+    "cut line": (lambda b: b.observation(*b.rows[:-1], "7.98,0.1"), [f"line {ROWS + 2}"]),
+    "time jumps": (lambda b: b.observation(*b.rows[:50], *b.rows[60:]), ["line 51"]),
+    "other building": (
+        lambda b: b.changed(0, "2F,RF", "3F,RF"),
+        ["3F", "2F, RF"],
+    ),
+    "unknown column": (lambda b: b.changed(0, "2F", "second"), ["second"]),
+    "two of a name": (
+        lambda b: b.changed(0, "2F", "RF"),
+        ["line 1", "two columns are called 'RF'"],
+    ),
+    "wrong unit": (in_g, ["base", "818 g", "is the unit wrong?"]),
+    "unknown unit": (lambda b: b.changed(1, "m/s2", "furlong"), ["furlong"]),
+    "no unit": (lambda b: b.observation(b.rows[0], *b.rows[2:]), ["does not say its unit"]),
+    "no base": (lambda b: b.without_column(1), ["no column base"]),
+    "no time": (lambda b: b.without_column(0), ["time_s"]),
+    "dead channel": (
+        lambda b: b.observation(*b.rows[:2], *(f"{k / 50},0,{k % 7},{k % 5}" for k in range(200))),
+        ["base", "dead"],
+    ),
+    "noise alone": (
+        # The floors do not follow the base.
+        lambda b: b.observation(
+            *b.rows[:2],
+            *(
+                f"{k / 50},{x:.5g},{y:.5g},{z:.5g}"
+                for k, (x, y, z) in enumerate(np.random.default_rng(1).normal(size=(1000, 3)))
+            ),
+        ),
+        ["no point of the frequency grid can be used"],
+    ),
+    "zeros and ones": (lambda b: b.file("bad.csv", bytes(range(256)) * 20), ["not a text file"]),
+    "workbook": (lambda b: b.file("bad.csv", b"PK\x03\x04" + bytes(99)), ["export it as CSV"]),
+    "picture": (lambda b: b.file("bad.csv", b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR"), ["not a text file"]),
+    "prose": (lambda b: b.file("bad.csv", "It shook for a while.\n" * 90), ["bad.csv"]),
+    "FRF below zero": (
+        lambda b: b.observation("frequency_hz,2F,RF", *(f"{k},1,-1" for k in range(1, 9))),
+        ["line 2", "RF", "above zero"],
+    ),
+    "FRF elsewhere": (
+        lambda b: b.observation("frequency_hz,2F,RF", *(f"{k},1,2" for k in range(50, 90))),
+        ["no point of the frequency grid"],
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BAD_OBSERVATIONS)
+def test_an_observation_that_cannot_be_used(femupdate, bench, study, snapshot, case):
+    make, words = BAD_OBSERVATIONS[case]
+    before = snapshot(study)
+    done = femupdate(
+        "calibrate", make(bench), "--building", bench.tower, "--exact", "--study", study, "--json"
+    )
+    for word in words:
+        assert word in done.complaint
+    assert snapshot(study) == before
+    assert study.exists() == bool(before)
+
+
+OTHER_TOWER = ('stiffness = "4 MN/m"', 'stiffness = "5 MN/m"')
+BAD_REQUESTS = {
+    "sensors": (["--sensors", "7F"], ["there is no 7F to use", "2F, RF"]),
+    "band": (["--band", "13,14"], ["fewer than ten frequencies", "--band"]),
+    "column": (["--columns", "base=shaker,2F=2F"], ["no column 'shaker'"]),
+    "unit of the file": (["--unit", "g"], ["m/s2", "the unit option says g"]),
+    "device": (["--device", "abacus"], ["the device abacus cannot be used"]),
+    "building": (["--building", "shear_3dog"], ["shear_3dog", "did you mean 'shear_3dof'"]),
+    "building file": (["--building", "nowhere.toml"], ["nowhere.toml", "no such building file"]),
+}
+
+
+@pytest.mark.parametrize("case", BAD_REQUESTS)
+def test_a_calibration_that_cannot_be_asked_for(femupdate, bench, study, snapshot, case):
+    options, words = BAD_REQUESTS[case]
+    before = snapshot(study)
+    building = [] if "--building" in options else ["--building", bench.tower]
+    done = femupdate(
+        "calibrate", bench.observation(), "--exact", "--study", study, *building, *options
+    )
+    for word in words:
+        assert word in done.complaint
+    assert snapshot(study) == before
+    assert study.exists() == bool(before)
+
+
+def test_a_building_without_surrogate(femupdate, bench, study, snapshot):
+    """The sentence is a command that can be pasted."""
+    before = snapshot(study)
+    done = femupdate(
+        "calibrate", bench.observation(), "--building", bench.tower, "--study", study, "--json"
+    )
+    named = "" if before else f" --building {bench.tower}"
+    assert f"`femupdate train --study {study}{named}`" in done.complaint
+    assert "--exact" in done.complaint
+    assert snapshot(study) == before
+    assert study.exists() == bool(before)
+
+
+def test_another_building_than_the_study_has(femupdate, bench, calibrated, snapshot):
+    before = snapshot(calibrated)
+    other = bench.file("other.toml", bench.tower.read_text().replace(*OTHER_TOWER))
+    for command in (["calibrate", bench.observation(), "--exact"], ["train"]):
+        done = femupdate(*command, "--building", other, "--study", calibrated)
+        assert "holds the building tower, not tower as asked" in done.complaint
+        assert "--study" in done.complaint
+    done = femupdate("build-model", other, "--study", calibrated)
+    assert "holds a posterior of the building tower" in done.complaint
+    assert snapshot(calibrated) == before
+
+
+BAD_BUILDINGS = {
+    "unknown": (lambda b: "shear_5dof", ["shear_5dof", "the shipped buildings are"]),
+    "missing": (lambda b: b.folder / "x.toml", ["x.toml", "no such building file"]),
+    "folder": (lambda b: b.folder, ["cannot be read"]),
+    "malformed": (
+        lambda b: b.file("x.toml", b.tower.read_text().replace('"3 t"', '"3 t')),
+        ["x.toml", "not valid TOML", "line 7"],
+    ),
+    "bare number": (
+        lambda b: b.file("x.toml", b.tower.read_text().replace('"3 t"', "3")),
+        ["x.toml", "stories[0].mass"],
+    ),
+    "unknown key": (
+        lambda b: b.file("x.toml", b.tower.read_text().replace("mass", "maas", 1)),
+        ["stories[0].maas", "did you mean 'mass'"],
+    ),
+    "not text": (lambda b: b.file("x.toml", b"\xff\xfe\0\x81"), ["not UTF-8"]),
+}
+
+
+@pytest.mark.parametrize("case", BAD_BUILDINGS)
+@pytest.mark.parametrize("command", ["build-model", "train", "calibrate"])
+def test_a_building_that_cannot_be_read(femupdate, bench, study, snapshot, command, case):
+    make, words = BAD_BUILDINGS[case]
+    building = make(bench)
+    arguments = {
+        "build-model": [building],
+        "train": ["--building", building],
+        "calibrate": [bench.observation(), "--building", building],
+    }[command]
+    before = snapshot(study)
+    done = femupdate(command, *arguments, "--study", study, "--json")
+    for word in words:
+        assert word in done.complaint
+    assert snapshot(study) == before
+    assert study.exists() == bool(before)
+
+
+def test_a_frame_that_cannot_stand(femupdate, bench, tmp_path, cabin_file):
+    """Columns in the lower story only: the roof floats."""
+    text = cabin_file.read_text().replace(
+        '[[columns]]\nsection = "column"', '[[columns]]\nsection = "column"\nstories = ["low"]'
+    )
+    done = femupdate("build-model", bench.file("x.toml", text), "--study", tmp_path / "study")
+    assert done.complaint
+    assert not (tmp_path / "study").exists()
+
+
+def test_too_few_samples_are_told_before_any_is_drawn(femupdate, bench, tmp_path):
+    done = femupdate(
+        "train", "--building", bench.tower, "--samples", 300, "--study", tmp_path / "study"
+    )
+    assert "300 samples are too few for batches of 512" in done.complaint
+    assert done.progress == []
+    assert not (tmp_path / "study").exists()
+
+
+def motion(count=300):
+    time = np.arange(count) * 0.02
+    return time, np.exp(-0.3 * time) * np.sin(9.0 * time + 0.4)
+
+
+def plain(bench, factor=1.0, unit="m/s2"):
+    rows = [f"{t:.2f},{factor * a:.6g}" for t, a in zip(*motion(), strict=True)]
+    return bench.observation("time_s,EW", f"s,{unit}", *rows, name="record.csv")
+
+
+def peer(bench, announced):
+    values = [f"{a / 9.80665:15.7E}" for a in motion()[1]]
+    rows = ["".join(values[k : k + 5]) for k in range(0, len(values), 5)]
+    head = ["PEER", "Test, 1/1/2000, X, 0", "ACCELERATION TIME SERIES IN UNITS OF G"]
+    return bench.file(
+        "r.at2", "\n".join([*head, f"NPTS= {announced}, DT= .0200 SEC,", *rows]) + "\n"
+    )
+
+
+def two_channels(bench):
+    rows = [f"{t:.2f},{a:.6g},{-a:.6g}" for t, a in zip(*motion(), strict=True)]
+    return bench.observation("time_s,EW,NS", "s,gal,gal", *rows, name="record.csv")
+
+
+BAD_RECORDS = {
+    "missing": (lambda b: [b.folder / "r.csv"], ["r.csv", "no such file"]),
+    "empty": (lambda b: [b.file("r.csv", "")], ["the file is empty"]),
+    "folder": (lambda b: [b.folder], ["is a folder"]),
+    "binary": (lambda b: [b.file("r.csv", bytes(99))], ["r.csv"]),
+    "wrong unit": (lambda b: [plain(b, 818.0, "g")], ["g", "is the unit wrong?"]),
+    "no unit": (
+        lambda b: [b.observation("time_s,EW", *plain(b).read_text().splitlines()[2:])],
+        ["does not say its unit"],
+    ),
+    "NPTS": (lambda b: [peer(b, 301)], ["r.at2", "301", "300"]),
+    "several channels": (lambda b: [two_channels(b)], ["2 channels", "1 = EW"]),
+    "no such channel": (lambda b: [two_channels(b), "--channel", "UD"], ["no channel 'UD'"]),
+    "scale": (lambda b: [plain(b), "--scale", "nan"], ["cannot be scaled by nan"]),
+    "scale of zero": (lambda b: [plain(b), "--scale", "0"], ["base acceleration zero?"]),
+    "measured elsewhere": (
+        lambda b: [plain(b), "--measured", b.observation()],
+        ["do not match the record's 300"],
+    ),
+    "measured FRF": (
+        lambda b: [
+            plain(b),
+            "--measured",
+            b.observation("frequency_hz,RF", *(f"{k},1" for k in range(1, 20))),
+        ],
+        ["a comparison needs histories"],
+    ),
+    "measured, other building": (
+        lambda b: [
+            plain(b),
+            "--measured",
+            b.observation(
+                "time_s,base,7F",
+                "s,m/s2,m/s2",
+                *(f"{t:.2f},{a:.6g},{2 * a:.6g}" for t, a in zip(*motion(), strict=True)),
+            ),
+        ],
+        ["none of its floors (7F)", "2F, RF"],
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BAD_RECORDS)
+def test_a_record_that_cannot_be_used(femupdate, bench, calibrated, snapshot, case):
+    make, words = BAD_RECORDS[case]
+    before = snapshot(calibrated)
+    done = femupdate("predict", "--study", calibrated, "--json", "--record", *make(bench))
+    for word in words:
+        assert word in done.complaint
+    assert snapshot(calibrated) == before
+
+
+def predict(bench, study):
+    return ["predict", "--study", study, "--record", plain(bench), "--json"]
+
+
+def render(bench, study):
+    return ["render", "--study", study, "--json"]
+
+
+@pytest.fixture(params=[predict, render], ids=["predict", "render"])
+def after(request, bench):
+    """A command that needs a posterior."""
+    return lambda study: request.param(bench, study)
+
+
+def test_no_study(femupdate, after, tmp_path):
+    done = femupdate(*after(tmp_path / "study"))
+    assert "holds no posterior; run `femupdate calibrate` first" in done.complaint
+    assert not (tmp_path / "study").exists()
+
+
+def test_no_posterior(femupdate, after, calibrated, snapshot):
+    (calibrated / "posterior.nc").unlink()
+    before = snapshot(calibrated)
+    done = femupdate(*after(calibrated))
+    assert "holds no posterior; run `femupdate calibrate` first" in done.complaint
+    assert snapshot(calibrated) == before
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [lambda data: data[: len(data) // 2], lambda data: b"", lambda data: data[:-1] + b"\x55"],
+    ids=["cut", "emptied", "changed"],
+)
+def test_a_posterior_that_is_not_what_was_written(femupdate, after, calibrated, snapshot, damage):
+    path = calibrated / "posterior.nc"
+    path.write_bytes(damage(path.read_bytes()))
+    before = snapshot(calibrated)
+    done = femupdate(*after(calibrated))
+    assert str(path) in done.complaint
+    assert "run `femupdate calibrate` again" in done.complaint
+    assert snapshot(calibrated) == before
+
+
+def test_a_posterior_of_another_version_of_the_building(
+    femupdate, after, calibrated, tower_file, snapshot
+):
+    """The file in the study was edited since: the model is not rebuilt for a stale posterior."""
+    (calibrated / "building.toml").write_text(tower_file.read_text().replace(*OTHER_TOWER))
+    before = snapshot(calibrated)
+    done = femupdate(*after(calibrated))
+    assert "was made from another building; run `femupdate calibrate` again" in done.complaint
+    assert snapshot(calibrated) == before
+
+
+def test_a_study_whose_building_file_is_gone(femupdate, after, calibrated, snapshot):
+    """The six-story building, the default of an empty study, must not step in."""
+    (calibrated / "building.toml").unlink()
+    before = snapshot(calibrated)
+    done = femupdate(*after(calibrated))
+    assert "was made from another building" in done.complaint
+    assert snapshot(calibrated) == before
+
+
+@pytest.mark.parametrize("content", ["", "{", "[]", '{"artefacts": {"posterior": {"file": 1}}}'])
+def test_a_damaged_record_of_the_study(femupdate, after, calibrated, content):
+    (calibrated / "study.json").write_text(content)
+    done = femupdate(*after(calibrated))
+    assert "study.json cannot be read" in done.complaint
+    assert (calibrated / "study.json").read_text() == content
+
+
+def test_a_ratio_where_the_law_gives_every_mode_its_own(femupdate, bench, tmp_path):
+    """A Rayleigh building takes no --damping, rather than take no notice of it."""
+    law = 'law = "rayleigh"\nratio = 0.05\nanchors = ["3 Hz", "9 Hz"]'
+    text = bench.tower.read_text().replace('law = "constant"\nratio = 0.05', law)
+    text = text.replace("[prior.zeta]\nlower = 0.01\nupper = 0.1\n", "")
+    building, study = bench.file("rayleigh.toml", text), tmp_path / "study"
+    arguments = ("--building", building, "--exact", "--study", study, "--particles", 200)
+    assert femupdate("calibrate", bench.observation(), *arguments).code == 0
+    done = femupdate(*predict(bench, study), "--damping", "0.02")
+    assert "damping.law is rayleigh" in done.complaint
+    assert "--damping" in done.complaint
+    assert not (study / "prediction.nc").exists()
+
+
+def commands(bench, study):
+    """One of every command, each with input that is good."""
+    observation = bench.observation(name="good.csv")
+    return {
+        "build-model": ["build-model", bench.tower],
+        "train": ["train", "--building", bench.tower, "--samples", 200, "--batch", 32],
+        "calibrate": [
+            *("calibrate", observation, "--building", bench.tower),
+            *("--exact", "--particles", 200, "--chains", 1),
+        ],
+        "predict": predict(bench, study),
+        "render": render(bench, study),
+        "simulate": ["simulate", "-o", study / "new.csv", "--building", bench.tower],
+    }
+
+
+NAMES = ["build-model", "train", "calibrate", "predict", "render", "simulate"]
+
+
+@pytest.mark.parametrize("command", NAMES)
+def test_a_study_that_is_a_file(femupdate, bench, tmp_path, command):
+    place = bench.file("study", "mine")
+    done = femupdate(*commands(bench, tmp_path)[command], "--study", place)
+    assert f"{place} is a file, not a folder" in done.complaint
+    assert place.read_text() == "mine"
+
+
+@pytest.mark.parametrize("command", ["build-model", "train", "calibrate"])
+def test_a_study_below_a_file(femupdate, bench, tmp_path, command):
+    place = bench.file("notes", "mine")
+    done = femupdate(*commands(bench, tmp_path)[command], "--study", place / "study")
+    assert f"{place} is a file, not a folder" in done.complaint
+    assert done.progress == []
+
+
+@pytest.mark.parametrize("command", NAMES[:-1])
+def test_a_folder_without_permission_is_told_at_once(
+    femupdate, bench, calibrated, snapshot, monkeypatch, command
+):
+    """Not after minutes of sampling. The system's answer is put on: root may write anywhere."""
+    before = snapshot(calibrated)
+    monkeypatch.setattr("os.access", lambda path, mode: not mode & os.W_OK)
+    done = femupdate(*commands(bench, calibrated)[command], "--study", calibrated)
+    assert f"cannot write into {calibrated}" in done.complaint
+    assert done.progress == []
+    assert snapshot(calibrated) == before
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write into any folder")
+@pytest.mark.parametrize("command", NAMES[:-1])
+def test_a_folder_without_permission(femupdate, bench, calibrated, snapshot, command):
+    before = snapshot(calibrated)
+    calibrated.chmod(0o500)
+    try:
+        done = femupdate(*commands(bench, calibrated)[command], "--study", calibrated)
+        assert f"cannot write into {calibrated}" in done.complaint
+        assert snapshot(calibrated) == before
+    finally:
+        calibrated.chmod(0o700)
+
+
+def full(*_, **__):
+    raise OSError(28, "No space left on device")
+
+
+@pytest.mark.parametrize("when", ["os.replace", "pathlib.Path.touch"])
+@pytest.mark.parametrize("command", NAMES)
+def test_a_full_disk_leaves_every_file_as_it_was(
+    femupdate, bench, calibrated, snapshot, monkeypatch, command, when
+):
+    before = snapshot(calibrated)
+    arguments = commands(bench, calibrated)[command]
+    monkeypatch.setattr(when, full)
+    done = femupdate(*arguments, "--study", calibrated)
+    assert "the disk is full; free some space and run the command again" in done.complaint
+    assert snapshot(calibrated) == before
+
+
+@pytest.mark.parametrize("command", ["build-model", "train", "calibrate"])
+def test_a_full_disk_leaves_no_file_in_a_new_study(
+    femupdate, bench, tmp_path, snapshot, monkeypatch, command
+):
+    arguments = commands(bench, tmp_path)[command]
+    monkeypatch.setattr("os.replace", full)
+    done = femupdate(*arguments, "--study", tmp_path / "study")
+    assert "the disk is full" in done.complaint
+    assert snapshot(tmp_path / "study") == {}
+
+
+def _at_most_10_kb():
+    resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, 10_000))
+
+
+@pytest.mark.parametrize("command", ["predict"])
+def test_files_that_cannot_grow_are_not_left_half(script, bench, calibrated, snapshot, command):
+    """A limit of the system cuts a file short in the middle, where HDF5 itself would crash."""
+    before = snapshot(calibrated)
+    done = script(*commands(bench, calibrated)[command], preexec_fn=_at_most_10_kb)
+    assert "cannot write" in done.complaint
+    assert ".nc: File too large" in done.complaint
+    assert snapshot(calibrated) == before
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda b: ["calibrate", b.folder / "nowhere.csv", "--exact"], "no such file"),
+        (lambda b: ["calibrate", b.observation(), "--building", b.tower], "`femupdate train"),
+        (lambda b: ["build-model", b.file("x.toml", "name = tower")], "not valid TOML"),
+        (lambda b: ["predict", "--record", plain(b)], "run `femupdate calibrate` first"),
+        (lambda b: ["train", "--building", "tower"], "no such building"),
+    ],
+    ids=["calibrate", "calibrate without surrogate", "build-model", "predict", "train"],
+)
+def test_through_the_script(script, bench, tmp_path, make, words):
+    done = script(*make(bench), "--json", cwd=tmp_path)
+    assert words in done.complaint
+    assert not (tmp_path / "study").exists()

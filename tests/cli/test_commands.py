@@ -1,0 +1,299 @@
+"""What the commands answer: the keys that scripts rely on, and the tables that people read."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from femupdate import __version__
+
+BUILD = {
+    "frequencies_hz",
+    "dof",
+    "elements",
+    "reduced_size",
+    "reduction_error",
+    "study",
+}
+CALIBRATE = {
+    "posterior",
+    "likelihood",
+    "parameters",
+    "mean",
+    "sd",
+    "q05",
+    "q95",
+    "particles",
+    "seconds",
+}
+PREDICT = {"prediction", "floors", "peak_acceleration_m_s2", "story_stiffness_n_per_m"}
+FEW = ("--particles", 200)
+
+
+def not_blank(path):
+    """A picture of some size with more than one colour in it."""
+    from matplotlib.image import imread
+
+    pixels = imread(path)[..., :3]
+    return min(pixels.shape[:2]) > 200 and pixels.std() > 0.01
+
+
+@pytest.mark.parametrize("name", ["shear_3dof", "shear_4dof", "cabin"])
+def test_build_model(femupdate, tmp_path, cabin_file, name):
+    study = tmp_path / "study"
+    done = femupdate(
+        "build-model", cabin_file if name == "cabin" else name, "--study", study, "--json"
+    )
+    answer = done.answer
+    assert set(answer) >= BUILD
+    assert answer["building"] == name
+    assert answer["study"] == str(study)
+    assert answer["frequencies_hz"] == sorted(answer["frequencies_hz"])
+    assert answer["frequencies_hz"][0] > 0.1
+    assert len(answer["effective_mass"]) == len(answer["frequencies_hz"])
+    sizes = [answer[key] for key in ("dof", "elements", "reduced_size")]
+    assert (
+        sizes
+        == {
+            "shear_3dof": [3, 3, 3],
+            "shear_4dof": [4, 4, 4],
+            # 4 columns of two elements and 4 beams of two or three a story; slab and wall are 2 by 2.
+            "cabin": [answer["dof"], 2 * (4 * 2 + 4 * 2) + 2 * 4 + 4, answer["reduced_size"]],
+        }[name]
+    )
+    assert 0 < answer["reduced_size"] <= answer["dof"]
+    assert answer["reduction_error"] <= 0.1
+    assert len(answer["pictures"]) == (3 if name == "cabin" else 1)
+    assert all(not_blank(Path(picture)) for picture in answer["pictures"])
+    assert all(line.endswith(" ...") for line in done.err.splitlines())
+
+
+def test_build_model_in_words(femupdate, tmp_path, tower_file):
+    done = femupdate("build-model", tower_file, "--study", tmp_path)
+    assert done.code == 0
+    assert done.out.startswith("Two-story tower\n  2 degrees of freedom, 2 elements\n")
+    assert "mass moved by the base motion" in done.out
+    assert str(tmp_path / "pictures" / "model_modes.png") in done.out
+
+
+def test_simulate(femupdate, tmp_path, tower_file):
+    file = tmp_path / "new" / "observation.csv"
+    answer = femupdate(
+        *("simulate", "-o", file, "--building", tower_file, "--theta", "0.7,1.2", "--zeta", "0.03"),
+        *("--duration", 20, "--sampling", 50, "--band", "0.5,20", "--seed", 5, "--json"),
+    ).answer
+    assert answer["observation"] == str(file)
+    assert answer["truth"]["theta"] == [0.7, 1.2]
+    truth = json.loads(Path(answer["truth_file"]).read_text())
+    assert truth["zeta"] == 0.03
+    assert "synthetic" in file.read_text().splitlines()[0]
+
+
+def test_simulate_takes_the_building_of_the_study(femupdate, calibrated, tmp_path):
+    file = tmp_path / "observation.csv"
+    done = femupdate(
+        *("simulate", "-o", file, "--study", calibrated, "--duration", 10, "--sampling", 50),
+        *("--band", "0.5,20"),
+    )
+    assert done.code == 0
+    assert done.out.splitlines()[0] == str(file)
+    assert file.read_text().splitlines()[5].startswith("0.04,")
+    assert "time_s,base,2F,RF" in file.read_text()
+
+
+@pytest.fixture(scope="module")
+def exact(femupdate, tmp_path_factory, tower_file, tower_observation):
+    """An exact calibration by the command: its answer and its study."""
+    study = tmp_path_factory.mktemp("exact") / "study"
+    done = femupdate(
+        *("calibrate", tower_observation.path, "--building", tower_file, "--exact", *FEW),
+        *("--study", study, "--json"),
+    )
+    return done.answer, study
+
+
+def test_calibrate(exact, tower_observation):
+    answer, study = exact
+    assert set(answer) >= CALIBRATE | {"log_evidence", "r_hat", "notes", "pictures", "zeta"}
+    assert answer["posterior"] == str(study / "posterior.nc")
+    assert answer["likelihood"] == "exact"
+    assert answer["parameters"] == ["theta_1", "theta_2"]
+    assert answer["particles"] == 200
+    assert answer["floors"] == ["2F", "RF"]
+    assert np.isfinite(answer["log_evidence"])
+    for low, mean, high in zip(answer["q05"], answer["mean"], answer["q95"], strict=True):
+        assert low < mean < high
+    # Within 2 %: twenty posterior standard deviations, and a tenth of what tells the stories apart.
+    assert answer["mean"] == pytest.approx(tower_observation.theta, rel=0.02)
+    assert all(not_blank(Path(picture)) for picture in answer["pictures"])
+
+
+def test_calibrate_in_words(femupdate, calibrated, tower_observation):
+    done = femupdate(
+        "calibrate", tower_observation.path, "--exact", *FEW, "--study", calibrated, "--chains", 1
+    )
+    assert done.code == 0
+    assert done.out.startswith("Exact posterior of tower from 2F, RF: 200 draws, ")
+    for word in ("theta_1", "theta_2", "r-hat", "damping ratio 0.0", "log evidence", "Welch H1"):
+        assert word in done.out
+    assert str(calibrated / "posterior.nc") in done.out
+
+
+@pytest.fixture(scope="module")
+def trained(femupdate, tmp_path_factory, tower_file):
+    """A study with a surrogate that has seen little, and the answer of its training."""
+    study = tmp_path_factory.mktemp("trained") / "study"
+    done = femupdate(*train(study), "--building", tower_file, "--json")
+    return done.answer, study
+
+
+def train(study):
+    return ["train", "--samples", 400, "--epochs", 2, "--batch", 64, "--study", study]
+
+
+def test_train(trained):
+    answer, study = trained
+    assert answer["surrogate"] == str(study / "surrogate.safetensors")
+    assert answer["trained"] is True
+    assert Path(answer["surrogate"]).stat().st_size > 10_000
+    assert {path.name for path in study.iterdir()} == {
+        "building.toml",
+        "reduced_model.npz",
+        "study.json",
+        "surrogate.safetensors",
+    }
+
+
+def test_train_a_second_time(femupdate, trained, snapshot):
+    _, study = trained
+    before = snapshot(study)
+    assert femupdate(*train(study), "--json").answer["trained"] is False
+    assert "is there already" in femupdate(*train(study)).out
+    assert snapshot(study) == before
+
+
+def test_calibrate_with_the_surrogate(femupdate, trained, tower_observation):
+    _, study = trained
+    answer = femupdate("calibrate", tower_observation.path, *FEW, "--study", study, "--json").answer
+    assert set(answer) >= CALIBRATE
+    assert answer["likelihood"] == "latent"
+    assert "log_evidence" not in answer
+    assert any("--exact uses the file's noise" in note for note in answer["notes"])
+
+
+@pytest.fixture(scope="module")
+def record(tmp_path_factory, tower_observation):
+    """The base motion of the observation, as a record of its own."""
+    from femupdate.measurement.record import GroundMotion
+    from femupdate.measurement.write import write_record
+
+    histories = tower_observation.histories
+    motion = GroundMotion(histories.acceleration[0], histories.time_step)
+    return write_record(tmp_path_factory.mktemp("record") / "record.csv", motion)
+
+
+def test_predict(femupdate, exact, record, tower_observation):
+    _, study = exact
+    answer = femupdate(
+        *("predict", "--record", record, "--measured", tower_observation.path, "--samples", 50),
+        *("--study", study, "--json"),
+    ).answer
+    assert set(answer) >= PREDICT
+    assert answer["prediction"] == str(study / "prediction.nc")
+    assert answer["floors"] == ["2F", "RF"]
+    assert list(answer["peak_acceleration_m_s2"]) == ["2F", "RF"]
+    assert list(answer["story_stiffness_n_per_m"]) == ["1", "2"]
+    for statistics in (
+        *answer["peak_acceleration_m_s2"].values(),
+        *answer["story_stiffness_n_per_m"].values(),
+    ):
+        assert 0 < statistics["q05"] <= statistics["mean"] <= statistics["q95"]
+    for floor in ("2F", "RF"):
+        # The measurement has 0.003 m/s2 of noise, a hundredth of the motion.
+        assert answer["comparison"][floor]["relative_error"] < 0.05
+        assert answer["comparison"][floor]["correlation"] > 0.99
+    assert all(not_blank(Path(picture)) for picture in answer["pictures"])
+
+
+def test_predict_in_words(femupdate, exact, record, tower_observation):
+    _, study = exact
+    done = femupdate(
+        *("predict", "--record", record, "--measured", tower_observation.path, "--samples", 20),
+        *("--damping", "0.04", "--study", study),
+    )
+    assert done.code == 0
+    for words in ("damping ratio: 0.04 in all modes", "peak m/s2", "story 2", "against measured"):
+        assert words in done.out
+
+
+def test_predict_the_shipped_record(femupdate, exact):
+    """By its unit and channel as the file states them, cut to no length."""
+    _, study = exact
+    root = Path(__file__).parents[2]
+    shipped = root / "examples" / "records" / "ridgecrest_2019_clc_90.csv"
+    answer = femupdate(
+        "predict", "--record", shipped, "--samples", 10, "--study", study, "--json"
+    ).answer
+    assert any("90 Deg: peak 3.38 m/s2, 90.0 s at 100 Hz" in note for note in answer["notes"])
+
+
+def test_render(femupdate, exact, tower_observation):
+    _, study = exact
+    answer = femupdate("render", "--study", study, "--samples", 20, "--json").answer
+    assert [mode["mode"] for mode in answer["modes"]] == [1, 2]
+    assert all(not_blank(Path(mode["picture"])) for mode in answer["modes"])
+    assert all(mode["found"] == 1.0 for mode in answer["modes"])
+    text = femupdate("render", "--study", study, "--modes", 1).out
+    assert "recognised in draws" in text
+    assert text.count("modes.png") == 1
+
+
+def test_every_artefact_of_a_study_is_recorded_with_what_it_was_made_from(
+    femupdate, calibrated, record
+):
+    assert femupdate("predict", "--record", record, "--study", calibrated).code == 0
+    kept = json.loads((calibrated / "study.json").read_text())["artefacts"]
+    assert set(kept) == {"reduced model", "posterior", "prediction"}
+    for artefact in kept.values():
+        assert artefact["version"] == __version__
+        assert (calibrated / artefact["file"]).exists()
+        assert artefact["made_from"]["building"] == kept["reduced model"]["made_from"]["building"]
+    assert kept["prediction"]["made_from"]["posterior"] == kept["posterior"]["sha256"]
+
+
+def test_a_command_run_from_another_folder(femupdate, tmp_path, monkeypatch, tower_file):
+    """Paths are taken as they are given, and the study lies in the current folder by default."""
+    monkeypatch.chdir(tmp_path)
+    assert femupdate("build-model", tower_file, "--json").answer["study"] == "study"
+    assert (tmp_path / "study" / "building.toml").exists()
+
+
+@pytest.mark.slow
+def test_the_whole_work_through_the_script(script, tmp_path, tower_file):
+    """One JSON object on stdout and nothing but progress on stderr, from each command."""
+
+    def answer(*arguments):
+        done = script(*arguments, "--json", cwd=tmp_path)
+        assert done.progress == done.err.splitlines()
+        return done.answer
+
+    answer("build-model", tower_file)
+    made = answer(
+        *("simulate", "-o", "observation.csv", "--theta", "0.8,1.3", "--zeta", "0.05"),
+        *("--duration", 60, "--sampling", 50, "--band", "0.3,20"),
+    )
+    posterior = answer("calibrate", made["observation"], "--exact", *FEW)
+    assert posterior["mean"] == pytest.approx(made["truth"]["theta"], rel=0.02)
+    rows = (tmp_path / "observation.csv").read_text().splitlines()
+    base = [",".join(row.split(",")[:2]) for row in rows if not row.startswith("#")]
+    (tmp_path / "record.csv").write_text("\n".join(base))
+    predicted = answer("predict", "--record", "record.csv", "--measured", "observation.csv")
+    assert predicted["comparison"]["RF"]["relative_error"] < 0.05
+    assert len(answer("render")["modes"]) == 2
+
+
+def test_more_is_said_on_stderr_alone(script, tmp_path, tower_file):
+    done = script("build-model", tower_file, "--study", tmp_path, "--json", "-v")
+    assert done.answer["building"] == "tower"
+    assert "loaded the building tower" in done.err

@@ -1,0 +1,166 @@
+"""What the command says of itself, how soon, and what it says to wrong usage."""
+
+import json
+import subprocess
+import sys
+import time
+from importlib.metadata import version
+
+import click
+import pytest
+from femupdate.cli.main import group
+
+COMMANDS = group.list_commands(click.Context(group))
+WORK = ["build-model", "train", "calibrate", "predict", "render"]
+HEAVY = ("torch", "scipy", "pyvista", "vtkmodules", "matplotlib", "pydantic", "xarray", "numpy")
+
+# Runs the command on the arguments that follow and prints which heavy modules it has imported.
+_IMPORTED = f"""
+import json, sys
+from femupdate.cli.main import main
+sys.argv[0] = "femupdate"
+try:
+    main()
+except SystemExit:
+    pass
+print(json.dumps([name for name in {HEAVY!r} if name in sys.modules]), file=sys.stderr)
+"""
+
+
+def imported(*arguments):
+    done = subprocess.run(
+        [sys.executable, "-c", _IMPORTED, *arguments], capture_output=True, text=True, check=True
+    )
+    return done.stdout, json.loads(done.stderr.splitlines()[-1])
+
+
+def test_help_is_immediate(script):
+    """Asked for is 0.3 s; a busy machine is granted one second in the best of five."""
+    seconds = []
+    for _ in range(5):
+        started = time.perf_counter()
+        done = script("--help")
+        seconds.append(time.perf_counter() - started)
+        assert done.code == 0
+        assert done.err == ""
+    assert min(seconds) < 1.0
+
+
+@pytest.mark.parametrize("arguments", [("--help",), ("-h",), ("--version",)])
+def test_nothing_heavy_is_imported_to_say_what_there_is(arguments):
+    assert imported(*arguments)[1] == []
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_nothing_heavy_is_imported_for_the_help_of_a_command(command):
+    text, heavy = imported(command, "--help")
+    assert heavy == []
+    for option in ("--study", "--seed", "--json", "--verbose"):
+        assert option in text
+
+
+def test_help_names_every_command_in_the_order_of_the_work(femupdate):
+    words = femupdate("--help").out.split("Commands:")[1].split()
+    assert [word for word in words if word in COMMANDS] == COMMANDS
+    assert [command for command in COMMANDS if command in WORK] == WORK
+
+
+def test_the_line_of_a_command_is_whole(femupdate):
+    """The group lists commands with texts of its own, which click would shorten to '...'."""
+    assert "..." not in femupdate("--help").out.split("Commands:")[1]
+
+
+def test_version(script):
+    done = script("--version")
+    assert done.out == f"femupdate, version {version('femupdate')}\n"
+    assert (done.code, done.err) == (0, "")
+
+
+@pytest.mark.parametrize(
+    ("typed", "meant"), [("build-modle", "build-model"), ("predit", "predict"), ("traim", "train")]
+)
+def test_a_mistyped_command_is_told_the_nearest_one(femupdate, typed, meant):
+    done = femupdate(typed, "--json")
+    assert done.code == 2
+    assert f"No such command '{typed}'. Did you mean '{meant}'?" in done.err
+    assert done.out == ""
+
+
+def test_a_command_like_no_other_gets_no_suggestion(femupdate):
+    done = femupdate("xyzzy")
+    assert done.code == 2
+    assert "No such command 'xyzzy'." in done.err
+    assert "Did you mean" not in done.err
+
+
+def test_no_command_shows_the_help(script):
+    done = script()
+    assert done.code == 2
+    assert "Commands:" in done.out + done.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["calibrate"], "Missing argument 'OBSERVATION'"),
+        (["predict"], "Missing option '--record'"),
+        (["simulate"], "Missing option '-o'"),
+        (["calibrate", "o.csv", "--particles", "10"], "--particles"),
+        (["calibrate", "o.csv", "--chains", "0"], "--chains"),
+        (["calibrate", "o.csv", "--band", "5"], "lowest and the highest frequency"),
+        (["calibrate", "o.csv", "--band", "9,5"], "lowest and the highest frequency"),
+        (["calibrate", "o.csv", "--band", "nan,5"], "lowest and the highest frequency"),
+        (["calibrate", "o.csv", "--band", "-1,5"], "lowest and the highest frequency"),
+        (["calibrate", "o.csv", "--band", "low,5"], "numbers with commas"),
+        (["calibrate", "o.csv", "--columns", "base"], "ours=theirs"),
+        (["calibrate", "o.csv", "--columns", "base="], "ours=theirs"),
+        (["calibrate", "o.csv", "--columns", ""], "ours=theirs"),
+        (["calibrate", "o.csv", "--seed", "-1"], "--seed"),
+        (["calibrate", "o.csv", "--seed", "five"], "--seed"),
+        (["calibrate", "o.csv", "--exakt"], "--exact"),
+        (["predict", "--record", "r.csv", "--damping", "2"], "--damping"),
+        (["predict", "--record", "r.csv", "--scale", "double"], "--scale"),
+        (["predict", "--record", "r.csv", "--samples", "1"], "--samples"),
+        (["train", "--samples", "10"], "--samples"),
+        (["train", "--epochs", "0"], "--epochs"),
+        (["render", "--modes", "0"], "--modes"),
+        (["simulate", "-o", "o.csv", "--theta", "1,x"], "numbers with commas"),
+        (["simulate", "-o", "o.csv", "--zeta", "-0.1"], "--zeta"),
+        (["build-model", "tower", "cabin"], "unexpected extra argument"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_wrong_usage_exits_with_2_and_makes_nothing(
+    femupdate, tmp_path, monkeypatch, arguments, words
+):
+    monkeypatch.chdir(tmp_path)
+    done = femupdate(*arguments, "--json")
+    assert done.code == 2
+    assert words in done.err
+    assert "Usage: " in done.err
+    assert done.out == ""
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_wrong_usage_through_the_script(script, tmp_path):
+    done = script("calibrate", "--nonsense", cwd=tmp_path)
+    assert (done.code, done.out) == (2, "")
+    assert "No such option '--nonsense'" in done.err
+
+
+def test_an_interrupted_command_says_how_to_go_on(monkeypatch, capsys, tmp_path):
+    from femupdate.cli.main import main
+
+    from femupdate.workflow import build
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(build, "build_study", interrupted)
+    monkeypatch.setattr(sys, "argv", ["femupdate", "build-model", "--study", str(tmp_path)])
+    with pytest.raises(SystemExit) as stopped:
+        main()
+    said = capsys.readouterr()
+    assert stopped.value.code == 130
+    assert said.out == ""
+    assert "run the same command again to go on" in said.err

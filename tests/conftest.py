@@ -1,0 +1,208 @@
+"""Two buildings small enough to be calibrated in seconds, and a study of one of them."""
+
+import hashlib
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+# No two stories are alike, so that no story can stand for another unnoticed.
+TOWER = """\
+name = "tower"
+title = "Two-story tower"
+kind = "shear"
+
+[[stories]]
+name = "low"
+mass = "3 t"
+stiffness = "4 MN/m"
+
+[[stories]]
+name = "high"
+mass = "2 t"
+stiffness = "2.5 MN/m"
+
+[frequency_grid]
+start = "0.2 Hz"
+step = "0.2 Hz"
+count = 60
+
+[prior.theta]
+lower = 0.5
+upper = 2
+
+[prior.zeta]
+lower = 0.01
+upper = 0.1
+
+[damping]
+law = "constant"
+ratio = 0.05
+"""
+
+# A wall on one side of the lower story; the lowest mode goes across the base motion.
+CABIN = """\
+name = "cabin"
+title = "Two-story cabin"
+kind = "frame"
+
+[grid.x]
+A = "0 m"
+B = "4 m"
+
+[grid.y]
+P = "0 m"
+Q = "5 m"
+
+[[stories]]
+name = "low"
+height = "3.2 m"
+
+[[stories]]
+name = "high"
+height = "2.8 m"
+
+[materials.concrete]
+youngs_modulus = "25 GPa"
+poisson_ratio = 0.2
+density = "2400 kg/m3"
+
+[sections.column]
+shape = "rectangle"
+width = "250 mm"
+depth = "350 mm"
+
+[sections.beam]
+shape = "rectangle"
+width = "200 mm"
+depth = "400 mm"
+
+[[columns]]
+section = "column"
+
+[[beams]]
+section = "beam"
+
+[[walls]]
+along = "P"
+from = "A"
+to = "B"
+thickness = "60 mm"
+stories = ["low"]
+
+[[slabs]]
+x = ["A", "B"]
+y = ["P", "Q"]
+thickness = "150 mm"
+
+[[floor_mass]]
+total = "40 t"
+
+[mesh]
+size = "2.5 m"
+
+[sensors]
+direction = "x"
+points = ["P-B", "Q-A"]
+
+[frequency_grid]
+start = "0.25 Hz"
+step = "0.25 Hz"
+count = 80
+
+[prior.theta]
+lower = 0.5
+upper = 2
+
+[prior.zeta]
+lower = 0.01
+upper = 0.06
+
+[damping]
+law = "constant"
+ratio = 0.03
+
+[reduction]
+tolerance = 0.1
+"""
+
+
+@pytest.fixture(scope="session")
+def buildings(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with tower.toml, a shear building, and cabin.toml, a frame."""
+    folder = tmp_path_factory.mktemp("buildings")
+    (folder / "tower.toml").write_text(TOWER, encoding="utf-8")
+    (folder / "cabin.toml").write_text(CABIN, encoding="utf-8")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def tower_file(buildings: Path) -> Path:
+    """A two-story shear building."""
+    return buildings / "tower.toml"
+
+
+@pytest.fixture(scope="session")
+def cabin_file(buildings: Path) -> Path:
+    """A two-story frame of one bay on a coarse mesh."""
+    return buildings / "cabin.toml"
+
+
+@pytest.fixture(scope="session")
+def tower_observation(buildings: Path, tower_file: Path) -> SimpleNamespace:
+    """Histories of the tower: `path`, and the true `theta` and `zeta` behind them."""
+    from femupdate.building.files import load_building
+    from femupdate.workflow.simulate import (
+        SimulationSettings,
+        simulate_observation,
+        write_simulation,
+    )
+
+    settings = SimulationSettings(
+        theta=(0.8, 1.3), zeta=0.05, duration_s=60.0, sampling_hz=50.0, band_hz=(0.3, 20.0), seed=3
+    )
+    simulation = simulate_observation(load_building(tower_file), settings)
+    path, _ = write_simulation(simulation, buildings / "tower_observation.csv")
+    return SimpleNamespace(path=path, theta=(0.8, 1.3), zeta=0.05, histories=simulation.histories)
+
+
+@pytest.fixture(scope="session")
+def tower_study(
+    tmp_path_factory: pytest.TempPathFactory, tower_file: Path, tower_observation: SimpleNamespace
+) -> Path:
+    """The folder of a study of the tower with a posterior; tests work on copies of it."""
+    from femupdate.study import Study
+    from femupdate.workflow.calibrate import (
+        CalibrationSettings,
+        ObservationSource,
+        calibrate_study,
+    )
+    from femupdate.workflow.model import open_study
+
+    study = Study(tmp_path_factory.mktemp("tower") / "study")
+    settings = CalibrationSettings(particles=400, exact=True)
+    source = ObservationSource(tower_observation.path)
+    calibrate_study(study, open_study(study, str(tower_file)), source, settings)
+    return study.folder
+
+
+@pytest.fixture
+def calibrated(tower_study: Path, tmp_path: Path) -> Path:
+    """A study of the tower with a posterior, for one test alone."""
+    return Path(shutil.copytree(tower_study, tmp_path / "calibrated"))
+
+
+@pytest.fixture(scope="session")
+def snapshot() -> Callable[[Path], dict[str, str]]:
+    """A function that tells the content of all files of a folder, none where it is absent."""
+
+    def take(folder: Path) -> dict[str, str]:
+        return {
+            str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
+            for path in sorted(folder.rglob("*"))
+            if path.is_file()
+        }
+
+    return take

@@ -1,0 +1,171 @@
+"""What of an observation the observation encoder gets to see."""
+
+import contextlib
+
+import numpy as np
+import pytest
+import torch
+
+from femupdate.errors import MeasurementError
+from femupdate.inference.encoder_input import encoder_input
+from femupdate.measurement.observation import Observation
+
+FLOORS = ("2F", "3F", "RF")
+FREQUENCY = 0.5 + 0.25 * np.arange(41)
+
+
+def observation(floors, valid, log_frf=None, frequency=FREQUENCY):
+    """Straight lines in ln|H|, a different one each floor; NaN where not valid."""
+    valid = np.asarray(valid, dtype=bool)
+    lines = np.array([[0.3 + row - (0.1 + row) * frequency] for row in range(len(floors))])[:, 0]
+    values = np.where(valid, lines if log_frf is None else log_frf, np.nan)
+    noise = np.where(valid, 0.2, np.nan)
+    return Observation(frequency, tuple(floors), values, noise, valid, source="shaking.csv")
+
+
+def everything(floors):
+    return np.ones((len(floors), FREQUENCY.size), dtype=bool)
+
+
+def test_a_complete_observation_passes_as_it_is():
+    found = encoder_input(observation(FLOORS, everything(FLOORS)), FLOORS)
+    assert found.log_frf.shape == (1, 3, 41)
+    assert found.log_frf.dtype == found.visibility.band.dtype == torch.float32
+    assert found.visibility.floors.tolist() == [[1.0, 1.0, 1.0]]
+    assert found.visibility.band.tolist() == [[0.0, 1.0]]
+    assert found.notes == ()
+    lines = observation(FLOORS, everything(FLOORS)).log_frf
+    np.testing.assert_allclose(found.log_frf[0], lines, rtol=1e-6)
+
+
+def test_floors_find_their_own_place_whatever_the_order():
+    measured = observation(("RF", "2F"), everything("ab"))
+    found = encoder_input(measured, FLOORS)
+    assert found.visibility.floors.tolist() == [[1.0, 0.0, 1.0]]
+    np.testing.assert_allclose(found.log_frf[0, 2], measured.log_frf[0], rtol=1e-6)
+    np.testing.assert_allclose(found.log_frf[0, 0], measured.log_frf[1], rtol=1e-6)
+    assert bool((found.log_frf[0, 1] == 0).all())
+
+
+def test_gaps_are_filled_by_straight_lines_and_told():
+    valid = everything(FLOORS)
+    valid[1, 10:14] = False
+    valid[1, 20] = False
+    found = encoder_input(observation(FLOORS, valid), FLOORS)
+    lines = observation(FLOORS, everything(FLOORS)).log_frf
+    np.testing.assert_allclose(found.log_frf[0], lines, rtol=1e-6)  # they were straight
+    assert found.notes == ("Floor 3F: 12.2% of the band is interpolated.",)
+
+
+def test_a_bent_curve_is_interpolated_between_its_own_neighbours():
+    valid = everything(("RF",))
+    valid[0, 11:13] = False
+    curve = np.sin(FREQUENCY)[None]
+    found = encoder_input(observation(("RF",), valid, curve), FLOORS)
+    ends = curve[0, [10, 13]]
+    expected = ends[0] + (ends[1] - ends[0]) * np.array([1.0, 2.0]) / 3.0
+    np.testing.assert_allclose(found.log_frf[0, 2, 11:13], expected, rtol=1e-5)
+
+
+def test_the_band_is_what_all_floors_have_in_common():
+    valid = everything(FLOORS)
+    valid[0, :7] = False
+    valid[2, 33:] = False
+    found = encoder_input(observation(FLOORS, valid), FLOORS)
+    first, last = (40.0 * found.visibility.band[0]).round().int().tolist()
+    # A window of three points may reach over the edge by one.
+    assert first in (6, 7)
+    assert last in (32, 33)
+    # Just these points count: the network is told so by weights that are zero elsewhere.
+    weights = found.visibility.weights(41)
+    assert weights[0, :, first : last + 1].eq(1.0).all()
+    assert weights[0, :, :first].eq(0.0).all()
+    assert weights[0, :, last + 1 :].eq(0.0).all()
+
+
+def test_stray_points_do_not_widen_the_band():
+    valid = everything(("RF",))
+    valid[0, 20:] = False
+    valid[0, 38] = True
+    found = encoder_input(observation(("RF",), valid), FLOORS)
+    assert 40.0 * float(found.visibility.band[0, 1]) == pytest.approx(19.5, abs=1.0)
+    valid[0, 5] = False  # nor does a stray gap narrow it
+    found = encoder_input(observation(("RF",), valid), FLOORS)
+    assert float(found.visibility.band[0, 0]) == 0.0
+
+
+def test_a_floor_with_few_points_is_left_out_and_does_not_narrow_the_band():
+    valid = everything(FLOORS)
+    valid[1] = False
+    valid[1, 18:23] = True
+    found = encoder_input(observation(FLOORS, valid), FLOORS)
+    assert found.visibility.floors.tolist() == [[1.0, 0.0, 1.0]]
+    assert found.visibility.band.tolist() == [[0.0, 1.0]]
+    assert found.notes == ("Floor 3F is left out: 12% of its points can be used.",)
+    assert bool((found.log_frf[0, 1] == 0).all())
+
+
+def test_a_dead_sensor_is_left_out():
+    valid = everything(FLOORS)
+    valid[0] = False
+    found = encoder_input(observation(FLOORS, valid), FLOORS)
+    assert found.visibility.floors.tolist() == [[0.0, 1.0, 1.0]]
+    assert len(found.notes) == 1
+
+
+def test_an_uncertain_estimate_is_better_than_a_straight_line():
+    """Not trusted, but with a noise that is known and not too large: seen as it is."""
+    valid = everything(("RF",))
+    valid[0, 10:20] = False
+    curve, noise = np.sin(FREQUENCY)[None], np.full((1, 41), 0.2)
+    noise[0, 10:15], noise[0, 15:20] = 0.5, 2.0
+    measured = Observation(FREQUENCY, ("RF",), curve, noise, valid)
+    found = encoder_input(measured, FLOORS).log_frf[0, 2]
+    np.testing.assert_allclose(found[10:15], curve[0, 10:15], rtol=1e-5)
+    straight = np.interp(FREQUENCY[15:20], FREQUENCY[[14, 20]], curve[0, [14, 20]])
+    np.testing.assert_allclose(found[15:20], straight, rtol=1e-5)
+
+
+def test_no_number_that_means_nothing_reaches_the_network():
+    """NaN where nothing was estimated, wild values where the noise is unknown or beyond use."""
+    rng = np.random.default_rng(0)
+    passed = 0
+    for share in np.linspace(0.1, 1.0, 40):
+        valid = rng.random((3, 41)) < share
+        clean = observation(FLOORS, valid)
+        wild = np.where(valid, clean.log_frf, rng.choice([np.nan, 1e6, -np.inf], size=(3, 41)))
+        noise = np.where(valid, 0.2, rng.choice([np.nan, 0.0, 5.0, np.inf], size=(3, 41)))
+        with contextlib.suppress(MeasurementError):
+            found = encoder_input(Observation(FREQUENCY, FLOORS, wild, noise, valid), FLOORS)
+            assert bool(torch.isfinite(found.log_frf).all())
+            assert float(found.log_frf.abs().max()) < 30.0
+            low, high = found.visibility.band[0].tolist()
+            assert 0.0 <= low <= high <= 1.0
+            passed += 1
+    assert passed > 20
+
+
+def test_floors_that_share_no_frequency():
+    valid = everything(("2F", "3F", "RF"))
+    for row in range(3):
+        valid[row, [k for k in range(41) if k % 3 != row]] = False
+    with pytest.raises(MeasurementError, match=r"shaking\.csv: in no band .*--sensors"):
+        encoder_input(observation(FLOORS, valid), FLOORS)
+    valid = everything(("2F", "RF"))
+    valid[0, 20:] = False
+    valid[1, :21] = False
+    with pytest.raises(MeasurementError, match=r"shaking\.csv: no floor has enough valid points"):
+        encoder_input(observation(("2F", "RF"), valid), FLOORS)
+
+
+@pytest.mark.parametrize(("low", "high", "told"), [(0, 40, 0), (4, 13, 0), (6, 40, 1), (0, 10, 1)])
+def test_a_band_that_no_training_has_seen_is_told(low, high, told):
+    valid = everything(("RF",))
+    valid[0, :low] = valid[0, high + 1 :] = False
+    notes = encoder_input(observation(("RF",), valid), FLOORS).notes
+    assert sum("narrower than the surrogate was trained for" in note for note in notes) == told
+
+
+def test_nothing_valid_at_all():
+    with pytest.raises(MeasurementError, match=r"shaking\.csv: no floor has enough valid points"):
+        encoder_input(observation(FLOORS, ~everything(FLOORS)), FLOORS)

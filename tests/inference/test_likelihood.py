@@ -1,0 +1,226 @@
+"""The likelihoods against hand calculation and chi-square."""
+
+import numpy as np
+import pytest
+import torch
+from scipy.stats import chi2, kstest
+
+from femupdate.dynamics.damping import ConstantDamping, RayleighDamping
+from femupdate.dynamics.reduction import reduce_lumped
+from femupdate.errors import SurrogateError
+from femupdate.inference.likelihood import DataLikelihood, LatentLikelihood, data_terms
+from femupdate.measurement.observation import Observation, select_floors
+from femupdate.surrogate.network import Mvae, NetworkSizes
+from femupdate.surrogate.storage import SurrogateInfo, TrainedSurrogate
+
+FLOORS = ("2F", "3F", "RF")
+MASS, SPRING = np.array([3.0, 2.0, 1.5]), np.array([4000.0, 3000.0, 1500.0])
+FREQUENCY = 0.1 * np.arange(1, 121)
+TRUTH, ZETA = np.array([1.3, 0.7, 1.1]), 0.03
+
+
+@pytest.fixture(scope="module")
+def model():
+    drift = np.eye(3) - np.eye(3, k=-1)
+    terms = SPRING[:, None, None] * drift[:, :, None] * drift[:, None, :]
+    return reduce_lumped(terms, np.diag(MASS), FLOORS)
+
+
+def exact_log_frf(theta, zeta):
+    """ln|H| (3, k) by linear solutions with modal damping."""
+    k = np.append(theta * SPRING, 0.0)
+    K = np.diag(k[:-1] + k[1:]) - np.diag(k[1:-1], 1) - np.diag(k[1:-1], -1)
+    root = np.sqrt(MASS)
+    squared, modes = np.linalg.eigh(K / np.outer(root, root))
+    C = modes @ np.diag(2.0 * zeta * np.sqrt(squared)) @ modes.T * np.outer(root, root)
+    rows = [
+        1.0 + w**2 * np.linalg.solve(K + 1j * w * C - w**2 * np.diag(MASS), MASS)
+        for w in 2.0 * np.pi * FREQUENCY
+    ]
+    return np.log(np.abs(np.array(rows).T))
+
+
+def observation(noise_sd, seed=0, floors=FLOORS, **others):
+    rng = np.random.default_rng(seed)
+    rows = [FLOORS.index(name) for name in floors]
+    clean, sd = exact_log_frf(TRUTH, ZETA)[rows], np.broadcast_to(noise_sd, (3, 120))[rows]
+    values = clean + sd * rng.normal(size=clean.shape)
+    valid = others.pop("valid", np.ones(clean.shape, dtype=bool))
+    return Observation(FREQUENCY, floors, values, sd, valid, **others)
+
+
+def tensor(values):
+    return torch.as_tensor(np.asarray(values), dtype=torch.float64)
+
+
+def test_misfit_by_hand(model):
+    """Several floors in another order, each point with its own noise."""
+    rng = np.random.default_rng(1)
+    sd = rng.uniform(0.1, 0.4, (3, 120))
+    measured = observation(sd, floors=("RF", "2F"))
+    theta = np.array([[0.8, 1.4, 2.2], [1.3, 0.7, 1.1]])
+    found = DataLikelihood(model, ConstantDamping(), measured, ZETA)
+    for row, one in enumerate(theta):
+        expected = exact_log_frf(one, ZETA)[[2, 0]]
+        whitened = (measured.log_frf - expected) / sd[[2, 0]]
+        assert float(found.misfit(tensor(theta))[row]) == pytest.approx((whitened**2).sum(), rel=1e-9)
+        assert float(found(tensor(theta))[row]) == pytest.approx(
+            -0.5 * (whitened**2).sum(), rel=1e-9
+        )
+        predicted = found.predict(tensor(theta), tensor([ZETA, ZETA]))[row]
+        np.testing.assert_allclose(predicted, expected, atol=1e-9)
+
+
+def test_the_last_parameter_is_the_damping_where_it_is_open(model):
+    measured = observation(0.2)
+    open_zeta = DataLikelihood(model, ConstantDamping(), measured)
+    both = tensor([[*TRUTH, 0.03], [*TRUTH, 0.05], [0.9, 0.8, 1.7, 0.01]])
+    found = open_zeta.misfit(both)
+    for row in range(3):
+        fixed = DataLikelihood(model, ConstantDamping(), measured, float(both[row, 3]))
+        one = fixed.misfit(both[row : row + 1, :3])
+        assert float(found[row]) == pytest.approx(float(one), rel=1e-12)
+    assert float(found[0]) < float(found[1])
+
+
+@pytest.mark.parametrize("batch", [1, 2, 7])
+def test_batches_do_not_change_it(model, batch):
+    theta = tensor(np.random.default_rng(0).uniform(0.4, 2.5, (7, 3)))
+    law, measured = RayleighDamping(0.02, (1.0, 10.0)), observation(0.2)
+    whole = DataLikelihood(model, law, measured, 0.02)(theta)
+    parts = DataLikelihood(model, law, measured, 0.02, batch=batch)(theta)
+    torch.testing.assert_close(parts, whole, rtol=1e-12, atol=0.0)
+
+
+def test_points_that_are_not_valid_do_not_count(model):
+    valid = np.ones((3, 120), dtype=bool)
+    valid[1, 30:50] = valid[2, :5] = False
+    measured = observation(0.2, valid=valid)
+    spoiled = np.where(valid, measured.log_frf, np.nan)
+    noise = np.where(valid, 0.2, np.nan)
+    noise[1, 30], spoiled[1, 31] = 0.0, -np.inf
+    other = Observation(FREQUENCY, FLOORS, spoiled, noise, valid)
+    theta = tensor([TRUTH])
+    one = DataLikelihood(model, ConstantDamping(), measured, ZETA)
+    two = DataLikelihood(model, ConstantDamping(), other, ZETA)
+    assert one.terms.count == two.terms.count == 360 - 25
+    assert float(one(theta)) == float(two(theta))
+    whitened = ((measured.log_frf - exact_log_frf(TRUTH, ZETA)) / 0.2)[valid]
+    assert float(one.misfit(theta)) == pytest.approx((whitened**2).sum(), rel=1e-9)
+
+
+def test_misfit_of_the_truth_is_chi_square(model):
+    """For simulated noise, with as many degrees of freedom as there are valid points."""
+    misfits = []
+    for seed in range(200):
+        likelihood = DataLikelihood(
+            model, ConstantDamping(), observation(np.linspace(0.05, 0.5, 120), seed), ZETA
+        )
+        assert likelihood.terms.count == 360
+        misfits.append(float(likelihood.misfit(tensor([TRUTH]))))
+    assert kstest(misfits, chi2(360).cdf).pvalue > 0.01
+
+
+def test_points_closer_than_the_resolution_count_less(model):
+    """The grid steps by 0.1 Hz: a resolution of 0.4 Hz leaves a quarter of the points."""
+    plain, theta = observation(0.2), tensor([TRUTH])
+    coarse, fine = observation(0.2, resolution_hz=0.4), observation(0.2, resolution_hz=0.02)
+    assert data_terms(coarse, FLOORS).independent == pytest.approx(0.25)
+    assert data_terms(fine, FLOORS).independent == 1.0
+    likelihood = DataLikelihood(model, ConstantDamping(), coarse, ZETA)
+    full = DataLikelihood(model, ConstantDamping(), plain, ZETA)
+    assert float(likelihood(theta)) == pytest.approx(0.25 * float(full(theta)), rel=1e-12)
+    assert float(likelihood.misfit(theta)) == float(full.misfit(theta))
+
+
+def test_weights_by_hand():
+    noise = np.array([[0.1, 0.2, 0.5]])
+    measured = Observation(
+        np.array([1.0, 2.0, 3.0]), ("3F",), np.ones((1, 3)), noise, np.array([[True, False, True]])
+    )
+    terms = data_terms(measured, FLOORS)
+    assert terms.rows == (1,)
+    np.testing.assert_allclose(terms.weight, [[100.0, 0.0, 4.0]])
+    np.testing.assert_allclose(terms.log_frf, [[1.0, 0.0, 1.0]])
+    assert terms.count == 2
+
+
+def test_the_data_find_the_truth(model):
+    """Away from it by a few percent, the likelihood falls as its curvature says."""
+    likelihood = DataLikelihood(model, ConstantDamping(), observation(1e-3), ZETA)
+    assert float(likelihood(tensor([TRUTH]))) > float(likelihood(tensor([TRUTH * 1.01]))) + 50.0
+    assert float(likelihood(tensor([TRUTH]))) > float(likelihood(tensor([TRUTH * 0.99]))) + 50.0
+
+
+@pytest.fixture(scope="module")
+def surrogate():
+    """Small networks with random weights: what is checked is how they are asked."""
+    torch.manual_seed(0)
+    mvae = Mvae(NetworkSizes(3, 120, 3, latent=4, floor_features=8, width=16, parameter_width=16))
+    mvae.lower.fill_(0.33)
+    mvae.upper.fill_(3.0)
+    for parameter in mvae.parameters():
+        torch.nn.init.normal_(parameter, std=0.2)
+    return TrainedSurrogate(mvae.eval(), SurrogateInfo("toy", "", FLOORS, 0.2, "0", {}, {}))
+
+
+def test_latent_likelihood_is_that_of_its_two_gaussians(surrogate):
+    measured = select_floors(observation(0.2), ["3F", "RF"])
+    likelihood = LatentLikelihood(surrogate, measured)
+    theta = tensor(np.random.default_rng(0).uniform(0.4, 2.5, (6, 3)))
+    found = likelihood(theta)
+    with torch.no_grad():
+        seen = likelihood.input.visibility
+        assert seen.floors.tolist() == [[0.0, 1.0, 1.0]]
+        q = surrogate.mvae.encode_parameters(theta.float(), seen.expand(6))
+    x = likelihood.posterior_z
+    assert x.mean.shape == (1, 4)
+    a, A = x.mean.double(), x.variance.double()
+    b, B = q.mean.double(), q.variance.double()
+    precision = 1.0 / A + 1.0 / B - 1.0
+    linear = a / A + b / B
+    expected = 0.5 * (linear**2 / precision - a**2 / A - b**2 / B - torch.log(A * B * precision))
+    torch.testing.assert_close(found.double(), expected.sum(-1), rtol=1e-4, atol=1e-4)
+    assert not found.requires_grad
+
+
+def test_what_is_not_observed_does_not_matter_to_the_latent_likelihood(surrogate):
+    measured = select_floors(observation(0.2), ["2F"])
+    valid = measured.valid.copy()
+    valid[0, 100:] = False
+    spoiled = np.where(valid, measured.log_frf, 77.0)
+    noise = np.where(valid, 0.2, np.nan)
+    one = LatentLikelihood(surrogate, Observation(FREQUENCY, ("2F",), spoiled, noise, valid))
+    spoiled = np.where(valid, measured.log_frf, np.nan)
+    two = LatentLikelihood(surrogate, Observation(FREQUENCY, ("2F",), spoiled, noise, valid))
+    theta = tensor([TRUTH])
+    assert float(one(theta)) == float(two(theta))
+    assert np.isfinite(float(one(theta)))
+
+
+def test_an_observation_on_another_grid_is_refused(surrogate):
+    measured = observation(0.2)
+    shorter = Observation(
+        FREQUENCY[:100],
+        FLOORS,
+        measured.log_frf[:, :100],
+        measured.noise_sd[:, :100],
+        measured.valid[:, :100],
+    )
+    with pytest.raises(SurrogateError, match=r"knows 120 frequencies, .* has 100"):
+        LatentLikelihood(surrogate, shorter)
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")
+def test_a_gpu_gives_the_same_and_answers_where_it_was_asked(model, surrogate):
+    theta = tensor(np.random.default_rng(0).uniform(0.4, 2.5, (6, 3)))
+    measured = observation(0.2)
+    here = DataLikelihood(model, ConstantDamping(), measured, ZETA)(theta)
+    there = DataLikelihood(model, ConstantDamping(), measured, ZETA, device="cuda")
+    assert there(theta).device.type == "cpu"
+    torch.testing.assert_close(there(theta), here, rtol=1e-9, atol=1e-9)
+    torch.testing.assert_close(there(theta.cuda()).cpu(), here, rtol=1e-9, atol=1e-9)
+    latent = LatentLikelihood(surrogate, measured)(theta)
+    there = LatentLikelihood(surrogate, measured, device="cuda")
+    torch.testing.assert_close(there(theta), latent, rtol=1e-3, atol=1e-3)
+    surrogate.mvae.to("cpu")

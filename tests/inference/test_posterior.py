@@ -1,0 +1,207 @@
+"""Posteriors on disk: they come back, others can read them, and wrong files are named."""
+
+import json
+from dataclasses import fields, replace
+
+import h5py
+import numpy as np
+import pytest
+import xarray as xr
+
+from femupdate.errors import StudyError
+from femupdate.inference.posterior import Posterior, load_posterior, save_posterior
+from femupdate.measurement.observation import Observation
+
+CHAINS, DRAWS, POINTS = 3, 25, 12
+
+
+@pytest.fixture
+def observation():
+    rng = np.random.default_rng(0)
+    shape = (2, POINTS)
+    valid = rng.random(shape) < 0.8
+    return Observation(
+        frequency_hz=0.5 * np.arange(1, POINTS + 1),
+        floors=("2F", "RF"),
+        log_frf=np.where(valid, rng.normal(size=shape), np.nan),
+        noise_sd=np.where(valid, 0.2, np.nan),
+        valid=valid,
+        phase=rng.uniform(-3.0, 3.0, shape),
+        coherence=rng.random(shape),
+        resolution_hz=0.3,
+        source="shaking.csv",
+        notes=("Two sensors averaged.", "ω up to 6 Hz; “as filed”."),
+    )
+
+
+@pytest.fixture
+def posterior(observation):
+    rng = np.random.default_rng(1)
+    return Posterior(
+        names=("theta_1", "theta_2", "theta_3"),
+        theta=rng.random((CHAINS, DRAWS, 3)),
+        zeta=rng.random((CHAINS, DRAWS)),
+        log_likelihood=rng.normal(size=(CHAINS, DRAWS)),
+        lower=np.array([0.3, 0.2, 0.1]),
+        upper=np.array([3.0, 2.0, 1.0]),
+        likelihood="exact",
+        log_evidence=np.array([-580.9, -580.7, -581.0]),
+        observation=observation,
+        settings={"particles": 75, "seed": 3, "exact": True},
+    )
+
+
+def assert_same(one, other):
+    assert type(one) is type(other)
+    for field in fields(one):
+        a, b = getattr(one, field.name), getattr(other, field.name)
+        if isinstance(a, np.ndarray):
+            assert a.dtype == b.dtype, field.name
+            np.testing.assert_array_equal(a, b, err_msg=field.name)
+        elif isinstance(a, Observation):
+            assert_same(a, b)
+        else:
+            assert a == b, field.name
+
+
+def test_round_trip(posterior, tmp_path):
+    save_posterior(posterior, tmp_path / "new" / "posterior.nc")
+    assert_same(load_posterior(tmp_path / "new" / "posterior.nc"), posterior)
+
+
+def test_round_trip_of_the_least(posterior, observation, tmp_path):
+    """Latent likelihood, fixed damping, an observation of magnitudes alone, one chain."""
+    plain = replace(observation, phase=None, coherence=None, resolution_hz=None, notes=())
+    least = replace(
+        posterior,
+        theta=posterior.theta[:1],
+        zeta=None,
+        log_likelihood=posterior.log_likelihood[:1],
+        likelihood="latent",
+        log_evidence=None,
+        observation=plain,
+        settings={},
+    )
+    save_posterior(least, tmp_path / "p.nc")
+    assert_same(load_posterior(tmp_path / "p.nc"), least)
+
+
+def test_arviz_opens_it(posterior, tmp_path):
+    az = pytest.importorskip("arviz")
+    save_posterior(posterior, tmp_path / "p.nc")
+    data = az.from_netcdf(tmp_path / "p.nc", engine="h5netcdf")
+    groups = set(data.groups()) if callable(getattr(data, "groups", None)) else set(data.children)
+    assert {"posterior", "sample_stats", "observed_data", "constant_data"} <= groups
+    assert data["posterior"]["theta"].dims[:2] == ("chain", "draw")
+    assert data["sample_stats"]["lp"].shape == (CHAINS, DRAWS)
+    summary = az.summary(data, var_names=["theta"])
+    assert summary.shape[0] == 3
+    np.testing.assert_allclose(
+        summary["mean"], posterior.samples.mean(0), atol=6e-4
+    )  # three printed digits
+    assert summary["r_hat"].between(0.9, 1.3).all()
+    names = [str(name) for name in data["posterior"]["parameter"].values]
+    assert names == list(posterior.names)
+
+
+def test_xarray_opens_it_and_finds_the_names(posterior, tmp_path):
+    save_posterior(posterior, tmp_path / "p.nc")
+    with xr.open_datatree(tmp_path / "p.nc", engine="h5netcdf") as tree:
+        theta = tree["posterior"]["theta"].sel(parameter="theta_2").values
+        np.testing.assert_array_equal(theta, posterior.theta[..., 1])
+        measured = tree["observed_data"]["log_frf"].sel(floor="RF")
+        np.testing.assert_array_equal(measured.values, posterior.observation.log_frf[1])
+        assert json.loads(tree.attrs["settings"])["particles"] == 75
+
+
+def test_samples_of_all_chains(posterior):
+    assert posterior.samples.shape == (CHAINS * DRAWS, 3)
+    np.testing.assert_array_equal(posterior.samples[DRAWS], posterior.theta[1, 0])
+    assert posterior.zeta_samples[DRAWS] == posterior.zeta[1, 0]
+
+
+def test_thinned_draws_keep_their_damping_and_come_once(posterior):
+    theta, zeta = posterior.thinned(40, seed=2)
+    assert theta.shape == (40, 3)
+    assert len(np.unique(theta[:, 0])) == 40
+    for one, ratio in zip(theta, zeta, strict=True):
+        row = int(np.flatnonzero((posterior.samples == one).all(1))[0])
+        assert posterior.zeta_samples[row] == ratio
+    again, _ = posterior.thinned(40, seed=2)
+    np.testing.assert_array_equal(again, theta)
+    assert len(posterior.thinned(10_000, seed=0)[0]) == CHAINS * DRAWS
+    assert replace(posterior, zeta=None).thinned(5, 0)[1] is None
+
+
+def one_sentence(path):
+    with pytest.raises(StudyError) as caught:
+        load_posterior(path)
+    text = str(caught.value)
+    assert "\n" not in text
+    assert str(path) in text
+    assert "femupdate calibrate" in text
+    return text
+
+
+def test_a_file_that_is_not_there(tmp_path):
+    assert "there is no posterior" in one_sentence(tmp_path / "p.nc")
+
+
+@pytest.mark.parametrize("content", [b"", b"theta,zeta\n1,2\n", b"\x89HDF\r\n\x1a\n" + bytes(40)])
+def test_a_file_that_is_no_netcdf(tmp_path, content):
+    (tmp_path / "p.nc").write_bytes(content)
+    assert "is not a posterior of femupdate" in one_sentence(tmp_path / "p.nc")
+
+
+def test_a_folder(tmp_path):
+    one_sentence(tmp_path)
+
+
+@pytest.mark.parametrize("share", [0.01, 0.3, 0.9, 0.999])
+def test_a_file_cut_short(posterior, tmp_path, share):
+    save_posterior(posterior, tmp_path / "p.nc")
+    content = (tmp_path / "p.nc").read_bytes()
+    (tmp_path / "p.nc").write_bytes(content[: int(share * len(content))])
+    one_sentence(tmp_path / "p.nc")
+
+
+def test_a_netcdf_of_something_else(tmp_path):
+    xr.Dataset({"a": ("x", [1.0, 2.0])}).to_netcdf(tmp_path / "p.nc", engine="h5netcdf")
+    one_sentence(tmp_path / "p.nc")
+
+
+@pytest.mark.parametrize(
+    "missing", ["posterior", "posterior/theta", "sample_stats/lp", "constant_data/prior_lower"]
+)
+def test_a_posterior_that_lacks_something(posterior, tmp_path, missing):
+    save_posterior(posterior, tmp_path / "p.nc")
+    with h5py.File(tmp_path / "p.nc", "a") as file:
+        del file[missing]
+    one_sentence(tmp_path / "p.nc")
+
+
+@pytest.mark.parametrize("damage", ["no settings", "no JSON", "invalid observation"])
+def test_a_posterior_that_is_not_ours(posterior, tmp_path, damage):
+    save_posterior(posterior, tmp_path / "p.nc")
+    with h5py.File(tmp_path / "p.nc", "a") as file:
+        if damage == "no settings":
+            del file.attrs["settings"]
+        elif damage == "no JSON":
+            file.attrs["settings"] = "{"
+        else:
+            file["observed_data/valid"][...] = 1
+    one_sentence(tmp_path / "p.nc")
+
+
+def test_a_failed_write_leaves_the_old_file(posterior, tmp_path, monkeypatch):
+    save_posterior(posterior, tmp_path / "p.nc")
+    before = (tmp_path / "p.nc").read_bytes()
+
+    def full(*_, **__):
+        raise RuntimeError("Can't decrement id ref count (unable to extend file, errno = 28, ...)")
+
+    monkeypatch.setattr(xr.DataTree, "to_netcdf", full)
+    with pytest.raises(StudyError, match="the disk is full"):
+        save_posterior(posterior, tmp_path / "p.nc")
+    assert (tmp_path / "p.nc").read_bytes() == before
+    assert [path.name for path in tmp_path.iterdir()] == ["p.nc"]

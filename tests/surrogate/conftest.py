@@ -1,0 +1,75 @@
+"""A two-story building small enough to train networks for in seconds."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from femupdate.dynamics.damping import ConstantDamping
+from femupdate.dynamics.reduction import reduce_lumped
+from femupdate.inference.prior import UniformPrior
+from femupdate.surrogate.dataset import DatasetPlan, compute_dataset
+from femupdate.surrogate.loss import LossSettings
+from femupdate.surrogate.network import NetworkSizes
+from femupdate.surrogate.training import TrainingSettings, TrainingTask, train_mvae
+
+FREQUENCY = 0.2 * np.arange(1, 65)
+SIZES = NetworkSizes(2, 64, 2, latent=4, floor_features=24, width=48, parameter_width=48, blocks=2)
+
+
+@pytest.fixture(scope="session")
+def model():
+    """Two unequal floors on unequal springs, first modes near 4 and 10 Hz."""
+    spring, mass = np.array([3000.0, 2000.0]), np.array([2.0, 1.3])
+    drift = np.eye(2) - np.eye(2, k=-1)
+    terms = spring[:, None, None] * drift[:, :, None] * drift[:, None, :]
+    return reduce_lumped(terms, np.diag(mass), ("2F", "RF"))
+
+
+@pytest.fixture(scope="session")
+def prior():
+    return UniformPrior(
+        ("theta_1", "theta_2"),
+        torch.tensor([0.5, 0.4], dtype=torch.float64),
+        torch.tensor([2.0, 2.5], dtype=torch.float64),
+    )
+
+
+@pytest.fixture(scope="session")
+def make_task(model, prior, tmp_path_factory):
+    def make(samples=2000, seed=1):
+        folder = tmp_path_factory.mktemp("shards")
+        dataset = compute_dataset(model, prior, DatasetPlan(samples, 2, 12.8, seed), folder)
+        frequency = torch.from_numpy(FREQUENCY).float()
+        return TrainingTask(dataset, frequency, ConstantDamping(), (0.02, 0.05), prior, SIZES)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def task(make_task):
+    return make_task()
+
+
+@pytest.fixture(scope="session")
+def settings():
+    loss = LossSettings(contrast_rows=64, alternatives=4, points=32)
+    return TrainingSettings(
+        epochs=6, batch=100, learning_rate=3e-3, redraw_zeta_every=2, average=0.98, loss=loss
+    )
+
+
+@pytest.fixture(scope="session")
+def quick(settings):
+    """The fewest epochs that still show everything: damping drawn anew, checkpoints."""
+    return replace(settings, epochs=4, batch=500)
+
+
+@pytest.fixture(scope="session")
+def trained(task, settings):
+    """The networks after a short training, and the validation losses on the way."""
+    seen = []
+    result = train_mvae(task, settings, progress=seen.append)
+    losses = {state.epoch: state.validation_loss for state in seen}
+    return result, [*list(losses.values())[1:], result.metrics["validation_loss"]], seen

@@ -1,0 +1,192 @@
+"""The data set: what it holds, how small it is, and how it survives a kill."""
+
+import os
+
+import numpy as np
+import pytest
+import torch
+
+from femupdate.dynamics.damping import ConstantDamping
+from femupdate.dynamics.frf import log_frf
+from femupdate.dynamics.modal import ModalData, modal_data
+from femupdate.errors import SurrogateError
+from femupdate.surrogate import dataset as room
+from femupdate.surrogate.dataset import (
+    DatasetPlan,
+    ModalDataset,
+    compute_dataset,
+    load_dataset,
+    log_frf_pool,
+    sample_zeta,
+    save_dataset,
+)
+
+PLAN = DatasetPlan(samples=110, modes=2, top_frequency_hz=12.8, seed=3)
+FREQUENCY = torch.linspace(0.1, 12.8, 100)
+
+
+@pytest.fixture(autouse=True)
+def small_shards(monkeypatch):
+    monkeypatch.setattr(room, "SHARD", 50)
+
+
+@pytest.fixture
+def solved(monkeypatch):
+    """First theta of every shard that is solved, as it is solved."""
+    shards, solve = [], room._solve_shard
+
+    def spy(model, theta, plan):
+        shards.append(theta[0].tolist())
+        return solve(model, theta, plan)
+
+    monkeypatch.setattr(room, "_solve_shard", spy)
+    return shards
+
+
+def same(one, other):
+    return torch.equal(one.theta, other.theta) and all(
+        torch.equal(getattr(one.modal, name), getattr(other.modal, name))
+        for name in ("omega", "effect", "residual")
+    )
+
+
+def test_modes_are_those_of_the_samples(model, prior, tmp_path):
+    data = compute_dataset(model, prior, PLAN, tmp_path)
+    assert len(data) == 110
+    assert data.theta.dtype == torch.float64
+    exact = modal_data(model, data.theta)
+    np.testing.assert_allclose(data.modal.omega, exact.omega, rtol=1e-6)
+    np.testing.assert_allclose(data.modal.effect, exact.effect, rtol=1e-3)  # half precision
+    assert bool(((data.theta >= prior.lower) & (data.theta <= prior.upper)).all())
+
+
+def test_samples_fill_the_box_evenly(model, prior, tmp_path):
+    """A Sobol sequence: one point in every interval of 1/64, either way, for 64 points."""
+    plan = DatasetPlan(samples=64, modes=2, top_frequency_hz=12.8, seed=0)
+    unit = prior.to_unit(compute_dataset(model, prior, plan, tmp_path).theta).numpy()
+    for column in unit.T:
+        assert np.bincount((64 * column).astype(int), minlength=64).tolist() == [1] * 64
+
+
+def test_a_seed_gives_one_data_set(model, prior, tmp_path):
+    one = compute_dataset(model, prior, PLAN, tmp_path / "one")
+    assert same(compute_dataset(model, prior, PLAN, tmp_path / "two"), one)
+    other = DatasetPlan(PLAN.samples, PLAN.modes, PLAN.top_frequency_hz, seed=4)
+    assert not same(compute_dataset(model, prior, other, tmp_path / "three"), one)
+
+
+def test_shards_that_are_there_are_not_solved_again(model, prior, tmp_path, solved):
+    first = compute_dataset(model, prior, PLAN, tmp_path)
+    paths = sorted(tmp_path.glob("*.npz"))
+    assert len(paths) == len(solved) == 3
+    for path in paths:
+        os.utime(path, (1e9, 1e9))
+    paths[1].unlink()
+    solved.clear()
+    counts = []
+    again = compute_dataset(model, prior, PLAN, tmp_path, counts.append)
+    assert same(again, first)
+    assert solved == [first.theta[50].tolist()]
+    assert [path.stat().st_mtime == 1e9 for path in paths] == [True, False, True]
+    assert sorted(counts) == [10, 50, 50]
+
+
+def test_a_killed_run_leaves_whole_shards_only(model, prior, tmp_path, monkeypatch, solved):
+    solve = room._solve_shard
+
+    def killed(model, theta, plan):
+        found = solve(model, theta, plan)
+        if len(theta) == 10:
+            raise KeyboardInterrupt
+        return found
+
+    monkeypatch.setattr(room, "_solve_shard", killed)
+    with pytest.raises(KeyboardInterrupt):
+        compute_dataset(model, prior, PLAN, tmp_path)
+    assert [path.name for path in sorted(tmp_path.iterdir())] == ["0000.npz", "0001.npz"]
+    monkeypatch.setattr(room, "_solve_shard", solve)
+    solved.clear()
+    resumed = compute_dataset(model, prior, PLAN, tmp_path)
+    assert len(solved) == 1
+    assert same(resumed, compute_dataset(model, prior, PLAN, tmp_path / "whole"))
+
+
+@pytest.mark.parametrize("damage", ["cut short", "empty", "a bit", "another file"])
+def test_a_damaged_shard_is_not_trusted(model, prior, tmp_path, solved, damage, caplog):
+    first = compute_dataset(model, prior, PLAN, tmp_path)
+    path = tmp_path / "0001.npz"
+    content = bytearray(path.read_bytes())
+    if damage == "a bit":
+        content[len(content) // 2] ^= 4
+    wrong = {"cut short": content[: len(content) // 2], "empty": b"", "a bit": content}
+    path.write_bytes(wrong.get(damage, b"a,b\n1,2\n"))
+    (tmp_path / ".0001-77aa.part.npz").write_bytes(b"half")  # of a kill in the middle of a write
+    solved.clear()
+    assert same(compute_dataset(model, prior, PLAN, tmp_path), first)
+    assert len(solved) == 1
+    assert "0001.npz is damaged" in caplog.text
+
+
+def test_shards_of_another_plan_are_not_mixed_in(model, prior, tmp_path):
+    other = DatasetPlan(PLAN.samples, PLAN.modes, PLAN.top_frequency_hz, seed=9)
+    compute_dataset(model, prior, other, tmp_path)
+    expected = compute_dataset(model, prior, PLAN, tmp_path / "clean")
+    assert same(compute_dataset(model, prior, PLAN, tmp_path), expected)
+    fewer = DatasetPlan(PLAN.samples, 1, PLAN.top_frequency_hz, PLAN.seed)
+    assert compute_dataset(model, prior, fewer, tmp_path).modal.omega.shape == (110, 1)
+
+
+def test_the_number_of_threads_is_given_back(model, prior, tmp_path):
+    before = torch.get_num_threads()
+    compute_dataset(model, prior, PLAN, tmp_path)
+    assert torch.get_num_threads() == before
+
+
+def test_modes_are_forty_times_smaller_than_responses(tmp_path):
+    """Six floors, 28 modes: bytes a sample on disk against 1024 frequencies in float32."""
+    count = 1000
+    data = ModalDataset(
+        torch.rand(count, 6, dtype=torch.float64),
+        ModalData(torch.rand(count, 28), torch.rand(count, 6, 28), torch.rand(count, 6, 3)),
+    )
+    save_dataset(data, tmp_path / "d.npz")
+    assert 40 * (tmp_path / "d.npz").stat().st_size < 6 * 1024 * 4 * count
+    back = load_dataset(tmp_path / "d.npz")
+    assert torch.equal(back.theta, data.theta)
+    assert torch.equal(back.modal.omega, data.modal.omega)
+    np.testing.assert_allclose(back.modal.effect, data.modal.effect, rtol=5e-4, atol=1e-7)
+
+
+@pytest.mark.parametrize("content", [None, b"", b"half a file"])
+def test_a_data_set_that_cannot_be_read(tmp_path, content):
+    if content is not None:
+        (tmp_path / "d.npz").write_bytes(content)
+    with pytest.raises(SurrogateError, match=r"d\.npz is not a data set"):
+        load_dataset(tmp_path / "d.npz")
+
+
+@pytest.mark.parametrize("batch", [None, 1, 7])
+def test_pool_of_responses(model, prior, tmp_path, batch):
+    """Half precision of modes and of responses together, against all in double."""
+    data = compute_dataset(model, prior, PLAN, tmp_path)
+    zeta = torch.linspace(0.02, 0.05, 110)
+    counts = []
+    pool = log_frf_pool(data, FREQUENCY, ConstantDamping(), zeta, counts.append, batch)
+    exact = log_frf(
+        modal_data(model, data.theta), FREQUENCY.double(), ConstantDamping(), zeta.double()
+    )
+    assert pool.dtype == torch.float16
+    assert pool.shape == exact.shape
+    error = pool - exact
+    # A noise of .2 is what they are trained against; antiresonances magnify a mode's rounding.
+    assert float(error.square().mean().sqrt()) < 2e-3
+    assert float(error.abs().max()) < 0.05
+    assert sum(counts) == 110
+
+
+def test_damping_is_drawn_between_its_bounds():
+    drawn = sample_zeta(2000, (0.01, 0.05), torch.Generator().manual_seed(0))
+    assert 0.01 <= float(drawn.min()) < 0.0101
+    assert 0.0499 < float(drawn.max()) <= 0.05
+    assert float(drawn.mean()) == pytest.approx(0.03, abs=1e-3)
+    assert sample_zeta(3, (0.02, 0.02), torch.Generator()).tolist() == pytest.approx([0.02] * 3)

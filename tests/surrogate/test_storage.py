@@ -1,0 +1,166 @@
+"""Trained surrogates on disk: what comes back, and files that are none."""
+
+import json
+
+import pytest
+import torch
+from safetensors import safe_open
+from safetensors.torch import save_file
+
+from femupdate.errors import StudyError, SurrogateError
+from femupdate.surrogate import storage as room
+from femupdate.surrogate.network import Visibility
+from femupdate.surrogate.storage import (
+    SurrogateInfo,
+    TrainedSurrogate,
+    load_surrogate,
+    save_surrogate,
+)
+from femupdate.surrogate.training import TrainingSettings
+
+
+@pytest.fixture(scope="module")
+def surrogate(trained):
+    info = SurrogateInfo(
+        building="two_story",
+        mechanics_hash="ab12",
+        floors=("2F", "RF"),
+        noise_sd=0.2,
+        version="0.1.0",
+        settings={"samples": 2000, "training": TrainingSettings().as_dict()},
+        metrics=trained[0].metrics,
+    )
+    return TrainedSurrogate(trained[0].mvae, info)
+
+
+@pytest.fixture
+def path(surrogate, tmp_path):
+    save_surrogate(surrogate, tmp_path / "surrogate.safetensors")
+    return tmp_path / "surrogate.safetensors"
+
+
+def test_all_that_is_known_of_it_comes_back(surrogate, path):
+    back = load_surrogate(path)
+    assert back.info == surrogate.info
+    assert back.mvae.sizes == surrogate.mvae.sizes
+    assert not back.mvae.training
+
+
+def test_weights_come_back_within_half_precision(surrogate, path):
+    own, back = surrogate.mvae.state_dict(), load_surrogate(path).mvae.state_dict()
+    assert own.keys() == back.keys()
+    for name, value in own.items():
+        assert back[name].dtype == torch.float32
+        if name.startswith(("observation_encoder.", "decoder.")):
+            # Eleven bits; below 6e-5 half precision has fewer.
+            torch.testing.assert_close(back[name], value, rtol=2.0**-11, atol=1e-7)
+        else:
+            assert torch.equal(back[name], value), name
+
+
+def test_rounding_moves_the_posterior_by_little_of_its_width(surrogate, path, task):
+    theta = task.dataset.theta[:300].float()
+    x = 0.3 * torch.randn(300, 2, 64, generator=torch.Generator().manual_seed(0))
+    x += surrogate.mvae.x_mean
+    seen = Visibility(torch.ones(300, 2), torch.tensor([[0.0, 1.0]]).expand(300, 2))
+    back = load_surrogate(path).mvae
+    with torch.no_grad():
+        one, two = (m.encode_observation(x, seen) for m in (surrogate.mvae, back))
+        shift = (one.mean - two.mean) / one.variance.sqrt()
+        assert float(shift.square().mean().sqrt()) < 0.02
+        torch.testing.assert_close(two.variance, one.variance, rtol=0.02, atol=0.0)
+        one, two = (m.encode_parameters(theta, seen) for m in (surrogate.mvae, back))
+    assert torch.equal(one.mean, two.mean)
+    assert torch.equal(one.variance, two.variance)
+
+
+def test_the_file_is_little_more_than_its_weights(surrogate, path):
+    count = sum(tensor.numel() for tensor in surrogate.mvae.state_dict().values())
+    assert path.stat().st_size < 4 * count
+
+
+def test_loading_leaves_the_global_generator_alone(path):
+    before = torch.random.get_rng_state()
+    load_surrogate(path)
+    assert torch.equal(torch.random.get_rng_state(), before)
+
+
+def one_sentence(path):
+    with pytest.raises(SurrogateError) as caught:
+        load_surrogate(path)
+    text = str(caught.value)
+    assert "\n" not in text
+    assert f"{path} is not a trained surrogate" in text
+    assert "run `femupdate train`" in text
+
+
+@pytest.mark.parametrize("share", [0.0, 1e-4, 0.01, 0.5, 0.9999])
+def test_a_file_cut_short(path, share):
+    content = path.read_bytes()
+    path.write_bytes(content[: int(share * len(content))])
+    one_sentence(path)
+
+
+def test_no_file_at_all(tmp_path):
+    one_sentence(tmp_path / "surrogate.safetensors")
+    one_sentence(tmp_path)
+
+
+@pytest.mark.parametrize("content", [b"weights", bytes(1000), b"\xff" * 1000])
+def test_a_file_of_something_else(path, content):
+    path.write_bytes(content)
+    one_sentence(path)
+
+
+def rewritten(path, change):
+    with safe_open(path, framework="pt") as file:
+        header = json.loads(file.metadata()["femupdate"])
+        tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    metadata = change(header, tensors)
+    save_file(tensors, path, metadata=metadata)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda header, tensors: None,
+        lambda header, tensors: {"femupdate": "{"},
+        lambda header, tensors: {"femupdate": "[]"},
+        lambda header, tensors: header.pop("sizes") and {"femupdate": json.dumps(header)},
+        lambda header, tensors: header["sizes"].pop("floors") and {"femupdate": json.dumps(header)},
+        lambda header, tensors: (
+            header["sizes"].update(heads=2) or {"femupdate": json.dumps(header)}
+        ),
+        lambda header, tensors: (
+            header["sizes"].update(width=50) or {"femupdate": json.dumps(header)}
+        ),
+        lambda header, tensors: header.pop("floors") and {"femupdate": json.dumps(header)},
+        lambda header, tensors: header.update(mood=1) or {"femupdate": json.dumps(header)},
+        lambda header, tensors: tensors.pop("lower") is None or {"femupdate": json.dumps(header)},
+    ],
+    ids=[
+        "weights of another program",
+        "broken header",
+        "header of another kind",
+        "no sizes",
+        "a size missing",
+        "a size of the future",
+        "another width",
+        "no floors",
+        "an entry of the future",
+        "a tensor missing",
+    ],
+)
+def test_weights_that_do_not_fit_their_header(path, change):
+    rewritten(path, change)
+    one_sentence(path)
+
+
+def test_a_full_disk_is_one_sentence(surrogate, tmp_path, monkeypatch):
+    def full(tensors, path, metadata=None):
+        raise room.SafetensorError("I/O error: No space left on device (os error 28)")
+
+    monkeypatch.setattr(room, "save_file", full)
+    with pytest.raises(StudyError, match="the disk is full"):
+        save_surrogate(surrogate, tmp_path / "s.safetensors")
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,265 @@
+"""Training: it learns, stops, resumes bit for bit, and refuses what does not belong to it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from safetensors import safe_open
+
+from femupdate.errors import StudyError, SurrogateError
+from femupdate.surrogate import checkpoint as checkpoint_room
+from femupdate.surrogate import training as room
+from femupdate.surrogate.latent import latent_log_likelihood
+from femupdate.surrogate.network import EARLIEST_END, LATEST_START, Visibility
+from femupdate.surrogate.training import TrainingSettings, draw_visibility, train_mvae
+
+
+class KilledError(Exception):
+    """Stands for a kill in the middle of an epoch."""
+
+
+def kill_in(epoch):
+    def progress(state):
+        if state.epoch == epoch and state.step == 2:
+            raise KilledError
+
+    return progress
+
+
+def assert_equal(one, other):
+    assert one.keys() == other.keys()
+    for name, value in one.items():
+        assert torch.equal(value, other[name]), name
+
+
+def test_training_lowers_the_validation_loss(trained):
+    _, losses, _ = trained
+    assert len(losses) == 6
+    assert losses[-1] < losses[0] - 5.0  # nats of some 130 points
+    assert np.isfinite(losses).all()
+
+
+def test_progress_is_told_step_by_step(trained):
+    result, _, seen = trained
+    steps = 1900 // 100
+    assert len(seen) == 6 * steps
+    assert [state.step for state in seen[:steps]] == list(range(1, steps + 1))
+    assert {(state.epochs, state.steps) for state in seen} == {(6, steps)}
+    assert np.isnan(seen[0].validation_loss)
+    assert result.metrics["epochs"] == 6.0
+    assert result.metrics["validation_loss"] <= min(state.validation_loss for state in seen[steps:])
+
+
+def test_what_was_learned_tells_theta_apart(trained, task):
+    """The latent likelihood of noise-free responses is higher at their theta than elsewhere."""
+    mvae = trained[0].mvae
+    rows = torch.arange(200)
+    theta = task.dataset.theta[rows].float()
+    pool = room._draw_samples(task, TrainingSettings(), 0, rows).log_frf.float()
+    seen = Visibility(torch.ones(200, 2), torch.tensor([[0.0, 1.0]]).expand(200, 2))
+    with torch.no_grad():
+        x, q = mvae.encode_observation(pool, seen), mvae.encode_parameters(theta, seen)
+        own = latent_log_likelihood(x.mean, x.variance, q.mean, q.variance)
+        other = latent_log_likelihood(x.mean, x.variance, q.mean.roll(1, 0), q.variance.roll(1, 0))
+    assert float((own > other).float().mean()) > 0.9
+
+
+def test_data_standardise_the_networks(trained, task, prior):
+    mvae = trained[0].mvae
+    assert torch.equal(mvae.lower, prior.lower.float())
+    assert torch.equal(mvae.upper, prior.upper.float())
+    pool = room._draw_samples(task, TrainingSettings(), 0, torch.arange(2000)).log_frf.float()
+    standard = (pool - mvae.x_mean) / mvae.x_scale
+    assert float(standard.mean((0,)).abs().max()) < 1e-3
+    assert float(standard.std(0).max()) < 1.001
+    assert float(mvae.x_scale.min()) >= 0.2  # never below the noise
+
+
+@pytest.mark.parametrize("epoch", [1, 3])  # in a drawing of the damping, and between two
+def test_a_killed_training_goes_on_to_the_same_weights(task, quick, tmp_path, epoch):
+    whole = train_mvae(task, quick)
+    path = tmp_path / "training.safetensors"
+    with pytest.raises(KilledError):
+        train_mvae(task, quick, path, kill_in(epoch))
+    assert path.exists()
+    torch.manual_seed(epoch)  # whatever else happens meanwhile
+    seen = []
+    resumed = train_mvae(task, quick, path, seen.append)
+    assert {state.epoch for state in seen} == set(range(epoch, 4))
+    assert np.isfinite(seen[0].validation_loss)
+    assert_equal(resumed.mvae.state_dict(), whole.mvae.state_dict())
+    for name in ("validation_loss", "best_epoch", "epochs"):
+        assert resumed.metrics[name] == whole.metrics[name]
+    # Once it is done, another call returns the same at once.
+    done = train_mvae(task, quick, path, kill_in(0))
+    assert_equal(done.mvae.state_dict(), whole.mvae.state_dict())
+
+
+def test_a_training_killed_in_its_first_epoch_starts_again(task, quick, tmp_path):
+    path = tmp_path / "training.safetensors"
+    with pytest.raises(KilledError):
+        train_mvae(task, quick, path, kill_in(0))
+    assert list(tmp_path.iterdir()) == []
+    one, two = train_mvae(task, quick), train_mvae(task, quick, path)
+    assert_equal(one.mvae.state_dict(), two.mvae.state_dict())
+
+
+def test_a_seed_gives_one_training_and_leaves_the_global_generator_alone(task, quick):
+    short = replace(quick, epochs=1)
+    before = torch.random.get_rng_state()
+    one = train_mvae(task, short)
+    assert torch.equal(torch.random.get_rng_state(), before)
+    torch.manual_seed(123)
+    assert_equal(train_mvae(task, short).mvae.state_dict(), one.mvae.state_dict())
+    other = train_mvae(task, replace(short, seed=1)).mvae.state_dict()
+    name = "parameter_encoder.join.weight"
+    assert not torch.equal(other[name], one.mvae.state_dict()[name])
+
+
+@pytest.fixture
+def stopped(task, quick, tmp_path):
+    path = tmp_path / "training.safetensors"
+    with pytest.raises(KilledError):
+        train_mvae(task, quick, path, kill_in(1))
+    return path
+
+
+@pytest.mark.parametrize(
+    "change", [{"learning_rate": 1e-4}, {"batch": 400}, {"seed": 5}, {"epochs": 9}]
+)
+def test_a_checkpoint_of_other_settings_is_refused(task, quick, stopped, change):
+    with pytest.raises(SurrogateError, match="with other settings; delete it"):
+        train_mvae(task, replace(quick, **change), stopped)
+
+
+def test_a_checkpoint_of_other_data_is_refused(make_task, quick, stopped):
+    """As many samples of the same box, of another drawing."""
+    with pytest.raises(SurrogateError, match="on other data; delete it"):
+        train_mvae(make_task(seed=8), quick, stopped)
+    fewer = make_task(samples=1500)
+    with pytest.raises(SurrogateError, match="delete it"):
+        train_mvae(fewer, quick, stopped)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.001, 0.5, 0.999])
+def test_a_checkpoint_cut_short(task, quick, stopped, share):
+    content = stopped.read_bytes()
+    stopped.write_bytes(content[: int(share * len(content))])
+    with pytest.raises(SurrogateError, match=r"training\.safetensors cannot be read .*delete it"):
+        train_mvae(task, quick, stopped)
+
+
+def test_a_full_disk_is_one_sentence_and_leaves_the_old_checkpoint(
+    task, quick, stopped, monkeypatch
+):
+    """Not an OSError: the library that writes the file has an error of its own."""
+
+    def full(tensors, path, metadata=None):
+        path.write_bytes(b"half")
+        raise checkpoint_room.SafetensorError(
+            "Error while serializing: I/O error: No space left on device (os error 28)"
+        )
+
+    monkeypatch.setattr(checkpoint_room, "save_file", full)
+    before = stopped.read_bytes()
+    with pytest.raises(StudyError, match="the disk is full; free some space"):
+        train_mvae(task, quick, stopped)
+    assert stopped.read_bytes() == before
+    assert [path.name for path in stopped.parent.iterdir()] == [stopped.name]
+
+
+def test_a_checkpoint_is_no_pickle(stopped):
+    with safe_open(stopped, framework="pt") as file:
+        names = list(file.keys())
+    assert {name.split("/")[0] for name in names} == {"mvae", "average", "best", "adam"}
+
+
+def test_training_stops_when_nothing_is_gained(task, quick):
+    """Without steps the loss stays what it is after the first epoch."""
+    still = replace(quick, epochs=50, learning_rate=0.0, patience=3)
+    result = train_mvae(task, still)
+    assert result.metrics["best_epoch"] == 1.0
+    assert result.metrics["epochs"] == 4.0
+
+
+def test_the_best_weights_are_kept(task, quick, monkeypatch):
+    """Not the last: a validation loss that turns up again."""
+    states, losses = [], iter([5.0, 3.0, 4.0, 6.0])
+
+    def pretended(mvae, *_):
+        states.append({k: v.clone() for k, v in mvae.state_dict().items()})
+        return next(losses)
+
+    monkeypatch.setattr(room, "_validate", pretended)
+    result = train_mvae(task, quick)
+    assert result.metrics["validation_loss"] == 3.0
+    assert result.metrics["best_epoch"] == 2.0
+    assert_equal(result.mvae.state_dict(), states[1])
+    assert not result.mvae.training
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_a_training_that_diverges_says_so(task, quick, monkeypatch, tmp_path, value):
+    monkeypatch.setattr(room, "_validate", lambda *_: value)
+    with pytest.raises(SurrogateError, match="diverged in epoch 1"):
+        train_mvae(task, quick, tmp_path / "c.safetensors")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_too_few_samples(make_task, quick):
+    with pytest.raises(SurrogateError, match="300 samples are too few for batches of 500"):
+        train_mvae(make_task(samples=300), quick)
+
+
+def test_the_validation_is_the_same_every_time(task, quick, trained):
+    held_out = room._draw_samples(task, quick, 0, torch.arange(150))
+    one = room._validate(trained[0].mvae, quick, held_out)
+    assert room._validate(trained[0].mvae, quick, held_out) == one
+
+
+def test_the_learning_rate_goes_up_and_down_once(task, quick):
+    run = room._start(task, quick)
+    settings, rates = replace(quick, epochs=10), []
+    for run.step in range(100):
+        room._set_rate(run, settings, 10)
+        rates.append(run.optimizer.param_groups[0]["lr"] / settings.learning_rate)
+    assert int(np.argmax(rates)) == 10
+    assert rates[10] == pytest.approx(1.0, rel=1e-3)
+    assert rates[0] == pytest.approx(0.04)
+    assert rates[-1] < 2e-3
+    assert (np.diff(rates[:11]) > 0).all()
+    assert (np.diff(rates[10:]) < 0).all()
+
+
+def test_the_average_forgets_its_beginning(task, quick):
+    run = room._start(task, quick)
+    with torch.no_grad():
+        for parameter in run.mvae.parameters():
+            parameter.fill_(1.0)
+    for run.step in range(60):
+        room._update_average(run, quick)
+    for parameter in run.average.parameters():
+        np.testing.assert_allclose(parameter.detach(), 1.0, atol=1e-4)
+
+
+def test_visible_floors_and_bands_have_their_shares():
+    settings = TrainingSettings(roof_share=0.4, full_share=0.3, full_band_share=0.75)
+    count, floors = 20_000, 4
+    seen = draw_visibility(count, floors, settings, torch.Generator().manual_seed(0))
+    masks, band = seen.floors, seen.band
+    assert set(masks.unique().tolist()) == {0.0, 1.0}
+    assert bool((masks.sum(1) >= 1).all())
+    roof = (masks == torch.tensor([0.0, 0.0, 0.0, 1.0])).all(1).float().mean()
+    # A random subset with one floor forced is the roof alone once in 4 * 8, all floors once in 8.
+    assert float(roof) == pytest.approx(0.4 + 0.3 / 32, abs=0.012)
+    assert float(masks.all(1).float().mean()) == pytest.approx(0.3 + 0.3 / 8, abs=0.012)
+    whole = (band == torch.tensor([0.0, 1.0])).all(1)
+    assert float(whole.float().mean()) == pytest.approx(0.75, abs=0.012)
+    assert 0.0 <= float(band[:, 0].min()) <= float(band[:, 0].max()) <= LATEST_START
+    assert EARLIEST_END <= float(band[:, 1].min()) < EARLIEST_END + 0.01
+
+
+def test_a_building_of_one_story_always_shows_its_roof():
+    seen = draw_visibility(50, 1, TrainingSettings(), torch.Generator().manual_seed(0))
+    assert bool((seen.floors == 1.0).all())
