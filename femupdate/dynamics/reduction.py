@@ -8,6 +8,7 @@ by how small the response of the floors is there, since it is the logarithm that
 The responses are compressed by their weighted Gram matrix (proper orthogonal decomposition).
 """
 
+import itertools
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.stats import qmc
+from threadpoolctl import threadpool_limits
 
 from femupdate.dynamics.full_response import (
     FloorModes,
@@ -90,18 +92,18 @@ def reduce_operators(
         story_levels: (s + 1,) heights of the base and of every floor, m.
         direction: 0 for motion along x, 1 along y.
         target: what must be met.
-        progress: called with (done, total) full eigenproblems.
+        progress: called with (done, total) full eigenproblems, by several threads.
 
     Raises:
         ModelError: no basis of up to 300 shapes meets the tolerance.
     """
     sensors = floor_sensors(operators, floor_nodes, direction)
     thetas, unseen = _samples(target)
-    total, done = len(thetas) + len(unseen), 0
+    total = len(thetas) + len(unseen)
+    counter = itertools.count(1)  # threads share it: its steps cannot be lost
 
     def tick() -> None:
-        nonlocal done
-        done += 1
+        done = next(counter)
         if progress is not None:
             progress(done, total)
 
@@ -116,7 +118,8 @@ def reduce_operators(
         tick()
         return felt
 
-    with ThreadPoolExecutor(max_workers=processor_count()) as pool:
+    # Every worker is one thread: BLAS threads of their own would only be in each other's way.
+    with threadpool_limits(1), ThreadPoolExecutor(max_workers=processor_count()) as pool:
         snapshots = np.concatenate(list(pool.map(snapshot, thetas)), axis=1)
         references = list(pool.map(reference, unseen))
     basis = _compress(operators, snapshots)

@@ -1,5 +1,6 @@
 """The two likelihoods of the stiffness factors: amortised (latent) and of the data themselves."""
 
+import copy
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -48,7 +49,8 @@ class LatentLikelihood:
                 f"has {observation.frequency_hz.size}; use the building's frequency grid"
             )
         self.input = encoder_input(observation, surrogate.info.floors)
-        self._mvae = surrogate.mvae.to(device)
+        # A module moves in place: the caller's stays where it is.
+        self._mvae = copy.deepcopy(surrogate.mvae).to(device)
         self._visibility = Visibility(
             self.input.visibility.floors.to(device), self.input.visibility.band.to(device)
         )

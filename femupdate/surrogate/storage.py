@@ -18,7 +18,7 @@ from femupdate.surrogate.network import Mvae, NetworkSizes
 # Rounding to half precision moves the latent means by a small share of the posterior's width (a
 # test measures it) and halves the file; the parameter encoder, whose error would add to the width
 # of every posterior, stays whole.
-_HALF_PRECISION = ("observation_encoder.", "decoder.")
+_HALF_PRECISION = ("observation_encoder.", "decoder.", "x_mean", "x_scale")
 
 
 @dataclass(frozen=True)

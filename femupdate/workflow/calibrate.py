@@ -131,14 +131,18 @@ def observation_of(building: Building, source: ObservationSource) -> Observation
                 f"{source.path}: there is no {', '.join(missing)} to use; the file has "
                 f"{', '.join(observation.floors)}"
             )
-        observation = select_floors(observation, source.sensors)
+        # Bottom to top and each once, however they were asked for.
+        wanted = [name for name in observation.floors if name in source.sensors]
+        observation = select_floors(observation, wanted)
     return observation if source.band_hz is None else _within(observation, source.band_hz)
 
 
 def _within(observation: Observation, band_hz: tuple[float, float]) -> Observation:
     """The same observation, valid only within a band."""
     low, high = band_hz
-    inside = (observation.frequency_hz >= low) & (observation.frequency_hz <= high)
+    slack = 1e-9  # grids are sums of rounded steps
+    frequency = observation.frequency_hz
+    inside = (frequency >= low * (1.0 - slack)) & (frequency <= high * (1.0 + slack))
     valid = observation.valid & inside
     if valid.any(axis=0).sum() < 10:
         raise MeasurementError(

@@ -52,18 +52,12 @@ def test_build_model(femupdate, tmp_path, cabin_file, name):
     assert answer["frequencies_hz"] == sorted(answer["frequencies_hz"])
     assert answer["frequencies_hz"][0] > 0.1
     assert len(answer["effective_mass"]) == len(answer["frequencies_hz"])
-    sizes = [answer[key] for key in ("dof", "elements", "reduced_size")]
-    assert (
-        sizes
-        == {
-            "shear_3dof": [3, 3, 3],
-            "shear_4dof": [4, 4, 4],
-            # 4 columns of two elements and 4 beams of two or three a story; slab and wall are 2 by 2.
-            "cabin": [answer["dof"], 2 * (4 * 2 + 4 * 2) + 2 * 4 + 4, answer["reduced_size"]],
-        }[name]
-    )
+    # In the cabin members have two elements, 4 columns and 4 beams a story; slabs and the wall in
+    # the lower story are divided into 2 by 2.
+    elements = {"shear_3dof": 3, "shear_4dof": 4, "cabin": 2 * (4 + 4) * 2 + 2 * 4 + 4}
+    assert answer["elements"] == elements[name]
     assert 0 < answer["reduced_size"] <= answer["dof"]
-    assert answer["reduction_error"] <= 0.1
+    assert answer["reduction_error"] <= (0.1 if name == "cabin" else 0.0)
     assert len(answer["pictures"]) == (3 if name == "cabin" else 1)
     assert all(not_blank(Path(picture)) for picture in answer["pictures"])
     assert all(line.endswith(" ...") for line in done.err.splitlines())
@@ -98,7 +92,6 @@ def test_simulate_takes_the_building_of_the_study(femupdate, calibrated, tmp_pat
     )
     assert done.code == 0
     assert done.out.splitlines()[0] == str(file)
-    assert file.read_text().splitlines()[5].startswith("0.04,")
     assert "time_s,base,2F,RF" in file.read_text()
 
 

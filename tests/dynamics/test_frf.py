@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from femupdate.dynamics.damping import ConstantDamping, RayleighDamping
-from femupdate.dynamics.frf import complex_frf, log_frf, log_frf_batches
+from femupdate.dynamics.frf import complex_frf, fast_batch, log_frf, log_frf_batches
 from femupdate.dynamics.modal import modal_data
 
 FREQUENCY = np.linspace(0.0, 20.0, 57)
@@ -114,6 +114,20 @@ def test_batches_equal_one_by_one(chain, tensor, batch):
     for row in range(5):
         one = log_frf(data[row : row + 1], tensor(FREQUENCY), law, zeta[row : row + 1])
         np.testing.assert_allclose(joined[row], one[0], atol=1e-12)
+
+
+def test_the_batch_chosen_keeps_arrays_small(tall_chain, tensor):
+    """About a megabyte on a processor, whatever the precision, and never nothing at a time."""
+    data = modal_data(tall_chain.reduced(), tensor(np.ones((40, 30))))
+    double, single = fast_batch(data, 1000), fast_batch(data.to("cpu", torch.float32), 1000)
+    assert double * 30 * 1000 * 8 <= 2**20 < (double + 1) * 30 * 1000 * 8
+    assert single >= 2 * double
+    assert fast_batch(data, 10**9) == 1
+    zeta = tensor([0.02] * 40)
+    parts = list(
+        log_frf_batches(data, tensor(np.linspace(0.1, 9.0, 1000)), ConstantDamping(), zeta)
+    )
+    assert [len(part) for part in parts] == [4] * 10
 
 
 @settings(max_examples=30, deadline=None)

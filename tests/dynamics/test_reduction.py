@@ -85,12 +85,12 @@ def test_reduced_responses_follow_the_full_model(frame, reduced, theta, zeta):
 def test_the_error_reported_is_that_of_the_checks(frame, reduced):
     """The reference of the reduction itself, modes below a frequency and a static correction."""
     rng = np.random.default_rng(1)  # seed + 1: the checks are drawn by another generator
-    unseen = 1 / 3 + (3.0 - 1 / 3) * rng.random((6, 2))
+    unseen = 1 / 3 + (3.0 - 1 / 3) * rng.random((reduced.checks, 2))
     errors = [
         reduced_log_frf(reduced.model, theta, 0.01) - full_log_frf(frame, theta, 0.01)
         for theta in unseen
     ]
-    assert reduced.checks == 6
+    assert reduced.checks > 2
     # Modes above twice the top are replaced by their static response in the reference.
     assert reduced.rms_error == pytest.approx(np.sqrt(np.mean(np.square(errors))), rel=0.2)
     assert reduced.rms_error <= 0.02
@@ -173,7 +173,8 @@ def test_any_number_of_samples_will_do(frame, samples):
     told = []
     result = reduce(frame, target(tolerance=1.0, samples=samples), lambda *done: told.append(done))
     assert result.rms_error <= 1.0
-    assert told[-1] == (samples + 6, samples + 6)
+    total = samples + result.checks
+    assert sorted(told) == [(done, total) for done in range(1, total + 1)]
 
 
 @pytest.mark.parametrize("mesh_size", [1.5, 2.0, 4.0])

@@ -194,7 +194,7 @@ class LinearEncoder(nn.Module):
         return LatentGaussian(unit + self.shift, self.variance.expand_as(unit))
 
 
-def contrast(width, shift=0.0, sd=0.02, size=2, rows=6000):
+def contrast(width, shift=0.0, sd=0.02, size=2, rows=8000):
     """Cross-entropy where the exact posterior is N(x, sd^2) and the latent one is so much wider."""
     draw = generator(1)
     unit = torch.rand(rows, size, generator=draw, dtype=torch.float64)
@@ -209,14 +209,21 @@ def contrast(width, shift=0.0, sd=0.02, size=2, rows=6000):
     return float(local_contrast(mvae, q_x, q_theta, theta, visibility, settings, generator(2)))
 
 
-@pytest.mark.parametrize("size", [1, 2])
+@pytest.mark.parametrize("size", [1, 2, 4])
 def test_the_true_posterior_minimises_the_local_contrast(size):
-    widths = np.array([0.25, 0.5, 0.75, 0.9, 1.0, 1.1, 1.3, 2.0, 4.0])
-    scores = np.array([contrast(width, size=size) for width in widths])
-    assert widths[scores.argmin()] == pytest.approx(1.0, abs=0.11)
-    # Convex enough to train by: it grows to both sides.
+    log_widths = np.linspace(-0.5, 0.5, 9)
+    scores = [contrast(np.exp(one), size=size) for one in log_widths]
+    cubic = np.polyfit(log_widths, scores, 3)
+    fine = np.linspace(-0.4, 0.4, 801)
+    # Four seeds of this size give widths of .97 to 1.02. Alternatives around the true theta
+    # itself, and not around a hidden centre, would give 1.06 to 1.11.
+    assert np.exp(fine[np.polyval(cubic, fine).argmin()]) == pytest.approx(1.0, abs=0.04)
+
+
+def test_the_contrast_grows_to_both_sides():
+    scores = [contrast(width) for width in (0.2, 0.4, 0.7, 1.0, 1.5, 3.0, 6.0)]
     assert (np.diff(scores[:4]) < 0).all()
-    assert (np.diff(scores[5:]) > 0).all()
+    assert (np.diff(scores[3:]) > 0).all()
 
 
 def test_a_shifted_posterior_scores_worse():

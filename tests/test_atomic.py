@@ -1,0 +1,143 @@
+"""Files that are written whole or not at all."""
+
+import errno
+import os
+import stat
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+from femupdate.atomic import atomic_path
+from femupdate.errors import MeasurementError, StudyError
+
+
+def names(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_a_file_appears_when_the_block_has_ended(tmp_path):
+    target = tmp_path / "deep" / "er" / "file.txt"
+    with atomic_path(target) as temporary:
+        temporary.write_text("new")
+        assert temporary.parent == target.parent
+        assert temporary.suffix == ".txt"  # writers choose a format by it
+        assert not target.exists()
+    assert target.read_text() == "new"
+    assert names(target.parent) == ["file.txt"]
+
+
+@pytest.mark.parametrize("there", [False, True])
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt, StudyError, ZeroDivisionError])
+def test_an_error_leaves_all_as_it_was(tmp_path, error, there):
+    target = tmp_path / "file.txt"
+    if there:
+        target.write_text("old")
+
+    def half():
+        with atomic_path(target) as temporary:
+            temporary.write_text("half")
+            raise error("as it is")
+
+    with pytest.raises(error, match="as it is"):
+        half()
+    assert names(tmp_path) == (["file.txt"] if there else [])
+    assert not there or target.read_text() == "old"
+
+
+def no_space(*_, **__):
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+@pytest.mark.parametrize("kind", [StudyError, MeasurementError])
+def test_a_full_disk(tmp_path, kind):
+    target = tmp_path / "file.txt"
+    target.write_text("old")
+    with pytest.raises(kind) as caught, atomic_path(target, kind):
+        no_space()
+    text = f"cannot write {target}: the disk is full; free some space and run the command again"
+    assert str(caught.value) == text
+    assert target.read_text() == "old"
+    assert names(tmp_path) == ["file.txt"]
+
+
+def test_a_disk_that_is_full_when_the_file_is_moved(tmp_path, monkeypatch):
+    monkeypatch.setattr(os, "replace", no_space)
+    with pytest.raises(StudyError, match="disk is full"), atomic_path(tmp_path / "f") as temporary:
+        temporary.write_text("whole")
+    assert names(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Error while serializing: I/O error: No space left on device (os error 28)",
+        "Can't write data (file write failed: errno = 28, error message = 'No space left')",
+    ],
+)
+def test_other_libraries_report_a_full_disk_in_words(tmp_path, text):
+    class LibraryError(Exception):
+        pass
+
+    with pytest.raises(StudyError, match="the disk is full"), atomic_path(tmp_path / "f"):
+        raise LibraryError(text)
+
+
+def test_a_message_of_our_own_is_passed_on_untouched(tmp_path):
+    with pytest.raises(StudyError, match=r"^see errno = 28$"), atomic_path(tmp_path / "f"):
+        raise StudyError("see errno = 28")
+
+
+def test_a_folder_that_is_a_file(tmp_path):
+    (tmp_path / "file").write_text("")
+    wrong = pytest.raises(StudyError, match=r"cannot write .*child\.txt: .*check the folder")
+    with wrong, atomic_path(tmp_path / "file" / "child.txt"):
+        pass
+
+
+def test_a_target_that_is_a_folder(tmp_path):
+    (tmp_path / "taken").mkdir()
+    with pytest.raises(StudyError, match="taken: "), atomic_path(tmp_path / "taken"):
+        pass
+    assert names(tmp_path) == ["taken"]
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write it")
+def test_a_folder_without_permission(tmp_path):
+    tmp_path.chmod(0o500)
+    with pytest.raises(StudyError, match="Permission denied"), atomic_path(tmp_path / "f"):
+        pass
+    tmp_path.chmod(0o700)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="permissions of POSIX")
+@pytest.mark.parametrize("umask", [0o022, 0o077, 0o002])
+def test_permissions_are_those_of_any_new_file(tmp_path, umask):
+    before = os.umask(umask)
+    try:
+        with atomic_path(tmp_path / "f") as temporary:
+            temporary.write_text("x")
+        (tmp_path / "plain").write_text("x")
+    finally:
+        os.umask(before)
+    modes = {stat.S_IMODE((tmp_path / name).stat().st_mode) for name in ("f", "plain")}
+    assert modes == {0o666 & ~umask}
+
+
+@pytest.mark.skipif(os.name == "nt", reason="permissions of POSIX")
+def test_many_threads_write_at_once(tmp_path):
+    """Shards of a data set are; the process's umask must be left alone meanwhile."""
+    before = os.umask(0o022)
+
+    def write(k):
+        with atomic_path(tmp_path / f"{k % 20}.txt") as temporary:
+            temporary.write_text(str(k % 20))
+
+    try:
+        with ThreadPoolExecutor(8) as pool:
+            list(pool.map(write, range(400)))
+        after = os.umask(0o022)
+    finally:
+        os.umask(before)
+    assert after == 0o022
+    assert len(names(tmp_path)) == 20
+    assert all((tmp_path / name).read_text() == name[:-4] for name in names(tmp_path))

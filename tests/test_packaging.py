@@ -1,0 +1,136 @@
+"""What is installed: all of it, nothing else, and nothing heavy on import."""
+
+import shutil
+import subprocess
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+FOLDERS = {"femupdate": "femupdate", "cli": "femupdate.cli", "models": "femupdate.models"}
+if (ROOT / "examples").exists():
+    FOLDERS["examples"] = "femupdate.examples"
+HEAVY = ("torch", "pyvista", "vtk", "matplotlib", "xarray", "pandas", "scipy", "numpy", "arviz")
+
+
+def project():
+    return tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+
+
+def python_files():
+    """Installed name of every Python file, femupdate/fe/beam.py for instance."""
+    found = set()
+    for folder, package in FOLDERS.items():
+        for path in (ROOT / folder).rglob("*.py"):
+            inside = path.relative_to(ROOT / folder)
+            found.add("/".join([*package.split("."), *inside.parts]))
+    return found
+
+
+def loaded_after(statement):
+    script = f"import sys\n{statement}\nprint(*sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, cwd=ROOT, check=True
+    )
+    return set(done.stdout.split())
+
+
+def test_importing_femupdate_is_light():
+    assert loaded_after("import femupdate").isdisjoint(HEAVY)
+
+
+def test_rooms_are_light_until_something_in_them_is_used():
+    rooms = sorted(name for name in project()["tool"]["setuptools"]["packages"])
+    assert loaded_after("\n".join(f"import {name}" for name in rooms)).isdisjoint(HEAVY)
+
+
+def test_the_record_of_a_study_needs_nothing_heavy():
+    light = "import femupdate.study, femupdate.units, femupdate.errors, femupdate.atomic"
+    assert loaded_after(light).isdisjoint(HEAVY)
+
+
+def test_computing_needs_no_pictures():
+    rooms = ("dynamics.reduction", "inference.posterior", "inference.smc", "surrogate.training")
+    loaded = loaded_after("\n".join(f"import femupdate.{name}" for name in rooms))
+    assert "torch" in loaded
+    assert loaded.isdisjoint({"pyvista", "vtk", "matplotlib", "xarray", "pandas", "arviz"})
+
+
+def test_the_packages_listed_are_the_folders_that_hold_python_files():
+    """One that is left out is silently missing from what is installed."""
+    settings = project()["tool"]["setuptools"]
+    there = {"/".join(name.split("/")[:-1]).replace("/", ".") for name in python_files()}
+    assert set(settings["packages"]) == there
+    assert len(settings["packages"]) == len(set(settings["packages"]))
+    mapped = settings["package-dir"]
+    assert {folder: name for name, folder in mapped.items()} == FOLDERS
+
+
+def test_every_package_has_an_init_file():
+    files = python_files()
+    for package in project()["tool"]["setuptools"]["packages"]:
+        assert f"{package.replace('.', '/')}/__init__.py" in files
+
+
+def test_no_name_is_used_twice():
+    """cli, models and examples must not be sub-packages of the folder femupdate as well."""
+    for package in FOLDERS.values():
+        inside = ROOT / package.replace(".", "/")
+        assert package == "femupdate" or not inside.exists()
+
+
+def test_the_version_is_one_and_the_same():
+    import femupdate
+
+    assert project()["project"]["version"] == femupdate.__version__
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory):
+    """A wheel built from a copy of what is in the repository, without the network."""
+    setuptools = pytest.importorskip("setuptools")
+    if int(setuptools.__version__.split(".")[0]) < 77:
+        pytest.skip("building a wheel needs setuptools 77 or newer in the environment")
+    copy = tmp_path_factory.mktemp("wheel") / "project"
+    skipped = shutil.ignore_patterns("__pycache__", "*.egg-info")
+    for folder in FOLDERS:
+        shutil.copytree(ROOT / folder, copy / folder, ignore=skipped)
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, copy / name)
+    script = "from setuptools.build_meta import build_wheel; build_wheel('dist')"
+    subprocess.run(
+        [sys.executable, "-c", script], cwd=copy, check=True, capture_output=True, timeout=120
+    )
+    (path,) = (copy / "dist").glob("*.whl")
+    with zipfile.ZipFile(path) as archive:
+        yield archive
+
+
+def data_files():
+    """Installed name of every file beside the Python files."""
+    found = set()
+    for folder, package in FOLDERS.items():
+        for path in (ROOT / folder).rglob("*"):
+            if path.is_file() and path.suffix not in {".py", ".pyc"}:
+                inside = path.relative_to(ROOT / folder)
+                found.add("/".join([*package.split("."), *inside.parts]))
+    return found
+
+
+def test_the_wheel_holds_every_file_and_nothing_else(wheel):
+    names = {name for name in wheel.namelist() if ".dist-info/" not in name}
+    assert "femupdate/models/shear_4dof.toml" in names
+    assert names == python_files() | data_files()
+
+
+def test_nothing_of_a_plain_name_reaches_the_environment(wheel):
+    tops = {name.split("/")[0] for name in wheel.namelist()}
+    assert tops == {"femupdate", next(top for top in tops if top.endswith(".dist-info"))}
+
+
+def test_the_wheel_brings_the_command(wheel):
+    (name,) = (name for name in wheel.namelist() if name.endswith("entry_points.txt"))
+    assert "femupdate = femupdate.cli.main:main" in wheel.read(name).decode()

@@ -1,0 +1,182 @@
+"""The study folder: what is recorded, found, missed and refused."""
+
+import json
+import os
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from femupdate import __version__, atomic
+from femupdate.errors import StudyError
+from femupdate.study import MANIFEST, Study, file_hash, write_text
+
+MADE_FROM = {"building": "ab12", "observation": "cd34"}
+
+
+@pytest.fixture
+def study(tmp_path):
+    return Study(tmp_path / "study")
+
+
+@pytest.fixture
+def recorded(study):
+    write_text(study.path("posterior.nc"), "draws")
+    study.record("posterior", "posterior.nc", "calibrate", MADE_FROM, {"particles": 500})
+    return study
+
+
+def test_an_empty_study_is_no_folder_yet(study):
+    assert study.artefacts() == {}
+    assert study.find("posterior", MADE_FROM) is None
+    study.check_fresh("posterior", MADE_FROM, "calibrate")
+    assert not study.folder.exists()
+
+
+def test_what_is_recorded_is_found(recorded):
+    path = recorded.find("posterior", MADE_FROM)
+    assert path == recorded.path("posterior.nc")
+    assert recorded.require("posterior", "calibrate") == path
+    artefact = Study(recorded.folder).artefacts()["posterior"]
+    assert artefact.file == "posterior.nc"
+    assert artefact.command == "calibrate"
+    assert artefact.version == __version__
+    assert artefact.settings == {"particles": 500}
+    assert artefact.made_from == MADE_FROM
+    assert artefact.sha256 == file_hash(path)
+    assert artefact.created.endswith("+00:00")
+
+
+def test_artefacts_are_kept_side_by_side_and_replaced_by_name(recorded):
+    write_text(recorded.path("deep", "model.npz"), "K and M")
+    recorded.record("model", "deep/model.npz", "build-model", {"building": "ab12"})
+    write_text(recorded.path("posterior.nc"), "new draws")
+    recorded.record("posterior", "posterior.nc", "calibrate", MADE_FROM, {"particles": 900})
+    artefacts = recorded.artefacts()
+    assert sorted(artefacts) == ["model", "posterior"]
+    assert artefacts["posterior"].settings == {"particles": 900}
+    assert recorded.find("posterior", MADE_FROM) is not None
+    assert recorded.find("model", {"building": "ab12"}) == recorded.path("deep", "model.npz")
+    text = recorded.path(MANIFEST).read_text(encoding="utf-8")
+    assert json.loads(text)["femupdate"] == __version__
+
+
+@pytest.mark.parametrize(
+    "made_from",
+    [{}, {"building": "ab12"}, {**MADE_FROM, "observation": "ee"}, {**MADE_FROM, "more": "1"}],
+)
+def test_what_was_made_from_something_else_is_not_found(recorded, made_from):
+    assert recorded.find("posterior", made_from) is None
+
+
+@pytest.mark.parametrize("change", ["edited", "cut short", "gone"])
+def test_a_file_that_is_not_the_recorded_one_is_noticed(recorded, change):
+    path = recorded.path("posterior.nc")
+    if change == "gone":
+        path.unlink()
+    else:
+        path.write_text("drawn" if change == "edited" else "dra")
+    assert recorded.find("posterior", MADE_FROM) is None
+    wanted = r"holds no posterior; run `femupdate calibrate` first"
+    if change != "gone":
+        wanted = r"posterior\.nc is not the file that femupdate wrote .*run `femupdate calibrate`"
+    with pytest.raises(StudyError, match=wanted):
+        recorded.require("posterior", "calibrate")
+
+
+def test_what_is_missing_is_named_with_its_command(study):
+    with pytest.raises(StudyError, match=r"holds no surrogate; run `femupdate train` first"):
+        study.require("surrogate", "train")
+
+
+def test_a_stale_artefact_is_named_with_what_has_changed(recorded):
+    recorded.check_fresh("posterior", MADE_FROM, "calibrate")
+    recorded.check_fresh("posterior", {"building": "ab12"}, "calibrate")
+    with pytest.raises(StudyError, match=r"made from another observation; run `femupdate"):
+        recorded.check_fresh("posterior", {**MADE_FROM, "observation": "x"}, "calibrate")
+    with pytest.raises(StudyError, match="from another building and observation"):
+        recorded.check_fresh("posterior", {"building": "", "observation": ""}, "calibrate")
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "",
+        "{",
+        "[]",
+        "3",
+        "null",
+        '"text"',
+        "{}",
+        '{"artefacts": []}',
+        '{"artefacts": 3}',
+        '{"artefacts": {"posterior": 3}}',
+        '{"artefacts": {"posterior": {}}}',
+        '{"artefacts": {"posterior": {"file": "a", "mood": "b"}}}',
+    ],
+)
+def test_a_record_that_cannot_be_read(recorded, content):
+    recorded.path(MANIFEST).write_text(content)
+    for attempt in (
+        recorded.artefacts,
+        lambda: recorded.find("posterior", MADE_FROM),
+        lambda: recorded.require("posterior", "calibrate"),
+    ):
+        with pytest.raises(StudyError, match=r"study\.json cannot be read .*move it away"):
+            attempt()
+
+
+json_values = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.text(max_size=8),
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=8), inner, max_size=3)
+    ),
+    max_leaves=8,
+)
+
+
+@settings(
+    deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(value=json_values, inside=st.booleans())
+def test_no_record_ends_in_a_traceback(study, value, inside):
+    study.folder.mkdir(exist_ok=True)
+    content = {"artefacts": {"posterior": value}} if inside else value
+    study.path(MANIFEST).write_text(json.dumps(content), encoding="utf-8")
+    try:
+        assert study.artefacts() == {}
+    except StudyError as error:
+        assert "cannot be read" in str(error)  # noqa: PT017
+
+
+def test_bytes_that_are_no_text(recorded):
+    recorded.path(MANIFEST).write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(StudyError, match="cannot be read"):
+        recorded.artefacts()
+
+
+def test_a_full_disk_leaves_the_record_as_it_was(recorded, monkeypatch):
+    before = recorded.path(MANIFEST).read_bytes()
+
+    def full(*_):
+        raise OSError(28, os.strerror(28))
+
+    monkeypatch.setattr(atomic.os, "replace", full)
+    with pytest.raises(StudyError, match=r"study\.json: the disk is full; free some space"):
+        recorded.record("posterior", "posterior.nc", "calibrate", {})
+    monkeypatch.undo()
+    assert recorded.path(MANIFEST).read_bytes() == before
+    assert recorded.find("posterior", MADE_FROM) is not None
+
+
+def test_text_is_utf_8_whatever_the_locale(tmp_path):
+    write_text(tmp_path / "t.txt", "θ₁ 構造")
+    assert (tmp_path / "t.txt").read_bytes() == "θ₁ 構造".encode()
+
+
+def test_hash_is_sha256_of_the_content(tmp_path):
+    (tmp_path / "f").write_bytes(b"abc")
+    # The example of FIPS 180-4.
+    assert file_hash(tmp_path / "f") == (
+        "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
+    )

@@ -1,0 +1,243 @@
+"""build-model against closed forms, and what it does to a study that has something in it."""
+
+import numpy as np
+import pytest
+
+from femupdate.building.files import load_building, save_building
+from femupdate.errors import BuildingError, ModelError, StudyError
+from femupdate.study import Study
+from femupdate.workflow import model as model_module
+from femupdate.workflow.build import build_study
+from femupdate.workflow.model import (
+    DEFAULT_BUILDING,
+    choose_building,
+    load_reduced,
+    open_study,
+    save_reduced,
+    zeta_bounds,
+)
+from femupdate.workflow.modes import reduced_modes
+
+
+class Log:
+    """Remembers what it is told."""
+
+    def __init__(self):
+        self.labels, self.total, self.done = [], 0, 0
+
+    def start(self, label, total):
+        self.labels.append(label)
+        self.total += total
+
+    def advance(self, count=1, note=""):
+        self.done += count
+
+    def say(self, text):
+        self.labels.append(text)
+
+
+@pytest.mark.parametrize(
+    ("name", "stories", "square"), [("shear_3dof", 3, 3000.0), ("shear_4dof", 4, 1000.0)]
+)
+def test_frequencies_of_an_even_chain(tmp_path, name, stories, square):
+    """w_j = 2 sqrt(k/m) sin((2j - 1) pi / (4n + 2)) (Blevins 1979, table 8-1)."""
+    report = build_study(Study(tmp_path), name)
+    order = np.arange(1, stories + 1)
+    closed = 2 * np.sqrt(square) * np.sin((2 * order - 1) * np.pi / (4 * stories + 2)) / (2 * np.pi)
+    # The same equations: rounding alone.
+    np.testing.assert_allclose(report.frequencies_hz, closed, rtol=1e-9)
+    assert report.effective_mass.sum() == pytest.approx(1.0)
+    assert report.effective_mass[0] > 0.8
+    assert report.model.reduction_error == 0.0
+    assert (report.dof, report.elements, report.mass_kg) == (stories, stories, stories)
+
+
+def test_frequencies_of_an_uneven_chain(tmp_path, tower_file, tower_modes):
+    report = build_study(Study(tmp_path), str(tower_file))
+    np.testing.assert_allclose(report.frequencies_hz, tower_modes([1.0, 1.0])[0], rtol=1e-9)
+    assert report.mass_kg == pytest.approx(5000.0)
+
+
+@pytest.fixture(scope="module")
+def cabin(tmp_path_factory, cabin_file):
+    study = Study(tmp_path_factory.mktemp("cabin") / "study")
+    log = Log()
+    return build_study(study, str(cabin_file), log), study, log
+
+
+def test_a_frame_weighs_what_its_file_says(cabin):
+    """40 t a floor in all, self weight included."""
+    assert cabin[0].mass_kg == pytest.approx(80e3)
+    assert "80.0 t" in " ".join(cabin[0].checks)
+
+
+def test_the_reduced_model_has_the_modes_of_the_full_one(cabin):
+    """Below the top of the grid, 20 Hz, as far as the base motion drives them."""
+    report, _, _ = cabin
+    full = report.frequencies_hz[(report.effective_mass > 0.01) & (report.frequencies_hz < 20)]
+    assert len(full) == 3
+    own = reduced_modes(report.model.reduced, np.ones((1, 2))).frequency_hz[0]
+    nearest = own[np.abs(own[:, None] - full).argmin(axis=0)]
+    # Each mode lies in the span of the basis: 1e-4 of a frequency moves ln|H| by less than .01.
+    np.testing.assert_allclose(nearest, full, rtol=1e-4)
+    assert report.model.reduction_error <= 0.1
+    assert report.model.reduced.size < report.dof
+
+
+def test_the_mesh_can_be_read_by_others(cabin):
+    import meshio
+
+    report, study, _ = cabin
+    mesh = meshio.read(study.path("mesh.vtu"))
+    count = {block.type: len(block.data) for block in mesh.cells}
+    assert count == {"quad": 12, "line": 32}
+    assert sum(count.values()) == report.elements
+    np.testing.assert_allclose(mesh.points.max(axis=0), [4.0, 5.0, 6.0])
+    np.testing.assert_allclose(mesh.points.min(axis=0), 0.0, atol=1e-12)
+    story = np.concatenate(mesh.cell_data["story"])
+    assert set(story) == {1, 2}
+    # The slab of a floor belongs to the story below it: those of story 2 lie at 6 m.
+    quads = next(k for k, block in enumerate(mesh.cells) if block.type == "quad")
+    height = mesh.points[mesh.cells[quads].data][:, :, 2].max(axis=1)
+    assert set(height[mesh.cell_data["story"][quads] == 2]) == {6.0}
+    assert set(mesh.cell_data["thickness_m"][quads]) == {0.15, 0.06}
+
+
+def test_the_mesh_carries_the_modes_by_their_frequency(cabin):
+    import meshio
+
+    report, study, _ = cabin
+    mesh = meshio.read(study.path("mesh.vtu"))
+    names = [f"mode_{k + 1}_{f:.3f}_Hz" for k, f in enumerate(report.frequencies_hz)]
+    assert set(mesh.point_data) == set(names)
+    first = mesh.point_data[names[0]]
+    assert first.shape == (len(mesh.points), 3)
+    assert np.abs(first[mesh.points[:, 2] == 0.0]).max() == 0.0
+    # The lowest mode of the cabin is one across the base motion, in y.
+    top = first[mesh.points[:, 2] == 6.0]
+    assert np.abs(top[:, 1]).min() > 10 * np.abs(top[:, 0]).max()
+
+
+def test_pictures_show_something(cabin):
+    from matplotlib.image import imread
+
+    assert len(cabin[0].pictures) == 3
+    seen = [imread(path)[..., :3] for path in cabin[0].pictures]
+    # The frame fills a part of the picture that no title or scale alone would.
+    assert all((pixels.min(axis=-1) < 0.95).mean() > 0.02 for pixels in seen)
+    assert not np.array_equal(seen[0], seen[1])
+
+
+def test_progress_is_told_to_the_end(cabin):
+    log = cabin[2]
+    assert log.labels == ["Reducing the model", "Drawing mode shapes"]
+    assert log.done == log.total > 3
+
+
+def test_building_again_changes_nothing(tmp_path, tower_file):
+    study = Study(tmp_path)
+    first = build_study(study, str(tower_file))
+    kept = study.path("reduced_model.npz").read_bytes()
+    again = build_study(study, str(tower_file))
+    assert again.model.hash == first.model.hash
+    assert study.path("reduced_model.npz").read_bytes() == kept
+
+
+def test_without_a_name_a_study_keeps_its_building(tmp_path, tower_file):
+    study = Study(tmp_path)
+    build_study(study, str(tower_file))
+    assert build_study(study).model.building.name == "tower"
+    assert choose_building(Study(tmp_path / "new"), None).name == DEFAULT_BUILDING
+
+
+def test_a_posterior_keeps_its_building(tower, snapshot, tower_file):
+    before = snapshot(tower.folder)
+    with pytest.raises(StudyError, match="holds a posterior of the building tower, which shear_3"):
+        build_study(tower, "shear_3dof")
+    assert snapshot(tower.folder) == before
+    assert build_study(tower, str(tower_file)).model.building.name == "tower"
+    assert tower.path("posterior.nc").exists()
+
+
+def test_a_study_without_posterior_takes_another_building(tmp_path, tower_file):
+    study = Study(tmp_path)
+    build_study(study, str(tower_file))
+    build_study(study, "shear_3dof")
+    assert open_study(study).building.name == "shear_3dof"
+    assert open_study(study).reduced.size == 3
+
+
+def test_another_building_under_a_name_is_refused_by_open_study(tower):
+    with pytest.raises(StudyError, match="holds the building tower, not shear_4dof as asked"):
+        open_study(tower, "shear_4dof")
+
+
+def test_texts_noise_and_tolerance_do_not_make_another_building(tower, tmp_path, tower_file):
+    text = tower_file.read_text().replace("Two-story tower", "Bell tower")
+    file = tmp_path / "renamed.toml"
+    file.write_text(text + "\n[observation]\nnoise_sd = 0.1\n")
+    assert open_study(tower, str(file)).building.title == "Two-story tower"
+
+
+def test_a_model_is_reduced_once(cabin_study, monkeypatch):
+    def never(*_, **__):
+        raise AssertionError("reduced again")
+
+    monkeypatch.setattr(model_module, "reduce_building", never)
+    assert open_study(cabin_study).building.name == "cabin"
+
+
+@pytest.mark.parametrize("damage", [lambda data: data[:999], lambda data: b"", None])
+def test_a_damaged_reduced_model_is_made_again(cabin_study, damage):
+    path = cabin_study.path("reduced_model.npz")
+    good = open_study(cabin_study)
+    if damage is None:
+        path.unlink()
+    else:
+        path.write_bytes(damage(path.read_bytes()))
+    again = open_study(cabin_study)
+    np.testing.assert_allclose(again.reduced.excitation, good.reduced.excitation)
+    assert load_reduced(path)[1] == good.reduction_error
+
+
+def test_a_reduced_model_reads_back_equal(cabin_study, tmp_path):
+    model = open_study(cabin_study).reduced
+    save_reduced(model, 0.0123, tmp_path / "model.npz")
+    again, error = load_reduced(tmp_path / "model.npz")
+    assert error == 0.0123
+    assert again.floors == model.floors == ("2F", "RF")
+    for name in ("stiffness_terms", "stiffness_constant", "excitation", "floor_shapes"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(model, name))
+    np.testing.assert_array_equal(again.node_shapes, model.node_shapes)
+
+
+def test_a_frame_that_cannot_stand_leaves_nothing(tmp_path, cabin_file):
+    text = cabin_file.read_text().replace(
+        '[[columns]]\nsection = "column"', '[[columns]]\nsection = "column"\nstories = ["low"]'
+    )
+    file = tmp_path / "floating.toml"
+    file.write_text(text)
+    study = Study(tmp_path / "study")
+    with pytest.raises((BuildingError, ModelError)):
+        build_study(study, str(file))
+    assert not study.folder.exists()
+
+
+def test_a_study_whose_building_file_is_damaged_says_so(tower):
+    tower.path("building.toml").write_text("name = ")
+    with pytest.raises(BuildingError, match=r"building\.toml: this is not valid TOML"):
+        open_study(tower)
+
+
+def test_the_damping_ratio_is_open_where_the_file_gives_a_range(tower_model):
+    assert tower_model.zeta_bounds == (0.01, 0.1)
+    assert zeta_bounds(load_building("shear_4dof")) is None
+    assert tower_model.prior.names == ("theta_1", "theta_2")
+    assert tower_model.prior.lower.tolist() == [0.5, 0.5]
+    np.testing.assert_allclose(tower_model.frequency_hz, 0.2 * np.arange(1, 61))
+
+
+def test_the_building_of_a_study_reads_back_equal(tower, tmp_path, tower_file):
+    original = load_building(str(tower_file))
+    assert load_building(tower.path("building.toml")) == original
+    assert load_building(save_building(original, tmp_path / "again.toml")) == original

@@ -1,0 +1,450 @@
+"""calibrate against quadrature, closed forms and truths, by both likelihoods."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from femupdate.building.files import load_building
+from femupdate.errors import MeasurementError, SurrogateError
+from femupdate.inference.posterior import load_posterior
+from femupdate.inference.smc import SmcSettings
+from femupdate.study import Study
+from femupdate.surrogate.training import TrainingSettings
+from femupdate.workflow.calibrate import (
+    CalibrationSettings,
+    ObservationSource,
+    calibrate_study,
+    on_all_floors,
+    predictive_log_frf,
+    r_hat,
+    read_observation,
+)
+from femupdate.workflow.model import open_study
+from femupdate.workflow.modes import reduced_modes
+from femupdate.workflow.simulate import (
+    SimulationSettings,
+    simulate_observation,
+    write_simulation,
+)
+from femupdate.workflow.train import train_study
+
+SHARED = Path(__file__).parents[3] / "shared" / "data"
+QUICK = CalibrationSettings(
+    particles=200, exact=True, chains=2, smc=SmcSettings(moves=4, independence_moves=2)
+)
+GRID = 0.2 * np.arange(1, 61)
+TRUTH, ZETA = np.array([0.8, 1.3]), 0.05
+
+
+@pytest.fixture(scope="module")
+def frf_table(tmp_path_factory, tower_frf):
+    """A table of the tower's own FRFs with noise of a tenth on ln|H|, and that ln|H|."""
+    noise = 0.1 * np.random.default_rng(5).standard_normal((2, GRID.size))
+    log_frf = np.log(np.abs(tower_frf(TRUTH, ZETA, GRID))) + noise
+    rows = [
+        f"{f:.1f},{a:.12g},{b:.12g},0.1,0.1" for f, a, b in zip(GRID, *np.exp(log_frf), strict=True)
+    ]
+    path = tmp_path_factory.mktemp("table") / "frf.csv"
+    path.write_text("\n".join(["frequency_hz,2F,RF,2F_sd,RF_sd", *rows]) + "\n")
+    return path, log_frf
+
+
+def quadrature(log_frf, tower_frf, around):
+    """Mean, sd and log evidence of (theta_1, theta_2, zeta) on a grid of six sd to either side."""
+    axes = [np.linspace(m - 6 * s, m + 6 * s, 41) for m, s in around]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    misfit = np.array(
+        [
+            (((np.log(np.abs(tower_frf(p[:2], p[2], GRID))) - log_frf) / 0.1) ** 2).sum()
+            for p in points
+        ]
+    )
+    least = misfit.min()
+    weight = np.exp(-0.5 * (misfit - least))
+    cell = np.prod([axis[1] - axis[0] for axis in axes])
+    volume = 1.5 * 1.5 * 0.09  # of the prior box
+    mean = weight @ points / weight.sum()
+    sd = np.sqrt(weight @ (points - mean) ** 2 / weight.sum())
+    return mean, sd, np.log(weight.sum() * cell / volume) - 0.5 * least
+
+
+def test_the_exact_posterior_is_that_of_quadrature(tmp_path, tower_file, tower_frf, frf_table):
+    path, log_frf = frf_table
+    study = Study(tmp_path)
+    settings = CalibrationSettings(particles=2000, exact=True)
+    report = calibrate_study(
+        study, open_study(study, str(tower_file)), ObservationSource(path), settings
+    )
+    draws = np.column_stack([report.posterior.samples, report.posterior.zeta_samples])
+    around = np.stack([draws.mean(axis=0), draws.std(axis=0)], axis=1)
+    mean, sd, log_evidence = quadrature(log_frf, tower_frf, around)
+    # 2000 draws, of which a third at least count as independent: a mean errs by .04 sd, an sd by
+    # .03 of itself; four times that.
+    np.testing.assert_allclose(draws.mean(axis=0), mean, atol=0.16 * sd.min(), rtol=0)
+    np.testing.assert_allclose(draws.std(axis=0), sd, rtol=0.12)
+    # Four runs: their own spread says how well their mean is known.
+    spread = report.posterior.log_evidence.std(ddof=1) / 2
+    assert report.posterior.log_evidence.mean() == pytest.approx(
+        log_evidence, abs=max(4 * spread, 0.2)
+    )
+    assert (np.abs(mean[:2] - TRUTH) < 3 * sd[:2]).all()
+    assert report.misfit == pytest.approx(1.0, abs=0.3)  # 120 points: sd .13
+    assert report.invalid == 0
+    assert not any("misses" in note for note in report.notes)
+
+
+def test_the_truth_of_shear_3dof_is_found(tmp_path):
+    """From histories with sensor noise, by H1: the truth within the central 99 % of each factor."""
+    truth = (0.8, 1.3, 1.1)
+    settings = SimulationSettings(
+        theta=truth,
+        zeta=0.03,
+        duration_s=120.0,
+        sampling_hz=100.0,
+        band_hz=(0.3, 30.0),
+        sensor_noise_m_s2=0.02,
+        seed=3,
+    )
+    simulation = simulate_observation(load_building("shear_3dof"), settings)
+    path, _ = write_simulation(simulation, tmp_path / "observation.csv")
+    study = Study(tmp_path / "study")
+    report = calibrate_study(
+        study,
+        open_study(study, "shear_3dof"),
+        ObservationSource(path),
+        replace(QUICK, particles=400),
+    )
+    low, high = np.quantile(report.posterior.samples, [0.005, 0.995], axis=0)
+    assert (low < truth).all()
+    assert (truth < high).all()
+    assert (high - low < 0.05).all()
+    zeta = report.posterior.zeta_samples
+    assert abs(zeta.mean() - 0.03) < 4 * zeta.std()
+    assert report.misfit < 2.0
+
+
+def test_the_posterior_of_the_tower(tower, tower_observation):
+    """Histories in, and what is stored is what is told."""
+    posterior = load_posterior(tower.require("posterior", "calibrate"))
+    assert posterior.names == ("theta_1", "theta_2")
+    assert posterior.theta.shape == (4, 100, 2)
+    assert posterior.likelihood == "exact"
+    error = np.abs(posterior.samples.mean(axis=0) - tower_observation.theta)
+    # The H1 estimate smears the peaks a little: three standard deviations, below half a percent.
+    assert (error < 3 * posterior.samples.std(axis=0)).all()
+    assert (error < 0.005).all()
+    assert posterior.zeta_samples.mean() == pytest.approx(0.05, rel=0.1)
+
+
+def calibrated(study, model, path, settings=QUICK, **source):
+    return calibrate_study(study, model, ObservationSource(path, **source), settings)
+
+
+def test_complex_columns_say_what_their_magnitude_says(tmp_path, tower_model, tower_frf, frf_table):
+    path, log_frf = frf_table
+    frf = np.exp(log_frf + 1j * np.angle(tower_frf(TRUTH, ZETA, GRID)))
+    rows = [
+        f"{f:.1f},{a.real:.15g},{a.imag:.15g},{b.real:.15g},{b.imag:.15g},0.1,0.1"
+        for f, a, b in zip(GRID, *frf, strict=True)
+    ]
+    head = "frequency_hz,2F_re,2F_im,RF_re,RF_im,2F_sd,RF_sd"
+    other = tmp_path / "complex.csv"
+    other.write_text("\n".join([head, *rows]) + "\n")
+    study = Study(tmp_path / "study")
+    magnitude = calibrated(study, tower_model, path)
+    whole = calibrated(study, tower_model, other)
+    # Twelve digits of |H| against fifteen: the sampler walks the same way.
+    np.testing.assert_allclose(whole.posterior.theta, magnitude.posterior.theta, rtol=1e-6)
+    assert magnitude.posterior.observation.phase is None
+    np.testing.assert_allclose(
+        np.exp(1j * whole.posterior.observation.phase), frf / np.abs(frf), atol=1e-9
+    )
+
+
+def test_a_table_without_noise_has_the_building_s(tmp_path, tower_model, frf_table):
+    """And with twice the noise the posterior is about twice as wide."""
+    rows = [row.split(",")[:3] for row in frf_table[0].read_text().splitlines()]
+    path = tmp_path / "plain.csv"
+    path.write_text("\n".join(map(",".join, rows)) + "\n")
+    study = Study(tmp_path / "study")
+    report = calibrated(study, tower_model, path)
+    assert (report.posterior.observation.noise_sd == 0.2).all()
+    assert "Noise on ln|H| taken as 0.2 for 2F, RF." in report.notes
+    narrow = calibrated(study, tower_model, frf_table[0]).posterior.samples.std(axis=0)
+    np.testing.assert_allclose(report.posterior.samples.std(axis=0) / narrow, 2.0, rtol=0.35)
+
+
+def test_the_roof_alone_tells_less(tmp_path, tower_model, frf_table):
+    study = Study(tmp_path)
+    roof = calibrated(study, tower_model, frf_table[0], sensors=("RF",)).posterior
+    # Asked for in any order, and twice, a floor counts once.
+    both = calibrated(study, tower_model, frf_table[0], sensors=("RF", "2F", "RF")).posterior
+    assert roof.observation.floors == ("RF",)
+    assert both.observation.floors == ("2F", "RF")
+    assert roof.observation.log_frf.shape == (1, 60)
+    area = [np.linalg.det(np.cov(p.samples.T)) for p in (roof, both)]
+    assert area[0] > 1.5 * area[1]
+    assert (np.abs(roof.samples.mean(axis=0) - TRUTH) < 4 * roof.samples.std(axis=0)).all()
+
+
+def test_a_band_leaves_the_rest_out(tmp_path, tower_model, frf_table):
+    report = calibrated(Study(tmp_path), tower_model, frf_table[0], band_hz=(0.5, 6.0))
+    observation = report.posterior.observation
+    seen = observation.frequency_hz[observation.valid.all(axis=0)]
+    assert (seen.min(), seen.max()) == pytest.approx((0.6, 6.0))
+    assert observation.valid.sum() == 2 * 28
+    assert np.isnan(observation.log_frf[~observation.valid]).all()
+
+
+@pytest.mark.parametrize(
+    ("source", "words"),
+    [
+        ({"sensors": ("4F",)}, r"there is no 4F to use; the file has 2F, RF"),
+        ({"band_hz": (11.0, 12.0)}, r"fewer than ten frequencies lie between 11 and 12 Hz"),
+        ({"columns": {"2F": "first"}}, r"there is no column 'first'"),
+    ],
+)
+def test_what_the_file_does_not_have_is_named(tower_model, frf_table, source, words):
+    with pytest.raises(MeasurementError, match=words):
+        read_observation(tower_model, ObservationSource(frf_table[0], **source))
+
+
+def renamed(observation, path, names, unit="cm/s2", factor=100.0):
+    """The tower's observation under other people's names, in another unit, columns turned round."""
+    histories = observation.histories
+    time = np.arange(histories.acceleration.shape[1]) * histories.time_step
+    columns = [*(histories.acceleration[k] * factor for k in (2, 0, 1)), time]
+    np.savetxt(path, np.column_stack(columns), delimiter=";", header=";".join(names), comments="")
+    return path
+
+
+NAMES = ("top", "shaker", "middle", "t")
+MAPPED = {"RF": "top", "base": "shaker", "2F": "middle", "time_s": "t"}
+
+
+def test_other_names_and_units_are_mapped(tmp_path, tower_model, tower_observation):
+    path = renamed(tower_observation, tmp_path / "theirs.csv", NAMES)
+    theirs = read_observation(tower_model, ObservationSource(path, "cm/s2", MAPPED))
+    ours = read_observation(tower_model, ObservationSource(tower_observation.path))
+    assert theirs.floors == ours.floors
+    np.testing.assert_array_equal(theirs.valid, ours.valid)
+    # Our file has six digits of each acceleration.
+    np.testing.assert_allclose(theirs.log_frf, ours.log_frf, atol=1e-4)
+
+
+def test_a_killed_run_of_another_mapping_is_not_gone_on_from(
+    tmp_path, tower_model, tower_observation, monkeypatch
+):
+    """Floors confused the first time, then put right: same file, other data."""
+    monkeypatch.setattr("femupdate.workflow.sampling._SAVE_EVERY_S", -1.0)
+    path = renamed(tower_observation, tmp_path / "theirs.csv", NAMES)
+    confused = {**MAPPED, "RF": "middle", "2F": "top"}
+    study = Study(tmp_path / "study")
+
+    class Stopped(Exception):  # noqa: N818 - it stands for a kill
+        pass
+
+    class Stopper:
+        def start(self, label, total):
+            self.left = 20
+
+        def advance(self, count=1, note=""):
+            self.left -= 1
+            if not self.left:
+                raise Stopped
+
+        def say(self, text):
+            pass
+
+    with pytest.raises(Stopped):
+        calibrate_study(
+            study, tower_model, ObservationSource(path, "cm/s2", confused), QUICK, Stopper()
+        )
+    assert list(study.path("sampling").iterdir())
+    right = calibrated(study, tower_model, path, unit="cm/s2", columns=MAPPED)
+    fresh = calibrated(Study(tmp_path / "other"), tower_model, path, unit="cm/s2", columns=MAPPED)
+    np.testing.assert_array_equal(right.posterior.theta, fresh.posterior.theta)
+    assert not study.path("sampling").exists()
+
+
+def test_a_real_frame_is_followed_and_its_misfit_told(tmp_path):
+    """A bench-top frame measured by others. A chain of equal masses has the wrong form: its first
+    mode comes out up to 4 % off the peak of H1, the two others within 2 %, and the note says so.
+    """
+    path = SHARED / "mini_flexible_sine1p5.csv"
+    if not path.exists():
+        pytest.skip("the measured files are not beside this checkout")
+    columns = {"time_s": "t_s", "base": "a_base", "2F": "a_1F", "3F": "a_2F", "RF": "a_3F"}
+    study = Study(tmp_path)
+    model = open_study(study, "shear_3dof")
+    report = calibrated(study, model, path, unit="m/s2", columns=columns, band_hz=(0.5, 20.0))
+    source = ObservationSource(path, "m/s2", columns)
+    roof = read_observation(model, source).log_frf[2]
+    grid = model.frequency_hz.numpy()
+    peaks = [
+        grid[np.nanargmax(np.where((grid > low) & (grid < high), roof, -np.inf))]
+        for low, high in ((2, 6), (9, 13), (14, 20))
+    ]
+    # The peaks that others read off these runs.
+    np.testing.assert_allclose(peaks, [3.78, 11.2, 16.7], rtol=0.015)
+    mean = report.posterior.samples.mean(axis=0)
+    found = reduced_modes(model.reduced, mean[None]).frequency_hz[0]
+    assert found[0] == pytest.approx(peaks[0], rel=0.05)
+    np.testing.assert_allclose(found[1:], peaks[1:], rtol=0.02)
+    assert report.misfit > 4.0
+    assert any("something is missing in the model" in note for note in report.notes)
+    assert any("standard deviations given are too small" in note for note in report.notes)
+
+
+def test_a_second_observation_replaces_the_first(
+    tmp_path, tower_model, tower_observation, frf_table
+):
+    study = Study(tmp_path)
+    first = calibrated(study, tower_model, tower_observation.path)
+    files = {path.name for path in tmp_path.rglob("*")}
+    second = calibrated(study, tower_model, frf_table[0], sensors=("RF",))
+    kept = load_posterior(study.require("posterior", "calibrate"))
+    np.testing.assert_array_equal(kept.theta, second.posterior.theta)
+    assert kept.observation.source == "frf.csv"
+    assert first.path == second.path
+    artefact = study.artefacts()["posterior"]
+    assert artefact.settings["sensors"] == ["RF"]
+    assert artefact.settings["file"] == str(frf_table[0])
+    assert {path.name for path in tmp_path.rglob("*")} == files
+    assert "sampling" not in files
+
+
+def test_one_seed_one_posterior(tmp_path, tower_model, frf_table):
+    runs = [
+        calibrated(
+            Study(tmp_path / str(k)), tower_model, frf_table[0], replace(QUICK, seed=seed)
+        ).posterior
+        for k, seed in enumerate((4, 4, 5))
+    ]
+    np.testing.assert_array_equal(runs[0].theta, runs[1].theta)
+    np.testing.assert_array_equal(runs[0].zeta, runs[1].zeta)
+    np.testing.assert_array_equal(runs[0].log_evidence, runs[1].log_evidence)
+    assert not np.array_equal(runs[0].theta, runs[2].theta)
+    assert not np.array_equal(runs[0].theta[0], runs[0].theta[1])
+
+
+def test_every_draw_lies_in_the_prior(tower):
+    posterior = load_posterior(tower.path("posterior.nc"))
+    assert (posterior.samples >= posterior.lower).all()
+    assert (posterior.samples <= posterior.upper).all()
+    assert (posterior.zeta_samples >= 0.01).all()
+    assert (posterior.zeta_samples <= 0.1).all()
+
+
+def test_the_file_has_the_layout_of_arviz(tower):
+    import xarray as xr
+
+    with xr.open_datatree(tower.path("posterior.nc"), engine="h5netcdf") as tree:
+        assert set(tree.children) == {
+            "posterior",
+            "sample_stats",
+            "observed_data",
+            "constant_data",
+        }
+        assert tree["posterior"]["theta"].dims == ("chain", "draw", "parameter")
+        assert list(tree["posterior"]["parameter"].values) == ["theta_1", "theta_2"]
+        assert tree["posterior"]["zeta"].dims == ("chain", "draw")
+        assert tree["sample_stats"]["log_evidence"].dims == ("chain",)
+        assert tree["observed_data"]["log_frf"].dims == ("floor", "frequency_hz")
+
+
+def test_arviz_reads_the_file(tower):
+    arviz = pytest.importorskip("arviz")
+    data = arviz.from_netcdf(tower.path("posterior.nc"), engine="h5netcdf")
+    hat = np.ravel(arviz.rhat(data)["theta"].values)
+    assert hat.shape == (2,)
+    assert (hat < 1.1).all()
+
+
+def test_runs_that_differ_are_told(tmp_path, tower_model, frf_table):
+    one = calibrated(Study(tmp_path), tower_model, frf_table[0], replace(QUICK, chains=1))
+    assert np.isnan(one.r_hat).all()
+    assert not any("runs differ" in note for note in one.notes)
+
+
+def test_potential_scale_reduction():
+    """Of two runs of three draws, by hand: W = 1, B/n = 2, so R^2 = 2/3 + 2."""
+    theta = np.array([[[0.0], [1.0], [2.0]], [[2.0], [3.0], [4.0]]])
+    assert r_hat(theta) == pytest.approx(np.sqrt(2 / 3 + 2))
+
+
+def test_predicted_responses_are_the_tower_s(tower, tower_model, tower_frf):
+    posterior = load_posterior(tower.path("posterior.nc"))
+    predicted = predictive_log_frf(tower_model, posterior, count=5, seed=2)
+    theta, zeta = posterior.thinned(5, 2)
+    for row, (t, z) in enumerate(zip(theta, zeta, strict=True)):
+        expected = np.log(np.abs(tower_frf(t, z, GRID)))
+        # Single precision where FRFs are drawn in bulk.
+        np.testing.assert_allclose(predicted[row], expected, atol=1e-4)
+
+
+def test_floors_that_were_not_measured_are_rows_of_nothing(tower_model, frf_table):
+    roof = read_observation(tower_model, ObservationSource(frf_table[0], sensors=("RF",)))
+    whole = on_all_floors(roof, ("2F", "RF"))
+    assert whole.floors == ("2F", "RF")
+    assert not whole.valid[0].any()
+    assert np.isnan(whole.log_frf[0]).all()
+    np.testing.assert_array_equal(whole.log_frf[1], roof.log_frf[0])
+
+
+def test_a_law_that_fixes_the_damping_leaves_none_to_find(tmp_path, tower_file, tower_observation):
+    law = 'law = "rayleigh"\nratio = 0.05\nanchors = ["3 Hz", "9 Hz"]'
+    text = tower_file.read_text().replace('law = "constant"\nratio = 0.05', law)
+    file = tmp_path / "rayleigh.toml"
+    file.write_text(text.replace("[prior.zeta]\nlower = 0.01\nupper = 0.1\n", ""))
+    study = Study(tmp_path / "study")
+    report = calibrated(study, open_study(study, str(file)), tower_observation.path)
+    assert report.posterior.zeta is None
+    # Anchored at 5 % near both modes, it finds what the constant law found.
+    assert report.posterior.samples.mean(axis=0) == pytest.approx([0.8, 1.3], rel=0.02)
+
+
+@pytest.fixture(scope="module")
+def learned(tmp_path_factory, tower_file):
+    """A study with a surrogate that has seen little: enough to be in the right half."""
+    study = Study(tmp_path_factory.mktemp("learned") / "study")
+    model = open_study(study, str(tower_file))
+    train_study(study, model, 600, TrainingSettings(epochs=6, batch=64))
+    return study, model
+
+
+def test_the_latent_posterior(learned, tower_observation):
+    study, model = learned
+    settings = CalibrationSettings(particles=400)
+    report = calibrated(study, model, tower_observation.path, settings)
+    posterior = report.posterior
+    assert posterior.likelihood == "latent"
+    assert posterior.log_evidence is None
+    assert posterior.theta.shape == (4, 100, 2)
+    # zeta is drawn after theta, by the data-space likelihood.
+    assert posterior.zeta.shape == (4, 100)
+    assert ((posterior.zeta >= 0.01) & (posterior.zeta <= 0.1)).all()
+    prior_sd = 1.5 / np.sqrt(12)
+    assert (posterior.samples.std(axis=0) < 0.7 * prior_sd).all()
+    assert posterior.samples[:, 0].mean() < 1.0 < posterior.samples[:, 1].mean()
+    assert any("takes the noise on ln|H| as 0.2" in note for note in report.notes)
+    again = calibrated(study, model, tower_observation.path, settings)
+    np.testing.assert_array_equal(again.posterior.theta, posterior.theta)
+    np.testing.assert_array_equal(again.posterior.zeta, posterior.zeta)
+
+
+def test_a_shear_building_with_a_surrogate_is_sampled_from_the_prior(tmp_path, learned, frf_table):
+    """So that its evidence does not depend on what has been trained."""
+    study, model = learned
+    runs = [calibrated(place, model, frf_table[0]).posterior for place in (study, Study(tmp_path))]
+    np.testing.assert_array_equal(runs[0].theta, runs[1].theta)
+    np.testing.assert_array_equal(runs[0].log_evidence, runs[1].log_evidence)
+
+
+def test_without_a_surrogate_nothing_is_drawn(tmp_path, tower_model, tower_observation, snapshot):
+    study = Study(tmp_path)
+    with pytest.raises(SurrogateError, match="femupdate train"):
+        calibrated(study, tower_model, tower_observation.path, CalibrationSettings())
+    assert snapshot(tmp_path) == {}

@@ -1,0 +1,112 @@
+"""demo: that what it needs is shipped, and its chain of steps on a building of seconds."""
+
+import json
+import shutil
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from femupdate.building.files import load_building
+from femupdate.errors import FemupdateError
+from femupdate.measurement.observation_file import read_observation_file
+from femupdate.measurement.record import GroundMotion, read_record
+from femupdate.measurement.write import write_record
+from femupdate.study import Study
+from femupdate.surrogate.training import TrainingSettings
+from femupdate.workflow import demo
+from femupdate.workflow.model import DEFAULT_BUILDING, open_study
+from femupdate.workflow.train import train_study
+
+EXAMPLES = files("femupdate.examples")
+
+
+def test_what_the_demo_reads_is_shipped():
+    building = load_building(DEFAULT_BUILDING)
+    observation = read_observation_file(Path(str(EXAMPLES / demo._OBSERVATION)))
+    assert observation.floors == building.floors
+    truth = json.loads((EXAMPLES / demo._TRUTH).read_text(encoding="utf-8"))
+    assert len(truth["theta"]) == len(building.story_names)
+    assert truth["building"] == DEFAULT_BUILDING
+    record = read_record(Path(str(EXAMPLES / demo._RECORD)))
+    assert record.peak == pytest.approx(3.376, abs=0.001)
+
+
+class Log:
+    def __init__(self):
+        self.said = []
+
+    def start(self, label, total):
+        pass
+
+    def advance(self, count=1, note=""):
+        pass
+
+    def say(self, text):
+        self.said.append(text)
+
+
+@pytest.fixture(scope="module")
+def shipped(tmp_path_factory, tower_observation):
+    """A folder of examples with the tower's files under the demo's names."""
+    folder = tmp_path_factory.mktemp("examples")
+    shutil.copy(tower_observation.path, folder / demo._OBSERVATION)
+    (folder / demo._TRUTH).write_text(json.dumps({"theta": tower_observation.theta}))
+    time = np.arange(500) * 0.02
+    motion = GroundMotion(3.0 * np.exp(-0.5 * time) * np.sin(20.0 * time), 0.02)
+    write_record(folder / demo._RECORD, motion)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def shown(tmp_path_factory, shipped, tower_file):
+    """The demo on the tower, with a surrogate of little learning."""
+    study = Study(tmp_path_factory.mktemp("demo") / "study")
+    model = open_study(study, str(tower_file))
+    train_study(study, model, 400, TrainingSettings(epochs=4, batch=64))
+    log = Log()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(demo, "DEFAULT_BUILDING", str(tower_file))
+        patch.setattr(demo, "files", lambda package: shipped)
+        return demo.run_demo(study, seed=1, progress=log), study, log
+
+
+def test_the_steps_are_told_in_order(shown):
+    steps = [text.split()[0] for text in shown[2].said]
+    assert steps == [f"{k}/5" for k in range(1, 6)]
+
+
+def test_both_cases_are_there_and_all_floors_stay(shown, tower_observation):
+    report, study, _ = shown
+    assert report.truth == tower_observation.theta
+    assert report.roof_alone.posterior.observation.floors == ("RF",)
+    assert report.all_floors.posterior.observation.floors == ("2F", "RF")
+    assert study.artefacts()["posterior"].settings["sensors"] == ["2F", "RF"]
+    assert len(report.all_floors.posterior.samples) == 5000
+
+
+def test_a_tenth_of_the_record_is_predicted(shown):
+    report, study, _ = shown
+    assert study.artefacts()["prediction"].settings["scale"] == demo._SCALE == 0.1
+    assert (report.predicted.peak_acceleration.mean < 3.0).all()
+
+
+def test_every_picture_shows_something(shown):
+    report, study, _ = shown
+    assert len(set(report.pictures)) == len(list(study.path("pictures").iterdir())) == 8
+    for path in report.pictures:
+        assert imread(path)[..., :3].std() > 0.01, path
+    assert study.path("pictures", "posterior_cases.png") in report.pictures
+
+
+def test_the_demo_leaves_another_building_s_posterior_alone(
+    calibrated, shipped, monkeypatch, snapshot
+):
+    before = snapshot(calibrated)
+    monkeypatch.setattr(demo, "DEFAULT_BUILDING", "shear_3dof")
+    monkeypatch.setattr(demo, "files", lambda package: shipped)
+    with pytest.raises(FemupdateError, match="holds a posterior of the building tower"):
+        demo.run_demo(Study(calibrated))
+    assert snapshot(calibrated) == before

@@ -1,0 +1,372 @@
+"""predict against an integration by scipy, the truth, and the same motion in other formats."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import StateSpace, lsim
+
+from femupdate.errors import BuildingError, MeasurementError, StudyError
+from femupdate.inference.posterior import load_posterior
+from femupdate.measurement.record import GroundMotion
+from femupdate.measurement.write import write_record
+from femupdate.workflow.calibrate import CalibrationSettings, ObservationSource, calibrate_study
+from femupdate.workflow.model import open_study
+from femupdate.workflow.predict import PredictionSettings, RecordSource, predict_study
+
+MASSES, SPRINGS = np.array([3000.0, 2000.0]), np.array([4e6, 2.5e6])
+SHIPPED = Path(__file__).parents[2] / "examples" / "records" / "ridgecrest_2019_clc_90.csv"
+STEP = 0.02
+FEW = PredictionSettings(samples=20)
+
+
+@pytest.fixture(scope="module")
+def wave():
+    """A shaking that is not symmetric in time or sign, m/s2, well below the Nyquist frequency."""
+    time = np.arange(700) * STEP
+    swell = (1 - np.exp(-0.8 * time)) * np.exp(-0.25 * time)
+    return swell * (1.9 * np.sin(22.0 * time + 0.4) + 0.8 * np.sin(55.0 * time) + 0.2)
+
+
+@pytest.fixture(scope="module")
+def record(tmp_path_factory, wave):
+    return write_record(
+        tmp_path_factory.mktemp("record") / "wave.csv", GroundMotion(wave, STEP, channel="EW")
+    )
+
+
+def predicted(study, model, path, settings=FEW, **options):
+    source = {name: options.pop(name) for name in ("unit", "channel", "scale") if name in options}
+    return predict_study(study, model, RecordSource(path, **source), settings, **options)
+
+
+def by_scipy(theta, zeta, wave, modes):
+    """Absolute floor accelerations (2, n) and story drifts (2, n) of the tower by lsim."""
+    own, vectors = modes(theta)
+    omega = 2 * np.pi * own
+    share = vectors.T @ MASSES
+    A = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.diag(omega**2), -np.diag(2 * zeta * omega)]])
+    B = np.concatenate([np.zeros(2), -share])[:, None]
+    # Relative displacement; absolute acceleration is what the springs and dampers leave.
+    C = np.vstack(
+        [
+            np.hstack([-vectors * omega**2, -vectors * 2 * zeta * omega]),
+            np.hstack([vectors, np.zeros((2, 2))]),
+        ]
+    )
+    # The record between its samples: the tower sees 40 points in each step, by Fourier.
+    fine, factor = wave.size * 40, 40
+    motion = np.fft.irfft(np.fft.rfft(wave), fine) * factor
+    _, y, _ = lsim(StateSpace(A, B, C, np.zeros((4, 1))), motion, np.arange(fine) * STEP / factor)
+    y = y[::factor].T
+    return y[:2], np.array([y[2], y[3] - y[2]])
+
+
+def test_histories_are_those_of_another_integrator(tower, tower_model, record, wave, tower_modes):
+    settings = PredictionSettings(samples=3, seed=8)
+    report = predicted(tower, tower_model, record, settings)
+    theta, zeta = load_posterior(tower.path("posterior.nc")).thinned(3, 8)
+    floors, drifts = zip(
+        *(by_scipy(t, z, wave, tower_modes) for t, z in zip(theta, zeta, strict=True)), strict=True
+    )
+    # Nine digits in the record, two ways to interpolate it (the ends are no multiple of a period).
+    scale = np.abs(floors).max()
+    examples = report.summary.examples
+    np.testing.assert_allclose(examples.floor_acceleration, floors, atol=0.01 * scale)
+    np.testing.assert_allclose(examples.story_drift, drifts, atol=0.01 * np.abs(drifts).max())
+    np.testing.assert_allclose(
+        report.peak_acceleration.mean, np.abs(floors).max(axis=-1).mean(axis=0), rtol=0.01
+    )
+    np.testing.assert_allclose(
+        report.summary.acceleration_mean, np.mean(floors, axis=0), atol=0.01 * scale
+    )
+
+
+def test_story_stiffness_is_theta_times_the_spring(tower, tower_model, record):
+    """Shear against drift of a lightly damped chain is the spring's line, but for the dampers."""
+    report = predicted(tower, tower_model, record)
+    theta, _ = load_posterior(tower.path("posterior.nc")).thinned(20, 0)
+    np.testing.assert_allclose(report.story_stiffness.mean, theta.mean(axis=0) * SPRINGS, rtol=0.01)
+    assert (report.story_stiffness.q05 < report.story_stiffness.q95).all()
+
+
+def test_twice_the_record_is_twice_the_response(tower, tower_model, record):
+    once = predicted(tower, tower_model, record)
+    twice = predicted(tower, tower_model, record, scale=2.0)
+    reverse = predicted(tower, tower_model, record, scale=-1.0)
+    mean = once.summary.acceleration_mean
+    np.testing.assert_allclose(twice.summary.acceleration_mean, 2 * mean, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(reverse.summary.acceleration_mean, -mean, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(twice.peak_acceleration.q95, 2 * once.peak_acceleration.q95)
+    np.testing.assert_allclose(twice.story_stiffness.mean, once.story_stiffness.mean)
+
+
+def test_damping_is_the_posterior_s_own_unless_one_is_given(tower, tower_model, record):
+    own = predicted(tower, tower_model, record)
+    zeta = load_posterior(tower.path("posterior.nc")).thinned(20, 0)[1]
+    assert own.damping == f"{zeta.mean():.4f} +- {zeta.std():.4f}, from the posterior"
+    light, heavy = (
+        predicted(tower, tower_model, record, PredictionSettings(samples=20, damping=ratio))
+        for ratio in (0.01, 0.2)
+    )
+    assert light.damping == "0.01 in all modes"
+    assert (light.peak_acceleration.mean > own.peak_acceleration.mean).all()
+    assert (own.peak_acceleration.mean > heavy.peak_acceleration.mean).all()
+
+
+def test_a_law_of_its_own_takes_no_ratio(tmp_path, tower_file, tower_observation, record):
+    from femupdate.study import Study
+
+    law = 'law = "rayleigh"\nratio = 0.05\nanchors = ["3 Hz", "9 Hz"]'
+    text = tower_file.read_text().replace('law = "constant"\nratio = 0.05', law)
+    file = tmp_path / "rayleigh.toml"
+    file.write_text(text.replace("[prior.zeta]\nlower = 0.01\nupper = 0.1\n", ""))
+    study = Study(tmp_path / "study")
+    model = open_study(study, str(file))
+    settings = CalibrationSettings(particles=200, exact=True, chains=1)
+    calibrate_study(study, model, ObservationSource(tower_observation.path), settings)
+    assert predicted(study, model, record).damping == "the building's law"
+    with pytest.raises(BuildingError, match="leave --damping out"):
+        predicted(study, model, record, PredictionSettings(samples=20, damping=0.02))
+
+
+def test_a_fixed_ratio_gives_way_to_one_that_is_asked_for(
+    tmp_path, tower_file, tower_observation, record
+):
+    """A building without a range of zeta keeps its file's ratio, but for --damping."""
+    from femupdate.study import Study
+
+    text = tower_file.read_text().replace("[prior.zeta]\nlower = 0.01\nupper = 0.1\n", "")
+    file = tmp_path / "fixed.toml"
+    file.write_text(text)
+    study = Study(tmp_path / "study")
+    model = open_study(study, str(file))
+    settings = CalibrationSettings(particles=200, exact=True, chains=1)
+    calibrate_study(study, model, ObservationSource(tower_observation.path), settings)
+    own = predicted(study, model, record)
+    assert own.damping == "0.05 in all modes, the building file's"
+    light = predicted(study, model, record, PredictionSettings(samples=20, damping=0.01))
+    assert light.damping == "0.01 in all modes"
+    assert (light.peak_acceleration.mean > 1.05 * own.peak_acceleration.mean).all()
+
+
+GRAVITY = 9.80665
+
+
+def plain_text(wave):
+    rows = [f"{k * STEP:.2f}  {a / GRAVITY:.9f}" for k, a in enumerate(wave)]
+    return "# time (s), acceleration\n" + "\n".join(rows) + "\n"
+
+
+def peer_text(wave):
+    words = [f"{a / GRAVITY:15.7E}" for a in wave]
+    rows = ["".join(words[k : k + 5]) for k in range(0, len(words), 5)]
+    head = [
+        "PEER NGA STRONG MOTION DATABASE RECORD",
+        "Testville, 1/17/1995, Station, 90",
+        "ACCELERATION TIME SERIES IN UNITS OF G",
+        f"NPTS= {len(wave)}, DT= .0200 SEC,",
+    ]
+    return "\n".join([*head, *rows]) + "\n"
+
+
+def csmip_text(wave):
+    """Volume 1: counted columns of nine, no zero before the point."""
+    words = [f"{a / GRAVITY:.6f}".replace("0.", ".", 1).rjust(9) for a in wave]
+    rows = ["".join(words[k : k + 8]) for k in range(0, len(words), 8)]
+    channels = []
+    for number, sign in ((1, "90 Deg"), (2, "Up")):
+        channels += [
+            "Uncorrected Accelerogram Data             Processed: 07/06/19, CGS  test",
+            "Station Id. TST     35.816N, 117.598W",
+            f"Chan  {number}: {sign}",
+            "    1  100    1    3    3  100 -999    3",
+            f" {len(wave)} Accelerogram points at 50 pts/sec in units of g.       "
+            "Format: (8f9.6)  ",
+            *rows,
+            f"/&  ----------  End of Data for Station Channel   {number}  ----------",
+        ]
+    return "\n".join(channels) + "\n"
+
+
+def jma_text(wave):
+    head = [
+        "SITE CODE= 50101KOBE,135.18,34.69",
+        " LAT.=  34.6900",
+        " LON.= 135.1800",
+        " SAMPLING RATE= 50Hz",
+        " UNIT  = gal(cm/s/s)",
+        "INITIAL TIME = 1995 01 17 05 46 26",
+        " NS,EW,UD",
+    ]
+    rows = [f"{-50 * a:.4f},{100 * a:.4f},{10 * a:.4f}" for a in wave]
+    return "\n".join([*head, *rows]) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("write", "options", "said"),
+    [
+        (plain_text, {"unit": "g"}, "Record motion 1:"),
+        (peer_text, {}, "Record motion 90:"),
+        (csmip_text, {"channel": "1"}, "Record motion 90 Deg:"),
+        (jma_text, {"channel": "EW"}, "Record motion EW:"),
+    ],
+)
+def test_one_motion_in_four_formats(
+    tower, tower_model, record, wave, tmp_path, write, options, said
+):
+    path = tmp_path / "motion.txt"
+    path.write_text(write(wave))
+    expected = predicted(tower, tower_model, record).summary.acceleration_mean
+    found = predicted(tower, tower_model, path, **options)
+    # The coarsest of the files has six decimals of g: 5e-6 m/s2, some times amplified.
+    np.testing.assert_allclose(found.summary.acceleration_mean, expected, atol=1e-4)
+    assert said in found.notes[0]
+
+
+def test_the_shipped_record(tower, tower_model):
+    report = predicted(tower, tower_model, SHIPPED, PredictionSettings(samples=3))
+    assert "peak 3.38 m/s2, 90.0 s at 100 Hz" in report.notes[0]
+    # It holds motion up to 50 Hz, the tower's grid ends at 12 Hz.
+    assert "checked up to 12 Hz" in report.notes[1]
+    assert report.summary.acceleration_mean.shape == (2, 9001)
+
+
+def test_nominal_masses_are_told(tmp_path, tower_file, tower_observation, record):
+    from femupdate.study import Study
+
+    file = tmp_path / "nominal.toml"
+    file.write_text(
+        tower_file.read_text().replace('kind = "shear"', 'kind = "shear"\nmasses_known = false')
+    )
+    study = Study(tmp_path / "study")
+    model = open_study(study, str(file))
+    settings = CalibrationSettings(particles=200, exact=True, chains=1)
+    calibrate_study(study, model, ObservationSource(tower_observation.path), settings)
+    assert any(
+        "masses of this building are nominal" in n for n in predicted(study, model, record).notes
+    )
+
+
+@pytest.fixture(scope="module")
+def base(tmp_path_factory, tower_observation):
+    """The base motion of the tower's observation as a record."""
+    histories = tower_observation.histories
+    motion = GroundMotion(histories.acceleration[0], histories.time_step)
+    return write_record(tmp_path_factory.mktemp("base") / "base.csv", motion)
+
+
+def test_prediction_meets_what_was_measured(tower, tower_model, base, tower_observation):
+    report = predicted(
+        tower, tower_model, base, PredictionSettings(samples=50), measured=tower_observation.path
+    )
+    comparison = report.comparison
+    assert comparison.floors == ("2F", "RF")
+    # Sensor noise is 0.003 m/s2 on floors that move by some 0.5 m/s2 rms, and the base's own noise
+    # is amplified like the motion: two hundredths of it.
+    assert (comparison.relative_error < 0.04).all()
+    assert (comparison.correlation > 0.999).all()
+    np.testing.assert_allclose(comparison.peak_ratio, 1.0, atol=0.05)
+    assert ((comparison.within_band > 0.05) & (comparison.within_band <= 1.0)).all()
+
+
+def test_measured_floors_may_be_some(tower, tower_model, base, tower_observation, tmp_path):
+    """Two sensors on the roof, averaged, and none on the second floor; scaled like the record."""
+    rows = [
+        row.split(",")
+        for row in tower_observation.path.read_text().splitlines()
+        if not row.startswith("#")
+    ]
+    kept = ["time_s,base,RF:1,RF:2", "s,m/s2,m/s2,m/s2"]
+    for time, ground, _, roof in rows[2:]:
+        kept.append(f"{time},{ground},{float(roof) * 1.5:.9g},{float(roof) * 0.5:.9g}")
+    path = tmp_path / "roof.csv"
+    path.write_text("\n".join(kept) + "\n")
+    report = predicted(tower, tower_model, base, FEW, measured=path, scale=0.5)
+    assert report.comparison.floors == ("RF",)
+    assert report.comparison.relative_error[0] < 0.04
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        (200, r"200 samples every 0.02 s do not match the record's 700 every 0.02 s"),
+        (700, r"none of its floors \(3F\) belongs to the building \(2F, RF\)"),
+    ],
+)
+def test_measurements_of_something_else(tower, tower_model, record, tmp_path, rows, words, wave):
+    path = tmp_path / "measured.csv"
+    lines = [f"{k * STEP:.2f},{a:.6g},{-a:.6g}" for k, a in enumerate(wave[:rows])]
+    path.write_text("\n".join(["time_s,base,3F", "s,m/s2,m/s2", *lines]) + "\n")
+    with pytest.raises(MeasurementError, match=words):
+        predicted(tower, tower_model, record, measured=path)
+    assert not tower.path("prediction.nc").exists()
+
+
+def test_the_file_of_a_prediction(tower, tower_model, record, wave):
+    import xarray as xr
+
+    report = predicted(tower, tower_model, record, scale=1.5)
+    with xr.open_datatree(report.path, engine="h5netcdf") as tree:
+        assert set(tree.children) == {"predictions", "constant_data"}
+        predictions = tree["predictions"]
+        assert list(predictions["floor"].values) == ["2F", "RF"]
+        assert list(predictions["story"].values) == [1, 2]
+        assert predictions["acceleration_mean"].dims == ("floor", "time_s")
+        np.testing.assert_allclose(predictions["time_s"].values, np.arange(700) * STEP)
+        np.testing.assert_array_equal(
+            predictions["acceleration_sd"].values, report.summary.acceleration_sd
+        )
+        assert predictions["peak_drift"].dims == ("sample", "story")
+        assert predictions["story_stiffness"].shape == (20, 2)
+        assert json.loads(predictions.attrs["units"])["drift"] == "m"
+        np.testing.assert_allclose(
+            tree["constant_data"]["base_acceleration"].values, 1.5 * wave, atol=1e-8
+        )
+        assert (tree.attrs["record"], tree.attrs["channel"]) == ("wave", "EW")
+        assert tree.attrs["damping"] == report.damping
+    artefact = tower.artefacts()["prediction"]
+    assert artefact.settings["scale"] == 1.5
+    assert tower.find("prediction", artefact.made_from) == report.path
+
+
+def test_pictures_of_both_kinds(tower, tower_model, record):
+    names = [path.name for path in predicted(tower, tower_model, record).pictures]
+    assert names == ["floor_histories.png", "story_shear_drift.png"]
+
+
+def test_samples_are_as_many_as_asked_for_or_there(tower, tower_model, record):
+    assert len(predicted(tower, tower_model, record, PredictionSettings(samples=7)).summary) == 7
+    assert (
+        len(predicted(tower, tower_model, record, PredictionSettings(samples=900)).summary) == 400
+    )
+
+
+def test_one_seed_one_prediction(tower, tower_model, record):
+    seeds = (1, 1, 2)
+    means = [
+        predicted(
+            tower, tower_model, record, PredictionSettings(samples=5, seed=seed)
+        ).summary.acceleration_mean
+        for seed in seeds
+    ]
+    np.testing.assert_array_equal(means[0], means[1])
+    assert not np.array_equal(means[0], means[2])
+
+
+def test_without_a_posterior(tower, tower_model, record):
+    tower.path("posterior.nc").unlink()
+    with pytest.raises(StudyError, match="run `femupdate calibrate` first"):
+        predicted(tower, tower_model, record)
+
+
+def test_a_posterior_of_another_model(tower, tmp_path, tower_file, record):
+    from femupdate.study import Study
+
+    other = tmp_path / "other.toml"
+    other.write_text(tower_file.read_text().replace('"4 MN/m"', '"5 MN/m"'))
+    model = open_study(Study(tmp_path / "other"), str(other))
+    with pytest.raises(StudyError, match="was made from another building; run `femupdate calibr"):
+        predicted(tower, model, record)
+    assert not tower.path("prediction.nc").exists()

@@ -1,0 +1,169 @@
+"""render: which modes, at what frequencies, and that the pictures show something."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from femupdate.errors import StudyError
+from femupdate.inference.posterior import Posterior, load_posterior, save_posterior
+from femupdate.measurement.observation import Observation
+from femupdate.report import scenes
+from femupdate.report.rendering import Rendering
+from femupdate.study import Study
+from femupdate.workflow.model import open_study
+from femupdate.workflow.modes import (
+    ReducedModes,
+    driven_modes,
+    levels_with_base,
+    reduced_modes,
+    track_mode,
+    with_base,
+)
+from femupdate.workflow.render import render_study
+
+
+def shown(path):
+    """The picture's pixels, which must not be of one colour."""
+    pixels = imread(path)[..., :3]
+    assert min(pixels.shape[:2]) > 200
+    assert (pixels.min(axis=-1) < 0.95).mean() > 0.02
+    return pixels
+
+
+def test_the_modes_of_a_lumped_building(tower, tower_model, tower_modes):
+    rendered = render_study(tower, tower_model, samples=40, seed=1)
+    assert [mode.number for mode in rendered] == [1, 2]
+    theta, _ = load_posterior(tower.path("posterior.nc")).thinned(40, 1)
+    own = np.array([tower_modes(row)[0] for row in theta])
+    np.testing.assert_allclose([m.frequency_mean for m in rendered], own.mean(axis=0), rtol=1e-9)
+    np.testing.assert_allclose([m.frequency_sd for m in rendered], own.std(axis=0), rtol=1e-6)
+    assert [mode.found for mode in rendered] == [1.0, 1.0]
+    # All modes of sticks fit one picture.
+    assert {mode.picture for mode in rendered} == {tower.path("pictures", "modes.png")}
+    shown(rendered[0].picture)
+
+
+def test_as_many_modes_as_asked_for(tower, tower_model):
+    assert len(render_study(tower, tower_model, modes=1, samples=5)) == 1
+    assert len(render_study(tower, tower_model, modes=12, samples=5)) == 2
+
+
+@pytest.fixture
+def cabin(cabin_study):
+    """The cabin with draws around factors of 0.9 and 1.2 in place of a calibration."""
+    model = open_study(cabin_study)
+    rng = np.random.default_rng(3)
+    theta = np.array([0.9, 1.2]) * (1 + 0.03 * rng.standard_normal((2, 20, 2)))
+    grid = model.frequency_hz.numpy()
+    blank = np.zeros((1, grid.size))
+    observation = Observation(grid, ("RF",), blank, blank + 0.2, blank == 0, source="none")
+    posterior = Posterior(
+        model.prior.names,
+        theta,
+        np.full((2, 20), 0.03),
+        np.zeros((2, 20)),
+        model.prior.lower.numpy(),
+        model.prior.upper.numpy(),
+        "exact",
+        np.zeros(2),
+        observation,
+        {},
+    )
+    save_posterior(posterior, cabin_study.path("posterior.nc"))
+    cabin_study.record("posterior", "posterior.nc", "calibrate", model.made_from())
+    return cabin_study, model, theta.reshape(-1, 2)
+
+
+def full_frequencies(model, theta):
+    """Driven modes of the full model, not the reduced one, at one theta."""
+    from femupdate.fe.solve import lowest_modes
+    from femupdate.workflow.model import frame_parts
+
+    operators = frame_parts(model.building).operators
+    modes = lowest_modes(operators, theta, 6)
+    effect = modes.shapes.T @ operators.inertia("x")
+    return modes.frequency_hz[effect**2 > 0.01 * (effect**2).sum()]
+
+
+def test_the_modes_of_a_frame(cabin):
+    """PyVista's scenes where it can render, else matplotlib's: either way three pictures."""
+    study, model, theta = cabin
+    rendered = render_study(study, model, samples=20)
+    assert [mode.number for mode in rendered] == [1, 2, 3]
+    names = [mode.picture.name for mode in rendered]
+    assert names == ["mode_1.png", "mode_2.png", "mode_3.png"]
+    pictures = [shown(mode.picture) for mode in rendered]
+    assert not np.array_equal(pictures[0], pictures[1])
+    # Modes across the motion are not among them: the lowest of all is one of those.
+    expected = full_frequencies(model, theta.mean(axis=0))[:3]
+    # 20 draws of 3 %: a frequency, half of that, is known to .4 %.
+    np.testing.assert_allclose([m.frequency_mean for m in rendered], expected, rtol=0.02)
+    assert all(0.0 < m.frequency_sd < 0.03 * m.frequency_mean for m in rendered)
+    assert all(m.found > 0.8 for m in rendered)
+
+
+def test_without_graphics_matplotlib_draws(cabin, monkeypatch):
+    study, model, _ = cabin
+    monkeypatch.setattr(scenes, "rendering", lambda: Rendering(False, "no libraries"))
+    rendered = render_study(study, model, modes=1, samples=5)
+    shown(rendered[0].picture)
+
+
+def test_a_posterior_is_needed(tower, tower_model):
+    tower.path("posterior.nc").unlink()
+    with pytest.raises(StudyError, match="run `femupdate calibrate` first"):
+        render_study(tower, tower_model)
+
+
+def test_a_posterior_of_another_model_is_not_drawn(tower, tmp_path, snapshot):
+    other = open_study(Study(tmp_path / "other"), "shear_3dof")
+    before = snapshot(tower.folder)
+    with pytest.raises(StudyError, match="made from another building"):
+        render_study(tower, other)
+    assert snapshot(tower.folder) == before
+
+
+def rotation(angle):
+    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+
+def test_a_mode_is_followed_through_a_crossing():
+    """The second sample's modes have changed places, the third's sign is turned round."""
+    vectors = np.stack([rotation(0.1), rotation(0.1)[:, ::-1], -rotation(0.2)])
+    frequency = np.array([[1.0, 2.0], [1.9, 1.1], [1.2, 2.2]])
+    modes = ReducedModes(frequency, vectors)
+    followed = track_mode(modes, vectors[0][:, 0])
+    np.testing.assert_allclose(followed.frequency_hz, [1.0, 1.1, 1.2])
+    np.testing.assert_allclose(followed.vectors[1], vectors[0][:, 0])
+    np.testing.assert_allclose(followed.vectors[2], rotation(0.2)[:, 0])
+    assert followed.found == 1.0
+
+
+def test_a_mode_like_no_other_is_not_found():
+    """Of three equal parts of the reference none has half of it."""
+    reference = np.ones(3) / np.sqrt(3)
+    modes = ReducedModes(np.array([[1.0, 2.0, 3.0]]), np.eye(3)[None])
+    followed = track_mode(modes, reference)
+    assert followed.found == 0.0
+    assert np.isnan(followed.frequency_hz).all()
+    assert np.isnan(followed.vectors).all()
+
+
+def test_modes_that_the_base_does_not_drive_are_left_out(tower_model):
+    modes = reduced_modes(tower_model.reduced, np.ones((1, 2)))
+    assert driven_modes(tower_model.reduced, modes, 5) == [0, 1]
+    assert driven_modes(tower_model.reduced, modes, 1) == [0]
+    # A base that moves only what the first mode moves.
+    first = modes.vectors[0][:, 0] / tower_model.reduced.floor_shapes.max()
+    stiffness_free = np.linalg.inv(modes.vectors[0]).T[:, 0]
+    still = replace(tower_model.reduced, excitation=stiffness_free)
+    assert driven_modes(still, modes, 5) == [0]
+    assert first.shape == (2,)
+
+
+def test_levels_of_sticks(tower_model, cabin_study):
+    np.testing.assert_allclose(levels_with_base(tower_model.building), [0, 1, 2])
+    np.testing.assert_allclose(levels_with_base(open_study(cabin_study).building), [0, 3.2, 6.0])
+    np.testing.assert_allclose(with_base(np.array([[1.0, 2.0]])), [[0, 0], [1, 2]])

@@ -1,0 +1,275 @@
+"""train: skipped, resumed, refused, and which surrogate is taken for which building."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from safetensors import safe_open
+
+from femupdate.building.files import load_building
+from femupdate.errors import SurrogateError
+from femupdate.study import Study
+from femupdate.surrogate.storage import load_surrogate
+from femupdate.surrogate.training import TrainingSettings
+from femupdate.workflow import train as train_module
+from femupdate.workflow.model import open_study
+from femupdate.workflow.train import (
+    check_samples,
+    default_settings,
+    find_surrogate,
+    needed_surrogate,
+    network_sizes,
+    require_surrogate,
+    surrogate_of,
+    train_study,
+)
+
+SAMPLES, EPOCHS = 400, 5
+SMALL = TrainingSettings(epochs=EPOCHS, batch=64)
+STIFFER = ('stiffness = "4 MN/m"', 'stiffness = "5 MN/m"')
+
+
+@pytest.fixture(scope="module")
+def one_thread():
+    """Sums come out the same to the last bit only where they are taken in the same order."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory, tower_file, one_thread):
+    """A training that was never stopped: its study and its report."""
+    study = Study(tmp_path_factory.mktemp("trained") / "study")
+    model = open_study(study, str(tower_file))
+    return study, train_study(study, model, SAMPLES, SMALL)
+
+
+@pytest.fixture
+def copy(trained, tmp_path):
+    return Study(shutil.copytree(trained[0].folder, tmp_path / "copy"))
+
+
+def weights(path):
+    with safe_open(path, framework="np") as file:
+        return {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+
+
+def header(path):
+    with safe_open(path, framework="np") as file:
+        return json.loads(file.metadata()["femupdate"])
+
+
+def test_what_is_written(trained):
+    study, report = trained
+    assert report.trained
+    assert report.path == study.path("surrogate.safetensors")
+    assert report.dataset_seconds > 0.0
+    assert report.training_seconds > 0.0
+    # Neither shards nor checkpoint stay behind.
+    assert {path.name for path in study.folder.iterdir()} == {
+        "building.toml",
+        "reduced_model.npz",
+        "study.json",
+        "surrogate.safetensors",
+    }
+    info = load_surrogate(report.path).info
+    assert (info.building, info.floors, info.noise_sd) == ("tower", ("2F", "RF"), 0.2)
+    assert info.mechanics_hash == open_study(study).hash
+    assert info.settings["samples"] == SAMPLES
+    assert info.settings["training"]["epochs"] == EPOCHS
+    assert 1 <= info.metrics["best_epoch"] <= EPOCHS
+
+
+def test_what_is_written_is_what_was_trained(trained):
+    """To half precision; the parameter encoder wholly."""
+    _, report = trained
+    stored = load_surrogate(report.path).mvae.state_dict()
+    for name, value in report.surrogate.mvae.state_dict().items():
+        if name.startswith("parameter_encoder."):
+            assert torch.equal(stored[name], value)
+        else:
+            # Half precision keeps 11 bits, and nothing below 6e-8.
+            torch.testing.assert_close(stored[name], value, rtol=2.0**-11, atol=6e-8)
+
+
+def test_a_second_training_is_skipped(copy, snapshot):
+    before = snapshot(copy.folder)
+    report = train_study(copy, open_study(copy), SAMPLES, SMALL)
+    assert not report.trained
+    assert report.path == copy.path("surrogate.safetensors")
+    assert snapshot(copy.folder) == before
+
+
+def test_a_fresh_training_replaces_it(copy):
+    before = weights(copy.path("surrogate.safetensors"))
+    settings = TrainingSettings(epochs=1, batch=64, seed=7)
+    report = train_study(copy, open_study(copy), 200, settings, fresh=True)
+    assert report.trained
+    after = weights(report.path)
+    assert before.keys() == after.keys()
+    assert any(not np.array_equal(before[name], after[name]) for name in before)
+    assert header(report.path)["settings"]["samples"] == 200
+    assert find_surrogate(copy, open_study(copy)) is not None
+
+
+def command(study, *options):
+    script = Path(sys.executable).with_name("femupdate")
+    words = ("train", "--samples", SAMPLES, "--epochs", EPOCHS, "--batch", 64, "--study", study)
+    return [str(script), *map(str, (*words, *options))]
+
+
+def wait_for(path, process):
+    for _ in range(6000):
+        if path.exists():
+            return
+        assert process.poll() is None, process.stderr.read()
+        time.sleep(0.005)
+    raise AssertionError(f"{path} does not appear")
+
+
+@pytest.mark.usefixtures("one_thread")
+def test_a_killed_training_goes_on_to_the_same_surrogate(trained, tmp_path, tower_file):
+    study = Study(tmp_path / "study")
+    process = subprocess.Popen(
+        command(study.folder, "--building", tower_file),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        env={**os.environ, "OMP_NUM_THREADS": "1"},
+    )
+    try:
+        wait_for(study.path("training.safetensors"), process)
+        process.kill()
+    finally:
+        process.wait()
+    process.stderr.close()
+    assert process.returncode == -signal.SIGKILL
+    assert not study.path("surrogate.safetensors").exists()
+    assert find_surrogate(study, open_study(study)) is None
+
+    epochs = []
+
+    class Epochs:
+        def start(self, label, total):
+            pass
+
+        def advance(self, count=1, note=""):
+            epochs.append(note.split(",")[0])
+
+        def say(self, text):
+            pass
+
+    report = train_study(study, open_study(study), SAMPLES, SMALL, progress=Epochs())
+    assert "epoch 1" not in epochs
+    assert f"epoch {EPOCHS}" in epochs
+    straight = trained[1]
+    once, again = weights(straight.path), weights(report.path)
+    assert once.keys() == again.keys()
+    for name, value in once.items():
+        np.testing.assert_array_equal(again[name], value, err_msg=name)
+    # The time that it took is all that tells the two files apart.
+    written, expected = header(report.path), header(straight.path)
+    for content in (written, expected):
+        content["metrics"].pop("seconds", None)
+    assert written == expected
+    assert {path.name for path in study.folder.iterdir()} == {
+        path.name for path in straight.path.parent.iterdir()
+    }
+
+
+def test_an_abandoned_data_set_is_removed_with_the_rest(copy):
+    stale = copy.path("dataset", "of-another-plan")
+    stale.mkdir(parents=True)
+    (stale / "0000.npz").write_bytes(b"old")
+    settings = TrainingSettings(epochs=1, batch=64)
+    train_study(copy, open_study(copy), 200, settings, fresh=True)
+    assert not copy.path("dataset").exists()
+
+
+def test_a_checkpoint_of_another_training_is_named(copy):
+    """As left by a training with other settings that was killed."""
+    copy.path("training.safetensors").write_bytes(b"not a checkpoint")
+    with pytest.raises(SurrogateError, match=r"training\.safetensors .* delete it"):
+        train_study(copy, open_study(copy), SAMPLES, SMALL, fresh=True)
+
+
+@pytest.mark.parametrize(("samples", "batch", "fits"), [(110, 105, False), (111, 105, True)])
+def test_samples_must_fill_a_batch(samples, batch, fits):
+    """A twentieth is held out: 6 of 110 and of 111."""
+    settings = TrainingSettings(batch=batch)
+    if fits:
+        check_samples(samples, settings)
+    else:
+        with pytest.raises(SurrogateError, match="110 samples are too few for batches of 105"):
+            check_samples(samples, settings)
+
+
+def test_too_few_samples_leave_no_data_set(copy):
+    with pytest.raises(SurrogateError, match="too few"):
+        train_study(copy, open_study(copy), 60, SMALL, fresh=True)
+    assert not copy.path("dataset").exists()
+
+
+def test_the_study_s_own_surrogate_is_taken_while_it_fits(copy, tower_file):
+    model = open_study(copy)
+    found = find_surrogate(copy, model)
+    assert found is not None
+    assert found[1] == copy.path("surrogate.safetensors")
+    assert require_surrogate(copy, model).info.building == "tower"
+    copy.path("building.toml").write_text(tower_file.read_text().replace(*STIFFER))
+    assert find_surrogate(copy, open_study(copy)) is None
+
+
+@pytest.mark.parametrize("keep", [0, 100, -1])
+def test_a_surrogate_cut_short_is_not_taken(copy, keep):
+    path = copy.path("surrogate.safetensors")
+    path.write_bytes(path.read_bytes()[:keep])
+    assert find_surrogate(copy, open_study(copy)) is None
+
+
+def test_what_to_do_without_a_surrogate(tower, tower_model):
+    with pytest.raises(SurrogateError) as caught:
+        require_surrogate(tower, tower_model)
+    assert f"run `femupdate train --study {tower.folder}`" in str(caught.value)
+    spaced = Study("my study")
+    with pytest.raises(SurrogateError) as caught:
+        needed_surrogate(spaced, tower_model.building, "my tower.toml")
+    # As it can be pasted into a shell.
+    assert "--study 'my study' --building 'my tower.toml'`" in str(caught.value)
+
+
+def test_a_shipped_surrogate_is_taken_by_name_and_mechanics(
+    trained, tmp_path, tower_file, monkeypatch
+):
+    shutil.copy(trained[1].path, tmp_path / "tower.safetensors")
+    monkeypatch.setattr(train_module, "files", lambda package: tmp_path)
+    study = Study(tmp_path / "study")
+    found = surrogate_of(study, load_building(str(tower_file)))
+    assert found is not None
+    assert found[1] == tmp_path / "tower.safetensors"
+    other = tmp_path / "other.toml"
+    other.write_text(tower_file.read_text().replace(*STIFFER))
+    assert surrogate_of(study, load_building(str(other))) is None
+    other.write_text(tower_file.read_text().replace('name = "tower"', 'name = "keep"'))
+    assert surrogate_of(study, load_building(str(other))) is None
+
+
+def test_settings_follow_the_building(tower_model, tmp_path, tower_file):
+    sizes = network_sizes(tower_model)
+    assert (sizes.floors, sizes.points, sizes.parameters) == (2, 60, 2)
+    assert default_settings(tower_model, 7, 3).loss.noise_sd == 0.2
+    assert default_settings(tower_model, 7, 3).epochs == 7
+    assert default_settings(tower_model, 7, 3).seed == 3
+    quiet = tmp_path / "quiet.toml"
+    quiet.write_text(tower_file.read_text() + "\n[observation]\nnoise_sd = 0.1\n")
+    model = open_study(Study(tmp_path / "study"), str(quiet))
+    assert default_settings(model).loss.noise_sd == 0.1
