@@ -20,7 +20,7 @@ from femupdate.dynamics.modal import modal_data
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.dynamics.reduction import superposition_log_frf
 from femupdate.fe.model import DOF_PER_NODE
-from femupdate.workflow.full_model import modes_below
+from femupdate.fe.solve import modes_below
 from femupdate.workflow.model import FrameParts, frame_parts, reduce_building, theta_prior
 
 

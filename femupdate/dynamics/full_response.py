@@ -8,10 +8,9 @@ from numpy.typing import NDArray
 
 from femupdate.fe.assembly import AffineOperators
 from femupdate.fe.model import DOF_PER_NODE
-from femupdate.fe.solve import Modes, lowest_modes, static_displacement
+from femupdate.fe.solve import modes_below, static_displacement
 
 Floats = NDArray[np.float64]
-_FIRST_MODES = 80
 
 
 @dataclass(frozen=True)
@@ -86,7 +85,7 @@ def full_modes(
     Raises:
         ModelError: the structure is a mechanism, or the eigenproblem cannot be solved.
     """
-    modes = _modes_below(operators, theta, top_hz)
+    modes = modes_below(operators, theta, top_hz)
     omega = 2.0 * np.pi * modes.frequency_hz
     participation = modes.shapes.T @ sensors.excitation
     floors = sensors.rows @ modes.shapes
@@ -113,16 +112,3 @@ def superposition_log_frf(
     flexibility = omega[:, None] ** 2 - w**2 + 2j * zeta * omega[:, None] * w
     response = 1.0 + effect @ (w**2 / flexibility) + static[:, None] * w**2
     return np.log(np.abs(response))
-
-
-def _modes_below(operators: AffineOperators, theta: Floats, top_hz: float) -> Modes:
-    """All modes up to a frequency: ask for more until the last one lies above it."""
-    massive = int(np.count_nonzero(operators.mass.diagonal() > 0.0))
-    most = max(1, massive - 1)
-    count = min(_FIRST_MODES, most)
-    while True:
-        modes = lowest_modes(operators, theta, count)
-        if modes.frequency_hz[-1] >= top_hz or count >= most:
-            return modes
-        growth = (top_hz / modes.frequency_hz[-1]) ** 1.2
-        count = min(int(count * min(max(1.15 * growth, 1.25), 4.0)) + 1, most)

@@ -113,7 +113,7 @@ def reduce_operators(
         return shapes
 
     def reference(theta: Floats) -> FloorModes:
-        top = 2.0 * float(target.frequency_hz[-1])
+        top = 1.6 * float(target.frequency_hz[-1])
         felt = full_modes(operators, sensors, theta, top).felt
         tick()
         return felt
@@ -183,7 +183,7 @@ def _snapshots(
     operators: AffineOperators, sensors: FloorSensors, theta: Floats, target: ReductionTarget
 ) -> Floats:
     """Weighted shapes (n_free, c) that span the responses at one theta over the grid."""
-    modes = full_modes(operators, sensors, theta, 1.5 * float(target.frequency_hz[-1]))
+    modes = full_modes(operators, sensors, theta, 1.3 * float(target.frequency_hz[-1]))
     omega = modes.felt.omega[:, None]
     grid = target.frequency_hz[::2]
     w = 2.0 * np.pi * grid

@@ -13,7 +13,14 @@ from femupdate.fe.factorization import Factorization, factorize
 from femupdate.fe.mechanism import factorize_supported
 from femupdate.fe.model import Floats
 
-__all__ = ["Factorization", "Modes", "factorize", "lowest_modes", "static_displacement"]
+__all__ = [
+    "Factorization",
+    "Modes",
+    "factorize",
+    "lowest_modes",
+    "modes_below",
+    "static_displacement",
+]
 
 _FEW = 500  # degrees of freedom with mass up to which a dense solution is as fast as Lanczos
 _NO_MASS = 1e-14
@@ -99,6 +106,26 @@ class _Problem:
     mass: csc_matrix
     factorization: Factorization
     shift: float
+
+
+def modes_below(operators: AffineOperators, theta: Floats, top_hz: float) -> Modes:
+    """Return all modes below a frequency, at least one.
+
+    How many there are is known beforehand: as many as K - w^2 M has negative pivots (Sylvester's
+    law of inertia).
+
+    Raises:
+        ModelError: the structure is a mechanism, or the modes cannot be counted.
+    """
+    stiffness = operators.stiffness(theta)
+    for nudge in (1.0, 1.003, 1.01):  # beside a natural frequency the pivots have no sure sign
+        shift = (2.0 * np.pi * top_hz * nudge) ** 2
+        pivots = factorize((stiffness - shift * operators.mass).tocsc()).pivots()
+        if pivots is not None:
+            return lowest_modes(operators, theta, max(1, int(np.count_nonzero(pivots < 0.0))))
+    raise ModelError(
+        f"the modes below {top_hz:g} Hz cannot be counted; choose a slightly different frequency"
+    )
 
 
 def _check_request(massive: int, count: int, shift_hz: float | None) -> None:

@@ -16,11 +16,10 @@ from femupdate.building.schema import Building, FrameBuilding, ShearBuilding
 from femupdate.building.shear import shear_operators
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.dynamics.reduction import reduce_lumped
-from femupdate.errors import BuildingError, ModelError
+from femupdate.errors import BuildingError
 from femupdate.fe.assembly import AffineOperators, assemble
-from femupdate.fe.factorization import factorize
 from femupdate.fe.model import DOF_PER_NODE
-from femupdate.fe.solve import Modes, lowest_modes, static_displacement
+from femupdate.fe.solve import Modes, modes_below, static_displacement
 from femupdate.measurement.columns import Channel, channel_name
 
 Floats = NDArray[np.float64]
@@ -88,26 +87,6 @@ def sensor_model(
     size = 0.5 * building.mesh.size if mesh_size is None else mesh_size
     sensed = _sensed(building, sensors)
     return _frame_model(sensed, mesh_building(sensed, size), theta, top_hz, size)
-
-
-def modes_below(operators: AffineOperators, theta: Floats, top_hz: float) -> Modes:
-    """Return all modes below a frequency, at least one.
-
-    How many there are is known beforehand: as many as K - w^2 M has negative pivots (Sylvester's
-    law of inertia).
-
-    Raises:
-        ModelError: the structure is a mechanism, or the modes cannot be counted.
-    """
-    stiffness = operators.stiffness(theta)
-    for nudge in (1.0, 1.003, 1.01):  # beside a natural frequency the pivots have no sure sign
-        shift = (2.0 * np.pi * top_hz * nudge) ** 2
-        pivots = factorize((stiffness - shift * operators.mass).tocsc()).pivots()
-        if pivots is not None:
-            return lowest_modes(operators, theta, max(1, int(np.count_nonzero(pivots < 0.0))))
-    raise ModelError(
-        f"the modes below {top_hz:g} Hz cannot be counted; choose a slightly different frequency"
-    )
 
 
 def _shear_model(building: ShearBuilding, theta: Floats) -> SensorModel:
