@@ -1,5 +1,7 @@
 """What is installed: all of it, nothing else, and nothing heavy on import."""
 
+import ast
+import re
 import shutil
 import subprocess
 import sys
@@ -67,6 +69,24 @@ def test_the_packages_listed_are_the_folders_that_hold_python_files():
     assert len(settings["packages"]) == len(set(settings["packages"]))
     mapped = settings["package-dir"]
     assert {folder: name for name, folder in mapped.items()} == FOLDERS
+
+
+def test_everything_imported_is_declared():
+    declared = {re.split(r"[<>=\[;]", one)[0] for one in project()["project"]["dependencies"]}
+    extras = project()["project"]["optional-dependencies"]["arviz"]
+    allowed = {*declared, *(re.split(r"[<>=]", one)[0] for one in extras), "femupdate"}
+    wrong = set()
+    for folder in FOLDERS:
+        for path in (ROOT / folder).rglob("*.py"):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                names = []
+                if isinstance(node, ast.Import):
+                    names = [alias.name for alias in node.names]
+                elif isinstance(node, ast.ImportFrom) and not node.level:
+                    names = [node.module or ""]
+                tops = {name.split(".")[0] for name in names}
+                wrong |= {(path.name, top) for top in tops - allowed - sys.stdlib_module_names}
+    assert not wrong
 
 
 def test_every_package_has_an_init_file():

@@ -207,6 +207,29 @@ def test_a_training_that_diverges_says_so(task, quick, monkeypatch, tmp_path, va
     assert list(tmp_path.iterdir()) == []
 
 
+def test_weights_to_start_from_are_gone_on_from(task, quick, trained, tmp_path):
+    initial = trained[0].mvae
+    before = {name: value.clone() for name, value in initial.state_dict().items()}
+    one = replace(quick, epochs=1, learning_rate=1e-5)
+    further = train_mvae(task, one, initial=initial)
+    assert (
+        further.metrics["validation_loss"] < train_mvae(task, one).metrics["validation_loss"] - 20
+    )
+    assert_equal(initial.state_dict(), before)
+    path = tmp_path / "training.safetensors"
+    with pytest.raises(KilledError):
+        train_mvae(task, quick, path, kill_in(1), initial=initial)
+    resumed = train_mvae(task, quick, path, initial=initial)
+    whole = train_mvae(task, quick, initial=initial)
+    assert_equal(resumed.mvae.state_dict(), whole.mvae.state_dict())
+
+
+def test_weights_of_other_sizes_to_start_from(task, quick, trained):
+    wider = replace(task, sizes=replace(task.sizes, width=64))
+    with pytest.raises(SurrogateError, match="have other sizes"):
+        train_mvae(wider, quick, initial=trained[0].mvae)
+
+
 def test_too_few_samples(make_task, quick):
     with pytest.raises(SurrogateError, match="300 samples are too few for batches of 500"):
         train_mvae(make_task(samples=300), quick)

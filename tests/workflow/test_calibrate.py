@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.image import imread
 
 from femupdate.building.files import load_building
 from femupdate.errors import MeasurementError, SurrogateError
@@ -36,6 +37,13 @@ QUICK = CalibrationSettings(
 )
 GRID = 0.2 * np.arange(1, 61)
 TRUTH, ZETA = np.array([0.8, 1.3]), 0.05
+
+
+@pytest.fixture(autouse=True)
+def _without_pictures(request, monkeypatch):
+    """Most of the time of a small calibration goes into its pictures; one test looks at them."""
+    if "pictures" not in request.node.name:
+        monkeypatch.setattr("femupdate.workflow.calibrate.draw_posterior", lambda *_: ())
 
 
 @pytest.fixture(scope="module")
@@ -314,6 +322,15 @@ def test_a_second_observation_replaces_the_first(
     assert artefact.settings["file"] == str(frf_table[0])
     assert {path.name for path in tmp_path.rglob("*")} == files
     assert "sampling" not in files
+
+
+def test_pictures_of_a_posterior(tmp_path, tower_model, frf_table):
+    """Also of floors that were not measured."""
+    report = calibrated(Study(tmp_path), tower_model, frf_table[0], sensors=("RF",))
+    names = [path.name for path in report.pictures]
+    assert names == ["frf_fit.png", "posterior.png", "stiffness_factors.png"]
+    for path in report.pictures:
+        assert imread(path)[..., :3].std() > 0.01
 
 
 def test_one_seed_one_posterior(tmp_path, tower_model, frf_table):

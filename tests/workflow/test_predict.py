@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.image import imread
 from scipy.signal import StateSpace, lsim
 
 from femupdate.errors import BuildingError, MeasurementError, StudyError
@@ -19,6 +20,13 @@ MASSES, SPRINGS = np.array([3000.0, 2000.0]), np.array([4e6, 2.5e6])
 SHIPPED = Path(__file__).parents[2] / "examples" / "records" / "ridgecrest_2019_clc_90.csv"
 STEP = 0.02
 FEW = PredictionSettings(samples=20)
+
+
+@pytest.fixture(autouse=True)
+def _without_pictures(request, monkeypatch):
+    """Most of the time of a prediction goes into its pictures; one test looks at them."""
+    if "pictures" not in request.node.name:
+        monkeypatch.setattr("femupdate.workflow.predict._draw", lambda *_: ())
 
 
 @pytest.fixture(scope="module")
@@ -331,9 +339,12 @@ def test_the_file_of_a_prediction(tower, tower_model, record, wave):
     assert tower.find("prediction", artefact.made_from) == report.path
 
 
-def test_pictures_of_both_kinds(tower, tower_model, record):
-    names = [path.name for path in predicted(tower, tower_model, record).pictures]
+def test_pictures_of_both_kinds(tower, tower_model, base, tower_observation):
+    report = predicted(tower, tower_model, base, measured=tower_observation.path)
+    names = [path.name for path in report.pictures]
     assert names == ["floor_histories.png", "story_shear_drift.png"]
+    for path in report.pictures:
+        assert imread(path)[..., :3].std() > 0.01
 
 
 def test_samples_are_as_many_as_asked_for_or_there(tower, tower_model, record):
