@@ -216,15 +216,25 @@ def _start(
     mvae.lower.copy_(task.prior.lower)
     mvae.upper.copy_(task.prior.upper)
     if initial is not None:
-        if initial.sizes != task.sizes:
-            raise SurrogateError(
-                "the weights to start from have other sizes than this training; train from scratch"
-            )
+        _check_initial(initial, mvae)
         mvae.load_state_dict(initial.state_dict())
     average = copy.deepcopy(mvae)
     best = {name: value.clone() for name, value in average.state_dict().items()}
     optimizer = torch.optim.AdamW(mvae.parameters(), lr=settings.learning_rate, weight_decay=1e-4)
     return TrainingRun(mvae, average, best, optimizer)
+
+
+def _check_initial(initial: Mvae, mvae: Mvae) -> None:
+    """Weights to start from bring their own box and scales: they must be of this problem."""
+    if initial.sizes != mvae.sizes:
+        raise SurrogateError(
+            "the weights to start from have other sizes than this training; train from scratch"
+        )
+    bounds = zip((initial.lower, initial.upper), (mvae.lower, mvae.upper), strict=True)
+    if not all(torch.allclose(one.cpu(), other) for one, other in bounds):
+        raise SurrogateError(
+            "the weights to start from were trained on another prior; train from scratch"
+        )
 
 
 def _draw_samples(

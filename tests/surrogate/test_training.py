@@ -1,5 +1,6 @@
 """Training: it learns, stops, resumes bit for bit, and refuses what does not belong to it."""
 
+import copy
 from dataclasses import replace
 
 import numpy as np
@@ -228,6 +229,13 @@ def test_weights_of_other_sizes_to_start_from(task, quick, trained):
     wider = replace(task, sizes=replace(task.sizes, width=64))
     with pytest.raises(SurrogateError, match="have other sizes"):
         train_mvae(wider, quick, initial=trained[0].mvae)
+
+
+def test_weights_of_another_prior_to_start_from(task, quick, trained):
+    other = copy.deepcopy(trained[0].mvae)
+    other.upper *= 2.0
+    with pytest.raises(SurrogateError, match="another prior"):
+        train_mvae(task, quick, initial=other)
 
 
 def test_too_few_samples(make_task, quick):
