@@ -68,7 +68,7 @@ def script() -> Callable[..., Outcome]:
             [str(SCRIPT), *map(str, arguments)],
             capture_output=True,
             text=True,
-            timeout=120,
+            timeout=600,
             check=False,
             env={**os.environ, "OMP_NUM_THREADS": "1"},
             **options,

@@ -9,7 +9,7 @@ from femupdate.workflow.progress import Silent
 from femupdate.workflow.sampling import ChainRunner
 
 
-class Killed(Exception):
+class KilledError(Exception):
     """Stands for a kill in the middle of a run."""
 
 
@@ -21,7 +21,7 @@ def sampler(fails_after=None):
         nonlocal calls
         calls += 1
         if fails_after is not None and calls > fails_after:
-            raise Killed
+            raise KilledError
         return -0.5 * (((theta - torch.tensor([0.3, 2.0])) / 0.01) ** 2).sum(-1)
 
     return TemperedSmc(prior, log_likelihood)
@@ -39,7 +39,7 @@ def _save_every_level(monkeypatch):
 @pytest.mark.parametrize("fails_after", [30, 150])  # in the first chain, in the second
 def test_a_killed_run_goes_on_to_the_same_draws(tmp_path, fails_after):
     whole = runner(tmp_path / "whole")(sampler(), "sampling")
-    with pytest.raises(Killed):
+    with pytest.raises(KilledError):
         runner(tmp_path / "cut")(sampler(fails_after), "sampling")
     resumed = runner(tmp_path / "cut")(sampler(), "sampling")
     for one, other in zip(whole, resumed, strict=True):
@@ -50,7 +50,7 @@ def test_a_killed_run_goes_on_to_the_same_draws(tmp_path, fails_after):
 
 def test_a_state_of_something_else_is_not_gone_on_from(tmp_path):
     whole = runner(tmp_path / "whole")(sampler(), "sampling")
-    with pytest.raises(Killed):
+    with pytest.raises(KilledError):
         runner(tmp_path / "cut", "another")(sampler(30), "sampling")
     fresh = runner(tmp_path / "cut")(sampler(), "sampling")
     assert torch.equal(whole[0].theta, fresh[0].theta)
@@ -58,7 +58,7 @@ def test_a_state_of_something_else_is_not_gone_on_from(tmp_path):
 
 def test_a_damaged_state_is_drawn_again(tmp_path):
     whole = runner(tmp_path / "whole")(sampler(), "sampling")
-    with pytest.raises(Killed):
+    with pytest.raises(KilledError):
         runner(tmp_path / "cut")(sampler(30), "sampling")
     for path in (tmp_path / "cut").iterdir():
         path.write_bytes(path.read_bytes()[:200])

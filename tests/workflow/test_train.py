@@ -129,7 +129,8 @@ def command(study, *options):
 
 
 def wait_for(path, process):
-    for _ in range(6000):
+    until = time.monotonic() + 300.0
+    while time.monotonic() < until:
         if path.exists():
             return
         assert process.poll() is None, process.stderr.read()
