@@ -43,14 +43,12 @@ def command(
     (the study's own or a shipped one) fits the building.
     """
     from femupdate.study import Study
-    from femupdate.surrogate.training import TrainingSettings
-    from femupdate.workflow.checks import check_writable
+    from femupdate.workflow.checks import check_training
     from femupdate.workflow.model import open_study
-    from femupdate.workflow.train import check_samples, default_settings, train_study
+    from femupdate.workflow.train import default_settings, train_study
 
     study = Study(study_folder)
-    check_writable(study)
-    check_samples(samples, TrainingSettings(batch=batch))
+    check_training(study, samples, batch, start)
     with Bars() as bars:
         model = open_study(study, building, bars)
         default = default_settings(model, epochs, seed)

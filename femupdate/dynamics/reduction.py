@@ -113,7 +113,7 @@ def reduce_operators(
         return shapes
 
     def reference(theta: Floats) -> FloorModes:
-        top = 1.6 * float(target.frequency_hz[-1])
+        top = 3.0 * float(target.frequency_hz[-1])
         felt = full_modes(operators, sensors, theta, top).felt
         tick()
         return felt

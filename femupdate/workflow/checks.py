@@ -8,6 +8,8 @@ from femupdate.building.files import mechanics_hash
 from femupdate.errors import InferenceError, StudyError
 from femupdate.inference.encoder_input import encoder_input
 from femupdate.study import Study
+from femupdate.surrogate.storage import load_surrogate
+from femupdate.surrogate.training import TrainingSettings
 from femupdate.workflow.calibrate import (
     POSTERIOR,
     CalibrationSettings,
@@ -17,7 +19,7 @@ from femupdate.workflow.calibrate import (
 )
 from femupdate.workflow.model import StudyModel, choose_building, open_study
 from femupdate.workflow.progress import Progress
-from femupdate.workflow.train import needed_surrogate
+from femupdate.workflow.train import check_samples, needed_surrogate
 
 
 def check_calibration(
@@ -50,6 +52,25 @@ def check_calibration(
         known = study.path("building.toml").exists()
         surrogate = needed_surrogate(study, chosen, None if known else building)
         encoder_input(observation, surrogate.info.floors)
+
+
+def check_training(study: Study, samples: int, batch: int, start: Path | None = None) -> None:
+    """Tell what can be told of a training before anything is built or written.
+
+    Args:
+        study: the folder.
+        samples: size of the data set.
+        batch: samples a step.
+        start: weights to start from.
+
+    Raises:
+        SurrogateError: too few samples, or no weights to start from.
+        StudyError: the study cannot be written.
+    """
+    check_writable(study)
+    check_samples(samples, TrainingSettings(batch=batch))
+    if start is not None:
+        load_surrogate(start)
 
 
 def check_device(name: str) -> None:

@@ -240,7 +240,7 @@ def test_modes_of_a_stick_whose_rotations_carry_no_mass():
     levels = np.array([3.0, 5.5, 8.5])
     nodes = {"2F": np.array([1]), "3F": np.array([2]), "RF": np.array([3])}
     found = full_modes(operators, floor_sensors(operators, nodes, 0), theta, 1e4)
-    assert len(found.felt.omega) < 9
+    assert len(found.felt.omega) <= 9
     # Bending along x, condensed by hand: deflections of the cantilever under unit loads.
     flexibility = cantilever_flexibility(levels, 25e9 * 0.02 * theta)
     mass = np.array([9e4, 5e4, 7e4])

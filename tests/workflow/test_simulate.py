@@ -434,7 +434,9 @@ def test_the_shipped_truth_is_of_the_shipped_building(shipped):
     assert truth["building_hash"] == mechanics_hash(building), (
         "the building has changed: run examples/make_observation.py again"
     )
-    assert truth["mesh_size_m"] == 0.5 * building.mesh.size
+    assert (
+        truth["mesh_size_m"] < building.mesh.size
+    )  # the truth is never the model that explains it
     prior = building.prior.theta
     assert all(prior.lower < value < prior.upper for value in truth["theta"])
     assert len(set(truth["theta"])) == 6
