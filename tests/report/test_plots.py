@@ -221,7 +221,7 @@ def test_picture_is_whole_or_absent(tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(figure, "savefig", fail)
-    with pytest.raises(ReportError, match="cannot write .*the disk is full"):
+    with pytest.raises(ReportError, match=r"cannot write .*the disk is full"):
         save_figure(figure, target)
     assert target.read_bytes() == b"the one before"
     assert list(tmp_path.iterdir()) == [target]
