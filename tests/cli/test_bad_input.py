@@ -533,13 +533,11 @@ def test_files_that_cannot_grow_are_not_left_half(script, bench, calibrated, sna
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda b: ["calibrate", b.folder / "nowhere.csv", "--exact"], "no such file"),
         (lambda b: ["calibrate", b.observation(), "--building", b.tower], "`femupdate train"),
         (lambda b: ["build-model", b.file("x.toml", "name = tower")], "not valid TOML"),
         (lambda b: ["predict", "--record", plain(b)], "run `femupdate calibrate` first"),
-        (lambda b: ["train", "--building", "tower"], "no such building"),
     ],
-    ids=["calibrate", "calibrate without surrogate", "build-model", "predict", "train"],
+    ids=["calibrate", "build-model", "predict"],
 )
 def test_through_the_script(script, bench, tmp_path, make, words):
     done = script(*make(bench), "--json", cwd=tmp_path)
