@@ -38,6 +38,36 @@ def shared_options(function: F) -> F:
         show_default=True,
         help="Folder that holds everything made for one building.",
     )
+    @_running
+    @functools.wraps(function)
+    def wrapper(*args: Any, **kwargs: Any) -> Any:
+        return function(*args, **kwargs)
+
+    return wrapper  # type: ignore[return-value]
+
+
+def benchmark_options(function: F) -> F:
+    """Add --output, --seed, --json and -v, and turn the library's errors into exit code 1."""
+
+    @click.option(
+        "--output",
+        "output_folder",
+        type=click.Path(file_okay=False, path_type=Path),
+        default=Path("benchmarks"),
+        show_default=True,
+        help="Folder for the results.",
+    )
+    @_running
+    @functools.wraps(function)
+    def wrapper(*args: Any, **kwargs: Any) -> Any:
+        return function(*args, **kwargs)
+
+    return wrapper  # type: ignore[return-value]
+
+
+def _running(function: F) -> F:
+    """Add --seed, --json and -v, and turn the library's errors into exit code 1."""
+
     @click.option(
         "--seed",
         type=click.IntRange(0, 2**32 - 1),

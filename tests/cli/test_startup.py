@@ -8,9 +8,11 @@ from importlib.metadata import version
 
 import click
 import pytest
+from femupdate.cli.benchmark import command as benchmarks
 from femupdate.cli.main import group
 
 COMMANDS = group.list_commands(click.Context(group))
+BENCHMARKS = benchmarks.list_commands(click.Context(benchmarks))
 WORK = ["build-model", "train", "calibrate", "predict", "render"]
 HEAVY = ("torch", "scipy", "pyvista", "vtkmodules", "matplotlib", "pydantic", "xarray", "numpy")
 
@@ -51,11 +53,19 @@ def test_nothing_heavy_is_imported_to_say_what_there_is(arguments):
     assert imported(*arguments)[1] == []
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("command", [name for name in COMMANDS if name != "benchmark"])
 def test_nothing_heavy_is_imported_for_the_help_of_a_command(command):
     text, heavy = imported(command, "--help")
     assert heavy == []
     for option in ("--study", "--seed", "--json", "--verbose"):
+        assert option in text
+
+
+@pytest.mark.parametrize("name", BENCHMARKS)
+def test_nothing_heavy_is_imported_for_the_help_of_a_benchmark(name):
+    text, heavy = imported("benchmark", name, "--help")
+    assert heavy == []
+    for option in ("--output", "--seed", "--json", "--verbose"):
         assert option in text
 
 

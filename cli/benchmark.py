@@ -1,0 +1,25 @@
+"""femupdate benchmark NAME: a group whose benchmarks are imported when they are called.
+
+A new benchmark is a line in `_BENCHMARKS` and a module that holds its click command as `command`,
+with `benchmark_options` of `common` for --output, --seed, --json and -v.
+"""
+
+import click
+
+from .lazy import LazyGroup
+
+_BENCHMARKS = {
+    "solver": (
+        "benchmark_solver",
+        "Element tests against published values; speed against OpenSees.",
+    ),
+}
+
+
+@click.group("benchmark", cls=LazyGroup, commands=_BENCHMARKS)
+def command() -> None:
+    """Published tables and other programs, side by side with ours.
+
+    Each benchmark prints its table and writes it, with machine and date, as JSON and Markdown
+    into the folder --output.
+    """

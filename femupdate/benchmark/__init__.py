@@ -1,0 +1,1 @@
+"""Published tables and other programs, side by side with ours."""
