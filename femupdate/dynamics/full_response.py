@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femupdate.fe.assembly import AffineOperators
+from femupdate.fe.factorization import factorize
 from femupdate.fe.model import DOF_PER_NODE
-from femupdate.fe.solve import modes_below, static_displacement
+from femupdate.fe.solve import modes_below
 
 Floats = NDArray[np.float64]
 
@@ -35,8 +36,8 @@ class FloorModes:
     Attributes:
         omega: (m,) circular frequencies, rad/s.
         effect: (f, m) floor shape times participation factor.
-        missed: (f,) static displacement of the floors under unit base acceleration that the modes
-            lack, s2.
+        missed: (f, t) what the modes lack of the floors' displacement under unit base
+            acceleration: first terms of its power series in the squared frequency, s2, s4, ...
     """
 
     omega: Floats
@@ -78,9 +79,22 @@ def floor_sensors(
 
 
 def full_modes(
-    operators: AffineOperators, sensors: FloorSensors, theta: Floats, top_hz: float
+    operators: AffineOperators,
+    sensors: FloorSensors,
+    theta: Floats,
+    top_hz: float,
+    terms: int = 1,
 ) -> FullModes:
-    """All modes up to a frequency, and the static response that makes up for the rest.
+    """All modes up to a frequency, and the power series that makes up for the rest.
+
+    At a share s of the top, t terms leave s^(2 t) of what the other modes do statically.
+
+    Args:
+        operators: of the full model.
+        sensors: where the floors are observed.
+        theta: (p,) stiffness factors.
+        top_hz: all modes below it are found.
+        terms: of the power series, at least one: the static response.
 
     Raises:
         ModelError: the structure is a mechanism, or the eigenproblem cannot be solved.
@@ -89,26 +103,43 @@ def full_modes(
     omega = 2.0 * np.pi * modes.frequency_hz
     participation = modes.shapes.T @ sensors.excitation
     floors = sensors.rows @ modes.shapes
-    load = operators.expand(sensors.excitation)
-    static = operators.restrict(static_displacement(operators, theta, load))
     effect = floors * participation
-    missed = sensors.rows @ static - effect @ omega**-2.0
-    return FullModes(modes.shapes, participation, floors, static, FloorModes(omega, effect, missed))
+    rest = _power_series(operators, theta, modes.shapes, sensors.excitation, terms)
+    static = modes.shapes @ (participation / omega**2) + rest[:, 0]
+    felt = FloorModes(omega, effect, sensors.rows @ rest)
+    return FullModes(modes.shapes, participation, floors, static, felt)
+
+
+def _power_series(
+    operators: AffineOperators, theta: Floats, shapes: Floats, force: Floats, terms: int
+) -> Floats:
+    """(K^-1 M)^k K^-1 force (n_free, terms) without the part of the given modes (n_free, m)."""
+    factorization = factorize(operators.stiffness(theta))
+    force = force - operators.mass @ (shapes @ (shapes.T @ force))
+    series = []
+    for _ in range(terms):
+        motion = factorization.solve(force)
+        # Rounding brings the modes back, and every further term would magnify them.
+        motion = motion - shapes @ (shapes.T @ (operators.mass @ motion))
+        series.append(motion)
+        force = operators.mass @ motion
+    return np.column_stack(series)
 
 
 def superposition_log_frf(
-    omega: Floats, effect: Floats, static: Floats, frequency_hz: Floats, zeta: float
+    omega: Floats, effect: Floats, missed: Floats, frequency_hz: Floats, zeta: float
 ) -> Floats:
-    """ln|H| (f, k) from the modes of one model, with a static correction for those left out.
+    """ln|H| (f, k) from the modes of one model, with a power series for those left out.
 
     Args:
         omega: (m,) rad/s.
         effect: (f, m) floor shape times participation factor.
-        static: (f,) displacement under unit base acceleration that the modes miss, s2.
+        missed: (f, t) power series of the displacement that the modes miss, s2, s4, ...
         frequency_hz: (k,).
         zeta: damping ratio of all modes.
     """
     w = 2.0 * np.pi * frequency_hz
     flexibility = omega[:, None] ** 2 - w**2 + 2j * zeta * omega[:, None] * w
-    response = 1.0 + effect @ (w**2 / flexibility) + static[:, None] * w**2
+    powers = w ** (2 * np.arange(missed.shape[1])[:, None] + 2)
+    response = 1.0 + effect @ (w**2 / flexibility) + missed @ powers
     return np.log(np.abs(response))
