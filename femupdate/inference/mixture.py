@@ -21,10 +21,14 @@ class GaussianMixture:
     mean: Tensor
     cholesky: Tensor
 
+    def scaled(self, x: Tensor) -> Tensor:
+        """Offsets of x (n, p) from every mean in units of its covariance, (k, p, n)."""
+        difference = (x[None] - self.mean[:, None]).transpose(1, 2)
+        return torch.linalg.solve_triangular(self.cholesky, difference, upper=False)
+
     def component_log_density(self, x: Tensor) -> Tensor:
         """Log of weight times density, (n, k), for x (n, p)."""
-        difference = (x[None] - self.mean[:, None]).transpose(1, 2)  # (k, p, n)
-        scaled = torch.linalg.solve_triangular(self.cholesky, difference, upper=False)
+        scaled = self.scaled(x)
         log_determinant = self.cholesky.diagonal(dim1=1, dim2=2).log().sum(-1)
         constant = -0.5 * x.shape[1] * math.log(2.0 * math.pi)
         log_density = constant - log_determinant[:, None] - 0.5 * (scaled**2).sum(1)

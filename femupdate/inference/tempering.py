@@ -35,12 +35,13 @@ def next_increment(gain: Tensor, most: float, ess_target: float) -> float:
     return max(low, 1e-12)
 
 
-def systematic_rows(weight: Tensor, generator: torch.Generator) -> Tensor:
-    """Systematic resampling (Kitagawa 1996): n row indices for weights (n,) that sum to one.
+def systematic_rows(weight: Tensor, generator: torch.Generator, count: int | None = None) -> Tensor:
+    """Systematic resampling (Kitagawa 1996): row indices for weights (n,) that sum to one.
 
-    Row i comes floor(n w_i) or ceil(n w_i) times, n w_i times on average; weight zero never comes.
+    As many as there are weights, or `count`. Row i comes floor(count w_i) or ceil(count w_i) times,
+    count w_i times on average; weight zero never comes.
     """
-    count = len(weight)
+    count = count or len(weight)
     uniform = torch.rand(1, generator=generator, dtype=weight.dtype, device=weight.device)
     # Points in (0, 1] and edges that end at exactly 1: rounding cannot reach a row of weight zero.
     points = (

@@ -8,10 +8,10 @@ import torch
 from scipy.stats import kstest, norm
 
 from femupdate.errors import InferenceError
-from femupdate.inference.smc import SmcSettings, TemperedSmc
+from femupdate.inference.smc import PAPER, THOROUGH, SmcSettings, TemperedSmc
 
-WALK = SmcSettings(independence_moves=0, walk_scale=0.5, moves=15)
-MIXTURE = SmcSettings(independence_moves=10)
+WALK = replace(PAPER, walk_scale=0.5, moves=15)
+MIXTURE = replace(THOROUGH, independence_moves=10)
 PROBLEM = (
     np.array([[1.0, 0.4, 0.0], [-0.3, 2.0, 0.7], [0.0, 0.5, 1.5], [0.2, -1.0, 0.6]]),
     np.array([1.3, -0.8, 2.1, 0.4]),
@@ -27,7 +27,9 @@ def same(one, other):
 
 
 @pytest.mark.parametrize(
-    "settings", [SmcSettings(), WALK, MIXTURE], ids=["both", "walk", "mixture"]
+    "settings",
+    [SmcSettings(), THOROUGH, WALK, MIXTURE],
+    ids=["default", "thorough", "walk", "mixture"],
 )
 def test_linear_gaussian_posterior_and_evidence(box, linear_gaussian, settings):
     prior, exact = box([0.3, -5.0, 10.0], [3.0, 2.0, 11.0]), linear_gaussian(*PROBLEM)
@@ -41,15 +43,18 @@ def test_linear_gaussian_posterior_and_evidence(box, linear_gaussian, settings):
     np.testing.assert_allclose(ratio, np.eye(3), atol=0.2)
     assert result.log_evidence == pytest.approx(exact.log_evidence, abs=0.18)
     assert result.invalid == 0
-    moves = settings.moves
-    assert result.evaluations == 2000 * (1 + moves * len(result.levels))
+    most = 2000 * (1 + settings.moves * len(result.levels))
+    if settings.unmoved == 0.0:
+        assert result.evaluations == most
+    else:
+        assert result.evaluations < 0.6 * most
     np.testing.assert_allclose(
         result.log_likelihood, exact.on(prior)(result.theta), rtol=1e-9, atol=1e-9
     )
 
 
 @pytest.mark.parametrize("rate", [30.0, 2.0, -9.0])
-@pytest.mark.parametrize("settings", [SmcSettings(), WALK], ids=["both", "walk"])
+@pytest.mark.parametrize("settings", [THOROUGH, WALK], ids=["thorough", "walk"])
 def test_one_dimension_with_a_likelihood_that_leans(box, rate, settings):
     """exp(-rate u) on the unit interval: evidence (1 - exp(-rate)) / rate."""
     prior = box([2.0], [6.0])
@@ -149,7 +154,7 @@ def test_a_few_possible_points_are_enough(box, seed):
     def log_likelihood(theta):
         return torch.where(theta[:, 0] < 2e-2, -1e3 * theta[:, 0], -torch.inf)
 
-    result = TemperedSmc(prior, log_likelihood).run(1000, seed)
+    result = TemperedSmc(prior, log_likelihood, settings=THOROUGH).run(1000, seed)
     assert result.theta.mean() == pytest.approx(1e-3, rel=0.15)
     # Some twenty points of a thousand: .22 for their number, and as much for where they lie.
     assert result.log_evidence == pytest.approx(np.log(1e-3), abs=1.2)
@@ -267,8 +272,9 @@ def test_levels_tell_what_happened(box, linear_gaussian):
     assert betas == sorted(set(betas))
     assert betas[-1] == 1.0
     for level in result.levels:
-        assert level.ess >= 0.8 * 400 * (1.0 - 1e-9)
-        assert 0.0 < level.acceptance_walk <= 1.0
+        assert level.ess >= 0.5 * 400 * (1.0 - 1e-9)
+        # With the moves cut short the walk is not always needed.
+        assert np.isnan(level.acceptance_walk) or 0.0 < level.acceptance_walk <= 1.0
         assert 0.2 < level.acceptance_independence <= 1.0  # the mixture fits a Gaussian well
         assert 0.9 < level.unique <= 1.0
 
