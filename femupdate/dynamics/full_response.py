@@ -22,11 +22,13 @@ class FloorSensors:
         rows: (f, n_free) mean displacement of each floor's sensor points along the motion.
         excitation: (n_free,) force of inertia per unit base acceleration, kg and kg m.
         direction: 0 for motion along x, 1 along y.
+        others: (g, n_free) other forces that a reduced model must follow.
     """
 
     rows: Floats
     excitation: Floats
     direction: int
+    others: Floats
 
 
 @dataclass(frozen=True)
@@ -75,7 +77,7 @@ def floor_sensors(
     rows = np.zeros((len(floor_nodes), operators.dof))
     for row, nodes in zip(rows, floor_nodes.values(), strict=True):
         row[DOF_PER_NODE * np.asarray(nodes) + direction] = 1.0 / len(nodes)
-    return FloorSensors(rows[:, operators.free], operators.inertia(direction), direction)
+    return FloorSensors(operators.gather(rows.T).T, operators.inertia(direction), direction)
 
 
 def full_modes(

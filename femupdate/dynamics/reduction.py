@@ -35,6 +35,7 @@ from femupdate.processors import processor_count
 Floats = NDArray[np.float64]
 _SIZES = (40, 60, 80, 100, 120, 140, 160, 180, 200, 230, 260, 300)
 _CHECKS = 4
+_OTHERS = 0.05  # weight of forces other than the base motion's
 _LARGE = 2000  # degrees of freedom from which processes of their own pay
 T = TypeVar("T")
 
@@ -101,22 +102,24 @@ def reduce_operators(
     """
     sensors = floor_sensors(operators, floor_nodes, direction)
     thetas, unseen = _samples(target)
-    done = 0
+    total = len(thetas) + len(unseen)
+
+    def tell(done: int, _: int) -> None:
+        if progress is not None:
+            progress(done, total)
+
+    basis = response_basis(operators, sensors, thetas, target, tell)
+    done = len(thetas)
 
     def tick() -> None:
         nonlocal done
         done += 1
-        if progress is not None:
-            progress(done, len(thetas) + len(unseen))
+        tell(done, total)
 
-    snapshots = np.concatenate(
-        list(_everywhere(_snapshots, operators, sensors, thetas, target, tick)), axis=1
-    )
     references = list(_everywhere(_reference, operators, sensors, unseen, target, tick))
-    basis = _compress(operators, snapshots)
     most = basis.shape[1]
     for size in (*(s for s in _SIZES if s < most), most):
-        model = _project(operators, basis[:, :size], floor_nodes, story_levels, sensors)
+        model = project(operators, basis[:, :size], floor_nodes, story_levels, sensors)
         errors = _log_errors(model, unseen, references, target)
         rms = float(np.sqrt((errors**2).mean()))
         # A margin for the theta that were not checked, unless there is nothing left to add.
@@ -127,6 +130,34 @@ def reduce_operators(
         f"ln|H|, more than the tolerance {target.tolerance:g}; raise reduction.tolerance or lower "
         "the top of the frequency grid"
     )
+
+
+def response_basis(
+    operators: AffineOperators,
+    sensors: FloorSensors,
+    thetas: Floats,
+    target: ReductionTarget,
+    progress: Callable[[int, int], None] | None = None,
+) -> Floats:
+    """M-orthonormal basis (n_free, r <= 300) of the responses at thetas (n, p), best first.
+
+    Args:
+        operators: of the full model.
+        sensors: what drives it and where it is seen.
+        thetas: stiffness factors, one a term of the operators.
+        target: grid and damping.
+        progress: called with (done, total) full eigenproblems.
+    """
+    done = 0
+
+    def tick() -> None:
+        nonlocal done
+        done += 1
+        if progress is not None:
+            progress(done, len(thetas))
+
+    snapshots = list(_everywhere(_snapshots, operators, sensors, thetas, target, tick))
+    return _compress(operators, np.concatenate(snapshots, axis=1))
 
 
 def reduce_lumped(stiffness_terms: Floats, mass: Floats, floors: tuple[str, ...]) -> ReducedModel:
@@ -231,7 +262,11 @@ def _snapshots(
         0.05**0.5 * shape[:, None] * response * (w**2 / one)
         for shape, one in zip(modes.floors, size, strict=True)
     ]
-    gram = sum((c @ c.conj().T).real for c in (primal, *dual))
+    other = [
+        _OTHERS**0.5 * part[:, None] * response * (w**2 / size.min(axis=0))
+        for part in sensors.others @ modes.shapes
+    ]
+    gram = sum((c @ c.conj().T).real for c in (primal, *dual, *other))
     energy, directions = np.linalg.eigh(gram)
     kept = energy > 1e-9 * energy[-1]
     shapes = modes.shapes @ (directions[:, kept] * np.sqrt(energy[kept] / energy[-1]))
@@ -249,13 +284,15 @@ def _compress(operators: AffineOperators, snapshots: Floats) -> Floats:
     return solve_triangular(factor, basis.T, lower=True).T
 
 
-def _project(
+def project(
     operators: AffineOperators,
     basis: Floats,
     floor_nodes: Mapping[str, NDArray[np.int64]],
     story_levels: Floats,
     sensors: FloorSensors,
 ) -> ReducedModel:
+    """The reduced model on a mass-orthonormal basis (n_free, r)."""
+
     def onto(matrix: object) -> Floats:
         projected = basis.T @ (matrix @ basis)  # type: ignore[operator]
         return 0.5 * (projected + projected.T)
@@ -288,7 +325,7 @@ def _above(
     selector[:, direction::DOF_PER_NODE] = np.where(at_middle, 0.5, above > 0.0)
     weighted = (operators.mass_full @ selector.T).T
     everything = operators.rigid_translation(direction)
-    return weighted[:, operators.free] @ basis, weighted @ everything
+    return weighted @ operators.expand(basis), weighted @ everything
 
 
 def _log_errors(

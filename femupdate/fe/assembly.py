@@ -1,6 +1,7 @@
 """From the model to sparse operators, affine in the stiffness parameters theta."""
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from functools import reduce
 
 import numpy as np
@@ -17,6 +18,7 @@ from femupdate.fe.entries import (
     spring_entries,
     summed,
 )
+from femupdate.fe.links import link_expansion, slave_dof
 from femupdate.fe.model import (
     DOF_PER_NODE,
     FiniteElementModel,
@@ -25,6 +27,7 @@ from femupdate.fe.model import (
     Integers,
 )
 from femupdate.fe.shell import shell_matrices
+from femupdate.fe.triangle import triangle_matrices
 
 
 @dataclass(frozen=True)
@@ -36,11 +39,14 @@ class AffineOperators:
         stiffness_constant: (n_free, n_free) part that no parameter scales.
         mass: (n_free, n_free) consistent mass, kg, kg m and kg m2.
         mass_full: (6N, 6N) mass before supports.
-        free: (n_free,) indices of the free degrees of freedom, ascending, into 6N.
+        free: (n_free,) indices of the independent degrees of freedom, ascending, into 6N: neither
+            held nor slaves of a rigid link.
         dof: 6N.
         nodes: (N, 3) coordinates, m.
         stiffness_values: (nnz, p) values of the terms on the sparsity pattern of
             `stiffness_constant`, which holds the entries of all terms.
+        expansion: (6N, n_free) motion of all degrees of freedom per unit of the independent ones
+            where there are rigid links, None where all others are held.
     """
 
     stiffness_terms: tuple[csc_matrix, ...]
@@ -51,6 +57,7 @@ class AffineOperators:
     dof: int
     nodes: Floats
     stiffness_values: csr_matrix
+    expansion: csr_matrix | None = None
 
     @property
     def parameters(self) -> int:
@@ -73,14 +80,28 @@ class AffineOperators:
         return _on_pattern(values, self.stiffness_constant)
 
     def expand(self, values: Floats) -> Floats:
-        """Put zeros at the supports, (n_free, ...) -> (6N, ...)."""
+        """Motion of all degrees of freedom, zero at the supports, (n_free, ...) -> (6N, ...)."""
+        if self.expansion is not None:
+            flat = self.expansion @ values.reshape(len(values), -1)
+            return flat.reshape(self.dof, *values.shape[1:])
         full = np.zeros((self.dof, *values.shape[1:]), dtype=values.dtype)
         full[self.free] = values
         return full
 
     def restrict(self, values: Floats) -> Floats:
-        """Keep the free degrees of freedom, (6N, ...) -> (n_free, ...)."""
+        """Keep the independent degrees of freedom of a motion, (6N, ...) -> (n_free, ...)."""
         return values[self.free]
+
+    def gather(self, load: Floats) -> Floats:
+        """Loads on the independent degrees of freedom, (6N, ...) -> (n_free, ...).
+
+        What acts on the slaves of rigid links goes to their masters with its moment; what acts on
+        supports is dropped. Rows that observe the motion are gathered in the same way.
+        """
+        if self.expansion is None:
+            return load[self.free]
+        flat = self.expansion.T @ load.reshape(len(load), -1)
+        return flat.reshape(len(self.free), *load.shape[1:])
 
     def rigid_translation(self, direction: int) -> Floats:
         """Unit translation of all nodes along 0 (x), 1 (y) or 2 (z), (6N,).
@@ -99,7 +120,7 @@ class AffineOperators:
 
         The supports move too: consistent mass couples them with the free degrees of freedom.
         """
-        return self.restrict(self.mass_full @ self.rigid_translation(direction))
+        return self.gather(self.mass_full @ self.rigid_translation(direction))
 
 
 def assemble(model: FiniteElementModel) -> AffineOperators:
@@ -107,25 +128,30 @@ def assemble(model: FiniteElementModel) -> AffineOperators:
 
     Raises:
         ModelError: an element is impossible, a node belongs to no element, an index is out of
-            range, or no degree of freedom is free.
+            range, rigid links contradict each other, or no degree of freedom is free.
     """
     check_model(model)
-    shells = _shell_matrices(model)
-    beams = beam_matrices(model.nodes[model.beams.nodes], model.beams)
+    elements = _element_matrices(model)
+    expansion = link_expansion(model)
     free = np.flatnonzero(~model.fixed.ravel())
-    number = np.full(model.dof, -1)
-    number[free] = np.arange(len(free))
+    if expansion is not None:
+        free = np.setdiff1d(free, slave_dof(model.links))
+        expansion = expansion[:, free]
 
-    def stiffness_of(group: int) -> csc_matrix:
-        parts = _stiffness_entries(model, shells, beams, group)
-        return summed([part.renumbered(number) for part in parts], len(free))
+    def onto_free(parts: Iterable[Entries]) -> csc_matrix:
+        if expansion is None:
+            number = np.full(model.dof, -1)
+            number[free] = np.arange(len(free))
+            return summed([part.renumbered(number) for part in parts], len(free))
+        return _congruent(expansion, summed(parts, model.dof))
 
-    terms = tuple(stiffness_of(group) for group in range(model.groups))
-    constant = stiffness_of(-1)
+    terms = tuple(
+        onto_free(_stiffness_entries(model, elements, group)) for group in range(model.groups)
+    )
+    constant = onto_free(_stiffness_entries(model, elements, -1))
     mass_full = summed(
         (
-            element_entries(model.shells.nodes, shells.mass),
-            element_entries(model.beams.nodes, beams.mass),
+            *(element_entries(nodes, matrices.mass) for nodes, _, matrices in elements),
             mass_entries(model.masses),
         ),
         model.dof,
@@ -134,12 +160,35 @@ def assemble(model: FiniteElementModel) -> AffineOperators:
     return AffineOperators(
         stiffness_terms=terms,
         stiffness_constant=_on_pattern(_placed([constant], pattern).toarray()[:, 0], pattern),
-        mass=mass_full[free][:, free],
+        mass=mass_full[free][:, free] if expansion is None else _congruent(expansion, mass_full),
         mass_full=mass_full,
         free=free,
         dof=model.dof,
         nodes=model.nodes,
         stiffness_values=_placed(terms, pattern),
+        expansion=expansion,
+    )
+
+
+def _congruent(expansion: csr_matrix, matrix: csc_matrix) -> csc_matrix:
+    """T^T A T, symmetric to the last digit and without stored zeros."""
+    product = (expansion.T @ matrix @ expansion).tocsc()
+    product = (0.5 * (product + product.T)).tocsc()
+    product.eliminate_zeros()
+    product.sort_indices()
+    return product
+
+
+# Nodes, stiffness parameter and matrices of all elements of one type.
+_Elements = tuple[Integers, Integers, ElementMatrices]
+
+
+def _element_matrices(model: FiniteElementModel) -> tuple[_Elements, ...]:
+    shells, beams, triangles = model.shells, model.beams, model.triangles
+    return (
+        (shells.nodes, shells.group, _shell_matrices(model)),
+        (triangles.nodes, triangles.group, triangle_matrices(model.nodes, triangles)),
+        (beams.nodes, beams.group, beam_matrices(model.nodes[beams.nodes], beams)),
     )
 
 
@@ -156,19 +205,31 @@ def _shell_matrices(model: FiniteElementModel) -> ElementMatrices:
 
 
 def _stiffness_entries(
-    model: FiniteElementModel, shells: ElementMatrices, beams: ElementMatrices, group: int
+    model: FiniteElementModel, elements: tuple[_Elements, ...], group: int
 ) -> tuple[Entries, ...]:
     """Entries of all that one parameter scales, or that none scales for a negative group."""
 
     def chosen(groups: Integers) -> Flags:
         return groups == group if group >= 0 else groups < 0
 
-    of_shells, of_beams = chosen(model.shells.group), chosen(model.beams.group)
-    springs, of_springs = model.springs, chosen(model.springs.group)
     return (
-        element_entries(model.shells.nodes[of_shells], shells.stiffness[of_shells]),
-        element_entries(model.beams.nodes[of_beams], beams.stiffness[of_beams]),
-        spring_entries(springs, of_springs),
+        *(
+            element_entries(nodes[chosen(groups)], matrices.stiffness[chosen(groups)])
+            for nodes, groups, matrices in elements
+        ),
+        spring_entries(model.springs, chosen(model.springs.group)),
+    )
+
+
+def with_terms(operators: AffineOperators, terms: tuple[csc_matrix, ...]) -> AffineOperators:
+    """The same structure with its stiffness split into other terms, (n_free, n_free) each."""
+    pattern = _union((operators.stiffness_constant, *terms))
+    constant = _placed([operators.stiffness_constant], pattern).toarray()[:, 0]
+    return replace(
+        operators,
+        stiffness_terms=terms,
+        stiffness_constant=_on_pattern(constant, pattern),
+        stiffness_values=_placed(terms, pattern),
     )
 
 

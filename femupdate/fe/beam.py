@@ -4,6 +4,7 @@ import numpy as np
 
 from femupdate.errors import ModelError
 from femupdate.fe.element import ElementMatrices, symmetric
+from femupdate.fe.links import rigid_arms
 from femupdate.fe.model import Beams, Floats
 
 _AXIAL = np.array([0, 6])
@@ -30,19 +31,72 @@ def beam_matrices(coordinates: Floats, beams: Beams) -> ElementMatrices:
     Raises:
         ModelError: a beam has no length, `up` along its axis or an impossible property.
     """
+    to_local, stiffness, mass = local_matrices(coordinates, beams)
+    to_global = np.swapaxes(to_local, 1, 2)
+    return ElementMatrices(
+        symmetric(to_global @ stiffness @ to_local), symmetric(to_global @ mass @ to_local)
+    )
+
+
+def local_matrices(coordinates: Floats, beams: Beams) -> tuple[Floats, Floats, Floats]:
+    """Matrices in local axes, and the way there, (n, 12, 12) each.
+
+    Rigid arms at the ends are part of the way. Released ends move so that no force passes them:
+    they are condensed, and the mass follows the same shapes.
+
+    Args:
+        coordinates: (n, 2, 3) nodes, m.
+        beams: sections, materials, orientations, arms and releases.
+
+    Returns:
+        from global motion of the nodes to local motion of the ends; stiffness; mass.
+
+    Raises:
+        ModelError: as `beam_matrices`.
+    """
     _check_properties(beams)
-    length = np.linalg.norm(coordinates[:, 1] - coordinates[:, 0], axis=1)
-    axes = _axes(coordinates, length, beams)
+    ends = coordinates if beams.offset is None else coordinates + beams.offset
+    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    axes = _axes(ends, length, beams)
     count = len(beams)
     blocks = np.zeros((count, 4, 3, 4, 3))
     for block in range(4):
         blocks[:, block, :, block] = axes
     to_local = blocks.reshape(count, 12, 12)
-    to_global = np.swapaxes(to_local, 1, 2)
+    if beams.offset is not None:
+        arms = np.zeros((count, 2, 6, 2, 6))
+        for end in range(2):
+            arms[:, end, :, end] = rigid_arms(beams.offset[:, end])
+        to_local = to_local @ arms.reshape(count, 12, 12)
     stiffness, mass = _local_matrices(length, beams)
-    return ElementMatrices(
-        symmetric(to_global @ stiffness @ to_local), symmetric(to_global @ mass @ to_local)
-    )
+    if beams.released is not None:
+        stiffness, mass = _released(stiffness, mass, beams)
+    return to_local, stiffness, mass
+
+
+def _released(stiffness: Floats, mass: Floats, beams: Beams) -> tuple[Floats, Floats]:
+    """Condense the released ends; the few patterns of release are treated one by one."""
+    assert beams.released is not None
+    stiffness, mass = stiffness.copy(), mass.copy()
+    patterns, which = np.unique(beams.released, axis=0, return_inverse=True)
+    for number, pattern in enumerate(patterns):
+        if not pattern.any():
+            continue
+        chosen = which.ravel() == number
+        out, kept = np.flatnonzero(pattern), np.flatnonzero(~pattern)
+        own = stiffness[chosen][:, out[:, None], out]
+        loose = np.linalg.matrix_rank(own, hermitian=True) < len(out)
+        members = np.zeros(len(beams), dtype=bool)
+        members[np.flatnonzero(chosen)[loose]] = True
+        _refuse(members, beams, "is released so far that it moves freely; keep one end fixed")
+        shapes = np.zeros((int(chosen.sum()), 12, 12))
+        shapes[:, kept, kept] = 1.0
+        shapes[:, out[:, None], kept] = -np.linalg.solve(
+            own, stiffness[chosen][:, out[:, None], kept]
+        )
+        for matrix in (stiffness, mass):
+            matrix[chosen] = np.swapaxes(shapes, 1, 2) @ matrix[chosen] @ shapes
+    return stiffness, mass
 
 
 def _local_matrices(length: Floats, beams: Beams) -> tuple[Floats, Floats]:

@@ -3,7 +3,15 @@
 import numpy as np
 
 from femupdate.errors import ModelError
-from femupdate.fe.model import DOF_NAMES, FiniteElementModel, Integers
+from femupdate.fe.model import (
+    DOF_NAMES,
+    Beams,
+    FiniteElementModel,
+    Integers,
+    Shells,
+    Springs,
+    Triangles,
+)
 
 _LISTED = 8  # nodes named in a message before "and n more"
 
@@ -38,10 +46,12 @@ def _check_indices(model: FiniteElementModel) -> None:
     count = len(model.nodes)
     connected = (
         ("shell", model.shells.nodes, 0),
+        ("triangle", model.triangles.nodes, 0),
         ("beam", model.beams.nodes, 0),
         ("point mass", model.masses.node[:, None], 0),
         ("spring", model.springs.nodes[:, :1], 0),
         ("spring", model.springs.nodes[:, 1:], -1),
+        ("rigid link", np.stack([model.links.master, model.links.slave], axis=1), 0),
     )
     for name, nodes, lowest in connected:
         bad = (nodes < lowest) | (nodes >= count)
@@ -51,7 +61,12 @@ def _check_indices(model: FiniteElementModel) -> None:
                 f"{name} {first} names node {nodes[first, column]}, but there are only nodes 0 to "
                 f"{count - 1}"
             )
-    grouped = (("shell", model.shells), ("beam", model.beams), ("spring", model.springs))
+    grouped: tuple[tuple[str, Shells | Triangles | Beams | Springs], ...] = (
+        ("shell", model.shells),
+        ("triangle", model.triangles),
+        ("beam", model.beams),
+        ("spring", model.springs),
+    )
     for name, elements in grouped:
         bad = elements.group >= model.groups
         if bad.any():
@@ -88,7 +103,8 @@ def _check_springs_and_masses(model: FiniteElementModel) -> None:
 
 def _check_connected(model: FiniteElementModel) -> None:
     lonely = np.ones(len(model.nodes), dtype=bool)
-    for nodes in (model.shells.nodes, model.beams.nodes, model.springs.nodes):
+    elements = (model.shells, model.triangles, model.beams, model.springs)
+    for nodes in [part.nodes for part in elements] + [model.links.master, model.links.slave]:
         lonely[nodes[nodes >= 0]] = False
     if lonely.any():
         raise ModelError(

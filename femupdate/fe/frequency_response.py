@@ -34,12 +34,12 @@ def harmonic_displacement(
     Raises:
         ModelError: a frequency meets an undamped resonance.
     """
-    stiffness, force = operators.stiffness(theta), operators.restrict(load).astype(complex)
+    stiffness, force = operators.stiffness(theta), operators.gather(load).astype(complex)
     response = np.zeros((len(frequency_hz), operators.dof), dtype=complex)
     for row, omega in zip(response, 2.0 * np.pi * np.asarray(frequency_hz), strict=True):
         dynamic = stiffness + 1j * omega * damping - omega**2 * operators.mass
         try:
-            row[operators.free] = factorize(dynamic.tocsc()).solve(force)
+            row[:] = operators.expand(factorize(dynamic.tocsc()).solve(force))
         except SingularMatrixError as error:
             raise ModelError(
                 f"the response at {omega / (2.0 * np.pi):g} Hz has no finite value; add damping or "

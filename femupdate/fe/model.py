@@ -1,4 +1,4 @@
-"""The finite-element model as data: nodes, shells, beams, masses, springs and supports."""
+"""The finite-element model as data: nodes, elements, masses, springs, links and supports."""
 
 from dataclasses import dataclass, field
 
@@ -49,10 +49,26 @@ class Shells:
 
 
 @dataclass(frozen=True)
+class Triangles:
+    """Three-node shells, one row an element; attributes as for `Shells`, `nodes` (n, 3)."""
+
+    nodes: Integers = field(default_factory=lambda: _no_indices(0, 3))
+    thickness: Floats = field(default_factory=lambda: _no_rows(0))
+    youngs_modulus: Floats = field(default_factory=lambda: _no_rows(0))
+    poisson_ratio: Floats = field(default_factory=lambda: _no_rows(0))
+    density: Floats = field(default_factory=lambda: _no_rows(0))
+    group: Integers = field(default_factory=lambda: _no_indices(0))
+    kind: NDArray[np.str_] = field(default_factory=lambda: np.zeros(0, dtype="<U24"))
+
+    def __len__(self) -> int:
+        return len(self.nodes)
+
+
+@dataclass(frozen=True)
 class Beams:
     """Two-node Timoshenko beams, one row an element.
 
-    The local x axis runs from the first node to the second; `up` lies in the local x-z plane, so
+    The local x axis runs from the first end to the second; `up` lies in the local x-z plane, so
     that z = component of `up` normal to x and y = z cross x. `inertia_y` resists bending in the
     x-z plane (displacement along z), `inertia_z` in the x-y plane.
 
@@ -68,6 +84,10 @@ class Beams:
         density: (n,) kg/m3.
         up: (n, 3) vector that fixes the section's orientation.
         group, kind: as for `Shells`.
+        offset: (n, 2, 3) rigid arms from the nodes to the ends of the beam, m, in global axes;
+            None for none.
+        released: (n, 12) True where an end passes no force on, in local axes, the first end's six
+            and then the second's; None for nowhere.
     """
 
     nodes: Integers = field(default_factory=lambda: _no_indices(0, 2))
@@ -83,6 +103,8 @@ class Beams:
     up: Floats = field(default_factory=lambda: _no_rows(0, 3))
     group: Integers = field(default_factory=lambda: _no_indices(0))
     kind: NDArray[np.str_] = field(default_factory=lambda: np.zeros(0, dtype="<U24"))
+    offset: Floats | None = None
+    released: Flags | None = None
 
     def __len__(self) -> int:
         return len(self.nodes)
@@ -127,6 +149,28 @@ class Springs:
 
 
 @dataclass(frozen=True)
+class RigidLinks:
+    """Nodes that follow another one as if a rigid body joined the two.
+
+    The motion of a slave is u_s = u_m + r_m cross (x_s - x_m), r_s = r_m, and only what is tied of
+    it is taken from the master. Slaves are eliminated, not held by stiff springs. A master may be
+    another link's slave; a degree of freedom follows one master only.
+
+    Attributes:
+        master: (n,) node indices.
+        slave: (n,) node indices.
+        tied: (n, 6) which degrees of freedom of the slave follow, in the order of `DOF_NAMES`.
+    """
+
+    master: Integers = field(default_factory=lambda: _no_indices(0))
+    slave: Integers = field(default_factory=lambda: _no_indices(0))
+    tied: Flags = field(default_factory=lambda: np.zeros((0, DOF_PER_NODE), dtype=np.bool_))
+
+    def __len__(self) -> int:
+        return len(self.master)
+
+
+@dataclass(frozen=True)
 class FiniteElementModel:
     """All that the solver needs to know.
 
@@ -143,6 +187,8 @@ class FiniteElementModel:
     beams: Beams = field(default_factory=Beams)
     masses: PointMasses = field(default_factory=PointMasses)
     springs: Springs = field(default_factory=Springs)
+    triangles: Triangles = field(default_factory=Triangles)
+    links: RigidLinks = field(default_factory=RigidLinks)
 
     @property
     def dof(self) -> int:

@@ -62,7 +62,7 @@ def static_displacement(operators: AffineOperators, theta: Floats, load: Floats)
     if load.shape[0] != operators.dof:
         raise ModelError(f"the load has {load.shape[0]} rows; it needs {operators.dof}, six a node")
     factorization = factorize_supported(operators, operators.stiffness(theta))
-    return operators.expand(factorization.solve(operators.restrict(load)))
+    return operators.expand(factorization.solve(operators.gather(load)))
 
 
 def lowest_modes(

@@ -53,8 +53,10 @@ class Geometry:
 
     @classmethod
     def of_model(cls, model: FiniteElementModel) -> "Geometry":
-        """The shells and beams of a finite-element model."""
-        return cls.of(model.nodes, model.shells.nodes, model.beams.nodes)
+        """The shells and beams of a finite-element model; a triangle repeats its last node."""
+        three = model.triangles.nodes
+        shells = np.concatenate([model.shells.nodes, np.column_stack([three, three[:, 2:]])])
+        return cls.of(model.nodes, shells, model.beams.nodes)
 
     @property
     def size(self) -> float:

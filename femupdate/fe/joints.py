@@ -1,0 +1,283 @@
+"""Beams that frame into the edge of a shell in its plane, and the rigid links they need.
+
+The rotation of a shell's node about the shell's normal has no limit under refinement where a moment
+acts on it: a coupling beam that ends at a wall's edge finds a support that softens with every
+halving of the mesh. Its end face stays plane instead: the nodes of the edge over the beam's depth
+follow the beam's node as one rigid body. A column along the edge, or a beam that runs on along the
+shell, carries the moment already, and no link is made.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from femupdate.fe.model import (
+    DOF_PER_NODE,
+    Beams,
+    FiniteElementModel,
+    Floats,
+    Integers,
+    RigidLinks,
+)
+
+_IN_PLANE = 0.1  # sine of the angle between beam and shell up to which the beam lies in its plane
+_SAME_PLANE = 0.985  # cosine of the angle between shells of one plane
+_ALONG = 1e-6  # cosine; a beam along an element's side lies in the element
+_SLANT = 0.3  # tangent of the angle between the edge and the beam's end face
+_ROUNDING = 1e-6  # of the depth
+
+
+@dataclass(frozen=True)
+class EdgeJoint:
+    """The end of a beam at the edge of a shell in its plane.
+
+    Attributes:
+        node: of the beam's end.
+        beam: index of the beam.
+        across: (3,) unit vector along the end face, in the plane of the shell.
+        depth: of the beam along it, m.
+        centre: distance of the beam's axis from the node along it, m.
+        edge: (m,) other nodes of the edge that continue it, on either side.
+        position: (m,) where they are along `across` from the node, m, ascending.
+    """
+
+    node: int
+    beam: int
+    across: Floats
+    depth: float
+    centre: float
+    edge: Integers
+    position: Floats
+
+    @property
+    def face(self) -> tuple[float, float]:
+        """Lower and upper end of the link along `across` from the node, m.
+
+        A beam at the end of an edge, such as one under the roof, lies with its whole depth on the
+        side where the shell is.
+        """
+        below, above = bool((self.position < 0.0).any()), bool((self.position > 0.0).any())
+        if below and above:
+            return self.centre - 0.5 * self.depth, self.centre + 0.5 * self.depth
+        return (-self.depth, 0.0) if below else (0.0, self.depth)
+
+    def slaves(self) -> Integers:
+        """Nodes to be linked: on either side, those up to the one nearest to the face's end."""
+        chosen = np.zeros(len(self.edge), dtype=bool)
+        for end, side in zip(self.face, (-1.0, 1.0), strict=True):
+            there = np.flatnonzero(self.position * side > 0.0)
+            if len(there) and end * side > _ROUNDING * self.depth:
+                distance = np.abs(self.position[there])
+                last = distance[np.abs(distance - abs(end)).argmin()]
+                chosen[there] = distance <= last * (1.0 + _ROUNDING)
+        return self.edge[chosen]
+
+
+def beam_sizes(beams: Beams) -> Floats:
+    """Width along local y and depth along local z of the rectangles with the same figures, (n, 2).
+
+    For a solid rectangle they are its own.
+    """
+    return np.sqrt(
+        12.0 * np.stack([beams.inertia_z, beams.inertia_y], axis=1) / beams.area[:, None]
+    )
+
+
+def edge_joints(model: FiniteElementModel, sizes: Floats | None = None) -> tuple[EdgeJoint, ...]:
+    """Find the ends of beams that need a rigid link over their depth.
+
+    Args:
+        model: shells, triangles and beams.
+        sizes: (n, 2) m, extent of each beam's section along its local y and z; from its figures
+            where None.
+    """
+    sheets = _sheets(model)
+    if not len(sheets.nodes) or not len(model.beams):
+        return ()
+    sizes = beam_sizes(model.beams) if sizes is None else sizes
+    at_node = _elements_at(sheets.nodes, len(model.nodes))
+    ends = _Ends.of(model)
+    found = []
+    for node in np.intersect1d(ends.node, sheets.nodes):
+        own, around = np.flatnonzero(ends.node == node), at_node(node)
+        found += list(_joints_at(model, sheets, ends, int(node), own, around, sizes))
+    return tuple(found)
+
+
+def joint_links(model: FiniteElementModel, joints: tuple[EdgeJoint, ...]) -> RigidLinks:
+    """Rigid links of all joints.
+
+    A node that two of them claim follows the first, and a node that a support holds stays there.
+    """
+    taken = {joint.node for joint in joints}
+    taken.update(np.flatnonzero(model.fixed.any(axis=1)).tolist())
+    masters, slaves = [], []
+    for joint in joints:
+        for slave in joint.slaves().tolist():
+            if slave not in taken:
+                taken.add(slave)
+                masters.append(joint.node)
+                slaves.append(slave)
+    tied = np.ones((len(slaves), DOF_PER_NODE), dtype=np.bool_)
+    return RigidLinks(np.array(masters, dtype=np.int64), np.array(slaves, dtype=np.int64), tied)
+
+
+@dataclass(frozen=True)
+class _Sheets:
+    """Shells and triangles as quadrilaterals (a triangle repeats its last node), with normals."""
+
+    nodes: Integers
+    normal: Floats
+
+
+def _sheets(model: FiniteElementModel) -> _Sheets:
+    three = model.triangles.nodes
+    nodes = np.concatenate([model.shells.nodes, np.column_stack([three, three[:, 2:]])])
+    corners = model.nodes[nodes]
+    normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    flat = len(model.shells)
+    corners = corners[flat:]
+    normal[flat:] = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    size = np.linalg.norm(normal, axis=1, keepdims=True)
+    return _Sheets(nodes, normal / np.maximum(size, np.finfo(float).tiny))
+
+
+@dataclass(frozen=True)
+class _Ends:
+    """Both ends of all beams: node, beam, and the unit vector away from the node, (2 n, ...)."""
+
+    node: Integers
+    beam: Integers
+    away: Floats
+
+    @classmethod
+    def of(cls, model: FiniteElementModel) -> "_Ends":
+        nodes = model.beams.nodes
+        axis = model.nodes[nodes[:, 1]] - model.nodes[nodes[:, 0]]
+        axis = axis / np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), 1e-300)
+        beam = np.tile(np.arange(len(nodes)), 2)
+        return cls(nodes.T.ravel(), beam, np.concatenate([axis, -axis]))
+
+
+class _elements_at:  # noqa: N801 - called like a function
+    """Elements that meet in a node."""
+
+    def __init__(self, nodes: Integers, count: int) -> None:
+        self._order = np.argsort(nodes.ravel(), kind="stable")
+        self._starts = np.searchsorted(nodes.ravel()[self._order], np.arange(count + 1))
+        self._corners = nodes.shape[1]
+
+    def __call__(self, node: int) -> Integers:
+        places = self._order[self._starts[node] : self._starts[node + 1]]
+        return np.unique(places // self._corners)
+
+
+def _joints_at(
+    model: FiniteElementModel,
+    sheets: _Sheets,
+    ends: _Ends,
+    node: int,
+    own: Integers,
+    around: Integers,
+    sizes: Floats,
+) -> Iterator[EdgeJoint]:
+    """Yield the joints of one node, one a plane in which a beam leaves it."""
+    normal = sheets.normal[around]
+    left = np.ones(len(around), dtype=bool)
+    while left.any():
+        first = normal[int(left.argmax())]
+        plane = np.abs(normal @ first) > _SAME_PLANE
+        left &= ~plane
+        group = around[plane]
+        inside = np.abs(ends.away[own] @ first) < _IN_PLANE
+        candidates = own[inside]
+        if not len(candidates) or any(
+            _runs_along(model.nodes, sheets.nodes[group], node, ends.away[end])
+            for end in candidates
+        ):
+            continue
+        joints = [
+            _joint(model, sheets.nodes[group], node, ends, int(end), first, sizes)
+            for end in candidates
+        ]
+        joint = max(joints, key=lambda one: one.depth)
+        if len(joint.edge):
+            yield joint
+
+
+def _runs_along(nodes: Floats, quads: Integers, node: int, away: Floats) -> bool:
+    """Whether a direction from a node points into one of the elements around it, sides included."""
+    for corners in quads.tolist():
+        distinct = list(dict.fromkeys(corners))
+        place = distinct.index(node)
+        before = nodes[distinct[place - 1]] - nodes[node]
+        after = nodes[distinct[(place + 1) % len(distinct)]] - nodes[node]
+        one, other = before / np.linalg.norm(before), after / np.linalg.norm(after)
+        normal = np.cross(other, one)
+        if (
+            np.cross(other, away) @ normal > -_ALONG
+            and np.cross(away, one) @ normal > -_ALONG
+            and away @ (one + other) > 0.0
+        ):
+            return True
+    return False
+
+
+def _joint(
+    model: FiniteElementModel,
+    quads: Integers,
+    node: int,
+    ends: _Ends,
+    end: int,
+    normal: Floats,
+    sizes: Floats,
+) -> EdgeJoint:
+    beam, away = int(ends.beam[end]), ends.away[end]
+    across = np.cross(normal, away)
+    across /= np.linalg.norm(across)
+    # One sense for all: upwards, or along the greatest component of what lies level.
+    lead = across[2] if abs(across[2]) > _ALONG else across[int(np.abs(across).argmax())]
+    across = across * np.sign(lead)
+    z = model.beams.up[beam] - (model.beams.up[beam] @ away) * away
+    z = z / np.linalg.norm(z)
+    depth = float(np.abs([np.cross(z, away) @ across, z @ across]) @ sizes[beam])
+    offset = np.zeros(3)
+    if model.beams.offset is not None:
+        offset = model.beams.offset[beam, int(model.beams.nodes[beam, 1] == node)]
+    edge, position = _edge(model, quads, node, normal, across, away, depth)
+    return EdgeJoint(node, beam, across, depth, float(offset @ across), edge, position)
+
+
+def _edge(
+    model: FiniteElementModel,
+    quads: Integers,
+    node: int,
+    normal: Floats,
+    across: Floats,
+    away: Floats,
+    depth: float,
+) -> tuple[Integers, Floats]:
+    """Nodes that continue the shell's edge from a node, over the depth or to the next ones."""
+    sheets = _sheets(model)
+    near = np.unique(quads)
+    reach = max(depth, float(np.linalg.norm(model.nodes[near] - model.nodes[node], axis=1).max()))
+    middle = model.nodes[sheets.nodes].mean(axis=1) - model.nodes[node]
+    same = np.abs(sheets.normal @ normal) > _SAME_PLANE
+    close = np.abs(middle).max(axis=1) < 3.0 * reach
+    candidates = np.setdiff1d(_rim(sheets.nodes[same & close]), [node])
+    arm = model.nodes[candidates] - model.nodes[node]
+    along, aside = arm @ across, np.abs(arm @ away)
+    level = np.abs(arm @ normal) < _SLANT * np.abs(along)
+    chosen = level & (aside <= _SLANT * np.abs(along)) & (np.abs(along) > _ROUNDING * depth)
+    chosen &= (np.abs(along) <= 1.5 * depth) | np.isin(candidates, near)
+    order = np.argsort(along[chosen], kind="stable")
+    return candidates[chosen][order], along[chosen][order]
+
+
+def _rim(quads: Integers) -> Integers:
+    """Nodes of the sides that only one of these elements has."""
+    sides = np.stack([quads, np.roll(quads, -1, axis=1)], axis=-1).reshape(-1, 2)
+    sides = np.sort(sides[sides[:, 0] != sides[:, 1]], axis=1)
+    distinct, count = np.unique(sides, axis=0, return_counts=True)
+    return np.unique(distinct[count == 1])

@@ -1,0 +1,93 @@
+"""Rigid links: slaves are eliminated from the equations by a transformation (no penalty)."""
+
+import numpy as np
+from scipy.sparse import coo_matrix, csr_matrix, identity
+
+from femupdate.errors import ModelError
+from femupdate.fe.model import (
+    DOF_NAMES,
+    DOF_PER_NODE,
+    FiniteElementModel,
+    Floats,
+    Integers,
+    RigidLinks,
+)
+
+_LONGEST_CHAIN = 16  # masters that are slaves of masters; a real building has three at most
+
+
+def slave_dof(links: RigidLinks) -> Integers:
+    """Degrees of freedom that follow a master, (m,) indices into 6N."""
+    return (DOF_PER_NODE * links.slave[:, None] + np.arange(DOF_PER_NODE))[links.tied]
+
+
+def rigid_arms(arm: Floats) -> Floats:
+    """Motion at the end of rigid arms per unit motion of their foot, (n, 3) m -> (n, 6, 6).
+
+    u' = u + r cross arm, r' = r.
+    """
+    matrix = np.tile(np.eye(DOF_PER_NODE), (len(arm), 1, 1))
+    x, y, z = arm.T
+    matrix[:, 0, 4], matrix[:, 0, 5] = z, -y
+    matrix[:, 1, 5], matrix[:, 1, 3] = x, -z
+    matrix[:, 2, 3], matrix[:, 2, 4] = y, -x
+    return matrix
+
+
+def link_expansion(model: FiniteElementModel) -> csr_matrix | None:
+    """Motion of all degrees of freedom per unit of those that are no slaves, (6N, 6N).
+
+    Columns of slaves are empty. None where there are no links.
+
+    Raises:
+        ModelError: a slave is held by a support or follows two masters, or links form a ring.
+    """
+    links = model.links
+    if not len(links):
+        return None
+    _check(model)
+    slaves = slave_dof(links)
+    arms = rigid_arms(model.nodes[links.slave] - model.nodes[links.master])
+    link, row, column = np.nonzero(arms * links.tied[:, :, None])
+    follow = coo_matrix(
+        (
+            arms[link, row, column],
+            (
+                DOF_PER_NODE * links.slave[link] + row,
+                DOF_PER_NODE * links.master[link] + column,
+            ),
+        ),
+        shape=(model.dof, model.dof),
+    ).tocsr()
+    own = np.ones(model.dof)
+    own[slaves] = 0.0
+    expansion = (identity(model.dof, format="csr").multiply(own) + follow).tocsr()
+    for _ in range(_LONGEST_CHAIN):
+        if not expansion[:, slaves].nnz:
+            return expansion
+        expansion = (expansion @ expansion).tocsr()
+        expansion.eliminate_zeros()
+    raise ModelError(
+        f"the rigid links form a ring through node {slaves[0] // DOF_PER_NODE}; let every chain of "
+        "links end in a node that follows no other"
+    )
+
+
+def _check(model: FiniteElementModel) -> None:
+    links = model.links
+    if links.tied.shape != (len(links), DOF_PER_NODE) or links.slave.shape != links.master.shape:
+        raise ModelError("rigid links need one master, one slave and a row of six flags each")
+    slaves, times = np.unique(slave_dof(links), return_counts=True)
+    _refuse(slaves[times > 1], "follows two masters; remove one of the rigid links")
+    held = slaves[model.fixed.ravel()[slaves]]
+    _refuse(held, "follows a master and is held by a support; remove one of the two")
+    _refuse(
+        DOF_PER_NODE * links.slave[links.slave == links.master],
+        "follows itself; give the rigid link two nodes",
+    )
+
+
+def _refuse(dof: Integers, complaint: str) -> None:
+    if len(dof):
+        node, direction = divmod(int(dof[0]), DOF_PER_NODE)
+        raise ModelError(f"{DOF_NAMES[direction]} of node {node} {complaint}")

@@ -1,0 +1,289 @@
+"""The flat three-node shell: Felippa's optimal membrane triangle and the plate triangle DKMT."""
+
+import numpy as np
+
+from femupdate.errors import ModelError
+from femupdate.fe.element import ElementMatrices, symmetric
+from femupdate.fe.membrane import DRILLING_STABILISATION, integrate, plane_stress
+from femupdate.fe.model import Floats, Triangles
+from femupdate.fe.plate import SHEAR_CORRECTION
+
+_IN_PLANE = (6 * np.arange(3)[:, None] + [0, 1, 5]).ravel()
+_OUT_OF_PLANE = (6 * np.arange(3)[:, None] + [2, 3, 4]).ravel()
+_FLAT = 1e-6  # height over the longest side below which a triangle has no area
+_SIDES = np.array([[0, 1], [1, 2], [2, 0]])
+# Sides that meet in each corner: the one that starts there and the one that ends there.
+_LEAVING, _ARRIVING = (0, 1, 2), (2, 0, 1)
+_MIDDLES = np.array([[0.5, 0.5, 0.0], [0.0, 0.5, 0.5], [0.5, 0.0, 0.5]])  # area coordinates
+
+_LUMPING = 1.5  # alpha_b of Felippa (2003): how drilling rotations share the basic stiffness
+_LEAST_HIGHER = 0.01  # beta_0 = (1 - 4 nu^2) / 2 must not vanish
+# beta_1 ... beta_9 of Felippa (2003), table 2, as the rows of Q at the three corners.
+_Q = np.array(
+    [
+        [[1.0, 2.0, 1.0], [0.0, 1.0, -1.0], [-1.0, -1.0, -2.0]],
+        [[-2.0, -1.0, -1.0], [1.0, 1.0, 2.0], [-1.0, 0.0, 1.0]],
+        [[1.0, -1.0, 0.0], [-1.0, -2.0, -1.0], [2.0, 1.0, 1.0]],
+    ]
+)
+
+
+def triangle_matrices(nodes: Floats, triangles: Triangles) -> ElementMatrices:
+    """Stiffness and consistent mass of three-node shells.
+
+    Membrane with drilling rotations: the optimal triangle of Felippa (2003), Comput. Methods Appl.
+    Mech. Engrg. 192, 2125-2168. Plate: DKMT, discrete Kirchhoff-Mindlin (Katili 1993), Int. J.
+    Numer. Meth. Engng 36, 1859-1883, for thin and thick plates.
+
+    Args:
+        nodes: (N, 3) coordinates of the model's nodes, m.
+        triangles: n elements.
+
+    Returns:
+        matrices (n, 18, 18).
+
+    Raises:
+        ModelError: an element has no area or an impossible property.
+    """
+    coordinates = nodes[triangles.nodes]
+    _check(coordinates, triangles)
+    axes, plane = _frame(coordinates)
+    count = len(triangles)
+    stiffness = np.zeros((count, 18, 18))
+    elastic = (triangles.thickness, triangles.youngs_modulus, triangles.poisson_ratio)
+    stiffness[:, _IN_PLANE[:, None], _IN_PLANE] = optimal_membrane(plane, *elastic)
+    stiffness[:, _OUT_OF_PLANE[:, None], _OUT_OF_PLANE] = discrete_plate(plane, *elastic)
+    mass = _mass(plane, triangles)
+    blocks = np.zeros((count, 6, 3, 6, 3))
+    for block in range(6):
+        blocks[:, block, :, block] = axes
+    to_local = blocks.reshape(count, 18, 18)
+    to_global = np.swapaxes(to_local, 1, 2)
+    return ElementMatrices(
+        symmetric(to_global @ stiffness @ to_local), symmetric(to_global @ mass @ to_local)
+    )
+
+
+def triangle_areas(coordinates: Floats) -> Floats:
+    """Areas of triangles, (n, 3, 3) m -> (n,) m2."""
+    sides = coordinates[:, 1:] - coordinates[:, :1]
+    return 0.5 * np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+
+
+def _frame(coordinates: Floats) -> tuple[Floats, Floats]:
+    """Local axes as rows (n, 3, 3), and corners in the plane (n, 3, 2), counter-clockwise."""
+    first, second = coordinates[:, 1] - coordinates[:, 0], coordinates[:, 2] - coordinates[:, 0]
+    x = first / np.linalg.norm(first, axis=1, keepdims=True)
+    z = np.cross(first, second)
+    z = z / np.linalg.norm(z, axis=1, keepdims=True)
+    axes = np.stack([x, np.cross(z, x), z], axis=1)
+    centred = coordinates - coordinates.mean(axis=1, keepdims=True)
+    return axes, np.einsum("nij,nkj->nki", axes, centred)[..., :2]
+
+
+def _area(plane: Floats) -> Floats:
+    x, y = np.moveaxis(plane, -1, 0)
+    return 0.5 * (
+        (x[:, 1] - x[:, 0]) * (y[:, 2] - y[:, 0]) - (x[:, 2] - x[:, 0]) * (y[:, 1] - y[:, 0])
+    )
+
+
+def optimal_membrane(
+    plane: Floats, thickness: Floats, youngs_modulus: Floats, poisson_ratio: Floats
+) -> Floats:
+    """Stiffness against in-plane motion and drilling, (n, 9, 9): u, v, rotation node by node.
+
+    The basic part makes the patch test; the higher-order part bends exactly in its plane where two
+    triangles make a rectangle, whatever its sides (Felippa 2003, sections 4 to 6).
+    """
+    area = _area(plane)
+    volume = area * thickness
+    elasticity = plane_stress(youngs_modulus, poisson_ratio)
+    lumping = _lumping(plane, thickness)
+    basic = lumping @ elasticity @ np.swapaxes(lumping, 1, 2) / volume[:, None, None]
+    deviation = _deviatoric_rotation(plane, area)
+    natural = _natural_to_cartesian(plane, area)
+    elastic = np.swapaxes(natural, 1, 2) @ elasticity @ natural
+    lengths = _side_lengths(plane)
+    corner = _Q * (2.0 / 3.0 * area[:, None, None, None] / (lengths**2)[:, None, :, None])
+    middle = 0.5 * (corner + np.roll(corner, -1, axis=1))
+    weight = np.maximum(0.5 * (1.0 - 4.0 * poisson_ratio**2), _LEAST_HIGHER)
+    of_rotation = integrate(middle, elastic[:, None] @ middle, np.ones((len(plane), 3)))
+    of_rotation *= (0.75 * weight * volume)[:, None, None]
+    return basic + np.swapaxes(deviation, 1, 2) @ of_rotation @ deviation
+
+
+def _side_lengths(plane: Floats) -> Floats:
+    """Lengths of the sides 1-2, 2-3 and 3-1, (n, 3)."""
+    return np.linalg.norm(plane[:, _SIDES[:, 1]] - plane[:, _SIDES[:, 0]], axis=2)
+
+
+def _lumping(plane: Floats, thickness: Floats) -> Floats:
+    """Forces at the nodes that stand for constant stresses, (n, 9, 3)."""
+    matrix = np.zeros((len(plane), 9, 3))
+    for node in range(3):
+        after, before = (node + 1) % 3, (node + 2) % 3
+        # Sides across (after - before) and those that meet in the node.
+        across = plane[:, after] - plane[:, before]
+        start, end = plane[:, node] - plane[:, before], plane[:, after] - plane[:, node]
+        x, y = -across[:, 0], across[:, 1]
+        row = 3 * node
+        matrix[:, row, 0] = matrix[:, row + 1, 2] = y
+        matrix[:, row, 2] = matrix[:, row + 1, 1] = x
+        (dx_in, dy_in), (dx_out, dy_out) = start.T, end.T
+        matrix[:, row + 2, 0] = _LUMPING / 6.0 * y * (dy_in - dy_out)
+        matrix[:, row + 2, 1] = _LUMPING / 6.0 * x * (dx_out - dx_in)
+        matrix[:, row + 2, 2] = _LUMPING / 3.0 * (-dx_in * dy_in + dx_out * dy_out)
+    return 0.5 * thickness[:, None, None] * matrix
+
+
+def _deviatoric_rotation(plane: Floats, area: Floats) -> Floats:
+    """Corner rotations less the mean rotation of the triangle, (n, 3, 9)."""
+    matrix = np.zeros((len(plane), 3, 9))
+    for node in range(3):
+        after, before = (node + 1) % 3, (node + 2) % 3
+        across = (plane[:, before] - plane[:, after]) / (4.0 * area[:, None])
+        matrix[:, :, 3 * node] = across[:, :1]
+        matrix[:, :, 3 * node + 1] = across[:, 1:]
+        matrix[:, node, 3 * node + 2] = 1.0
+    return matrix
+
+
+def _natural_to_cartesian(plane: Floats, area: Floats) -> Floats:
+    """Cartesian strains per unit strain along the three sides, (n, 3, 3)."""
+    side = plane[:, _SIDES[:, 1]] - plane[:, _SIDES[:, 0]]
+    direction = side / _side_lengths(plane)[:, :, None]
+    x, y = direction[..., 0], direction[..., 1]
+    return np.linalg.inv(np.stack([x * x, y * y, x * y], axis=2))
+
+
+def discrete_plate(
+    plane: Floats, thickness: Floats, youngs_modulus: Floats, poisson_ratio: Floats
+) -> Floats:
+    """Stiffness against bending and transverse shear, (n, 9, 9): w, rx, ry node by node.
+
+    Rotations are quadratic along the sides; their middle values follow from the side's own
+    equilibrium as a Timoshenko beam (Katili 1993), which makes thin and thick plates alike exact
+    for constant moments.
+    """
+    side = plane[:, _SIDES[:, 1]] - plane[:, _SIDES[:, 0]]
+    length = _side_lengths(plane)
+    direction = side / length[..., None]
+    bending = plane_stress(youngs_modulus, poisson_ratio) * (thickness**3 / 12.0)[:, None, None]
+    shear_modulus = 0.5 * youngs_modulus / (1.0 + poisson_ratio)
+    rigidity = SHEAR_CORRECTION * shear_modulus * thickness
+    flexible = 12.0 * bending[:, :1, 0] / (rigidity[:, None] * length**2)  # phi of each side
+    extra = _middle_rotations(direction, length, flexible)
+    slopes = _slopes(plane)
+    area = np.repeat(_area(plane)[:, None] / 3.0, 3, axis=1)
+    curvature = _plate_curvature(slopes, direction, extra)
+    stiffness = integrate(curvature, bending[:, None] @ curvature, area)
+    shear = _plate_shear(direction, flexible, extra)
+    return stiffness + integrate(shear, rigidity[:, None, None, None] * shear, area)
+
+
+def _slopes(plane: Floats) -> Floats:
+    """Gradients of the area coordinates, (n, 2, 3), 1/m."""
+    after, before = plane[:, [1, 2, 0]], plane[:, [2, 0, 1]]
+    twice = 2.0 * _area(plane)[:, None]
+    return np.stack(
+        [(after[..., 1] - before[..., 1]) / twice, (before[..., 0] - after[..., 0]) / twice], axis=1
+    )
+
+
+def _middle_rotations(direction: Floats, length: Floats, flexible: Floats) -> Floats:
+    """Rotation along each side that exceeds the linear one at its middle, (n, 3, 9).
+
+    With the section's rotation b along the side s (u = z b), shear g = w,s + b and
+    g = -2/3 phi d on every side, where 4 x (1 - x) d is the quadratic part of b:
+    2/3 L (1 + phi) d = w_i - w_j - L/2 (b_i + b_j).
+    """
+    matrix = np.zeros((len(direction), 3, 9))
+    for number, (first, second) in enumerate(_SIDES):
+        matrix[:, number, 3 * first], matrix[:, number, 3 * second] = 1.0, -1.0
+        for node in (first, second):
+            # u = z ry, v = -z rx: the rotation along the side is ry cos - rx sin.
+            matrix[:, number, 3 * node + 2] = -0.5 * length[:, number] * direction[:, number, 0]
+            matrix[:, number, 3 * node + 1] = 0.5 * length[:, number] * direction[:, number, 1]
+    return matrix * (1.5 / (length * (1.0 + flexible)))[..., None]
+
+
+def _plate_curvature(slopes: Floats, direction: Floats, extra: Floats) -> Floats:
+    """Curvatures (x, y, twice xy) at the middles of the sides, (n, 3, 3, 9)."""
+    count = len(slopes)
+    linear = np.zeros((count, 1, 3, 9))
+    for node in range(3):
+        x, y = slopes[:, 0, node], slopes[:, 1, node]
+        linear[:, 0, 0, 3 * node + 2] = x
+        linear[:, 0, 1, 3 * node + 1] = -y
+        linear[:, 0, 2, 3 * node + 2] = y
+        linear[:, 0, 2, 3 * node + 1] = -x
+    # Gradients of 4 L_i L_j at the three points, (n, point, side, 2).
+    bubble = np.zeros((count, 3, 3, 2))
+    for number, (first, second) in enumerate(_SIDES):
+        for point, share in enumerate(_MIDDLES):
+            bubble[:, point, number] = 4.0 * (
+                share[first] * slopes[:, :, second] + share[second] * slopes[:, :, first]
+            )
+    cosine, sine = direction[:, None, :, 0], direction[:, None, :, 1]
+    quadratic = np.stack(
+        [
+            bubble[..., 0] * cosine,
+            bubble[..., 1] * sine,
+            bubble[..., 1] * cosine + bubble[..., 0] * sine,
+        ],
+        axis=2,
+    )
+    return linear + quadratic @ extra[:, None]
+
+
+def _plate_shear(direction: Floats, flexible: Floats, extra: Floats) -> Floats:
+    """Shear strains (xz, yz) at the middles of the sides, (n, 3, 2, 9).
+
+    Each corner has the shear vector whose components along its two sides are theirs; between the
+    corners it is linear.
+    """
+    along = -2.0 / 3.0 * flexible[..., None] * extra  # (n, side, 9)
+    corners = []
+    for leaving, arriving in zip(_LEAVING, _ARRIVING, strict=True):
+        sides = [leaving, arriving]
+        corners.append(np.linalg.solve(direction[:, sides], along[:, sides]))
+    return np.einsum("gi,niab->ngab", _MIDDLES, np.stack(corners, axis=1))
+
+
+def _mass(plane: Floats, triangles: Triangles) -> Floats:
+    """Consistent mass in local axes, (n, 18, 18), with the inertias of the four-node shell."""
+    product = _area(plane)[:, None, None] / 12.0 * (np.ones((3, 3)) + np.eye(3))
+    translation = triangles.density * triangles.thickness
+    rotation = translation * triangles.thickness**2 / 12.0
+    drilling = DRILLING_STABILISATION * rotation
+    inertia = np.stack([translation] * 3 + [rotation] * 2 + [drilling], axis=1)
+    mass = np.zeros((len(plane), 3, 6, 3, 6))
+    for direction in range(6):
+        mass[:, :, direction, :, direction] = inertia[:, direction, None, None] * product
+    return mass.reshape(len(plane), 18, 18)
+
+
+def _check(coordinates: Floats, triangles: Triangles) -> None:
+    sides = np.linalg.norm(coordinates[:, _SIDES[:, 1]] - coordinates[:, _SIDES[:, 0]], axis=2)
+    longest = sides.max(axis=1, initial=0.0)
+    _refuse(
+        ~(2.0 * triangle_areas(coordinates) > _FLAT * longest**2),
+        triangles,
+        "has no area; its three nodes must not lie on one line",
+    )
+    for name in ("thickness", "youngs_modulus"):
+        values = getattr(triangles, name)
+        demand = f"needs a positive {name.replace('_', ' ')}"
+        _refuse(~((values > 0.0) & np.isfinite(values)), triangles, demand)
+    fine = (triangles.poisson_ratio > -1.0) & (triangles.poisson_ratio <= 0.5)
+    _refuse(~fine, triangles, "needs a Poisson's ratio between -1 and 0.5")
+    fine = (triangles.density >= 0.0) & np.isfinite(triangles.density)
+    _refuse(~fine, triangles, "needs a density that is zero or positive")
+
+
+def _refuse(bad: np.ndarray, triangles: Triangles, complaint: str) -> None:
+    if bad.any():
+        first = int(bad.argmax())
+        corners = ", ".join(map(str, triangles.nodes[first].tolist()))
+        raise ModelError(f"triangle {first} (nodes {corners}) {complaint}")

@@ -1,0 +1,219 @@
+"""Rigid links: exact kinematics, and coupling beams that converge at the edge of a wall."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from femupdate.errors import ModelError
+from femupdate.fe.assembly import assemble
+from femupdate.fe.joints import edge_joints, joint_links
+from femupdate.fe.model import PointMasses, RigidLinks
+from femupdate.fe.solve import lowest_modes, static_displacement
+
+ONE = np.ones(1)
+ALL = np.ones((1, 6), dtype=bool)
+WIDTH, DEPTH, LENGTH = 0.3, 0.6, 2.0
+GIRDER = {
+    "area": WIDTH * DEPTH,
+    "shear_area_y": 5 / 6 * WIDTH * DEPTH,
+    "shear_area_z": 5 / 6 * WIDTH * DEPTH,
+    "inertia_y": WIDTH * DEPTH**3 / 12,
+    "inertia_z": DEPTH * WIDTH**3 / 12,
+    "torsion_constant": 3.7e-3,
+    "youngs_modulus": 30e9,
+    "density": 2500.0,
+}
+
+
+def wall_with_beam(meshes, nx, nz, level=None, turn=None):
+    """The 6 m x 3.5 m wall of the anchors, t = .3 m, with a beam at an edge node near mid-height.
+
+    Half the rows lie below the beam and half above, so that the ends of its face are nodes where
+    0.3 m is a multiple of 1.75 m over half of nz.
+    """
+    s, t, quads = meshes.grid(nx, nz)
+    wall = meshes.stack(6 * s, 0 * s, 3.5 * t)
+    edge = np.flatnonzero(s == 1.0)
+    joint = edge[np.abs(wall[edge, 2] - (1.75 if level is None else level)).argmin()]
+    beam = [[6 + LENGTH * k / 4, 0, wall[joint, 2]] for k in range(1, 5)]
+    points = np.concatenate([wall, beam])
+    new = len(wall) + np.arange(4)
+    ends = np.column_stack([[joint, *new[:-1]], new])
+    up = (0.0, 0.0, 1.0)
+    if turn is not None:
+        points, up = points @ turn.T, tuple(turn @ up)
+    fixed = np.zeros((len(points), 6), dtype=bool)
+    fixed[: len(wall)][t == 0.0] = True
+    return meshes.model(
+        points,
+        fixed,
+        shells=meshes.shells(quads, 0.3, 30e9, 0.2, 2500.0),
+        beams=meshes.beams(ends, up=up, **GIRDER),
+    )
+
+
+def linked(model):
+    return replace(model, links=joint_links(model, edge_joints(model)))
+
+
+def tip(model, direction=(0.0, 0.0, -1.0)):
+    """Displacement of the beam's tip along a force of 100 kN, mm."""
+    load = np.zeros((len(model.nodes), 6))
+    load[-1, :3] = 1e5 * np.array(direction)
+    moved = static_displacement(assemble(model), ONE, load.ravel()).reshape(-1, 6)
+    return 1e3 * moved[-1, :3] @ direction
+
+
+@pytest.mark.parametrize(
+    ("nx", "nz", "reference"),
+    # A continuous strip of plane stress in place of the beam: 2.24, 2.35, 2.41 and 2.43 mm on
+    # meshes of .3, .15, .075 and .0375 m. 3 %: other four-node shells with the link give 2.20 to
+    # 2.37, and here the rows are 1.75 / 6 = .292 m high, so the face is 2.8 % short.
+    [(20, 12, 2.26), (40, 24, 2.33), (80, 48, 2.37)],
+)
+def test_a_coupling_beam_at_a_walls_edge_converges(meshes, nx, nz, reference):
+    model = wall_with_beam(meshes, nx, nz)
+    assert tip(linked(model)) == pytest.approx(reference, rel=0.03)
+
+
+def test_without_the_link_it_does_not(meshes):
+    soft = [tip(wall_with_beam(meshes, n, n // 2)) for n in (20, 40)]
+    assert soft[1] > 3.5 * soft[0] > 3.5 * 100
+
+
+def test_a_moment_at_the_edge_has_a_limit_with_the_link(meshes):
+    """1 MNm where the beam meets the wall: without the link the rotation grows fourfold a step."""
+    rotation = []
+    for nx, nz in ((20, 12), (40, 24), (80, 48)):
+        model = linked(wall_with_beam(meshes, nx, nz))
+        load = np.zeros((len(model.nodes), 6))
+        load[model.links.master[0], 4] = 1e6
+        rotation.append(static_displacement(assemble(model), ONE, load.ravel()).max())
+    steps = np.diff(rotation)
+    assert abs(steps[1]) < 0.7 * abs(steps[0]) < 0.15 * rotation[0]
+
+
+def test_the_link_works_on_elements_larger_than_the_beam_is_deep(meshes):
+    # One element of 1.75 m above and below: the link is too long, and stiffer than the rigid wall
+    # (1.753 mm) it cannot be.
+    assert 1.753 < tip(linked(wall_with_beam(meshes, 4, 2))) < 2.4
+
+
+@pytest.mark.parametrize("level", [0.0, 3.5])
+def test_a_beam_at_the_walls_corner_takes_its_whole_depth_along_the_wall(meshes, level):
+    model = wall_with_beam(meshes, 20, 35, level=3.5 if level else 0.6)
+    joint = edge_joints(model)[0]
+    low, high = joint.face
+    assert high - low == pytest.approx(DEPTH)
+    slaves = model.nodes[joint.slaves(), 2]
+    if level:
+        np.testing.assert_allclose(np.sort(slaves), 3.5 - 0.1 * np.arange(6, 0, -1), atol=1e-9)
+    else:
+        np.testing.assert_allclose(np.sort(slaves), [0.3, 0.4, 0.5, 0.7, 0.8, 0.9], atol=1e-9)
+
+
+def test_any_orientation_gives_the_same(meshes):
+    turn = meshes.random_rotation(4)
+    plain = tip(linked(wall_with_beam(meshes, 20, 12)))
+    turned = tip(linked(wall_with_beam(meshes, 20, 12, turn=turn)), turn @ [0.0, 0.0, -1.0])
+    assert turned == pytest.approx(plain, rel=1e-9)
+
+
+def test_a_column_along_the_edge_needs_no_link(meshes):
+    model = wall_with_beam(meshes, 6, 4)
+    edge = np.flatnonzero(np.isclose(model.nodes[:, 0], 6.0))
+    ends = np.column_stack([edge[:-1], edge[1:]])
+    column = meshes.beams(ends, up=(0.0, 1.0, 0.0), **GIRDER)
+    both = {
+        name: np.concatenate([getattr(model.beams, name), getattr(column, name)])
+        for name in vars(column)
+        if getattr(column, name) is not None
+    }
+    assert edge_joints(model)
+    assert not edge_joints(replace(model, beams=replace(model.beams, **both)))
+
+
+def test_a_beam_across_the_wall_needs_no_link(meshes):
+    model = wall_with_beam(meshes, 6, 4)
+    nodes = model.nodes.copy()
+    nodes[-4:] = nodes[-4:] * [0.0, 0.0, 1.0] + np.column_stack(
+        [np.full(4, 6.0), range(1, 5), [0] * 4]
+    )
+    assert not edge_joints(replace(model, nodes=nodes))
+
+
+def test_six_rigid_motions_and_all_the_mass(meshes):
+    free = linked(wall_with_beam(meshes, 20, 12))
+    free = replace(free, fixed=np.zeros_like(free.fixed))
+    operators = assemble(free)
+    assert len(operators.free) == free.dof - 6 * len(free.links)
+    modes = lowest_modes(operators, ONE, 8, shift_hz=-1.0)
+    assert (modes.frequency_hz[:6] < 1e-3).all()
+    assert modes.frequency_hz[6] > 1.0
+    mass = 2500.0 * (6 * 3.5 * 0.3 + WIDTH * DEPTH * LENGTH)
+    for direction in range(3):
+        motion = operators.rigid_translation(direction)
+        inside = operators.restrict(motion)
+        np.testing.assert_allclose(operators.expand(inside), motion, atol=1e-12)
+        assert inside @ (operators.mass @ inside) == pytest.approx(mass, rel=1e-12)
+        assert inside @ operators.inertia(direction) == pytest.approx(mass, rel=1e-12)
+
+
+def two_bars(meshes):
+    """Two cantilevers along z whose tips stand 1.2 m apart."""
+    points = np.array([[0.0, 0, 0], [0, 0, 3], [0.4, 1.1, 0], [0.4, 1.1, 3.2]])
+    bars = meshes.beams([[0, 1], [2, 3]], up=(0.0, 1.0, 0.0), **GIRDER)
+    return meshes.model(points, meshes.hold(4, (points[:, 2] == 0, range(6))), beams=bars)
+
+
+def test_a_link_is_the_limit_of_a_stiff_bar(meshes):
+    model = two_bars(meshes)
+    stiff = {**GIRDER, "youngs_modulus": GIRDER["youngs_modulus"] * 1e5, "density": 0.0}
+    ends = meshes.beams([[1, 3]], up=(1.0, 0.0, 0.0), **stiff)
+    joined = {
+        name: np.concatenate([getattr(model.beams, name), getattr(ends, name)])
+        for name in vars(ends)
+        if getattr(ends, name) is not None
+    }
+    bar = replace(model, beams=replace(model.beams, **joined))
+    link = replace(model, links=RigidLinks(np.array([1]), np.array([3]), ALL))
+    load = np.random.default_rng(0).standard_normal((4, 6)).ravel()
+    one, other = (static_displacement(assemble(m), ONE, load) for m in (link, bar))
+    np.testing.assert_allclose(one, other, atol=1e-4 * np.abs(other).max())
+
+
+def test_a_slave_of_a_slave_follows_the_first_master(meshes):
+    model = two_bars(meshes)
+    more = np.array([[1.0, -2.0, 0.5], [3.0, 1.0, 4.0]])
+    model = replace(
+        model,
+        nodes=np.concatenate([model.nodes, more]),
+        fixed=np.concatenate([model.fixed, np.zeros((2, 6), dtype=bool)]),
+        masses=PointMasses(np.array([5]), np.array([900.0]), np.zeros((1, 3))),
+    )
+    tied = np.ones((2, 6), dtype=bool)
+    chain = replace(model, links=RigidLinks(np.array([1, 4]), np.array([4, 5]), tied))
+    direct = replace(model, links=RigidLinks(np.array([1, 1]), np.array([4, 5]), tied))
+    one, other = (assemble(m) for m in (chain, direct))
+    np.testing.assert_allclose(one.mass.toarray(), other.mass.toarray(), atol=1e-9)
+    motion = np.random.default_rng(1).standard_normal(len(one.free))
+    np.testing.assert_allclose(one.expand(motion), other.expand(motion), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("links", "message"),
+    [
+        (([1], [2]), "held by a support"),
+        (([1, 0], [3, 3]), "follows two masters"),
+        (([1, 3], [3, 1]), "form a ring"),
+        (([1], [1]), "follows itself"),
+        (([1], [9]), "names node 9"),
+    ],
+)
+def test_links_that_contradict_each_other_are_refused(meshes, links, message):
+    master, slave = map(np.array, links)
+    tied = np.ones((len(master), 6), dtype=bool)
+    model = replace(two_bars(meshes), links=RigidLinks(master, slave, tied))
+    with pytest.raises(ModelError, match=message):
+        assemble(model)
