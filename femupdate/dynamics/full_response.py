@@ -77,7 +77,9 @@ def floor_sensors(
     rows = np.zeros((len(floor_nodes), operators.dof))
     for row, nodes in zip(rows, floor_nodes.values(), strict=True):
         row[DOF_PER_NODE * np.asarray(nodes) + direction] = 1.0 / len(nodes)
-    return FloorSensors(operators.gather(rows.T).T, operators.inertia(direction), direction)
+    nothing = np.zeros((0, len(operators.free)))
+    seen = operators.gather(rows.T).T
+    return FloorSensors(seen, operators.inertia(direction), direction, nothing)
 
 
 def full_modes(

@@ -139,13 +139,13 @@ def test_reduced_frequencies_bound_the_full_ones_from_above(frame, reduced):
 def test_the_stiffness_is_affine_in_theta(frame, reduced, monkeypatch):
     """V^T K(theta) V for any theta, inside the prior or not, and V^T M V = I."""
     kept = []
-    project = reduction._project
+    project = reduction.project
 
     def spy(operators, basis, *others):
         kept.append(basis)
         return project(operators, basis, *others)
 
-    monkeypatch.setattr(reduction, "_project", spy)
+    monkeypatch.setattr(reduction, "project", spy)
     again = reduce(frame, target())
     V = kept[-1]
     np.testing.assert_allclose(V.T @ (frame.operators.mass @ V), np.eye(V.shape[1]), atol=1e-11)

@@ -1,0 +1,31 @@
+"""Mass on one floor that the model does not know of."""
+
+import numpy as np
+
+from femupdate.effects.effect import Effect, Parameter, Terms, mass_terms
+from femupdate.effects.structure import Structure
+
+
+class AddedMass(Effect):
+    """A share of the mass of one floor, spread like the floor's own."""
+
+    name = "added_mass"
+    title = "Added mass"
+    sentence = (
+        "The floor carries more (or less) mass than the model gives it: equipment, partitions, "
+        "a water tank, or a wrong unit weight."
+    )
+    confused_with = ("tuned_appendage", "base_sway", "foundation_rocking")
+    parameters = (
+        Parameter("size", "1", 0.1, lower=-0.5, upper=1.0, text="share of the floor's mass"),
+    )
+
+    def places(self, structure: Structure) -> tuple[str, ...]:
+        """Every floor."""
+        return structure.floors
+
+    def terms(self, structure: Structure, place: str) -> Terms:
+        """The masses of the floor's nodes once more."""
+        here = structure.level_of == structure.floors.index(place)
+        values = np.where(here, structure.nodal_mass, 0.0)
+        return mass_terms(structure, values)

@@ -1,0 +1,27 @@
+"""A base sensor that reads too much or too little."""
+
+from torch import Tensor
+
+from femupdate.effects.effect import Effect, Parameter
+from femupdate.effects.structure import Structure
+
+
+class BaseGain(Effect):
+    """A factor on the FRFs of all floors."""
+
+    name = "base_gain"
+    title = "Gain of the base channel"
+    sentence = "The base sensor is off by a constant factor, which shifts all floors alike."
+    confused_with = ("base_sway",)
+    parameters = (
+        Parameter("size", "1", 0.05, lower=-0.5, upper=1.0, text="relative error of the gain"),
+    )
+    instrument = True
+
+    def places(self, structure: Structure) -> tuple[str, ...]:
+        """The base."""
+        return ("base",)
+
+    def observe(self, frf: Tensor, omega: Tensor, sizes: Tensor, rows: tuple[int, ...]) -> Tensor:
+        """H / (1 + s)."""
+        return frf / (1.0 + sizes[:, :1, None])

@@ -1,0 +1,31 @@
+"""A base that slides on the ground."""
+
+from femupdate.effects.effect import Effect, Parameter, Terms
+from femupdate.effects.structure import TRANSLATION, Structure
+
+
+class BaseSway(Effect):
+    """A horizontal spring between ground and base."""
+
+    name = "base_sway"
+    title = "Base sway"
+    sentence = (
+        "The base moves horizontally against the ground or the table: soft soil, slipping "
+        "anchorage; all floors are amplified by one common factor that grows with frequency."
+    )
+    confused_with = ("roll_off", "added_mass", "foundation_rocking")
+    parameters = (
+        Parameter(
+            "size", "1", 0.1, lower=0.0, upper=2.0, text="sway over static roof displacement"
+        ),
+    )
+
+    def places(self, structure: Structure) -> tuple[str, ...]:
+        """The base."""
+        return ("base",)
+
+    def terms(self, structure: Structure, place: str) -> Terms:
+        """The spring under which sway equals the roof's own static displacement."""
+        roof = float(structure.floor_rows[-1] @ structure.static)
+        shear = float(structure.rigid_mass[TRANSLATION, TRANSLATION])
+        return Terms(flexibility=(roof / shear, 0.0))

@@ -1,0 +1,32 @@
+"""A channel that comes late."""
+
+import torch
+from torch import Tensor
+
+from femupdate.effects.effect import Effect, Parameter
+from femupdate.effects.structure import Structure
+
+
+class ChannelDelay(Effect):
+    """A phase slope of one floor."""
+
+    name = "channel_delay"
+    title = "Delay of a channel"
+    sentence = "One floor's channel is late against the base: a phase that falls with frequency."
+    confused_with = ("roll_off",)
+    parameters = (
+        Parameter("size", "s", 0.002, lower=-0.05, upper=0.05, text="delay against the base"),
+    )
+    instrument = True
+    needs_phase = True
+
+    def places(self, structure: Structure) -> tuple[str, ...]:
+        """Every floor."""
+        return structure.floors
+
+    def observe(self, frf: Tensor, omega: Tensor, sizes: Tensor, rows: tuple[int, ...]) -> Tensor:
+        """H exp(-i omega tau) on the floor."""
+        turn = torch.polar(frf.real.new_ones(()), -sizes[:, :1] * omega)
+        shifted = frf.clone()
+        shifted[:, list(rows)] = frf[:, list(rows)] * turn[:, None, :]
+        return shifted

@@ -1,0 +1,32 @@
+"""A floor sensor that reads too much or too little."""
+
+from torch import Tensor
+
+from femupdate.effects.effect import Effect, Parameter
+from femupdate.effects.structure import Structure
+
+
+class ChannelGain(Effect):
+    """A factor on the FRF of one floor."""
+
+    name = "channel_gain"
+    title = "Gain of a channel"
+    sentence = (
+        "The sensor of one floor is off by a constant factor; where the building moves as a rigid "
+        "body it does not read what the base does."
+    )
+    confused_with = ("base_gain",)
+    parameters = (
+        Parameter("size", "1", 0.05, lower=-0.5, upper=1.0, text="relative error of the gain"),
+    )
+    instrument = True
+
+    def places(self, structure: Structure) -> tuple[str, ...]:
+        """Every floor."""
+        return structure.floors
+
+    def observe(self, frf: Tensor, omega: Tensor, sizes: Tensor, rows: tuple[int, ...]) -> Tensor:
+        """H (1 + s) on the floor."""
+        factor = frf.real.new_ones(len(sizes), frf.shape[1], 1)
+        factor[:, list(rows)] += sizes[:, :1, None]
+        return frf * factor

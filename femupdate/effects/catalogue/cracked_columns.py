@@ -1,0 +1,22 @@
+"""Cracked columns apart from the rest of the story."""
+
+from femupdate.effects.effect import Parameter
+from femupdate.effects.member import MemberStiffness
+
+
+class CrackedColumns(MemberStiffness):
+    """A factor on the columns' bending stiffness of one story or of all."""
+
+    name = "cracked_columns"
+    title = "Cracked columns"
+    sentence = (
+        "The columns have lost bending stiffness by cracking, while walls and beams have not."
+    )
+    confused_with = ("cracked_beams",)
+    parameters = (
+        Parameter(
+            "size", "1", 0.4, lower=-0.9, upper=0.0, text="change of the columns' bending stiffness"
+        ),
+    )
+    kinds = ("column",)
+    bending_only = True

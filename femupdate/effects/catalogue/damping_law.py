@@ -1,0 +1,45 @@
+"""Damping that depends on frequency in another way than the model says."""
+
+import torch
+from torch import Tensor
+
+from femupdate.effects.effect import Effect, Parameter, Terms
+from femupdate.effects.structure import Structure
+
+_ANCHORS = (1.0, 6.0)  # of the first frequency
+
+
+class DampingLaw(Effect):
+    """A mixture of the model's law with another one."""
+
+    name = "damping_law"
+    title = "Damping law"
+    sentence = (
+        "Damping varies with frequency otherwise than the model's law says, so that the peaks of "
+        "high and low modes cannot both be right."
+    )
+    confused_with = ("story_damper", "roll_off")
+    parameters = (
+        Parameter("size", "1", 0.5, lower=-0.9, upper=3.0, text="share of the other law"),
+    )
+
+    def places(self, structure: Structure) -> tuple[str, ...]:
+        """Which law: Rayleigh's, or proportional to frequency."""
+        return ("rayleigh", "proportional")
+
+    def terms(self, structure: Structure, place: str) -> Terms:
+        """The first frequency and which law."""
+        return Terms(constants=(structure.fundamental[0], float(place == "rayleigh")))
+
+    def damping(
+        self, ratio: Tensor, omega: Tensor, sizes: Tensor, constants: tuple[float, ...]
+    ) -> Tensor:
+        """zeta (1 + s (g - 1)), g = 1 at the first frequency (both anchors for Rayleigh's)."""
+        first, rayleigh = constants
+        relative = omega / first
+        if rayleigh:
+            low, high = _ANCHORS
+            shape = (low * high / relative + relative) / (low + high)
+        else:
+            shape = relative
+        return torch.clamp(ratio * (1.0 + sizes[:, :1] * (shape - 1.0)), 1e-4, 0.9)

@@ -1,0 +1,41 @@
+"""Mass that does not lie in the middle of the floors."""
+
+import numpy as np
+
+from femupdate.effects.effect import Effect, Parameter, Terms, mass_terms
+from femupdate.effects.structure import Structure
+
+
+class Eccentricity(Effect):
+    """A shift of every floor's mass across the motion."""
+
+    name = "eccentricity"
+    title = "Eccentric mass"
+    sentence = (
+        "The floors' masses lie beside the line on which the model puts them, so that motion in "
+        "one direction drives torsion and peaks split in two."
+    )
+    confused_with = ("tuned_appendage", "table_pitch")
+    parameters = (
+        Parameter("size", "1", 0.05, lower=0.0, upper=0.15, text="shift over plan depth"),
+    )
+
+    def places(self, structure: Structure) -> tuple[str, ...]:
+        """All floors together, where the plan has a depth."""
+        across = structure.position[:, 1 - structure.direction]
+        return ("all",) if np.ptp(across) > 0.0 else ()
+
+    def terms(self, structure: Structure, place: str) -> Terms:
+        """Masses scaled linearly across each floor, so that only their centre moves."""
+        across = structure.position[:, 1 - structure.direction]
+        values = np.zeros(len(across))
+        for floor in range(len(structure.floors)):
+            here = structure.level_of == floor
+            along = here & (structure.axis == structure.direction)
+            mass = structure.nodal_mass
+            middle = np.average(across[along], weights=mass[along])
+            arm = across - middle
+            inertia = float((mass[along] * arm[along] ** 2).sum())
+            slope = np.ptp(across[along]) * float(mass[along].sum()) / inertia
+            values = np.where(here, mass * slope * arm, values)
+        return mass_terms(structure, values)

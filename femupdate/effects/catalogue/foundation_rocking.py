@@ -1,0 +1,31 @@
+"""A foundation that rotates on the ground."""
+
+from femupdate.effects.effect import Effect, Parameter, Terms
+from femupdate.effects.structure import ROTATION, TRANSLATION, Structure
+
+
+class FoundationRocking(Effect):
+    """A rotational spring between ground and base."""
+
+    name = "foundation_rocking"
+    title = "Foundation rocking"
+    sentence = (
+        "The foundation rotates as a rigid body on flexible soil or anchorage: the floors move "
+        "in proportion to their height on top of their own deformation."
+    )
+    confused_with = ("wall_stiffness", "added_mass", "table_pitch")
+    parameters = (
+        Parameter(
+            "size", "1", 0.1, lower=0.0, upper=2.0, text="rocking over static roof displacement"
+        ),
+    )
+
+    def places(self, structure: Structure) -> tuple[str, ...]:
+        """The base."""
+        return ("base",)
+
+    def terms(self, structure: Structure, place: str) -> Terms:
+        """The spring under which rocking equals the roof's own static displacement."""
+        roof = float(structure.floor_rows[-1] @ structure.static)
+        moment = float(structure.rigid_mass[TRANSLATION, ROTATION])
+        return Terms(flexibility=(0.0, roof / (structure.levels[-1] * moment)))

@@ -1,0 +1,30 @@
+"""Noise of the floor sensors in a table of |H|."""
+
+from torch import Tensor
+
+from femupdate.effects.effect import Effect, Parameter
+from femupdate.effects.structure import Structure
+
+
+class NoiseFloor(Effect):
+    """Noise power of the floors over the power of the base."""
+
+    name = "noise_floor"
+    title = "Noise floor"
+    sentence = (
+        "|H| was taken as a ratio of amplitudes, in which the noise of the floor sensors fills "
+        "the anti-resonances."
+    )
+    parameters = (
+        Parameter("size", "1", 0.05, lower=0.0, upper=1.0, text="noise over base amplitude"),
+    )
+    instrument = True
+
+    def places(self, structure: Structure) -> tuple[str, ...]:
+        """All floors together."""
+        return ("floors",)
+
+    def observe(self, frf: Tensor, omega: Tensor, sizes: Tensor, rows: tuple[int, ...]) -> Tensor:
+        """|H|^2 + s^2, the phase kept."""
+        size = frf.abs().clamp_min(1e-30)
+        return frf * (1.0 + (sizes[:, :1, None] / size) ** 2).sqrt()

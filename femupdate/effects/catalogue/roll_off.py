@@ -1,0 +1,35 @@
+"""Floor sensors that lose high frequencies."""
+
+from torch import Tensor, pi
+
+from femupdate.effects.effect import Effect, Parameter, as_complex
+from femupdate.effects.structure import Structure
+
+_REFERENCE_HZ = 10.0
+
+
+class RollOff(Effect):
+    """A first-order low-pass filter on every floor sensor but not on the base's."""
+
+    name = "roll_off"
+    title = "Roll-off of the floor sensors"
+    sentence = (
+        "The floor sensors (not the base's) lose high frequencies like a first-order low-pass "
+        "filter: a smooth droop, with a phase lag."
+    )
+    confused_with = ("base_sway", "damping_law")
+    parameters = (
+        Parameter(
+            "size", "1", 0.03, lower=0.0, upper=4.0, text="(10 Hz over the corner frequency)^2"
+        ),
+    )
+    instrument = True
+
+    def places(self, structure: Structure) -> tuple[str, ...]:
+        """All floors together."""
+        return ("floors",)
+
+    def observe(self, frf: Tensor, omega: Tensor, sizes: Tensor, rows: tuple[int, ...]) -> Tensor:
+        """H / (1 + i omega / omega_c)."""
+        ratio = sizes[:, :1].clamp_min(0.0).sqrt() * omega / (2.0 * pi * _REFERENCE_HZ)
+        return frf / as_complex(ratio.new_ones(()), ratio)[:, None, :]

@@ -1,0 +1,21 @@
+"""Participation of the slabs apart from the rest of the story."""
+
+from femupdate.effects.effect import Parameter
+from femupdate.effects.member import MemberStiffness
+
+
+class SlabParticipation(MemberStiffness):
+    """A factor on the slabs' stiffness of one story or of all."""
+
+    name = "slab_participation"
+    title = "Participation of the slabs"
+    sentence = (
+        "The slabs take more or less part in the frame action than the model's: cracking, or "
+        "another effective width."
+    )
+    confused_with = ("cracked_beams",)
+    parameters = (
+        Parameter("size", "1", 0.3, lower=-0.9, upper=3.0, text="change of the slabs' stiffness"),
+    )
+    kinds = ("slab",)
+    bending_only = False

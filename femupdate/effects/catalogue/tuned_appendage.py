@@ -1,0 +1,51 @@
+"""Something on a floor that vibrates by itself."""
+
+from torch import Tensor
+
+from femupdate.effects.effect import Effect, Parameter, Terms, as_complex, floor_port
+from femupdate.effects.structure import Structure
+
+_RATIO = 0.02  # damping ratio of the appendage
+
+
+class TunedAppendage(Effect):
+    """A mass on a spring and a dashpot on one floor."""
+
+    name = "tuned_appendage"
+    title = "Vibrating appendage"
+    sentence = (
+        "Something on the floor vibrates on its own near a natural frequency of the building "
+        "(a tank, a mast, a machine on springs) and splits a peak in two."
+    )
+    confused_with = ("added_mass",)
+    parameters = (
+        Parameter("size", "1", 0.02, lower=0.0, upper=0.3, text="share of the floor's mass"),
+        Parameter(
+            "tuning",
+            "1",
+            1.0,
+            neutral=1.0,
+            lower=0.3,
+            upper=8.0,
+            text="frequency over the building's first at theta = 1",
+        ),
+    )
+
+    def places(self, structure: Structure) -> tuple[str, ...]:
+        """Every floor."""
+        return structure.floors
+
+    def terms(self, structure: Structure, place: str) -> Terms:
+        """Where it stands, the floor's mass and the building's first frequency."""
+        floor = structure.floors.index(place)
+        along = (structure.level_of == floor) & (structure.axis == structure.direction)
+        mass = float(structure.nodal_mass[along].sum())
+        return Terms(port=floor_port(structure, floor), constants=(mass, structure.fundamental[0]))
+
+    def port_stiffness(self, omega: Tensor, sizes: Tensor, constants: tuple[float, ...]) -> Tensor:
+        """-omega^2 m T, T the transmissibility of the spring and dashpot."""
+        mass, first = constants
+        ratio = omega / (first * sizes[:, 1:2])
+        carried = as_complex(ratio.new_ones(()), 2.0 * _RATIO * ratio)
+        transmitted = carried / (carried - ratio**2)
+        return -(omega**2) * mass * sizes[:, :1] * transmitted

@@ -1,0 +1,21 @@
+"""Stiffness of the walls apart from the rest of the story."""
+
+from femupdate.effects.effect import Parameter
+from femupdate.effects.member import MemberStiffness
+
+
+class WallStiffness(MemberStiffness):
+    """A factor on the walls' stiffness of one story or of all."""
+
+    name = "wall_stiffness"
+    title = "Stiffness of the walls"
+    sentence = (
+        "The shear walls are stiffer or softer than the story factor says, apart from the "
+        "frame: cracking, openings, another thickness or effective width."
+    )
+    confused_with = ("foundation_rocking",)
+    parameters = (
+        Parameter("size", "1", 0.25, lower=-0.9, upper=3.0, text="change of the walls' stiffness"),
+    )
+    kinds = ("wall",)
+    bending_only = False

@@ -1,0 +1,177 @@
+"""What every effect says of itself, and the terms that it adds to a structure."""
+
+from abc import ABC
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy.sparse import csc_matrix
+from torch import Tensor
+
+from femupdate.effects.structure import Structure, diagonal_mass
+
+Floats = NDArray[np.float64]
+ALL_STORIES = -1
+UNSCALED = -2
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number that says how large an effect is or how it is tuned.
+
+    Attributes:
+        name: such as "size".
+        unit: of the number; "1" for a share.
+        scale: standard deviation of its normal prior about `neutral`.
+        neutral: value without the effect (or in the middle of what is likely, for a tuning).
+        lower, upper: physical limits; a limit at the neutral value makes the effect one-sided.
+        text: what it is.
+    """
+
+    name: str
+    unit: str
+    scale: float
+    neutral: float = 0.0
+    lower: float = -float("inf")
+    upper: float = float("inf")
+    text: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Port:
+    """A line in the structure along which a dynamic stiffness acts.
+
+    Attributes:
+        row: (n,) displacement along it per unit of each degree of freedom.
+        rigid: (2,) displacement along it per unit base translation and rotation.
+    """
+
+    row: Floats
+    rigid: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class AddedMass:
+    """Mass of an effect.
+
+    Attributes:
+        matrix: (n, n).
+        force: (n, 2) it times the rigid motions of the base.
+        rigid: (2, 2) it by the rigid motions on both sides.
+    """
+
+    matrix: csc_matrix
+    force: Floats
+    rigid: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Terms:
+    """What an effect of unit size adds to the full model.
+
+    Attributes:
+        stiffness: (story, (n, n) matrix); a story's factor scales its matrix, `UNSCALED` ones stand
+            for themselves.
+        mass: mass, or None.
+        flexibility: (2,) of the ground under the base, m/N and rad/(N m).
+        pitch: rotation of the base that goes with its translation, rad/m.
+        port: where a dynamic stiffness acts, or None.
+        constants: numbers that the effect needs to evaluate itself, in its own order.
+    """
+
+    stiffness: tuple[tuple[int, csc_matrix], ...] = ()
+    mass: AddedMass | None = None
+    flexibility: tuple[float, float] = (0.0, 0.0)
+    pitch: float = 0.0
+    port: Port | None = None
+    constants: tuple[float, ...] = ()
+
+
+class Effect(ABC):
+    """A thing that a model may lack. Its first parameter is its size.
+
+    Class attributes:
+        name: as in files and options.
+        title: a few words for figures.
+        sentence: what it is and does, for an engineer.
+        confused_with: names of effects that look alike.
+        parameters: the size first.
+        instrument: it lies in the measurement, not in the structure.
+        needs_phase: |H| does not show it.
+        exchanged: it exchanges channels instead of having a size.
+    """
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    sentence: ClassVar[str]
+    confused_with: ClassVar[tuple[str, ...]] = ()
+    parameters: ClassVar[tuple[Parameter, ...]]
+    instrument: ClassVar[bool] = False
+    needs_phase: ClassVar[bool] = False
+
+    def places(self, structure: Structure) -> tuple[str, ...]:
+        """Where it can sit in a building; none where the building has no such thing."""
+        raise NotImplementedError
+
+    def terms(self, structure: Structure, place: str) -> Terms:
+        """What unit size adds to the structure."""
+        return Terms()
+
+    def port_stiffness(self, omega: Tensor, sizes: Tensor, constants: tuple[float, ...]) -> Tensor:
+        """Complex dynamic stiffness (N, k), N/m, of the port at omega (k,), rad/s."""
+        raise NotImplementedError
+
+    def damping(
+        self, ratio: Tensor, omega: Tensor, sizes: Tensor, constants: tuple[float, ...]
+    ) -> Tensor:
+        """Damping ratios (N, m) of the modes omega (N, m), from those without the effect."""
+        return ratio
+
+    def observe(self, frf: Tensor, omega: Tensor, sizes: Tensor, rows: tuple[int, ...]) -> Tensor:
+        """The FRFs (N, f, k) as they are measured; `rows` are the floors of the place."""
+        return frf
+
+    def place_rows(self, place: str, floors: tuple[str, ...]) -> tuple[int, ...]:
+        """Rows of the floors that a place names."""
+        return tuple(floors.index(part) for part in place.split(",") if part in floors)
+
+
+@dataclass(frozen=True)
+class Placed:
+    """An effect at a place."""
+
+    effect: Effect
+    place: str
+
+    @property
+    def label(self) -> str:
+        """Such as `added_mass@3F`."""
+        return f"{self.effect.name}@{self.place}"
+
+
+def mass_terms(structure: Structure, values: Floats, constants: tuple[float, ...] = ()) -> Terms:
+    """Terms of point masses (n,) kg on the degrees of freedom."""
+    matrix = diagonal_mass(values)
+    force = matrix @ structure.rigid_shapes
+    mass = AddedMass(matrix, force, structure.rigid_shapes.T @ force)
+    return Terms(mass=mass, constants=constants)
+
+
+def floor_port(structure: Structure, floor: int) -> Port:
+    """The absolute displacement of a floor."""
+    return Port(structure.floor_rows[floor], structure.rigid_floors[floor])
+
+
+def story_port(structure: Structure, story: int) -> Port:
+    """The drift of a story: the floor above it less the one below."""
+    rows, rigid = structure.floor_rows, structure.rigid_floors
+    below = rows[story - 1] if story else np.zeros(rows.shape[1])
+    rigid_below = rigid[story - 1] if story else np.array([1.0, 0.0])
+    return Port(rows[story] - below, rigid[story] - rigid_below)
+
+
+def as_complex(real: Tensor, imaginary: Tensor) -> Tensor:
+    """A complex tensor of two real ones that broadcast."""
+    return torch.complex(*torch.broadcast_tensors(real, imaginary))

@@ -1,0 +1,41 @@
+"""Effects that change the stiffness of one kind of member."""
+
+from typing import ClassVar
+
+import numpy as np
+
+from femupdate.effects.effect import Effect, Terms
+from femupdate.effects.structure import Structure
+
+ALL = "all"
+
+
+class MemberStiffness(Effect):
+    """A change of the stiffness of some kinds of members, in one story or in all.
+
+    Class attributes:
+        kinds: of shells and beams in the mesh.
+        bending_only: of beams and columns, the bending stiffness alone.
+    """
+
+    kinds: ClassVar[tuple[str, ...]]
+    bending_only: ClassVar[bool]
+
+    def places(self, structure: Structure) -> tuple[str, ...]:
+        """All stories together, and every story, where there are such members."""
+        if structure.mesh is None:
+            return ()
+        model = structure.mesh.model
+        groups = np.concatenate(
+            [part.group[np.isin(part.kind, self.kinds)] for part in (model.shells, model.beams)]
+        )
+        stories = structure.building.story_names
+        own = tuple(stories[group] for group in np.unique(groups))
+        return (ALL, *own) if len(own) > 1 else own
+
+    def terms(self, structure: Structure, place: str) -> Terms:
+        """The members' own stiffness once more, scaled by the factor of their story."""
+        stories = structure.building.story_names
+        matrices = structure.member_stiffness(self.kinds, self.bending_only)
+        chosen = range(len(stories)) if place == ALL else [stories.index(place)]
+        return Terms(stiffness=tuple((k, matrices[k]) for k in chosen if matrices[k].nnz))

@@ -1,0 +1,243 @@
+"""A building's full equations as effects see them: one motion direction, a base that may rock.
+
+The displacement of every node is that of a rigid body on the moving base plus u:
+    M u'' + C u' + K(theta) u = -rigid_force y'',   y = (translation, rotation) of the base.
+A shear building is a stick; its heights are the stories' own, or one metre each where not given.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_matrix, diags
+
+from femupdate.building.mesh import BuildingMesh, mesh_building
+from femupdate.building.schema import Building, FrameBuilding, ShearBuilding
+from femupdate.building.shear import shear_operators
+from femupdate.fe.assembly import AffineOperators, assemble
+from femupdate.fe.factorization import Factorization, factorize
+from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+TRANSLATION, ROTATION = 0, 1
+
+
+@dataclass(frozen=True, eq=False)
+class Structure:
+    """The full model of a building, n degrees of freedom, f floors.
+
+    Attributes:
+        building: what it is the model of.
+        stiffness_terms: one (n, n) matrix a story, N/m.
+        stiffness_constant: (n, n) part that no factor scales.
+        mass: (n, n) kg.
+        rigid_shapes: (n, 2) displacement of the degrees of freedom per metre of base translation
+            along the motion, and per radian of base rotation that moves what lies above forward.
+        rigid_force: (n, 2) mass matrix, with that of the supports, times those shapes.
+        rigid_mass: (2, 2) mass, first and second moment of it about the base.
+        floor_rows: (f, n) what the floors' sensors see of u, in their mean.
+        levels: (f,) heights of the floors above the base, m.
+        position: (n, 3) where each degree of freedom lies, m.
+        axis: (n,) 0 to 5, ux to rz.
+        nodal_mass: (n,) mass that moves along each translation; zero for rotations.
+        direction: of the motion, 0 for x, 1 for y.
+        mesh: the mesh of a frame.
+        operators: the assembled mesh of a frame.
+    """
+
+    building: Building
+    stiffness_terms: tuple[csc_matrix, ...]
+    stiffness_constant: csc_matrix
+    mass: csc_matrix
+    rigid_shapes: Floats
+    rigid_force: Floats
+    rigid_mass: Floats
+    floor_rows: Floats
+    levels: Floats
+    position: Floats
+    axis: Integers
+    nodal_mass: Floats
+    direction: int
+    mesh: BuildingMesh | None = None
+    operators: AffineOperators | None = None
+
+    @property
+    def floors(self) -> tuple[str, ...]:
+        """Names of the floors, bottom to top."""
+        return self.building.floors
+
+    @property
+    def rigid_floors(self) -> Floats:
+        """(f, 2) displacement of the floors per unit base translation and rotation."""
+        return np.column_stack([np.ones(len(self.levels)), self.levels])
+
+    def stiffness(self, theta: Floats) -> csc_matrix:
+        """K (n, n) at theta (p,)."""
+        total = self.stiffness_constant
+        for factor, term in zip(theta, self.stiffness_terms, strict=True):
+            total = total + factor * term
+        return csc_matrix(total)
+
+    @cached_property
+    def _factorization(self) -> Factorization:
+        return factorize(self.stiffness(np.ones(len(self.stiffness_terms))))
+
+    @cached_property
+    def static(self) -> Floats:
+        """(n,) displacement under unit base acceleration at theta = 1, s2."""
+        return self._factorization.solve(self.rigid_force[:, TRANSLATION])
+
+    @cached_property
+    def fundamental(self) -> tuple[float, Floats]:
+        """Circular frequency (rad/s) and shape (f,) of the floors in the first driven mode.
+
+        Rayleigh's quotient after two inverse iterations from the static shape, which is within a
+        thousandth of the mode that the base motion drives most; unit modal mass.
+        """
+        shape = self.static
+        for _ in range(2):
+            shape = self._factorization.solve(self.mass @ shape)
+        modal_mass = float(shape @ (self.mass @ shape))
+        stiffness = self.stiffness(np.ones(len(self.stiffness_terms)))
+        omega = np.sqrt(float(shape @ (stiffness @ shape)) / modal_mass)
+        return float(omega), self.floor_rows @ shape / np.sqrt(modal_mass)
+
+    @cached_property
+    def level_of(self) -> Integers:
+        """(n,) index of the floor at whose height a degree of freedom lies, -1 between floors."""
+        tall = np.abs(self.position[:, 2, None] - self.levels)
+        near = tall.argmin(axis=1)
+        here = tall[np.arange(len(near)), near] < 1e-6 * self.levels[-1]
+        return np.where(here, near, -1)
+
+    def member_stiffness(
+        self, kinds: tuple[str, ...], bending_only: bool
+    ) -> tuple[csc_matrix, ...]:
+        """Stiffness of the members of some kinds, one (n, n) matrix a story.
+
+        Args:
+            kinds: of shells and beams, such as "wall" or "beam".
+            bending_only: of beams and columns, what their bending stiffness contributes.
+        """
+        if self.mesh is None or self.operators is None:
+            raise ValueError("a shear building has no members")
+        more = assemble(_twice(self.mesh.model, kinds, bending_only))
+        pairs = zip(more.stiffness_terms, self.operators.stiffness_terms, strict=True)
+        return tuple(csc_matrix(new - old) for new, old in pairs)
+
+
+def structure_of(building: Building, mesh_size: float | None = None) -> Structure:
+    """Assemble a building's full model.
+
+    Args:
+        building: of either kind.
+        mesh_size: m; the building's own where None.
+
+    Raises:
+        BuildingError, ModelError: the building cannot be meshed or stand.
+    """
+    if isinstance(building, ShearBuilding):
+        return _stick(building)
+    return _frame(building, mesh_size)
+
+
+def _stick(building: ShearBuilding) -> Structure:
+    lumped = shear_operators(building)
+    count = len(lumped.floors)
+    heights = np.cumsum([story.height or 1.0 for story in building.stories])
+    shapes = np.column_stack([np.ones(count), heights])
+    masses = np.diag(lumped.mass)
+    return Structure(
+        building=building,
+        stiffness_terms=tuple(csc_matrix(term) for term in lumped.stiffness_terms),
+        stiffness_constant=csc_matrix((count, count)),
+        mass=csc_matrix(lumped.mass),
+        rigid_shapes=shapes,
+        rigid_force=masses[:, None] * shapes,
+        rigid_mass=shapes.T @ (masses[:, None] * shapes),
+        floor_rows=np.eye(count),
+        levels=heights,
+        position=np.column_stack([np.zeros((count, 2)), heights]),
+        axis=np.zeros(count, dtype=np.int64),
+        nodal_mass=masses,
+        direction=0,
+    )
+
+
+def _frame(building: FrameBuilding, mesh_size: float | None) -> Structure:
+    mesh = mesh_building(building, mesh_size)
+    operators = assemble(mesh.model)
+    rows = np.zeros((len(mesh.floors), operators.dof))
+    for row, nodes in zip(rows, mesh.floor_nodes.values(), strict=True):
+        row[DOF_PER_NODE * np.asarray(nodes) + mesh.direction] = 1.0 / len(nodes)
+    shapes = _rigid_shapes(mesh.model.nodes, mesh.direction)
+    force = operators.mass_full @ shapes
+    return Structure(
+        building=building,
+        stiffness_terms=operators.stiffness_terms,
+        stiffness_constant=operators.stiffness_constant,
+        mass=operators.mass,
+        rigid_shapes=shapes[operators.free],
+        rigid_force=operators.gather(force),
+        rigid_mass=shapes.T @ force,
+        floor_rows=operators.gather(rows.T).T,
+        levels=mesh.floor_level,
+        position=np.repeat(mesh.model.nodes, DOF_PER_NODE, axis=0)[operators.free],
+        axis=operators.free % DOF_PER_NODE,
+        nodal_mass=_nodal_mass(operators),
+        direction=mesh.direction,
+        mesh=mesh,
+        operators=operators,
+    )
+
+
+def _rigid_shapes(nodes: Floats, direction: int) -> Floats:
+    """(6N, 2) unit translation of the base, and unit rotation about its centre."""
+    middle = 0.5 * (nodes[:, direction].min() + nodes[:, direction].max())
+    shapes = np.zeros((len(nodes), DOF_PER_NODE, 2))
+    shapes[:, direction, TRANSLATION] = 1.0
+    shapes[:, direction, ROTATION] = nodes[:, 2] - nodes[:, 2].min()
+    shapes[:, 2, ROTATION] = middle - nodes[:, direction]
+    # Forward means about +y for motion along x, and about -x for motion along y.
+    shapes[:, 4 if direction == 0 else 3, ROTATION] = 1.0 if direction == 0 else -1.0
+    return shapes.reshape(-1, 2)
+
+
+def _nodal_mass(operators: AffineOperators) -> Floats:
+    total = np.zeros(operators.dof)
+    for axis in range(3):
+        motion = operators.rigid_translation(axis)
+        total += motion * (operators.mass_full @ motion)
+    return total[operators.free]
+
+
+def _twice(
+    model: FiniteElementModel, kinds: tuple[str, ...], bending_only: bool
+) -> FiniteElementModel:
+    """The model with the members of some kinds twice as stiff."""
+    shells, beams = model.shells, model.beams
+    of_shells = 1.0 + np.isin(shells.kind, kinds)
+    of_beams = 1.0 + np.isin(beams.kind, kinds)
+    if bending_only:
+        stiffer = replace(
+            beams,
+            inertia_y=beams.inertia_y * of_beams,
+            inertia_z=beams.inertia_z * of_beams,
+            # With it the member keeps its ratio of bending to shear flexibility.
+            shear_area_y=beams.shear_area_y * of_beams,
+            shear_area_z=beams.shear_area_z * of_beams,
+        )
+    else:
+        stiffer = replace(beams, youngs_modulus=beams.youngs_modulus * of_beams)
+    return replace(
+        model,
+        shells=replace(shells, youngs_modulus=shells.youngs_modulus * of_shells),
+        beams=stiffer,
+    )
+
+
+def diagonal_mass(values: Floats) -> csc_matrix:
+    """A mass matrix of point masses, (n,) to (n, n)."""
+    return csc_matrix(diags(values))
