@@ -41,6 +41,34 @@ def membrane_stiffness(
     Returns:
         (n, 12, 12) for u, v and the rotation about the normal, node by node.
     """
+    stiffness, _ = _with_internal_modes(plane, thickness, youngs_modulus, poisson_ratio)
+    coupling = stiffness[:, _INTERNAL, _NODAL]
+    condensed = stiffness[:, _NODAL, _NODAL] - np.swapaxes(coupling, 1, 2) @ _internal(stiffness)
+    return condensed[:, _NODE_BY_NODE[:, None], _NODE_BY_NODE]
+
+
+def membrane_strain(
+    plane: Floats, thickness: Floats, youngs_modulus: Floats, poisson_ratio: Floats
+) -> Floats:
+    """Strains (eps_x, eps_y, gamma_xy) at the Gauss points per unit motion of the corners.
+
+    The internal modes follow the corners as they do in the stiffness.
+
+    Args:
+        plane, thickness, youngs_modulus, poisson_ratio: as for `membrane_stiffness`.
+
+    Returns:
+        (n, 4, 3, 12), columns in the order of `membrane_stiffness`, 1/m and -.
+    """
+    stiffness, strain = _with_internal_modes(plane, thickness, youngs_modulus, poisson_ratio)
+    followed = strain[..., _INTERNAL] @ _internal(stiffness)[:, None]
+    return (strain[..., _NODAL] - followed)[..., _NODE_BY_NODE]
+
+
+def _with_internal_modes(
+    plane: Floats, thickness: Floats, youngs_modulus: Floats, poisson_ratio: Floats
+) -> tuple[Floats, Floats]:
+    """Stiffness (n, 16, 16) and strains at the Gauss points (n, g, 3, 16) before condensation."""
     gauss, centre = sample(plane, GAUSS_POINTS), sample(plane, CENTRE)
     internal = _internal_gradients(gauss, centre)
     volume = gauss.determinant * thickness[:, None]
@@ -57,7 +85,7 @@ def membrane_stiffness(
     slip = _slip(centre, CENTRE, np.zeros((len(plane), 1, 2, 2)))
     penalty = 4.0 * (shear_modulus * thickness)[:, None] * centre.determinant
     stiffness += integrate(slip, slip, penalty)
-    return _condensed(stiffness)[:, _NODE_BY_NODE[:, None], _NODE_BY_NODE]
+    return stiffness, strain
 
 
 def plane_stress(youngs_modulus: Floats, poisson_ratio: Floats) -> Floats:
@@ -112,8 +140,7 @@ def _slip(samples: PlaneSamples, points: Floats, internal: Floats) -> Floats:
     return slip
 
 
-def _condensed(stiffness: Floats) -> Floats:
-    """Eliminate the internal modes, which carry no load, (n, 16, 16) -> (n, 12, 12)."""
-    coupling = stiffness[:, _INTERNAL, _NODAL]
-    internal = np.linalg.solve(stiffness[:, _INTERNAL, _INTERNAL], coupling)
-    return stiffness[:, _NODAL, _NODAL] - np.swapaxes(coupling, 1, 2) @ internal
+def _internal(stiffness: Floats) -> Floats:
+    """What the internal modes, which carry no load, take off per corner motion, (n, 4, 12)."""
+    own, coupling = stiffness[:, _INTERNAL, _INTERNAL], stiffness[:, _INTERNAL, _NODAL]
+    return np.asarray(np.linalg.solve(own, coupling), dtype=np.float64)

@@ -4,12 +4,23 @@ import numpy as np
 
 from femupdate.fe.membrane import integrate, plane_stress
 from femupdate.fe.model import Floats
-from femupdate.fe.quadrilateral import GAUSS_POINTS, PlaneSamples, sample
+from femupdate.fe.quadrilateral import (
+    GAUSS_POINTS,
+    PlaneSamples,
+    determinants,
+    jacobians,
+    sample,
+    shape_functions,
+)
 
 SHEAR_CORRECTION = 5.0 / 6.0
 
 # Columns are grouped as w (4), rotation about x (4), rotation about y (4).
 _W, _RX, _RY = slice(0, 4), slice(4, 8), slice(8, 12)
+# 3 x 3 Gauss points integrate the square of a quadratic deflection.
+_LINE = np.sqrt(0.6) * np.array([-1.0, 0.0, 1.0])
+_GAUSS_3 = np.stack([np.repeat(_LINE, 3), np.tile(_LINE, 3)], axis=1)
+_WEIGHTS_3 = np.outer([5.0, 8.0, 5.0], [5.0, 8.0, 5.0]).ravel() / 81.0
 _NODE_BY_NODE = np.arange(12).reshape(3, 4).T.ravel()
 # The edges whose middles tie the covariant shear strains, each from its first to its second node.
 _EDGES_ALONG_XI = ((0, 1), (3, 2))  # eta = -1, +1
@@ -41,6 +52,65 @@ def plate_stiffness(
     rigidity = SHEAR_CORRECTION * thickness * 0.5 * youngs_modulus / (1.0 + poisson_ratio)
     stiffness += integrate(shear, rigidity[:, None, None, None] * shear, gauss.determinant)
     return stiffness[:, _NODE_BY_NODE[:, None], _NODE_BY_NODE]
+
+
+def plate_mass(plane: Floats, thickness: Floats, density: Floats) -> Floats:
+    """Consistent mass of flat quadrilaterals in motion across their plane.
+
+    The deflection is quadratic along the sides, as the tied shear strains imply: the rotations of
+    its ends bend a side by an eighth of its length times their difference (the linked
+    interpolation of Auricchio and Taylor 1994). With a bilinear deflection instead, the frequencies
+    of a mesh size h err by k^2 h^2 / 8 at a wave number k, three times as much as so. Rotations
+    carry density thickness^3 / 12.
+
+    Args:
+        plane: (n, 4, 2) corners in the element's plane, counter-clockwise, m.
+        thickness: (n,) m.
+        density: (n,) kg/m3.
+
+    Returns:
+        (n, 12, 12) for w and the rotations about x and y, node by node, kg, kg m and kg m2.
+    """
+    determinant = determinants(jacobians(plane, _GAUSS_3)) * _WEIGHTS_3
+    deflection = _linked_deflection(plane, _GAUSS_3)[:, :, None]
+    mass = integrate(deflection, deflection, determinant * (density * thickness)[:, None])
+    shape = shape_functions(_GAUSS_3)
+    rotary = np.einsum("ng,gi,gj->nij", determinant, shape, shape)
+    rotary *= (density * thickness**3 / 12.0)[:, None, None]
+    mass[:, _RX, _RX] += rotary
+    mass[:, _RY, _RY] += rotary
+    return mass[:, _NODE_BY_NODE[:, None], _NODE_BY_NODE]
+
+
+def _linked_deflection(plane: Floats, points: Floats) -> Floats:
+    """Deflection per unit coordinate at points of the parent square, (n, g, 12)."""
+    xi, eta = points.T
+    deflection = np.zeros((len(plane), len(points), 12))
+    deflection[:, :, _W] = shape_functions(points)
+    for (first, second), bubble in (
+        (_EDGES_ALONG_XI[0], (1.0 - xi**2) * (1.0 - eta)),
+        (_EDGES_ALONG_XI[1], (1.0 - xi**2) * (1.0 + eta)),
+        (_EDGES_ALONG_ETA[0], (1.0 - eta**2) * (1.0 - xi)),
+        (_EDGES_ALONG_ETA[1], (1.0 - eta**2) * (1.0 + xi)),
+    ):
+        side = plane[:, second] - plane[:, first]
+        # Slope along the side: dx w,x + dy w,y with w,x = -ry and w,y = rx.
+        for node, sign in ((first, 0.0625), (second, -0.0625)):
+            deflection[:, :, _RY.start + node] -= sign * side[:, :1] * bubble
+            deflection[:, :, _RX.start + node] += sign * side[:, 1:] * bubble
+    return deflection
+
+
+def plate_curvature(plane: Floats) -> Floats:
+    """Curvatures (x, y, twice xy) at the Gauss points per unit motion of the corners.
+
+    Args:
+        plane: as for `plate_stiffness`.
+
+    Returns:
+        (n, 4, 3, 12), columns in the order of `plate_stiffness`, 1/m and 1/m2.
+    """
+    return _curvature(sample(plane, GAUSS_POINTS))[..., _NODE_BY_NODE]
 
 
 def _curvature(gauss: PlaneSamples) -> Floats:

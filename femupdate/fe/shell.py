@@ -8,7 +8,7 @@ from femupdate.errors import ModelError
 from femupdate.fe.element import ElementMatrices, symmetric
 from femupdate.fe.membrane import DRILLING_STABILISATION, membrane_stiffness
 from femupdate.fe.model import Floats, Integers
-from femupdate.fe.plate import plate_stiffness
+from femupdate.fe.plate import plate_mass, plate_stiffness
 from femupdate.fe.quadrilateral import (
     CENTRE,
     CORNERS,
@@ -18,14 +18,14 @@ from femupdate.fe.quadrilateral import (
     shape_functions,
 )
 
-_IN_PLANE = (6 * np.arange(4)[:, None] + [0, 1, 5]).ravel()
-_OUT_OF_PLANE = (6 * np.arange(4)[:, None] + [2, 3, 4]).ravel()
+IN_PLANE = (6 * np.arange(4)[:, None] + [0, 1, 5]).ravel()
+OUT_OF_PLANE = (6 * np.arange(4)[:, None] + [2, 3, 4]).ravel()
 _FLAT = 1e-9  # area over the square of the longest diagonal below which an element has no area
 _FOLDED = 1e-4  # corner Jacobian over the mean one: a corner of 180 degrees has 0
 
 
 @dataclass(frozen=True)
-class _Frame:
+class MeanPlanes:
     """Shells projected on their mean planes.
 
     Attributes:
@@ -64,21 +64,21 @@ def shell_matrices(
         ModelError: an element is flat, concave, folded or has an impossible property.
     """
     _check_properties(thickness, youngs_modulus, poisson_ratio, density, nodes)
-    frame = _frame(coordinates)
+    frame = mean_planes(coordinates)
     _check_shape(frame, nodes)
     stiffness = np.zeros((len(coordinates), 24, 24))
     elastic = (thickness, youngs_modulus, poisson_ratio)
-    stiffness[:, _IN_PLANE[:, None], _IN_PLANE] = membrane_stiffness(frame.plane, *elastic)
-    stiffness[:, _OUT_OF_PLANE[:, None], _OUT_OF_PLANE] = plate_stiffness(frame.plane, *elastic)
+    stiffness[:, IN_PLANE[:, None], IN_PLANE] = membrane_stiffness(frame.plane, *elastic)
+    stiffness[:, OUT_OF_PLANE[:, None], OUT_OF_PLANE] = plate_stiffness(frame.plane, *elastic)
     mass = _mass(frame.plane, thickness, density)
-    to_local = _to_local(frame)
-    to_global = np.swapaxes(to_local, 1, 2)
+    transform = to_local(frame)
+    to_global = np.swapaxes(transform, 1, 2)
     return ElementMatrices(
-        symmetric(to_global @ stiffness @ to_local), symmetric(to_global @ mass @ to_local)
+        symmetric(to_global @ stiffness @ transform), symmetric(to_global @ mass @ transform)
     )
 
 
-def _frame(coordinates: Floats) -> _Frame:
+def mean_planes(coordinates: Floats) -> MeanPlanes:
     """Mean planes: through the centroid of the corners, along both bisectors of the sides."""
     centred = coordinates - coordinates.mean(axis=1, keepdims=True)
     along_xi = np.einsum("i,nid->nd", CORNERS[:, 0], centred)
@@ -87,7 +87,7 @@ def _frame(coordinates: Floats) -> _Frame:
     z = _unit(np.cross(along_xi, along_eta))
     axes = np.stack([x, np.cross(z, x), z], axis=1)
     local = np.einsum("nij,nkj->nki", axes, centred)
-    return _Frame(axes, local[..., :2], local[..., 2])
+    return MeanPlanes(axes, local[..., :2], local[..., 2])
 
 
 def _unit(vectors: Floats) -> Floats:
@@ -96,7 +96,7 @@ def _unit(vectors: Floats) -> Floats:
     return np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0.0)
 
 
-def _to_local(frame: _Frame) -> Floats:
+def to_local(frame: MeanPlanes) -> Floats:
     """From global motion of the nodes to local motion of the projected corners, (n, 24, 24).
 
     A rigid arm joins each node to its projection, u' = u + r cross (p' - p), so that forces of the
@@ -116,24 +116,25 @@ def _to_local(frame: _Frame) -> Floats:
 def _mass(plane: Floats, thickness: Floats, density: Floats) -> Floats:
     """Consistent mass in local axes, (n, 24, 24).
 
-    Rotations about in-plane axes carry rho t^3 / 12. The rotation about the normal carries as
-    small a part of it as its stabilising stiffness is of the shear modulus: its own vibrations
-    then stay near the thickness-shear frequency sqrt(12 G / rho) / t, where the plate theory ends.
+    The rotation about the normal carries as small a part of the rotary inertia as its stabilising
+    stiffness is of the shear modulus: its own vibrations then stay near the thickness-shear
+    frequency sqrt(12 G / rho) / t, where the plate theory ends.
     """
     determinant = determinants(jacobians(plane, GAUSS_POINTS))
     shape = shape_functions(GAUSS_POINTS)
     product = np.einsum("ng,gi,gj->nij", determinant, shape, shape)
     translation = density * thickness
-    rotation = translation * thickness**2 / 12.0
-    drilling = DRILLING_STABILISATION * rotation
-    inertia = np.stack([translation] * 3 + [rotation] * 2 + [drilling], axis=1)
-    mass = np.zeros((len(plane), 4, 6, 4, 6))
-    for direction in range(6):
-        mass[:, :, direction, :, direction] = inertia[:, direction, None, None] * product
-    return mass.reshape(len(plane), 24, 24)
+    drilling = DRILLING_STABILISATION * translation * thickness**2 / 12.0
+    in_plane = np.zeros((len(plane), 4, 3, 4, 3))
+    for direction, inertia in enumerate((translation, translation, drilling)):
+        in_plane[:, :, direction, :, direction] = inertia[:, None, None] * product
+    mass = np.zeros((len(plane), 24, 24))
+    mass[:, IN_PLANE[:, None], IN_PLANE] = in_plane.reshape(-1, 12, 12)
+    mass[:, OUT_OF_PLANE[:, None], OUT_OF_PLANE] = plate_mass(plane, thickness, density)
+    return mass
 
 
-def _check_shape(frame: _Frame, nodes: Integers | None) -> None:
+def _check_shape(frame: MeanPlanes, nodes: Integers | None) -> None:
     corner = determinants(jacobians(frame.plane, CORNERS))
     mean = determinants(jacobians(frame.plane, CENTRE))[:, 0]
     size = np.abs(frame.plane).max(axis=(1, 2), initial=0.0) + np.abs(frame.height).max(axis=1)

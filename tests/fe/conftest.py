@@ -21,11 +21,6 @@ def meshes():
 
 
 @pytest.fixture(scope="session")
-def published():
-    return _load("published")
-
-
-@pytest.fixture(scope="session")
 def opensees():
     """OpenSeesPy, which fails to import where the system lacks BLAS."""
     try:

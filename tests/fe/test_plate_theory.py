@@ -78,16 +78,16 @@ def test_static_deflection_converges_to_navier_at_second_order(meshes):
 
 
 @pytest.mark.parametrize("thickness", [0.02, 0.2, 0.8])
-def test_frequencies_converge_to_mindlin_from_above_at_second_order(meshes, thickness):
+def test_frequencies_converge_to_mindlin_at_second_order(meshes, thickness):
     errors = []
     for count in (6, 12, 24):
         operators = assemble(plate(meshes, count + 2, count, thickness))
         found = lowest_modes(operators, np.ones(1), 4).frequency_hz
         errors.append(found / mindlin_frequencies(thickness, 4) - 1)
-    errors = np.array(errors)
-    assert (errors > 0).all()
-    assert rates(errors) == pytest.approx(2.0, abs=0.3)
-    assert errors[-1].max() < 0.015
+    # Stiffness errs high along the sides and low along the diagonals: the largest error counts.
+    worst = np.abs(errors).max(axis=1)
+    assert rates(worst) == pytest.approx(2.0, abs=0.3)
+    assert worst[-1] < 0.0025
 
 
 def test_mindlin_oracle_gives_the_published_thick_plate(monkeypatch):
@@ -98,12 +98,12 @@ def test_mindlin_oracle_gives_the_published_thick_plate(monkeypatch):
     assert mindlin_frequencies(1.0, 1)[0] == pytest.approx(45.897, rel=1e-3)
 
 
-@pytest.mark.parametrize(("count", "worst"), [(8, 1.08), (16, 1.02)])
+@pytest.mark.parametrize(("count", "worst"), [(8, 1.03), (16, 1.01)])
 def test_free_plate_nafems_fv12(meshes, count, worst):
     """Free thin plate 10 m x 10 m x 0.05 m: three rigid motions, then 1.622 to 7.416 Hz.
 
-    Consistent mass errs high on coarse meshes; fine ones converge to the published values but in
-    the fourth mode, where thin-plate theory itself lies 1 % below them.
+    Within 3 % on the coarse mesh; fine ones converge to the published values but in the fourth
+    mode, where thin-plate theory itself lies 1 % below them.
     """
     s, t, quads = meshes.grid(count, count)
     fixed = meshes.hold(len(s), (s >= 0, (0, 1, 5)))
