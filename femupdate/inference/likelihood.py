@@ -122,6 +122,8 @@ class DataLikelihood:
         zeta: fixed damping ratio, or None where it is the last parameter.
         batch: responses at a time; default what is fastest.
         device: where to evaluate.
+        precision: of the responses; modes are always solved in float64. float32 takes half the
+            time and moves the log likelihood by a few thousandths.
     """
 
     def __init__(
@@ -133,12 +135,14 @@ class DataLikelihood:
         *,
         batch: int | None = None,
         device: torch.device | str = "cpu",
+        precision: torch.dtype = torch.float64,
     ) -> None:
         self._model = model
         self._law = law
         self._zeta = zeta
         self._batch = batch
         self._device = device
+        self._precision = precision
         self._frequency = torch.from_numpy(observation.frequency_hz).to(device)
         self.terms = data_terms(observation, model.floors)
 
@@ -173,9 +177,14 @@ class DataLikelihood:
         rows = list(self.terms.rows)
         seen = ModalData(modal.omega, modal.effect[:, rows], modal.residual[:, rows])
         return log_frf_batches(
-            seen.to(self._device), self._frequency, self._law, zeta, batch=self._batch
+            seen.to(self._device, self._precision),
+            self._frequency,
+            self._law,
+            zeta,
+            batch=self._batch,
         )
 
     def _misfit(self, predicted: Tensor) -> Tensor:
         residual = (predicted - self.terms.log_frf.to(predicted)) ** 2
-        return (residual * self.terms.weight.to(predicted)).sum((1, 2))
+        weighted = residual * self.terms.weight.to(predicted)
+        return weighted.sum((1, 2), dtype=torch.float64)

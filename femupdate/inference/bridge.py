@@ -1,0 +1,164 @@
+"""From particles of an easier posterior to precise draws from the one wanted.
+
+Importance sampling from a mixture fitted to the particles is tried first: it costs a few thousand
+likelihoods. Where too few of its draws count, the particles are first brought over by tempering.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from torch import Tensor
+
+from femupdate.errors import InferenceError
+from femupdate.inference.importance import ImportanceSettings, WeightedDraws, importance_draws
+from femupdate.inference.prior import UniformPrior
+from femupdate.inference.smc import LogLikelihood, SmcResult, SmcSettings, TemperedSmc
+
+# Effective share of the importance draws below which they are not trusted.
+_LEAST_SHARE = 0.1
+
+
+@dataclass(frozen=True)
+class BridgeResult:
+    """Equally weighted draws from prior times target.
+
+    Attributes:
+        theta: (n, p).
+        log_likelihood: (n,) of the target.
+        log_evidence: of the target.
+        log_evidence_error: its standard error; NaN where importance sampling did not work.
+        effective_share: of the importance draws; 0 where they were not used.
+        evaluations: of the target, all in all.
+        tempered: whether the particles had to be tempered first.
+    """
+
+    theta: Tensor
+    log_likelihood: Tensor
+    log_evidence: float
+    log_evidence_error: float
+    effective_share: float
+    evaluations: int
+    tempered: bool
+
+
+@dataclass(frozen=True)
+class Start:
+    """What a bridge starts from.
+
+    Attributes:
+        result: particles and evidence of the base.
+        base: log likelihood that they were drawn for; None where they are of the target itself.
+    """
+
+    result: SmcResult
+    base: LogLikelihood | None = None
+
+
+def bridge(
+    prior: UniformPrior,
+    target: LogLikelihood,
+    start: Start,
+    seed: int,
+    *,
+    draws: int | None = None,
+    settings: SmcSettings | None = None,
+    importance: ImportanceSettings | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> BridgeResult:
+    """Return as many draws from the target as `start` has particles.
+
+    Args:
+        prior: of both.
+        target: log likelihood wanted.
+        start: see `Start`; every mode of the target must hold some of its particles.
+        seed: of everything random.
+        draws: importance draws that the result is resampled from; default four a particle.
+        settings: of the tempering, where it is needed.
+        importance: how the proposal is fitted.
+        progress: called with the number of target likelihoods evaluated since the last call.
+
+    Raises:
+        InferenceError: see `TemperedSmc`.
+    """
+    counted = _Counted(target, progress)
+    count = len(start.result.theta)
+    wanted = draws or 4 * count
+    weighted = _tried(prior, counted, start.result.theta, wanted, seed, importance)
+    if weighted is not None:
+        return _resampled(weighted, count, seed, counted.count, tempered=False)
+    if start.base is None:
+        return _unrefined(start.result, 0.0, counted.count, tempered=False)
+    tempering = TemperedSmc(prior, counted, base=start.base, settings=settings)
+    result = tempering.run(count, seed, start=start.result.theta)
+    weighted = _tried(prior, counted, result.theta, wanted, seed + 1, importance)
+    if weighted is not None:
+        return _resampled(weighted, count, seed, counted.count, tempered=True)
+    return _unrefined(result, start.result.log_evidence, counted.count, tempered=True)
+
+
+class _Counted:
+    """A likelihood that counts its evaluations."""
+
+    def __init__(self, target: LogLikelihood, progress: Callable[[int], None] | None) -> None:
+        self._target, self._progress = target, progress
+        self.count = 0
+
+    def __call__(self, theta: Tensor) -> Tensor:
+        values = self._target(theta)
+        self.count += len(theta)
+        if self._progress is not None:
+            self._progress(len(theta))
+        return values
+
+
+def _tried(
+    prior: UniformPrior,
+    target: LogLikelihood,
+    particles: Tensor,
+    draws: int,
+    seed: int,
+    settings: ImportanceSettings | None,
+) -> WeightedDraws | None:
+    """Importance draws, if enough of them count."""
+    try:
+        weighted = importance_draws(prior, target, particles, draws, seed, settings)
+    except InferenceError:
+        return None
+    return weighted if weighted.effective > _LEAST_SHARE * draws else None
+
+
+def _resampled(
+    weighted: WeightedDraws, count: int, seed: int, evaluations: int, *, tempered: bool
+) -> BridgeResult:
+    theta, value = weighted.resample(count, seed)
+    return BridgeResult(
+        theta,
+        value,
+        weighted.log_evidence,
+        weighted.log_evidence_error,
+        weighted.effective / len(weighted.theta),
+        evaluations,
+        tempered,
+    )
+
+
+def _unrefined(
+    result: SmcResult, base_log_evidence: float, evaluations: int, *, tempered: bool
+) -> BridgeResult:
+    """The tempered particles as they are."""
+    evidence = result.log_evidence + base_log_evidence
+    return BridgeResult(
+        result.theta, result.log_likelihood, evidence, math.nan, 0.0, evaluations, tempered
+    )
+
+
+def as_smc_result(found: BridgeResult, like: SmcResult) -> SmcResult:
+    """The same draws in the form of a sampler's result, with the levels of `like`."""
+    return replace(
+        like,
+        theta=found.theta,
+        log_likelihood=found.log_likelihood,
+        log_evidence=found.log_evidence,
+        evaluations=found.evaluations,
+    )
