@@ -1,0 +1,276 @@
+"""What is missing: every effect tested, the leading ones fitted, their evidence weighed."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from femupdate.discrepancy.evidence import Evidence, laplace, sampled
+from femupdate.discrepancy.fit import Fit, extended, fit, fit_baseline
+from femupdate.discrepancy.problem import Problem
+from femupdate.discrepancy.score import Score, alike, candidates, score
+from femupdate.discrepancy.where import Cell, p_value, residual_cells
+from femupdate.effects.effect import Placed
+
+NONE, NAMED, AMBIGUOUS = "none", "named", "ambiguous"
+INDISTINGUISHABLE, UNKNOWN = "indistinguishable", "unknown"
+
+
+@dataclass(frozen=True)
+class DiagnosisSettings:
+    """How much is asked of the data.
+
+    Attributes:
+        fitted: how many leading candidates are fitted.
+        sampled: how many of them get an importance sample.
+        draws: of each importance sample.
+        over_none: log evidence over the model without effects that a name needs.
+        over_next: log evidence over the runner-up that a name needs.
+        alike: cosine from which two effects count as the same to these sensors.
+        least_strength: D per prior standard deviation below which an effect cannot be seen.
+        smallest_gain: share of the residual sum of squares that a name must explain.
+        unknown_left: share of the excess that a catalogue effect may leave before the verdict is
+            that it is something else.
+        seed: of starts and samples.
+    """
+
+    fitted: int = 10
+    sampled: int = 0
+    draws: int = 200
+    over_none: float = 5.0
+    over_next: float = 3.0
+    alike: float = 0.97
+    least_strength: float = 1.0
+    smallest_gain: float = 0.002
+    unknown_left: float = 0.5
+    seed: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Finding:
+    """One candidate after fitting.
+
+    Attributes:
+        placed: effect and place.
+        score: its score test.
+        fitted: the model with it.
+        evidence: over the model without it.
+        probability: among all candidates, none and something unknown.
+        size, size_sd: of its first parameter.
+    """
+
+    placed: Placed
+    score: Score
+    fitted: Fit
+    evidence: Evidence
+    probability: float
+    size: float
+    size_sd: float
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """Where the model fails and what could be missing.
+
+    Attributes:
+        base: the model as it is, at its most probable parameters.
+        p_value: of noise alone leaving its residuals.
+        inflation: how much larger than stated the noise is taken, because nothing explains more.
+        verdict: "none", "named", "ambiguous", "indistinguishable" or "unknown".
+        findings: fitted candidates, the most probable first.
+        scores: all score tests, the strongest first.
+        hidden: labels of effects that these sensors could not show.
+        where: residuals of the model as it is, by floor and band.
+        twins: labels that the leading finding cannot be told from.
+        sentence: the verdict for an engineer.
+    """
+
+    base: Fit
+    p_value: float
+    inflation: float
+    verdict: str
+    findings: tuple[Finding, ...]
+    scores: tuple[Score, ...]
+    hidden: tuple[str, ...]
+    where: tuple[Cell, ...]
+    twins: tuple[str, ...]
+    sentence: str
+
+    @property
+    def leading(self) -> Finding | None:
+        """The most probable finding."""
+        return self.findings[0] if self.findings else None
+
+
+def diagnose(
+    problem: Problem,
+    settings: DiagnosisSettings | None = None,
+    base: Fit | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Diagnosis:
+    """Find where a model fails, and rank what could be missing.
+
+    Args:
+        problem: structure and data.
+        settings: thresholds.
+        base: the model so far, fitted; by default that without effects.
+        progress: told what is being done.
+    """
+    chosen = settings or DiagnosisSettings()
+    tell = progress or (lambda text: None)
+    if base is None:
+        tell("fitting the model as it is")
+        base = fit_baseline(problem, seed=chosen.seed)[0]
+    tell("testing every effect")
+    scores = sorted(
+        (score(problem, base, placed) for placed in candidates(problem, base.placed)),
+        key=lambda one: -abs(one.statistic),
+    )
+    hidden = tuple(s.placed.label for s in scores if s.strength < chosen.least_strength)
+    tell("fitting the leading effects")
+    fits = [_fit_candidate(problem, base, one) for one in _leading(scores, chosen.fitted)]
+    best = min([base.chi2, *(one.chi2 for one in fits)])
+    inflation = max(1.0, best / max(problem.effective - base.coordinates.size, 1.0))
+    findings = _weigh(problem, base, fits, scores, inflation, chosen)
+    verdict, twins = _verdict(problem, base, findings, inflation, chosen)
+    return Diagnosis(
+        base,
+        p_value(problem, base),
+        inflation,
+        verdict,
+        findings,
+        tuple(scores),
+        hidden,
+        residual_cells(problem, base),
+        twins,
+        _sentence(verdict, findings, twins, inflation),
+    )
+
+
+def _leading(scores: list[Score], count: int) -> list[Score]:
+    """The strongest candidates, and the strongest place of every other effect that is near."""
+    strong = [one for one in scores if abs(one.statistic) > 2.0]
+    chosen = strong[:count]
+    known = {one.placed.effect.name for one in chosen}
+    for one in strong[count:]:
+        if one.placed.effect.name not in known and len(chosen) < count + 4:
+            known.add(one.placed.effect.name)
+            chosen.append(one)
+    return chosen
+
+
+def _fit_candidate(problem: Problem, base: Fit, one: Score) -> Fit:
+    placed = (*base.placed, one.placed)
+    start = list(one.start)
+    if start:
+        start[0] = one.size
+    own = np.concatenate([base.sizes()[0], start])
+    return fit(problem, placed, extended(problem, base, placed, own))
+
+
+def _weigh(
+    problem: Problem,
+    base: Fit,
+    fits: list[Fit],
+    scores: list[Score],
+    inflation: float,
+    settings: DiagnosisSettings,
+) -> tuple[Finding, ...]:
+    """Findings in the order of their evidence over the model without them."""
+    without = laplace(problem, base, inflation).log_evidence
+    by_label = {one.placed.label: one for one in scores}
+    gains = [laplace(problem, one, inflation).log_evidence - without for one in fits]
+    evidence = {k: Evidence(gain) for k, gain in enumerate(gains)}
+    if settings.sampled and len(fits):
+        reference = sampled(problem, base, inflation, settings.draws, settings.seed)
+        for k in sorted(evidence, key=lambda k: -gains[k])[: settings.sampled]:
+            mine = sampled(problem, fits[k], inflation, settings.draws, settings.seed)
+            error = float(np.hypot(mine.error, reference.error))
+            gain = mine.log_evidence - reference.log_evidence
+            evidence[k] = Evidence(gain, error, mine.effective)
+    order = sorted(evidence, key=lambda k: -evidence[k].log_evidence)
+    # Half of the prior probability is for "nothing is missing", the rest is shared evenly.
+    logs = np.array([evidence[k].log_evidence for k in order]) - np.log(max(len(scores), 1))
+    total = np.logaddexp.reduce(np.concatenate([[0.0], logs]))
+    found = []
+    for k, value in zip(order, logs, strict=True):
+        fitted = fits[k]
+        placed = fitted.placed[-1]
+        size, sd = _first_size(fitted, inflation)
+        found.append(
+            Finding(
+                placed,
+                by_label[placed.label],
+                fitted,
+                evidence[k],
+                float(np.exp(value - total)),
+                size,
+                sd,
+            )
+        )
+    return tuple(found)
+
+
+def _first_size(fitted: Fit, inflation: float) -> tuple[float, float]:
+    """First parameter of the last effect, and its standard deviation."""
+    count = len(fitted.placed[-1].effect.parameters)
+    if not count:
+        return 1.0, 0.0
+    values, sd = fitted.sizes(inflation)
+    return float(values[-count]), float(sd[-count])
+
+
+def _verdict(
+    problem: Problem,
+    base: Fit,
+    findings: tuple[Finding, ...],
+    inflation: float,
+    settings: DiagnosisSettings,
+) -> tuple[str, tuple[str, ...]]:
+    """The verdict and what the leading finding cannot be told from."""
+    freedom = max(problem.effective - base.coordinates.size, 1.0)
+    excess = base.chi2 - freedom
+    significant = excess > 5.0 * np.sqrt(2.0 * freedom)
+    if not findings:
+        return (UNKNOWN if significant else NONE), ()
+    first = findings[0]
+    gain = base.chi2 - first.fitted.chi2
+    carried = first.evidence.log_evidence >= settings.over_none
+    if not (carried and gain >= settings.smallest_gain * base.chi2):
+        return (UNKNOWN if significant else NONE), ()
+    left = first.fitted.chi2 - freedom
+    if significant and left > settings.unknown_left * excess and inflation > 1.5:
+        return UNKNOWN, ()
+    near = [
+        other
+        for other in findings[1:]
+        if first.evidence.log_evidence - other.evidence.log_evidence < settings.over_next
+    ]
+    twins = tuple(other.placed.label for other in near)
+    if not near:
+        return NAMED, ()
+    same = all(alike(first.score, other.score) >= settings.alike for other in near)
+    return (INDISTINGUISHABLE if same else AMBIGUOUS), twins
+
+
+def _sentence(
+    verdict: str, findings: tuple[Finding, ...], twins: tuple[str, ...], inflation: float
+) -> str:
+    if verdict == NONE:
+        return "The data do not ask for anything beyond the model."
+    if verdict == UNKNOWN:
+        return (
+            "The model misses the data by more than their noise, and nothing in the catalogue "
+            "explains most of it."
+        )
+    first = findings[0]
+    title, place = first.placed.effect.title, first.placed.place
+    size = f"{first.size:.3g} +- {first.size_sd:.2g}"
+    if verdict == NAMED:
+        text = f"{title} at {place}, size {size}: {first.placed.effect.sentence}"
+    else:
+        how = "cannot be told from" if verdict == INDISTINGUISHABLE else "competes with"
+        text = f"{title} at {place} (size {size}) {how} {', '.join(twins)}."
+    if inflation > 1.5:
+        text += f" The best model still misses the data by {inflation**0.5:.1f} times their noise."
+    return text

@@ -1,0 +1,126 @@
+"""Evidence of models with different effects, from the data-space likelihood.
+
+Laplace's approximation about each model's most probable parameters, with the limits of the
+parameters taken into account one by one, and on request an importance sample about it (draws of a
+multivariate t; Geweke 1989), which says itself how far it can be trusted.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from scipy.special import log_ndtr
+from torch import Tensor
+
+from femupdate.discrepancy.fit import Fit, evaluate
+from femupdate.discrepancy.problem import Problem
+
+_FREEDOM = 5.0  # of the t distribution
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Log evidence, up to a constant that all models of the same data share.
+
+    Attributes:
+        log_evidence: natural logarithm.
+        error: its standard error; zero for Laplace's approximation, which does not know.
+        effective: effective number of draws, zero likewise.
+    """
+
+    log_evidence: float
+    error: float = 0.0
+    effective: float = 0.0
+
+
+def laplace(problem: Problem, fitted: Fit, inflation: float = 1.0) -> Evidence:
+    """Laplace's approximation.
+
+    Args:
+        problem: the data.
+        fitted: the model at its most probable parameters.
+        inflation: by how much the variance of the noise is larger than stated; what no model
+            explains makes all evidence weaker.
+    """
+    hessian = fitted.hessian(inflation)
+    log_det = torch.linalg.slogdet(hessian).logabsdet
+    size = fitted.coordinates.size
+    value = -0.5 * fitted.chi2 / inflation + log_prior(problem, fitted, fitted.z[None])[0]
+    value = float(value) + 0.5 * size * np.log(2.0 * np.pi) - 0.5 * float(log_det)
+    return Evidence(value + _within_limits(fitted, inflation))
+
+
+def log_prior(problem: Problem, fitted: Fit, z: Tensor) -> Tensor:
+    """Log prior density (N,) of the unknowns z (N, d) within their limits."""
+    where = fitted.coordinates
+    value = z.new_zeros(len(z))
+    count = where.stories
+    width = problem.upper - problem.lower
+    value = value + (z[:, :count] - width.log()).sum(dim=1)  # uniform in theta, seen in ln theta
+    if where.has_zeta:
+        low, high = where.lower[count].exp(), where.upper[count].exp()
+        value = value + z[:, count] - (high - low).log()
+    normal = where.precision > 0
+    root = where.precision[normal].sqrt()
+    scaled = (z[:, normal] - where.mean[normal]) * root
+    low = (where.lower[normal] - where.mean[normal]) * root
+    high = (where.upper[normal] - where.mean[normal]) * root
+    mass = torch.special.ndtr(high) - torch.special.ndtr(low)
+    density = -0.5 * scaled**2 - 0.5 * np.log(2.0 * np.pi) + root.log() - mass.log()
+    return value + density.sum(dim=1)
+
+
+def _within_limits(fitted: Fit, inflation: float) -> float:
+    """Log of the share of the normal approximation that lies within the limits.
+
+    One unknown after the other; where the most probable value sits at its limit, half or less.
+    """
+    where = fitted.coordinates
+    sd = fitted.covariance(inflation).diagonal().clamp_min(1e-30).sqrt()
+    low = ((where.lower - fitted.z) / sd).numpy()
+    high = ((where.upper - fitted.z) / sd).numpy()
+    lower_tail, upper_tail = np.exp(log_ndtr(low)), np.exp(log_ndtr(-high))
+    return float(np.log(np.clip(1.0 - lower_tail - upper_tail, 1e-12, 1.0)).sum())
+
+
+def sampled(
+    problem: Problem, fitted: Fit, inflation: float = 1.0, draws: int = 200, seed: int = 0
+) -> Evidence:
+    """Evidence from an importance sample about the most probable parameters."""
+    where = fitted.coordinates
+    generator = torch.Generator().manual_seed(seed)
+    covariance = fitted.covariance(inflation) * 1.2
+    root = torch.linalg.cholesky(covariance + 1e-14 * torch.eye(where.size, dtype=torch.float64))
+    normal = torch.randn(draws, where.size, generator=generator, dtype=torch.float64)
+    chi = torch.distributions.Chi2(torch.tensor(_FREEDOM, dtype=torch.float64))
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed + 1)
+        spread = (chi.sample((draws,)) / _FREEDOM).rsqrt()
+    shift = normal * spread[:, None]
+    z = fitted.z + shift @ root.T
+    inside = ((z >= where.lower) & (z <= where.upper)).all(dim=1)
+    log_weight = torch.full((draws,), -torch.inf, dtype=torch.float64)
+    if inside.any():
+        residual = evaluate(problem, fitted.system, where, z[inside])
+        log_target = -0.5 * (residual**2).sum(dim=1) / inflation
+        log_target = log_target + log_prior(problem, fitted, z[inside])
+        log_weight[inside] = log_target - _log_t(shift[inside], root)
+    peak = log_weight.max()
+    weight = (log_weight - peak).exp()
+    mean = float(weight.mean())
+    effective = float(weight.sum() ** 2 / (weight**2).sum())
+    error = float(weight.std()) / (draws**0.5 * mean)
+    return Evidence(float(peak) + np.log(mean), error, effective)
+
+
+def _log_t(shift: Tensor, root: Tensor) -> Tensor:
+    """Log density (N,) of the multivariate t at root times shift."""
+    size = shift.shape[1]
+    freedom = torch.tensor(_FREEDOM, dtype=torch.float64)
+    constant = (
+        torch.lgamma((freedom + size) / 2.0)
+        - torch.lgamma(freedom / 2.0)
+        - 0.5 * size * torch.log(freedom * torch.pi)
+        - root.diagonal().log().sum()
+    )
+    return constant - 0.5 * (freedom + size) * torch.log1p((shift**2).sum(dim=1) / freedom)

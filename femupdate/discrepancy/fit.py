@@ -1,0 +1,285 @@
+"""Most probable parameters of a model with effects, by Levenberg and Marquardt's method.
+
+The unknowns are ln theta and ln zeta (uniform priors on a box), the sizes of the effects in units
+of their prior's standard deviation, and the share of the mesh error that the data show.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from femupdate.discrepancy.problem import Problem
+from femupdate.dynamics.effect_response import EffectSystem
+from femupdate.effects.effect import Placed
+
+Floats = NDArray[np.float64]
+_STEP = 1e-3
+_SMALLEST = 1e-4  # relative decrease of the objective at which the search ends
+
+
+@dataclass(frozen=True, eq=False)
+class Coordinates:
+    """The unknowns of a model as one vector of d numbers.
+
+    Attributes:
+        lower, upper: (d,) limits.
+        mean, precision: (d,) of the normal priors; precision 0 where the prior is uniform.
+        stories: number of stiffness factors, which come first.
+        has_zeta: whether ln zeta follows them.
+        scales, neutral: (q,) of the effects' parameters, which follow.
+        has_mesh: whether the share of the mesh error is last.
+    """
+
+    lower: Tensor
+    upper: Tensor
+    mean: Tensor
+    precision: Tensor
+    stories: int
+    has_zeta: bool
+    scales: Tensor
+    neutral: Tensor
+    has_mesh: bool
+
+    @property
+    def size(self) -> int:
+        """d."""
+        return len(self.lower)
+
+    @property
+    def first_size(self) -> int:
+        """Position of the first effect's size."""
+        return self.stories + int(self.has_zeta)
+
+    def split(self, z: Tensor, fixed_zeta: float) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """theta (N, p), zeta (N,), sizes (N, q), share of the mesh error (N,) of z (N, d)."""
+        theta = z[:, : self.stories].exp()
+        zeta = z.new_full((len(z),), fixed_zeta)
+        if self.has_zeta:
+            zeta = z[:, self.stories].exp()
+        count = len(self.scales)
+        sizes = self.neutral + self.scales * z[:, self.first_size : self.first_size + count]
+        mesh = z[:, -1] if self.has_mesh else z.new_zeros(len(z))
+        return theta, zeta, sizes, mesh
+
+
+def coordinates(problem: Problem, placed: tuple[Placed, ...]) -> Coordinates:
+    """The unknowns of a problem with effects."""
+    parameters = [p for one in placed for p in one.effect.parameters]
+    scales = torch.tensor([p.scale for p in parameters], dtype=torch.float64)
+    neutral = torch.tensor([p.neutral for p in parameters], dtype=torch.float64)
+    low = torch.tensor([p.lower for p in parameters], dtype=torch.float64)
+    high = torch.tensor([p.upper for p in parameters], dtype=torch.float64)
+    lower, upper = [problem.lower.log()], [problem.upper.log()]
+    mean, precision = [torch.zeros_like(problem.lower)], [torch.zeros_like(problem.lower)]
+    if problem.zeta is not None:
+        bounds = torch.tensor(problem.zeta, dtype=torch.float64).log()
+        lower.append(bounds[:1])
+        upper.append(bounds[1:])
+        mean.append(torch.zeros(1, dtype=torch.float64))
+        precision.append(torch.zeros(1, dtype=torch.float64))
+    lower.append((low - neutral) / scales)
+    upper.append((high - neutral) / scales)
+    mean.append(torch.zeros_like(scales))
+    precision.append(torch.ones_like(scales))
+    if problem.mesh is not None:
+        lower.append(torch.tensor([-0.5], dtype=torch.float64))
+        upper.append(torch.tensor([1.5], dtype=torch.float64))
+        mean.append(torch.tensor([problem.mesh.mean], dtype=torch.float64))
+        precision.append(torch.tensor([problem.mesh.sd**-2], dtype=torch.float64))
+    return Coordinates(
+        torch.cat(lower),
+        torch.cat(upper),
+        torch.cat(mean),
+        torch.cat(precision),
+        len(problem.lower),
+        problem.zeta is not None,
+        scales,
+        neutral,
+        problem.mesh is not None,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A model at its most probable parameters.
+
+    Attributes:
+        placed: its effects.
+        coordinates: what z means.
+        z: (d,) the unknowns.
+        residual: (n,) whitened.
+        jacobian: (n, d) of the prediction by the unknowns, whitened.
+        system: the model.
+    """
+
+    placed: tuple[Placed, ...]
+    coordinates: Coordinates
+    z: Tensor
+    residual: Tensor
+    jacobian: Tensor
+    system: EffectSystem
+
+    @property
+    def chi2(self) -> float:
+        """Sum of squared residuals, of independent points."""
+        return float(self.residual @ self.residual)
+
+    @property
+    def penalty(self) -> float:
+        """Squared distance from the normal priors' means, in their standard deviations."""
+        c = self.coordinates
+        return float((c.precision * (self.z - c.mean) ** 2).sum())
+
+    def hessian(self, inflation: float = 1.0) -> Tensor:
+        """(d, d) curvature of minus the log posterior, Gauss and Newton's."""
+        prior = torch.diag(self.coordinates.precision)
+        return self.jacobian.T @ self.jacobian / inflation + prior
+
+    def covariance(self, inflation: float = 1.0) -> Tensor:
+        """(d, d) of the unknowns, for a noise of `inflation` times the stated variance."""
+        return torch.linalg.pinv(self.hessian(inflation), hermitian=True)
+
+    def theta(self, inflation: float = 1.0) -> tuple[Floats, Floats]:
+        """Stiffness factors and their standard deviations, (p,) each."""
+        count = self.coordinates.stories
+        theta = self.z[:count].exp()
+        sd = theta * self.covariance(inflation).diagonal()[:count].clamp_min(0.0).sqrt()
+        return theta.numpy(), sd.numpy()
+
+    def sizes(self, inflation: float = 1.0) -> tuple[Floats, Floats]:
+        """Parameters of the effects and their standard deviations, (q,) each."""
+        c = self.coordinates
+        place = slice(c.first_size, c.first_size + len(c.scales))
+        sd = c.scales * self.covariance(inflation).diagonal()[place].clamp_min(0.0).sqrt()
+        return (c.neutral + c.scales * self.z[place]).numpy(), sd.numpy()
+
+    def zeta(self, fixed: float) -> float:
+        """Damping ratio."""
+        if not self.coordinates.has_zeta:
+            return fixed
+        return float(self.z[self.coordinates.stories].exp())
+
+
+def evaluate(problem: Problem, system: EffectSystem, where: Coordinates, z: Tensor) -> Tensor:
+    """Whitened residuals (N, n) at the unknowns z (N, d)."""
+    return problem.residuals(system, *where.split(z, problem.fixed_zeta))
+
+
+def fit(
+    problem: Problem,
+    placed: tuple[Placed, ...],
+    start: Tensor,
+    iterations: int = 15,
+    system: EffectSystem | None = None,
+) -> Fit:
+    """Fit a model with effects from a starting point z (d,)."""
+    model = system or problem.system(placed)
+    where = coordinates(problem, placed)
+    z = torch.minimum(torch.maximum(start.clone(), where.lower), where.upper)
+    residual, jacobian = _linearise(problem, model, where, z)
+    objective = _objective(where, z, residual)
+    damping = 1e-2
+    for _ in range(iterations):
+        step = _step(where, z, residual, jacobian, damping)
+        # Three lengths of step at once cost little more than one.
+        dampings = [damping, 10.0 * damping, 100.0 * damping]
+        trials = torch.stack(
+            [z + step, *(z + _step(where, z, residual, jacobian, d) for d in dampings[1:])]
+        )
+        trials = torch.minimum(torch.maximum(trials, where.lower), where.upper)
+        found = evaluate(problem, model, where, trials)
+        values = [_objective(where, t, r) for t, r in zip(trials, found, strict=True)]
+        best = int(np.argmin(values))
+        if not values[best] < objective:
+            damping *= 1000.0
+            if damping > 1e6:
+                break
+            continue
+        gain = (objective - values[best]) / max(objective, 1.0)
+        z, objective = trials[best], values[best]
+        damping = max(dampings[best] / 10.0, 1e-6)
+        residual, jacobian = _linearise(problem, model, where, z)
+        if gain < _SMALLEST:
+            break
+    return Fit(placed, where, z, residual, jacobian, model)
+
+
+def _objective(where: Coordinates, z: Tensor, residual: Tensor) -> float:
+    return float(residual @ residual + (where.precision * (z - where.mean) ** 2).sum())
+
+
+def _linearise(
+    problem: Problem, system: EffectSystem, where: Coordinates, z: Tensor
+) -> tuple[Tensor, Tensor]:
+    """Residuals (n,) and Jacobian of the prediction (n, d), by differences into the box."""
+    steps = torch.where(z + _STEP <= where.upper, _STEP, -_STEP)
+    points = torch.cat([z[None], z + torch.diag(steps)])
+    residuals = evaluate(problem, system, where, points)
+    return residuals[0], (-(residuals[1:] - residuals[0]) / steps[:, None]).T
+
+
+def _step(
+    where: Coordinates, z: Tensor, residual: Tensor, jacobian: Tensor, damping: float
+) -> Tensor:
+    """Damped Gauss-Newton step that leaves alone what is held at its limit."""
+    gradient = jacobian.T @ residual - where.precision * (z - where.mean)
+    held = ((z <= where.lower) & (gradient < 0)) | ((z >= where.upper) & (gradient > 0))
+    free = (~held).nonzero()[:, 0]
+    normal = jacobian.T @ jacobian + torch.diag(where.precision)
+    normal = normal[free][:, free]
+    ridge = damping * torch.diag(normal.diagonal().clamp_min(1e-6))
+    step = torch.zeros_like(z)
+    step[free] = torch.linalg.lstsq(normal + ridge, gradient[free][:, None]).solution[:, 0]
+    return step.clamp(-1.0, 1.0)
+
+
+def fit_baseline(
+    problem: Problem,
+    placed: tuple[Placed, ...] = (),
+    sizes: tuple[float, ...] = (),
+    seed: int = 0,
+    samples: int = 384,
+    starts: int = 6,
+) -> list[Fit]:
+    """Fit a model from the best of many draws of its prior, best first.
+
+    Args:
+        problem: structure and data.
+        placed: effects that the model has already.
+        sizes: their parameters, where the search starts.
+        seed: of the draws.
+        samples: draws of stiffness factors and damping ratio.
+        starts: how many of them are fitted.
+    """
+    where = coordinates(problem, placed)
+    generator = torch.Generator().manual_seed(seed)
+    unit = torch.rand(samples, where.first_size, generator=generator, dtype=torch.float64)
+    stories = where.stories
+    # The prior is uniform in theta itself.
+    theta = problem.lower + (problem.upper - problem.lower) * unit[:, :stories]
+    known = (torch.tensor(sizes, dtype=torch.float64) - where.neutral) / where.scales
+    parts = [theta.log()]
+    if where.has_zeta:
+        low, high = where.lower[stories], where.upper[stories]
+        parts.append(low + (high - low) * unit[:, stories:])
+    parts.append(known.expand(samples, -1))
+    if where.has_mesh:
+        parts.append(where.mean[-1:].expand(samples, -1))
+    z = torch.cat(parts, dim=1)
+    system = problem.system(placed)
+    misfit = (evaluate(problem, system, where, z) ** 2).sum(dim=1)
+    chosen = misfit.argsort()[:starts]
+    fits = [fit(problem, placed, z[k], 25, system) for k in chosen]
+    return sorted(fits, key=lambda one: one.chi2 + one.penalty)
+
+
+def extended(problem: Problem, base: Fit, placed: tuple[Placed, ...], sizes: Floats) -> Tensor:
+    """Unknowns of a model with effects: those of the base fit, with given effect parameters."""
+    where = coordinates(problem, placed)
+    first = base.coordinates.first_size
+    own = (torch.from_numpy(np.asarray(sizes, dtype=np.float64)) - where.neutral) / where.scales
+    mesh = base.z[-1:] if where.has_mesh else base.z[:0]
+    return torch.cat([base.z[:first], own, mesh])

@@ -1,0 +1,161 @@
+"""The data as the effect finder judges them: whitened residuals of ln|H| and of the phase."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from femupdate.dynamics.damping import DampingLaw
+from femupdate.dynamics.effect_response import (
+    EffectSystem,
+    ReducedStructure,
+    ReducedTerms,
+    reduce_terms,
+)
+from femupdate.effects.effect import Placed
+from femupdate.measurement.observation import Observation
+
+Floats = NDArray[np.float64]
+# What no model of a building resolves and no mesh estimate sees, in ln|H|: it keeps a very quiet
+# record from deciding on details of the model.
+MODEL_ERROR = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class MeshError:
+    """How ln|H| of the model changes as its mesh is refined.
+
+    Attributes:
+        shift: (f, k) change of ln|H| towards an infinitely fine mesh, all floors.
+        mean, sd: of the share of it that the truth shows; none of it is a truth meshed alike.
+    """
+
+    shift: Tensor
+    mean: float = 0.5
+    sd: float = 0.35
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A structure, what was observed of it, and what may be said of both.
+
+    Attributes:
+        reduced: the structure through its basis.
+        law: of its damping.
+        lower, upper: (p,) box of the stiffness factors.
+        zeta: (lower, upper) where the damping ratio is a nuisance.
+        fixed_zeta: the damping ratio where it is not.
+        frequency_hz: (k,).
+        rows: which floors are observed.
+        log_frf: (f, k) observed; zero where not valid.
+        phase: (f, k) observed, rad, or None.
+        sd: (f, k) of ln|H| and phase; infinite where not valid.
+        independent: share of the points that err independently.
+        mesh: error of the mesh, or None.
+    """
+
+    reduced: ReducedStructure
+    law: DampingLaw
+    lower: Tensor
+    upper: Tensor
+    zeta: tuple[float, float] | None
+    fixed_zeta: float
+    frequency_hz: Tensor
+    rows: tuple[int, ...]
+    log_frf: Tensor
+    phase: Tensor | None
+    sd: Tensor
+    independent: float
+    mesh: MeshError | None = None
+
+    @property
+    def points(self) -> int:
+        """Number of numbers compared."""
+        valid = int(torch.isfinite(self.sd).sum())
+        return valid if self.phase is None else 2 * valid
+
+    @property
+    def effective(self) -> float:
+        """Number of them that err independently."""
+        return self.independent * self.points
+
+    def system(self, placed: tuple[Placed, ...] = ()) -> EffectSystem:
+        """The structure with effects."""
+        terms = tuple(self.terms(one) for one in placed)
+        return EffectSystem(self.reduced, self.law, placed, terms)
+
+    def terms(self, placed: Placed) -> ReducedTerms:
+        """What an effect adds to the reduced structure."""
+        structure = self.reduced.structure
+        return reduce_terms(self.reduced, placed.effect.terms(structure, placed.place))
+
+    def residuals(
+        self, system: EffectSystem, theta: Tensor, zeta: Tensor, sizes: Tensor, mesh: Tensor
+    ) -> Tensor:
+        """Whitened residuals (N, n), observed less predicted, zero where not valid.
+
+        Args:
+            system: with the effects.
+            theta: (N, p); zeta: (N,); sizes: (N, q) of the effects; mesh: (N,) share of the mesh
+                error.
+        """
+        frf = system.frf(theta, zeta, sizes, self.frequency_hz)[:, list(self.rows)]
+        weight = (1.0 / self.sd) * self.independent**0.5
+        predicted = frf.abs().clamp_min(1e-12).log()
+        if self.mesh is not None:
+            predicted = predicted + mesh[:, None, None] * self.mesh.shift[list(self.rows)]
+        # One wild point, where an anti-resonance is a sample off, must not decide anything.
+        parts = [((self.log_frf - predicted) * weight).clamp(-_WILD, _WILD).flatten(1)]
+        if self.phase is not None:
+            turn = torch.remainder(self.phase - frf.angle() + torch.pi, 2.0 * torch.pi) - torch.pi
+            parts.append((turn * weight).clamp(-_WILD, _WILD).flatten(1))
+        return torch.cat(parts, dim=1)
+
+
+_WILD = 8.0
+
+
+def make_problem(
+    reduced: ReducedStructure,
+    law: DampingLaw,
+    box: tuple[Tensor, Tensor],
+    zeta: tuple[float, float] | float,
+    observation: Observation,
+    *,
+    use_phase: bool = True,
+    model_error: float = MODEL_ERROR,
+) -> Problem:
+    """Bring an observation and a structure together.
+
+    Args:
+        reduced: the structure.
+        law: of its damping.
+        box: lower and upper stiffness factors.
+        zeta: range of the damping ratio, or its value.
+        observation: on its own grid.
+        use_phase: compare phases where they were measured.
+        model_error: added to the noise of ln|H|.
+    """
+    valid = torch.from_numpy(observation.valid)
+    noise = torch.from_numpy(np.nan_to_num(observation.noise_sd, nan=1.0))
+    infinite = torch.full_like(noise, torch.inf)
+    spacing = float(np.median(np.diff(observation.frequency_hz)))
+    resolution = observation.resolution_hz or spacing
+    phase = observation.phase if use_phase else None
+    floors = reduced.model.floors
+    return Problem(
+        reduced=reduced,
+        law=law,
+        lower=box[0],
+        upper=box[1],
+        zeta=zeta if isinstance(zeta, tuple) else None,
+        fixed_zeta=0.02 if isinstance(zeta, tuple) else zeta,
+        frequency_hz=torch.from_numpy(observation.frequency_hz),
+        rows=tuple(floors.index(name) for name in observation.floors),
+        log_frf=torch.where(valid, torch.from_numpy(np.nan_to_num(observation.log_frf)), 0.0),
+        phase=None if phase is None else torch.from_numpy(np.nan_to_num(phase)),
+        sd=torch.where(valid, (noise**2 + model_error**2).sqrt(), infinite),
+        independent=min(1.0, spacing / resolution),
+    )

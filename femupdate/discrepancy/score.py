@@ -1,0 +1,131 @@
+"""Rao's score test of every effect at every place, with stiffness and damping projected out.
+
+Each effect costs one response. What theta, zeta and the effects already in the model can absorb
+of it is taken out by projection; what is left is compared with the residuals (Rao, 1948).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from femupdate.discrepancy.fit import Fit, coordinates, evaluate, extended
+from femupdate.discrepancy.problem import Problem
+from femupdate.effects.catalogue import CATALOGUE
+from femupdate.effects.effect import Placed
+
+_STEP = 0.5  # of the prior's standard deviation: some effects are even in their size
+_NOTHING = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Score:
+    """What one effect at one place could explain.
+
+    Attributes:
+        placed: the effect.
+        start: its parameters at which the test was made and a fit may start.
+        statistic: residuals along what only this effect does, in standard deviations; zero where
+            the sign is impossible.
+        size: estimate of its first parameter.
+        strength: length of what only this effect does, per prior standard deviation of its size:
+            the D that it would show.
+        absorbed: share (of the squared length) that theta, zeta and the model's effects absorb.
+        direction: (n,) unit vector of what only this effect does; None where nothing is left.
+    """
+
+    placed: Placed
+    start: tuple[float, ...]
+    statistic: float
+    size: float
+    strength: float
+    absorbed: float
+    direction: Tensor | None
+
+
+def candidates(problem: Problem, present: tuple[Placed, ...] = ()) -> list[Placed]:
+    """Every effect at every place that these data could show."""
+    structure = problem.reduced.structure
+    observed = {problem.reduced.model.floors[row] for row in problem.rows}
+    known = {one.label for one in present}
+    found = []
+    for effect in CATALOGUE.values():
+        if effect.needs_phase and problem.phase is None:
+            continue
+        for place in effect.places(structure):
+            placed = Placed(effect, place)
+            unseen = effect.instrument and not _seen(place, observed, structure.floors)
+            if placed.label not in known and not unseen:
+                found.append(placed)
+    return found
+
+
+def _seen(place: str, observed: set[str], floors: tuple[str, ...]) -> bool:
+    """Whether an instrument stands where something was measured."""
+    named = [part for part in place.split(",") if part in floors]
+    return all(part in observed for part in named)
+
+
+def score(problem: Problem, base: Fit, placed: Placed) -> Score:
+    """Test one effect on top of a fitted model; the best of its starting points counts."""
+    tests = [_score_at(problem, base, placed, start) for start in starts(problem, placed)]
+    return max(tests, key=lambda one: abs(one.statistic))
+
+
+def starts(problem: Problem, placed: Placed) -> list[tuple[float, ...]]:
+    """Effect parameters to test at: half a prior standard deviation, tunings near every mode."""
+    own = placed.effect.parameters
+    if not own:
+        return [()]
+    size = own[0]
+    sign = -1.0 if size.upper <= size.neutral else 1.0
+    first = size.neutral + sign * _STEP * size.scale
+    if len(own) == 1:
+        return [(first,)]
+    tunings = _tunings(problem)
+    return [(first, tuning, *(p.neutral for p in own[2:])) for tuning in tunings]
+
+
+def _tunings(problem: Problem) -> list[float]:
+    """Ratios to the first frequency around the lower half of the grid."""
+    top = 0.6 * float(problem.frequency_hz[-1])
+    first = problem.reduced.structure.fundamental[0] / (2.0 * np.pi)
+    return [float(r) for r in np.geomspace(0.5, max(1.2, min(top / first, 7.0)), 12)]
+
+
+def _score_at(problem: Problem, base: Fit, placed: Placed, start: tuple[float, ...]) -> Score:
+    together = (*base.placed, placed)
+    known = base.sizes()[0]
+    z = extended(problem, base, together, np.concatenate([known, start]))
+    changed = evaluate(problem, problem.system(together), coordinates(problem, together), z[None])
+    effect = base.residual - changed[0]  # change of the prediction
+    along = torch.linalg.lstsq(base.jacobian, effect[:, None]).solution
+    own = effect - (base.jacobian @ along)[:, 0]
+    whole, left = float(effect @ effect), float(own @ own)
+    absorbed = 1.0 - left / whole if whole > _NOTHING else 1.0
+    if left <= _NOTHING or absorbed > 1.0 - 1e-6:
+        return Score(placed, start, 0.0, 0.0, 0.0, 1.0, None)
+    unit = own / left**0.5
+    statistic = float(unit @ base.residual)
+    if not start:  # an exchange is there or not
+        gain = base.chi2 - float(changed[0] @ changed[0])
+        worth = float(np.sqrt(max(gain, 0.0)))
+        return Score(placed, start, worth, 1.0, left**0.5, absorbed, unit)
+    size = placed.effect.parameters[0]
+    step = start[0] - size.neutral
+    share = statistic / left**0.5
+    estimate = size.neutral + step * share
+    if not size.lower <= estimate <= size.upper:
+        estimate = float(np.clip(estimate, size.lower, size.upper))
+        if estimate == size.neutral:
+            statistic = 0.0
+    strength = left**0.5 * size.scale / abs(step)
+    return Score(placed, start, statistic, estimate, strength, absorbed, unit)
+
+
+def alike(first: Score, second: Score) -> float:
+    """Cosine between what only the first and only the second effect do."""
+    if first.direction is None or second.direction is None:
+        return 0.0
+    return abs(float(first.direction @ second.direction))

@@ -1,0 +1,71 @@
+"""Where model and measurement disagree: floors and bands in which residuals exceed the noise."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from femupdate.discrepancy.fit import Fit
+from femupdate.discrepancy.problem import Problem
+
+Floats = NDArray[np.float64]
+_BANDS = 10
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One floor in one band.
+
+    Attributes:
+        floor: its name.
+        band_hz: the band.
+        excess: mean squared whitened residual less one; zero when only noise is left.
+        p_value: of noise alone leaving as much.
+    """
+
+    floor: str
+    band_hz: tuple[float, float]
+    excess: float
+    p_value: float
+
+
+def residual_cells(problem: Problem, fitted: Fit) -> tuple[Cell, ...]:
+    """Mean squared residual of every observed floor in bands of equal width in log frequency."""
+    squared, valid = _squared(problem, fitted)
+    frequency = problem.frequency_hz.numpy()
+    edges = band_edges(frequency)
+    cells: list[Cell] = []
+    for row, seen, number in zip(squared, valid, problem.rows, strict=True):
+        for low, high in pairwise(edges):
+            inside = seen & (frequency >= low) & (frequency < high)
+            count = int(inside.sum()) * (2 if problem.phase is not None else 1)
+            total = float(row[inside].sum())
+            freedom = max(count * problem.independent, 1.0)
+            tail = float(chi2.sf(total, freedom)) if count else 1.0
+            mean = total / freedom if count else 1.0
+            floor = problem.reduced.model.floors[number]
+            cells.append(Cell(floor, (float(low), float(high)), mean - 1.0, tail))
+    return tuple(cells)
+
+
+def band_edges(frequency_hz: Floats) -> Floats:
+    """Edges (bands + 1,) Hz, a third of an octave or wider, over the upper part of the grid."""
+    low = max(float(frequency_hz[0]), float(frequency_hz[-1]) / 64.0)
+    edges = np.geomspace(low, float(frequency_hz[-1]) * 1.0001, _BANDS + 1)
+    edges[0] = float(frequency_hz[0])
+    return edges
+
+
+def p_value(problem: Problem, fitted: Fit, inflation: float = 1.0) -> float:
+    """Probability that noise alone leaves residuals as large as these."""
+    freedom = max(problem.effective - fitted.coordinates.size, 1.0)
+    return float(chi2.sf(fitted.chi2 / inflation, freedom))
+
+
+def _squared(problem: Problem, fitted: Fit) -> tuple[Floats, NDArray[np.bool_]]:
+    """Squared residuals (f, k), amplitude and phase together, and which points are valid."""
+    floors, points = problem.log_frf.shape
+    residual = fitted.residual.reshape(-1, floors, points).numpy()
+    return (residual**2).sum(axis=0), np.isfinite(problem.sd.numpy())
