@@ -44,6 +44,12 @@ UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
         },
         "density": {"kg/m3": 1.0, "t/m3": 1e3},
         "stiffness": {"N/m": 1.0, "kN/m": 1e3, "MN/m": 1e6, "N/mm": 1e3, "kN/mm": 1e6},
+        "rotational stiffness": {
+            "N m/rad": 1.0,
+            "kN m/rad": 1e3,
+            "MN m/rad": 1e6,
+            "GN m/rad": 1e9,
+        },
         "stiffness per mass": {"1/s2": 1.0, "N/m/kg": 1.0, "kN/m/t": 1.0},
         "frequency": {"Hz": 1.0},
         "time": {"s": 1.0, "ms": 1e-3},

@@ -6,19 +6,21 @@ from typing import TYPE_CHECKING
 
 from femupdate.building.analysis import Damping, Prior, RayleighDamping
 from femupdate.building.entry import Complaint, unknown
-from femupdate.building.joints import check_joints
-from femupdate.building.members import Grid
+from femupdate.building.members import Beams, Grid, Opening, Wall
 from femupdate.building.references import (
+    Run,
     beam_runs,
     intersections,
     require,
     resolve,
     slab_lines,
+    spans,
     wall_run,
 )
 
 if TYPE_CHECKING:
     from femupdate.building.schema import FrameBuilding
+
 
 _CLOSEST_LINES = 1e-3  # m; nearer lines are a slip of the pen, and would make needle-thin elements
 
@@ -81,20 +83,57 @@ def _check_members(building: "FrameBuilding") -> None:
     for n, columns in enumerate(building.columns):
         require(columns.section, building.sections, "section", f"columns[{n}].section")
         intersections(grid, columns.at, f"columns[{n}].at")
+        _check_points(grid, columns.points, f"columns[{n}].points")
         resolve(columns.stories, stories, "story", f"columns[{n}].stories")
     for n, beams in enumerate(building.beams):
         require(beams.section, building.sections, "section", f"beams[{n}].section")
-        beam_runs(grid, beams, f"beams[{n}]")
+        _check_spans(grid, beams, beam_runs(grid, beams, f"beams[{n}]"), f"beams[{n}]")
         resolve(beams.floors, floors, "floor", f"beams[{n}].floors")
     for n, wall in enumerate(building.walls):
         wall_run(grid, wall, f"walls[{n}]")
         resolve(wall.stories, stories, "story", f"walls[{n}].stories")
         _check_material(building, wall.material, f"walls[{n}]")
+        for m, opening in enumerate(wall.openings):
+            _check_opening(building, wall, opening, f"walls[{n}].openings[{m}]")
     for n, slab in enumerate(building.slabs):
         slab_lines(slab.x, grid.x, f"slabs[{n}].x")
         slab_lines(slab.y, grid.y, f"slabs[{n}].y")
         resolve(slab.floors, floors, "floor", f"slabs[{n}].floors")
         _check_material(building, slab.material, f"slabs[{n}]")
+
+
+def _check_points(grid: Grid, points: tuple[tuple[float, float], ...], key: str) -> None:
+    for n, point in enumerate(points):
+        for value, lines, axis in zip(point, (grid.x, grid.y), "xy", strict=True):
+            low, high = min(lines.values()), max(lines.values())
+            if not low <= value <= high:
+                text = f"{axis} = {value:g} m lies outside the grid ({low:g} to {high:g} m)"
+                raise Complaint(f"{key}[{n}]", f"{text}; add a grid line there or correct it")
+
+
+def _check_spans(grid: Grid, beams: Beams, runs: tuple[Run, ...], key: str) -> None:
+    if beams.rigid_ends is None:
+        return
+    for run in runs:
+        for start, end, length in spans(grid, run):
+            if sum(beams.rigid_ends) >= length - _CLOSEST_LINES:
+                text = f"they leave nothing of the span {start} to {end} on {run.line}"
+                raise Complaint(f"{key}.rigid_ends", f"{text}, {length:g} m; shorten them")
+
+
+def _check_opening(building: "FrameBuilding", wall: Wall, opening: Opening, key: str) -> None:
+    run = wall_run(building.grid, wall, key)
+    crossing = building.grid.x if run.axis == 0 else building.grid.y
+    length = crossing[run.end] - crossing[run.start]
+    if opening.left + opening.width > length + _CLOSEST_LINES:
+        text = f"the opening ends {opening.left + opening.width:g} m from {run.start}, the wall at"
+        raise Complaint(f"{key}.width", f"{text} {length:g} m; make it narrower or move it")
+    known = resolve(wall.stories, building.story_names, "story", f"{key}.stories")
+    for story in resolve(opening.stories, known, "story of this wall", f"{key}.stories"):
+        height = building.stories[building.story_names.index(story)].height
+        if opening.bottom + opening.height > height + _CLOSEST_LINES:
+            text = f"the opening ends {opening.bottom + opening.height:g} m above the floor, story"
+            raise Complaint(f"{key}.height", f"{text} {story} at {height:g} m; make it lower")
 
 
 def _check_floor_mass(building: "FrameBuilding") -> None:
@@ -137,4 +176,3 @@ def check_frame(building: "FrameBuilding") -> None:
     _check_floor_mass(building)
     _check_sensors(building)
     _check_standing(building)
-    check_joints(building)

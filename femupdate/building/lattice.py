@@ -19,6 +19,7 @@ Index = Integers | int
 
 _ROUNDING = 1e-6  # of an element: 1.8 m in parts of 0.3 m is six parts, not seven
 _MOST_CROSSINGS = 5_000_000
+CLOSEST_LINES = 1e-3  # m; nearer lines would make needle-thin elements
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,10 @@ class Lines:
     def __len__(self) -> int:
         return len(self.coordinate)
 
+    def near(self, value: float) -> int:
+        """Return the index of the mesh line at a coordinate that has one, m."""
+        return int(np.abs(self.coordinate - value).argmin())
+
     def between(self, start: str, end: str) -> Integers:
         """Return the indices of the mesh lines from one named line to another, both included."""
         return np.arange(self.at[start], self.at[end] + 1)
@@ -46,24 +51,48 @@ def divisions(length: float, size: float) -> int:
     return max(1, math.ceil(length / size - _ROUNDING))
 
 
-def divide(stations: Mapping[str, float], size: float, least: int = 1) -> Lines:
-    """Return the mesh lines through named coordinates.
+def divide(
+    stations: Mapping[str, float], size: float, least: int = 1, extra: Sequence[float] = ()
+) -> Lines:
+    """Return the mesh lines through named coordinates, and through others without a name.
 
     Args:
         stations: coordinate of each named line, m.
         size: widest gap allowed, m.
-        least: fewest parts of an interval between two named lines.
+        least: fewest parts of an interval between two of these lines.
+        extra: further coordinates between the first and the last, m; one that lies on another
+            line is that line.
     """
-    ordered = sorted(stations.items(), key=lambda item: item[1])
-    values = [value for _, value in ordered]
-    parts = [max(least, divisions(b - a, size)) for a, b in pairwise(values)]
+    values = np.array(sorted(stations.values()))
+    for value in sorted(extra):
+        if np.abs(values - value).min() > CLOSEST_LINES:
+            values = np.append(values, value)
+    values.sort()
+    parts = [max(least, divisions(b - a, size)) for a, b in pairwise(values.tolist())]
     pieces = [
         np.linspace(a, b, count, endpoint=False)
         for (a, b), count in zip(pairwise(values), parts, strict=True)
     ]
     index = np.concatenate([[0], np.cumsum(parts, dtype=np.int64)]).astype(np.int64)
-    at = {name: int(n) for (name, _), n in zip(ordered, index, strict=True)}
+    ordered = sorted(stations.items(), key=lambda item: item[1])
+    at = {name: int(index[np.searchsorted(values, value)]) for name, value in ordered}
     return Lines(np.concatenate([*pieces, values[-1:]]), at)
+
+
+@dataclass(frozen=True)
+class ExtraLines:
+    """Coordinates that need mesh lines beside those of grid lines and floors, m.
+
+    They are the sides of openings, the places of columns off the grid, and the ends of the faces
+    of beams that frame into a wall's edge.
+    """
+
+    x: tuple[float, ...] = ()
+    y: tuple[float, ...] = ()
+    z: tuple[float, ...] = ()
+
+    def __add__(self, other: "ExtraLines") -> "ExtraLines":
+        return ExtraLines(self.x + other.x, self.y + other.y, self.z + other.z)
 
 
 @dataclass(frozen=True)
@@ -106,7 +135,13 @@ class Lattice:
         return self.crossings(ix[:, None], iy[None, :], self.z.at[floor])
 
 
-def lattice_of(grid: Grid, stories: Sequence[FrameStory], size: float, least: int = 1) -> Lattice:
+def lattice_of(
+    grid: Grid,
+    stories: Sequence[FrameStory],
+    size: float,
+    least: int = 1,
+    extra: ExtraLines = ExtraLines(),
+) -> Lattice:
     """Return the mesh lines of a building (size, least: see `divide`); level 0 is the base.
 
     Raises:
@@ -114,13 +149,17 @@ def lattice_of(grid: Grid, stories: Sequence[FrameStory], size: float, least: in
     """
     levels = np.concatenate([[0.0], np.cumsum([story.height for story in stories])])
     floors = dict(zip((BASE, *floor_names(len(stories))), levels.tolist(), strict=True))
-    stations = (grid.x, grid.y, floors)
-    count = math.prod(_count(station, size) for station in stations)
+    stations, more = (grid.x, grid.y, floors), (extra.x, extra.y, extra.z)
+    count = math.prod(
+        _count(station, size) + len(own) for station, own in zip(stations, more, strict=True)
+    )
     if count > _MOST_CROSSINGS:
         raise BuildingError(
             f"mesh.size: {size:g} m would give some {count:.1e} nodes; write a larger size"
         )
-    return Lattice(*(divide(station, size, least) for station in stations))
+    return Lattice(
+        *(divide(station, size, least, own) for station, own in zip(stations, more, strict=True))
+    )
 
 
 def _count(stations: Mapping[str, float], size: float) -> float:

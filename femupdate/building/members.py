@@ -1,28 +1,25 @@
-"""The members of a frame building as data: materials, sections, columns, beams, walls, slabs."""
+"""The members of a frame building as data: materials, columns, beams, walls, slabs, supports."""
 
-from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Literal
 
-import numpy as np
 from pydantic import Field, model_validator
 
 from femupdate.building.entry import Complaint, Entry
 from femupdate.building.quantities import (
     ALL,
-    Area,
     Coordinate,
     Density,
     Flag,
-    Inertia,
     Label,
     Length,
+    LengthOrZero,
     Mass,
     Names,
     Number,
+    RotationalStiffness,
+    Stiffness,
     Stress,
 )
-
-_SHEAR_SHARE = 5.0 / 6.0  # effective shear area of a rectangle over its area (Timoshenko, 1921)
 
 
 class Material(Entry):
@@ -39,83 +36,6 @@ class Material(Entry):
                 "poisson_ratio", f"{self.poisson_ratio:g} must lie from 0 to below 0.5; correct it"
             )
         return self
-
-
-@dataclass(frozen=True)
-class SectionFigures:
-    """What a beam element needs to know of its section (m2, m4).
-
-    y is the direction of the width, z that of the depth: a column's width lies along x and its
-    depth along y, a beam's width is horizontal and its depth vertical. `inertia_y` resists bending
-    with displacement along z.
-    """
-
-    area: float
-    shear_area_y: float
-    shear_area_z: float
-    inertia_y: float
-    inertia_z: float
-    torsion_constant: float
-
-
-def rectangle_torsion_constant(width: float, depth: float) -> float:
-    """Return Saint-Venant's torsion constant of a solid rectangle, m4.
-
-    The series of Timoshenko and Goodier (Theory of Elasticity, 1951, article 94), for sides
-    a >= b: J = a b^3 (1/3 - 64 b / (pi^5 a) sum over odd n of tanh(n pi a / 2 b) / n^5).
-    """
-    long, short = max(width, depth), min(width, depth)
-    odd = np.arange(1, 100, 2)  # the rest of the series is below 1e-10 of the result
-    series = np.sum(np.tanh(odd * np.pi * long / (2.0 * short)) / odd**5.0)
-    return float(long * short**3 * (1.0 / 3.0 - 64.0 * short / (np.pi**5 * long) * series))
-
-
-class RectangleSection(Entry):
-    """A solid rectangle."""
-
-    shape: Literal["rectangle"]
-    width: Length
-    depth: Length
-    material: Label | None = None
-
-    def figures(self) -> SectionFigures:
-        """Return the section's figures; the shear areas are 5/6 of the area."""
-        area = self.width * self.depth
-        return SectionFigures(
-            area=area,
-            shear_area_y=_SHEAR_SHARE * area,
-            shear_area_z=_SHEAR_SHARE * area,
-            inertia_y=self.width * self.depth**3 / 12.0,
-            inertia_z=self.depth * self.width**3 / 12.0,
-            torsion_constant=rectangle_torsion_constant(self.width, self.depth),
-        )
-
-
-class FiguresSection(Entry):
-    """A section of any shape, given by its figures (axes as in `SectionFigures`)."""
-
-    shape: Literal["figures"]
-    area: Area
-    shear_area_y: Area
-    shear_area_z: Area
-    inertia_y: Inertia
-    inertia_z: Inertia
-    torsion_constant: Inertia
-    material: Label | None = None
-
-    def figures(self) -> SectionFigures:
-        """Return the section's figures."""
-        return SectionFigures(
-            area=self.area,
-            shear_area_y=self.shear_area_y,
-            shear_area_z=self.shear_area_z,
-            inertia_y=self.inertia_y,
-            inertia_z=self.inertia_z,
-            torsion_constant=self.torsion_constant,
-        )
-
-
-Section = Annotated[RectangleSection | FiguresSection, Field(discriminator="shape")]
 
 
 class Grid(Entry):
@@ -138,21 +58,59 @@ class FrameStory(Story):
 
 
 class Columns(Entry):
-    """Columns of one section at intersections of grid lines ("X1-Y1"), through these stories."""
+    """Columns of one section through these stories.
+
+    They stand at intersections of grid lines ("X1-Y1"), or at `points` given by their coordinates.
+    `eccentricity` is how far the axis stands from there, along x and y; rigid arms join the two.
+    """
 
     section: Label
     at: Names = ALL
     stories: Names = ALL
+    points: tuple[tuple[Coordinate, Coordinate], ...] = ()
+    eccentricity: tuple[Coordinate, Coordinate] | None = None
+
+    @model_validator(mode="after")
+    def _one_way_of_placing(self) -> "Columns":
+        if self.points and self.at != ALL:
+            text = "give either intersections (at) or coordinates (points); put the others into"
+            raise Complaint("points", f"{text} another [[columns]] table")
+        return self
 
 
 class Beams(Entry):
-    """Beams of one section along grid lines, over the whole line or between two crossing lines."""
+    """Beams of one section along grid lines, over the whole line or between two crossing lines.
+
+    `eccentricity` is how far the axis lies below the floor's plane. `rigid_ends` (at the start and
+    at the end) and `hinges` are those of every span, from one crossing grid line to the next.
+    """
 
     section: Label
     along: Names = ALL
     start: Label | None = Field(default=None, alias="from")
     end: Label | None = Field(default=None, alias="to")
     floors: Names = ALL
+    eccentricity: Coordinate | None = None
+    rigid_ends: tuple[LengthOrZero, LengthOrZero] | None = None
+    hinges: Literal["start", "end", "both"] | None = None
+
+    @property
+    def has_spans(self) -> bool:
+        """Whether something happens at the ends of every span."""
+        return self.rigid_ends is not None or self.hinges is not None
+
+
+class Opening(Entry):
+    """A rectangular hole in a wall: a door, a window, the space over a spandrel wall.
+
+    `left` is measured from the wall's first line along the wall, `bottom` from the floor below.
+    """
+
+    left: LengthOrZero
+    width: Length
+    bottom: LengthOrZero
+    height: Length
+    stories: Names = ALL
 
 
 class Wall(Entry):
@@ -169,6 +127,7 @@ class Wall(Entry):
     stiffness: Flag | None = None
     stories: Names = ALL
     material: Label | None = None
+    openings: tuple[Opening, ...] = ()
 
     @property
     def is_stiff(self) -> bool:
@@ -177,13 +136,17 @@ class Wall(Entry):
 
 
 class Slab(Entry):
-    """A rectangular slab between two lines of each family, on these floors."""
+    """A rectangular slab between two lines of each family, on these floors.
+
+    With a rigid diaphragm all its nodes move as one body in plan; it still bends out of its plane.
+    """
 
     x: tuple[Label, Label]
     y: tuple[Label, Label]
     thickness: Length
     floors: Names = ALL
     material: Label | None = None
+    diaphragm: Literal["rigid"] | None = None
 
 
 class FloorMass(Entry):
@@ -197,10 +160,40 @@ class FloorMass(Entry):
     floors: Names = ALL
 
 
-class Supports(Entry):
-    """How the nodes at the base are held: "fixed" in all six directions, "pinned" in three."""
+SPRING_KEYS = ("kx", "ky", "kz", "krx", "kry", "krz")
 
-    base: Literal["fixed", "pinned"] = "fixed"
+
+class Supports(Entry):
+    """How the nodes at the base are held.
+
+    "fixed" holds them in all six directions, "pinned" in three. With "springs" they are one rigid
+    footing on springs in the middle of its plan, whose stiffnesses are those of the whole
+    foundation; a direction without a stiffness is held.
+    """
+
+    base: Literal["fixed", "pinned", "springs"] = "fixed"
+    kx: Stiffness | None = None
+    ky: Stiffness | None = None
+    kz: Stiffness | None = None
+    krx: RotationalStiffness | None = None
+    kry: RotationalStiffness | None = None
+    krz: RotationalStiffness | None = None
+
+    @property
+    def springs(self) -> tuple[float | None, ...]:
+        """Stiffness along x, y, z and about x, y, z, N/m and N m/rad; None where held."""
+        return (self.kx, self.ky, self.kz, self.krx, self.kry, self.krz)
+
+    @model_validator(mode="after")
+    def _springs_where_said(self) -> "Supports":
+        given = [key for key, k in zip(SPRING_KEYS, self.springs, strict=True) if k is not None]
+        if self.base == "springs" and not given:
+            raise Complaint(
+                "kx", f"springs need a stiffness; write one of {', '.join(SPRING_KEYS)}"
+            )
+        if self.base != "springs" and given:
+            raise Complaint(given[0], f'it needs base = "springs", not {self.base!r}; change one')
+        return self
 
 
 class Mesh(Entry):

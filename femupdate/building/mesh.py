@@ -3,14 +3,16 @@
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from femupdate.building.connections import connected, face_lines
 from femupdate.building.entry import Complaint
-from femupdate.building.lattice import Integers, Lattice, lattice_of
+from femupdate.building.lattice import CLOSEST_LINES, Integers, Lattice, lattice_of
 from femupdate.building.masses import ground_mass, place_masses
 from femupdate.building.panels import (
     Bar,
@@ -19,6 +21,7 @@ from femupdate.building.panels import (
     beam_bars,
     column_bars,
     dead_walls,
+    extra_lines,
     slab_panels,
     wall_panels,
 )
@@ -28,7 +31,6 @@ from femupdate.errors import BuildingError
 from femupdate.fe.model import DOF_PER_NODE, Beams, FiniteElementModel, Shells
 
 Floats = NDArray[np.float64]
-_HELD = {"fixed": 6, "pinned": 3}
 
 
 @dataclass(frozen=True)
@@ -78,40 +80,81 @@ def mesh_building(building: Building, mesh_size: float | None = None) -> Buildin
     size = building.mesh.size if mesh_size is None else mesh_size
     if not size > 0.0:
         raise BuildingError(f"mesh.size: {size!r} m must be greater than 0; write a length")
-    return _mesh(building, lattice_of(building.grid, building.stories, size))
+    return _mesh(building, size)
 
 
 def check_mesh(building: FrameBuilding) -> None:
     """Raise BuildingError where `mesh_building` would, at the cost of a very coarse mesh."""
     lattice_of(building.grid, building.stories, building.mesh.size)
     # Two parts an interval: what nothing carries between two grid lines shows as well.
-    _mesh(building, lattice_of(building.grid, building.stories, math.inf, least=2))
+    _mesh(building, math.inf, least=2)
 
 
-def _mesh(building: FrameBuilding, lattice: Lattice) -> BuildingMesh:
+def _mesh(building: FrameBuilding, size: float, least: int = 1) -> BuildingMesh:
     try:
+        extra = extra_lines(building)
+        if _may_have_joints(building):
+            coarse = lattice_of(building.grid, building.stories, math.inf, 2, extra)
+            parts = _parts_on(building, coarse)
+            extra += face_lines(parts.model, parts.sizes)
+        lattice = lattice_of(building.grid, building.stories, size, least, extra)
         return _mesh_on(building, lattice)
     except Complaint as complaint:
         raise BuildingError(f"{complaint.key}: {complaint}") from None
 
 
-def _mesh_on(building: FrameBuilding, lattice: Lattice) -> BuildingMesh:
+def _may_have_joints(building: FrameBuilding) -> bool:
+    return bool(building.walls or building.slabs) and bool(building.beams or building.columns)
+
+
+@dataclass(frozen=True)
+class _Parts:
+    """The elements of a building on the crossings of a lattice.
+
+    Attributes:
+        model: elements only, no supports.
+        used: (N,) crossing of each node.
+        sizes: (m, 2) width and depth of each beam element, m.
+        panels: the model's shells, block by block.
+    """
+
+    model: FiniteElementModel
+    used: Integers
+    sizes: Floats
+    panels: tuple[Panel, ...]
+
+
+def _parts_on(building: FrameBuilding, lattice: Lattice) -> _Parts:
     panels = [*slab_panels(building, lattice), *wall_panels(building, lattice)]
     bars = [*column_bars(building, lattice), *beam_bars(building, lattice)]
-    dead = list(dead_walls(building, lattice))
     _refuse_doubles(panels, lattice)
     _refuse_doubles(bars, lattice)
     used = np.unique(np.concatenate([n.ravel() for n in _node_lists(panels, bars)]))
-    base = np.flatnonzero(lattice.level(used) == 0)
     model = FiniteElementModel(
         nodes=lattice.coordinates(used),
-        fixed=_fixed(len(used), base, _HELD[building.supports.base]),
+        fixed=np.zeros((len(used), DOF_PER_NODE), dtype=np.bool_),
         groups=len(building.stories),
         shells=_shells(panels, used),
         beams=_beams(bars, used),
     )
-    _refuse_floating(model, base)
-    masses = place_masses(building, model, list(_on_nodes(dead, used, lattice)))
+    sizes = np.repeat([bar.section.size for bar in bars], [len(bar.nodes) for bar in bars], axis=0)
+    return _Parts(model, used, sizes.reshape(-1, 2), tuple(panels))
+
+
+def _mesh_on(building: FrameBuilding, lattice: Lattice) -> BuildingMesh:
+    parts = _parts_on(building, lattice)
+    used, dead = parts.used, list(dead_walls(building, lattice))
+    base = np.flatnonzero(lattice.level(used) == 0)
+    _refuse_floating(parts.model, base)
+    _refuse_loose_columns(building, parts)
+    masses = place_masses(building, parts.model, list(_on_nodes(dead, used, lattice)))
+    stiff = {n for n, slab in enumerate(building.slabs) if slab.diaphragm == "rigid"}
+    diaphragms = [
+        np.searchsorted(used, np.unique(panel.nodes))
+        for panel in parts.panels
+        if panel.key in {f"slabs[{n}]" for n in stiff}
+    ]
+    model = connected(parts.model, base, building.supports, diaphragms, parts.sizes)
     return BuildingMesh(
         model=replace(model, masses=masses),
         floors=building.floors,
@@ -141,12 +184,6 @@ def _refuse_doubles(blocks: Sequence[Panel] | Sequence[Bar], lattice: Lattice) -
         x, y, z = lattice.coordinates(nodes[double[0]]).mean(axis=0)
         text = f"it lies on {blocks[earlier].key} at ({x:.3g}, {y:.3g}, {z:.3g}) m; remove one"
         raise Complaint(blocks[later].key, text)
-
-
-def _fixed(count: int, base: Integers, held: int) -> NDArray[np.bool_]:
-    fixed = np.zeros((count, DOF_PER_NODE), dtype=np.bool_)
-    fixed[base, :held] = True
-    return fixed
 
 
 def _spread(values: Sequence[float], counts: Sequence[int]) -> Floats:
@@ -187,6 +224,22 @@ def _beams(bars: Sequence[Bar], used: Integers) -> Beams:
         up=np.repeat(np.array([bar.up for bar in bars]), counts, axis=0),
         group=np.repeat(np.array([bar.group for bar in bars], dtype=np.int64), counts),
         kind=np.repeat(np.array([bar.kind for bar in bars], dtype="<U24"), counts),
+        offset=_stacked([bar.offset for bar in bars], counts, (2, 3), np.float64),
+        released=_stacked([bar.released for bar in bars], counts, (12,), np.bool_),
+    )
+
+
+def _stacked(
+    parts: Sequence[NDArray[Any] | None], counts: Sequence[int], shape: tuple[int, ...], dtype: type
+) -> NDArray[Any] | None:
+    """Join what some bars have, with zeros for the others; None where no bar has it."""
+    if all(part is None for part in parts):
+        return None
+    return np.concatenate(
+        [
+            np.zeros((count, *shape), dtype=dtype) if part is None else part
+            for part, count in zip(parts, counts, strict=True)
+        ]
     )
 
 
@@ -205,6 +258,20 @@ def _refuse_floating(model: FiniteElementModel, base: Integers) -> None:
             f"nothing connects what is at ({x:.3g}, {y:.3g}, {z:.3g}) m to the base; add a "
             "column, wall, beam or slab that does",
         )
+
+
+def _refuse_loose_columns(building: FrameBuilding, parts: _Parts) -> None:
+    """Raise Complaint for a column off the grid whose top nothing meets."""
+    beams = parts.model.beams
+    met = np.concatenate(
+        [parts.model.shells.nodes.ravel(), beams.nodes[beams.kind == "beam"].ravel()]
+    )
+    for n, columns in enumerate(building.columns):
+        for m, point in enumerate(columns.points):
+            away = np.linalg.norm(parts.model.nodes[:, :2] - point, axis=1)
+            if not np.isin(np.flatnonzero(away < CLOSEST_LINES), met).any():
+                text = "no slab, beam or wall meets the column there; move it or add one"
+                raise Complaint(f"columns[{n}].points[{m}]", text)
 
 
 def _on_nodes(dead: Sequence[DeadWall], used: Integers, lattice: Lattice) -> Iterator[DeadWall]:

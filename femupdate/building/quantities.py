@@ -19,6 +19,7 @@ _WRITTEN = {
     "stress": ("kN/mm2", "N/mm2", "Pa"),
     "density": ("kg/m3",),
     "stiffness": ("N/m", "kN/m"),
+    "rotational stiffness": ("N m/rad", "kN m/rad"),
     "stiffness per mass": ("1/s2",),
     "frequency": ("Hz",),
 }
@@ -136,6 +137,7 @@ def _flag(value: Any) -> bool:
 ALL = ("*",)  # a list of names that means every one
 
 Length = Annotated[float, Quantity("length")]
+LengthOrZero = Annotated[float, Quantity("length", "not negative")]
 Coordinate = Annotated[float, Quantity("length", "any")]
 Area = Annotated[float, Quantity("area")]
 Inertia = Annotated[float, Quantity("inertia")]
@@ -143,6 +145,7 @@ Mass = Annotated[float, Quantity("mass")]
 Stress = Annotated[float, Quantity("stress")]
 Density = Annotated[float, Quantity("density", "not negative")]
 Stiffness = Annotated[float, Quantity("stiffness")]
+RotationalStiffness = Annotated[float, Quantity("rotational stiffness")]
 StiffnessPerMass = Annotated[float, Quantity("stiffness per mass")]
 Frequency = Annotated[float, Quantity("frequency")]
 FrequencyOrZero = Annotated[float, Quantity("frequency", "not negative")]

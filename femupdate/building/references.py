@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 
 from femupdate.building.entry import Complaint, unknown
 from femupdate.building.members import Beams, Grid, Wall
@@ -83,6 +84,14 @@ def run_of(grid: Grid, line: str, bounds: tuple[str | None, str | None], key: st
         raise Complaint(f"{key}.to", f"it starts and ends at {end!r}; write another end")
     first, last = sorted((start, end), key=crossing.__getitem__)
     return Run(axis, line, first, last)
+
+
+def spans(grid: Grid, run: Run) -> tuple[tuple[str, str, float], ...]:
+    """Return the spans of a stretch: two neighbouring crossing lines and their distance, m."""
+    crossing = _crossing(grid, run.axis)
+    order = list(crossing)
+    inside = order[order.index(run.start) : order.index(run.end) + 1]
+    return tuple((a, b, crossing[b] - crossing[a]) for a, b in pairwise(inside))
 
 
 def wall_run(grid: Grid, wall: Wall, key: str) -> Run:

@@ -19,6 +19,7 @@ from femupdate.building.analysis import (
     Reduction,
 )
 from femupdate.building.checks import check_frame, check_prior, check_story_names
+from femupdate.building.effect_entry import EffectEntry
 from femupdate.building.entry import Complaint, Entry
 from femupdate.building.members import (
     Beams,
@@ -28,7 +29,6 @@ from femupdate.building.members import (
     Grid,
     Material,
     Mesh,
-    Section,
     Sensors,
     Slab,
     Story,
@@ -36,6 +36,7 @@ from femupdate.building.members import (
     Wall,
 )
 from femupdate.building.quantities import Flag, Label, Length, Mass, Stiffness, StiffnessPerMass
+from femupdate.building.sections import Section
 
 BASE = "base"
 
@@ -57,6 +58,7 @@ class _Common(Entry):
     damping: Damping
     observation: Observation = Observation()
     reduction: Reduction = Reduction()
+    effects: tuple[EffectEntry, ...] = ()
     provenance: Provenance = Provenance()
 
     @property

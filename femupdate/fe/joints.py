@@ -96,13 +96,25 @@ def edge_joints(model: FiniteElementModel, sizes: Floats | None = None) -> tuple
     if not len(sheets.nodes) or not len(model.beams):
         return ()
     sizes = beam_sizes(model.beams) if sizes is None else sizes
-    at_node = _elements_at(sheets.nodes, len(model.nodes))
     ends = _Ends.of(model)
-    found = []
-    for node in np.intersect1d(ends.node, sheets.nodes):
-        own, around = np.flatnonzero(ends.node == node), at_node(node)
-        found += list(_joints_at(model, sheets, ends, int(node), own, around, sizes))
+    candidates, around = _candidates(sheets, ends, len(model.nodes))
+    found: list[EdgeJoint] = []
+    for node in candidates.tolist():
+        own = np.flatnonzero(ends.node == node)
+        found += _joints_at(model, sheets, ends, node, own, around(node), sizes)
     return tuple(found)
+
+
+def _candidates(sheets: "_Sheets", ends: "_Ends", count: int) -> tuple[Integers, "_elements_at"]:
+    """Nodes where a beam lies in the plane of a shell that has no beam along its sides there."""
+    around = _elements_at(sheets.nodes, count)
+    end, sheet = around.pairs(ends.node)
+    inside = np.abs(np.einsum("nd,nd->n", ends.away[end], sheets.normal[sheet])) < _IN_PLANE
+    end, sheet = end[inside], sheet[inside]
+    along = (sheets.nodes[sheet] == ends.other[end, None]).any(axis=1)
+    key = ends.node[end] * len(sheets.nodes) + sheet
+    open_ = ~np.isin(key, key[along])
+    return np.unique(ends.node[end[open_]]), around
 
 
 def joint_links(model: FiniteElementModel, joints: tuple[EdgeJoint, ...]) -> RigidLinks:
@@ -125,10 +137,14 @@ def joint_links(model: FiniteElementModel, joints: tuple[EdgeJoint, ...]) -> Rig
 
 @dataclass(frozen=True)
 class _Sheets:
-    """Shells and triangles as quadrilaterals (a triangle repeats its last node), with normals."""
+    """Shells and triangles as quadrilaterals (a triangle repeats its last node).
+
+    `normal` (n, 3) are unit vectors, `middle` (n, 3) means of the corners.
+    """
 
     nodes: Integers
     normal: Floats
+    middle: Floats
 
 
 def _sheets(model: FiniteElementModel) -> _Sheets:
@@ -140,14 +156,16 @@ def _sheets(model: FiniteElementModel) -> _Sheets:
     corners = corners[flat:]
     normal[flat:] = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     size = np.linalg.norm(normal, axis=1, keepdims=True)
-    return _Sheets(nodes, normal / np.maximum(size, np.finfo(float).tiny))
+    normal = normal / np.maximum(size, np.finfo(float).tiny)
+    return _Sheets(nodes, normal, model.nodes[nodes].mean(axis=1))
 
 
 @dataclass(frozen=True)
 class _Ends:
-    """Both ends of all beams: node, beam, and the unit vector away from the node, (2 n, ...)."""
+    """Both ends of all beams: node, beam, unit vector away from the node, the other end's node."""
 
     node: Integers
+    other: Integers
     beam: Integers
     away: Floats
 
@@ -157,7 +175,7 @@ class _Ends:
         axis = model.nodes[nodes[:, 1]] - model.nodes[nodes[:, 0]]
         axis = axis / np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), 1e-300)
         beam = np.tile(np.arange(len(nodes)), 2)
-        return cls(nodes.T.ravel(), beam, np.concatenate([axis, -axis]))
+        return cls(nodes.T.ravel(), nodes[:, ::-1].T.ravel(), beam, np.concatenate([axis, -axis]))
 
 
 class _elements_at:  # noqa: N801 - called like a function
@@ -171,6 +189,13 @@ class _elements_at:  # noqa: N801 - called like a function
     def __call__(self, node: int) -> Integers:
         places = self._order[self._starts[node] : self._starts[node + 1]]
         return np.unique(places // self._corners)
+
+    def pairs(self, nodes: Integers) -> tuple[Integers, Integers]:
+        """Places in a list of nodes, and the elements at each, (m,) both."""
+        first, count = self._starts[nodes], self._starts[nodes + 1] - self._starts[nodes]
+        place = np.repeat(np.arange(len(nodes)), count)
+        within = np.arange(len(place)) - np.repeat(np.cumsum(count) - count, count)
+        return place, self._order[np.repeat(first, count) + within] // self._corners
 
 
 def _joints_at(
@@ -198,7 +223,7 @@ def _joints_at(
         ):
             continue
         joints = [
-            _joint(model, sheets.nodes[group], node, ends, int(end), first, sizes)
+            _joint(model, sheets, sheets.nodes[group], node, ends, int(end), first, sizes)
             for end in candidates
         ]
         joint = max(joints, key=lambda one: one.depth)
@@ -226,6 +251,7 @@ def _runs_along(nodes: Floats, quads: Integers, node: int, away: Floats) -> bool
 
 def _joint(
     model: FiniteElementModel,
+    sheets: _Sheets,
     quads: Integers,
     node: int,
     ends: _Ends,
@@ -245,12 +271,13 @@ def _joint(
     offset = np.zeros(3)
     if model.beams.offset is not None:
         offset = model.beams.offset[beam, int(model.beams.nodes[beam, 1] == node)]
-    edge, position = _edge(model, quads, node, normal, across, away, depth)
+    edge, position = _edge(model, sheets, quads, node, normal, across, away, depth)
     return EdgeJoint(node, beam, across, depth, float(offset @ across), edge, position)
 
 
 def _edge(
     model: FiniteElementModel,
+    sheets: _Sheets,
     quads: Integers,
     node: int,
     normal: Floats,
@@ -259,10 +286,9 @@ def _edge(
     depth: float,
 ) -> tuple[Integers, Floats]:
     """Nodes that continue the shell's edge from a node, over the depth or to the next ones."""
-    sheets = _sheets(model)
     near = np.unique(quads)
     reach = max(depth, float(np.linalg.norm(model.nodes[near] - model.nodes[node], axis=1).max()))
-    middle = model.nodes[sheets.nodes].mean(axis=1) - model.nodes[node]
+    middle = sheets.middle - model.nodes[node]
     same = np.abs(sheets.normal @ normal) > _SAME_PLANE
     close = np.abs(middle).max(axis=1) < 3.0 * reach
     candidates = np.setdiff1d(_rim(sheets.nodes[same & close]), [node])

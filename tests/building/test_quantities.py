@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from femupdate.building.members import rectangle_torsion_constant
 from femupdate.building.quantities import format_quantity
+from femupdate.building.sections import rectangle_torsion_constant
 from femupdate.errors import UnitError
 from femupdate.units import parse_quantity
 

@@ -1,0 +1,143 @@
+"""What joins the nodes of a building beside its elements: diaphragms, a sprung footing, joints."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from femupdate.building.lattice import ExtraLines, Integers
+from femupdate.building.members import Supports
+from femupdate.fe.joints import EdgeJoint, edge_joints, joint_links
+from femupdate.fe.model import (
+    CONSTANT,
+    DOF_PER_NODE,
+    FiniteElementModel,
+    Flags,
+    RigidLinks,
+    Springs,
+)
+
+Floats = NDArray[np.float64]
+_HELD = {"fixed": 6, "pinned": 3, "springs": 0}
+_IN_PLAN = np.array([True, True, False, False, False, True])
+
+
+def connected(
+    model: FiniteElementModel,
+    base: Integers,
+    supports: Supports,
+    diaphragms: Iterable[Integers],
+    sizes: Floats,
+) -> FiniteElementModel:
+    """Return the model with its supports and rigid links.
+
+    Args:
+        model: elements only.
+        base: (n,) nodes at the base.
+        supports: how they are held; a sprung footing adds one node, the last.
+        diaphragms: node indices of each slab that is rigid in plan.
+        sizes: (m, 2) width and depth of each beam element, m.
+    """
+    fixed = np.zeros((len(model.nodes), DOF_PER_NODE), dtype=np.bool_)
+    fixed[base, : _HELD[supports.base]] = True
+    model = replace(model, fixed=fixed)
+    footing = RigidLinks()
+    if supports.base == "springs":
+        model, footing = _on_springs(model, base, supports)
+    joints = _away_from(edge_joints(model, sizes), base)
+    ties = joint_links(model, joints)
+    plan = _diaphragms(model, diaphragms, ties.slave)
+    # On a diaphragm the slaves of a joint follow in plan already, with the same motion.
+    tied = ties.tied & ~(np.isin(ties.slave, plan.slave)[:, None] & _IN_PLAN)
+    return replace(model, links=_joined([footing, plan, replace(ties, tied=tied)]))
+
+
+def face_lines(model: FiniteElementModel, sizes: Floats) -> ExtraLines:
+    """Return mesh lines through the ends of the faces of beams that frame into shell edges."""
+    found: dict[str, list[float]] = {"x": [], "y": [], "z": []}
+    for joint in edge_joints(model, sizes):
+        axis = int(np.abs(joint.across).argmax())
+        for end in joint.face:
+            if bool((joint.position * end > 0.0).any()):
+                found["xyz"[axis]].append(float(model.nodes[joint.node, axis] + end))
+    return ExtraLines(*(tuple(found[axis]) for axis in "xyz"))
+
+
+def _on_springs(
+    model: FiniteElementModel, base: Integers, supports: Supports
+) -> tuple[FiniteElementModel, RigidLinks]:
+    """Return the model with one more node under the middle of the base, on springs."""
+    footing = len(model.nodes)
+    middle = 0.5 * (model.nodes[base].min(axis=0) + model.nodes[base].max(axis=0))
+    given = [k for k, value in enumerate(supports.springs) if value is not None]
+    held = np.ones((1, DOF_PER_NODE), dtype=np.bool_)
+    held[0, given] = False
+    springs = Springs(
+        nodes=np.tile([footing, -1], (len(given), 1)),
+        direction=np.array(given, dtype=np.int64),
+        stiffness=np.array([k for k in supports.springs if k is not None]),
+        group=np.full(len(given), CONSTANT, dtype=np.int64),
+    )
+    links = RigidLinks(
+        master=np.full(len(base), footing, dtype=np.int64),
+        slave=base.astype(np.int64),
+        tied=np.ones((len(base), DOF_PER_NODE), dtype=np.bool_),
+    )
+    nodes = np.concatenate([model.nodes, middle[None]])
+    fixed = np.concatenate([model.fixed, held])
+    return replace(model, nodes=nodes, fixed=fixed, springs=springs), links
+
+
+def _away_from(joints: Sequence[EdgeJoint], base: Integers) -> tuple[EdgeJoint, ...]:
+    """Leave the base's nodes to its support."""
+    kept = (~np.isin(joint.edge, base) for joint in joints)
+    return tuple(
+        replace(joint, edge=joint.edge[keep], position=joint.position[keep])
+        for joint, keep in zip(joints, kept, strict=True)
+        if joint.node not in base
+    )
+
+
+def _diaphragms(
+    model: FiniteElementModel, slabs: Iterable[Integers], followers: Integers
+) -> RigidLinks:
+    """Links in plan of slabs; those that share a node are one diaphragm.
+
+    The master is the node nearest to the middle; a follower of something else cannot be it.
+    """
+    found = []
+    for nodes in _merged(len(model.nodes), list(slabs)):
+        level = model.nodes[nodes]
+        away = np.linalg.norm(level - level.mean(axis=0), axis=1)
+        away[np.isin(nodes, followers)] = np.inf
+        master = nodes[int(away.argmin())]
+        slaves = nodes[nodes != master]
+        tied = np.broadcast_to(_IN_PLAN, (len(slaves), DOF_PER_NODE))
+        found.append(RigidLinks(np.full(len(slaves), master), slaves, tied.copy()))
+    return _joined(found)
+
+
+def _merged(count: int, slabs: Sequence[Integers]) -> list[Integers]:
+    """Return the sets of nodes of slabs that hang together."""
+    if not slabs:
+        return []
+    edges = np.concatenate(
+        [np.stack([np.full(len(s) - 1, s[0]), s[1:]], axis=1) for s in map(np.unique, slabs)]
+    )
+    graph = coo_array((np.ones(len(edges)), edges.T), shape=(count, count))
+    _, part = connected_components(graph, directed=False)
+    mine: Flags = np.zeros(count, dtype=np.bool_)
+    mine[edges.ravel()] = True
+    return [np.flatnonzero(mine & (part == label)) for label in np.unique(part[mine])]
+
+
+def _joined(links: Iterable[RigidLinks]) -> RigidLinks:
+    parts = [RigidLinks(), *links]
+    return RigidLinks(
+        np.concatenate([part.master for part in parts]),
+        np.concatenate([part.slave for part in parts]),
+        np.concatenate([part.tied for part in parts]),
+    )
