@@ -148,7 +148,9 @@ def static_peer(key: str) -> Peer | None:
 def coupled_wall_peers(fine: int, quantity: int) -> dict[str, float]:
     """Ratios for the coupled wall: 0 the roof's displacement, 1 the first frequency."""
     limit = COUPLED_LIMITS[quantity]
-    return {name: values[quantity] / limit for name, values in _COUPLED.get(fine, {}).items()}
+    if fine not in _COUPLED:
+        return {}
+    return {name: values[quantity] / limit for name, values in _COUPLED[fine].items()}
 
 
 def frequency_peer(test: str, mode: int) -> Peer | None:
