@@ -7,6 +7,24 @@ import click
 from .common import Bars, parse_band, parse_numbers, print_json, shared_options
 
 
+def _parse_effects(
+    context: click.Context, parameter: click.Parameter, texts: tuple[str, ...]
+) -> tuple[tuple[str, tuple[float, ...]], ...]:
+    """Read `name@place=size` or `name@place`, with more numbers after commas."""
+    found = []
+    for text in texts:
+        label, _, numbers = text.partition("=")
+        try:
+            values = tuple(float(part) for part in numbers.split(",")) if numbers else ()
+        except ValueError:
+            values = ()
+            label = ""
+        if "@" not in label:
+            raise click.BadParameter("write name@place=size, such as added_mass@3F=0.1")
+        found.append((label.strip(), values))
+    return tuple(found)
+
+
 @click.command("simulate")
 @click.option(
     "-o",
@@ -27,6 +45,13 @@ from .common import Bars, parse_band, parse_numbers, print_json, shared_options
 @click.option("--channel", help="Of the record, where it has several.")
 @click.option("--unit", help="Of the record, where the file does not say it.")
 @click.option("--scale", type=float, default=1.0, show_default=True, help="Factor on the record.")
+@click.option(
+    "--effect",
+    "effects",
+    multiple=True,
+    callback=_parse_effects,
+    help="Hidden effect and its size, such as added_mass@3F=0.1; several times for several.",
+)
 @click.option("--sensor-noise", type=float, default=0.003, show_default=True, help="m/s2 rms")
 @shared_options
 def command(
@@ -43,6 +68,7 @@ def command(
     channel: str | None,
     unit: str | None,
     scale: float,
+    effects: tuple[tuple[str, tuple[float, ...]], ...],
     sensor_noise: float,
     study_folder: Path,
     seed: int,
@@ -75,6 +101,7 @@ def command(
         rms_m_s2=rms,
         band_hz=band,
         sensor_noise_m_s2=sensor_noise,
+        effects=effects,
         seed=seed,
     )
     with Bars() as bars:

@@ -1,7 +1,8 @@
 """The building as data: what a building file holds, validated (SI inside).
 
-Two kinds of building share the frequencies, priors, damping and provenance: a `FrameBuilding` of
-columns, beams, walls and slabs, and a `ShearBuilding` of one mass and one spring a story.
+Three kinds of building share the frequencies, priors, damping and provenance: a `FrameBuilding` of
+columns, beams, walls and slabs, a `MeshBuilding` whose mesh somebody else made, and a
+`ShearBuilding` of one mass and one spring a story.
 """
 
 from typing import Literal
@@ -18,7 +19,12 @@ from femupdate.building.analysis import (
     Provenance,
     Reduction,
 )
-from femupdate.building.checks import check_frame, check_prior, check_story_names
+from femupdate.building.checks import (
+    check_frame,
+    check_mesh_building,
+    check_prior,
+    check_story_names,
+)
 from femupdate.building.effect_entry import EffectEntry
 from femupdate.building.entry import Complaint, Entry
 from femupdate.building.members import (
@@ -35,6 +41,7 @@ from femupdate.building.members import (
     Supports,
     Wall,
 )
+from femupdate.building.mesh_entries import MeshFile, MeshSensors, Part
 from femupdate.building.quantities import Flag, Label, Length, Mass, Stiffness, StiffnessPerMass
 from femupdate.building.sections import Section
 
@@ -104,6 +111,34 @@ class FrameBuilding(_Common):
         return self.materials[name] if name is not None else next(iter(self.materials.values()))
 
 
+class MeshBuilding(_Common):
+    """A building whose mesh comes from another program; groups of its cells become members."""
+
+    kind: Literal["mesh"]
+    stories: tuple[FrameStory, ...]
+    materials: dict[str, Material]
+    sections: dict[str, Section] = Field(default_factory=dict)
+    mesh: MeshFile
+    parts: tuple[Part, ...]
+    floor_mass: tuple[FloorMass, ...] = ()
+    supports: Supports = Supports()
+    sensors: MeshSensors
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "MeshBuilding":
+        check_mesh_building(self)
+        return self
+
+    @property
+    def floor_levels(self) -> NDArray[np.float64]:
+        """Heights of the floors above the base, (stories,) m."""
+        return np.cumsum([story.height for story in self.stories])
+
+    def material(self, name: str | None) -> Material:
+        """Return the named material; None means the only one of the building."""
+        return self.materials[name] if name is not None else next(iter(self.materials.values()))
+
+
 class ShearStory(Story):
     """One story of a shear building: its spring and the mass of the floor above.
 
@@ -144,4 +179,4 @@ class ShearBuilding(_Common):
         return self
 
 
-Building = FrameBuilding | ShearBuilding
+Building = FrameBuilding | MeshBuilding | ShearBuilding

@@ -43,18 +43,25 @@ def reduce_structure(
         progress: told (done, total).
     """
     if structure.operators is None or structure.mesh is None:
-        basis = np.diag(structure.nodal_mass**-0.5)
-        return ReducedStructure(
-            structure, _stick_model(structure), basis, basis.T @ structure.rigid_force
-        )
+        return structure_on(structure, np.diag(structure.nodal_mass**-0.5))
     operators = with_terms(structure.operators, _member_terms(structure))
     sensors = floor_sensors(operators, structure.mesh.floor_nodes, structure.direction)
     thetas = _samples(structure, target)
     basis = response_basis(
         operators, replace(sensors, others=_other_forces(structure)), thetas, target, progress
     )[:, :_SIZE]
-    levels = np.concatenate([[0.0], structure.levels])
-    model = project(structure.operators, basis, structure.mesh.floor_nodes, levels, sensors)
+    return structure_on(structure, basis)
+
+
+def structure_on(structure: Structure, basis: Floats) -> ReducedStructure:
+    """A structure seen through a mass-orthonormal basis (n, r)."""
+    if structure.operators is None or structure.mesh is None:
+        model = _stick_model(structure)
+    else:
+        operators, nodes = structure.operators, structure.mesh.floor_nodes
+        levels = np.concatenate([[0.0], structure.levels])
+        sensors = floor_sensors(operators, nodes, structure.direction)
+        model = project(operators, basis, nodes, levels, sensors)
     return ReducedStructure(structure, model, basis, basis.T @ structure.rigid_force)
 
 

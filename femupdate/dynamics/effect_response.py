@@ -34,12 +34,20 @@ class ReducedStructure:
         model: its reduced model.
         basis: (n, r) the shapes.
         rigid_force: (r, 2) force per unit acceleration of base translation and rotation.
+        rigid_rows: (f, 2) motion of what the model's rows observe per unit base translation and
+            rotation; that of the floors where None.
     """
 
     structure: Structure
     model: ReducedModel
     basis: Floats
     rigid_force: Floats
+    rigid_rows: Floats | None = None
+
+    @property
+    def rigid(self) -> Floats:
+        """(f, 2) motion of the rows as on a rigid body."""
+        return self.structure.rigid_floors if self.rigid_rows is None else self.rigid_rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,7 +229,7 @@ class EffectSystem:
     def _outputs(self, count: int) -> tuple[Tensor, Tensor]:
         """Rows (o, r) and (o, 2) of floors and ports."""
         rows = [torch.from_numpy(self.reduced.model.floor_shapes)]
-        rigid = [torch.from_numpy(self.reduced.structure.rigid_floors)]
+        rigid = [torch.from_numpy(self.reduced.rigid)]
         for terms in self.terms:
             if terms.port is not None:
                 rows.append(terms.port[0][None])

@@ -134,8 +134,9 @@ class Effect(ABC):
         return frf
 
     def place_rows(self, place: str, floors: tuple[str, ...]) -> tuple[int, ...]:
-        """Rows of the floors that a place names."""
-        return tuple(floors.index(part) for part in place.split(",") if part in floors)
+        """Rows that a place names; a floor may have several (one a sensor)."""
+        named = place.split(",")
+        return tuple(k for part in named for k, floor in enumerate(floors) if floor == part)
 
 
 @dataclass(frozen=True)

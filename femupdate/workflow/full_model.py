@@ -84,9 +84,21 @@ def sensor_model(
                 "both out"
             )
         return _shear_model(building, theta)
+    sensed, size, _, _ = sensor_places(building, mesh_size, sensors)
+    return _frame_model(sensed, mesh_building(sensed, size), theta, top_hz, size)
+
+
+def sensor_places(
+    building: FrameBuilding, mesh_size: float | None, sensors: SensorPoints | None
+) -> tuple[FrameBuilding, float, tuple[Channel, ...], tuple[str, ...]]:
+    """The building with every sensor listed, its mesh size (m), the sensors and their places.
+
+    The sensors come in the order of the nodes of the mesh's floors. Arguments and errors are those
+    of `sensor_model`.
+    """
     size = 0.5 * building.mesh.size if mesh_size is None else mesh_size
     sensed = _sensed(building, sensors)
-    return _frame_model(sensed, mesh_building(sensed, size), theta, top_hz, size)
+    return sensed, size, *_channels(sensed)
 
 
 def _shear_model(building: ShearBuilding, theta: Floats) -> SensorModel:

@@ -7,6 +7,7 @@ mode by mode, and is seen by single accelerometers with their noise.
 import json
 import logging
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,14 +16,16 @@ from numpy.typing import NDArray
 from femupdate import __version__
 from femupdate.building.analysis import RayleighDamping
 from femupdate.building.files import mechanics_hash
-from femupdate.building.schema import Building
+from femupdate.building.schema import Building, FrameBuilding
 from femupdate.dynamics.history import HistorySettings, floor_histories
+from femupdate.effects import Placed, effect_named, structure_of
 from femupdate.errors import BuildingError, MeasurementError, ModelError
 from femupdate.measurement.columns import BASE, Channel, channel_name
 from femupdate.measurement.observation_file import Histories
 from femupdate.measurement.record import GroundMotion
 from femupdate.measurement.write import write_observation_histories
 from femupdate.study import file_hash, write_text
+from femupdate.workflow.effect_truth import effect_truth
 from femupdate.workflow.full_model import SensorModel, sensor_model
 from femupdate.workflow.model import damping_law, theta_prior
 from femupdate.workflow.progress import Progress, Silent
@@ -74,14 +77,8 @@ def simulate_observation(
     theta = _theta(building, chosen.theta, streams[0])
     zeta = _zeta(building, chosen.zeta)
     motion = _base_motion(chosen, streams[1])
-    show.start("Solving the full model", 1)
-    seen = sensor_model(
-        building, theta, _top(chosen), mesh_size=chosen.mesh_size, sensors=chosen.sensors
-    )
-    show.advance()
-    show.start("Integrating the motion", 1)
-    exact = _respond(building, seen, zeta, motion)
-    show.advance()
+    effects = tuple(parse_effect(building, name, own) for name, own in chosen.effects)
+    seen, exact = _motion(building, chosen, theta, zeta, effects, motion, show)
     base = Channel(channel_name(BASE, direction=seen.direction), BASE, "", seen.direction)
     histories = Histories(
         motion.time_step,
@@ -89,7 +86,10 @@ def simulate_observation(
         _record(np.vstack([motion.acceleration, exact]), chosen, streams[2]),
         f"synthetic observation of {building.name}",
     )
-    truth = _truth(building, seen, theta, zeta, chosen.seed)
+    truth = replace(
+        _truth(building, seen, theta, zeta, chosen.seed),
+        effects=tuple((placed.label, values) for placed, values in effects),
+    )
     return Simulation(histories, truth, label(seen, truth, chosen, motion))
 
 
@@ -228,6 +228,67 @@ def _top(settings: SimulationSettings) -> float:
     """Frequency up to which modes are kept: the Nyquist frequency, well above the motion's band."""
     nyquist = 0.5 * settings.sampling_hz
     return nyquist if settings.base_motion else max(nyquist, 1.5 * settings.band_hz[1])
+
+
+def parse_effect(
+    building: Building, label: str, values: tuple[float, ...]
+) -> tuple[Placed, tuple[float, ...]]:
+    """An effect and its parameters from its label, such as "added_mass@3F".
+
+    Args:
+        building: where it is.
+        label: its name and place.
+        values: its first parameters; the others are neutral.
+
+    Raises:
+        BuildingError: no such effect or place, or too many parameters.
+    """
+    name, _, place = label.partition("@")
+    effect = effect_named(name)
+    places = effect.places(structure_of(building, _coarse(building)))
+    if place not in places:
+        raise BuildingError(
+            f"{building.name}: {name} cannot sit at {place!r}; it can at "
+            f"{', '.join(places) or 'no place here'}"
+        )
+    own = effect.parameters
+    if len(values) > len(own):
+        raise BuildingError(
+            f"{label}: {len(values)} numbers were given; it takes "
+            f"{', '.join(p.name for p in own) or 'none'}"
+        )
+    return Placed(effect, place), (*values, *(p.neutral for p in own[len(values) :]))
+
+
+def _coarse(building: Building) -> float | None:
+    """A mesh size that is enough to know the places of effects."""
+    return 2.0 * building.mesh.size if isinstance(building, FrameBuilding) else None
+
+
+def _motion(
+    building: Building,
+    settings: SimulationSettings,
+    theta: Floats,
+    zeta: float | None,
+    effects: tuple[tuple[Placed, tuple[float, ...]], ...],
+    motion: GroundMotion,
+    show: Progress,
+) -> tuple[SensorModel, Floats]:
+    """The full model and what its sensors feel (c, n), m/s2."""
+    size, points, top = settings.mesh_size, settings.sensors, _top(settings)
+    ratio = 0.0 if zeta is None else zeta
+    show.start("Solving the full model", 1)
+    if effects:
+        law = damping_law(building)
+        truth = effect_truth(building, theta, effects, law, top, mesh_size=size, sensors=points)
+        seen = truth.seen
+    else:
+        seen = sensor_model(building, theta, top, mesh_size=size, sensors=points)
+    show.advance()
+    show.start("Integrating the motion", 1)
+    exact = truth.respond(ratio, motion) if effects else _respond(building, seen, zeta, motion)
+    show.advance()
+    return seen, exact
 
 
 def _respond(

@@ -30,6 +30,7 @@ class SimulationSettings:
         sampling_hz: of the file.
         sensor_noise_m_s2: rms of the white noise of every channel, the base's included.
         quantisation_m_s2: step of the recorder; None for none.
+        effects: put into the full model: label such as "added_mass@3F" and all parameters.
         seed: of theta, base motion and noise.
     """
 
@@ -44,6 +45,7 @@ class SimulationSettings:
     band_hz: tuple[float, float] = (0.5, 50.0)
     sensor_noise_m_s2: float = 0.003
     quantisation_m_s2: float | None = None
+    effects: tuple[tuple[str, tuple[float, ...]], ...] = ()
     seed: int = 0
 
 
@@ -61,6 +63,7 @@ class Truth:
         building_hash: of its mechanics.
         mesh_size: m; None for a shear building.
         seed: of the simulation.
+        effects: what was put into the full model, with all parameters.
     """
 
     parameters: tuple[str, ...]
@@ -72,6 +75,7 @@ class Truth:
     building_hash: str
     mesh_size: float | None
     seed: int
+    effects: tuple[tuple[str, tuple[float, ...]], ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as JSON holds it."""
@@ -85,6 +89,7 @@ class Truth:
             "zeta": self.zeta,
             "frequencies_hz": np.round(self.frequency_hz, 4).tolist(),
             "effective_mass": np.round(self.effective_mass, 4).tolist(),
+            "effects": [{"effect": name, "parameters": list(own)} for name, own in self.effects],
         }
 
 
@@ -113,6 +118,7 @@ def label(
         f"synthetic: made by femupdate {__version__} from building {truth.building}, "
         f"{_mesh_words(seen)}, theta = {', '.join(f'{t:.6g}' for t in truth.theta)}, "
         f"{_damping_words(truth.zeta)}, seed {truth.seed}; not a measurement",
+        *(f"hidden effect: {n}, {', '.join(f'{v:g}' for v in own)}" for n, own in truth.effects),
         f"base motion along {seen.direction}: {_motion_words(settings, motion)}",
         f"white noise of {settings.sensor_noise_m_s2:g} m/s2 rms on every channel{step}",
         *_place_words(seen),

@@ -24,6 +24,7 @@ class SwappedChannels(Effect):
     def observe(self, frf: Tensor, omega: Tensor, sizes: Tensor, rows: tuple[int, ...]) -> Tensor:
         """The two rows exchanged."""
         order = list(range(frf.shape[1]))
-        first, second = rows
-        order[first], order[second] = second, first
+        half = len(rows) // 2
+        for first, second in zip(rows[:half], rows[half:], strict=True):
+            order[first], order[second] = second, first
         return frf[:, order]
