@@ -19,7 +19,7 @@ from femupdate.building.references import (
 )
 
 if TYPE_CHECKING:
-    from femupdate.building.schema import FrameBuilding
+    from femupdate.building.schema import FrameBuilding, MeshBuilding
 
 
 _CLOSEST_LINES = 1e-3  # m; nearer lines are a slip of the pen, and would make needle-thin elements
@@ -68,7 +68,7 @@ def _check_grid(grid: Grid) -> None:
             raise Complaint(f"grid.x.{name}", "a line of grid.y has the same name; rename one")
 
 
-def _check_material(building: "FrameBuilding", name: str | None, key: str) -> None:
+def _check_material(building: "FrameBuilding | MeshBuilding", name: str | None, key: str) -> None:
     if name is not None:
         require(name, building.materials, "material", f"{key}.material")
     elif len(building.materials) != 1:
@@ -136,7 +136,7 @@ def _check_opening(building: "FrameBuilding", wall: Wall, opening: Opening, key:
             raise Complaint(f"{key}.height", f"{text} {story} at {height:g} m; make it lower")
 
 
-def _check_floor_mass(building: "FrameBuilding") -> None:
+def _check_floor_mass(building: "FrameBuilding | MeshBuilding") -> None:
     given: dict[str, int] = {}
     for n, mass in enumerate(building.floor_mass):
         key = f"floor_mass[{n}].floors"
@@ -176,3 +176,25 @@ def check_frame(building: "FrameBuilding") -> None:
     _check_floor_mass(building)
     _check_sensors(building)
     _check_standing(building)
+
+
+def check_mesh_building(building: "MeshBuilding") -> None:
+    """Raise Complaint for the first entry of a building with its own mesh that names nothing."""
+    check_story_names(building.story_names)
+    check_prior(building.prior, building.damping, building.story_names)
+    if not building.materials:
+        raise Complaint("materials", "the building has no material; add a [materials.NAME] table")
+    if not building.parts:
+        raise Complaint("parts", "no group of the mesh has a meaning; add a [[parts]] table")
+    for name, section in building.sections.items():
+        _check_material(building, section.material, f"sections.{name}")
+    for n, part in enumerate(building.parts):
+        if part.section is not None:
+            require(part.section, building.sections, "section", f"parts[{n}].section")
+        own = building.sections[part.section].material if part.section is not None else None
+        _check_material(building, part.material or own, f"parts[{n}]")
+        if part.story is not None:
+            require(part.story, building.story_names, "story", f"parts[{n}].story")
+    _check_floor_mass(building)
+    for floor in building.sensors.floors:
+        require(floor, building.floors, "floor", f"sensors.floors.{floor}")

@@ -3,17 +3,19 @@
 import hashlib
 import json
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
 from femupdate.building.analysis import ConstantDamping
 from femupdate.building.entry import as_building_error, close
-from femupdate.building.schema import Building, FrameBuilding, ShearBuilding
+from femupdate.building.schema import Building, FrameBuilding, MeshBuilding, ShearBuilding
 from femupdate.errors import BuildingError
 
-_KINDS: Mapping[str, type[FrameBuilding] | type[ShearBuilding]] = {
+_KINDS: Mapping[str, type[FrameBuilding] | type[MeshBuilding] | type[ShearBuilding]] = {
     "frame": FrameBuilding,
+    "mesh": MeshBuilding,
     "shear": ShearBuilding,
 }
 _EMPTY: tuple[Any, ...] = ({}, [], "")  # each is the default of the entry that holds it
@@ -51,7 +53,7 @@ def from_document(
     if not isinstance(kind, str) or kind not in _KINDS:
         hint = close(kind, _KINDS) if isinstance(kind, str) else ""
         said = "the key is missing" if kind is None else f"{kind!r} is not a kind of building"
-        raise BuildingError(f'{where}: kind: {said}; write "frame" or "shear"{hint}')
+        raise BuildingError(f'{where}: kind: {said}; write "frame", "mesh" or "shear"{hint}')
     context = {"file": where} if from_file else None
     try:
         return _KINDS[kind].model_validate(dict(document), context=context)
@@ -64,9 +66,24 @@ def _digest(document: Mapping[str, Any]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
+def _by_content(building: Building) -> dict[str, Any]:
+    """Return the document with what is in the mesh file in place of where it is."""
+    document = to_document(building)
+    if isinstance(building, MeshBuilding):
+        try:
+            content = Path(building.mesh.file).expanduser().read_bytes()
+        except OSError as error:
+            raise BuildingError(
+                f"{building.name}: mesh.file: {building.mesh.file} cannot be read "
+                f"({error.strerror}); correct the path"
+            ) from None
+        document["mesh"]["file"] = hashlib.sha256(content).hexdigest()
+    return document
+
+
 def building_hash(building: Building) -> str:
     """Return the SHA-256 (hexadecimal) of all that the building says, in any units."""
-    return _digest(to_document(building))
+    return _digest(_by_content(building))
 
 
 def mechanics_hash(building: Building) -> str:
@@ -76,7 +93,7 @@ def mechanics_hash(building: Building) -> str:
     the noise of observations, the tolerance of the reduction, or the damping ratio of predictions
     where zeta has a prior.
     """
-    document = {k: v for k, v in to_document(building).items() if k not in _NOT_MECHANICS}
+    document = {k: v for k, v in _by_content(building).items() if k not in _NOT_MECHANICS}
     if isinstance(building.damping, ConstantDamping) and building.prior.zeta is not None:
         document["damping"] = {"law": building.damping.law}
     return _digest(document)

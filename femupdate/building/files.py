@@ -2,6 +2,7 @@
 
 import logging
 import os
+import shutil
 import tomllib
 from importlib.resources import files
 from pathlib import Path
@@ -17,7 +18,7 @@ from femupdate.building.document import (
 from femupdate.building.entry import close
 from femupdate.building.mesh import check_mesh
 from femupdate.building.provenance import provenance_of
-from femupdate.building.schema import Building, FrameBuilding
+from femupdate.building.schema import Building, FrameBuilding, MeshBuilding
 from femupdate.building.toml_writer import to_toml
 from femupdate.errors import BuildingError
 
@@ -69,7 +70,7 @@ def _parse(text: str, where: str) -> dict[str, Any]:
 
 
 def _check_mesh(building: Building, where: str) -> None:
-    if isinstance(building, FrameBuilding):
+    if isinstance(building, FrameBuilding | MeshBuilding):
         try:
             check_mesh(building)
         except BuildingError as error:
@@ -88,20 +89,41 @@ def load_building(path_or_name: str | Path) -> Building:
     """
     where, text = _read(path_or_name)
     building = from_document(_parse(text, where), where, from_file=True)
+    if isinstance(building, MeshBuilding):
+        building = _with_mesh_file(building, Path(where).expanduser().parent / building.mesh.file)
     _check_mesh(building, where)
     _log.info("loaded the building %s from %s", building.name, where)
     return building
 
 
+def _with_mesh_file(building: MeshBuilding, file: Path) -> MeshBuilding:
+    return building.model_copy(
+        update={"mesh": building.mesh.model_copy(update={"file": str(file)})}
+    )
+
+
+def _with_mesh_beside(building: MeshBuilding, target: Path) -> MeshBuilding:
+    """Copy the mesh beside the building file, so that the two can be moved together."""
+    source = Path(building.mesh.file).expanduser()
+    copy = target.with_name(f"{target.stem}_mesh{source.suffix}")
+    if not (copy.exists() and source.exists() and copy.samefile(source)):
+        with atomic_path(copy, BuildingError) as temporary:
+            shutil.copyfile(source, temporary)
+    return _with_mesh_file(building, Path(copy.name))
+
+
 def save_building(building: Building, path: str | Path) -> Path:
     """Write the building as TOML that loads back equal, and return the path.
 
-    The file appears whole or not at all. Every figure carries its origin as a comment.
+    The file appears whole or not at all. Every figure carries its origin as a comment. The mesh of
+    a building of kind "mesh" is copied beside it.
 
     Raises:
         BuildingError: the file cannot be written.
     """
     target = Path(path).expanduser()
+    if isinstance(building, MeshBuilding):
+        building = _with_mesh_beside(building, target)
     text = to_toml(to_document(building), comment=lambda key: provenance_of(building, key))
     with atomic_path(target, BuildingError) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")

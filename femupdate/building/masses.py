@@ -8,10 +8,12 @@ from numpy.typing import NDArray
 from femupdate.building.entry import Complaint
 from femupdate.building.panels import DeadWall
 from femupdate.building.references import resolve
-from femupdate.building.schema import FrameBuilding
+from femupdate.building.schema import FrameBuilding, MeshBuilding
 from femupdate.fe.model import FiniteElementModel, PointMasses
+from femupdate.fe.triangle import triangle_areas
 
 Floats = NDArray[np.float64]
+Massive = FrameBuilding | MeshBuilding
 _ROUNDING = 1e-9  # of a floor's mass
 
 
@@ -34,11 +36,13 @@ def self_mass(model: FiniteElementModel, dead: Iterable[DeadWall]) -> Floats:
     Story i owns the columns and walls below floor i+1, those without stiffness included, and that
     floor's slab and beams; all are taken between centre lines, without deducting their overlaps.
     """
-    shells, beams = model.shells, model.beams
+    shells, beams, three = model.shells, model.beams, model.triangles
     sheets = shell_areas(model) * shells.thickness * shells.density
+    small = triangle_areas(model.nodes[three.nodes]) * three.thickness * three.density
     bars = bar_lengths(model) * beams.area * beams.density
     total = np.zeros(model.groups)
     np.add.at(total, shells.group, sheets)
+    np.add.at(total, three.group, small)
     np.add.at(total, beams.group, bars)
     for wall in dead:
         total[wall.group] += wall.mass
@@ -55,10 +59,14 @@ def _tributary(model: FiniteElementModel, group: int) -> Floats:
     on_floor = (model.shells.kind == "slab") & (model.shells.group == group)
     area = np.zeros(len(model.nodes))
     np.add.at(area, model.shells.nodes[on_floor], shell_areas(model)[on_floor, None] / 4.0)
+    three = model.triangles
+    on_floor = (three.kind == "slab") & (three.group == group)
+    corners = three.nodes[on_floor]
+    np.add.at(area, corners, triangle_areas(model.nodes[corners])[:, None] / 3.0)
     return area
 
 
-def _rest(building: FrameBuilding, own: Floats, key: str, total: float, floor: str) -> float:
+def _rest(building: Massive, own: Floats, key: str, total: float, floor: str) -> float:
     weight = own[building.floors.index(floor)]
     rest = total - weight
     if rest < -_ROUNDING * total:
@@ -70,7 +78,7 @@ def _rest(building: FrameBuilding, own: Floats, key: str, total: float, floor: s
     return max(rest, 0.0)
 
 
-def _floor_rest(building: FrameBuilding, model: FiniteElementModel, own: Floats) -> Floats:
+def _floor_rest(building: Massive, model: FiniteElementModel, own: Floats) -> Floats:
     """Return what the floor masses leave after the self weight, spread over the slabs, (N,) kg."""
     spread = np.zeros(len(model.nodes))
     for number, mass in enumerate(building.floor_mass):
@@ -86,7 +94,7 @@ def _floor_rest(building: FrameBuilding, model: FiniteElementModel, own: Floats)
 
 
 def place_masses(
-    building: FrameBuilding, model: FiniteElementModel, dead: Sequence[DeadWall]
+    building: Massive, model: FiniteElementModel, dead: Sequence[DeadWall]
 ) -> PointMasses:
     """Return the masses at nodes: the rest of the floor masses, and the walls without stiffness.
 

@@ -26,7 +26,7 @@ from femupdate.building.panels import (
     wall_panels,
 )
 from femupdate.building.references import Intersection, intersections
-from femupdate.building.schema import Building, FrameBuilding
+from femupdate.building.schema import Building, FrameBuilding, MeshBuilding
 from femupdate.errors import BuildingError
 from femupdate.fe.model import DOF_PER_NODE, Beams, FiniteElementModel, Shells
 
@@ -35,7 +35,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class BuildingMesh:
-    """A frame building as a finite-element model, and what the model's nodes mean.
+    """A building as a finite-element model, and what the model's nodes mean.
 
     Attributes:
         model: the finite-element model; its parameters are the stories' stiffness factors.
@@ -60,19 +60,29 @@ class BuildingMesh:
 
 
 def mesh_building(building: Building, mesh_size: float | None = None) -> BuildingMesh:
-    """Return the mesh of a frame building.
+    """Return the mesh of a building.
 
     Every interval between grid lines, and every story, is divided into equal parts no longer than
     the mesh size; walls, columns, beams and slabs meet in common nodes on those lines.
 
     Args:
-        building: of kind "frame".
+        building: of kind "frame", or "mesh", whose mesh is read from its file.
         mesh_size: m; the building's own where None.
 
     Raises:
-        BuildingError: a shear building, two members in one place, a part that is connected to
-            nothing below, a floor lighter than its self weight, a sensor where nothing is built.
+        BuildingError: a shear building, a size for a mesh that is read, two members in one place,
+            a part that is connected to nothing below, a floor lighter than its self weight, a
+            sensor where nothing is built.
     """
+    if isinstance(building, MeshBuilding):
+        from femupdate.building.mesh_import import import_mesh
+
+        if mesh_size is not None:
+            raise BuildingError(
+                f"{building.name}: mesh.size: the mesh comes from {building.mesh.file}; refine it "
+                "in the program that made it"
+            )
+        return import_mesh(building)
     if not isinstance(building, FrameBuilding):
         raise BuildingError(
             f'{building.name}: kind: a building of kind "shear" has no mesh; use shear_operators'
@@ -83,8 +93,11 @@ def mesh_building(building: Building, mesh_size: float | None = None) -> Buildin
     return _mesh(building, size)
 
 
-def check_mesh(building: FrameBuilding) -> None:
+def check_mesh(building: FrameBuilding | MeshBuilding) -> None:
     """Raise BuildingError where `mesh_building` would, at the cost of a very coarse mesh."""
+    if isinstance(building, MeshBuilding):
+        mesh_building(building)
+        return
     lattice_of(building.grid, building.stories, building.mesh.size)
     # Two parts an interval: what nothing carries between two grid lines shows as well.
     _mesh(building, math.inf, least=2)

@@ -1,0 +1,183 @@
+"""Says in words what is wrong with a mesh before anything is computed."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from femupdate.building.entry import Complaint
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+_SAME = 1e-6  # of the structure's size: nodes nearer than this are in the same place
+_FLAT = 1e-4  # area over the square of the longest diagonal
+_ON_SIDE = 1e-3  # of the side's length
+_KEY = "mesh.file"
+
+
+def merge_nodes(nodes: Floats, distance: float) -> Integers:
+    """Return the node that stands for each node, (N,); a chain of near ones is one."""
+    number = np.arange(len(nodes))
+    pairs = cKDTree(nodes).query_pairs(distance, output_type="ndarray")
+    if not len(pairs):
+        return number
+    graph = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(nodes), len(nodes)))
+    _, part = connected_components(graph, directed=False)
+    _, first = np.unique(part, return_index=True)
+    return first[part]
+
+
+def check_elements(nodes: Floats, cells: Mapping[str, Integers], *, doubles_allowed: bool) -> None:
+    """Refuse a mesh with elements that cannot be.
+
+    Args:
+        nodes: (N, 3) m.
+        cells: node indices of "line", "triangle" and "quad" cells.
+        doubles_allowed: whether unmerged nodes in one place are meant.
+
+    Raises:
+        Complaint: flat, crossed or double elements, double nodes, or a node on another's side.
+    """
+    for kind, corners in cells.items():
+        _refuse_degenerate(nodes, kind, corners)
+        if kind == "quad":
+            _refuse_crossed(nodes, corners)
+        _refuse_doubles(nodes, kind, corners)
+    used = np.unique(np.concatenate([corners.ravel() for corners in cells.values()]))
+    if not doubles_allowed:
+        _refuse_double_nodes(nodes, used)
+    _refuse_hanging(nodes, cells, used)
+
+
+def check_connected(nodes: Floats, cells: Sequence[Integers], base: Integers) -> None:
+    """Refuse a mesh of which a piece has no way down to the base.
+
+    Args:
+        nodes: (N, 3) m.
+        cells: node indices of the elements of each type, (n, k).
+        base: (b,) nodes at the base.
+
+    Raises:
+        Complaint: with the number of such pieces and a place in the largest.
+    """
+    edges = np.concatenate([c[:, [0, k]] for c in cells for k in range(1, c.shape[1])])
+    graph = coo_array((np.ones(len(edges)), edges.T), shape=(len(nodes), len(nodes)))
+    _, part = connected_components(graph, directed=False)
+    used = np.unique(edges)
+    loose = used[~np.isin(part[used], part[base])]
+    if len(loose):
+        labels, first, count = np.unique(part[loose], return_index=True, return_counts=True)
+        biggest = int(count.argmax())
+        place = _at(nodes[loose[first[biggest]]])
+        pieces = "1 piece is" if len(labels) == 1 else f"{len(labels)} pieces are"
+        raise Complaint(
+            _KEY,
+            f"{pieces} not connected to the base, such as {count[biggest]} nodes around {place}; "
+            "join the nodes where the parts meet (mesh.merge merges near ones)",
+        )
+
+
+def _at(point: Floats) -> str:
+    return f"({', '.join(f'{value:.4g}' for value in point)}) m"
+
+
+def _name(kind: str, number: int, corners: Integers) -> str:
+    return f"{kind} {number} (nodes {', '.join(map(str, corners[number].tolist()))})"
+
+
+def _refuse_degenerate(nodes: Floats, kind: str, corners: Integers) -> None:
+    points = nodes[corners]
+    if kind == "line":
+        size = np.linalg.norm(points[:, 1] - points[:, 0], axis=1)
+        bad = ~(size > _SAME * np.ptp(nodes, axis=0).max())
+        what = "has no length"
+    else:
+        last = 3 if kind == "quad" else 0
+        normal = np.cross(points[:, 2] - points[:, 0], points[:, last] - points[:, 1])
+        longest = np.linalg.norm(points - np.roll(points, 1, axis=1), axis=2).max(axis=1)
+        bad = ~(np.linalg.norm(normal, axis=1) / 2.0 > _FLAT * longest**2)
+        what = "has no area: it is flat, or its nodes do not go around it"
+    bad |= (np.diff(np.sort(corners, axis=1), axis=1) == 0).any(axis=1)
+    if bad.any():
+        first = int(bad.argmax())
+        place = _at(points[first].mean(axis=0))
+        others = f" (and {int(bad.sum()) - 1} more)" if bad.sum() > 1 else ""
+        raise Complaint(
+            _KEY, f"{_name(kind, first, corners)} at {place} {what}{others}; mend the mesh there"
+        )
+
+
+def _refuse_crossed(nodes: Floats, corners: Integers) -> None:
+    points = nodes[corners]
+    mean = np.cross(points[:, 2] - points[:, 0], points[:, 3] - points[:, 1])
+    ahead, back = np.roll(points, -1, axis=1) - points, np.roll(points, 1, axis=1) - points
+    turn = np.einsum("nkd,nd->nk", np.cross(ahead, back), mean)
+    bad = (turn <= 0.0).any(axis=1)
+    if bad.any():
+        first = int(bad.argmax())
+        place = _at(points[first].mean(axis=0))
+        raise Complaint(
+            _KEY,
+            f"{_name('quad', first, corners)} at {place} is inverted: its sides cross or a corner "
+            "points inwards; list its nodes in order around a convex quadrilateral",
+        )
+
+
+def _refuse_doubles(nodes: Floats, kind: str, corners: Integers) -> None:
+    ordered = np.sort(corners, axis=1)
+    _, first, inverse = np.unique(ordered, axis=0, return_index=True, return_inverse=True)
+    double = np.flatnonzero(first[inverse.ravel()] != np.arange(len(corners)))
+    if len(double):
+        later = int(double[0])
+        earlier = int(first[inverse.ravel()[later]])
+        place = _at(nodes[corners[later]].mean(axis=0))
+        raise Complaint(
+            _KEY, f"{kind} {later} lies on {kind} {earlier} at {place}; remove one of the two"
+        )
+
+
+def _refuse_double_nodes(nodes: Floats, used: Integers) -> None:
+    distance = _SAME * float(np.ptp(nodes[used], axis=0).max())
+    pairs = cKDTree(nodes[used]).query_pairs(distance, output_type="ndarray")
+    if len(pairs):
+        one, other = used[np.sort(pairs[0])]
+        raise Complaint(
+            _KEY,
+            f"{len(pairs)} pairs of nodes are in the same place, such as nodes {one} and {other} "
+            f"at {_at(nodes[one])}: the elements there are not connected; write "
+            'mesh.merge = "1 mm" to merge them, or "0 m" where the gap is meant',
+        )
+
+
+def _refuse_hanging(nodes: Floats, cells: Mapping[str, Integers], used: Integers) -> None:
+    """Refuse nodes that lie inside a side of an element without being its corner."""
+    sides = []
+    for kind, corners in cells.items():
+        pairs = np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1)
+        sides.append((pairs[:, :1] if kind == "line" else pairs).reshape(-1, 2))
+    side = np.unique(np.sort(np.concatenate(sides), axis=1), axis=0)
+    ends = nodes[side]
+    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    near = cKDTree(nodes[used]).query_ball_point(ends.mean(axis=1), 0.499 * length)
+    counts = np.array([len(found) for found in near])
+    if not counts.any():
+        return
+    which = np.repeat(np.arange(len(side)), counts)
+    node = used[np.concatenate([np.array(found, dtype=np.int64) for found in near])]
+    axis = (ends[which, 1] - ends[which, 0]) / length[which, None]
+    arm = nodes[node] - ends[which, 0]
+    aside = np.linalg.norm(arm - np.einsum("nd,nd->n", arm, axis)[:, None] * axis, axis=1)
+    bad = (aside < _ON_SIDE * length[which]) & ~(node[:, None] == side[which]).any(axis=1)
+    if bad.any():
+        first = int(bad.argmax())
+        a, b = side[which[first]]
+        raise Complaint(
+            _KEY,
+            f"node {node[first]} at {_at(nodes[node[first]])} lies on the side between nodes {a} "
+            f"and {b} but is no corner there ({int(bad.sum())} such places): the elements are not "
+            "connected; let both sides of a line have the same nodes",
+        )

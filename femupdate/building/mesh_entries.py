@@ -1,0 +1,97 @@
+"""What the file of a building with a user's own mesh holds: where the mesh is and what it means."""
+
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from femupdate.building.entry import Complaint, Entry
+from femupdate.building.quantities import (
+    Coordinate,
+    Label,
+    Length,
+    LengthOrZero,
+    Names,
+    Number,
+)
+
+
+class MeshFile(Entry):
+    """The mesh file, and how its coordinates are to be read.
+
+    Attributes:
+        file: path, relative to the building file.
+        unit: unit of its coordinates.
+        base: level of the base in the mesh (z is up).
+        tags: cell data that holds the groups' numbers, where the format has no named groups (VTU).
+        merge: nodes nearer to each other than this become one; "0 m" leaves double nodes alone.
+        ignore: groups whose cells are left out.
+    """
+
+    file: Label
+    unit: Literal["m", "cm", "mm", "in", "ft"]
+    base: Coordinate = 0.0
+    tags: Label | None = None
+    merge: LengthOrZero | None = None
+    ignore: Names | None = None
+
+
+class Part(Entry):
+    """The cells of some groups: shells with a thickness, or beams with a section.
+
+    Attributes:
+        group: names or numbers of groups in the mesh; "*" for all cells of that dimension.
+        thickness: of shells.
+        section: of beams, one of the building's.
+        story: the story that owns the cells; by their height where left out.
+        up: direction of the section's depth; vertical in beams, along y in upright columns.
+        kind: "wall", "slab", "column" or "beam"; by the direction of each cell where left out.
+        diaphragm: "rigid" where the shells of each floor move as one body in plan.
+    """
+
+    group: Names
+    thickness: Length | None = None
+    section: Label | None = None
+    material: Label | None = None
+    story: Label | None = None
+    up: tuple[Number, Number, Number] | None = None
+    kind: Literal["wall", "slab", "column", "beam"] | None = None
+    diaphragm: Literal["rigid"] | None = None
+
+    @model_validator(mode="after")
+    def _shell_or_beam(self) -> "Part":
+        if (self.thickness is None) == (self.section is None):
+            text = "give a thickness (the cells are shells) or a section (they are beams)"
+            raise Complaint("thickness", text)
+        wrong = ("column", "beam") if self.thickness is not None else ("wall", "slab")
+        if self.kind in wrong:
+            what = "shells" if self.thickness is not None else "beams"
+            raise Complaint("kind", f"{self.kind!r} does not fit {what}; correct or remove it")
+        if self.up is not None and (self.section is None or not any(self.up)):
+            raise Complaint("up", "it is a direction (not 0, 0, 0) across beams; correct it")
+        return self
+
+
+class MeshSensors(Entry):
+    """Which horizontal direction is measured, and where on each floor, by coordinates in plan.
+
+    The sensor is at the node nearest to its point on the floor's level. `floors` overrides the
+    points of single floors.
+    """
+
+    direction: Literal["x", "y"]
+    points: tuple[tuple[Coordinate, Coordinate], ...]
+    floors: dict[str, tuple[tuple[Coordinate, Coordinate], ...]] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _somewhere(self) -> "MeshSensors":
+        if not self.points:
+            raise Complaint("points", 'the list is empty; name a point, such as ["0 m", "3 m"]')
+        for floor, points in self.floors.items():
+            if not points:
+                raise Complaint(f"floors.{floor}", "the list is empty; name a point or remove it")
+        return self
+
+    def of(self, floor: str) -> tuple[str, tuple[tuple[float, float], ...]]:
+        """Return the key and the points of a floor."""
+        own = self.floors.get(floor)
+        return ("sensors.points", self.points) if own is None else (f"sensors.floors.{floor}", own)

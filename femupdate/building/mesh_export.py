@@ -1,0 +1,62 @@
+"""Writes the mesh of a building for other programs, its members as groups of cells."""
+
+from pathlib import Path
+
+import numpy as np
+
+from femupdate.atomic import atomic_path
+from femupdate.building.mesh import BuildingMesh
+from femupdate.errors import BuildingError
+
+GROUPS = ("slab", "wall", "non_structural_wall", "column", "beam")
+_FORMATS = {".vtu": "vtu", ".msh": "gmsh22", ".med": "med"}
+TAGS = "group"  # cell data with the number of the group, from 1, where a format has no names
+
+
+def export_mesh(mesh: BuildingMesh, path: str | Path) -> Path:
+    """Write nodes and elements with one group a kind of member.
+
+    gmsh 2.2 and MED name the groups; VTU numbers them in the cell data "group", in the order of
+    `GROUPS`. Rigid links, springs and masses are not part of a mesh.
+
+    Args:
+        mesh: of a building.
+        path: ending in .vtu, .msh or .med.
+
+    Raises:
+        BuildingError: another ending, or the file cannot be written.
+    """
+    import meshio
+
+    target = Path(path).expanduser()
+    if target.suffix not in _FORMATS:
+        known = ", ".join(_FORMATS)
+        raise BuildingError(f"{target}: a mesh is written as {known}; choose one of these endings")
+    model = mesh.model
+    blocks = [
+        (name, elements)
+        for name, elements in (
+            ("quad", model.shells),
+            ("triangle", model.triangles),
+            ("line", model.beams),
+        )
+        if len(elements)
+    ]
+    numbers = [
+        np.array([GROUPS.index(kind) + 1 for kind in elements.kind.tolist()])
+        for _, elements in blocks
+    ]
+    written = meshio.Mesh(model.nodes, [(name, elements.nodes) for name, elements in blocks])
+    if target.suffix == ".msh":
+        written.cell_data = {"gmsh:physical": numbers, "gmsh:geometrical": numbers}
+        written.field_data = {
+            name: np.array([k, 2 if k < 4 else 1]) for k, name in enumerate(GROUPS, 1)
+        }
+    elif target.suffix == ".med":
+        written.cell_data = {"cell_tags": [-number for number in numbers]}
+        written.cell_tags = {-k: [name] for k, name in enumerate(GROUPS, 1)}
+    else:
+        written.cell_data = {TAGS: numbers}
+    with atomic_path(target, BuildingError) as temporary:
+        written.write(temporary, file_format=_FORMATS[target.suffix])
+    return target

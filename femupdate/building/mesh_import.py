@@ -1,0 +1,298 @@
+"""A user's own mesh as a building: groups of cells become walls, slabs, columns and beams."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femupdate.building.connections import connected
+from femupdate.building.entry import Complaint, unknown
+from femupdate.building.masses import place_masses
+from femupdate.building.mesh import BuildingMesh
+from femupdate.building.mesh_check import check_connected, check_elements, merge_nodes
+from femupdate.building.mesh_entries import Part
+from femupdate.building.mesh_reader import RawMesh, read_mesh
+from femupdate.building.quantities import ALL
+from femupdate.building.schema import MeshBuilding
+from femupdate.building.sections import SectionFigures
+from femupdate.errors import BuildingError
+from femupdate.fe.model import DOF_PER_NODE, Beams, FiniteElementModel, Shells, Triangles
+from femupdate.units import factor
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+_LEVEL = 1e-3  # m; nodes nearer than this to a floor's level are on it
+_UPRIGHT = 0.9  # vertical component of the axis of what is a column, of the normal of a slab
+
+
+@dataclass(frozen=True)
+class _Block:
+    """The cells of one type that belong to one part."""
+
+    part: int
+    cell_type: str
+    nodes: Integers
+    group: Integers
+    kind: NDArray[np.str_]
+
+
+def import_mesh(building: MeshBuilding) -> BuildingMesh:
+    """Return the mesh of a building of kind "mesh".
+
+    Raises:
+        BuildingError: the file cannot be read, its groups do not fit the parts, an element or a
+            connection is wrong, or there is no node where a floor or a sensor should be.
+    """
+    try:
+        return _import(building)
+    except Complaint as complaint:
+        raise BuildingError(f"{complaint.key}: {complaint}") from None
+
+
+def _import(building: MeshBuilding) -> BuildingMesh:
+    raw = read_mesh(Path(building.mesh.file).expanduser(), building.mesh.tags)
+    nodes = raw.nodes * factor(building.mesh.unit, "length") - [0.0, 0.0, building.mesh.base]
+    raw = _merged(building, raw, nodes)
+    blocks = list(_blocks(building, raw, nodes))
+    used = np.unique(np.concatenate([block.nodes.ravel() for block in blocks]))
+    by_type = {
+        kind: np.concatenate([b.nodes for b in blocks if b.cell_type == kind])
+        for kind in dict.fromkeys(block.cell_type for block in blocks)
+    }
+    check_elements(nodes, by_type, doubles_allowed=building.mesh.merge is not None)
+    base = used[np.abs(nodes[used, 2]) < _LEVEL]
+    if not len(base):
+        text = f"no node lies at the base; the lowest is {nodes[used, 2].min():g} m above it"
+        raise Complaint("mesh.base", f"{text}; correct the level of the base or the unit")
+    check_connected(nodes, list(by_type.values()), base)
+    model = _model(building, blocks, nodes[used], used)
+    floors = _floor_nodes(building, model.nodes)
+    masses = place_masses(building, model, [])
+    sizes = np.array(
+        [_section(building, b).size for b in blocks if b.cell_type == "line" for _ in b.nodes]
+    )
+    on_base = np.searchsorted(used, base)
+    diaphragms = list(_diaphragms(building, blocks, nodes, used))
+    model = connected(model, on_base, building.supports, diaphragms, sizes.reshape(-1, 2))
+    return BuildingMesh(
+        model=replace(model, masses=masses),
+        floors=building.floors,
+        floor_nodes=floors,
+        floor_level=building.floor_levels,
+        base_nodes=on_base,
+        direction="xy".index(building.sensors.direction),
+        story_names=building.story_names,
+        ground_mass=0.0,
+    )
+
+
+def _merged(building: MeshBuilding, raw: RawMesh, nodes: Floats) -> RawMesh:
+    if not building.mesh.merge:
+        return raw
+    number = merge_nodes(nodes, building.mesh.merge)
+    cells = {kind: replace(cells, nodes=number[cells.nodes]) for kind, cells in raw.cells.items()}
+    return replace(raw, cells=cells)
+
+
+def _blocks(building: MeshBuilding, raw: RawMesh, nodes: Floats) -> Iterator[_Block]:
+    """Yield the cells of all parts; every cell must belong to one, or be ignored."""
+    taken = {kind: np.full(len(cells.nodes), -1) for kind, cells in raw.cells.items()}
+    ignored = {
+        kind: _chosen(raw, kind, building.mesh.ignore or (), "mesh.ignore") for kind in raw.cells
+    }
+    for number, part in enumerate(building.parts):
+        key = f"parts[{number}]"
+        found = False
+        for kind in ("quad", "triangle") if part.thickness is not None else ("line",):
+            if kind not in raw.cells:
+                continue
+            chosen = _chosen(raw, kind, part.group, f"{key}.group") & ~ignored[kind]
+            _refuse_taken(raw, kind, taken[kind], chosen, key)
+            taken[kind][chosen] = number
+            if chosen.any():
+                found = True
+                yield _block(building, number, part, kind, raw.cells[kind].nodes[chosen], nodes)
+        if not found:
+            what = "surfaces" if part.thickness is not None else "lines"
+            text = f"no {what} of the mesh belong to it (groups: {', '.join(raw.group_names)})"
+            raise Complaint(f"{key}.group", f"{text}; correct the name or remove the part")
+    for kind, owner in taken.items():
+        _refuse_left(raw, kind, (owner < 0) & ~ignored[kind], nodes)
+
+
+def _chosen(raw: RawMesh, kind: str, names: tuple[str, ...], key: str) -> Flags:
+    cells = raw.cells[kind]
+    if names == ALL:
+        return np.ones(len(cells.nodes), dtype=np.bool_)
+    chosen = np.zeros(len(cells.nodes), dtype=np.bool_)
+    for name in names:
+        if name not in raw.group_names:
+            raise Complaint(key, unknown("group of the mesh", name, raw.group_names))
+        chosen |= cells.groups.get(name, np.zeros(len(chosen), dtype=np.bool_))
+    return chosen
+
+
+def _refuse_taken(raw: RawMesh, kind: str, owner: Integers, chosen: Flags, key: str) -> None:
+    double = np.flatnonzero(chosen & (owner >= 0))
+    if len(double):
+        text = f"{len(double)} {kind} cells belong to parts[{owner[double[0]]}] already"
+        raise Complaint(f"{key}.group", f"{text}; let every cell belong to one part")
+
+
+def _refuse_left(raw: RawMesh, kind: str, left: Flags, nodes: Floats) -> None:
+    if left.any():
+        first = int(left.argmax())
+        own = [name for name, flags in raw.cells[kind].groups.items() if flags[first]]
+        place = ", ".join(f"{v:.4g}" for v in nodes[raw.cells[kind].nodes[first]].mean(axis=0))
+        said = f"group {own[-1]!r}" if own else "no group"
+        raise Complaint(
+            "parts",
+            f"{int(left.sum())} {kind} cells belong to no part, such as the one at ({place}) m in "
+            f"{said}; add a [[parts]] table, or name the group in mesh.ignore",
+        )
+
+
+def _block(
+    building: MeshBuilding, number: int, part: Part, kind: str, cells: Integers, nodes: Floats
+) -> _Block:
+    middle = nodes[cells].mean(axis=1)[:, 2]
+    if part.story is not None:
+        group = np.full(len(cells), building.story_names.index(part.story))
+    else:
+        top = building.floor_levels
+        group = np.searchsorted(top, middle - _LEVEL)
+        if (group >= len(top)).any() or (middle < -_LEVEL).any():
+            worst = middle[int(np.abs(middle - top[-1] / 2).argmax())]
+            text = f"cells at {worst:g} m lie outside the stories (0 to {top[-1]:g} m)"
+            raise Complaint("stories", f"{text}; correct the heights, mesh.base or mesh.unit")
+    names = np.full(len(cells), part.kind or "", dtype="<U24")
+    if part.kind is None:
+        names = _kinds(nodes[cells])
+    return _Block(number, kind, cells, group.astype(np.int64), names)
+
+
+def _kinds(points: Floats) -> NDArray[np.str_]:
+    """What cells are by their direction."""
+    if points.shape[1] == 2:
+        axis = points[:, 1] - points[:, 0]
+        steep = np.abs(axis[:, 2]) > _UPRIGHT * np.linalg.norm(axis, axis=1)
+        return np.where(steep, "column", "beam").astype("<U24")
+    last = 3 if points.shape[1] == 4 else 0
+    normal = np.cross(points[:, 2] - points[:, 0], points[:, last] - points[:, 1])
+    level = np.abs(normal[:, 2]) > _UPRIGHT * np.linalg.norm(normal, axis=1)
+    return np.where(level, "slab", "wall").astype("<U24")
+
+
+def _section(building: MeshBuilding, block: _Block) -> SectionFigures:
+    return building.sections[building.parts[block.part].section or ""].figures()
+
+
+def _model(
+    building: MeshBuilding, blocks: Sequence[_Block], points: Floats, used: Integers
+) -> FiniteElementModel:
+    return FiniteElementModel(
+        nodes=points,
+        fixed=np.zeros((len(points), DOF_PER_NODE), dtype=np.bool_),
+        groups=len(building.stories),
+        shells=Shells(**_sheets(building, [b for b in blocks if b.cell_type == "quad"], used, 4)),
+        triangles=Triangles(
+            **_sheets(building, [b for b in blocks if b.cell_type == "triangle"], used, 3)
+        ),
+        beams=_beams(building, [b for b in blocks if b.cell_type == "line"], points, used),
+    )
+
+
+def _of_part(building: MeshBuilding, blocks: Sequence[_Block], values: Sequence[float]) -> Floats:
+    counts = [len(block.nodes) for block in blocks]
+    return np.repeat(np.array(values, dtype=np.float64), counts)
+
+
+def _common(
+    building: MeshBuilding, blocks: Sequence[_Block], used: Integers, corners: int
+) -> dict[str, Any]:
+    materials = [
+        building.material(
+            building.parts[b.part].material
+            or (building.sections[s].material if (s := building.parts[b.part].section) else None)
+        )
+        for b in blocks
+    ]
+    nodes = [np.zeros((0, corners), dtype=np.int64), *(block.nodes for block in blocks)]
+    return {
+        "nodes": np.searchsorted(used, np.concatenate(nodes)),
+        "youngs_modulus": _of_part(building, blocks, [m.youngs_modulus for m in materials]),
+        "poisson_ratio": _of_part(building, blocks, [m.poisson_ratio for m in materials]),
+        "density": _of_part(building, blocks, [m.density for m in materials]),
+        "group": np.concatenate([np.zeros(0, dtype=np.int64), *(b.group for b in blocks)]),
+        "kind": np.concatenate([np.zeros(0, dtype="<U24"), *(b.kind for b in blocks)]),
+    }
+
+
+def _sheets(
+    building: MeshBuilding, blocks: Sequence[_Block], used: Integers, corners: int
+) -> dict[str, Any]:
+    thickness = [building.parts[block.part].thickness or 0.0 for block in blocks]
+    return {
+        **_common(building, blocks, used, corners),
+        "thickness": _of_part(building, blocks, thickness),
+    }
+
+
+def _beams(
+    building: MeshBuilding, blocks: Sequence[_Block], points: Floats, used: Integers
+) -> Beams:
+    sections = [_section(building, block) for block in blocks]
+    common = _common(building, blocks, used, 2)
+    figures: dict[str, Any] = {
+        name: _of_part(building, blocks, [getattr(section, name) for section in sections])
+        for name in (
+            "area",
+            "shear_area_y",
+            "shear_area_z",
+            "inertia_y",
+            "inertia_z",
+            "torsion_constant",
+        )
+    }
+    axis = points[common["nodes"][:, 1]] - points[common["nodes"][:, 0]]
+    steep = np.abs(axis[:, 2]) > _UPRIGHT * np.linalg.norm(axis, axis=1)
+    up = np.where(steep[:, None], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0])
+    start = 0
+    for block in blocks:
+        own = building.parts[block.part].up
+        if own is not None:
+            up[start : start + len(block.nodes)] = own
+        start += len(block.nodes)
+    return Beams(**common, **figures, up=up)
+
+
+def _floor_nodes(building: MeshBuilding, points: Floats) -> dict[str, Integers]:
+    found = {}
+    for floor, level in zip(building.floors, building.floor_levels, strict=True):
+        on_level = np.flatnonzero(np.abs(points[:, 2] - level) < _LEVEL)
+        if not len(on_level):
+            nearest = points[int(np.abs(points[:, 2] - level).argmin()), 2]
+            text = f"no node of the mesh lies at the level of {floor}, {level:g} m (the nearest is"
+            raise Complaint("stories", f"{text} {nearest:g} m); correct the heights or mesh.base")
+        _, sensors = building.sensors.of(floor)
+        away = np.linalg.norm(points[on_level, None, :2] - np.array(sensors), axis=2)
+        found[floor] = on_level[away.argmin(axis=0)]
+    return found
+
+
+def _diaphragms(
+    building: MeshBuilding, blocks: Sequence[_Block], nodes: Floats, used: Integers
+) -> Iterator[Integers]:
+    for block in blocks:
+        if building.parts[block.part].diaphragm != "rigid":
+            continue
+        own = np.unique(block.nodes)
+        for level in building.floor_levels:
+            on_floor = own[np.abs(nodes[own, 2] - level) < _LEVEL]
+            if len(on_floor):
+                yield np.searchsorted(used, on_floor)

@@ -1,0 +1,160 @@
+"""Reads mesh files through meshio: nodes, cells by type, and the groups that cells belong to."""
+
+import contextlib
+import io
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femupdate.building.entry import Complaint
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+CORNERS = {"line": 2, "triangle": 3, "quad": 4}
+_POINTS = ("vertex",)  # they carry no stiffness and are left out
+_FIRST_ORDER = {
+    "line3": "line",
+    "triangle6": "triangle",
+    "triangle7": "triangle",
+    "quad8": "quad",
+    "quad9": "quad",
+}
+
+
+@dataclass(frozen=True)
+class Cells:
+    """All cells of one type.
+
+    Attributes:
+        nodes: (n, 2), (n, 3) or (n, 4) node indices.
+        groups: (n,) flags for every group's name.
+    """
+
+    nodes: Integers
+    groups: Mapping[str, Flags]
+
+
+@dataclass(frozen=True)
+class RawMesh:
+    """What a mesh file holds, in its own unit.
+
+    Attributes:
+        nodes: (N, 3) coordinates.
+        cells: by type: "line", "triangle", "quad".
+    """
+
+    nodes: Floats
+    cells: Mapping[str, Cells]
+
+    @property
+    def group_names(self) -> tuple[str, ...]:
+        """Names of all groups that have a cell."""
+        names = {
+            name
+            for cells in self.cells.values()
+            for name, flags in cells.groups.items()
+            if flags.any()
+        }
+        return tuple(sorted(names))
+
+
+def read_mesh(path: Path, tags: str | None) -> RawMesh:
+    """Read a mesh file: gmsh, Abaqus, MED, VTU or another format that meshio knows.
+
+    Args:
+        path: the file; its ending tells the format.
+        tags: cell data that holds the groups' numbers, if any.
+
+    Raises:
+        Complaint: the file cannot be read, holds cells of another type, or no such cell data.
+    """
+    mesh = _read(path)
+    _refuse_other_cells(mesh)
+    if tags is not None and tags not in mesh.cell_data:
+        known = ", ".join(sorted(mesh.cell_data)) or "none"
+        raise Complaint("mesh.tags", f"the mesh has no cell data {tags!r} (it has: {known})")
+    nodes = np.zeros((len(mesh.points), 3))
+    nodes[:, : mesh.points.shape[1]] = mesh.points
+    cells = {kind: _cells(mesh, kind, tags) for kind in CORNERS}
+    return RawMesh(nodes, {kind: found for kind, found in cells.items() if len(found.nodes)})
+
+
+def _read(path: Path) -> Any:
+    import meshio
+
+    if not path.is_file():
+        raise Complaint("mesh.file", f"there is no file {path}; correct the path")
+    try:
+        # meshio prints what it thinks of a file, and exits where it cannot read one.
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+            return meshio.read(path)
+    except (Exception, SystemExit) as error:  # its readers raise whatever a broken file causes
+        reason = str(error) if str(error) not in ("", "1") else "its content is not as its ending"
+        raise Complaint(
+            "mesh.file",
+            f"{path.name} cannot be read ({reason}); write it as gmsh 2.2 or 4.1 (.msh), Abaqus "
+            "(.inp), MED (.med) or VTU (.vtu)",
+        ) from None
+
+
+def _refuse_other_cells(mesh: Any) -> None:
+    for block in mesh.cells:
+        if block.type in CORNERS or block.type in _POINTS:
+            continue
+        count = sum(len(b.data) for b in mesh.cells if b.type == block.type)
+        plain = _FIRST_ORDER.get(block.type)
+        mend = (
+            f'write the mesh with first-order elements ("{plain}")'
+            if plain
+            else "leave them out: walls, slabs, beams and columns are surfaces and lines"
+        )
+        text = f"it holds {count} cells of type {block.type!r}, which have no element here"
+        raise Complaint("mesh.file", f"{text}; {mend}")
+
+
+def _cells(mesh: Any, kind: str, tags: str | None) -> Cells:
+    """Join the blocks of one type."""
+    blocks = [number for number, block in enumerate(mesh.cells) if block.type == kind]
+    if not blocks:
+        return Cells(np.zeros((0, CORNERS[kind]), dtype=np.int64), {})
+    nodes = np.concatenate([mesh.cells[number].data for number in blocks]).astype(np.int64)
+    names: dict[str, list[Flags]] = {}
+    for place, number in enumerate(blocks):
+        count = len(mesh.cells[number].data)
+        for name, flags in _groups(mesh, number, count, tags):
+            empty = [np.zeros(len(mesh.cells[b].data), dtype=np.bool_) for b in blocks]
+            names.setdefault(name, empty)[place] |= flags
+    return Cells(nodes, {name: np.concatenate(parts) for name, parts in names.items()})
+
+
+def _groups(mesh: Any, block: int, count: int, tags: str | None) -> Iterable[tuple[str, Flags]]:
+    """Yield the groups of one block with the flags of its cells."""
+    for key in ("gmsh:physical", "cell_tags", tags):
+        if key is None or key not in mesh.cell_data:
+            continue
+        values = np.asarray(mesh.cell_data[key][block]).ravel()
+        for value in np.unique(values):
+            for name in _names_of(mesh, key, float(value)):
+                yield name, values == value
+    for name, sets in mesh.cell_sets.items():
+        if name.startswith("gmsh:") or sets[block] is None:
+            continue
+        flags = np.zeros(count, dtype=np.bool_)
+        flags[np.asarray(sets[block], dtype=np.int64)] = True
+        yield name, flags
+
+
+def _names_of(mesh: Any, key: str, value: float) -> list[str]:
+    number = f"{value:g}"
+    if key == "cell_tags":  # MED: a family may belong to several groups
+        return [number, *getattr(mesh, "cell_tags", {}).get(int(value), [])]
+    if key != "gmsh:physical":
+        return [number]
+    named = [name for name, data in mesh.field_data.items() if int(data[0]) == int(value)]
+    return [number, *named]
