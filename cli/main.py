@@ -18,6 +18,7 @@ _COMMANDS = {
     "train": ("train", "Train the surrogate of a building; resumes, and is skipped when one fits."),
     "calibrate": ("calibrate", "Posterior of the stiffness factors from a measured file."),
     "predict": ("predict", "Floor histories and story shear-drift lines for a ground motion."),
+    "diagnose": ("diagnose", "Where model and measurement disagree, and what is missing."),
     "render": ("render", "Mode shapes of the posterior, off screen."),
     "simulate": ("simulate", "Make a synthetic observation file from the full model."),
     "benchmark": ("benchmark", "Published tables and other programs, side by side with ours."),

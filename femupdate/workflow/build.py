@@ -81,7 +81,9 @@ def build_study(
         modes.frequency_hz,
         effective,
         len(parts.operators.free),
-        len(parts.mesh.model.shells) + len(parts.mesh.model.beams),
+        sum(
+            map(len, (parts.mesh.model.shells, parts.mesh.model.triangles, parts.mesh.model.beams))
+        ),
         mass,
         _checks(parts, model, modes),
         pictures,
@@ -93,12 +95,18 @@ def write_mesh(parts: FrameParts, path: Path, modes: Modes | None = None) -> Non
     import meshio
 
     model = parts.mesh.model
-    cells = [("quad", model.shells.nodes), ("line", model.beams.nodes)]
+    shells, beams, three = model.shells, model.beams, model.triangles
+    cells = [("quad", shells.nodes), ("line", beams.nodes)]
     data = {
-        "story": [model.shells.group + 1, model.beams.group + 1],
-        "thickness_m": [model.shells.thickness, np.zeros(len(model.beams))],
-        "section_area_m2": [np.zeros(len(model.shells)), model.beams.area],
+        "story": [shells.group + 1, beams.group + 1],
+        "thickness_m": [shells.thickness, np.zeros(len(beams))],
+        "section_area_m2": [np.zeros(len(shells)), beams.area],
     }
+    if len(three):
+        cells.append(("triangle", three.nodes))
+        own = (three.group + 1, three.thickness, np.zeros(len(three)))
+        for values, more in zip(data.values(), own, strict=True):
+            values.append(more)
     points = {}
     if modes is not None:
         full = parts.operators.expand(modes.shapes).reshape(len(model.nodes), 6, -1)

@@ -15,6 +15,7 @@ from torch import Tensor
 from femupdate import __version__
 from femupdate.building.schema import Building
 from femupdate.errors import MeasurementError
+from femupdate.inference.bridge import BridgeResult, as_smc_result
 from femupdate.inference.likelihood import DataLikelihood, LatentLikelihood
 from femupdate.inference.posterior import Posterior, save_posterior
 from femupdate.inference.prior import UniformPrior
@@ -205,7 +206,7 @@ def calibrate_study(
     )
     notes: tuple[str, ...] = ()
     if settings.exact:
-        results = _sample_exact(study, model, observation, settings, run)
+        results, notes = _sample_exact(study, model, observation, settings, run)
     else:
         results, notes = _sample_latent(study, model, observation, settings, run)
     posterior = _posterior(model, observation, settings, results)
@@ -369,33 +370,64 @@ def _sample_exact(
     observation: Observation,
     settings: CalibrationSettings,
     run: ChainRunner,
-) -> list[SmcResult]:
+) -> tuple[list[SmcResult], tuple[str, ...]]:
     """Data-space likelihood, with zeta as one more parameter where it is a nuisance.
 
-    A frame with a surrogate starts from the latent posterior, which saves most of the levels; its
-    evidence is then relative to the latent likelihood's, so it adds the latent run's own.
+    A building with a surrogate starts from the latent posterior, which saves most of the responses.
     """
     bounds = model.zeta_bounds
     prior = model.prior if bounds is None else _with_zeta(model.prior, bounds)
     fixed = model.building.damping.ratio if bounds is None else None
-    target = DataLikelihood(model.reduced, model.law, observation, fixed, device=settings.device)
-    found = find_surrogate(study, model)
-    if found is None or model.building.kind == "shear":
-        sampler = TemperedSmc(prior, target, settings=settings.smc)
-        return run(sampler, "Sampling (data-space likelihood)")
-    size = model.prior.size
-    latent = LatentLikelihood(found[0], observation, settings.device)
+    target = DataLikelihood(
+        model.reduced,
+        model.law,
+        observation,
+        fixed,
+        device=settings.device,
+        precision=torch.float32,
+    )
+    found, base = find_surrogate(study, model), None
+    if found is None:
+        starts = run(
+            TemperedSmc(prior, target, settings=settings.smc), "Sampling (data-space likelihood)"
+        )
+    else:
+        size, latent = model.prior.size, LatentLikelihood(found[0], observation, settings.device)
 
-    def base(parameters: Tensor) -> Tensor:
-        return latent(parameters[:, :size])
+        def base(parameters: Tensor) -> Tensor:
+            return latent(parameters[:, :size])
 
-    starts = run(TemperedSmc(prior, base, settings=settings.smc), "Sampling (latent likelihood)")
-    bridge = TemperedSmc(prior, target, base=base, settings=settings.smc)
-    results = run(bridge, "Bridge to the data-space likelihood", starts)
+        starts = run(
+            TemperedSmc(prior, base, settings=settings.smc), "Sampling (latent likelihood)"
+        )
+    results = run.bridge(prior, target, base, starts, settings.smc)
     return [
-        replace(result, log_evidence=result.log_evidence + start.log_evidence)
-        for result, start in zip(results, starts, strict=True)
-    ]
+        as_smc_result(result, start) for result, start in zip(results, starts, strict=True)
+    ], _cost(results, starts, base is not None)
+
+
+def _cost(
+    results: list[BridgeResult], starts: list[SmcResult], from_latent: bool
+) -> tuple[str, ...]:
+    """What the exact posterior took, beside what it would have taken without a surrogate."""
+    responses = sum(result.evaluations for result in results)
+    least = min(result.effective_share for result in results)
+    sampled = sum(start.evaluations for start in starts)
+    if not from_latent:
+        text = f"The sampler took {sampled:,} responses, importance sampling {responses:,} more"
+    else:
+        text = (
+            f"From the latent to the data-space posterior took {responses:,} responses; the "
+            f"sampler, from the prior, evaluated the latent likelihood {sampled:,} times and would "
+            "have needed more responses than that"
+        )
+    if least > 0.0:
+        return (f"{text}; {least:.0%} of the importance draws are effective.",)
+    return (
+        f"{text}.",
+        "Importance sampling did not reach this posterior: its draws are the tempered particles, "
+        "and the spread of the runs is the only measure of their error.",
+    )
 
 
 def _judged(study: Study, observation: Observation) -> list[str]:

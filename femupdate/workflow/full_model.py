@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from femupdate.building.mesh import BuildingMesh, mesh_building
 from femupdate.building.quantities import ALL
-from femupdate.building.schema import Building, FrameBuilding, ShearBuilding
+from femupdate.building.schema import Building, FrameBuilding, MeshBuilding, ShearBuilding
 from femupdate.building.shear import shear_operators
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.dynamics.reduction import reduce_lumped
@@ -39,7 +39,7 @@ class SensorModel:
         frequency_hz: (m,) natural frequencies of the modes, Hz.
         effective_mass: (m,) share of the mass that each moves in the direction of the motion.
         direction: of the motion, "x" or "y".
-        mesh_size: m; None for a shear building.
+        mesh_size: m; None for a shear building and for a mesh that was read.
         dof: degrees of freedom of the full model.
     """
 
@@ -88,14 +88,27 @@ def sensor_model(
     return _frame_model(sensed, mesh_building(sensed, size), theta, top_hz, size)
 
 
+Meshed = FrameBuilding | MeshBuilding
+
+
 def sensor_places(
-    building: FrameBuilding, mesh_size: float | None, sensors: SensorPoints | None
-) -> tuple[FrameBuilding, float, tuple[Channel, ...], tuple[str, ...]]:
+    building: Meshed, mesh_size: float | None, sensors: SensorPoints | None
+) -> tuple[Meshed, float | None, tuple[Channel, ...], tuple[str, ...]]:
     """The building with every sensor listed, its mesh size (m), the sensors and their places.
 
-    The sensors come in the order of the nodes of the mesh's floors. Arguments and errors are those
-    of `sensor_model`.
+    The sensors come in the order of the nodes of the mesh's floors. A mesh that is read has no size
+    and keeps its own sensors. Arguments and errors are those of `sensor_model`.
     """
+    if isinstance(building, MeshBuilding):
+        if sensors is not None or mesh_size is not None:
+            raise BuildingError(
+                f"{building.name}: the mesh and its sensors are those of {building.mesh.file}; "
+                "leave mesh size and sensors out"
+            )
+        own = {floor: building.sensors.of(floor)[1] for floor in building.floors}
+        update = {"sensors": building.sensors.model_copy(update={"floors": own})}
+        building = building.model_copy(update=update)
+        return building, None, *_channels(building)
     size = 0.5 * building.mesh.size if mesh_size is None else mesh_size
     sensed = _sensed(building, sensors)
     return sensed, size, *_channels(sensed)
@@ -126,7 +139,7 @@ def _at_theta(model: ReducedModel, theta: Floats) -> ReducedModel:
 
 
 def _frame_model(
-    building: FrameBuilding, mesh: BuildingMesh, theta: Floats, top_hz: float, size: float
+    building: Meshed, mesh: BuildingMesh, theta: Floats, top_hz: float, size: float | None
 ) -> SensorModel:
     operators = assemble(mesh.model)
     modes = modes_below(operators, theta, top_hz)
@@ -187,7 +200,7 @@ def _model(
     )
 
 
-def _channels(building: FrameBuilding) -> tuple[tuple[Channel, ...], tuple[str, ...]]:
+def _channels(building: Meshed) -> tuple[tuple[Channel, ...], tuple[str, ...]]:
     """The sensors and their places, in the order of the mesh's floor nodes."""
     direction = building.sensors.direction
     channels: list[Channel] = []
@@ -197,7 +210,7 @@ def _channels(building: FrameBuilding) -> tuple[tuple[Channel, ...], tuple[str, 
         channels += [
             Channel(channel_name(floor, n, direction), floor, n, direction) for n in numbers
         ]
-        places += points
+        places += [p if isinstance(p, str) else f"({p[0]:g}, {p[1]:g}) m" for p in points]
     return tuple(channels), tuple(places)
 
 

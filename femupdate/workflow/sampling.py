@@ -12,7 +12,16 @@ import numpy as np
 import torch
 
 from femupdate.atomic import atomic_path
-from femupdate.inference.smc import Level, SmcResult, SmcState, TemperedSmc
+from femupdate.inference.bridge import BridgeResult, Start, bridge
+from femupdate.inference.prior import UniformPrior
+from femupdate.inference.smc import (
+    Level,
+    LogLikelihood,
+    SmcResult,
+    SmcSettings,
+    SmcState,
+    TemperedSmc,
+)
 from femupdate.workflow.progress import Progress
 
 _TENSORS = ("xi", "base", "target", "random_state")
@@ -61,6 +70,24 @@ class ChainRunner:
                 )
             )
         return results
+
+    def bridge(
+        self,
+        prior: UniformPrior,
+        target: LogLikelihood,
+        base: LogLikelihood | None,
+        starts: list[SmcResult],
+        settings: SmcSettings,
+    ) -> list[BridgeResult]:
+        """Bring every chain from its base (None: the target itself) to precise target draws."""
+        # Fitting the proposal usually takes three rounds of as many draws as there are particles.
+        expected = 7 * sum(len(start.theta) for start in starts)
+        self.show.start("Importance sampling (data-space likelihood)", expected)
+        parts = [(Start(start, base), self.seed * 1009 + k) for k, start in enumerate(starts)]
+        return [
+            bridge(prior, target, start, seed, settings=settings, progress=self.show.advance)
+            for start, seed in parts
+        ]
 
     def clear(self) -> None:
         """Remove the folder: the posterior is stored."""

@@ -126,9 +126,10 @@ def label(
 
 
 def _mesh_words(seen: SensorModel) -> str:
-    if seen.mesh_size is None:
-        return "the chain itself"
     modes = len(seen.frequency_hz)
+    if seen.mesh_size is None:
+        own = f"its own mesh ({seen.dof} degrees of freedom, {modes} modes)"
+        return own if seen.places and seen.places[0] else "the chain itself"
     return f"mesh {seen.mesh_size:g} m ({seen.dof} degrees of freedom, {modes} modes)"
 
 

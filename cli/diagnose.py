@@ -1,0 +1,86 @@
+"""femupdate diagnose."""
+
+from pathlib import Path
+
+import click
+
+from .common import (
+    Bars,
+    parse_band,
+    parse_columns,
+    parse_names,
+    print_json,
+    print_notes,
+    print_pictures,
+    shared_options,
+    table,
+)
+
+_SHOWN = 6
+
+
+@click.command("diagnose")
+@click.argument("observation", type=click.Path(path_type=Path))
+@click.option("--building", help="Shipped name or TOML file, for a new study.")
+@click.option("--sensors", callback=parse_names, help="Floors to use, such as RF or 2F,RF.")
+@click.option("--band", callback=parse_band, help="Frequencies to use, such as 0.5,18 (Hz).")
+@click.option("--no-phase", is_flag=True, help="Use |H| alone.")
+@click.option("--unit", help="Of the accelerations, where the file does not say it.")
+@click.option("--columns", callback=parse_columns, help="Names: ours=theirs,ours=theirs.")
+@shared_options
+def command(
+    observation: Path,
+    building: str | None,
+    sensors: tuple[str, ...],
+    band: tuple[float, float] | None,
+    no_phase: bool,
+    unit: str | None,
+    columns: dict[str, str] | None,
+    study_folder: Path,
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Find where the model and the measured file OBSERVATION disagree, and what is missing.
+
+    Every effect of the catalogue is tested at every place; the leading ones are fitted and their
+    evidence is weighed. Nothing is changed: `femupdate repair` adds what is found.
+    """
+    from femupdate.discrepancy.diagnose import DiagnosisSettings
+    from femupdate.study import Study
+    from femupdate.workflow.calibrate import ObservationSource, check_readable
+    from femupdate.workflow.diagnose import diagnose_study
+    from femupdate.workflow.model import open_study
+
+    study = Study(study_folder)
+    source = ObservationSource(observation, unit, columns, sensors, band)
+    with Bars() as bars:
+        check_readable(source)
+        model = open_study(study, building, bars)
+        settings = DiagnosisSettings(seed=seed)
+        report = diagnose_study(study, model, source, settings, bars, not no_phase)
+    if as_json:
+        print_json({**report.as_dict(), "diagnosis": report.path, "pictures": report.pictures})
+        return
+    found = report.diagnosis
+    click.echo(f"Verdict: {found.verdict}. {found.sentence}")
+    click.echo(
+        f"  residuals {found.base.chi2:.0f} over {report.problem.effective:.0f} independent points"
+        f" (p-value {found.p_value:.2g}); {report.seconds:.1f} s"
+    )
+    rows = [
+        (
+            one.placed.label,
+            f"{one.evidence.log_evidence:.1f}",
+            f"{one.probability:.3f}",
+            f"{one.size:.4g} +- {one.size_sd:.2g}",
+            f"{one.score.absorbed:.0%}",
+        )
+        for one in found.findings[:_SHOWN]
+    ]
+    if rows:
+        head = ("effect", "log evidence", "probability", "size", "absorbed by theta")
+        click.echo(table(head, rows))
+    if found.hidden:
+        click.echo(f"  cannot be seen with these sensors: {', '.join(found.hidden)}")
+    print_notes(report.screen)
+    print_pictures((report.path, *report.pictures))

@@ -1,0 +1,73 @@
+"""What the channels say of themselves before any model is believed: gains, signs, delays."""
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from femupdate.dynamics.effect_response import EffectSystem
+from femupdate.measurement.observation import Observation
+
+Floats = NDArray[np.float64]
+_LOW = 0.35  # of the first frequency, below which |H| is that of a rigid body but for (f / f1)^2
+_FEWEST = 4
+_CLEAR = 3.0  # standard deviations
+
+
+def screen_channels(
+    observation: Observation, system: EffectSystem, theta: Floats
+) -> tuple[str, ...]:
+    """Sentences on gains, signs and delays, from the low end of the FRFs.
+
+    Well below the first frequency f1 a floor does what the base does: ln|H| = ln(gain) + c f^2,
+    and the phase is zero, falling by 2 pi f times the delay.
+
+    Args:
+        observation: on its grid.
+        system: the model, for f1.
+        theta: (p,) its stiffness factors.
+    """
+    count = system.sizes
+    modes = system.modes(
+        torch.from_numpy(np.atleast_2d(theta)),
+        torch.tensor([0.02], dtype=torch.float64),
+        torch.zeros(1, count, dtype=torch.float64),
+    )
+    first = float(modes.frequency_hz[0, modes.participation[0].abs().argmax()])
+    low = observation.frequency_hz < _LOW * first
+    gains, turned, late = [], [], []
+    for row, floor in enumerate(observation.floors):
+        used = low & observation.valid[row]
+        if used.sum() < _FEWEST:
+            continue
+        frequency = observation.frequency_hz[used]
+        weight = 1.0 / observation.noise_sd[row, used]
+        gain, sd = _intercept(frequency**2, observation.log_frf[row, used], weight)
+        if abs(gain) > max(_CLEAR * sd, 0.02):
+            gains.append(f"{floor} reads {np.expm1(gain):+.1%}")
+        if observation.phase is None:
+            continue
+        phase = np.unwrap(observation.phase[row, used])
+        if abs(np.median(np.abs(observation.phase[row, used])) - np.pi) < 0.5:
+            turned.append(floor)
+            continue
+        slope = float((weight**2 * frequency * phase).sum() / (weight**2 * frequency**2).sum())
+        error = float((weight**2 * frequency**2).sum() ** -0.5)
+        delay = -slope / (2.0 * np.pi)
+        if abs(slope) > _CLEAR * error and abs(delay) > 5e-4:
+            late.append(f"{floor} {1e3 * delay:+.1f} ms")
+    notes = []
+    if gains:
+        notes.append(f"At low frequency, where floors follow the base, {', '.join(gains)}.")
+    if turned:
+        notes.append(f"The phase of {', '.join(turned)} is half a turn off: sensor reversed?")
+    if late:
+        notes.append(f"Phase falls at low frequency as for a delay: {', '.join(late)}.")
+    return tuple(notes)
+
+
+def _intercept(x: Floats, y: Floats, weight: Floats) -> tuple[float, float]:
+    """Value at x = 0 of a weighted straight line, and its standard deviation."""
+    design = np.column_stack([np.ones_like(x), x]) * weight[:, None]
+    normal = np.linalg.pinv(design.T @ design)
+    value = normal @ (design.T @ (y * weight))
+    return float(value[0]), float(np.sqrt(normal[0, 0]))

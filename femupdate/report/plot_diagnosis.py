@@ -1,0 +1,149 @@
+"""Where a model fails, and what could be missing, at a glance."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
+
+from femupdate.errors import ReportError
+from femupdate.report.figure import Floats, add_head, checked, new_figure
+from femupdate.report.style import BLUE, FAINT, INK, ORANGE, QUIET, styled
+
+_HIGHEST = 30.0  # times the noise, beyond which a colour says no more
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """One effect in a ranking.
+
+    Attributes:
+        label: effect and place.
+        gain: log evidence over the model without it.
+        size: its size with its standard deviation, as text.
+        leading: drawn in the colour of the verdict.
+    """
+
+    label: str
+    gain: float
+    size: str
+    leading: bool = False
+
+
+@styled
+def residual_map(
+    floors: Sequence[str],
+    edges_hz: ArrayLike,
+    misfits: Sequence[tuple[str, ArrayLike]],
+    *,
+    title: str = "Where model and measurement disagree",
+) -> Figure:
+    """Draw the misfit of every floor in every band, one panel a model.
+
+    Args:
+        floors: f names, bottom to top.
+        edges_hz: (b + 1,) edges of the bands.
+        misfits: name of a model and its (f, b) root mean square residual over the noise; NaN where
+            nothing was measured.
+        title: over the figure.
+
+    Raises:
+        ReportError: an array has another shape, or there is no model.
+    """
+    if not misfits:
+        raise ReportError("a residual map needs the misfit of one model at least")
+    edges = np.asarray(edges_hz, dtype=float)
+    grids = [
+        (name, checked(f"misfit of {name}", grid, len(floors), len(edges) - 1))
+        for name, grid in misfits
+    ]
+    figure = new_figure(4.6 * len(grids) + 1.2, 0.9 + 0.38 * len(floors))
+    panels = np.atleast_1d(figure.subplots(1, len(grids), sharey=True))
+    top = _top([grid for _, grid in grids])
+    pictures = []
+    for panel, (name, grid) in zip(panels, grids, strict=True):
+        pictures.append(_map(panel, edges, grid, top))
+        panel.set_title(name)
+        panel.set_yticks(range(len(floors)), floors)
+        panel.set_xlabel("Frequency, Hz")
+    bar = figure.colorbar(pictures[0], ax=list(panels), pad=0.02)
+    bar.set_label("residual / noise (rms)")
+    add_head(figure, title, note="1 and less is what noise alone leaves")
+    return figure
+
+
+def _top(grids: Sequence[Floats]) -> float:
+    largest = max((float(np.nanmax(grid)) for grid in grids if np.isfinite(grid).any()), default=2)
+    return float(np.clip(largest, 2.0, _HIGHEST))
+
+
+def _map(panel: Axes, edges: Floats, grid: Floats, top: float) -> QuadMesh:
+    rows = np.arange(len(grid) + 1) - 0.5
+    picture = panel.pcolormesh(edges, rows, grid, cmap="OrRd", norm=Normalize(1.0, top))
+    panel.set_xscale("log")
+    panel.grid(False)
+    panel.set_facecolor(FAINT)
+    middle = np.sqrt(edges[:-1] * edges[1:])
+    for row, values in enumerate(grid):
+        for x, value in zip(middle, values, strict=True):
+            if np.isfinite(value):
+                strong = value > 0.55 * (1.0 + top)
+                text = f"{value:.1f}" if value < 9.95 else f"{value:.0f}"
+                colour = "white" if strong else INK
+                panel.text(x, row, text, ha="center", va="center", fontsize=7, color=colour)
+    ticks = [t for t in (0.5, 1, 2, 5, 10, 20, 50) if edges[0] <= t <= edges[-1]]
+    panel.set_xticks(ticks, [f"{t:g}" for t in ticks])
+    panel.minorticks_off()
+    return picture
+
+
+@styled
+def ranking(
+    effects: Sequence[Ranked],
+    needed: float,
+    verdict: str,
+    *,
+    title: str = "What could be missing",
+) -> Figure:
+    """Draw the log evidence of the leading effects over the model without them.
+
+    Args:
+        effects: the strongest first.
+        needed: log evidence that a name needs.
+        verdict: in a sentence, under the title.
+        title: over the figure.
+
+    Raises:
+        ReportError: there is no effect.
+    """
+    if not effects:
+        raise ReportError("a ranking needs one effect at least")
+    shown = list(effects)[::-1]
+    figure = new_figure(8.0, 0.8 + 0.3 * len(shown))
+    panel = figure.subplots()
+    for row, one in enumerate(shown):
+        length = _scaled(one.gain)
+        panel.barh(row, length, color=ORANGE if one.leading else BLUE, height=0.62)
+        text = f" {one.gain:.0f}   size {one.size}" if one.size else f" {one.gain:.0f}"
+        panel.text(max(length, 0.0), row, text, va="center", fontsize=8, color=INK)
+    panel.axvline(_scaled(needed), color=QUIET, linestyle="--", linewidth=1.0)
+    panel.axvline(0.0, color=INK, linewidth=0.8)
+    panel.set_yticks(range(len(shown)), [one.label for one in shown])
+    decades = [-10.0, 0.0, needed, 10.0, 100.0, 1e3, 1e4, 1e5]
+    low, high = min(0.0, *(one.gain for one in shown)), max(one.gain for one in shown)
+    ticks = [t for t in decades if low <= t <= 3.0 * high or t in (0.0, needed)]
+    panel.set_xticks([_scaled(t) for t in ticks], [f"{t:g}" for t in ticks])
+    panel.set_xlim(_scaled(max(low, -30.0)) - 0.1, 1.45 * _scaled(max(high, 3.0 * needed)))
+    panel.set_xlabel("log evidence over the model as it is (dashed: what a name needs)")
+    panel.grid(axis="y", visible=False)
+    add_head(figure, title, note=verdict)
+    return figure
+
+
+def _scaled(gain: float) -> float:
+    """A scale that is linear near zero and logarithmic beyond."""
+    return float(np.arcsinh(gain / 2.0))

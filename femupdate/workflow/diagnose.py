@@ -1,0 +1,204 @@
+"""diagnose: where model and measurement disagree, and what the model may lack."""
+
+import json
+import textwrap
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femupdate.discrepancy.diagnose import Diagnosis, DiagnosisSettings, Finding
+from femupdate.discrepancy.diagnose import diagnose as find
+from femupdate.discrepancy.fit import Fit, fit_baseline
+from femupdate.discrepancy.mesh_error import with_mesh_error
+from femupdate.discrepancy.problem import Problem
+from femupdate.discrepancy.screen import screen_channels
+from femupdate.discrepancy.where import Cell, band_edges
+from femupdate.dynamics.effect_response import ReducedStructure
+from femupdate.measurement.observation import Observation
+from femupdate.study import Study, file_hash, write_text
+from femupdate.workflow.calibrate import ObservationSource, observation_of
+from femupdate.workflow.effects import (
+    building_effects,
+    check_places,
+    open_structure,
+    problem_of,
+)
+from femupdate.workflow.model import StudyModel
+from femupdate.workflow.progress import Progress, Silent
+
+Floats = NDArray[np.float64]
+DIAGNOSIS = "diagnosis"
+_SHOWN = 8
+
+
+@dataclass(frozen=True, eq=False)
+class DiagnosisReport:
+    """A diagnosis and what was made of it.
+
+    Attributes:
+        diagnosis: the finding.
+        problem: what it was found from.
+        reduced: the structure with its basis.
+        observation: the data.
+        screen: what the channels themselves say, in sentences.
+        path: of the JSON file.
+        pictures: files drawn.
+        seconds: all the time taken.
+    """
+
+    diagnosis: Diagnosis
+    problem: Problem
+    reduced: ReducedStructure
+    observation: Observation
+    screen: tuple[str, ...]
+    path: Path
+    pictures: tuple[Path, ...]
+    seconds: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """What the JSON file and `--json` hold."""
+        found = self.diagnosis
+        return {
+            "p_value": found.p_value,
+            "verdict": found.verdict,
+            "sentence": found.sentence,
+            "effects": [_finding(one) for one in found.findings],
+            "cannot_be_seen": list(found.hidden),
+            "cannot_be_told_from_the_first": list(found.twins),
+            "where": [
+                {"floor": cell.floor, "band_hz": list(cell.band_hz), "excess": cell.excess}
+                for cell in found.where
+                if cell.p_value < 1e-3
+            ],
+            "chi2": found.base.chi2,
+            "independent_points": self.problem.effective,
+            "noise_inflation": found.inflation,
+            "theta": found.base.theta()[0].tolist(),
+            "screen": list(self.screen),
+            "seconds": self.seconds,
+        }
+
+
+def diagnose_study(
+    study: Study,
+    model: StudyModel,
+    source: ObservationSource,
+    settings: DiagnosisSettings | None = None,
+    progress: Progress | None = None,
+    use_phase: bool = True,
+) -> DiagnosisReport:
+    """Find where the study's model fails and rank what it may lack; changes nothing in it.
+
+    Raises:
+        MeasurementError: the observation cannot be used.
+        BuildingError: an effect of the building's file cannot be.
+    """
+    show, started = progress or Silent(), time.monotonic()
+    observation = observation_of(model.building, source)
+    reduced = open_structure(study, model.building, show)
+    show.start("Looking for what is missing", 4)
+    problem, base = prepared(reduced, model, observation, use_phase, settings)
+    show.advance()
+    found = find(problem, settings, base, lambda text: show.advance(1, text))
+    pictures = draw_diagnosis(study, found)
+    report = DiagnosisReport(
+        found,
+        problem,
+        reduced,
+        observation,
+        screen_channels(observation, found.base.system, found.base.theta()[0]),
+        study.path("diagnosis.json"),
+        pictures,
+        time.monotonic() - started,
+    )
+    write_text(report.path, json.dumps(report.as_dict(), indent=2, default=float) + "\n")
+    origin = {**model.made_from(), "observation": file_hash(source.path)}
+    study.record(DIAGNOSIS, "diagnosis.json", "diagnose", origin, {"file": str(source.path)})
+    return report
+
+
+def prepared(
+    reduced: ReducedStructure,
+    model: StudyModel,
+    observation: Observation,
+    use_phase: bool,
+    settings: DiagnosisSettings | None = None,
+) -> tuple[Problem, Fit]:
+    """The problem with its mesh error, and the model as it is fitted to it."""
+    seed = settings.seed if settings is not None else 0
+    effects = building_effects(model.building)
+    check_places(reduced, effects)
+    problem = problem_of(reduced, model.building, observation, use_phase)
+    base = fit_baseline(problem, effects.placed, effects.values, seed)[0]
+    return with_mesh_error(problem, base)
+
+
+def draw_diagnosis(study: Study, found: Diagnosis) -> tuple[Path, ...]:
+    """The map of residuals and, where anything was fitted, the ranking."""
+    from femupdate.report.figure import save_figure
+    from femupdate.report.plot_diagnosis import Ranked, ranking, residual_map
+
+    floors, edges, grid = cells_as_grid(found.where)
+    paths = [
+        save_figure(
+            residual_map(floors, edges, [("model as it is", grid)]),
+            study.path("pictures", "residual_map.png"),
+        )
+    ]
+    if found.findings:
+        shown = [
+            Ranked(
+                f"{one.placed.effect.title}, {one.placed.place}",
+                one.evidence.log_evidence,
+                f"{one.size:.3g} ± {one.size_sd:.1g}" if one.size_sd else "",
+                number == 0 and found.verdict in ("named", "indistinguishable"),
+            )
+            for number, one in enumerate(found.findings[:_SHOWN])
+        ]
+        sentence = textwrap.shorten(found.sentence, 110, placeholder=" ...")
+        figure = ranking(shown, 5.0, sentence)
+        paths.append(save_figure(figure, study.path("pictures", "effect_ranking.png")))
+    return tuple(paths)
+
+
+def cells_as_grid(cells: tuple[Cell, ...]) -> tuple[tuple[str, ...], Floats, Floats]:
+    """Floors, edges of the bands (b + 1,), and rms residual over noise (f, b)."""
+    floors = tuple(dict.fromkeys(cell.floor for cell in cells))
+    bands = tuple(dict.fromkeys(cell.band_hz for cell in cells))
+    grid = np.full((len(floors), len(bands)), np.nan)
+    for cell in cells:
+        value = np.sqrt(max(cell.excess + 1.0, 0.0))
+        empty = cell.excess == 0.0 and cell.p_value == 1.0
+        grid[floors.index(cell.floor), bands.index(cell.band_hz)] = np.nan if empty else value
+    edges = np.array([bands[0][0], *(band[1] for band in bands)])
+    return floors, edges, grid
+
+
+def _finding(one: Finding) -> dict[str, Any]:
+    effect = one.placed.effect
+    return {
+        "name": effect.name,
+        "place": one.placed.place,
+        "probability": one.probability,
+        "log_evidence_over_none": one.evidence.log_evidence,
+        "size": one.size,
+        "size_sd": one.size_sd,
+        "unit": effect.parameters[0].unit if effect.parameters else "",
+        "absorbed_by_theta": one.score.absorbed,
+        "explains": effect.sentence,
+    }
+
+
+__all__ = [
+    "DIAGNOSIS",
+    "DiagnosisReport",
+    "band_edges",
+    "cells_as_grid",
+    "diagnose_study",
+    "draw_diagnosis",
+    "prepared",
+]
