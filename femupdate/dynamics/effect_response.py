@@ -15,14 +15,13 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from femupdate.dynamics.damping import DampingLaw
+from femupdate.dynamics.effect_modes import Modes, natural, normal_modes, response
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.effects.effect import UNSCALED, AddedMass, Placed, Terms
 from femupdate.effects.structure import Structure
 
 Floats = NDArray[np.float64]
 _BATCH = 16
-_SERIES = 3
-_TOP = 2.0  # modes above this many times the grid's top enter by their power series
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +133,7 @@ class EffectSystem:
             parts.append(self._batch(theta[rows], zeta[rows], sizes[rows], frequency_hz))
         return torch.cat(parts)
 
-    def modes(self, theta: Tensor, zeta: Tensor, sizes: Tensor) -> "Modes":
+    def modes(self, theta: Tensor, zeta: Tensor, sizes: Tensor) -> Modes:
         """Undamped modes with the effects, lowest first."""
         return self._modes(theta, zeta, self._split(sizes))
 
@@ -146,7 +145,7 @@ class EffectSystem:
         own = self._split(sizes)
         modes = self._modes(theta, zeta, own)
         omega = 2.0 * torch.pi * frequency_hz.to(torch.float64)
-        frf = _floor_response(modes, omega, self._port_stiffness(own, omega))
+        frf = response(modes, omega, self._port_stiffness(own, omega))
         floors = self.reduced.model.floors
         for one, size in zip(self.placed, own, strict=True):
             frf = one.effect.observe(frf, omega, size, one.effect.place_rows(one.place, floors))
@@ -159,7 +158,7 @@ class EffectSystem:
             if terms.port is not None
         ]
 
-    def _modes(self, theta: Tensor, zeta: Tensor, own: Sequence[Tensor]) -> "Modes":
+    def _modes(self, theta: Tensor, zeta: Tensor, own: Sequence[Tensor]) -> Modes:
         stiffness, mass, force, rigid_mass = self._matrices(theta, own)
         flexibility = self._flexibility(own, theta)
         pitch = theta.new_zeros(len(theta))
@@ -167,29 +166,23 @@ class EffectSystem:
             if terms.pitch:
                 pitch = pitch + terms.pitch * size[:, 0]
         base = torch.stack([torch.ones_like(pitch), pitch], dim=1)  # motion per unit translation
-        outputs, rigid = self._outputs(len(theta))
-        if flexibility is None:
-            load = torch.einsum("nrb,nb->nr", force, base)
-            shapes, inverse = _normal_modes(stiffness, mass)
-            rows = outputs @ shapes
-        else:
+        outputs, rigid = self._outputs()
+        outputs = outputs.expand(len(theta), -1, -1)
+        load = torch.einsum("nrb,nb->nr", force, base)
+        if flexibility is not None:
             root = flexibility.sqrt()  # (N, 2)
             stiffness, mass = _on_flexible_base(stiffness, mass, force, rigid_mass, root)
-            load = torch.einsum("nrb,nb->nr", force, base)
-            load_base = root * torch.einsum("nab,nb->na", rigid_mass, base)
-            load = torch.cat([load, load_base], dim=1)
-            shapes, inverse = _normal_modes(stiffness, mass)
-            wide = torch.cat(
-                [outputs.expand(len(theta), -1, -1), rigid[None] * root[:, None, :]], dim=2
-            )
-            rows = wide @ shapes
-        ratio = self.law.ratio(inverse.clamp_min(1e-30).rsqrt(), zeta)
+            on_base = root * torch.einsum("nab,nb->na", rigid_mass, base)
+            load = torch.cat([load, on_base], dim=1)
+            outputs = torch.cat([outputs, rigid * root[:, None, :]], dim=2)
+        seen, inverse = normal_modes(stiffness, mass, torch.cat([outputs, load[:, None]], dim=1))
+        omega = natural(inverse)
+        ratio = self.law.ratio(omega, zeta)
         for one, terms, size in zip(self.placed, self.terms, own, strict=True):
-            natural = inverse.clamp_min(1e-30).rsqrt()
-            ratio = one.effect.damping(ratio, natural, size, terms.constants)
+            ratio = one.effect.damping(ratio, omega, size, terms.constants)
         direct = torch.einsum("ob,nb->no", rigid, base)
-        participation = torch.einsum("nrm,nr->nm", shapes, load)
-        return Modes(inverse, ratio, rows, participation, direct, len(self.reduced.model.floors))
+        floors = len(self.reduced.model.floors)
+        return Modes(inverse, ratio, seen[:, :-1], seen[:, -1], direct, floors)
 
     def _matrices(
         self, theta: Tensor, own: Sequence[Tensor]
@@ -226,7 +219,7 @@ class EffectSystem:
                 total = (0.0 if total is None else total) + size[:, :1].clamp_min(0.0) * unit
         return total
 
-    def _outputs(self, count: int) -> tuple[Tensor, Tensor]:
+    def _outputs(self) -> tuple[Tensor, Tensor]:
         """Rows (o, r) and (o, 2) of floors and ports."""
         rows = [torch.from_numpy(self.reduced.model.floor_shapes)]
         rigid = [torch.from_numpy(self.reduced.rigid)]
@@ -235,45 +228,6 @@ class EffectSystem:
                 rows.append(terms.port[0][None])
                 rigid.append(terms.port[1][None])
         return torch.cat(rows), torch.cat(rigid)
-
-
-@dataclass(frozen=True, eq=False)
-class Modes:
-    """Modes of unit modal stiffness, m of them.
-
-    Attributes:
-        inverse: (N, m) 1 / omega^2, largest first.
-        ratio: (N, m) damping ratios.
-        rows: (N, o, m) displacement of floors and, after them, ports.
-        participation: (N, m) modal force per unit base acceleration.
-        direct: (N, o) rigid motion of floors and ports per unit base translation.
-        floors: how many of the rows are floors.
-    """
-
-    inverse: Tensor
-    ratio: Tensor
-    rows: Tensor
-    participation: Tensor
-    direct: Tensor
-    floors: int
-
-    @property
-    def frequency_hz(self) -> Tensor:
-        """(N, m) natural frequencies."""
-        return self.inverse.clamp_min(1e-30).rsqrt() / (2.0 * torch.pi)
-
-
-def _normal_modes(stiffness: Tensor, mass: Tensor | None) -> tuple[Tensor, Tensor]:
-    """Shapes (N, r, m) of unit modal stiffness and 1 / omega^2 (N, m), largest first."""
-    if mass is None:
-        squared, vectors = torch.linalg.eigh(stiffness)
-        return vectors * squared.rsqrt()[:, None, :], 1.0 / squared
-    factor = torch.linalg.cholesky(stiffness)
-    half = torch.linalg.solve_triangular(factor, mass, upper=False)
-    flexibility = torch.linalg.solve_triangular(factor, half.mT, upper=False)
-    inverse, vectors = torch.linalg.eigh(0.5 * (flexibility + flexibility.mT))
-    shapes = torch.linalg.solve_triangular(factor.mT, vectors, upper=True)
-    return shapes.flip(-1), inverse.flip(-1).clamp_min(0.0)
 
 
 def _on_flexible_base(
@@ -291,55 +245,3 @@ def _on_flexible_base(
     wide_mass[:, size:, :size] = coupling.mT
     wide_mass[:, size:, size:] = rigid * root[:, :, None] * root[:, None, :]
     return wide_stiffness, wide_mass
-
-
-def _floor_response(modes: Modes, omega: Tensor, port_stiffness: list[Tensor]) -> Tensor:
-    """Complex FRFs (N, f, k): absolute acceleration over base acceleration."""
-    floors = modes.floors
-    ports = modes.rows[:, floors:]
-    columns = torch.cat([modes.participation[:, :, None], ports.mT], dim=2)  # (N, m, 1 + j)
-    dynamic = _modal_receptance(modes, omega)
-    flexible = _receptance(modes, columns, omega, dynamic)
-    squared = omega**2
-    frf = modes.direct[:, :floors, None] + squared * flexible[:, :floors, 0]
-    if not port_stiffness:
-        return frf
-    stiffness = torch.stack(port_stiffness, dim=-1).to(frf.dtype)  # (N, k, j)
-    # Absolute displacement of the ports per unit base acceleration, without the ports' forces.
-    free = -(flexible[:, floors:, 0] + modes.direct[:, floors:, None] / squared)
-    between = flexible[:, floors:, 1:].permute(0, 3, 1, 2)  # (N, k, j, j)
-    eye = torch.eye(ports.shape[1], dtype=frf.dtype)
-    system = eye + between * stiffness[:, :, None, :]
-    moved = torch.linalg.solve(system, free.permute(0, 2, 1)[..., None])[..., 0]
-    forces = -(stiffness * moved)  # (N, k, j), what the ports do to the structure
-    to_floors = flexible[:, :floors, 1:].permute(0, 3, 1, 2)
-    added = (to_floors @ forces[..., None])[..., 0].permute(0, 2, 1)
-    return frf - squared * added
-
-
-def _modal_receptance(modes: Modes, omega: Tensor) -> tuple[Tensor, int]:
-    """1 / (1 - mu w^2 + 2 i zeta sqrt(mu) w) (N, d, k) of the d modes that can resonate."""
-    top = _TOP * float(omega[-1])
-    dynamic = max(1, int((modes.inverse > top**-2).sum(dim=1).max()))
-    inverse, ratio = modes.inverse[:, :dynamic, None], modes.ratio[:, :dynamic, None]
-    share = torch.complex(1.0 - inverse * omega**2, 2.0 * ratio * inverse.sqrt() * omega)
-    return 1.0 / share, dynamic
-
-
-def _receptance(
-    modes: Modes, columns: Tensor, omega: Tensor, dynamic: tuple[Tensor, int]
-) -> Tensor:
-    """Displacement (N, o, c, k) of the rows per unit force of the columns."""
-    response, count = dynamic
-    rows = modes.rows.to(response.dtype)
-    parts = []
-    for c in range(columns.shape[2]):
-        column = columns[:, :, c]
-        total = rows[:, :, :count] @ (column[:, :count, None] * response)
-        series = torch.stack(
-            [column[:, count:] * modes.inverse[:, count:] ** k for k in range(_SERIES)], dim=-1
-        )
-        powers = torch.stack([omega ** (2 * k) for k in range(_SERIES)])
-        total = total + (modes.rows[:, :, count:] @ series) @ powers
-        parts.append(total)
-    return torch.stack(parts, dim=2)

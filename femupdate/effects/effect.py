@@ -166,11 +166,13 @@ def floor_port(structure: Structure, floor: int) -> Port:
 
 
 def story_port(structure: Structure, story: int) -> Port:
-    """The drift of a story: the floor above it less the one below."""
-    rows, rigid = structure.floor_rows, structure.rigid_floors
+    """The drift of a story: the floor above it less the one below.
+
+    What stands between two floors leans with them: a rigid rotation does not stretch it.
+    """
+    rows = structure.floor_rows
     below = rows[story - 1] if story else np.zeros(rows.shape[1])
-    rigid_below = rigid[story - 1] if story else np.array([1.0, 0.0])
-    return Port(rows[story] - below, rigid[story] - rigid_below)
+    return Port(rows[story] - below, np.zeros(2))
 
 
 def as_complex(real: Tensor, imaginary: Tensor) -> Tensor:

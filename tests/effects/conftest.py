@@ -1,0 +1,331 @@
+"""Full equations written out with dense matrices, and two buildings small enough for them."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pytest
+import torch
+from scipy.linalg import eigh
+
+from femupdate.building.document import from_document
+from femupdate.building.files import load_building
+from femupdate.dynamics.damping import ConstantDamping
+from femupdate.dynamics.effect_response import EffectSystem, ReducedStructure, reduce_terms
+from femupdate.dynamics.full_response import floor_sensors
+from femupdate.dynamics.reduction import project, reduce_lumped
+from femupdate.effects import CATALOGUE, Placed, structure_of
+from femupdate.fe.assembly import assemble
+
+
+@dataclass(frozen=True)
+class Equations:
+    """Relative motion u of a building on a base that moves by y = (translation, rotation).
+
+    Attributes:
+        K, M: (n, n).
+        rigid: (n, 2) motion of the degrees of freedom with the base.
+        force: (n, 2) inertia force per unit acceleration of the base.
+        rigid_mass: (2, 2) force and moment on the base per unit acceleration of it.
+        rows: (f, n) floors.
+        levels: (f,) their heights.
+        ground: spring under the base by direction, 0 translation, 1 rotation; others rigid.
+        pitch: rotation of the ground per unit translation of it.
+        dashpots: (row (n,), rate).
+        appendages: (floor, mass, circular frequency, damping ratio).
+    """
+
+    K: np.ndarray
+    M: np.ndarray
+    rigid: np.ndarray
+    force: np.ndarray
+    rigid_mass: np.ndarray
+    rows: np.ndarray
+    levels: np.ndarray
+    ground: dict = field(default_factory=dict)
+    pitch: float = 0.0
+    dashpots: tuple = ()
+    appendages: tuple = ()
+
+    def but(self, **changes):
+        return replace(self, **changes)
+
+    def with_mass(self, diagonal):
+        """More point masses (n,) on the degrees of freedom."""
+        force = diagonal[:, None] * self.rigid
+        return self.but(
+            M=self.M + np.diag(diagonal),
+            force=self.force + force,
+            rigid_mass=self.rigid_mass + self.rigid.T @ force,
+        )
+
+    def frf(self, frequency_hz, zeta=None, proportional=None):
+        """Absolute acceleration of the floors over that of the ground, (f, k).
+
+        Args:
+            zeta: damping ratio of every mode (Clough and Penzien, 1993, section 12-5), or a
+                function of the circular frequencies.
+            proportional: (a, b) of C = a M + b K instead.
+        """
+        K, M, load, rows, direct = self._on_ground()
+        if proportional is None:
+            C = _modal_damping(K, M, zeta)
+        else:
+            C = proportional[0] * M + proportional[1] * K
+        for row, rate in self.dashpots:
+            wide = np.append(row, np.zeros(len(K) - len(row)))
+            C = C + rate * np.outer(wide, wide)
+        for floor, mass, omega, ratio in self.appendages:
+            K, M, C, load, rows = self._appended((K, M, C, load, rows), floor, mass, omega, ratio)
+        columns = []
+        for w in 2.0 * np.pi * np.asarray(frequency_hz):
+            moved = np.linalg.solve(K + 1j * w * C - w**2 * M, load)
+            columns.append(direct + w**2 * (rows @ moved))
+        return np.stack(columns, axis=1)
+
+    @property
+    def _motion(self):
+        return np.array([1.0, self.pitch])
+
+    def _on_ground(self):
+        """Matrices with the motion of the base against the ground as last coordinates."""
+        free = sorted(self.ground)
+        F, R = self.force[:, free], self.rigid_mass[np.ix_(free, free)]
+        springs = np.diag([self.ground[k] for k in free])
+        nothing = np.zeros_like(F)
+        K = np.block([[self.K, nothing], [nothing.T, springs]])
+        M = np.block([[self.M, F], [F.T, R]])
+        load = np.concatenate([self.force @ self._motion, (self.rigid_mass @ self._motion)[free]])
+        floors = np.column_stack([np.ones(len(self.levels)), self.levels])
+        return K, M, load, np.column_stack([self.rows, floors[:, free]]), floors @ self._motion
+
+    def _appended(self, matrices, floor, mass, omega, ratio):
+        """One more coordinate: the appendage's own motion, against where its floor's frame is."""
+        K, M, C, load, rows = matrices
+        n = len(K)
+        stretch = np.append(-self.rows[floor], np.zeros(n + 1 - len(self.rows[floor])))
+        stretch[-1] = 1.0
+        with_base = np.array([1.0, self.levels[floor]])
+        absolute = np.zeros(n + 1)
+        free = sorted(self.ground)
+        own = len(self.K)
+        absolute[own : own + len(free)] = with_base[free]
+        absolute[-1] = 1.0
+
+        def wide(matrix):
+            return np.pad(matrix, (0, 1))
+
+        K = wide(K) + mass * omega**2 * np.outer(stretch, stretch)
+        C = wide(C) + 2.0 * ratio * omega * mass * np.outer(stretch, stretch)
+        M = wide(M) + mass * np.outer(absolute, absolute)
+        load = np.append(load, 0.0) + mass * absolute * (with_base @ self._motion)
+        return K, M, C, load, np.pad(rows, ((0, 0), (0, 1)))
+
+
+def _modal_damping(K, M, zeta):
+    """C with given ratios; a base without mass has modes that neither move mass nor dissipate."""
+    inverse, modes = eigh(M, K)  # of unit modal stiffness
+    inverse, modes = inverse[inverse > 1e-12 * inverse[-1]], modes[:, inverse > 1e-12 * inverse[-1]]
+    ratio = zeta(inverse**-0.5) if callable(zeta) else zeta
+    return K @ modes @ np.diag(2.0 * ratio * inverse**0.5) @ modes.T @ K
+
+
+def chain_equations(building, theta):
+    """A shear building by hand: k_i + k_{i+1} on the diagonal, -k_{i+1} beside it."""
+    mass = np.array([story.mass for story in building.stories])
+    k = np.append(np.asarray(theta) * [story.spring for story in building.stories], 0.0)
+    K = np.diag(k[:-1] + k[1:]) - np.diag(k[1:-1], 1) - np.diag(k[1:-1], -1)
+    heights = np.cumsum([story.height or 1.0 for story in building.stories])
+    rigid = np.column_stack([np.ones(len(mass)), heights])
+    force = mass[:, None] * rigid
+    return Equations(K, np.diag(mass), rigid, force, rigid.T @ force, np.eye(len(mass)), heights)
+
+
+def frame_equations(mesh, model, theta):
+    """A frame by hand, from the mesh's meaning and any model on its nodes."""
+    operators = assemble(model)
+    x, y, z = model.nodes.T
+    along = mesh.direction
+    place = (x, y)[along]
+    middle = 0.5 * (place.min() + place.max())
+    motion = np.zeros((len(model.nodes), 6, 2))
+    motion[:, along, 0] = 1.0
+    # A small rotation about the horizontal axis that brings what is above forward.
+    spin = np.array([0.0, 1.0, 0.0]) if along == 0 else np.array([-1.0, 0.0, 0.0])
+    arm = np.column_stack([x, y, z])
+    arm[:, along] -= middle
+    motion[:, :3, 1] = np.cross(spin, arm)
+    motion[:, 3:, 1] = spin
+    motion = motion.reshape(-1, 2)
+    whole = operators.mass_full.toarray()
+    rows = np.zeros((len(mesh.floors), operators.dof))
+    for row, nodes in zip(rows, mesh.floor_nodes.values(), strict=True):
+        row[6 * np.asarray(nodes) + along] = 1.0 / len(nodes)
+    free = operators.free
+    return Equations(
+        operators.stiffness(theta).toarray(),
+        operators.mass.toarray(),
+        motion[free],
+        (whole @ motion)[free],
+        motion.T @ whole @ motion,
+        rows[:, free],
+        mesh.floor_level,
+    )
+
+
+def lumped_masses(model):
+    """(N,) mass of each node: a quarter of each shell, half of each bar, and point masses."""
+    mass = np.zeros(len(model.nodes))
+    shells, beams = model.shells, model.beams
+    sides = model.nodes[shells.nodes]
+    area = np.linalg.norm(
+        np.cross(sides[:, 1] - sides[:, 0], sides[:, 3] - sides[:, 0]), axis=1
+    )  # rectangles
+    share = area * shells.thickness * shells.density / 4.0
+    np.add.at(mass, shells.nodes, np.repeat(share[:, None], 4, axis=1))
+    length = np.linalg.norm(np.diff(model.nodes[beams.nodes], axis=1)[:, 0], axis=1)
+    share = length * beams.area * beams.density / 2.0
+    np.add.at(mass, beams.nodes, np.repeat(share[:, None], 2, axis=1))
+    np.add.at(mass, model.masses.node, model.masses.mass)
+    return mass
+
+
+@dataclass(frozen=True)
+class Case:
+    """A building with its exact reduction and its equations by hand.
+
+    Attributes:
+        structure, reduced: of femupdate.
+        theta: (p,) factors, no two alike.
+        frequency_hz: (k,).
+        equations: at theta.
+    """
+
+    structure: object
+    reduced: ReducedStructure
+    theta: np.ndarray
+    frequency_hz: np.ndarray
+    equations: Equations
+
+    @property
+    def building(self):
+        return self.structure.building
+
+    @property
+    def mesh(self):
+        return self.structure.mesh
+
+    def equations_of(self, model):
+        """Equations of another model on the same nodes."""
+        return frame_equations(self.mesh, model, self.theta)
+
+    def placed(self, *labels):
+        return tuple(
+            Placed(CATALOGUE[name], place) for name, place in (one.split("@") for one in labels)
+        )
+
+    def system(self, *labels, law=None):
+        placed = self.placed(*labels)
+        terms = tuple(
+            reduce_terms(self.reduced, one.effect.terms(self.structure, one.place))
+            for one in placed
+        )
+        return EffectSystem(self.reduced, law or ConstantDamping(), placed, terms)
+
+    def frf(self, *labels, sizes=(), zeta=0.03, law=None):
+        """(f, k) of the program."""
+        tensors = [torch.from_numpy(np.array([v], dtype=float)) for v in (self.theta, zeta, sizes)]
+        grid = torch.from_numpy(self.frequency_hz)
+        return self.system(*labels, law=law).frf(*tensors, grid)[0].numpy()
+
+
+def _exact(structure, theta, frequency_hz, equations):
+    """The structure on a complete mass-orthonormal basis: nothing is left out."""
+    if structure.operators is None:
+        basis = np.diag(structure.nodal_mass**-0.5)
+        terms = np.stack([term.toarray() for term in structure.stiffness_terms])
+        model = reduce_lumped(terms, structure.mass.toarray(), structure.floors)
+    else:
+        mass = structure.mass.toarray()
+        basis = eigh(structure.stiffness(np.ones(len(theta))).toarray(), mass)[1]
+        nodes = structure.mesh.floor_nodes
+        sensors = floor_sensors(structure.operators, nodes, structure.direction)
+        levels = np.concatenate([[0.0], structure.levels])
+        model = project(structure.operators, basis, nodes, levels, sensors)
+    reduced = ReducedStructure(structure, model, basis, basis.T @ structure.rigid_force)
+    return Case(structure, reduced, np.asarray(theta), frequency_hz, equations)
+
+
+@pytest.fixture(scope="session")
+def frame_document():
+    """Two unequal stories, a wall off the centre, a wall opposite that only weighs."""
+    return {
+        "name": "made",
+        "kind": "frame",
+        "grid": {"x": {"A": 0.0, "B": 5.0, "C": 9.0}, "y": {"P": 0.0, "Q": 6.0}},
+        "stories": [{"name": "low", "height": 3.4}, {"name": "high", "height": 2.9}],
+        "materials": {
+            "concrete": {"youngs_modulus": 25e9, "poisson_ratio": 0.2, "density": 2400.0}
+        },
+        "sections": {
+            "column": {"shape": "rectangle", "width": 0.4, "depth": 0.6},
+            "beam": {"shape": "rectangle", "width": 0.3, "depth": 0.5},
+        },
+        "columns": [{"section": "column"}],
+        "beams": [{"section": "beam"}],
+        "walls": [
+            {"along": "Q", "from": "A", "to": "B", "thickness": 0.15},
+            {
+                "along": "P",
+                "from": "B",
+                "to": "C",
+                "thickness": 0.1,
+                "role": "non_structural",
+                "stiffness": False,
+            },
+        ],
+        "slabs": [{"x": ["A", "C"], "y": ["P", "Q"], "thickness": 0.15}],
+        "floor_mass": [{"total": 90e3, "floors": ["2F"]}, {"total": 70e3, "floors": ["RF"]}],
+        "mesh": {"size": 5.0},
+        "sensors": {"direction": "x", "points": ["A-P", "C-Q"]},
+        "frequency_grid": {"start": 0.2, "step": 0.2, "count": 150},
+        "prior": {"theta": {"lower": 1 / 3, "upper": 3.0}},
+        "damping": {"law": "constant", "ratio": 0.02},
+    }
+
+
+@pytest.fixture(scope="session")
+def stick():
+    building = load_building("shear_4dof")
+    theta = np.array([0.7, 1.4, 1.1, 0.5])
+    grid = np.linspace(0.3, 20.0, 60)
+    return _exact(structure_of(building), theta, grid, chain_equations(building, theta))
+
+
+@pytest.fixture(scope="session")
+def frame(frame_document):
+    structure = structure_of(from_document(frame_document))
+    theta = np.array([0.8, 1.3])
+    grid = np.linspace(0.5, 30.0, 60)
+    equations = frame_equations(structure.mesh, structure.mesh.model, theta)
+    return _exact(structure, theta, grid, equations)
+
+
+@pytest.fixture(scope="session", params=["stick", "frame"])
+def case(request):
+    return request.getfixturevalue(request.param)
+
+
+@pytest.fixture(scope="session")
+def frame_of():
+    """A function: a frame building's equations by hand, at theta."""
+
+    def make(building, theta):
+        mesh = structure_of(building).mesh
+        return frame_equations(mesh, mesh.model, theta)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def node_masses():
+    return lumped_masses
