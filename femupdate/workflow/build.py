@@ -81,9 +81,9 @@ def build_study(
         modes.frequency_hz,
         effective,
         len(parts.operators.free),
-        sum(
-            map(len, (parts.mesh.model.shells, parts.mesh.model.triangles, parts.mesh.model.beams))
-        ),
+        len(parts.mesh.model.shells)
+        + len(parts.mesh.model.triangles)
+        + len(parts.mesh.model.beams),
         mass,
         _checks(parts, model, modes),
         pictures,
@@ -97,16 +97,16 @@ def write_mesh(parts: FrameParts, path: Path, modes: Modes | None = None) -> Non
     model = parts.mesh.model
     shells, beams, three = model.shells, model.beams, model.triangles
     cells = [("quad", shells.nodes), ("line", beams.nodes)]
-    data = {
+    data: dict[str, list[np.ndarray]] = {
         "story": [shells.group + 1, beams.group + 1],
         "thickness_m": [shells.thickness, np.zeros(len(beams))],
         "section_area_m2": [np.zeros(len(shells)), beams.area],
     }
     if len(three):
         cells.append(("triangle", three.nodes))
-        own = (three.group + 1, three.thickness, np.zeros(len(three)))
-        for values, more in zip(data.values(), own, strict=True):
-            values.append(more)
+        data["story"].append(three.group + 1)
+        data["thickness_m"].append(three.thickness)
+        data["section_area_m2"].append(np.zeros(len(three)))
     points = {}
     if modes is not None:
         full = parts.operators.expand(modes.shapes).reshape(len(model.nodes), 6, -1)
