@@ -1,6 +1,7 @@
 """femupdate build-model."""
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -9,8 +10,27 @@ from .common import Bars, print_json, print_notes, print_pictures, shared_option
 
 @click.command("build-model")
 @click.argument("building", required=False)
+@click.option(
+    "--export",
+    type=click.Choice(["opensees"]),
+    help="Also write the model for another program: opensees, a Python script for OpenSeesPy.",
+)
+@click.option(
+    "--shell",
+    type=click.Choice(["ASDShellQ4", "ShellMITC4", "ShellDKGQ"]),
+    default="ASDShellQ4",
+    show_default=True,
+    help="Shell element of the exported script.",
+)
 @shared_options
-def command(building: str | None, study_folder: Path, seed: int, as_json: bool) -> None:
+def command(
+    building: str | None,
+    export: str | None,
+    shell: Any,
+    study_folder: Path,
+    seed: int,
+    as_json: bool,
+) -> None:
     """Build the model of BUILDING: mesh, checks, modes, pictures, reduced model.
 
     BUILDING is a TOML file or the name of a shipped building; default: the study's own, or
@@ -24,6 +44,11 @@ def command(building: str | None, study_folder: Path, seed: int, as_json: bool) 
     check_writable(study)
     with Bars() as bars:
         report = build_study(study, building, bars)
+    files = []
+    if export == "opensees":
+        from femupdate.workflow.export import export_opensees
+
+        files.append(export_opensees(study, report.model.building, shell=shell))
     if as_json:
         print_json(
             {
@@ -37,6 +62,7 @@ def command(building: str | None, study_folder: Path, seed: int, as_json: bool) 
                 "reduction_error": report.model.reduction_error,
                 "checks": report.checks,
                 "pictures": report.pictures,
+                "exported": files,
                 "study": study_folder,
             }
         )
@@ -51,4 +77,4 @@ def command(building: str | None, study_folder: Path, seed: int, as_json: bool) 
     ]
     click.echo(table(("mode", "Hz", "mass moved by the base motion"), rows))
     print_notes(report.checks)
-    print_pictures(report.pictures)
+    print_pictures((*report.pictures, *files))

@@ -19,6 +19,7 @@ _COMMANDS = {
     "calibrate": ("calibrate", "Posterior of the stiffness factors from a measured file."),
     "predict": ("predict", "Floor histories and story shear-drift lines for a ground motion."),
     "diagnose": ("diagnose", "Where model and measurement disagree, and what is missing."),
+    "repair": ("repair", "Add what is missing, update, and show the gap before and after."),
     "render": ("render", "Mode shapes of the posterior, off screen."),
     "simulate": ("simulate", "Make a synthetic observation file from the full model."),
     "benchmark": ("benchmark", "Published tables and other programs, side by side with ours."),

@@ -106,12 +106,14 @@ class EffectSystem:
         law: of the damping.
         placed: the effects.
         terms: of each.
+        kept: which columns of the sizes of a larger system are this one's; None for all.
     """
 
     reduced: ReducedStructure
     law: DampingLaw
     placed: tuple[Placed, ...]
     terms: tuple[ReducedTerms, ...]
+    kept: tuple[int, ...] | None = None
 
     @property
     def sizes(self) -> int:

@@ -203,6 +203,11 @@ def reduce_building(
     )
 
 
+def reduction_of(model: StudyModel) -> Reduction:
+    """The reduction behind a study's model, to be kept in another study of the same structure."""
+    return Reduction(model.reduced, model.reduction_error, model.reduction_error, 0)
+
+
 def save_reduced(model: ReducedModel, rms_error: float, path: Path) -> None:
     """Write a reduced model as npz, atomically."""
     arrays = {name: getattr(model, name) for name in _ARRAYS}

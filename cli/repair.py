@@ -1,0 +1,96 @@
+"""femupdate repair."""
+
+from pathlib import Path
+
+import click
+
+from .common import (
+    Bars,
+    parse_band,
+    parse_columns,
+    parse_names,
+    print_json,
+    print_pictures,
+    shared_options,
+)
+
+
+@click.command("repair")
+@click.argument("observation", type=click.Path(path_type=Path))
+@click.option("--building", help="Shipped name or TOML file, for a new study.")
+@click.option("--holdout", type=click.Path(path_type=Path), help="Data kept out, to be predicted.")
+@click.option("--sensors", callback=parse_names, help="Floors to use, such as RF or 2F,RF.")
+@click.option("--band", callback=parse_band, help="Frequencies to use, such as 0.5,18 (Hz).")
+@click.option("--no-phase", is_flag=True, help="Use |H| alone.")
+@click.option("--unit", help="Of the accelerations, where the file does not say it.")
+@click.option("--columns", callback=parse_columns, help="Names: ours=theirs,ours=theirs.")
+@shared_options
+def command(
+    observation: Path,
+    building: str | None,
+    holdout: Path | None,
+    sensors: tuple[str, ...],
+    band: tuple[float, float] | None,
+    no_phase: bool,
+    unit: str | None,
+    columns: dict[str, str] | None,
+    study_folder: Path,
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Add to the model what the measured file OBSERVATION shows to be missing.
+
+    At most three effects, each only when its evidence carries it; the repaired building becomes a
+    study of its own inside this one (folder `repaired`), which every command takes.
+    """
+    from femupdate.discrepancy.diagnose import DiagnosisSettings
+    from femupdate.study import Study
+    from femupdate.workflow.calibrate import ObservationSource, check_readable
+    from femupdate.workflow.model import open_study
+    from femupdate.workflow.repair import repair_study
+
+    study = Study(study_folder)
+    source = ObservationSource(observation, unit, columns, sensors, band)
+    other = None
+    if holdout is not None:
+        other = ObservationSource(holdout, unit, columns, sensors, band)
+    with Bars() as bars:
+        for given in (source, other):
+            if given is not None:
+                check_readable(given)
+        model = open_study(study, building, bars)
+        settings = DiagnosisSettings(seed=seed)
+        report = repair_study(study, model, source, other, settings, bars, not no_phase)
+    if as_json:
+        print_json({**report.as_dict(), "repair": report.path, "pictures": report.pictures})
+        return
+    done, points = report.repair, report.problem.effective
+    for number, one in enumerate(done.rounds, start=1):
+        found = one.finding
+        click.echo(
+            f"{number}. {found.placed.effect.title} at {found.placed.place}, size "
+            f"{found.size:.4g} +- {found.size_sd:.2g}: residuals {one.chi2_before:.0f} -> "
+            f"{one.chi2_after:.0f} over {points:.0f} independent points"
+        )
+    if not done.rounds:
+        click.echo(f"Nothing was added ({done.last.verdict}). {done.last.sentence}")
+    else:
+        click.echo(
+            f"  then: {done.last.verdict}. p-value {done.p_before:.2g} -> {done.p_after:.2g}"
+        )
+    before, after = report.theta_before, report.theta_after
+    for k in range(before.shape[1]):
+        click.echo(
+            f"  theta_{k + 1}  {before[:, k].mean():.3f} +- {before[:, k].std():.3f}  ->  "
+            f"{after[:, k].mean():.3f} +- {after[:, k].std():.3f}"
+        )
+    held = report.held
+    if held is not None:
+        click.echo(
+            f"  {held.name}, kept out: error of the histories {held.error_before:.3f} -> "
+            f"{held.error_after:.3f}, of ln|H| (chi2 a point) {held.chi2_before:.1f} -> "
+            f"{held.chi2_after:.1f}"
+        )
+    if report.building_path is not None:
+        click.echo(f"  repaired building {report.building_path}")
+    print_pictures((report.path, *report.pictures))

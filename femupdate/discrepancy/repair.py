@@ -1,0 +1,85 @@
+"""Adding what is missing, one effect a round, as long as the evidence carries it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from femupdate.discrepancy.diagnose import NAMED, Diagnosis, DiagnosisSettings, Finding, diagnose
+from femupdate.discrepancy.fit import Fit
+from femupdate.discrepancy.problem import Problem
+from femupdate.discrepancy.where import p_value
+
+MOST_ROUNDS = 3
+_GOOD = 0.05  # p-value at which nothing is left to explain
+
+
+@dataclass(frozen=True, eq=False)
+class Round:
+    """One effect that was added.
+
+    Attributes:
+        diagnosis: what was found.
+        finding: what was added.
+        chi2_before, chi2_after: sums of squared residuals.
+    """
+
+    diagnosis: Diagnosis
+    finding: Finding
+    chi2_before: float
+    chi2_after: float
+
+
+@dataclass(frozen=True, eq=False)
+class Repair:
+    """A model before and after.
+
+    Attributes:
+        before: the model as it was, fitted.
+        after: the model with all that was added, fitted; the same as before where nothing was.
+        rounds: what was added.
+        last: the diagnosis that ended it.
+        p_before, p_after: of noise alone leaving the residuals.
+    """
+
+    before: Fit
+    after: Fit
+    rounds: tuple[Round, ...]
+    last: Diagnosis
+    p_before: float
+    p_after: float
+
+    @property
+    def verdict(self) -> str:
+        """ "repaired", or the verdict that forbade to add anything."""
+        return "repaired" if self.rounds else self.last.verdict
+
+
+def repair(
+    problem: Problem,
+    base: Fit,
+    settings: DiagnosisSettings | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Repair:
+    """Diagnose and add, at most three times, while an effect is named and something is left.
+
+    An effect that competes with another, or that these sensors cannot tell from another, is not
+    added: the engineer decides.
+
+    Args:
+        problem: structure and data.
+        base: the model as it is, fitted.
+        settings: of the diagnosis.
+        progress: told what is being done.
+    """
+    rounds: list[Round] = []
+    current = base
+    while True:
+        found = diagnose(problem, settings, current, progress)
+        leading = found.leading
+        enough = p_value(problem, current) > _GOOD or len(rounds) == MOST_ROUNDS
+        if found.verdict != NAMED or leading is None or (rounds and enough):
+            break
+        rounds.append(Round(found, leading, current.chi2, leading.fitted.chi2))
+        current = leading.fitted
+    return Repair(
+        base, current, tuple(rounds), found, p_value(problem, base), p_value(problem, current)
+    )

@@ -1,0 +1,131 @@
+"""The gap between model and measurement, before and after an effect was added."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from femupdate.report.figure import Floats, add_head, new_figure
+from femupdate.report.style import BLUE, INK, ORANGE, styled
+
+_BEFORE: dict[str, Any] = {"color": ORANGE, "linewidth": 1.1}
+_AFTER: dict[str, Any] = {"color": BLUE, "linewidth": 1.1}
+_MEASURED: dict[str, Any] = {"color": INK, "linewidth": 0.8, "alpha": 0.8}
+_WINDOW_S = 6.0
+
+
+@dataclass(frozen=True)
+class Curves:
+    """FRFs of the measured floors.
+
+    Attributes:
+        frequency_hz: (k,).
+        floors: f names.
+        measured: (f, k) ln|H|, NaN where not valid.
+        before, after: (f, k) of the models; after is None where nothing was added.
+    """
+
+    frequency_hz: Floats
+    floors: Sequence[str]
+    measured: Floats
+    before: Floats
+    after: Floats | None
+
+
+@dataclass(frozen=True)
+class GapStory:
+    """All that one picture tells.
+
+    Attributes:
+        headline: what was added.
+        curves: FRFs.
+        names: p names of the stiffness factors.
+        theta_before, theta_after: (n, p) draws.
+        held: histories of data kept out (attributes name, floors, time, measured, before, after,
+            error_before, error_after), or None.
+    """
+
+    headline: str
+    curves: Curves
+    names: Sequence[str]
+    theta_before: Floats
+    theta_after: Floats | None
+    held: Any
+
+
+@styled
+def gap_story(story: GapStory) -> Figure:
+    """Draw FRFs, stiffness factors and, where data were kept out, their prediction."""
+    curves = story.curves
+    chosen = _floors(len(curves.floors))
+    rows = len(chosen)
+    figure = new_figure(11.0, 1.9 * rows + 0.6 + (2.1 if story.held is not None else 0.0))
+    height = [1.0] * rows + ([1.15] if story.held is not None else [])
+    grid = figure.add_gridspec(len(height), 3, height_ratios=height)
+    for row, place in enumerate(chosen):
+        panel = figure.add_subplot(grid[row, :2])
+        _frf(panel, curves, place, last=row == rows - 1)
+    _theta(figure.add_subplot(grid[:rows, 2]), story)
+    if story.held is not None:
+        _histories(figure.add_subplot(grid[rows, :]), story.held)
+    handles = [
+        Line2D([], [], label="measured", **_MEASURED),
+        Line2D([], [], label="model before", **_BEFORE),
+    ]
+    if curves.after is not None:
+        handles.append(Line2D([], [], label="model after", **_AFTER))
+    add_head(figure, story.headline, handles)
+    return figure
+
+
+def _floors(count: int) -> list[int]:
+    """The roof first, and at most two more."""
+    return sorted({count - 1, count // 2, 0}, reverse=True)
+
+
+def _frf(panel: Axes, curves: Curves, place: int, *, last: bool) -> None:
+    frequency = curves.frequency_hz
+    panel.plot(frequency, curves.measured[place], **_MEASURED)
+    panel.plot(frequency, curves.before[place], **_BEFORE)
+    if curves.after is not None:
+        panel.plot(frequency, curves.after[place], **_AFTER)
+    panel.set_ylabel(f"{curves.floors[place]}  ln|H|")
+    panel.set_xlim(float(frequency[0]), float(frequency[-1]))
+    if last:
+        panel.set_xlabel("Frequency, Hz")
+    else:
+        panel.tick_params(labelbottom=False)
+
+
+def _theta(panel: Axes, story: GapStory) -> None:
+    sets = [(story.theta_before, _BEFORE, -0.12)]
+    if story.theta_after is not None:
+        sets.append((story.theta_after, _AFTER, 0.12))
+    for draws, style, shift in sets:
+        low, middle, high = np.quantile(draws, [0.05, 0.5, 0.95], axis=0)
+        rows = np.arange(len(story.names)) + shift
+        panel.hlines(rows, low, high, color=style["color"], linewidth=3.0)
+        panel.plot(middle, rows, "o", color=style["color"], markersize=4)
+    panel.set_yticks(range(len(story.names)), list(story.names))
+    panel.set_xlabel("stiffness factor, 5 to 95 %")
+
+
+def _histories(panel: Axes, held: Any) -> None:
+    """The roof around its largest acceleration."""
+    top = len(held.floors) - 1
+    peak = held.time[np.abs(held.measured[top]).argmax()]
+    shown = np.abs(held.time - peak) <= 0.5 * _WINDOW_S
+    panel.plot(held.time[shown], held.measured[top][shown], **_MEASURED)
+    panel.plot(held.time[shown], held.before[top][shown], **_BEFORE)
+    text = f"{held.name}, kept out: error {held.error_before:.2f}"
+    if held.error_after != held.error_before:
+        panel.plot(held.time[shown], held.after[top][shown], **_AFTER)
+        text += f" before, {held.error_after:.2f} after"
+    panel.set_title(text)
+    panel.set_xlabel("Time, s")
+    panel.set_ylabel(f"{held.floors[top]}, m/s²")
+    panel.set_xlim(float(held.time[shown][0]), float(held.time[shown][-1]))
