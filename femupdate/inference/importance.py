@@ -6,13 +6,13 @@ sampling: Cappe et al. 2008, Stat. Comput. 18, 447).
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
 from femupdate.errors import InferenceError
-from femupdate.inference.mixture import GaussianMixture, fit_mixture
+from femupdate.inference.mixture import StudentMixture, fit_mixture
 from femupdate.inference.prior import UniformPrior
 from femupdate.inference.smc import LogLikelihood
 from femupdate.inference.tempering import (
@@ -21,8 +21,6 @@ from femupdate.inference.tempering import (
     systematic_rows,
 )
 
-# Degrees of freedom of the tails: weights stay bounded wherever the posterior is lighter.
-_FREEDOM = 8.0
 # Distinct draws that a component needs, a coordinate and its weight: on fewer it is too narrow.
 _DISTINCT_PER_COORDINATE = 25
 
@@ -144,17 +142,17 @@ def importance_draws(
 def _weighted(
     prior: UniformPrior,
     log_likelihood: LogLikelihood,
-    mixture: GaussianMixture,
+    mixture: StudentMixture,
     count: int,
     generator: torch.Generator,
 ) -> tuple[Tensor, Tensor, Tensor]:
     """Draws in standard normal coordinates (n, p), log likelihoods (n,) and log weights (n,)."""
-    proposal = _draw(mixture, count, generator)
+    proposal = mixture.sample(count, generator)
     value = log_likelihood(prior.from_normal(proposal)).to(torch.float64)
     value = torch.where(torch.isfinite(value), value, -torch.inf)
     constant = 0.5 * prior.size * math.log(2.0 * math.pi)
     log_prior = prior.log_density_normal(proposal) - constant
-    log_weight = value + log_prior - _log_density(mixture, proposal)
+    log_weight = value + log_prior - mixture.log_density(proposal)
     if not bool(torch.isfinite(log_weight).any()):
         raise InferenceError(
             "no draw around the particles has a finite likelihood; use more particles"
@@ -162,41 +160,8 @@ def _weighted(
     return proposal, value, log_weight
 
 
-def _fit(xi: Tensor, settings: ImportanceSettings, generator: torch.Generator) -> GaussianMixture:
+def _fit(xi: Tensor, settings: ImportanceSettings, generator: torch.Generator) -> StudentMixture:
     distinct = len(torch.unique(xi[:, 0]))
     most = max(1, distinct // (_DISTINCT_PER_COORDINATE * (xi.shape[1] + 1)))
     fitted = fit_mixture(xi, min(settings.components, most), generator, iterations=100)
-    return replace(fitted, cholesky=math.sqrt(settings.widen) * fitted.cholesky)
-
-
-def _draw(mixture: GaussianMixture, count: int, generator: torch.Generator) -> Tensor:
-    """Draws (count, p) of the mixture with each Gaussian made a Student's t."""
-    component = torch.multinomial(
-        mixture.log_weight.exp(), count, replacement=True, generator=generator
-    )
-    size = mixture.mean.shape[1]
-    normal = torch.randn(
-        count,
-        size + int(_FREEDOM),
-        generator=generator,
-        dtype=mixture.mean.dtype,
-        device=mixture.mean.device,
-    )
-    squares = normal[:, size:].square().sum(1)
-    offset = (mixture.cholesky[component] @ normal[:, :size, None])[..., 0]
-    return mixture.mean[component] + offset * (_FREEDOM / squares).sqrt()[:, None]
-
-
-def _log_density(mixture: GaussianMixture, x: Tensor) -> Tensor:
-    """Log density (n,) of the Student mixture (Kotz & Nadarajah 2004, eq. 1.1)."""
-    size = x.shape[1]
-    scaled = mixture.scaled(x)
-    log_determinant = mixture.cholesky.diagonal(dim1=1, dim2=2).log().sum(-1)
-    constant = (
-        math.lgamma(0.5 * (_FREEDOM + size))
-        - math.lgamma(0.5 * _FREEDOM)
-        - 0.5 * size * math.log(_FREEDOM * math.pi)
-    )
-    tail = -0.5 * (_FREEDOM + size) * torch.log1p((scaled**2).sum(1) / _FREEDOM)
-    joint = (mixture.log_weight + constant - log_determinant)[:, None] + tail
-    return torch.logsumexp(joint, dim=0)
+    return StudentMixture(fitted.widened(settings.widen))

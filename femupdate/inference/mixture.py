@@ -26,6 +26,10 @@ class GaussianMixture:
         difference = (x[None] - self.mean[:, None]).transpose(1, 2)
         return torch.linalg.solve_triangular(self.cholesky, difference, upper=False)
 
+    def widened(self, factor: float) -> "GaussianMixture":
+        """The same with all covariances multiplied."""
+        return GaussianMixture(self.log_weight, self.mean, math.sqrt(factor) * self.cholesky)
+
     def component_log_density(self, x: Tensor) -> Tensor:
         """Log of weight times density, (n, k), for x (n, p)."""
         scaled = self.scaled(x)
@@ -52,6 +56,54 @@ class GaussianMixture:
             device=self.mean.device,
         )
         return self.mean[component] + (self.cholesky[component] @ noise)[..., 0]
+
+
+@dataclass(frozen=True)
+class StudentMixture:
+    """A Gaussian mixture with each Gaussian made a multivariate Student's t.
+
+    Its tails reach beyond the points that it was fitted to: as a proposal it does not lag behind a
+    distribution that moves, and importance weights stay bounded wherever the target is lighter.
+
+    Attributes:
+        gaussian: the mixture; its covariances are the scale matrices.
+        freedom: degrees of freedom.
+    """
+
+    gaussian: GaussianMixture
+    freedom: int = 8
+
+    def sample(self, count: int, generator: torch.Generator) -> Tensor:
+        """Draw (count, p)."""
+        mixture = self.gaussian
+        component = torch.multinomial(
+            mixture.log_weight.exp(), count, replacement=True, generator=generator
+        )
+        size = mixture.mean.shape[1]
+        normal = torch.randn(
+            count,
+            size + self.freedom,
+            generator=generator,
+            dtype=mixture.mean.dtype,
+            device=mixture.mean.device,
+        )
+        stretch = (self.freedom / normal[:, size:].square().sum(1)).sqrt()
+        offset = (mixture.cholesky[component] @ normal[:, :size, None])[..., 0]
+        return mixture.mean[component] + offset * stretch[:, None]
+
+    def log_density(self, x: Tensor) -> Tensor:
+        """Log density (n,) of x (n, p) (Kotz & Nadarajah 2004, eq. 1.1)."""
+        mixture, freedom, size = self.gaussian, self.freedom, x.shape[1]
+        log_determinant = mixture.cholesky.diagonal(dim1=1, dim2=2).log().sum(-1)
+        constant = (
+            math.lgamma(0.5 * (freedom + size))
+            - math.lgamma(0.5 * freedom)
+            - 0.5 * size * math.log(freedom * math.pi)
+        )
+        squares = (mixture.scaled(x) ** 2).sum(1)
+        tail = -0.5 * (freedom + size) * torch.log1p(squares / freedom)
+        joint = (mixture.log_weight + constant - log_determinant)[:, None] + tail
+        return torch.logsumexp(joint, dim=0)
 
 
 def fit_mixture(

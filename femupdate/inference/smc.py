@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 
 from femupdate.errors import InferenceError
-from femupdate.inference.mixture import GaussianMixture, fit_mixture
+from femupdate.inference.mixture import StudentMixture, fit_mixture
 from femupdate.inference.prior import UniformPrior
 from femupdate.inference.tempering import effective_sample_size, next_increment, systematic_rows
 
@@ -23,6 +23,8 @@ logger = logging.getLogger(__name__)
 
 # Distinct particles that a component of the fitted mixture needs, a coordinate and its weight.
 _DISTINCT_PER_COORDINATE = 5
+# The mixture reaches beyond the particles, which lag behind where the likelihood moves on.
+_FREEDOM, _WIDEN = 4, 1.5
 
 LogLikelihood = Callable[[Tensor], Tensor]
 """Log likelihood (n,) of parameters theta (n, p)."""
@@ -44,13 +46,13 @@ class SmcSettings:
             all moves.
     """
 
-    ess_target: float = 0.5
+    ess_target: float = 0.7
     moves: int = 10
     walk_scale: float = 0.2
     independence_moves: int = 6
     components: int = 8
     most_levels: int = 200
-    unmoved: float = 0.03
+    unmoved: float = 0.1
 
 
 PAPER = SmcSettings(ess_target=0.8, independence_moves=0, unmoved=0.0)
@@ -301,7 +303,7 @@ class TemperedSmc:
             unmoved = float((state.xi == start).all(dim=1).to(torch.float64).mean())
         return state, (_mean(accepted[False]), _mean(accepted[True]))
 
-    def _fit(self, xi: Tensor, generator: torch.Generator) -> GaussianMixture:
+    def _fit(self, xi: Tensor, generator: torch.Generator) -> StudentMixture:
         """A mixture of the particles, of fewer components where few of them are distinct.
 
         Resampling of a small share leaves many copies: components on a few points each would
@@ -309,7 +311,8 @@ class TemperedSmc:
         """
         distinct = _distinct(xi)
         most = max(1, distinct // (_DISTINCT_PER_COORDINATE * (xi.shape[1] + 1)))
-        return fit_mixture(xi, min(self.settings.components, most), generator)
+        fitted = fit_mixture(xi, min(self.settings.components, most), generator)
+        return StudentMixture(fitted.widened(_WIDEN), _FREEDOM)
 
     def _accept(
         self,

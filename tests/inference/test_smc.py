@@ -42,7 +42,8 @@ def test_linear_gaussian_posterior_and_evidence(box, linear_gaussian, settings):
     ratio = np.linalg.solve(exact.covariance, np.cov(xi.T))
     np.testing.assert_allclose(ratio, np.eye(3), atol=0.2)
     assert result.log_evidence == pytest.approx(exact.log_evidence, abs=0.18)
-    assert result.invalid == 0
+    # The proposals' tails reach where a draw is the box's very bound, and this likelihood infinite.
+    assert result.invalid < 1e-3 * result.evaluations
     most = 2000 * (1 + settings.moves * len(result.levels))
     if settings.unmoved == 0.0:
         assert result.evaluations == most
@@ -51,6 +52,16 @@ def test_linear_gaussian_posterior_and_evidence(box, linear_gaussian, settings):
     np.testing.assert_allclose(
         result.log_likelihood, exact.on(prior)(result.theta), rtol=1e-9, atol=1e-9
     )
+
+
+@pytest.mark.parametrize("shift", [2.0, 4.0])
+def test_a_posterior_in_the_corner_of_the_box(box, linear_gaussian, shift):
+    """Three to six prior standard deviations out: the particles must not lag behind."""
+    prior = box([0.3, -5.0, 10.0], [3.0, 2.0, 11.0])
+    exact = linear_gaussian(PROBLEM[0], PROBLEM[1] + shift, 0.5)
+    result = TemperedSmc(prior, exact.on(prior)).run(1000, 1)
+    # Over six seeds -.06 +- .06; with proposals of Gaussian tails it was off by 2 and 9.
+    assert result.log_evidence == pytest.approx(exact.log_evidence, abs=0.3)
 
 
 @pytest.mark.parametrize("rate", [30.0, 2.0, -9.0])

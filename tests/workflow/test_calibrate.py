@@ -452,12 +452,20 @@ def test_the_latent_posterior(learned, tower_observation):
     np.testing.assert_array_equal(again.posterior.zeta, posterior.zeta)
 
 
-def test_a_shear_building_with_a_surrogate_is_sampled_from_the_prior(tmp_path, learned, frf_table):
-    """So that its evidence does not depend on what has been trained."""
+def test_the_exact_posterior_does_not_depend_on_what_has_been_trained(tmp_path, learned, frf_table):
+    """From a poor surrogate's posterior, and from the prior: the same draws and evidence."""
     study, model = learned
-    runs = [calibrated(place, model, frf_table[0]).posterior for place in (study, Study(tmp_path))]
-    np.testing.assert_array_equal(runs[0].theta, runs[1].theta)
-    np.testing.assert_array_equal(runs[0].log_evidence, runs[1].log_evidence)
+    settings = replace(QUICK, particles=800)
+    bridged, sampled = (
+        calibrated(place, model, frf_table[0], settings) for place in (study, Study(tmp_path))
+    )
+    one, other = bridged.posterior.samples, sampled.posterior.samples
+    # 800 draws each: a mean errs by .05 of the two together, an sd by .035.
+    np.testing.assert_allclose(one.mean(0), other.mean(0), atol=0.2 * other.std(0).min())
+    np.testing.assert_allclose(one.std(0), other.std(0), rtol=0.15)
+    evidences = [r.posterior.log_evidence.mean() for r in (bridged, sampled)]
+    assert evidences[0] == pytest.approx(evidences[1], abs=0.1)
+    assert any("From the latent to the data-space posterior" in note for note in bridged.notes)
 
 
 def test_without_a_surrogate_nothing_is_drawn(tmp_path, tower_model, tower_observation, snapshot):

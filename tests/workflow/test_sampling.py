@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from femupdate.inference.prior import UniformPrior
-from femupdate.inference.smc import TemperedSmc
+from femupdate.inference.smc import THOROUGH, TemperedSmc
 from femupdate.workflow.progress import Silent
 from femupdate.workflow.sampling import ChainRunner
 
@@ -24,7 +24,7 @@ def sampler(fails_after=None):
             raise KilledError
         return -0.5 * (((theta - torch.tensor([0.3, 2.0])) / 0.01) ** 2).sum(-1)
 
-    return TemperedSmc(prior, log_likelihood)
+    return TemperedSmc(prior, log_likelihood, settings=THOROUGH)
 
 
 def runner(folder, fingerprint="one"):
