@@ -90,7 +90,7 @@ _COUPLED: dict[int, dict[str, tuple[float, float]]] = {
 }
 COUPLED_LIMITS = (8.8, 5.85)  # mm and Hz, extrapolated from those runs (Richardson)
 
-_FREQUENCIES = {
+_FREQUENCIES: dict[str, dict[str, tuple[float, ...]]] = {
     "FV4": {"Euler-Bernoulli, consistent mass": (1.0002, 0.9999, 1.0001, 1.0003, 1.0017, 1.0016)},
     "FV5": {
         "Timoshenko, consistent mass": (1.0006, 1.004, 1.004, 1.014, 1.035, 1.055),
