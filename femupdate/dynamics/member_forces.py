@@ -1,0 +1,121 @@
+"""Forces of members as rows over the displacements: ends of beams and columns, cuts of walls."""
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femupdate.errors import ModelError
+from femupdate.fe.assembly import AffineOperators
+from femupdate.fe.beam import beam_matrices, local_matrices
+from femupdate.fe.links import rigid_arms
+from femupdate.fe.model import (
+    DOF_PER_NODE,
+    Beams,
+    FiniteElementModel,
+    Integers,
+    Shells,
+    Triangles,
+)
+from femupdate.fe.shell import shell_matrices
+from femupdate.fe.triangle import triangle_matrices
+
+Floats = NDArray[np.float64]
+BEAM_FORCES = ("N", "Vy", "Vz", "T", "My", "Mz")
+_LEVEL = 1e-6  # m
+CUT_FORCES = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
+
+
+def beam_end_rows(
+    model: FiniteElementModel, operators: AffineOperators, theta: Floats, beam: int
+) -> Floats:
+    """Rows that give a beam element's end forces in its local axes, (12, n_free), N and N m.
+
+    They are the forces that the joints put on the two ends (first end, then second end), each in
+    the order of `BEAM_FORCES`; tension is negative at the first end and positive at the second.
+    Inertia inside the element is left out, as in the equivalent static forces of any program.
+
+    Raises:
+        ModelError: there is no such beam.
+    """
+    if not 0 <= beam < len(model.beams):
+        raise ModelError(f"there is no beam {beam}; the model has {len(model.beams)} beam elements")
+    nodes = model.beams.nodes[[beam]]
+    to_local, stiffness, _ = local_matrices(model.nodes[model.beams.nodes], model.beams)
+    group = int(model.beams.group[beam])
+    factor = theta[group] if group >= 0 else 1.0
+    rows = factor * stiffness[beam] @ to_local[beam]
+    return _gathered(operators, rows, nodes)
+
+
+def cut_rows(
+    model: FiniteElementModel,
+    operators: AffineOperators,
+    theta: Floats,
+    nodes: Integers,
+    point: Floats,
+    *,
+    kinds: Iterable[str],
+    below: float,
+) -> Floats:
+    """Rows that give the force through a horizontal cut, (6, n_free), N and N m in global axes.
+
+    The cut runs through nodes of one level. What elements above it put on these nodes is summed
+    up: it is what the part below carries, in the order of `CUT_FORCES`, moments about a point.
+
+    Args:
+        model, operators, theta: the structure.
+        nodes: of the cut, such as those of a wall at a floor.
+        point: (3,) m, such as the middle of the wall.
+        kinds: of elements that count, such as ("wall",) or ("wall", "column").
+        below: level of the cut, m: elements that rise from it count.
+
+    Raises:
+        ModelError: no element of these kinds rises from the nodes.
+    """
+    wanted, rows = list(kinds), np.zeros((DOF_PER_NODE, operators.dof))
+    found = False
+    for elements, matrices in _elements(model):
+        corners = model.nodes[elements.nodes]
+        rises = np.abs(corners[:, :, 2].min(axis=1) - below) < _LEVEL
+        rises &= corners[:, :, 2].max(axis=1) > below + _LEVEL
+        touches = np.isin(elements.nodes, nodes)
+        for k in np.flatnonzero(rises & touches.any(axis=1) & np.isin(elements.kind, wanted)):
+            found = True
+            own, group = elements.nodes[k], int(elements.group[k])
+            arms = rigid_arms(model.nodes[own] - point)
+            sums = np.zeros((DOF_PER_NODE, DOF_PER_NODE * len(own)))
+            for corner in np.flatnonzero(touches[k]):
+                block = slice(DOF_PER_NODE * corner, DOF_PER_NODE * (corner + 1))
+                sums[:, block] = arms[corner].T
+            force = (theta[group] if group >= 0 else 1.0) * sums @ matrices[k]
+            rows[:, _dof(own)] -= force
+    if not found:
+        raise ModelError(
+            f"no element of kind {', '.join(wanted)} rises from the nodes of the cut at {below:g} m"
+        )
+    return operators.gather(rows.T).T
+
+
+def _elements(
+    model: FiniteElementModel,
+) -> Iterator[tuple[Shells | Triangles | Beams, Floats]]:
+    """Yield the elements of each type with their stiffness matrices in global axes."""
+    shells, beams = model.shells, model.beams
+    if len(shells):
+        elastic = (shells.thickness, shells.youngs_modulus, shells.poisson_ratio, shells.density)
+        yield shells, shell_matrices(model.nodes[shells.nodes], *elastic).stiffness
+    if len(model.triangles):
+        yield model.triangles, triangle_matrices(model.nodes, model.triangles).stiffness
+    if len(beams):
+        yield beams, beam_matrices(model.nodes[beams.nodes], beams).stiffness
+
+
+def _dof(nodes: Integers) -> Integers:
+    return (DOF_PER_NODE * nodes[:, None] + np.arange(DOF_PER_NODE)).ravel()
+
+
+def _gathered(operators: AffineOperators, rows: Floats, nodes: Integers) -> Floats:
+    full = np.zeros((len(rows), operators.dof))
+    full[:, _dof(nodes.ravel())] = rows
+    return operators.gather(full.T).T

@@ -1,0 +1,173 @@
+"""Mode superposition of the full model at one theta: any base direction, any quantity of the nodes.
+
+The modes up to a frequency follow the motion step by step, exactly for a ground acceleration that
+is linear between its points. What the stiffer modes add is their static response (the mode
+acceleration method; Cornwell, Craig and Johnson 1983, Earthq. Eng. Struct. Dyn. 11).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from femupdate.dynamics.recurrence import interpolate_record, modal_states
+from femupdate.errors import ModelError
+from femupdate.fe.assembly import AffineOperators
+from femupdate.fe.factorization import factorize
+from femupdate.fe.solve import modes_below
+
+Floats = NDArray[np.float64]
+_AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+
+
+def base_direction(direction: str | float) -> Floats:
+    """Return the unit vector (3,) of a base motion.
+
+    Args:
+        direction: "x", "y", "z", or an angle in degrees from x towards y.
+
+    Raises:
+        ModelError: another name, or an angle that is not finite.
+    """
+    if isinstance(direction, str):
+        if direction not in _AXES:
+            raise ModelError(
+                f"direction {direction!r} is unknown; write x, y, z or an angle in degrees from x "
+                "towards y"
+            )
+        return np.array(_AXES[direction])
+    if not np.isfinite(direction):
+        raise ModelError(f"the angle {direction} of the base motion must be finite")
+    angle = np.radians(direction)
+    return np.array([np.cos(angle), np.sin(angle), 0.0])
+
+
+@dataclass(frozen=True)
+class Superposition:
+    """The modes of a structure under a base motion in one direction.
+
+    Attributes:
+        direction: (3,) unit vector.
+        influence: (n_free,) motion of the independent degrees of freedom with the base.
+        omega: (m,) rad/s.
+        shapes: (n_free, m) mode shapes, scaled to a participation of one.
+        missed: (n_free,) what these lack of the static displacement under a unit of base
+            acceleration against the direction, s2.
+        effective_mass: (m,) kg, of each mode in the direction.
+        total_mass: kg, of the structure, its supports included.
+    """
+
+    direction: Floats
+    influence: Floats
+    omega: Floats
+    shapes: Floats
+    missed: Floats
+    effective_mass: Floats
+    total_mass: float
+
+
+def superpose(
+    operators: AffineOperators, theta: Floats, direction: str | float, top_hz: float
+) -> Superposition:
+    """Find the modes that follow a base motion.
+
+    Args:
+        operators: the assembled model.
+        theta: (p,) stiffness factors.
+        direction: as for `base_direction`.
+        top_hz: all modes below this frequency are kept.
+
+    Raises:
+        ModelError: the structure is a mechanism, or the direction is unknown.
+    """
+    unit = base_direction(direction)
+    parts = zip(unit, range(3), strict=True)
+    everything = sum(share * operators.rigid_translation(axis) for share, axis in parts)
+    force = operators.gather(operators.mass_full @ everything)
+    modes = modes_below(operators, theta, top_hz)
+    participation = modes.shapes.T @ force
+    # Modes that the motion does not drive at all add nothing, in any direction of the output.
+    shapes, omega = modes.shapes * participation, 2.0 * np.pi * modes.frequency_hz
+    static = factorize(operators.stiffness(theta)).solve(force)
+    return Superposition(
+        direction=unit,
+        influence=operators.restrict(np.asarray(everything)),
+        omega=omega,
+        shapes=shapes,
+        missed=static - shapes @ omega**-2.0,
+        effective_mass=participation**2,
+        total_mass=float(everything @ (operators.mass_full @ everything)),
+    )
+
+
+@dataclass(frozen=True)
+class BaseMotion:
+    """An acceleration history of the base.
+
+    Attributes:
+        acceleration: (n,) m/s2.
+        time_step: s.
+        oversampling: points a step at which the motion between the samples is followed.
+    """
+
+    acceleration: Floats
+    time_step: float
+    oversampling: int = 8
+
+
+def displacement_history(
+    structure: Superposition, rows: Floats, zeta: float, motion: BaseMotion
+) -> Floats:
+    """Return quantities that are linear in the displacement relative to the base, (o, n).
+
+    Args:
+        structure: modes in the direction of the motion.
+        rows: (o, n_free) shares of the displacements, such as a floor's mean, or a member's forces.
+        zeta: damping ratio of all modes.
+        motion: of the base.
+
+    Returns:
+        histories (o, n) in the unit of `rows` times m; from rest.
+    """
+    omega, states = structure.omega, _states(structure, zeta, motion)
+    seen = rows @ structure.shapes
+    history = np.concatenate([_first(block, omega) for block in states]).T
+    missed = (rows @ structure.missed)[:, None] * -motion.acceleration
+    return np.asarray(seen @ history + missed)
+
+
+def acceleration_history(
+    structure: Superposition, rows: Floats, zeta: float, motion: BaseMotion
+) -> Floats:
+    """Return absolute accelerations, (o, n) m/s2: relative to the base plus the base's own.
+
+    Args:
+        structure, zeta, motion: as for `displacement_history`.
+        rows: (o, n_free) shares of the displacements of the points that are asked for.
+    """
+    omega, states = structure.omega, _states(structure, zeta, motion)
+    seen = rows @ structure.shapes
+    # eta'' = -a_g - 2 zeta omega eta' - omega^2 eta
+    elastic = np.concatenate(
+        [
+            block[:, 0, 0].numpy() * -omega - 2.0 * zeta * omega * block[:, 0, 1].numpy()
+            for block in states
+        ]
+    ).T
+    carried = rows @ structure.influence - seen.sum(axis=1)
+    return np.asarray(seen @ elastic + carried[:, None] * motion.acceleration)
+
+
+def _states(structure: Superposition, zeta: float, motion: BaseMotion) -> list[torch.Tensor]:
+    """States (t, 1, 2, m) of the modes, block by block."""
+    omega = torch.from_numpy(structure.omega)[None]
+    ratio = torch.full_like(omega, zeta)
+    fine = torch.from_numpy(interpolate_record(motion.acceleration, motion.oversampling))
+    blocks = modal_states(omega, ratio, fine, motion.time_step, motion.oversampling)
+    return list(blocks)
+
+
+def _first(block: torch.Tensor, omega: Floats) -> Floats:
+    """Modal displacements (t, m) of a block of states."""
+    return np.asarray(block[:, 0, 0].numpy() / omega)

@@ -1,0 +1,258 @@
+"""Mode superposition of the full model, member forces and spectra against independent solutions."""
+
+import numpy as np
+import pytest
+from scipy.sparse.linalg import splu
+
+from femupdate.building.document import from_document
+from femupdate.building.mesh import mesh_building
+from femupdate.dynamics.member_forces import beam_end_rows, cut_rows
+from femupdate.dynamics.spectra import response_spectrum
+from femupdate.dynamics.superposition import (
+    BaseMotion,
+    acceleration_history,
+    base_direction,
+    displacement_history,
+    superpose,
+)
+from femupdate.errors import MeasurementError, ModelError
+from femupdate.fe.assembly import assemble
+from femupdate.fe.frequency_response import rayleigh_damping
+from femupdate.fe.solve import static_displacement
+
+THETA = np.array([0.7, 1.5])
+
+
+@pytest.fixture(scope="module")
+def frame():
+    """Two stories with a wall on one side, so that every direction turns the plan."""
+    document = {
+        "name": "turned",
+        "kind": "frame",
+        "grid": {"x": {"X0": 0.0, "X1": 5.0}, "y": {"Y0": 0.0, "Y1": 4.0}},
+        "stories": [{"name": "S1", "height": 3.2}, {"name": "S2", "height": 2.8}],
+        "materials": {"c": {"youngs_modulus": 25e9, "poisson_ratio": 0.2, "density": 2400.0}},
+        "sections": {
+            "column": {"shape": "rectangle", "width": 0.4, "depth": 0.6},
+            "beam": {"shape": "rectangle", "width": 0.3, "depth": 0.5},
+        },
+        "columns": [{"section": "column"}],
+        "beams": [{"section": "beam"}],
+        "walls": [{"along": "Y0", "from": "X0", "to": "X1", "thickness": 0.15}],
+        "slabs": [{"x": ["X0", "X1"], "y": ["Y0", "Y1"], "thickness": 0.2, "diaphragm": "rigid"}],
+        "floor_mass": [{"total": 60e3}],
+        "mesh": {"size": 2.0},
+        "sensors": {"direction": "x", "points": ["X0-Y0"]},
+        "frequency_grid": {"start": 0.1, "step": 0.1, "count": 100},
+        "prior": {"theta": {"lower": 0.5, "upper": 2.0}},
+        "damping": {"law": "constant", "ratio": 0.03},
+    }
+    mesh = mesh_building(from_document(document))
+    return mesh, assemble(mesh.model)
+
+
+def smooth_motion(time_step, count=600):
+    """A few sine pulses that start from rest, well below the top frequency of the modes kept."""
+    t = time_step * np.arange(count)
+    window = np.sin(np.pi * np.minimum(t / 1.5, 1.0)) ** 2
+    return window * (2.0 * np.sin(2 * np.pi * 3 * t) + 1.5 * np.sin(2 * np.pi * 7.3 * t + 0.4))
+
+
+def newmark(stiffness, damping, mass, force, time_step):
+    """Average acceleration, from rest: displacements and accelerations (n_free, n)."""
+    left = splu((stiffness + 2 / time_step * damping + 4 / time_step**2 * mass).tocsc())
+    u = v = a = np.zeros(stiffness.shape[0])
+    moved, pushed = [u], [a]
+    for push in force[1:]:
+        inertia = mass @ (4 / time_step**2 * u + 4 / time_step * v + a)
+        new = left.solve(push + inertia + damping @ (2 / time_step * u + v))
+        speed = 2 / time_step * (new - u) - v
+        a = 4 / time_step**2 * (new - u) - 4 / time_step * v - a
+        u, v = new, speed
+        moved.append(u)
+        pushed.append(a)
+    return np.array(moved).T, np.array(pushed).T
+
+
+def rows_of(operators, nodes, axis):
+    rows = np.zeros((len(nodes), operators.dof))
+    rows[np.arange(len(nodes)), 6 * np.asarray(nodes) + axis] = 1.0
+    return operators.gather(rows.T).T
+
+
+@pytest.mark.parametrize("direction", ["x", "y", "z", 30.0, -115.0])
+def test_against_direct_integration_of_the_full_model(frame, direction):
+    """Undamped: modes below 150 Hz with the static rest, against Newmark at much finer steps.
+
+    Vertical modes lie so high that Newmark needs steps of 0.2 ms for its periods to be right.
+    """
+    mesh, operators = frame
+    step, fine = 0.01, 50 if direction == "z" else 10
+    unit = base_direction(direction)
+    everything = sum(unit[k] * operators.rigid_translation(k) for k in range(3))
+    force = operators.gather(operators.mass_full @ everything)
+    coarse = smooth_motion(step, 200)
+    record = np.interp(step / fine * np.arange(199 * fine + 1), step * np.arange(200), coarse)
+    stiffness = operators.stiffness(THETA)
+    nothing = 0.0 * stiffness
+    u, a = newmark(stiffness, nothing, operators.mass, -record[:, None] * force, step / fine)
+    structure = superpose(operators, THETA, direction, 150.0)
+    motion = BaseMotion(coarse, step, 1)  # linear between its samples, as in the integration
+    axis = int(np.abs(unit).argmax())
+    rows = rows_of(operators, mesh.floor_nodes["RF"], axis)
+    column = int(np.flatnonzero(mesh.model.beams.kind == "column")[1])
+    forces = beam_end_rows(mesh.model, operators, THETA, column)[[0, 1, 2, 4, 5]]
+    for quantity in (rows, forces):
+        wanted = quantity @ u[:, ::fine]
+        found = displacement_history(structure, quantity, 0.0, motion)
+        size = np.abs(wanted).max(axis=1, keepdims=True)
+        # 2 %: Newmark's own period error over 2 s, and modes above 150 Hz as if they were static.
+        np.testing.assert_allclose(found / size, wanted / size, atol=0.02)
+    wanted = rows @ a[:, ::fine] + (rows @ operators.restrict(everything))[:, None] * coarse
+    found = acceleration_history(structure, rows, 0.0, motion)
+    np.testing.assert_allclose(found, wanted, atol=0.03 * np.abs(wanted).max())
+
+
+def test_with_damping_against_direct_integration(frame):
+    """Stiffness-proportional damping has one ratio a mode; the first mode's fits one mode alone."""
+    mesh, operators = frame
+    structure = superpose(operators, THETA, "y", 60.0)
+    zeta = 0.05
+    damping = rayleigh_damping(operators, THETA, 0.0, 2 * zeta / structure.omega[0])
+    step, fine = 0.01, 4
+    t = step / fine * np.arange(400 * fine)
+    # At the first mode's own frequency, where it is all that answers.
+    record = np.sin(structure.omega[0] * t) * np.minimum(t / 2.0, 1.0)
+    everything = operators.rigid_translation(1)
+    force = operators.gather(operators.mass_full @ everything)
+    u, _ = newmark(
+        operators.stiffness(THETA), damping, operators.mass, -record[:, None] * force, step / fine
+    )
+    rows = rows_of(operators, mesh.floor_nodes["RF"], 1)
+    found = displacement_history(structure, rows, zeta, BaseMotion(record[::fine], step))
+    wanted = rows @ u[:, ::fine]
+    np.testing.assert_allclose(found, wanted, atol=0.02 * np.abs(wanted).max())
+
+
+def test_any_angle_is_the_sum_of_its_parts(frame):
+    mesh, operators = frame
+    motion = BaseMotion(smooth_motion(0.01), 0.01)
+    rows = rows_of(operators, mesh.floor_nodes["RF"], 0)
+    one, two, both = (
+        displacement_history(superpose(operators, THETA, d, 80.0), rows, 0.02, motion)
+        for d in ("x", "y", 30.0)
+    )
+    c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
+    np.testing.assert_allclose(both, c * one + s * two, atol=1e-9 * np.abs(both).max())
+
+
+def test_effective_masses_add_up(frame):
+    _, operators = frame
+    for direction in ("x", "y"):
+        structure = superpose(operators, THETA, direction, 400.0)
+        assert 0.9 < structure.effective_mass.sum() / structure.total_mass < 1.0
+
+
+def test_static_rest_makes_a_slow_motion_exact(frame):
+    """Under a ground acceleration that hardly changes all modes respond statically."""
+    mesh, operators = frame
+    structure = superpose(operators, THETA, "x", 6.0)  # few modes, so that the rest matters
+    t = np.linspace(0.0, 20.0, 2001)
+    record = np.sin(np.pi * t / 20.0) ** 2
+    rows = rows_of(operators, mesh.floor_nodes["RF"], 0)
+    found = displacement_history(structure, rows, 0.05, BaseMotion(record, 0.01))
+    load = operators.mass_full @ operators.rigid_translation(0)
+    static = rows @ operators.restrict(static_displacement(operators, THETA, load))
+    assert (rows @ structure.missed)[0] != pytest.approx(0.0, abs=0.01 * static[0])
+    np.testing.assert_allclose(found[0], -static[0] * record, atol=2e-3 * abs(static[0]))
+
+
+def test_beam_end_forces_balance_and_follow_hand_formulas(frame):
+    mesh, operators = frame
+    motion = np.random.default_rng(2).standard_normal(len(operators.free)) * 1e-3
+    beam = int(np.flatnonzero(mesh.model.beams.kind == "beam")[0])
+    rows = beam_end_rows(mesh.model, operators, THETA, beam)
+    first, second = (rows @ motion).reshape(2, 6)
+    ends = mesh.model.nodes[mesh.model.beams.nodes[beam]]
+    length = np.linalg.norm(ends[1] - ends[0])
+    np.testing.assert_allclose(first[:4] + second[:4], 0.0, atol=1e-6 * np.abs(first).max())
+    # Moments about the first end: My + My' - Vz' L = 0 and Mz + Mz' + Vy' L = 0.
+    scale = np.abs(first).max()
+    assert abs(first[4] + second[4] - second[2] * length) < 1e-6 * scale
+    assert abs(first[5] + second[5] + second[1] * length) < 1e-6 * scale
+    moved = operators.expand(motion).reshape(-1, 6)[mesh.model.beams.nodes[beam], :3]
+    stretch = (moved[1] - moved[0]) @ (ends[1] - ends[0]) / length
+    group = int(mesh.model.beams.group[beam])
+    assert second[0] == pytest.approx(THETA[group] * 25e9 * 0.15 * stretch / length, rel=1e-9)
+
+
+def test_a_cut_carries_all_that_is_above(frame):
+    """Static horizontal and vertical loads on the roof pass the cut at the first floor."""
+    mesh, operators = frame
+    nodes = mesh.model.nodes
+    load = np.zeros((len(nodes), 6))
+    roof = np.flatnonzero(np.isclose(nodes[:, 2], 6.0))
+    load[roof, 0], load[roof, 1], load[roof, 2] = 1e3, -4e2, -2e3
+    moved = static_displacement(operators, THETA, load.ravel())
+    cut = np.flatnonzero(np.isclose(nodes[:, 2], 3.2))
+    point = np.array([1.0, 2.0, 3.2])
+    rows = cut_rows(mesh.model, operators, THETA, cut, point, kinds=("wall", "column"), below=3.2)
+    found = rows @ operators.restrict(moved)
+    force = load[roof, :3]
+    moment = np.cross(nodes[roof] - point, force).sum(axis=0)
+    np.testing.assert_allclose(found, [*force.sum(axis=0), *moment], rtol=1e-6)
+    # At the base the wall and the columns share it.
+    base = np.flatnonzero(np.isclose(nodes[:, 2], 0.0))
+    shares = [
+        cut_rows(mesh.model, operators, THETA, base, point, kinds=[kind], below=0.0)
+        @ operators.restrict(moved)
+        for kind in ("wall", "column")
+    ]
+    np.testing.assert_allclose(sum(shares)[:3], force.sum(axis=0), rtol=1e-6)
+    assert shares[0][0] > 0.7 * force[:, 0].sum()
+
+
+def test_wrong_requests_are_told(frame):
+    mesh, operators = frame
+    with pytest.raises(ModelError, match="direction 'w' is unknown; write x, y, z or an angle"):
+        superpose(operators, THETA, "w", 20.0)
+    with pytest.raises(ModelError, match="angle nan"):
+        base_direction(float("nan"))
+    with pytest.raises(ModelError, match="there is no beam 9999"):
+        beam_end_rows(mesh.model, operators, THETA, 9999)
+    nodes = np.arange(len(mesh.model.nodes))
+    with pytest.raises(ModelError, match="no element of kind slab rises"):
+        cut_rows(mesh.model, operators, THETA, nodes, np.zeros(3), kinds=["slab"], below=3.2)
+    with pytest.raises(MeasurementError, match="two samples"):
+        response_spectrum([np.nan, 1.0], 0.01, [1.0])
+    with pytest.raises(MeasurementError, match="must be positive"):
+        response_spectrum([0.0, 1.0], 0.01, [0.0])
+
+
+@pytest.mark.parametrize("frequency", [0.2, 2.0, 8.0, 23.0])
+def test_spectrum_of_a_long_sine_is_its_transmissibility(frequency):
+    """Peak in the steady state: sqrt((1 + (2 z r)^2) / ((1 - r^2)^2 + (2 z r)^2)), r = f_g / f."""
+    step, ground, zeta = 0.01, 3.0, 0.2
+    t = step * np.arange(8000)
+    record = np.sin(2 * np.pi * ground * t) * np.minimum(t / 20.0, 1.0)
+    r = ground / frequency
+    expected = np.sqrt((1 + (2 * zeta * r) ** 2) / ((1 - r**2) ** 2 + (2 * zeta * r) ** 2))
+    found = response_spectrum(record, step, [frequency], zeta)
+    assert found[0] == pytest.approx(expected, rel=0.01)
+
+
+def test_spectrum_at_high_frequency_is_the_peak_of_the_motion():
+    histories = np.stack([smooth_motion(0.005), -0.3 * smooth_motion(0.005)])
+    found = response_spectrum(histories, 0.005, [200.0], 0.05)
+    np.testing.assert_allclose(found[:, 0], np.abs(histories).max(axis=1), rtol=0.01)
+    assert found.shape == (2, 1)
+
+
+def test_spectrum_of_a_short_pulse_by_its_impulse():
+    """After a pulse of area I the undamped oscillator swings with w I (absolute acceleration)."""
+    record = np.zeros(2000)
+    record[10] = 5.0
+    area = 5.0 * 0.001  # a triangle of two steps of 1 ms
+    frequency = np.array([1.0, 2.5, 6.0])
+    found = response_spectrum(record, 0.001, frequency, 0.0)
+    np.testing.assert_allclose(found, 2 * np.pi * frequency * area, rtol=2e-3)
