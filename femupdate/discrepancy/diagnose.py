@@ -29,8 +29,9 @@ class DiagnosisSettings:
         alike: cosine from which two effects count as the same to these sensors.
         least_strength: D per prior standard deviation below which an effect cannot be seen.
         smallest_gain: share of the residual sum of squares that a name must explain.
-        unknown_left: share of the excess that a catalogue effect may leave before the verdict is
-            that it is something else.
+        unknown_left: share of the excess that an effect, or a pair of them, may leave before the
+            verdict is that it is something else.
+        paired: how many leading effects are tried with a second one where they leave more.
         seed: of starts and samples.
     """
 
@@ -42,7 +43,8 @@ class DiagnosisSettings:
     alike: float = 0.97
     least_strength: float = 1.0
     smallest_gain: float = 0.002
-    unknown_left: float = 0.5
+    unknown_left: float = 0.3
+    paired: int = 2
     seed: int = 0
 
 
@@ -82,6 +84,7 @@ class Diagnosis:
         hidden: labels of effects that these sensors could not show.
         where: residuals of the model as it is, by floor and band.
         twins: labels that the leading finding cannot be told from.
+        partner: label of a second effect, with which the first explains what it does not alone.
         sentence: the verdict for an engineer.
     """
 
@@ -94,6 +97,7 @@ class Diagnosis:
     hidden: tuple[str, ...]
     where: tuple[Cell, ...]
     twins: tuple[str, ...]
+    partner: str
     sentence: str
 
     @property
@@ -129,10 +133,15 @@ def diagnose(
     hidden = tuple(s.placed.label for s in scores if s.strength < chosen.least_strength)
     tell("fitting the leading effects")
     fits = [_fit_candidate(problem, base, one) for one in _leading(scores, chosen.fitted)]
+    freedom = max(problem.effective - base.coordinates.size, 1.0)
     best = min([base.chi2, *(one.chi2 for one in fits)])
-    inflation = max(1.0, best / max(problem.effective - base.coordinates.size, 1.0))
-    findings = _weigh(problem, base, fits, scores, inflation, chosen)
-    verdict, twins = _verdict(problem, base, findings, inflation, chosen)
+    findings = _weigh(problem, base, fits, scores, max(1.0, best / freedom), chosen)
+    partner = ""
+    if findings and _too_much_left(problem, base, best, chosen):
+        tell("trying pairs of effects")
+        findings, partner, best = _with_partner(problem, findings, best, chosen)
+    inflation = max(1.0, best / freedom)
+    verdict, twins = _verdict(problem, base, findings, best, chosen)
     return Diagnosis(
         base,
         p_value(problem, base),
@@ -143,8 +152,41 @@ def diagnose(
         hidden,
         residual_cells(problem, base),
         twins,
-        _sentence(verdict, findings, twins, inflation),
+        partner if verdict != UNKNOWN else "",
+        _sentence(verdict, findings, twins, partner, inflation),
     )
+
+
+def _excess(problem: Problem, base: Fit) -> tuple[float, bool]:
+    """What the residuals are more than noise leaves, and whether that is beyond chance."""
+    freedom = max(problem.effective - base.coordinates.size, 1.0)
+    excess = base.chi2 - freedom
+    return excess, excess > 5.0 * np.sqrt(2.0 * freedom)
+
+
+def _too_much_left(problem: Problem, base: Fit, best: float, settings: DiagnosisSettings) -> bool:
+    """Whether even the best fit leaves a good part of what there is to explain."""
+    excess, significant = _excess(problem, base)
+    freedom = max(problem.effective - base.coordinates.size, 1.0)
+    return significant and best - freedom > settings.unknown_left * excess
+
+
+def _with_partner(
+    problem: Problem, findings: tuple[Finding, ...], best: float, settings: DiagnosisSettings
+) -> tuple[tuple[Finding, ...], str, float]:
+    """Put first the effect that explains most together with a second one."""
+    chosen, partner = 0, ""
+    for number, one in enumerate(findings[: settings.paired]):
+        tests = [score(problem, one.fitted, p) for p in candidates(problem, one.fitted.placed)]
+        strongest = sorted(tests, key=lambda test: -abs(test.statistic))[:2]
+        for test in strongest:
+            both = _fit_candidate(problem, one.fitted, test)
+            if both.chi2 < 0.98 * best:
+                best, chosen, partner = both.chi2, number, test.placed.label
+    if not partner:
+        return findings, "", best
+    others = (one for k, one in enumerate(findings) if k != chosen)
+    return (findings[chosen], *others), partner, best
 
 
 def _leading(scores: list[Score], count: int) -> list[Score]:
@@ -224,13 +266,11 @@ def _verdict(
     problem: Problem,
     base: Fit,
     findings: tuple[Finding, ...],
-    inflation: float,
+    best: float,
     settings: DiagnosisSettings,
 ) -> tuple[str, tuple[str, ...]]:
     """The verdict and what the leading finding cannot be told from."""
-    freedom = max(problem.effective - base.coordinates.size, 1.0)
-    excess = base.chi2 - freedom
-    significant = excess > 5.0 * np.sqrt(2.0 * freedom)
+    significant = _excess(problem, base)[1]
     if not findings:
         return (UNKNOWN if significant else NONE), ()
     first = findings[0]
@@ -238,8 +278,7 @@ def _verdict(
     carried = first.evidence.log_evidence >= settings.over_none
     if not (carried and gain >= settings.smallest_gain * base.chi2):
         return (UNKNOWN if significant else NONE), ()
-    left = first.fitted.chi2 - freedom
-    if significant and left > settings.unknown_left * excess and inflation > 1.5:
+    if _too_much_left(problem, base, best, settings):
         return UNKNOWN, ()
     near = [
         other
@@ -254,7 +293,11 @@ def _verdict(
 
 
 def _sentence(
-    verdict: str, findings: tuple[Finding, ...], twins: tuple[str, ...], inflation: float
+    verdict: str,
+    findings: tuple[Finding, ...],
+    twins: tuple[str, ...],
+    partner: str,
+    inflation: float,
 ) -> str:
     if verdict == NONE:
         return "The data do not ask for anything beyond the model."
@@ -271,6 +314,8 @@ def _sentence(
     else:
         how = "cannot be told from" if verdict == INDISTINGUISHABLE else "competes with"
         text = f"{title} at {place} (size {size}) {how} {', '.join(twins)}."
+    if partner:
+        text += f" Alone it leaves a good part; with {partner} it explains most."
     if inflation > 1.5:
         text += f" The best model still misses the data by {inflation**0.5:.1f} times their noise."
     return text

@@ -67,6 +67,7 @@ class DiagnosisReport:
             "verdict": found.verdict,
             "sentence": found.sentence,
             "effects": [_finding(one) for one in found.findings],
+            "partner_of_the_first": found.partner or None,
             "cannot_be_seen": list(found.hidden),
             "cannot_be_told_from_the_first": list(found.twins),
             "where": [
