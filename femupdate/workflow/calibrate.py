@@ -14,7 +14,7 @@ from torch import Tensor
 
 from femupdate import __version__
 from femupdate.building.schema import Building
-from femupdate.errors import MeasurementError
+from femupdate.errors import MeasurementError, SurrogateError
 from femupdate.inference.bridge import BridgeResult, as_smc_result
 from femupdate.inference.likelihood import DataLikelihood, LatentLikelihood
 from femupdate.inference.posterior import Posterior, save_posterior
@@ -192,6 +192,11 @@ def calibrate_study(
         InferenceError: the sampler cannot go on.
     """
     show, settings = progress or Silent(), settings or CalibrationSettings()
+    if model.building.effects:
+        from femupdate.workflow.calibrate_effects import calibrate_with_effects
+
+        require_exact(model.building, settings.exact)
+        return calibrate_with_effects(study, model, source, settings, show)
     started = time.monotonic()
     observation = read_observation(model, source)
     origin = {**model.made_from(), "observation": file_hash(source.path)}
@@ -229,6 +234,20 @@ def calibrate_study(
         sum(result.evaluations for result in results),
         sum(result.invalid for result in results),
     )
+
+
+def require_exact(building: Building, exact: bool) -> None:
+    """Refuse the latent likelihood for a building with effects, of which no surrogate knows.
+
+    Raises:
+        SurrogateError: the building lists effects and `exact` is False.
+    """
+    if building.effects and not exact:
+        names = ", ".join(f"{one.name} at {one.place}" for one in building.effects)
+        raise SurrogateError(
+            f"{building.name} lists effects ({names}), which no trained surrogate knows; add "
+            "--exact"
+        )
 
 
 def r_hat(theta: Floats) -> Floats:
@@ -288,6 +307,15 @@ def predictive_log_frf(
     return torch.cat(parts).numpy()
 
 
+def _predictive(study: Study, model: StudyModel, posterior: Posterior) -> Floats:
+    if not model.building.effects:
+        return predictive_log_frf(model, posterior)
+    from femupdate.workflow.calibrate_effects import open_effects, predictive_with_effects
+
+    ratio, grid = model.building.damping.ratio, model.frequency_hz.numpy()
+    return predictive_with_effects(open_effects(study, model), posterior, ratio, grid, _PREDICTIVE)
+
+
 def draw_posterior(
     study: Study, model: StudyModel, posterior: Posterior, show: Progress
 ) -> tuple[Path, ...]:
@@ -298,7 +326,7 @@ def draw_posterior(
     from femupdate.report.plot_posterior import SampleSet, posterior_pairs
 
     show.start("Drawing", 3)
-    predicted = predictive_log_frf(model, posterior)
+    predicted = _predictive(study, model, posterior)
     low, high = np.quantile(predicted, [0.05, 0.95], axis=0)
     observation = on_all_floors(posterior.observation, model.building.floors)
     names = [_pretty(name) for name in posterior.names]

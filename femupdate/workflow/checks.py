@@ -16,6 +16,7 @@ from femupdate.workflow.calibrate import (
     ObservationSource,
     check_readable,
     observation_of,
+    require_exact,
 )
 from femupdate.workflow.model import StudyModel, choose_building, open_study
 from femupdate.workflow.progress import Progress
@@ -48,6 +49,7 @@ def check_calibration(
     check_readable(source)
     chosen = choose_building(study, building)
     observation = observation_of(chosen, source)
+    require_exact(chosen, settings.exact)
     if not settings.exact:
         known = study.path("building.toml").exists()
         surrogate = needed_surrogate(study, chosen, None if known else building)

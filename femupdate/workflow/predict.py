@@ -2,7 +2,7 @@
 
 import json
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,7 +11,7 @@ import torch
 from numpy.typing import NDArray
 
 from femupdate.building.analysis import RayleighDamping
-from femupdate.dynamics.history import HistorySettings, history_batches
+from femupdate.dynamics.history import Histories, HistorySettings, history_batches
 from femupdate.dynamics.summary import HistorySummary, Statistics, statistics, summarise
 from femupdate.errors import BuildingError, MeasurementError
 from femupdate.inference.posterior import Posterior, load_posterior
@@ -143,16 +143,7 @@ def predict_study(
     study.check_fresh("posterior", model.made_from(), "calibrate")
     theta, zeta, damping = _draws(model, posterior, settings)
     show.start("Integrating the response", len(theta))
-    batches = history_batches(
-        model.reduced,
-        theta,
-        zeta,
-        motion.acceleration,
-        motion.time_step,
-        settings=HistorySettings(law=model.law),
-        progress=show.advance,
-    )
-    summary = summarise(batches, _EXAMPLES)
+    summary = summarise(_histories(study, model, theta, zeta, motion, show), _EXAMPLES)
     comparison = None if reference is None else _compare(summary, reference)
     path = study.path("prediction.nc")
     save_prediction(summary, motion, path, damping)
@@ -177,6 +168,40 @@ def predict_study(
         _notes(model, motion),
         _draw(study, summary, motion, reference, show),
         time.monotonic() - started,
+    )
+
+
+def _histories(
+    study: Study,
+    model: StudyModel,
+    parameters: torch.Tensor,
+    zeta: torch.Tensor,
+    motion: GroundMotion,
+    show: Progress,
+) -> Iterator[Histories]:
+    """Response histories; a building with effects has their parameters behind its factors."""
+    if not model.building.effects:
+        return history_batches(
+            model.reduced,
+            parameters,
+            zeta,
+            motion.acceleration,
+            motion.time_step,
+            settings=HistorySettings(law=model.law),
+            progress=show.advance,
+        )
+    from femupdate.dynamics.effect_history import effect_histories
+    from femupdate.workflow.calibrate_effects import open_effects
+
+    stories = model.reduced.parameters
+    return effect_histories(
+        open_effects(study, model),
+        parameters[:, :stories].numpy(),
+        zeta.numpy(),
+        parameters[:, stories:].numpy(),
+        motion.acceleration,
+        motion.time_step,
+        show.advance,
     )
 
 

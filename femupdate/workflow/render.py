@@ -59,7 +59,8 @@ def render_study(
     show = progress or Silent()
     posterior = load_posterior(study.require("posterior", "calibrate"))
     study.check_fresh("posterior", model.made_from(), "calibrate")
-    theta, _ = posterior.thinned(samples, seed)
+    # Behind the factors stand parameters of effects, which these shapes do not show.
+    theta = posterior.thinned(samples, seed)[0][:, : model.reduced.parameters]
     # The reference is the draw nearest to the mean: the mean itself can lie between modes.
     centre = ((theta - theta.mean(axis=0)) / theta.std(axis=0)) ** 2
     nearest = int(centre.sum(axis=1).argmin())

@@ -67,12 +67,32 @@ def surrogate_of(study: Study, building: Building) -> tuple[TrainedSurrogate, Pa
     own = study.find(SURROGATE, {"building": mechanics})
     if own is not None:
         return load_surrogate(own), own
+    return _shipped(building)
+
+
+def _shipped(building: Building) -> tuple[TrainedSurrogate, Path] | None:
+    """The surrogate in the package, if it was trained for this building."""
     resource = files("femupdate.models") / f"{building.name}.safetensors"
     if not resource.is_file():
         return None
     with as_file(resource) as path:
         surrogate = load_surrogate(path)
-        return (surrogate, path) if surrogate.info.mechanics_hash == mechanics else None
+        fits = surrogate.info.mechanics_hash == mechanics_hash(building)
+        return (surrogate, path) if fits else None
+
+
+def shipped_surrogate(building: Building) -> TrainedSurrogate:
+    """The surrogate in the package.
+
+    Raises:
+        SurrogateError: there is none for this building.
+    """
+    found = _shipped(building)
+    if found is None:
+        raise SurrogateError(
+            f"the package holds no surrogate of the building {building.name}; use a shipped one"
+        )
+    return found[0]
 
 
 def require_surrogate(study: Study, model: StudyModel) -> TrainedSurrogate:

@@ -1,0 +1,117 @@
+"""calibrate --exact for a building whose file lists effects, and what its posterior predicts."""
+
+import time
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from femupdate.discrepancy.fit import Fit
+from femupdate.discrepancy.posterior import draw
+from femupdate.discrepancy.problem import Problem
+from femupdate.dynamics.effect_response import EffectSystem, reduce_terms
+from femupdate.inference.posterior import Posterior, save_posterior
+from femupdate.study import Study, file_hash
+from femupdate.workflow.calibrate import (
+    POSTERIOR,
+    CalibrationReport,
+    CalibrationSettings,
+    ObservationSource,
+    draw_posterior,
+    observation_of,
+    r_hat,
+)
+from femupdate.workflow.diagnose import prepared
+from femupdate.workflow.effects import building_effects, check_places, open_structure
+from femupdate.workflow.model import StudyModel
+from femupdate.workflow.progress import Progress, Silent
+from femupdate.workflow.repair import effect_posterior
+
+Floats = NDArray[np.float64]
+
+
+def calibrate_with_effects(
+    study: Study,
+    model: StudyModel,
+    source: ObservationSource,
+    settings: CalibrationSettings,
+    progress: Progress | None = None,
+) -> CalibrationReport:
+    """Draw the posterior of stiffness factors and effects of a building that lists effects.
+
+    Raises:
+        MeasurementError: the observation cannot be used.
+        BuildingError: an effect cannot be.
+    """
+    show, started = progress or Silent(), time.monotonic()
+    observation = observation_of(model.building, source)
+    reduced = open_structure(study, model.building, show)
+    show.start("Fitting the model with its effects", 2)
+    problem, fitted = prepared(reduced, model, observation, use_phase=False)
+    show.advance()
+    inflation = max(1.0, fitted.chi2 / max(problem.effective - fitted.coordinates.size, 1.0))
+    draws = draw(problem, fitted, settings.particles, inflation, settings.seed)
+    show.advance()
+    posterior = effect_posterior(model, observation, draws, {"inflation": inflation})
+    path = study.path("posterior.nc")
+    save_posterior(posterior, path)
+    origin = {**model.made_from(), "observation": file_hash(source.path)}
+    study.record(POSTERIOR, "posterior.nc", "calibrate", origin, {"file": str(source.path)})
+    misfit = fitted.chi2 / max(problem.effective, 1.0)
+    return CalibrationReport(
+        posterior,
+        path,
+        r_hat(posterior.theta),
+        misfit,
+        (*observation.notes, *_notes(problem, fitted, draws.effective, settings.particles)),
+        draw_posterior(study, model, posterior, show),
+        time.monotonic() - started,
+        3 * settings.particles,
+        0,
+    )
+
+
+def _notes(problem: Problem, fitted: Fit, effective: float, count: int) -> tuple[str, ...]:
+    notes = [
+        f"{effective:.0f} of {count} proposals count (importance sampling about the best fit)."
+    ]
+    misfit = fitted.chi2 / max(problem.effective, 1.0)
+    if misfit > 2.0:
+        notes.append(
+            f"The model misses the data by {misfit**0.5:.1f} times their noise, which is taken as "
+            "that much larger; `femupdate diagnose` looks for what is missing."
+        )
+    if effective < 100:
+        notes.append("Few proposals count: the posterior is not of one piece; trust it little.")
+    return tuple(notes)
+
+
+def open_effects(study: Study, model: StudyModel, progress: Progress | None = None) -> EffectSystem:
+    """The study's structure with the effects that its building lists."""
+    reduced = open_structure(study, model.building, progress)
+    effects = building_effects(model.building)
+    check_places(reduced, effects)
+    terms = tuple(
+        reduce_terms(reduced, one.effect.terms(reduced.structure, one.place))
+        for one in effects.placed
+    )
+    return EffectSystem(reduced, model.law, effects.placed, terms)
+
+
+def predictive_with_effects(
+    system: EffectSystem, posterior: Posterior, ratio: float, frequency_hz: Floats, count: int
+) -> Floats:
+    """ln|H| (n, f, k) of all floors at n posterior draws of a building with effects."""
+    draws, zeta = posterior.thinned(count, 0)
+    stories = system.reduced.model.parameters
+    damping = zeta if zeta is not None else np.full(len(draws), ratio)
+    frf = system.frf(
+        torch.from_numpy(np.ascontiguousarray(draws[:, :stories])),
+        torch.from_numpy(damping),
+        torch.from_numpy(np.ascontiguousarray(draws[:, stories:])),
+        torch.from_numpy(frequency_hz),
+    )
+    return np.asarray(frf.abs().clamp_min(1e-12).log().numpy())
+
+
+__all__ = ["calibrate_with_effects", "open_effects", "predictive_with_effects"]
