@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix, diags
 
 from femupdate.building.mesh import BuildingMesh, mesh_building
-from femupdate.building.schema import Building, FrameBuilding, ShearBuilding
+from femupdate.building.schema import Building, FrameBuilding, MeshBuilding, ShearBuilding
 from femupdate.building.shear import shear_operators
+from femupdate.effects.infill import Infill, infills
 from femupdate.fe.assembly import AffineOperators, assemble
 from femupdate.fe.factorization import Factorization, factorize
 from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel
@@ -45,6 +46,7 @@ class Structure:
         direction: of the motion, 0 for x, 1 for y.
         mesh: the mesh of a frame.
         operators: the assembled mesh of a frame.
+        mesh_size: of a frame, m; the building's own where None.
     """
 
     building: Building
@@ -62,6 +64,7 @@ class Structure:
     direction: int
     mesh: BuildingMesh | None = None
     operators: AffineOperators | None = None
+    mesh_size: float | None = None
 
     @property
     def floors(self) -> tuple[str, ...]:
@@ -127,6 +130,15 @@ class Structure:
         pairs = zip(more.stiffness_terms, self.operators.stiffness_terms, strict=True)
         return tuple(csc_matrix(new - old) for new, old in pairs)
 
+    @cached_property
+    def infills(self) -> tuple[Infill, ...]:
+        """The walls that the model only weighs, with the stiffness that it leaves out."""
+        if not isinstance(self.building, FrameBuilding):
+            return ()
+        if self.mesh is None or self.operators is None:
+            raise AssertionError("a frame has a mesh")
+        return infills(self.building, self.mesh, self.operators, self.mesh_size)
+
 
 def structure_of(building: Building, mesh_size: float | None = None) -> Structure:
     """Assemble a building's full model.
@@ -166,7 +178,7 @@ def _stick(building: ShearBuilding) -> Structure:
     )
 
 
-def _frame(building: FrameBuilding, mesh_size: float | None) -> Structure:
+def _frame(building: FrameBuilding | MeshBuilding, mesh_size: float | None) -> Structure:
     mesh = mesh_building(building, mesh_size)
     operators = assemble(mesh.model)
     rows = np.zeros((len(mesh.floors), operators.dof))
@@ -190,6 +202,7 @@ def _frame(building: FrameBuilding, mesh_size: float | None) -> Structure:
         direction=mesh.direction,
         mesh=mesh,
         operators=operators,
+        mesh_size=mesh_size,
     )
 
 

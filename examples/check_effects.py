@@ -1,0 +1,120 @@
+"""How well the reduced six-story model follows the full one when something is added to it.
+
+Every structural effect, at random places and story factors, with the size of its prior's standard
+deviation. The full model is seen through all modes of the changed structure up to 1.5 times the
+top of the grid and what forces on the base, the floors and the effect do statically beside them.
+Takes half an hour on one core:
+    python examples/check_effects.py [THETAS] [EFFECT ...]
+"""
+
+import sys
+from dataclasses import replace
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy.sparse import csc_matrix
+
+from femupdate.building.files import load_building
+from femupdate.dynamics.damping import ConstantDamping
+from femupdate.dynamics.effect_reduction import reduce_structure, structure_on
+from femupdate.dynamics.effect_response import EffectSystem, ReducedStructure, reduce_terms
+from femupdate.effects import CATALOGUE, Placed, Structure, structure_of
+from femupdate.effects.effect import UNSCALED, Terms
+from femupdate.fe.assembly import with_terms
+from femupdate.fe.factorization import factorize
+from femupdate.fe.solve import modes_below
+from femupdate.workflow.effects import reduction_target
+from femupdate.workflow.model import theta_prior
+
+Floats = NDArray[np.float64]
+ZETA = 0.0066  # the lowest of the prior: resonances and anti-resonances are sharpest
+
+
+def full_structure(
+    structure: Structure, theta: Floats, terms: Terms, size: float, top_hz: float
+) -> ReducedStructure:
+    """The structure on the modes of what it is with an effect."""
+    if structure.operators is None:
+        raise AssertionError("a frame has operators")
+    stiffness, mass = structure.stiffness(theta), structure.mass
+    for story, matrix in terms.stiffness:
+        stiffness = stiffness + size * (1.0 if story == UNSCALED else theta[story]) * matrix
+    if terms.mass is not None:
+        mass = mass + size * terms.mass.matrix
+    changed = with_terms(
+        replace(structure.operators, stiffness_constant=csc_matrix(stiffness), mass=mass.tocsc()),
+        (),
+    )
+    shapes = modes_below(changed, np.zeros(0), top_hz).shapes
+    port = [] if terms.port is None else [terms.port.row]
+    solve = factorize(csc_matrix(stiffness)).solve
+    static = solve(np.column_stack([structure.rigid_force, structure.floor_rows.T, *port]))
+    return structure_on(
+        structure, orthonormal(structure.mass, [shapes, static, solve(mass @ static)])
+    )
+
+
+def orthonormal(mass: csc_matrix, parts: list[Floats]) -> Floats:
+    """A basis of all columns; twice, as they are nearly dependent."""
+    basis = np.column_stack(parts)
+    for _ in range(2):
+        basis = basis / np.sqrt(np.einsum("ij,ij->j", basis, mass @ basis))
+        energy, directions = np.linalg.eigh(basis.T @ (mass @ basis))
+        kept = energy > 1e-12 * energy[-1]
+        basis = basis @ (directions[:, kept] / np.sqrt(energy[kept]))
+    return basis
+
+
+def log_frf(
+    reduced: ReducedStructure, placed: Placed, terms: Terms, theta: Floats, values: Floats
+) -> Floats:
+    """ln|H| (f, k) over the building's grid."""
+    system = EffectSystem(reduced, ConstantDamping(), (placed,), (reduce_terms(reduced, terms),))
+    grid = torch.from_numpy(reduced.structure.building.frequency_grid.frequencies_hz())
+    zeta = torch.tensor([ZETA], dtype=torch.float64)
+    frf = system.frf(torch.from_numpy(theta[None]), zeta, torch.from_numpy(values[None]), grid)
+    return np.asarray(frf[0].abs().log())
+
+
+def main(samples: int, names: list[str]) -> None:
+    """Compare and print."""
+    building = load_building("six_story_wall_frame")
+    structure = structure_of(building)
+    reduced = reduce_structure(structure, reduction_target(building))
+    compare(reduced, samples, names)
+
+
+def compare(reduced: ReducedStructure, samples: int, names: list[str]) -> None:
+    """Print the differences for each effect."""
+    structure = reduced.structure
+    building = structure.building
+    thetas = theta_prior(building).sample(samples, torch.Generator().manual_seed(7)).numpy()
+    top = 1.5 * float(building.frequency_grid.frequencies_hz()[-1])
+    print(f"{reduced.model.size} shapes, zeta {ZETA}, {samples} theta an effect")
+    rng = np.random.default_rng(11)
+    for effect in CATALOGUE.values():
+        places = effect.places(structure)
+        if effect.instrument or not places or (names and effect.name not in names):
+            continue
+        errors = []
+        for theta in thetas:
+            placed = Placed(effect, str(rng.choice(places)))
+            values = np.array([p.neutral for p in effect.parameters])
+            first = effect.parameters[0]
+            values[0] += first.scale if first.upper > first.neutral else -first.scale
+            terms = effect.terms(structure, placed.place)
+            full = full_structure(structure, theta, terms, values[0], top)
+            error = log_frf(reduced, placed, terms, theta, values)
+            error -= log_frf(full, placed, terms, theta, values)
+            errors.append(error)
+            print(
+                f"  {placed.label} {values}: rms {np.sqrt((error**2).mean()):.4f}, max {np.abs(error).max():.3f}",
+                flush=True,
+            )
+        rms = float(np.sqrt(np.mean(np.square(errors))))
+        print(f"{effect.name}: rms {rms:.4f}, largest {np.abs(errors).max():.3f}", flush=True)
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 3, sys.argv[2:])

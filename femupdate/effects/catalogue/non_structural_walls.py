@@ -1,0 +1,49 @@
+"""Stiffness of walls that the model only weighs."""
+
+from femupdate.effects.effect import Effect, Parameter, Terms
+from femupdate.effects.infill import infill_lines
+from femupdate.effects.structure import Structure
+
+_ALL = "all"
+
+
+class NonStructuralWalls(Effect):
+    """A share of the elastic stiffness of walls without stiffness, by line and story."""
+
+    name = "non_structural_walls"
+    title = "Stiffness of non-structural walls"
+    sentence = (
+        "Walls that the model counts as weight alone (partitions, infill, cladding) are tight to "
+        "the frame and stiffen the stories in which they stand."
+    )
+    confused_with = ("wall_stiffness", "cracked_beams", "eccentricity")
+    parameters = (
+        Parameter(
+            "size", "1", 0.2, lower=0.0, upper=2.0, text="share of the walls' elastic stiffness"
+        ),
+    )
+
+    def places(self, structure: Structure) -> tuple[str, ...]:
+        """All such walls, those of a line, of a story, and each by itself, as in "X1/S2"."""
+        lines = infill_lines(structure.building)
+        names = structure.building.story_names
+        stories = sorted({story for own in lines.values() for story in own})
+        found = [_ALL, *lines, *(f"{_ALL}/{names[story]}" for story in stories)]
+        found += [f"{line}/{names[story]}" for line, own in lines.items() for story in own]
+        one_line, one_story = len(lines) == 1, len(stories) == 1
+        if one_line:  # nothing is said twice
+            found = [place for place in found if place not in lines and _ALL + "/" not in place]
+        if one_story:
+            found = [place for place in found if "/" not in place]
+        return tuple(found) if lines else ()
+
+    def terms(self, structure: Structure, place: str) -> Terms:
+        """The walls' stiffness on the nodes that the model has, scaled by their story's factor."""
+        line, _, name = place.partition("/")
+        names = structure.building.story_names
+        chosen = [
+            wall
+            for wall in structure.infills
+            if line in (_ALL, wall.line) and name in ("", names[wall.story])
+        ]
+        return Terms(stiffness=tuple((wall.story, wall.stiffness) for wall in chosen))

@@ -1,0 +1,134 @@
+"""Stiffness of walls that a building's model only weighs, on the nodes that the model has.
+
+The walls are meshed as if they were stiff. What they have for themselves, the nodes inside and the
+free edges, is condensed statically onto the nodes that they share with the model (Guyan, 1965).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve
+from scipy.sparse import coo_matrix, csc_matrix
+from scipy.spatial import cKDTree
+
+from femupdate.building.mesh import BuildingMesh, mesh_building
+from femupdate.building.references import resolve
+from femupdate.building.schema import FrameBuilding
+from femupdate.fe.assembly import AffineOperators
+from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel, Floats, Integers
+from femupdate.fe.shell import shell_matrices
+
+_KIND = "non_structural_wall"
+_SAME = 1e-6  # m, between nodes of the two meshes
+
+
+@dataclass(frozen=True, eq=False)
+class Infill:
+    """One line's wall in one story: its stiffness (n_free, n_free) on the model's own motion."""
+
+    line: str
+    story: int
+    stiffness: csc_matrix
+
+
+def infill_lines(building: object) -> dict[str, tuple[int, ...]]:
+    """Lines along which walls only weigh, each with its stories."""
+    if not isinstance(building, FrameBuilding):
+        return {}
+    names = building.story_names
+    lines: dict[str, set[int]] = {}
+    for wall in building.walls:
+        if not wall.is_stiff:
+            chosen = resolve(wall.stories, names, "story", "walls.stories")
+            lines.setdefault(wall.along, set()).update(names.index(story) for story in chosen)
+    return {line: tuple(sorted(stories)) for line, stories in lines.items()}
+
+
+def infills(
+    building: FrameBuilding,
+    mesh: BuildingMesh,
+    operators: AffineOperators,
+    mesh_size: float | None,
+) -> tuple[Infill, ...]:
+    """All walls that only weigh, one a line and story.
+
+    Args:
+        building: they belong to.
+        mesh, operators: of the building as it is.
+        mesh_size: of that mesh, m; the building's own where None.
+    """
+    walls = tuple(wall.model_copy(update={"stiffness": True}) for wall in building.walls)
+    stiff = mesh_building(building.model_copy(update={"walls": walls}), mesh_size).model
+    known = cKDTree(mesh.model.nodes)
+    new = _is_new(stiff, mesh.model)
+    found = []
+    for line, stories in infill_lines(building).items():
+        here = new & _in_plane(stiff, *_plane(building, line))
+        for story in stories:
+            shells = np.flatnonzero(here & (stiff.shells.group == story))
+            if len(shells):
+                local = _condensed(stiff, shells, known)
+                found.append(Infill(line, story, _onto_free(*local, operators)))
+    return tuple(found)
+
+
+def _plane(building: FrameBuilding, line: str) -> tuple[int, float]:
+    """The axis across a grid line, and where the line lies on it, m."""
+    grid = building.grid
+    return (1, grid.y[line]) if line in grid.y else (0, grid.x[line])
+
+
+def _in_plane(model: FiniteElementModel, axis: int, place: float) -> NDArray[np.bool_]:
+    corners = model.nodes[model.shells.nodes]
+    near = np.abs(corners[:, :, axis] - place) < _SAME
+    return np.asarray(near.all(axis=1))
+
+
+def _is_new(stiff: FiniteElementModel, present: FiniteElementModel) -> NDArray[np.bool_]:
+    """Which shells (n,) are walls that the present model does not have."""
+    walls = stiff.shells.kind == _KIND
+    middles = present.nodes[present.shells.nodes[present.shells.kind == _KIND]].mean(axis=1)
+    if not len(middles):
+        return walls
+    distance, _ = cKDTree(middles).query(stiff.nodes[stiff.shells.nodes].mean(axis=1))
+    return walls & (distance > _SAME)
+
+
+def _condensed(
+    stiff: FiniteElementModel, shells: Integers, known: cKDTree
+) -> tuple[Integers, Floats]:
+    """Degrees of freedom (m,) of the present model, and the stiffness (m, m) of shells on them."""
+    nodes, corners = np.unique(stiff.shells.nodes[shells], return_inverse=True)
+    corners = corners.reshape(len(shells), -1)
+    part = stiff.shells
+    elements = shell_matrices(
+        stiff.nodes[nodes][corners],
+        part.thickness[shells],
+        part.youngs_modulus[shells],
+        part.poisson_ratio[shells],
+        part.density[shells],
+    ).stiffness
+    own = (DOF_PER_NODE * corners[:, :, None] + np.arange(DOF_PER_NODE)).reshape(len(shells), -1)
+    stiffness = np.zeros((DOF_PER_NODE * len(nodes),) * 2)
+    np.add.at(stiffness, (own[:, :, None], own[:, None, :]), elements)
+    distance, place = known.query(stiff.nodes[nodes])
+    shared = np.repeat(distance < _SAME, DOF_PER_NODE)
+    alone = ~shared & ~stiff.fixed[nodes].ravel()
+    inner = stiffness[np.ix_(alone, alone)]
+    coupling = stiffness[np.ix_(alone, shared)]
+    rest = stiffness[np.ix_(shared, shared)]
+    if alone.any():
+        rest = rest - coupling.T @ solve(inner, coupling, assume_a="pos")
+    number = DOF_PER_NODE * place[:, None] + np.arange(DOF_PER_NODE)
+    return number.ravel()[shared], 0.5 * (rest + rest.T)
+
+
+def _onto_free(number: Integers, stiffness: Floats, operators: AffineOperators) -> csc_matrix:
+    """A matrix on some of all degrees of freedom as one on the independent ones."""
+    rows, columns = np.meshgrid(number, number, indexing="ij")
+    size = (operators.dof, operators.dof)
+    full = coo_matrix((stiffness.ravel(), (rows.ravel(), columns.ravel())), shape=size).tocsc()
+    if operators.expansion is None:
+        return csc_matrix(full[operators.free][:, operators.free])
+    return csc_matrix(operators.expansion.T @ full @ operators.expansion)

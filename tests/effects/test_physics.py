@@ -1,0 +1,219 @@
+"""Effects in closed form, and against building files in which the same thing is written."""
+
+import copy
+
+import numpy as np
+import pytest
+import torch
+
+from femupdate.building.document import from_document
+from femupdate.dynamics.damping import ConstantDamping
+from femupdate.dynamics.effect_reduction import structure_on
+from femupdate.dynamics.effect_response import EffectSystem, reduce_terms
+from femupdate.effects import CATALOGUE, Placed, structure_of
+
+ZETA = 0.04
+GRID = np.linspace(0.2, 9.0, 45)
+MASS, SPRING, HEIGHT = 2000.0, 1.8e6, 3.2
+OMEGA = (SPRING / MASS) ** 0.5
+
+
+def single(mass=MASS, height=HEIGHT):
+    """One mass on one spring."""
+    return {
+        "name": "single",
+        "kind": "shear",
+        "stories": [{"name": "S", "mass": mass, "stiffness": SPRING, "height": height}],
+        "frequency_grid": {"start": 0.2, "step": 0.2, "count": 45},
+        "prior": {"theta": {"lower": 0.5, "upper": 2.0}},
+        "damping": {"law": "constant", "ratio": ZETA},
+    }
+
+
+def frf(document, effects=(), zeta=ZETA, theta=None, frequency_hz=GRID):
+    """(f, k) of a shear building with effects (name, place, parameters)."""
+    structure = structure_of(from_document(document))
+    reduced = structure_on(structure, np.diag(structure.nodal_mass**-0.5))
+    placed = tuple(Placed(CATALOGUE[name], place) for name, place, _ in effects)
+    terms = tuple(reduce_terms(reduced, one.effect.terms(structure, one.place)) for one in placed)
+    system = EffectSystem(reduced, ConstantDamping(), placed, terms)
+    values = [v for _, _, own in effects for v in own]
+    theta = [1.0] * len(structure.floors) if theta is None else theta
+    tensors = [torch.tensor([v], dtype=torch.float64) for v in (theta, zeta, values)]
+    return system.frf(*tensors, torch.from_numpy(frequency_hz))[0].numpy()
+
+
+def one_mass(omega, zeta, share=1.0):
+    """1 + share w^2 / (omega^2 - w^2 + 2 i zeta omega w): of one mass on one spring."""
+    w = 2.0 * np.pi * GRID
+    return 1.0 + share * w**2 / (omega**2 - w**2 + 2j * zeta * omega * w)
+
+
+def test_sway_is_two_springs_in_series():
+    """Size s: the ground's spring is k / s, as much softer as sway is smaller than drift."""
+    size = 0.3
+    series = (1.0 / (1.0 + size)) ** 0.5 * OMEGA
+    np.testing.assert_allclose(
+        frf(single(), [("base_sway", "base", [size])])[0], one_mass(series, ZETA), rtol=1e-10
+    )
+
+
+def test_rocking_of_a_stick():
+    """m h^2 turns on the ground's spring: flexibilities 1/k and h^2/k_r add up."""
+    size = 0.25
+    softer = OMEGA / (1.0 + size) ** 0.5
+    np.testing.assert_allclose(
+        frf(single(), [("foundation_rocking", "base", [size])])[0],
+        one_mass(softer, ZETA),
+        rtol=1e-10,
+    )
+
+
+def test_sway_and_rocking_share_the_first_mode_with_the_drift():
+    """Three springs in series under one mass."""
+    sizes = {"base_sway": 0.2, "foundation_rocking": 0.5}
+    softer = OMEGA / (1.0 + sum(sizes.values())) ** 0.5
+    effects = [(name, "base", [size]) for name, size in sizes.items()]
+    np.testing.assert_allclose(frf(single(), effects)[0], one_mass(softer, ZETA), rtol=1e-10)
+
+
+def test_pitch_drives_in_proportion_to_height():
+    """The mass sees the base acceleration (1 + p h): poles stay, |H| is scaled."""
+    np.testing.assert_allclose(
+        frf(single(), [("table_pitch", "base", [0.05])])[0],
+        (1.0 + 0.05 * HEIGHT) * one_mass(OMEGA, ZETA),
+        rtol=1e-10,
+    )
+
+
+def test_damper_adds_its_ratio():
+    """In a building of one mode the size is the damping ratio that the dashpot adds."""
+    np.testing.assert_allclose(
+        frf(single(), [("story_damper", "RF", [0.07])])[0], one_mass(OMEGA, ZETA + 0.07), rtol=1e-10
+    )
+
+
+def test_added_mass_is_a_heavier_building():
+    document = single()
+    document["stories"][0]["mass"] = 1.3 * MASS
+    np.testing.assert_allclose(
+        frf(single(), [("added_mass", "RF", [0.3])]), frf(document), rtol=1e-10
+    )
+
+
+@pytest.mark.parametrize("tuning", [0.7, 1.0, 1.6])
+def test_appendage_is_den_hartogs_absorber(tuning):
+    """Amplitude of the main mass under a moving ground (Den Hartog, Mechanical Vibrations, 1956,
+    section 3.3: force P0 = m y'' on both masses)."""
+    mu, nu, own = 0.15, tuning * OMEGA, 0.02
+    w = 2.0 * np.pi * GRID
+    link = nu**2 + 2j * own * nu * w
+    main = OMEGA**2 + 2j * ZETA * OMEGA * w
+    # Ground acceleration 1: relative to it (main + mu link - w^2) x - mu link v = -1 and
+    # link (v - x) - w^2 v = -1.
+    determinant = (main + mu * link - w**2) * (link - w**2) - mu * link**2
+    x = -((link - w**2) + mu * link) / determinant
+    np.testing.assert_allclose(
+        frf(single(), [("tuned_appendage", "RF", [mu, tuning])])[0], 1.0 - w**2 * x, rtol=1e-10
+    )
+
+
+def test_stiff_appendage_is_a_mass():
+    """But not one of the modes that the damping ratio is said of: none here is damped much."""
+    ours = frf(single(), [("tuned_appendage", "RF", [0.2, 1e4])], zeta=1e-7)
+    mass = frf(single(), [("added_mass", "RF", [0.2])], zeta=1e-7)
+    np.testing.assert_allclose(ours, mass, rtol=1e-4)
+
+
+@pytest.mark.parametrize("height", [1.0, 3.2])
+def test_sizes_of_ground_effects_do_not_depend_on_the_unit_of_height(height):
+    ours = frf(single(height=height), [("foundation_rocking", "base", [0.25])])
+    np.testing.assert_allclose(ours[0], one_mass(OMEGA / 1.25**0.5, ZETA), rtol=1e-10)
+
+
+def lightened(document):
+    """No material weighs: all mass is that of the floors."""
+    changed = copy.deepcopy(document)
+    changed["materials"]["concrete"]["density"] = 1e-6
+    changed["walls"] = changed["walls"][:1]
+    return changed
+
+
+def test_added_mass_is_a_building_file_with_a_heavier_floor(frame_document, frame_of):
+    light = lightened(frame_document)
+    heavy = copy.deepcopy(light)
+    heavy["floor_mass"][1]["total"] *= 1.4
+    theta = np.ones(2)
+    structure = structure_of(from_document(light))
+    added = CATALOGUE["added_mass"].terms(structure, "RF").mass
+    plain, exact = (frame_of(from_document(d), theta) for d in (light, heavy))
+    np.testing.assert_allclose(
+        plain.M + 0.4 * added.matrix.toarray(), exact.M, atol=1e-6 * np.abs(exact.M).max()
+    )
+    np.testing.assert_allclose(plain.force + 0.4 * added.force, exact.force, atol=1e-2)
+    np.testing.assert_allclose(plain.rigid_mass + 0.4 * added.rigid, exact.rigid_mass, rtol=1e-6)
+
+
+def test_wall_stiffness_is_a_building_file_with_another_concrete(frame_document, frame_of):
+    other = copy.deepcopy(frame_document)
+    other["materials"]["cracked"] = {**other["materials"]["concrete"], "youngs_modulus": 15e9}
+    for part in ("slabs", "walls"):
+        for entry in other[part]:
+            entry["material"] = "concrete"
+    for section in other["sections"].values():
+        section["material"] = "concrete"
+    other["walls"][0]["material"] = "cracked"
+    theta = np.array([0.8, 1.3])
+    structure = structure_of(from_document(frame_document))
+    terms = CATALOGUE["wall_stiffness"].terms(structure, "all").stiffness
+    ours = structure.stiffness(theta) + sum(-0.4 * theta[k] * matrix for k, matrix in terms)
+    exact = frame_of(from_document(other), theta).K
+    np.testing.assert_allclose(ours.toarray(), exact, atol=1e-12 * np.abs(exact).max())
+
+
+def test_eccentricity_moves_the_mass_and_keeps_its_amount(frame, node_masses):
+    structure, size = frame.structure, 0.07
+    values = CATALOGUE["eccentricity"].terms(structure, "all").mass.matrix.diagonal()
+    along = structure.axis == structure.direction
+    across = structure.position[:, 1 - structure.direction]
+    for level in structure.levels:
+        floor = along & np.isclose(structure.position[:, 2], level)
+        before, more = structure.nodal_mass[floor], size * values[floor]
+        assert more.sum() == pytest.approx(0.0, abs=1e-9 * before.sum())
+        centre = np.average(across[floor], weights=before)
+        moved = np.average(across[floor], weights=before + more)
+        assert moved - centre == pytest.approx(size * np.ptp(across[floor]), rel=1e-9)
+        assert before.sum() == pytest.approx(
+            node_masses(frame.mesh.model)[np.isclose(frame.mesh.model.nodes[:, 2], level)].sum()
+        )
+
+
+def test_rigid_motions_of_a_free_frame_cost_no_energy(frame):
+    """The base's translation and rotation strain nothing, in an unsupported mesh."""
+    from dataclasses import replace
+
+    from femupdate.fe.assembly import assemble
+
+    model = replace(frame.mesh.model, fixed=np.zeros_like(frame.mesh.model.fixed))
+    free = assemble(model)
+    K = free.stiffness(np.ones(2))
+    held = assemble(frame.mesh.model).free
+    shapes = np.zeros((free.dof, 2))
+    shapes[held] = frame.structure.rigid_shapes
+    base = frame.mesh.base_nodes
+    nodes = frame.mesh.model.nodes
+    middle = 0.5 * (nodes[:, 0].min() + nodes[:, 0].max())
+    # The base itself: it turns about y, and its nodes go up and down.
+    shapes[6 * base, 0] = 1.0
+    shapes[6 * base + 2, 1] = middle - nodes[base, 0]
+    shapes[6 * base + 4, 1] = 1.0
+    np.testing.assert_allclose(K @ shapes, 0.0, atol=1e-8 * abs(K).max())
+
+
+def test_fundamental_is_the_first_mode_of_a_stick(stick):
+    """Four equal masses on equal springs: 2 sqrt(k / m) sin(pi / 18)."""
+    omega, shape = stick.structure.fundamental
+    assert omega == pytest.approx(2.0 * 1000.0**0.5 * np.sin(np.pi / 18.0), rel=1e-5)
+    exact = np.sin(np.arange(1, 5) * np.pi / 9.0)
+    exact /= np.linalg.norm(exact)
+    np.testing.assert_allclose(np.abs(shape), exact, rtol=2e-3)
