@@ -108,12 +108,13 @@ def compare(reduced: ReducedStructure, samples: int, names: list[str]) -> None:
             error = log_frf(reduced, placed, terms, theta, values)
             error -= log_frf(full, placed, terms, theta, values)
             errors.append(error)
-            print(
-                f"  {placed.label} {values}: rms {np.sqrt((error**2).mean()):.4f}, max {np.abs(error).max():.3f}",
-                flush=True,
-            )
-        rms = float(np.sqrt(np.mean(np.square(errors))))
-        print(f"{effect.name}: rms {rms:.4f}, largest {np.abs(errors).max():.3f}", flush=True)
+            print(f"  {placed.label} {values}: {spread(error)}", flush=True)
+        print(f"{effect.name}: {spread(np.array(errors))}", flush=True)
+
+
+def spread(error: Floats) -> str:
+    """Root mean square and largest absolute value, in words."""
+    return f"rms {np.sqrt((error**2).mean()):.4f}, largest {np.abs(error).max():.3f}"
 
 
 if __name__ == "__main__":
