@@ -25,8 +25,10 @@ def shell_areas(model: FiniteElementModel) -> Floats:
 
 
 def bar_lengths(model: FiniteElementModel) -> Floats:
-    """Return the length of each beam element, (n,) m."""
+    """Return the length of each beam element between its rigid arms, (n,) m."""
     ends = model.nodes[model.beams.nodes]
+    if model.beams.offset is not None:
+        ends = ends + model.beams.offset
     return np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
 
 

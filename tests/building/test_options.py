@@ -347,9 +347,7 @@ def test_everything_together_keeps_its_mass_and_loads_back_equal(make_document, 
     whole = operators.rigid_translation(0)
     total = whole @ operators.mass_full @ whole
     rigid = self_mass(mesh.model, []).sum()
-    # Rigid ends carry no mass of their own: two ends of 0.2 m of one section.
-    ends = 2 * 0.2 * 0.3 * 0.5 * 2400.0
-    assert total == pytest.approx(rigid - ends, rel=1e-9)
+    assert total == pytest.approx(rigid, rel=1e-9)
     again = load_building(save_building(building, tmp_path / "all.toml"))
     assert again == building
     assert mechanics_hash(again) == mechanics_hash(building)
