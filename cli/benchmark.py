@@ -13,6 +13,18 @@ _BENCHMARKS = {
         "benchmark_solver",
         "Element tests against published values; speed against OpenSees.",
     ),
+    "shear4dof": (
+        "benchmark_shear4dof",
+        "The posterior with four modes: published tables, and the exact posterior.",
+    ),
+    "calibration": (
+        "benchmark_calibration",
+        "Whether posteriors hold the truth as often as they say.",
+    ),
+    "hidden-effects": (
+        "benchmark_hidden_effects",
+        "What the effect finder makes of effects that were hidden.",
+    ),
 }
 
 

@@ -53,6 +53,7 @@ class Problem:
         phase: (f, k) observed, rad, or None.
         sd: (f, k) of ln|H| and phase; infinite where not valid.
         independent: share of the points that err independently.
+        estimated: the FRFs were estimated by H1 from histories, not read from a table.
         mesh: error of the mesh, or None.
     """
 
@@ -68,6 +69,7 @@ class Problem:
     phase: Tensor | None
     sd: Tensor
     independent: float
+    estimated: bool = False
     mesh: MeshError | None = None
 
     @property
@@ -158,4 +160,5 @@ def make_problem(
         phase=None if phase is None else torch.from_numpy(np.nan_to_num(phase)),
         sd=torch.where(valid, (noise**2 + model_error**2).sqrt(), infinite),
         independent=min(1.0, spacing / resolution),
+        estimated=observation.coherence is not None,
     )

@@ -53,6 +53,8 @@ def candidates(problem: Problem, present: tuple[Placed, ...] = ()) -> list[Place
     for effect in CATALOGUE.values():
         if effect.needs_phase and problem.phase is None:
             continue
+        if effect.tables_only and problem.estimated:
+            continue
         for place in effect.places(structure):
             placed = Placed(effect, place)
             unseen = effect.instrument and not _seen(place, observed, structure.floors)

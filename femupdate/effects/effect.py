@@ -100,7 +100,7 @@ class Effect(ABC):
         parameters: the size first.
         instrument: it lies in the measurement, not in the structure.
         needs_phase: |H| does not show it.
-        exchanged: it exchanges channels instead of having a size.
+        tables_only: it arises in the making of tables of |H|, not in FRFs estimated by H1.
     """
 
     name: ClassVar[str]
@@ -110,6 +110,7 @@ class Effect(ABC):
     parameters: ClassVar[tuple[Parameter, ...]]
     instrument: ClassVar[bool] = False
     needs_phase: ClassVar[bool] = False
+    tables_only: ClassVar[bool] = False
 
     def places(self, structure: Structure) -> tuple[str, ...]:
         """Where it can sit in a building; none where the building has no such thing."""

@@ -19,6 +19,8 @@ class NoiseFloor(Effect):
         Parameter("size", "1", 0.05, lower=0.0, upper=1.0, text="noise over base amplitude"),
     )
     instrument = True
+    # H1 averages noise of the floors away; a ratio of amplitudes does not.
+    tables_only = True
 
     def places(self, structure: Structure) -> tuple[str, ...]:
         """All floors together."""
