@@ -162,8 +162,8 @@ def mass_terms(structure: Structure, values: Floats, constants: tuple[float, ...
 
 
 def floor_port(structure: Structure, floor: int) -> Port:
-    """The absolute displacement of a floor."""
-    return Port(structure.floor_rows[floor], structure.rigid_floors[floor])
+    """The absolute displacement of a floor, in the mean over its mass."""
+    return Port(structure.floor_means[floor], structure.rigid_floors[floor])
 
 
 def story_port(structure: Structure, story: int) -> Port:
@@ -171,7 +171,7 @@ def story_port(structure: Structure, story: int) -> Port:
 
     What stands between two floors leans with them: a rigid rotation does not stretch it.
     """
-    rows = structure.floor_rows
+    rows = structure.floor_means
     below = rows[story - 1] if story else np.zeros(rows.shape[1])
     return Port(rows[story] - below, np.zeros(2))
 

@@ -94,7 +94,7 @@ class Structure:
 
     @cached_property
     def fundamental(self) -> tuple[float, Floats]:
-        """Circular frequency (rad/s) and shape (f,) of the floors in the first driven mode.
+        """Circular frequency (rad/s) and mean shape (f,) of the floors in the first driven mode.
 
         Rayleigh's quotient after two inverse iterations from the static shape, which is within a
         thousandth of the mode that the base motion drives most; unit modal mass.
@@ -105,7 +105,7 @@ class Structure:
         modal_mass = float(shape @ (self.mass @ shape))
         stiffness = self.stiffness(np.ones(len(self.stiffness_terms)))
         omega = np.sqrt(float(shape @ (stiffness @ shape)) / modal_mass)
-        return float(omega), self.floor_rows @ shape / np.sqrt(modal_mass)
+        return float(omega), self.floor_means @ shape / np.sqrt(modal_mass)
 
     @cached_property
     def level_of(self) -> Integers:
@@ -114,6 +114,18 @@ class Structure:
         near = tall.argmin(axis=1)
         here = tall[np.arange(len(near)), near] < 1e-6 * self.levels[-1]
         return np.where(here, near, -1)
+
+    @cached_property
+    def floor_means(self) -> Floats:
+        """(f, n) displacement of each floor along the motion, in the mean over its mass.
+
+        A force that acts through it is spread over the floor; one at the sensors alone would be
+        met by what gives there locally.
+        """
+        along = self.axis == self.direction
+        here = along & (self.level_of == np.arange(len(self.levels))[:, None])
+        weight = np.where(here, self.nodal_mass, 0.0)
+        return weight / weight.sum(axis=1, keepdims=True)
 
     def member_stiffness(
         self, kinds: tuple[str, ...], bending_only: bool

@@ -32,6 +32,7 @@ class Equations:
         pitch: rotation of the ground per unit translation of it.
         dashpots: (row (n,), rate).
         appendages: (floor, mass, circular frequency, damping ratio).
+        means: (f, n) mean motion of the floors over their mass, that of the rows where None.
     """
 
     K: np.ndarray
@@ -45,6 +46,7 @@ class Equations:
     pitch: float = 0.0
     dashpots: tuple = ()
     appendages: tuple = ()
+    means: np.ndarray | None = None
 
     def but(self, **changes):
         return replace(self, **changes)
@@ -102,7 +104,8 @@ class Equations:
         """One more coordinate: the appendage's own motion, against where its floor's frame is."""
         K, M, C, load, rows = matrices
         n = len(K)
-        stretch = np.append(-self.rows[floor], np.zeros(n + 1 - len(self.rows[floor])))
+        row = (self.rows if self.means is None else self.means)[floor]
+        stretch = np.append(-row, np.zeros(n + 1 - len(row)))
         stretch[-1] = 1.0
         with_base = np.array([1.0, self.levels[floor]])
         absolute = np.zeros(n + 1)
@@ -161,6 +164,10 @@ def frame_equations(mesh, model, theta):
     for row, nodes in zip(rows, mesh.floor_nodes.values(), strict=True):
         row[6 * np.asarray(nodes) + along] = 1.0 / len(nodes)
     free = operators.free
+    means = np.zeros((len(mesh.floors), len(model.nodes), 6))
+    for mean, level in zip(means, mesh.floor_level, strict=True):
+        mean[:, along] = np.where(np.isclose(z, level), lumped_masses(model), 0.0)
+    means = means.reshape(len(means), -1)[:, free]
     return Equations(
         operators.stiffness(theta).toarray(),
         operators.mass.toarray(),
@@ -169,6 +176,7 @@ def frame_equations(mesh, model, theta):
         motion.T @ whole @ motion,
         rows[:, free],
         mesh.floor_level,
+        means=means / means.sum(axis=1, keepdims=True),
     )
 
 

@@ -47,7 +47,8 @@ def floor_masses(case, floor, node_masses):
 
 
 def drift(case, story):
-    rows = case.equations.rows
+    equations = case.equations
+    rows = equations.rows if equations.means is None else equations.means
     return rows[story] - (rows[story - 1] if story else 0.0)
 
 
