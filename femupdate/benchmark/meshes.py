@@ -27,13 +27,13 @@ def grid(columns: int, rows: int) -> tuple[Floats, Floats, Integers]:
 
 def shells(
     quads: ArrayLike,
-    thickness: float,
+    thickness: float | Floats,
     youngs_modulus: float,
     poisson_ratio: float,
     density: float = 0.0,
     group: int = 0,
 ) -> Shells:
-    """Shells of one thickness (m) and one material (Pa, -, kg/m3)."""
+    """Shells of one thickness, or one each (m), and one material (Pa, -, kg/m3)."""
     nodes = np.asarray(quads, dtype=np.int64)
     ones = np.ones(len(nodes))
     return Shells(
@@ -49,7 +49,7 @@ def shells(
 
 def beams(
     nodes: ArrayLike,
-    up: Sequence[float] = (0.0, 0.0, 1.0),
+    up: ArrayLike = (0.0, 0.0, 1.0),
     group: int = 0,
     **section: Any,
 ) -> Beams:
@@ -57,7 +57,7 @@ def beams(
 
     Args:
         nodes: (n, 2).
-        up, group: as in `Beams`, one for all.
+        up, group: as in `Beams`, one for all; `up` may be one each.
         section: the other attributes of `Beams`, one value for all or one a beam.
     """
     pairs = np.asarray(nodes, dtype=np.int64)
@@ -71,7 +71,7 @@ def beams(
     ones = np.ones(len(pairs))
     return Beams(
         nodes=pairs,
-        up=np.tile(np.asarray(up, dtype=float), (len(pairs), 1)),
+        up=np.broadcast_to(np.asarray(up, dtype=float), (len(pairs), 3)),
         group=np.full(len(pairs), group, dtype=np.int64),
         kind=np.full(len(pairs), "beam"),
         **{name: value * ones for name, value in values.items()},

@@ -120,7 +120,7 @@ def modes_below(operators: AffineOperators, theta: Floats, top_hz: float) -> Mod
     stiffness = operators.stiffness(theta)
     for nudge in (1.0, 1.003, 1.01):  # beside a natural frequency the pivots have no sure sign
         shift = (2.0 * np.pi * top_hz * nudge) ** 2
-        pivots = factorize((stiffness - shift * operators.mass).tocsc()).pivots()
+        pivots = _indefinite(stiffness - shift * operators.mass).pivots()
         if pivots is not None:
             return lowest_modes(operators, theta, max(1, int(np.count_nonzero(pivots < 0.0))))
     raise ModelError(
@@ -190,8 +190,12 @@ def _complete(problem: _Problem, values: Floats) -> bool:
     if gaps[top] < _GAP:  # a cluster fills the upper half: look below all modes
         top = 0
     between = 0.5 * (edges[top] + edges[top + 1])
-    pivots = factorize((problem.stiffness - between * problem.mass).tocsc()).pivots()
+    pivots = _indefinite(problem.stiffness - between * problem.mass).pivots()
     return pivots is None or np.count_nonzero(pivots < 0.0) == top
+
+
+def _indefinite(matrix: csc_matrix) -> Factorization:
+    return factorize(matrix.tocsc(), definite=False)
 
 
 def _modes(problem: _Problem, values: Floats, shapes: Floats) -> Modes:

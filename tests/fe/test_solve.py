@@ -7,9 +7,11 @@ import pytest
 from scipy.linalg import eigh
 from scipy.sparse import csc_matrix, diags
 
+import femupdate.fe.factorization as factorization
 import femupdate.fe.solve as solve
 from femupdate.errors import ModelError
 from femupdate.fe.assembly import assemble
+from femupdate.fe.cholmod import cholmod_is_there
 from femupdate.fe.model import PointMasses, Springs
 from femupdate.fe.solve import factorize, lowest_modes, static_displacement
 
@@ -234,3 +236,41 @@ def test_pivots_come_in_the_order_of_the_matrix():
 def test_factorize_refuses_a_singular_matrix():
     with pytest.raises(ModelError, match="singular"):
         factorize(csc_matrix(np.ones((3, 3))))
+
+
+@pytest.mark.parametrize("columns", [(), (3,)])
+def test_backends_agree(plate_operators, columns):
+    """CHOLMOD, where it is installed, and SuperLU solve the same system alike."""
+    if not cholmod_is_there():
+        pytest.skip("CHOLMOD is not installed")
+    stiffness = plate_operators.stiffness(ONE)
+    rhs = np.random.default_rng(3).standard_normal((stiffness.shape[0], *columns))
+    solutions = {
+        backend: factorize(stiffness, backend=backend).solve(rhs)
+        for backend in ("superlu", "cholmod")
+    }
+    size = np.abs(solutions["superlu"]).max()
+    np.testing.assert_allclose(solutions["cholmod"], solutions["superlu"], rtol=0, atol=1e-8 * size)
+
+
+def test_superlu_takes_what_cholmod_refuses(plate_operators):
+    """An indefinite matrix is no failure: its pivots are counted, whatever is installed."""
+    stiffness, mass = plate_operators.stiffness(ONE), plate_operators.mass
+    modes = lowest_modes(plate_operators, ONE, 4).frequency_hz
+    between = (2 * np.pi) ** 2 * modes[2] * modes[3]
+    pivots = factorize((stiffness - between * mass).tocsc()).pivots()
+    assert np.count_nonzero(pivots < 0) == 3
+
+
+def test_a_backend_that_is_not_there_is_refused(monkeypatch):
+    monkeypatch.setattr(factorization, "cholmod_is_there", lambda: False)
+    assert factorization.default_backend() == "superlu"
+    with pytest.raises(ModelError, match="install cvxopt"):
+        factorize(csc_matrix(np.eye(3)), backend="cholmod")
+
+
+def test_the_environment_can_keep_to_scipy(monkeypatch):
+    monkeypatch.setattr(factorization, "cholmod_is_there", lambda: True)
+    assert factorization.default_backend() == "cholmod"
+    monkeypatch.setenv(factorization.ENVIRONMENT, "superlu")
+    assert factorization.default_backend() == "superlu"
