@@ -4,7 +4,7 @@ The unknowns are ln theta and ln zeta (uniform priors on a box), the sizes of th
 of their prior's standard deviation, and the share of the mesh error that the data show.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -17,6 +17,7 @@ from femupdate.effects.effect import Placed
 
 Floats = NDArray[np.float64]
 _STEP = 1e-3
+_COARSE = 0.3  # noise on ln|H| in the first steps of a search
 _SMALLEST = 1e-4  # relative decrease of the objective at which the search ends
 
 
@@ -242,7 +243,7 @@ def fit_baseline(
     sizes: tuple[float, ...] = (),
     seed: int = 0,
     samples: int = 384,
-    starts: int = 6,
+    starts: int = 8,
 ) -> list[Fit]:
     """Fit a model from the best of many draws of its prior, best first.
 
@@ -270,9 +271,13 @@ def fit_baseline(
         parts.append(where.mean[-1:].expand(samples, -1))
     z = torch.cat(parts, dim=1)
     system = problem.system(placed)
-    misfit = (evaluate(problem, system, where, z) ** 2).sum(dim=1)
-    chosen = misfit.argsort()[:starts]
-    fits = [fit(problem, placed, z[k], 25, system) for k in chosen]
+    # Far from the data every point is many times the noise off, whichever way is better: first
+    # they are compared as if they were coarse.
+    coarse = replace(problem, sd=(problem.sd**2 + _COARSE**2).sqrt())
+    misfit = (evaluate(coarse, system, where, z) ** 2).sum(dim=1)
+    near = [fit(coarse, placed, z[k], 10, system) for k in misfit.argsort()[:starts]]
+    near.sort(key=lambda one: one.chi2 + one.penalty)
+    fits = [fit(problem, placed, one.z, 25, system) for one in near[: max(2, starts // 3)]]
     return sorted(fits, key=lambda one: one.chi2 + one.penalty)
 
 
