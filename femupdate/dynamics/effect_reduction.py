@@ -43,7 +43,7 @@ def reduce_structure(
         progress: told (done, total).
     """
     if structure.operators is None or structure.mesh is None:
-        return structure_on(structure, np.diag(structure.nodal_mass**-0.5))
+        return structure_on(structure, np.diag(structure.points.mass**-0.5))
     operators = with_terms(structure.operators, _member_terms(structure))
     sensors = floor_sensors(operators, structure.mesh.floor_nodes, structure.direction)
     thetas = _samples(structure, target)
@@ -92,9 +92,10 @@ def _samples(structure: Structure, target: ReductionTarget) -> Floats:
 
 def _other_forces(structure: Structure) -> Floats:
     """(2, n) inertia forces of base rotation, and across the floors, of the size of the first."""
-    across = structure.position[:, 1 - structure.direction]
-    along = structure.axis == structure.direction
-    twist = np.where(along, structure.nodal_mass * (across - across.mean()), 0.0)
+    points = structure.points
+    across = points.position[:, 1 - structure.direction]
+    along = points.axis == structure.direction
+    twist = points.motion.T @ np.where(along, points.mass * (across - across.mean()), 0.0)
     forces = np.stack([structure.rigid_force[:, 1], twist])
     norm = np.linalg.norm(structure.rigid_force[:, 0])
     sizes = np.linalg.norm(forces, axis=1, keepdims=True)

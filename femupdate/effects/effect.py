@@ -7,10 +7,10 @@ from typing import ClassVar
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy.sparse import csc_matrix
+from scipy.sparse import csc_matrix, diags
 from torch import Tensor
 
-from femupdate.effects.structure import Structure, diagonal_mass
+from femupdate.effects.structure import Structure
 
 Floats = NDArray[np.float64]
 ALL_STORIES = -1
@@ -154,10 +154,11 @@ class Placed:
 
 
 def mass_terms(structure: Structure, values: Floats, constants: tuple[float, ...] = ()) -> Terms:
-    """Terms of point masses (n,) kg on the degrees of freedom."""
-    matrix = diagonal_mass(values)
-    force = matrix @ structure.rigid_shapes
-    mass = AddedMass(matrix, force, structure.rigid_shapes.T @ force)
+    """Terms of point masses (m,) kg on the structure's points."""
+    points = structure.points
+    matrix = csc_matrix(points.motion.T @ diags(values) @ points.motion)
+    force = values[:, None] * points.rigid
+    mass = AddedMass(matrix, points.motion.T @ force, points.rigid.T @ force)
     return Terms(mass=mass, constants=constants)
 
 

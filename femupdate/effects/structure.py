@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_matrix, diags
+from scipy.sparse import csc_matrix, csr_matrix
 
 from femupdate.building.mesh import BuildingMesh, mesh_building
 from femupdate.building.schema import Building, FrameBuilding, MeshBuilding, ShearBuilding
@@ -23,6 +23,25 @@ from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 TRANSLATION, ROTATION = 0, 1
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Every component of every node's motion, m of them, held and tied ones too.
+
+    Attributes:
+        position: (m, 3) of the node, m.
+        axis: (m,) 0 to 5, ux to rz.
+        mass: (m,) mass that moves along each translation; zero for rotations.
+        rigid: (m, 2) motion with the base, per unit translation and rotation.
+        motion: (m, n) motion per unit of each degree of freedom.
+    """
+
+    position: Floats
+    axis: Integers
+    mass: Floats
+    rigid: Floats
+    motion: csr_matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +61,7 @@ class Structure:
         levels: (f,) heights of the floors above the base, m.
         position: (n, 3) where each degree of freedom lies, m.
         axis: (n,) 0 to 5, ux to rz.
-        nodal_mass: (n,) mass that moves along each translation; zero for rotations.
+        points: of its nodes.
         direction: of the motion, 0 for x, 1 for y.
         mesh: the mesh of a frame.
         operators: the assembled mesh of a frame.
@@ -60,7 +79,7 @@ class Structure:
     levels: Floats
     position: Floats
     axis: Integers
-    nodal_mass: Floats
+    points: Points
     direction: int
     mesh: BuildingMesh | None = None
     operators: AffineOperators | None = None
@@ -109,11 +128,15 @@ class Structure:
 
     @cached_property
     def level_of(self) -> Integers:
-        """(n,) index of the floor at whose height a degree of freedom lies, -1 between floors."""
-        tall = np.abs(self.position[:, 2, None] - self.levels)
+        """(m,) index of the floor at whose height a point lies, -1 between floors."""
+        tall = np.abs(self.points.position[:, 2, None] - self.levels)
         near = tall.argmin(axis=1)
         here = tall[np.arange(len(near)), near] < 1e-6 * self.levels[-1]
         return np.where(here, near, -1)
+
+    def along_floor(self, floor: int) -> NDArray[np.bool_]:
+        """(m,) which points are translations of a floor along the motion."""
+        return (self.level_of == floor) & (self.points.axis == self.direction)
 
     @cached_property
     def floor_means(self) -> Floats:
@@ -122,10 +145,9 @@ class Structure:
         A force that acts through it is spread over the floor; one at the sensors alone would be
         met by what gives there locally.
         """
-        along = self.axis == self.direction
-        here = along & (self.level_of == np.arange(len(self.levels))[:, None])
-        weight = np.where(here, self.nodal_mass, 0.0)
-        return weight / weight.sum(axis=1, keepdims=True)
+        here = np.stack([self.along_floor(floor) for floor in range(len(self.levels))])
+        weight = np.where(here, self.points.mass, 0.0)
+        return (self.points.motion.T @ (weight / weight.sum(axis=1, keepdims=True)).T).T
 
     def member_stiffness(
         self, kinds: tuple[str, ...], bending_only: bool
@@ -173,6 +195,8 @@ def _stick(building: ShearBuilding) -> Structure:
     heights = np.cumsum([story.height or 1.0 for story in building.stories])
     shapes = np.column_stack([np.ones(count), heights])
     masses = np.diag(lumped.mass)
+    position = np.column_stack([np.zeros((count, 2)), heights])
+    axis = np.zeros(count, dtype=np.int64)
     return Structure(
         building=building,
         stiffness_terms=tuple(csc_matrix(term) for term in lumped.stiffness_terms),
@@ -183,9 +207,9 @@ def _stick(building: ShearBuilding) -> Structure:
         rigid_mass=shapes.T @ (masses[:, None] * shapes),
         floor_rows=np.eye(count),
         levels=heights,
-        position=np.column_stack([np.zeros((count, 2)), heights]),
-        axis=np.zeros(count, dtype=np.int64),
-        nodal_mass=masses,
+        position=position,
+        axis=axis,
+        points=Points(position, axis, masses, shapes, csr_matrix(np.eye(count))),
         direction=0,
     )
 
@@ -210,7 +234,7 @@ def _frame(building: FrameBuilding | MeshBuilding, mesh_size: float | None) -> S
         levels=mesh.floor_level,
         position=np.repeat(mesh.model.nodes, DOF_PER_NODE, axis=0)[operators.free],
         axis=operators.free % DOF_PER_NODE,
-        nodal_mass=_nodal_mass(operators),
+        points=_points(mesh, operators, shapes),
         direction=mesh.direction,
         mesh=mesh,
         operators=operators,
@@ -230,12 +254,18 @@ def _rigid_shapes(nodes: Floats, direction: int) -> Floats:
     return shapes.reshape(-1, 2)
 
 
-def _nodal_mass(operators: AffineOperators) -> Floats:
-    total = np.zeros(operators.dof)
+def _points(mesh: BuildingMesh, operators: AffineOperators, shapes: Floats) -> Points:
+    mass = np.zeros(operators.dof)
     for axis in range(3):
         motion = operators.rigid_translation(axis)
-        total += motion * (operators.mass_full @ motion)
-    return total[operators.free]
+        mass += motion * (operators.mass_full @ motion)
+    motion = operators.expansion
+    if motion is None:
+        free = operators.free
+        where = (free, np.arange(len(free)))
+        motion = csr_matrix((np.ones(len(free)), where), shape=(operators.dof, len(free)))
+    position = np.repeat(mesh.model.nodes, DOF_PER_NODE, axis=0)
+    return Points(position, np.arange(operators.dof) % DOF_PER_NODE, mass, shapes, motion)
 
 
 def _twice(
@@ -261,8 +291,3 @@ def _twice(
         shells=replace(shells, youngs_modulus=shells.youngs_modulus * of_shells),
         beams=stiffer,
     )
-
-
-def diagonal_mass(values: Floats) -> csc_matrix:
-    """A mass matrix of point masses, (n,) to (n, n)."""
-    return csc_matrix(diags(values))

@@ -106,7 +106,7 @@ def effect_truth(
     if not isinstance(building, FrameBuilding):
         seen = sensor_model(building, theta, top_hz, mesh_size=mesh_size, sensors=sensors)
         structure = structure_of(building)
-        reduced = structure_on(structure, np.diag(structure.nodal_mass**-0.5))
+        reduced = structure_on(structure, np.diag(structure.points.mass**-0.5))
         terms = tuple(one.effect.terms(structure, one.place) for one in placed)
         projected = tuple(reduce_terms(reduced, own) for own in terms)
         return Truth(seen, EffectSystem(reduced, law, placed, projected), theta, values)

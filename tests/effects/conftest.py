@@ -249,7 +249,7 @@ class Case:
 def _exact(structure, theta, frequency_hz, equations):
     """The structure on a complete mass-orthonormal basis: nothing is left out."""
     if structure.operators is None:
-        basis = np.diag(structure.nodal_mass**-0.5)
+        basis = np.diag(structure.points.mass**-0.5)
         terms = np.stack([term.toarray() for term in structure.stiffness_terms])
         model = reduce_lumped(terms, structure.mass.toarray(), structure.floors)
     else:

@@ -33,7 +33,7 @@ def single(mass=MASS, height=HEIGHT):
 def frf(document, effects=(), zeta=ZETA, theta=None, frequency_hz=GRID):
     """(f, k) of a shear building with effects (name, place, parameters)."""
     structure = structure_of(from_document(document))
-    reduced = structure_on(structure, np.diag(structure.nodal_mass**-0.5))
+    reduced = structure_on(structure, np.diag(structure.points.mass**-0.5))
     placed = tuple(Placed(CATALOGUE[name], place) for name, place, _ in effects)
     terms = tuple(reduce_terms(reduced, one.effect.terms(structure, one.place)) for one in placed)
     system = EffectSystem(reduced, ConstantDamping(), placed, terms)
@@ -174,18 +174,19 @@ def test_wall_stiffness_is_a_building_file_with_another_concrete(frame_document,
 def test_eccentricity_moves_the_mass_and_keeps_its_amount(frame, node_masses):
     structure, size = frame.structure, 0.07
     values = CATALOGUE["eccentricity"].terms(structure, "all").mass.matrix.diagonal()
+    own = node_masses(frame.mesh.model)[structure.operators.free // 6]
     along = structure.axis == structure.direction
     across = structure.position[:, 1 - structure.direction]
     for level in structure.levels:
         floor = along & np.isclose(structure.position[:, 2], level)
-        before, more = structure.nodal_mass[floor], size * values[floor]
+        before, more = own[floor], size * values[floor]
         assert more.sum() == pytest.approx(0.0, abs=1e-9 * before.sum())
         centre = np.average(across[floor], weights=before)
         moved = np.average(across[floor], weights=before + more)
         assert moved - centre == pytest.approx(size * np.ptp(across[floor]), rel=1e-9)
-        assert before.sum() == pytest.approx(
-            node_masses(frame.mesh.model)[np.isclose(frame.mesh.model.nodes[:, 2], level)].sum()
-        )
+        mass = CATALOGUE["tuned_appendage"].terms(structure, "2F").constants[0]
+        if level == structure.levels[0]:
+            assert mass == pytest.approx(before.sum())
 
 
 def test_rigid_motions_of_a_free_frame_cost_no_energy(frame):
@@ -217,3 +218,34 @@ def test_fundamental_is_the_first_mode_of_a_stick(stick):
     exact = np.sin(np.arange(1, 5) * np.pi / 9.0)
     exact /= np.linalg.norm(exact)
     np.testing.assert_allclose(np.abs(shape), exact, rtol=2e-3)
+
+
+def test_masses_on_a_rigid_diaphragm(frame_document, frame_of, node_masses):
+    """What is tied to the diaphragm's centre brings its arm along."""
+    from dataclasses import replace
+
+    tied = copy.deepcopy(frame_document)
+    tied["slabs"][0]["diaphragm"] = "rigid"
+    structure = structure_of(from_document(tied))
+    model = structure.mesh.model
+    assert structure.operators.expansion is not None
+    added = CATALOGUE["added_mass"].terms(structure, "RF").mass
+    own = np.where(np.isclose(model.nodes[:, 2], structure.levels[-1]), node_masses(model), 0.0)
+    node = np.flatnonzero(own)
+    masses = model.masses
+    heavier = replace(
+        masses,
+        node=np.append(masses.node, node),
+        mass=np.append(masses.mass, 0.3 * own[node]),
+        inertia=np.concatenate([masses.inertia, np.zeros((len(node), 3))]),
+    )
+    from femupdate.fe.assembly import assemble
+
+    exact = assemble(replace(model, masses=heavier)).mass.toarray()
+    ours = (structure.mass + 0.3 * added.matrix).toarray()
+    np.testing.assert_allclose(ours, exact, atol=1e-9 * np.abs(exact).max())
+    unit = structure.rigid_shapes[:, 0]
+    assert unit @ added.force[:, 0] == pytest.approx(own.sum())
+    for effect in CATALOGUE.values():
+        for place in effect.places(structure):
+            effect.terms(structure, place)

@@ -27,5 +27,5 @@ class AddedMass(Effect):
     def terms(self, structure: Structure, place: str) -> Terms:
         """The masses of the floor's nodes once more."""
         here = structure.level_of == structure.floors.index(place)
-        values = np.where(here, structure.nodal_mass, 0.0)
+        values = np.where(here, structure.points.mass, 0.0)
         return mass_terms(structure, values)

@@ -22,20 +22,18 @@ class Eccentricity(Effect):
 
     def places(self, structure: Structure) -> tuple[str, ...]:
         """All floors together, where the plan has a depth."""
-        across = structure.position[:, 1 - structure.direction]
+        across = structure.points.position[:, 1 - structure.direction]
         return ("all",) if np.ptp(across) > 0.0 else ()
 
     def terms(self, structure: Structure, place: str) -> Terms:
         """Masses scaled linearly across each floor, so that only their centre moves."""
-        across = structure.position[:, 1 - structure.direction]
+        across = structure.points.position[:, 1 - structure.direction]
+        mass = structure.points.mass
         values = np.zeros(len(across))
         for floor in range(len(structure.floors)):
-            here = structure.level_of == floor
-            along = here & (structure.axis == structure.direction)
-            mass = structure.nodal_mass
-            middle = np.average(across[along], weights=mass[along])
-            arm = across - middle
+            along = structure.along_floor(floor)
+            arm = across - np.average(across[along], weights=mass[along])
             inertia = float((mass[along] * arm[along] ** 2).sum())
             slope = np.ptp(across[along]) * float(mass[along].sum()) / inertia
-            values = np.where(here, mass * slope * arm, values)
+            values = np.where(structure.level_of == floor, mass * slope * arm, values)
         return mass_terms(structure, values)

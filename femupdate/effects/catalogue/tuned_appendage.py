@@ -38,8 +38,7 @@ class TunedAppendage(Effect):
     def terms(self, structure: Structure, place: str) -> Terms:
         """Where it stands, the floor's mass and the building's first frequency."""
         floor = structure.floors.index(place)
-        along = (structure.level_of == floor) & (structure.axis == structure.direction)
-        mass = float(structure.nodal_mass[along].sum())
+        mass = float(structure.points.mass[structure.along_floor(floor)].sum())
         return Terms(port=floor_port(structure, floor), constants=(mass, structure.fundamental[0]))
 
     def port_stiffness(self, omega: Tensor, sizes: Tensor, constants: tuple[float, ...]) -> Tensor:
