@@ -7,6 +7,7 @@ import numpy as np
 
 from femupdate.discrepancy.evidence import Evidence, laplace, sampled
 from femupdate.discrepancy.fit import Fit, extended, fit, fit_baseline
+from femupdate.discrepancy.hidden import hidden_effects
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.score import Score, alike, candidates, score
 from femupdate.discrepancy.where import Cell, p_value, residual_cells
@@ -130,7 +131,7 @@ def diagnose(
         (score(problem, base, placed) for placed in candidates(problem, base.placed)),
         key=lambda one: -abs(one.statistic),
     )
-    hidden = tuple(s.placed.label for s in scores if s.strength < chosen.least_strength)
+    hidden = hidden_effects(problem, base, scores, chosen.least_strength)
     tell("fitting the leading effects")
     fits = [_fit_candidate(problem, base, one) for one in _leading(scores, chosen.fitted)]
     freedom = max(problem.effective - base.coordinates.size, 1.0)

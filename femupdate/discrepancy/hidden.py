@@ -1,0 +1,80 @@
+"""Effects that stiffness factors and damping make up for, so that no data of these sensors show.
+
+The score test projects along straight lines, which a large step of an effect leaves even where the
+factors could follow it exactly (a soft base under a shear building is a soft first story). Here the
+model without the effect is fitted to what the model with it predicts.
+"""
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from femupdate.discrepancy.fit import Fit, coordinates, evaluate, extended
+from femupdate.discrepancy.problem import Problem
+from femupdate.discrepancy.score import Score
+
+_ABSORBED = 0.3  # share below which straight lines are near enough
+_STEP = 0.1  # of the test's step: small enough for the same Jacobian to serve all rounds
+_ROUNDS = 6
+
+
+def hidden_effects(
+    problem: Problem, base: Fit, scores: list[Score], least: float
+) -> tuple[str, ...]:
+    """Labels of the effects whose strength is below `least` once the model has followed them.
+
+    Args:
+        problem: structure and data.
+        base: the model without them, fitted.
+        scores: their score tests.
+        least: strength, the D per prior standard deviation of their size.
+    """
+    doubtful = [
+        one for one in scores if one.strength >= least and one.start and one.absorbed > _ABSORBED
+    ]
+    left = _left(problem, base, doubtful)
+    faint = {
+        one.placed.label
+        for one, misfit in zip(doubtful, left, strict=True)
+        if misfit < least * _steps(one)
+    }
+    return tuple(s.placed.label for s in scores if s.strength < least or s.placed.label in faint)
+
+
+def _steps(one: Score) -> float:
+    """How many prior standard deviations of its size the effect has here."""
+    size = one.placed.effect.parameters[0]
+    return _STEP * abs(one.start[0] - size.neutral) / size.scale
+
+
+def _left(problem: Problem, base: Fit, tests: list[Score]) -> list[float]:
+    """Misfit of the refitted model to the prediction with each effect, in standard deviations."""
+    if not tests:
+        return []
+    target = torch.stack([_change(problem, base, one) for one in tests])  # (t, n)
+    where = base.coordinates
+    normal = base.jacobian.T @ base.jacobian
+    ridge = 1e-9 * torch.diag(normal.diagonal().clamp_min(1e-12))
+    inverse = torch.linalg.pinv(normal + ridge, hermitian=True)
+    z = base.z.expand(len(tests), -1).clone()
+    remains = target.clone()
+    for _ in range(_ROUNDS):
+        step = remains @ base.jacobian @ inverse
+        trial = torch.minimum(torch.maximum(z + step.clamp(-1.0, 1.0), where.lower), where.upper)
+        followed = base.residual - evaluate(problem, base.system, where, trial)
+        better = (target - followed).norm(dim=1) < remains.norm(dim=1)
+        if not better.any():
+            break
+        z = torch.where(better[:, None], trial, z)
+        remains = torch.where(better[:, None], target - followed, remains)
+    return [float(one) for one in remains.norm(dim=1)]
+
+
+def _change(problem: Problem, base: Fit, one: Score) -> Tensor:
+    """(n,) change of the whitened prediction by an effect."""
+    together = (*base.placed, one.placed)
+    neutral = one.placed.effect.parameters[0].neutral
+    size = neutral + _STEP * (one.start[0] - neutral)
+    z = extended(problem, base, together, np.array([*base.sizes()[0], size, *one.start[1:]]))
+    changed = evaluate(problem, problem.system(together), coordinates(problem, together), z[None])
+    return base.residual - changed[0]
