@@ -27,6 +27,14 @@ from .common import (
     type=click.Path(path_type=Path),
     help="Observation file with the floors measured in the same motion.",
 )
+@click.option("--floor-spectra", is_flag=True, help="Also the response spectra of the floors.")
+@click.option(
+    "--spectrum-damping",
+    type=click.FloatRange(0.0, 1.0, max_open=True),
+    default=0.05,
+    show_default=True,
+    help="Of the oscillators on the floors.",
+)
 @click.option("--columns", callback=parse_columns, help="Names in that file: ours=theirs,...")
 @shared_options
 def command(
@@ -37,6 +45,8 @@ def command(
     damping: float | None,
     samples: int,
     measured: Path | None,
+    floor_spectra: bool,
+    spectrum_damping: float,
     columns: dict[str, str] | None,
     study_folder: Path,
     seed: int,
@@ -62,7 +72,7 @@ def command(
             study,
             open_calibrated(study, bars),
             RecordSource(record, unit, channel, scale),
-            PredictionSettings(samples, damping, seed),
+            PredictionSettings(samples, damping, seed, spectrum_damping if floor_spectra else None),
             measured=measured,
             columns=columns,
             progress=bars,
@@ -99,6 +109,22 @@ def command(
                 }
                 for k, floor in enumerate(comparison.floors)
             }
+        spectra = report.floor_spectra
+        if spectra is not None:
+            of_floors = spectra.acceleration
+            content["floor_spectra"] = {
+                "frequency_hz": spectra.frequency_hz,
+                "damping": spectra.damping,
+                "base_m_s2": spectra.base,
+                "floors_m_s2": {
+                    floor: {
+                        "mean": of_floors.mean[k],
+                        "q05": of_floors.q05[k],
+                        "q95": of_floors.q95[k],
+                    }
+                    for k, floor in enumerate(floors)
+                },
+            }
         print_json(content)
         return
     click.echo(f"Prediction from {len(report.summary)} posterior draws, {report.seconds:.1f} s")
@@ -115,6 +141,18 @@ def command(
         )
     ]
     click.echo(table(("stiffness N/m", "mean", "5 %", "95 %"), rows))
+    if report.floor_spectra is not None:
+        spectra = report.floor_spectra
+        at = spectra.acceleration.mean.argmax(axis=1)
+        heights = [
+            (
+                floor,
+                f"{spectra.acceleration.mean[k, at[k]]:.3f}",
+                f"{spectra.frequency_hz[at[k]]:.3g}",
+            )
+            for k, floor in enumerate(floors)
+        ]
+        click.echo(table((f"spectrum, {spectra.damping:.0%}", "peak m/s2", "at Hz"), heights))
     if comparison is not None:
         rows = [
             (

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from femupdate.building.analysis import RayleighDamping
 from femupdate.dynamics.history import Histories, HistorySettings, history_batches
+from femupdate.dynamics.spectra import response_spectrum
 from femupdate.dynamics.summary import HistorySummary, Statistics, statistics, summarise
 from femupdate.errors import BuildingError, MeasurementError
 from femupdate.inference.posterior import Posterior, load_posterior
@@ -28,6 +29,7 @@ Floats = NDArray[np.float64]
 
 PREDICTION = "prediction"
 _EXAMPLES = 100
+_SPECTRUM_HZ, _SPECTRUM_POINTS = (0.2, 40.0), 120
 
 
 @dataclass(frozen=True)
@@ -56,11 +58,31 @@ class PredictionSettings:
         damping: one ratio for all of them; None takes each draw's own where the posterior has it,
             else the building's.
         seed: which draws.
+        spectrum_damping: damping ratio of the oscillators on the floors whose response spectra are
+            asked for; None for no spectra.
     """
 
     samples: int = 300
     damping: float | None = None
     seed: int = 0
+    spectrum_damping: float | None = None
+
+
+@dataclass(frozen=True)
+class FloorSpectra:
+    """Response spectra of the floors: peak absolute acceleration of oscillators that stand there.
+
+    Attributes:
+        frequency_hz: (k,) of the oscillators.
+        damping: their damping ratio.
+        acceleration: (f, k) statistics over the samples, m/s2.
+        base: (k,) of the ground motion itself, m/s2.
+    """
+
+    frequency_hz: Floats
+    damping: float
+    acceleration: Statistics
+    base: Floats
 
 
 @dataclass(frozen=True)
@@ -96,6 +118,7 @@ class PredictionReport:
         notes: what the user should know.
         pictures: files drawn.
         seconds: all the time taken.
+        floor_spectra: where they were asked for, over the first hundred samples.
     """
 
     summary: HistorySummary
@@ -107,6 +130,7 @@ class PredictionReport:
     notes: tuple[str, ...]
     pictures: tuple[Path, ...]
     seconds: float
+    floor_spectra: FloorSpectra | None = None
 
 
 def predict_study(
@@ -145,8 +169,9 @@ def predict_study(
     show.start("Integrating the response", len(theta))
     summary = summarise(_histories(study, model, theta, zeta, motion, show), _EXAMPLES)
     comparison = None if reference is None else _compare(summary, reference)
+    spectra = _spectra(summary, motion, settings.spectrum_damping)
     path = study.path("prediction.nc")
-    save_prediction(summary, motion, path, damping)
+    save_prediction(summary, motion, path, damping, spectra)
     study.record(
         PREDICTION,
         "prediction.nc",
@@ -166,9 +191,23 @@ def predict_study(
         damping,
         comparison,
         _notes(model, motion),
-        _draw(study, summary, motion, reference, show),
+        _draw(study, summary, motion, reference, show, spectra),
         time.monotonic() - started,
+        spectra,
     )
+
+
+def _spectra(
+    summary: HistorySummary, motion: GroundMotion, damping: float | None
+) -> FloorSpectra | None:
+    if damping is None:
+        return None
+    step = motion.time_step
+    top = min(_SPECTRUM_HZ[1], 0.4 / step)
+    frequency = np.geomspace(_SPECTRUM_HZ[0], top, _SPECTRUM_POINTS)
+    of_floors = response_spectrum(summary.examples.floor_acceleration, step, frequency, damping)
+    base = response_spectrum(motion.acceleration, step, frequency, damping)
+    return FloorSpectra(frequency, damping, statistics(of_floors), base)
 
 
 def _histories(
@@ -206,7 +245,11 @@ def _histories(
 
 
 def save_prediction(
-    summary: HistorySummary, motion: GroundMotion, path: Path, damping: str
+    summary: HistorySummary,
+    motion: GroundMotion,
+    path: Path,
+    damping: str,
+    spectra: FloorSpectra | None = None,
 ) -> None:
     """Write netCDF groups `predictions` (bands, per-sample peaks) and `constant_data`."""
     import xarray as xr
@@ -225,6 +268,11 @@ def save_prediction(
         coords=coordinates,
         attrs={"units": json.dumps({"acceleration": "m/s2", "shear": "N", "drift": "m"})},
     )
+    if spectra is not None:
+        predictions = predictions.assign_coords(oscillator_hz=spectra.frequency_hz).assign(
+            floor_spectrum_mean=(("floor", "oscillator_hz"), spectra.acceleration.mean),
+            floor_spectrum_sd=(("floor", "oscillator_hz"), spectra.acceleration.sd),
+        )
     constant = xr.Dataset(
         {"base_acceleration": ("time_s", motion.acceleration)}, {"time_s": summary.time}
     )
@@ -334,9 +382,11 @@ def _draw(
     motion: GroundMotion,
     measured: Floats | None,
     show: Progress,
+    spectra: FloorSpectra | None,
 ) -> tuple[Path, ...]:
     from femupdate.report.figure import save_figure
     from femupdate.report.plot_history import floor_history_bands, story_shear_drift
+    from femupdate.report.plot_spectra import floor_spectra_bands
 
     show.start("Drawing", 2)
     title = f"Floor acceleration, mean ± 2 sd: {motion.name} (peak {motion.peak:.2f} m/s²)"
@@ -355,4 +405,14 @@ def _draw(
     )
     paths.append(save_figure(lines, study.path("pictures", "story_shear_drift.png")))
     show.advance()
+    if spectra is not None:
+        figure = floor_spectra_bands(
+            spectra.frequency_hz,
+            spectra.acceleration.mean,
+            spectra.acceleration.sd,
+            summary.floors,
+            base=spectra.base,
+            title=f"Floor spectra at {spectra.damping:.0%} damping, mean ± 2 sd: {motion.name}",
+        )
+        paths.append(save_figure(figure, study.path("pictures", "floor_spectra.png")))
     return tuple(paths)

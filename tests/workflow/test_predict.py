@@ -347,6 +347,25 @@ def test_pictures_of_both_kinds(tower, tower_model, base, tower_observation):
         assert imread(path)[..., :3].std() > 0.01
 
 
+def test_floor_spectra_and_their_pictures(tower, tower_model, record):
+    import xarray as xr
+
+    settings = PredictionSettings(samples=5, damping=0.02, spectrum_damping=0.05)
+    report = predicted(tower, tower_model, record, settings)
+    spectra = report.floor_spectra
+    assert spectra.acceleration.mean.shape == (2, len(spectra.frequency_hz))
+    # Stiff oscillators move with their floor, slow ones stay behind it.
+    peaks = np.abs(report.summary.examples.floor_acceleration).max(axis=-1).mean(axis=0)
+    np.testing.assert_allclose(spectra.acceleration.mean[:, -1], peaks, rtol=0.15)
+    assert (spectra.acceleration.mean[:, 0] < 0.3 * peaks).all()
+    assert spectra.acceleration.mean[1].max() > 1.5 * spectra.base.max()
+    assert [path.name for path in report.pictures][-1] == "floor_spectra.png"
+    with xr.open_datatree(report.path, engine="h5netcdf") as tree:
+        kept = tree["predictions"]["floor_spectrum_mean"]
+        np.testing.assert_array_equal(kept.values, spectra.acceleration.mean)
+        assert kept.dims == ("floor", "oscillator_hz")
+
+
 def test_samples_are_as_many_as_asked_for_or_there(tower, tower_model, record):
     assert len(predicted(tower, tower_model, record, PredictionSettings(samples=7)).summary) == 7
     assert (
