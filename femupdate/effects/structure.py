@@ -257,15 +257,21 @@ def _rigid_shapes(nodes: Floats, direction: int) -> Floats:
 def _points(mesh: BuildingMesh, operators: AffineOperators, shapes: Floats) -> Points:
     mass = np.zeros(operators.dof)
     for axis in range(3):
-        motion = operators.rigid_translation(axis)
-        mass += motion * (operators.mass_full @ motion)
-    motion = operators.expansion
-    if motion is None:
-        free = operators.free
-        where = (free, np.arange(len(free)))
-        motion = csr_matrix((np.ones(len(free)), where), shape=(operators.dof, len(free)))
+        unit = operators.rigid_translation(axis)
+        mass += unit * (operators.mass_full @ unit)
     position = np.repeat(mesh.model.nodes, DOF_PER_NODE, axis=0)
-    return Points(position, np.arange(operators.dof) % DOF_PER_NODE, mass, shapes, motion)
+    return Points(
+        position, np.arange(operators.dof) % DOF_PER_NODE, mass, shapes, _motion(operators)
+    )
+
+
+def _motion(operators: AffineOperators) -> csr_matrix:
+    """(6N, n) motion of all degrees of freedom per unit of the independent ones."""
+    if operators.expansion is not None:
+        return operators.expansion
+    free = operators.free
+    where = (free, np.arange(len(free)))
+    return csr_matrix((np.ones(len(free)), where), shape=(operators.dof, len(free)))
 
 
 def _twice(
