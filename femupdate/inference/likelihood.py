@@ -31,6 +31,7 @@ class LatentLikelihood:
         surrogate: trained for the building.
         observation: on the surrogate's frequency grid.
         device: where to evaluate.
+        power: that the likelihood is raised to; default the surrogate's own, from its calibration.
 
     Raises:
         SurrogateError: the observation is on another grid.
@@ -42,6 +43,7 @@ class LatentLikelihood:
         surrogate: TrainedSurrogate,
         observation: Observation,
         device: torch.device | str = "cpu",
+        power: float | None = None,
     ) -> None:
         if observation.frequency_hz.size != surrogate.mvae.sizes.points:
             raise SurrogateError(
@@ -49,6 +51,7 @@ class LatentLikelihood:
                 f"has {observation.frequency_hz.size}; use the building's frequency grid"
             )
         self.input = encoder_input(observation, surrogate.info.floors)
+        self.power = surrogate.info.likelihood_power if power is None else power
         # A module moves in place: the caller's stays where it is.
         self._mvae = copy.deepcopy(surrogate.mvae).to(device)
         self._visibility = Visibility(
@@ -64,9 +67,26 @@ class LatentLikelihood:
         known = theta.to(self.posterior_z.mean)
         with torch.inference_mode():
             q = self._mvae.encode_parameters(known, self._visibility.expand(len(theta)))
-            return latent_log_likelihood(
+            value = latent_log_likelihood(
                 self.posterior_z.mean, self.posterior_z.variance, q.mean, q.variance
-            ).to(theta.device)
+            )
+            return (self.power * value).to(theta.device)
+
+    def reconstruction_misfit(self, noise_sd: float) -> float:
+        """Mean squared misfit of the observation's reconstruction from its own z, whitened.
+
+        About 1 for data like those of the training. The variance is that of the noise and what
+        the decoder itself leaves. Where the observation is unlike any simulation no z explains it.
+        """
+        visible = self._visibility.weights(self._mvae.sizes.points)
+        with torch.inference_mode():
+            mean, log_excess = self._mvae.decoder(self.posterior_z.mean)
+            scale = self._mvae.x_scale
+            predicted = self._mvae.x_mean + scale * mean
+            variance = noise_sd**2 + scale**2 * log_excess.exp()
+            observed = self.input.log_frf.to(predicted)
+            squares = (observed - predicted) ** 2 / variance * visible
+        return float(squares.sum() / visible.sum())
 
 
 @dataclass(frozen=True)

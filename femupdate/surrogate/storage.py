@@ -1,8 +1,9 @@
 """Trained surrogates on disk: safetensors, with what they were trained for in the header."""
 
 import json
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,11 @@ class SurrogateInfo:
         version: of femupdate.
         settings: of data set and training.
         metrics: losses and times of the training.
+        likelihood_power: of the latent likelihood, so that on held-out simulations its regions
+            hold the truth as often as they say; 1 before `calibrated`.
+        misfit_limit: mean squared misfit of the reconstruction that 99.5 % of held-out simulations
+            stay below; infinite before `calibrated`.
+        calibration: how the two were found.
     """
 
     building: str
@@ -42,6 +48,9 @@ class SurrogateInfo:
     version: str
     settings: Mapping[str, Any]
     metrics: Mapping[str, float]
+    likelihood_power: float = 1.0
+    misfit_limit: float = math.inf
+    calibration: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -66,6 +75,12 @@ def save_surrogate(surrogate: TrainedSurrogate, path: Path) -> None:
         "settings": dict(info.settings),
         "metrics": dict(info.metrics),
     }
+    if info.calibration:
+        header |= {
+            "likelihood_power": info.likelihood_power,
+            "misfit_limit": info.misfit_limit,
+            "calibration": dict(info.calibration),
+        }
     with atomic_path(path) as temporary:
         save_file(tensors, temporary, metadata={"femupdate": json.dumps(header)})
 

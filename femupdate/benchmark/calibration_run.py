@@ -1,0 +1,233 @@
+"""The benchmark `calibration`: coverage, ranks and TARP over simulated buildings."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from femupdate.benchmark.calibration import CalibrationCase, Judged, calibration_cases
+from femupdate.benchmark.machine import Machine, this_machine
+from femupdate.benchmark.result import ResultFiles, markdown_table, write_result
+from femupdate.benchmark.shear4dof import benchmark_model
+from femupdate.building.files import load_building
+from femupdate.errors import InferenceError
+from femupdate.inference.coverage import (
+    REGIONS,
+    Coverage,
+    central_level,
+    coverage,
+    rank_histogram_p_value,
+    uniformity_p_value,
+)
+from femupdate.inference.power import PowerFit, fit_power
+from femupdate.surrogate.storage import TrainedSurrogate
+from femupdate.workflow.model import StudyModel, zeta_bounds
+from femupdate.workflow.progress import Progress, Silent
+from femupdate.workflow.train import shipped_surrogate
+
+NAME = "calibration"
+# Held-out simulations below whose worst but this share an observation counts as usual.
+_USUAL = 0.995
+
+
+@dataclass(frozen=True)
+class CalibrationPlan:
+    """What is simulated.
+
+    Attributes:
+        building: shipped name.
+        floors: observed; the roof alone where empty.
+        cases: simulated buildings.
+        particles: of each posterior.
+        exact: also judge the data-space posterior (fixed damping only).
+        power: of the latent likelihood; default the surrogate's own.
+    """
+
+    building: str = "shear_4dof"
+    floors: tuple[str, ...] = ()
+    cases: int = 200
+    particles: int = 1000
+    exact: bool = True
+    power: float | None = None
+
+
+@dataclass(frozen=True)
+class Scores:
+    """How one kind of posterior does over all cases.
+
+    Attributes:
+        density: coverage of highest-density regions.
+        central: coverage of the central intervals of all parameters together.
+        rank_p: (p,) chi-square p-values of the rank histograms.
+        tarp_p: Kolmogorov-Smirnov p-value of the TARP levels.
+    """
+
+    density: Coverage
+    central: Coverage
+    rank_p: tuple[float, ...]
+    tarp_p: float
+
+
+@dataclass(frozen=True)
+class CalibrationBenchmark:
+    """What the benchmark found.
+
+    Attributes:
+        machine: it ran on.
+        plan: what was simulated.
+        latent, exact: scores; `exact` is None where it was not asked for.
+        fit: the power that would calibrate the latent likelihood (beside the one in use).
+        misfit_limit: of the reconstruction, from the cases.
+        text: tables in Markdown.
+        files: written.
+    """
+
+    machine: Machine
+    plan: CalibrationPlan
+    latent: Scores
+    exact: Scores | None
+    fit: PowerFit
+    misfit_limit: float
+    text: str
+    files: ResultFiles
+
+
+def run_calibration(
+    folder: Path, plan: CalibrationPlan, seed: int = 0, progress: Progress | None = None
+) -> CalibrationBenchmark:
+    """Run the benchmark and write its results.
+
+    Raises:
+        SurrogateError: there is no shipped surrogate of the building.
+        InferenceError: the exact posterior is asked for where damping is unknown.
+        StudyError: a file cannot be written.
+    """
+    show, machine = progress or Silent(), this_machine()
+    building = load_building(plan.building)
+    surrogate = shipped_surrogate(building)
+    if plan.exact and zeta_bounds(building) is not None:
+        raise InferenceError(
+            f"the damping ratio of {building.name} is unknown, which the exact posterior of this "
+            "benchmark does not integrate over; ask for the latent one alone with --latent"
+        )
+    model = benchmark_model(plan.building, show)
+    cases = _cases(model, surrogate, plan, seed, show)
+    latent = scores([case.latent for case in cases])
+    both = [case.exact for case in cases if case.exact is not None]
+    exact = scores(both) if both else None
+    fit = fit_power([case.likelihoods for case in cases], seed)
+    limit = float(np.quantile([case.misfit for case in cases], _USUAL))
+    text = _text(plan, latent, exact, fit, limit)
+    content = {
+        "plan": plan,
+        "latent": latent,
+        "exact": exact,
+        "power": fit.power,
+        "power_error": fit.error,
+        "misfit_limit": limit,
+        "density_levels": [case.latent.density for case in cases],
+        "ranks": [case.latent.rank for case in cases],
+    }
+    floors = "_".join(plan.floors) or "roof"
+    name = f"{NAME}_{plan.building}_{floors}"
+    files = write_result(folder, name, machine, seed, content, text)
+    return CalibrationBenchmark(machine, plan, latent, exact, fit, limit, text, files)
+
+
+def calibrated(
+    surrogate: TrainedSurrogate,
+    model: StudyModel,
+    cases: int = 200,
+    seed: int = 12345,
+    progress: Progress | None = None,
+) -> TrainedSurrogate:
+    """A surrogate with its likelihood power and its limit of usual misfits, for the roof alone.
+
+    The simulations are fresh draws from the prior: the training has seen none of them.
+    """
+    show = progress or Silent()
+    floors = (model.building.floors[-1],)
+    plan = CalibrationPlan(model.building.name, floors, cases, exact=False, power=1.0)
+    found = _cases(model, surrogate, plan, seed, show)
+    fit = fit_power([case.likelihoods for case in found], seed)
+    info = replace(
+        surrogate.info,
+        likelihood_power=fit.power,
+        misfit_limit=float(np.quantile([case.misfit for case in found], _USUAL)),
+        calibration={
+            "cases": cases,
+            "seed": seed,
+            "floors": list(floors),
+            "power_error": fit.error,
+            "coverage_90_before": float(np.mean([c.latent.density <= 0.9 for c in found])),
+            "coverage_90_after": float((fit.level <= 0.9).mean()),
+            "date": datetime.now(UTC).date().isoformat(),
+        },
+    )
+    return TrainedSurrogate(surrogate.mvae, info)
+
+
+def _cases(
+    model: StudyModel,
+    surrogate: TrainedSurrogate,
+    plan: CalibrationPlan,
+    seed: int,
+    show: Progress,
+) -> list[CalibrationCase]:
+    show.start("Simulated buildings", plan.cases)
+    return calibration_cases(
+        model,
+        surrogate,
+        plan.floors or (model.building.floors[-1],),
+        plan.cases,
+        seed,
+        show.advance,
+        particles=plan.particles,
+        exact=plan.exact,
+        power=plan.power,
+    )
+
+
+def scores(judged: Sequence[Judged]) -> Scores:
+    """Scores of some cases."""
+    rank = np.array([case.rank for case in judged])
+    central = coverage(central_level(rank.ravel()))
+    # The parameters of a case are not independent: count cases, not parameters.
+    error = np.sqrt(central.nominal * (1.0 - central.nominal) / len(judged))
+    return Scores(
+        coverage([case.density for case in judged]),
+        replace(central, error=error, cases=len(judged)),
+        tuple(rank_histogram_p_value(column) for column in rank.T),
+        uniformity_p_value([case.tarp for case in judged]),
+    )
+
+
+def _text(
+    plan: CalibrationPlan, latent: Scores, exact: Scores | None, fit: PowerFit, limit: float
+) -> str:
+    head = ("region", *(f"{region:.0%}" for region in REGIONS), "p, ranks (least)", "p, TARP")
+    rows = []
+    for name, found in (("latent", latent), ("data-space", exact)):
+        if found is None:
+            continue
+        last = (f"{min(found.rank_p):.3f}", f"{found.tarp_p:.3f}")
+        rows.append((f"{name}, highest density", *_cells(found.density), *last))
+        rows.append((f"{name}, central intervals", *_cells(found.central), "", ""))
+    floors = ", ".join(plan.floors) or "the roof alone"
+    return "\n\n".join(
+        (
+            f"{plan.building}, {floors}: {plan.cases} simulated buildings, {plan.particles} "
+            "particles; share of truths inside ± binomial standard deviation of the nominal share.",
+            markdown_table(head, rows),
+            f"The power that would calibrate the latent likelihood, beside the one in use: "
+            f"{fit.power:.2f} ± {fit.error:.2f}; with it the 90 % region holds "
+            f"{(fit.level <= 0.9).mean():.1%}. {_USUAL:.1%} of the reconstruction misfits are "
+            f"below {limit:.3f}.",
+        )
+    )
+
+
+def _cells(found: Coverage) -> list[str]:
+    return [f"{share:.3f} ± {sd:.3f}" for share, sd in zip(found.found, found.error, strict=True)]
