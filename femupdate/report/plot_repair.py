@@ -61,7 +61,7 @@ class GapStory:
 def gap_story(story: GapStory) -> Figure:
     """Draw FRFs, stiffness factors and, where data were kept out, their prediction."""
     curves = story.curves
-    chosen = _floors(len(curves.floors))
+    chosen = _floors(curves)
     rows = len(chosen)
     figure = new_figure(11.0, 1.9 * rows + 0.6 + (2.1 if story.held is not None else 0.0))
     height = [1.0] * rows + ([1.15] if story.held is not None else [])
@@ -82,9 +82,11 @@ def gap_story(story: GapStory) -> Figure:
     return figure
 
 
-def _floors(count: int) -> list[int]:
-    """The roof first, and at most two more."""
-    return sorted({count - 1, count // 2, 0}, reverse=True)
+def _floors(curves: Curves) -> list[int]:
+    """The three floors that the model before missed most, from the top down."""
+    misfit = np.nanmean((curves.measured - curves.before) ** 2, axis=1)
+    worst = np.argsort(-np.nan_to_num(misfit))[:3]
+    return sorted((int(k) for k in worst), reverse=True)
 
 
 def _frf(panel: Axes, curves: Curves, place: int, *, last: bool) -> None:
