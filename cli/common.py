@@ -111,6 +111,22 @@ def parse_columns(
     return {ours.strip(): theirs.strip() for ours, theirs in pairs}
 
 
+def parse_places(
+    context: click.Context, parameter: click.Parameter, texts: tuple[str, ...]
+) -> tuple[tuple[float, float, float], ...]:
+    """Read places `x,y,z` in m."""
+    places = []
+    for text in texts:
+        try:
+            x, y, z = (float(part) for part in text.split(","))
+        except ValueError:
+            raise click.BadParameter(
+                f"{text!r} is not a place; write x,y,z in m, such as 3.6,0,1.5"
+            ) from None
+        places.append((x, y, z))
+    return tuple(places)
+
+
 def parse_names(
     context: click.Context, parameter: click.Parameter, text: str | None
 ) -> tuple[str, ...]:

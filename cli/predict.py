@@ -7,6 +7,7 @@ import click
 from .common import (
     Bars,
     parse_columns,
+    parse_places,
     print_json,
     print_notes,
     print_pictures,
@@ -35,6 +36,13 @@ from .common import (
     show_default=True,
     help="Of the oscillators on the floors.",
 )
+@click.option(
+    "--member",
+    "members",
+    multiple=True,
+    callback=parse_places,
+    help="x,y,z in m: end forces of the beam or column element nearest to it; several times.",
+)
 @click.option("--columns", callback=parse_columns, help="Names in that file: ours=theirs,...")
 @shared_options
 def command(
@@ -47,6 +55,7 @@ def command(
     measured: Path | None,
     floor_spectra: bool,
     spectrum_damping: float,
+    members: tuple[tuple[float, float, float], ...],
     columns: dict[str, str] | None,
     study_folder: Path,
     seed: int,
@@ -72,7 +81,9 @@ def command(
             study,
             open_calibrated(study, bars),
             RecordSource(record, unit, channel, scale),
-            PredictionSettings(samples, damping, seed, spectrum_damping if floor_spectra else None),
+            PredictionSettings(
+                samples, damping, seed, spectrum_damping if floor_spectra else None, members
+            ),
             measured=measured,
             columns=columns,
             progress=bars,
@@ -109,6 +120,11 @@ def command(
                 }
                 for k, floor in enumerate(comparison.floors)
             }
+        if report.members:
+            content["member_forces"] = [
+                {"kind": m.kind, "ends_m": m.ends, "peak_n": m.named_peaks()}
+                for m in report.members
+            ]
         spectra = report.floor_spectra
         if spectra is not None:
             of_floors = spectra.acceleration
@@ -141,6 +157,16 @@ def command(
         )
     ]
     click.echo(table(("stiffness N/m", "mean", "5 %", "95 %"), rows))
+    for number, member in enumerate(report.members, start=1):
+        (x, y, z), (a, b, c) = member.ends
+        place = f"({x:g}, {y:g}, {z:g}) to ({a:g}, {b:g}, {c:g}) m"
+        click.echo(f"{member.kind} {number}, {place}: largest end forces, N and N m")
+        start, end = member.peak.reshape(2, 6)
+        lines = [
+            (name, f"{start[k]:.4g}", f"{end[k]:.4g}")
+            for k, name in enumerate(("N", "Vy", "Vz", "T", "My", "Mz"))
+        ]
+        click.echo(table(("", "start", "end"), lines))
     if report.floor_spectra is not None:
         spectra = report.floor_spectra
         at = spectra.acceleration.mean.argmax(axis=1)

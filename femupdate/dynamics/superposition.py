@@ -117,14 +117,14 @@ class BaseMotion:
 
 
 def displacement_history(
-    structure: Superposition, rows: Floats, zeta: float, motion: BaseMotion
+    structure: Superposition, rows: Floats, zeta: float | Floats, motion: BaseMotion
 ) -> Floats:
     """Return quantities that are linear in the displacement relative to the base, (o, n).
 
     Args:
         structure: modes in the direction of the motion.
         rows: (o, n_free) shares of the displacements, such as a floor's mean, or a member's forces.
-        zeta: damping ratio of all modes.
+        zeta: damping ratio of all modes, or (m,) one for each.
         motion: of the base.
 
     Returns:
@@ -138,7 +138,7 @@ def displacement_history(
 
 
 def acceleration_history(
-    structure: Superposition, rows: Floats, zeta: float, motion: BaseMotion
+    structure: Superposition, rows: Floats, zeta: float | Floats, motion: BaseMotion
 ) -> Floats:
     """Return absolute accelerations, (o, n) m/s2: relative to the base plus the base's own.
 
@@ -159,10 +159,12 @@ def acceleration_history(
     return np.asarray(seen @ elastic + carried[:, None] * motion.acceleration)
 
 
-def _states(structure: Superposition, zeta: float, motion: BaseMotion) -> list[torch.Tensor]:
+def _states(
+    structure: Superposition, zeta: float | Floats, motion: BaseMotion
+) -> list[torch.Tensor]:
     """States (t, 1, 2, m) of the modes, block by block."""
     omega = torch.from_numpy(structure.omega)[None]
-    ratio = torch.full_like(omega, zeta)
+    ratio = torch.from_numpy(np.broadcast_to(zeta, structure.omega.shape).astype(float))[None]
     fine = torch.from_numpy(interpolate_record(motion.acceleration, motion.oversampling))
     blocks = modal_states(omega, ratio, fine, motion.time_step, motion.oversampling)
     return list(blocks)

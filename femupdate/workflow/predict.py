@@ -14,6 +14,7 @@ from femupdate.building.analysis import RayleighDamping
 from femupdate.dynamics.history import Histories, HistorySettings, history_batches
 from femupdate.dynamics.spectra import response_spectrum
 from femupdate.dynamics.summary import HistorySummary, Statistics, statistics, summarise
+from femupdate.dynamics.superposition import BaseMotion
 from femupdate.errors import BuildingError, MeasurementError
 from femupdate.inference.posterior import Posterior, load_posterior
 from femupdate.measurement.observation_file import Histories as MeasuredHistories
@@ -22,6 +23,7 @@ from femupdate.measurement.record import GroundMotion, read_record
 from femupdate.netcdf import write_tree
 from femupdate.study import Study, file_hash
 from femupdate.workflow.calibrate import observed_direction
+from femupdate.workflow.members import MemberForces, member_forces, write_member_forces
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.progress import Progress, Silent
 
@@ -60,12 +62,15 @@ class PredictionSettings:
         seed: which draws.
         spectrum_damping: damping ratio of the oscillators on the floors whose response spectra are
             asked for; None for no spectra.
+        members: places in the building, m: the end forces of the beam elements nearest to them are
+            found at the mean of the draws.
     """
 
     samples: int = 300
     damping: float | None = None
     seed: int = 0
     spectrum_damping: float | None = None
+    members: tuple[tuple[float, float, float], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -119,6 +124,7 @@ class PredictionReport:
         pictures: files drawn.
         seconds: all the time taken.
         floor_spectra: where they were asked for, over the first hundred samples.
+        members: end forces of the members asked for, at the mean of the draws.
     """
 
     summary: HistorySummary
@@ -131,6 +137,7 @@ class PredictionReport:
     pictures: tuple[Path, ...]
     seconds: float
     floor_spectra: FloorSpectra | None = None
+    members: tuple[MemberForces, ...] = ()
 
 
 def predict_study(
@@ -170,6 +177,7 @@ def predict_study(
     summary = summarise(_histories(study, model, theta, zeta, motion, show), _EXAMPLES)
     comparison = None if reference is None else _compare(summary, reference)
     spectra = _spectra(summary, motion, settings.spectrum_damping)
+    members = _members(study, model, theta, zeta, motion, settings)
     path = study.path("prediction.nc")
     save_prediction(summary, motion, path, damping, spectra)
     study.record(
@@ -194,7 +202,28 @@ def predict_study(
         _draw(study, summary, motion, reference, show, spectra),
         time.monotonic() - started,
         spectra,
+        members,
     )
+
+
+def _members(
+    study: Study,
+    model: StudyModel,
+    theta: torch.Tensor,
+    zeta: torch.Tensor,
+    motion: GroundMotion,
+    settings: PredictionSettings,
+) -> tuple[MemberForces, ...]:
+    """Forces of the members asked for, written into the study."""
+    if not settings.members:
+        return ()
+    ratio = None if isinstance(model.building.damping, RayleighDamping) else float(zeta.mean())
+    top = 1.3 * float(model.frequency_hz[-1])
+    base = BaseMotion(motion.acceleration, motion.time_step)
+    mean = theta.mean(dim=0).numpy()
+    members = member_forces(model.building, mean, ratio, settings.members, base, top)
+    write_member_forces(members, motion.time_step, study.path("member_forces.csv"))
+    return members
 
 
 def _spectra(
