@@ -69,7 +69,7 @@ def infills(
             shells = np.flatnonzero(here & (stiff.shells.group == story))
             if len(shells):
                 local = _condensed(stiff, shells, known)
-                found.append(Infill(line, story, _onto_free(*local, operators)))
+                found.append(Infill(line, story, _placed(*local, operators)))
     return tuple(found)
 
 
@@ -124,11 +124,16 @@ def _condensed(
     return number.ravel()[shared], 0.5 * (rest + rest.T)
 
 
-def _onto_free(number: Integers, stiffness: Floats, operators: AffineOperators) -> csc_matrix:
-    """A matrix on some of all degrees of freedom as one on the independent ones."""
+def _placed(number: Integers, stiffness: Floats, operators: AffineOperators) -> csc_matrix:
+    """A dense matrix on some of all degrees of freedom as one on the independent ones."""
     rows, columns = np.meshgrid(number, number, indexing="ij")
     size = (operators.dof, operators.dof)
-    full = coo_matrix((stiffness.ravel(), (rows.ravel(), columns.ravel())), shape=size).tocsc()
+    full = coo_matrix((stiffness.ravel(), (rows.ravel(), columns.ravel())), shape=size)
+    return onto_free(csc_matrix(full), operators)
+
+
+def onto_free(full: csc_matrix, operators: AffineOperators) -> csc_matrix:
+    """A matrix (6N, 6N) on the independent degrees of freedom."""
     if operators.expansion is None:
         return csc_matrix(full[operators.free][:, operators.free])
     return csc_matrix(operators.expansion.T @ full @ operators.expansion)

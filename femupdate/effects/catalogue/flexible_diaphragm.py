@@ -1,0 +1,40 @@
+"""Floors that deform in their plane."""
+
+from femupdate.effects.diaphragm import membrane_terms
+from femupdate.effects.effect import Effect, Parameter, Terms
+from femupdate.effects.structure import Structure
+
+_ALL, _SLAB = "all", "slab"
+
+
+class FlexibleDiaphragm(Effect):
+    """A factor on the in-plane stiffness of the slabs of one floor or of all."""
+
+    name = "flexible_diaphragm"
+    title = "Flexible diaphragm"
+    sentence = (
+        "The slabs are softer in their plane than the model's (openings, precast joints, cracks), "
+        "so that the frames of one floor move apart; best seen by several sensors a floor."
+    )
+    confused_with = ("slab_participation", "cracked_beams")
+    parameters = (
+        Parameter("size", "1", 0.3, lower=-0.95, upper=0.0, text="change of in-plane stiffness"),
+    )
+
+    def places(self, structure: Structure) -> tuple[str, ...]:
+        """All floors together, and the slab above every story, named after the story."""
+        if structure.mesh is None:
+            return ()
+        shells = structure.mesh.model.shells
+        groups = {int(group) for group in shells.group[shells.kind == _SLAB]}
+        own = tuple(structure.building.story_names[group] for group in sorted(groups))
+        return (_ALL, *own) if len(own) > 1 else own
+
+    def terms(self, structure: Structure, place: str) -> Terms:
+        """The membrane stiffness of the slabs once more, scaled by the factor of their story."""
+        if structure.mesh is None or structure.operators is None:
+            raise ValueError("a shear building has no slabs")
+        matrices = membrane_terms(structure.mesh.model, structure.operators, _SLAB)
+        names = structure.building.story_names
+        chosen = range(len(names)) if place == _ALL else [names.index(place)]
+        return Terms(stiffness=tuple((k, matrices[k]) for k in chosen if matrices[k].nnz))
