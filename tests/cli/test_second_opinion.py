@@ -1,0 +1,44 @@
+"""The commands that put another program beside ours."""
+
+import ast
+import json
+
+from femupdate.benchmark import solver
+from femupdate.benchmark.score import Score
+
+
+def test_build_model_exports_a_script(femupdate, tmp_path, cabin_file):
+    arguments = ("--export", "opensees", "--shell", "ShellMITC4", "--study", tmp_path, "--json")
+    answer = femupdate("build-model", cabin_file, *arguments).answer
+    assert answer["exported"] == [str(tmp_path / "opensees_model.py")]
+    script = (tmp_path / "opensees_model.py").read_text(encoding="utf-8")
+    ast.parse(script)
+    assert 'SHELL = "ShellMITC4"' in script
+
+
+def test_a_shear_building_cannot_be_exported(femupdate, tmp_path, tower_file):
+    done = femupdate("build-model", tower_file, "--export", "opensees", "--study", tmp_path)
+    assert done.code == 1
+    assert "no mesh to export" in done.err
+
+
+def test_benchmark_solver(femupdate, tmp_path, monkeypatch):
+    scores = tuple(
+        Score("Test", "case", mesh, 1.0, value, "m", "source")
+        for mesh, value in (("2x2", 1.2), ("4x4", 1.01))
+    )
+    monkeypatch.setattr(solver, "element_scores", lambda progress: scores)
+    monkeypatch.setattr(solver, "draw_convergence", lambda scores, path: path)
+    answer = femupdate("benchmark", "solver", "--sizes", "", "--output", tmp_path, "--json").answer
+    assert answer["elements_reached"] == 1
+    assert [one["verdict"] for one in answer["elements"]] == ["behind", "within 2 %"]
+    assert json.loads((tmp_path / "solver.json").read_text(encoding="utf-8"))["speed"] == []
+    done = femupdate("benchmark", "solver", "--sizes", "", "--output", tmp_path)
+    assert "1 of 2 rows within 2 %" in done.out
+
+
+def test_an_unknown_size_is_one_sentence(femupdate, tmp_path, monkeypatch):
+    monkeypatch.setattr(solver, "element_scores", lambda progress: ())
+    done = femupdate("benchmark", "solver", "--sizes", "huge", "--output", tmp_path)
+    assert done.code == 1
+    assert done.err.strip().splitlines()[-1].startswith("Error: there is no size 'huge'")
