@@ -35,20 +35,14 @@ def hidden_effects(
     left = _left(problem, base, doubtful)
     faint = {
         one.placed.label
-        for one, misfit in zip(doubtful, left, strict=True)
-        if misfit < least * _steps(one)
+        for one, share in zip(doubtful, left, strict=True)
+        if share * one.strength / (1.0 - one.absorbed) ** 0.5 < least
     }
     return tuple(s.placed.label for s in scores if s.strength < least or s.placed.label in faint)
 
 
-def _steps(one: Score) -> float:
-    """How many prior standard deviations of its size the effect has here."""
-    size = one.placed.effect.parameters[0]
-    return _STEP * abs(one.start[0] - size.neutral) / size.scale
-
-
 def _left(problem: Problem, base: Fit, tests: list[Score]) -> list[float]:
-    """Misfit of the refitted model to the prediction with each effect, in standard deviations."""
+    """Share of what each effect changes that the refitted model does not follow."""
     if not tests:
         return []
     target = torch.stack([_change(problem, base, one) for one in tests])  # (t, n)
@@ -67,7 +61,7 @@ def _left(problem: Problem, base: Fit, tests: list[Score]) -> list[float]:
             break
         z = torch.where(better[:, None], trial, z)
         remains = torch.where(better[:, None], target - followed, remains)
-    return [float(one) for one in remains.norm(dim=1)]
+    return [float(one) for one in remains.norm(dim=1) / target.norm(dim=1).clamp_min(1e-12)]
 
 
 def _change(problem: Problem, base: Fit, one: Score) -> Tensor:

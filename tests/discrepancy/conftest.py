@@ -1,0 +1,111 @@
+"""Chains solved by hand, observed with noise whose size is known, posed to the effect finder."""
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from femupdate.building.document import from_document
+from femupdate.discrepancy.problem import make_problem
+from femupdate.dynamics.effect_reduction import reduce_structure
+from femupdate.effects import CATALOGUE, Placed, structure_of
+from femupdate.measurement.observation import Observation
+from femupdate.workflow.effects import reduction_target
+from femupdate.workflow.model import damping_law, theta_prior, zeta_bounds
+
+
+@pytest.fixture(scope="session")
+def chains():
+    """The module `chain`, which no package holds."""
+    spec = importlib.util.spec_from_file_location(
+        "discrepancy_chain", Path(__file__).with_name("chain.py")
+    )
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="session")
+def building_of():
+    """A function: a shear building with the prior 0.5 to 2 of every factor."""
+
+    def make(masses, springs, zeta=(0.005, 0.2), ratio=0.05, **changes):
+        stories = [
+            {"name": f"S{n}", "mass": float(m), "stiffness": float(k)}
+            for n, (m, k) in enumerate(zip(masses, springs, strict=True), 1)
+        ]
+        prior = {"theta": {"lower": 0.5, "upper": 2.0}}
+        if zeta is not None:
+            prior["zeta"] = {"lower": zeta[0], "upper": zeta[1]}
+        document = {
+            "name": "chain",
+            "kind": "shear",
+            "stories": stories,
+            "frequency_grid": {"start": 0.2, "step": 0.2, "count": 60},
+            "prior": prior,
+            "damping": {"law": "constant", "ratio": ratio},
+        }
+        return from_document({**document, **changes})
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def observe():
+    """A function: FRFs (f, k) with independent errors of ln|H| and phase of a known size."""
+
+    def make(floors, frequency_hz, frf, sd, seed, phase=True):
+        error = sd * np.random.default_rng(seed).standard_normal((2, *frf.shape))
+        angle = np.angle(frf * np.exp(1j * error[1])) if phase else None
+        return Observation(
+            np.asarray(frequency_hz),
+            tuple(floors),
+            np.log(np.abs(frf)) + error[0],
+            np.full(frf.shape, sd),
+            np.ones(frf.shape, dtype=bool),
+            angle,
+            None,
+            float(frequency_hz[1] - frequency_hz[0]),
+        )
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def reduced_of():
+    """A function: a shear building on its own degrees of freedom."""
+
+    def make(building):
+        return reduce_structure(structure_of(building), reduction_target(building))
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def pose(reduced_of):
+    """A function: a building and an observation as a problem without model error."""
+
+    def make(building, observation, model_error=0.0):
+        prior, bounds = theta_prior(building), zeta_bounds(building)
+        return make_problem(
+            reduced_of(building),
+            damping_law(building),
+            (prior.lower.to(torch.float64), prior.upper.to(torch.float64)),
+            bounds if bounds is not None else building.damping.ratio,
+            observation,
+            model_error=model_error,
+        )
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def place():
+    """A function: effects at places from labels such as "added_mass@3F"."""
+
+    def make(*labels):
+        return tuple(Placed(CATALOGUE[n], p) for n, p in (one.split("@") for one in labels))
+
+    return make

@@ -1,0 +1,159 @@
+"""Evidence and posterior of small models against numerical integration over their prior."""
+
+from copy import copy
+
+import numpy as np
+import pytest
+import torch
+from scipy.integrate import simpson
+from scipy.stats import norm
+
+from femupdate.discrepancy.evidence import laplace, sampled
+from femupdate.discrepancy.fit import fit
+from femupdate.discrepancy.posterior import draw
+
+MASS, SPRING, ZETA = 2.0, 3000.0, 0.05
+GRID = np.linspace(0.5, 12.0, 40)
+SD = 0.25
+
+
+def frf(theta, gain=0.0, damper=0.0):
+    """Floor over base of one story, by hand; `damper` as the catalogue counts it.
+
+    A damper of size s damps the oscillator at theta = 1 by the share s of critical.
+    """
+    omega, own = 2 * np.pi * GRID, np.sqrt(theta * SPRING / MASS)
+    rate = 2.0 * ZETA * own + 2.0 * damper * np.sqrt(SPRING / MASS)
+    # Modal damping and the dashpot both act on the motion relative to the base.
+    return (1.0 + gain) * (own**2 + 1j * omega * rate) / (own**2 - omega**2 + 1j * omega * rate)
+
+
+class Quadrature:
+    """Integrals over theta in [0.5, 2], uniform, and the normal prior of a size."""
+
+    def __init__(self, observation, name=None, scale=0.0, lower=-np.inf):
+        self.theta = np.linspace(0.85, 1.55, 401)  # all of the likelihood lies there
+        first = lower if np.isfinite(lower) else -6 * scale
+        self.size = np.linspace(first, 6 * scale, 101) if name else np.zeros(1)
+        self.chi2 = np.array(
+            [[self._chi2(observation, t, s, name) for s in self.size] for t in self.theta]
+        )
+        self.prior = np.full(len(self.size), -np.log(1.5))
+        if name:
+            share = 1.0 - norm.cdf(lower / scale)
+            self.prior += norm.logpdf(self.size, 0.0, scale) - np.log(share)
+        self.log = self.prior - 0.5 * self.chi2
+
+    @staticmethod
+    def _chi2(observation, theta, size, name):
+        own = frf(theta, **({name: size} if name else {}))
+        amplitude = observation.log_frf[0] - np.log(np.abs(own))
+        turn = np.angle(np.exp(1j * (observation.phase[0] - np.angle(own))))
+        # Points further off than eight sd are held there (only far from the peak of this).
+        whole = np.clip(np.concatenate([amplitude, turn]) / SD, -8.0, 8.0)
+        return (whole**2).sum()
+
+    def but(self, inflation):
+        """The same with the variance of the noise times `inflation`."""
+        other = copy(self)
+        other.log = self.prior - 0.5 * self.chi2 / inflation
+        return other
+
+    def mean(self, what):
+        peak = self.log.max()
+        weight = np.exp(self.log - peak) * what
+        inner = simpson(weight, x=self.size, axis=1) if self.size.size > 1 else weight[:, 0]
+        return simpson(inner, x=self.theta), peak
+
+    @property
+    def log_evidence(self):
+        value, peak = self.mean(1.0)
+        return peak + np.log(value)
+
+    def moments(self, what):
+        total = self.mean(1.0)[0]
+        mean = self.mean(what)[0] / total
+        return mean, np.sqrt(self.mean((what - mean) ** 2)[0] / total)
+
+
+CASES = {
+    # label, name by hand, true size, prior sd, lower limit
+    "one factor": (None, None, 0.0, 0.0, 0.0),
+    "gain": ("channel_gain@RF", "gain", 0.08, 0.05, -np.inf),
+    "damper": ("story_damper@RF", "damper", 0.03, 0.02, 0.0),
+    "damper that is not there": ("story_damper@RF", "damper", 0.0, 0.02, 0.0),
+}
+
+
+@pytest.fixture(scope="module", params=CASES, ids=list(CASES))
+def case(request, building_of, observe, pose, place):
+    """A fitted model of one story, its problem, and its integrals."""
+    label, name, truth, scale, lower = CASES[request.param]
+    seen = frf(1.2, **({name: truth} if name else {}))[None]
+    observation = observe(("RF",), GRID, seen, SD, 11)
+    problem = pose(building_of([MASS], [SPRING], zeta=None, ratio=ZETA), observation)
+    placed = place(label) if label else ()
+    start = torch.zeros(1 + len(placed), dtype=torch.float64)
+    return problem, fit(problem, placed, start, 40), Quadrature(observation, name, scale, lower)
+
+
+def test_the_residuals_are_those_by_hand(case):
+    _, fitted, quadrature = case
+    theta, sizes = fitted.theta()[0][0], fitted.sizes()[0]
+    row = np.abs(quadrature.theta - theta).argmin()
+    column = np.abs(quadrature.size - (sizes[0] if len(sizes) else 0.0)).argmin()
+    top = quadrature.log.max()
+    assert quadrature.log[row, column] > top - 0.05  # the fit is where the integrand is largest
+    if not len(sizes):
+        assert -0.5 * fitted.chi2 - np.log(1.5) == pytest.approx(top, abs=0.05)
+
+
+def test_laplace_evidence(case):
+    """The posteriors are nearly normal; a limit at the mode halves, which this knows."""
+    problem, fitted, quadrature = case
+    assert laplace(problem, fitted).log_evidence == pytest.approx(quadrature.log_evidence, abs=0.25)
+
+
+def test_sampled_evidence_within_its_own_error(case):
+    problem, fitted, quadrature = case
+    for seed in range(3):
+        found = sampled(problem, fitted, draws=400, seed=seed)
+        assert found.error < 0.15
+        assert found.effective > 60
+        assert abs(found.log_evidence - quadrature.log_evidence) < 4.0 * found.error
+
+
+def test_evidence_where_the_noise_is_larger_than_stated(case):
+    problem, fitted, quadrature = case
+    found = sampled(problem, fitted, 2.0, 400, 5)
+    assert abs(found.log_evidence - quadrature.but(2.0).log_evidence) < 4.0 * found.error
+    assert laplace(problem, fitted, 2.0).log_evidence == pytest.approx(
+        quadrature.but(2.0).log_evidence, abs=0.35
+    )
+
+
+def test_draws_have_the_moments_of_the_posterior(case):
+    problem, fitted, quadrature = case
+    draws = draw(problem, fitted, 2000, seed=4)
+    assert draws.effective > 500
+    assert draws.log_evidence == pytest.approx(quadrature.log_evidence, abs=0.1)
+    columns = [(draws.theta[:, 0], quadrature.theta[:, None])]
+    if draws.sizes.size:
+        columns.append((draws.sizes[:, 0], quadrature.size[None]))
+    for sample, grid in columns:
+        mean, sd = quadrature.moments(grid)
+        # 500 effective draws: means scatter by sd / 22, sds by 3 %; four times that.
+        assert sample.mean() == pytest.approx(mean, abs=0.18 * sd)
+        assert sample.std() == pytest.approx(sd, rel=0.14)
+    chi2 = -2.0 * draws.log_likelihood
+    assert chi2.min() > fitted.chi2 - 1.0
+    again = draw(problem, fitted, 2000, seed=4)
+    np.testing.assert_array_equal(again.theta, draws.theta)
+
+
+def test_draws_keep_to_the_limits(case):
+    problem, fitted, quadrature = case
+    draws = draw(problem, fitted, 500, inflation=25.0, seed=1)
+    assert ((draws.theta >= 0.5) & (draws.theta <= 2.0)).all()
+    if quadrature.size[0] == 0.0 and draws.sizes.size:
+        assert (draws.sizes >= 0.0).all()

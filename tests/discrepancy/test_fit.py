@@ -1,0 +1,137 @@
+"""Fits against linear least squares by scipy, and against the truth over many noises."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+from scipy.optimize import lsq_linear
+from scipy.stats import chi2
+
+from femupdate.discrepancy.fit import coordinates, extended, fit, fit_baseline
+
+STORIES = 3
+
+
+class Linear:
+    """A problem whose prediction is linear in ln theta and in the size of an effect."""
+
+    zeta, fixed_zeta, mesh = None, 0.02, None
+
+    def __init__(self, design, data, scale):
+        self.design, self.data = torch.from_numpy(design), torch.from_numpy(data)
+        self.lower, self.upper = (torch.full((STORIES,), v, dtype=torch.float64) for v in (0.5, 2))
+        self.placed = (SimpleNamespace(effect=SimpleNamespace(parameters=(scale,))),)
+
+    def system(self, placed):
+        return None
+
+    def residuals(self, system, theta, zeta, sizes, mesh):
+        unknowns = torch.cat([theta.log(), sizes], dim=1)
+        return self.data - unknowns @ self.design.T
+
+
+def parameter(lower=-np.inf, upper=np.inf):
+    return SimpleNamespace(scale=0.2, neutral=0.0, lower=lower, upper=upper)
+
+
+@pytest.mark.parametrize(
+    ("truth", "one"),
+    [
+        ((0.2, -0.3, 0.1, 0.1), parameter()),
+        ((0.2, -0.3, 1.5, 0.1), parameter()),  # a factor beyond its limit
+        ((0.2, -1.0, 0.1, -0.3), parameter(lower=0.0)),  # and a size of the impossible sign
+    ],
+    ids=["inside", "held factor", "held factor and size"],
+)
+def test_a_linear_model_is_solved_like_bounded_least_squares(truth, one):
+    """Sum of squares and normal prior of the size together, within the limits."""
+    rng = np.random.default_rng(2)
+    design = rng.normal(size=(40, STORIES + 1)) * [8.0, 5.0, 7.0, 9.0]
+    design[:, 1] += 0.5 * design[:, 0]  # not orthogonal
+    data = design @ truth + rng.normal(size=40)
+    problem = Linear(design, data, one)
+    found = fit(problem, problem.placed, torch.zeros(STORIES + 1, dtype=torch.float64), 30)
+
+    rows = np.vstack([design, [0.0, 0.0, 0.0, 1.0 / one.scale]])
+    bounds = np.log([0.5] * STORIES), np.log([2.0] * STORIES)
+    limits = np.append(bounds[0], one.lower), np.append(bounds[1], one.upper)
+    reference = lsq_linear(rows, np.append(data, 0.0), limits, tol=1e-14)
+    assert (reference.active_mask != 0).any() == (truth != (0.2, -0.3, 0.1, 0.1))
+    sizes, sd = found.sizes()
+    own = np.append(np.log(found.theta()[0]), sizes)
+    covariance = np.linalg.inv(rows.T @ rows)
+    # The search ends at a relative decrease of 1e-4 of about 40: well within a tenth of an sd.
+    np.testing.assert_allclose(own, reference.x, atol=0.1 * np.sqrt(covariance.diagonal()).min())
+    # Differences with a step of 1e-3 are exact for a linear model but for rounding.
+    assert sd[0] == pytest.approx(np.sqrt(covariance[-1, -1]), rel=1e-6)
+    held = reference.active_mask[:STORIES] != 0
+    np.testing.assert_allclose(found.z[:STORIES][held], reference.x[:STORIES][held], rtol=1e-14)
+
+
+MASSES, SPRINGS = np.array([3.0, 2.0, 1.5]), np.array([9e3, 5e3, 4e3])
+GRID = np.linspace(0.4, 14.0, 60)
+TRUTH, ZETA, GAIN = np.array([0.8, 1.4, 1.1]), 0.05, 0.02
+
+
+@pytest.fixture(scope="module")
+def chain(chains):
+    return chains.Chain(MASSES, TRUTH * SPRINGS, zeta=ZETA)
+
+
+def test_errors_are_as_large_as_their_standard_deviations(chain, building_of, observe, pose, place):
+    """Theta, zeta and a gain over 40 noises: mean and spread of the errors in their own sd."""
+    frf = chain.frf(GRID)
+    frf[1] *= 1.0 + GAIN
+    errors = []
+    for seed in range(40):
+        problem = pose(
+            building_of(MASSES, SPRINGS), observe(("2F", "3F", "RF"), GRID, frf, 0.1, seed)
+        )
+        placed = place("channel_gain@3F")
+        start = torch.from_numpy(np.append(np.log([*TRUTH, ZETA]), 0.0))
+        found = fit(problem, placed, start)
+        theta, sd = found.theta()
+        (gain,), (gain_sd,) = found.sizes()
+        ln_zeta_sd = found.covariance().diagonal()[3].sqrt()
+        errors.append(
+            [
+                *(theta - TRUTH) / sd,
+                np.log(found.zeta(0.0) / ZETA) / float(ln_zeta_sd),
+                (gain - GAIN) / gain_sd,
+            ]
+        )
+    errors = np.array(errors)
+    count = len(errors)
+    # The prior of the gain (0 +- 0.05) pulls by a tenth of an sd.
+    assert np.abs(errors.mean(axis=0)).max() < 4.0 / np.sqrt(count)
+    spread = (errors**2).sum() / chi2.ppf([0.0005, 0.9995], errors.size)
+    assert spread[1] < 1.0 < spread[0]
+
+
+def test_the_baseline_is_found_from_anywhere_in_the_prior(chain, building_of, observe, pose):
+    """Without noise the truth comes out, whatever the seed of the draws."""
+    exact = observe(("2F", "3F", "RF"), GRID, chain.frf(GRID), 1e-9, 0)
+    problem = pose(building_of(MASSES, SPRINGS), exact, model_error=0.05)
+    for seed in (0, 7):
+        best, *others = fit_baseline(problem, seed=seed)
+        np.testing.assert_allclose(best.theta()[0], TRUTH, rtol=1e-3)
+        assert best.zeta(0.0) == pytest.approx(ZETA, rel=1e-2)
+        objectives = [one.chi2 + one.penalty for one in (best, *others)]
+        assert objectives == sorted(objectives)
+
+
+def test_an_extended_model_starts_where_the_smaller_one_stands(
+    chain, building_of, observe, pose, place
+):
+    """With neutral sizes it predicts the same, and its fit is not worse."""
+    problem = pose(
+        building_of(MASSES, SPRINGS), observe(("2F", "3F", "RF"), GRID, chain.frf(GRID), 0.1, 1)
+    )
+    base = fit_baseline(problem)[0]
+    placed = place("story_damper@3F", "tuned_appendage@RF")
+    z = extended(problem, base, placed, np.array([0.0, 0.0, 1.0]))
+    assert coordinates(problem, placed).size == len(z) == 3 + 1 + 3
+    more = fit(problem, placed, z, iterations=0)
+    np.testing.assert_allclose(more.residual, base.residual, atol=1e-8)
+    assert fit(problem, placed, z).chi2 <= base.chi2 + 1e-6
