@@ -79,6 +79,7 @@ class Outcome:
         verdict, named: of the finder; `named` is its first label.
         ranking: labels of its findings, best first.
         twins: labels that it cannot tell the first from.
+        log_evidence: of the first finding over the model without it.
         p_value: of the model as it is.
         size_true, size, size_sd: of the first hidden effect, when it was named.
         excess_removed: share of the chi2 beyond noise that the named effect removes.
@@ -98,6 +99,7 @@ class Outcome:
     named: str
     ranking: tuple[str, ...]
     twins: tuple[str, ...]
+    log_evidence: float
     p_value: float
     size_true: float
     size: float
@@ -155,6 +157,7 @@ def run_trial(
         named,
         tuple(one.placed.label for one in found.findings[:5]),
         found.twins,
+        found.leading.evidence.log_evidence if found.leading else -np.inf,
         found.p_value,
         effects[0][1][0] if effects and effects[0][1] else np.nan,
         size,

@@ -53,7 +53,8 @@ class Problem:
         phase: (f, k) observed, rad, or None.
         sd: (f, k) of ln|H| and phase; infinite where not valid.
         independent: share of the points that err independently.
-        estimated: the FRFs were estimated by H1 from histories, not read from a table.
+        segment_s: length of the Hann segments from which H1 estimated the FRFs, s; None for FRFs
+            read from a table.
         mesh: error of the mesh, or None.
     """
 
@@ -69,7 +70,7 @@ class Problem:
     phase: Tensor | None
     sd: Tensor
     independent: float
-    estimated: bool = False
+    segment_s: float | None = None
     mesh: MeshError | None = None
 
     @property
@@ -93,6 +94,24 @@ class Problem:
         structure = self.reduced.structure
         return reduce_terms(self.reduced, placed.effect.terms(structure, placed.place))
 
+    def seen(self, frf: Tensor) -> Tensor:
+        """FRFs (N, f, k) as Welch's method shows them: averaged over the bandwidth of a segment.
+
+        The spectrum of a Hann window of T seconds has the weights 1/6, 2/3, 1/6 at distances of
+        1/T, whose second moment 1/(3 T^2) is that of its whole (Bendat and Piersol 2010, section
+        8.5). Unseen by the model, the blunted peaks would pass for effects.
+        """
+        if self.segment_s is None:
+            return frf
+        spacing = float(self.frequency_hz[1] - self.frequency_hz[0])
+        distance = max(1, round(1.0 / (self.segment_s * spacing)))
+        if frf.shape[2] <= 2 * distance:
+            return frf
+        weight = 1.0 / (6.0 * (self.segment_s * spacing * distance) ** 2)
+        left = torch.cat([frf[..., :1].expand(-1, -1, distance), frf[..., :-distance]], dim=2)
+        right = torch.cat([frf[..., distance:], frf[..., -1:].expand(-1, -1, distance)], dim=2)
+        return frf + weight * (left + right - 2.0 * frf)
+
     def residuals(
         self, system: EffectSystem, theta: Tensor, zeta: Tensor, sizes: Tensor, mesh: Tensor
     ) -> Tensor:
@@ -103,7 +122,7 @@ class Problem:
             theta: (N, p); zeta: (N,); sizes: (N, q) of the effects; mesh: (N,) share of the mesh
                 error.
         """
-        frf = system.frf(theta, zeta, sizes, self.frequency_hz)[:, list(self.rows)]
+        frf = self.seen(system.frf(theta, zeta, sizes, self.frequency_hz)[:, list(self.rows)])
         weight = (1.0 / self.sd) * self.independent**0.5
         predicted = frf.abs().clamp_min(1e-12).log()
         if self.mesh is not None:
@@ -117,6 +136,7 @@ class Problem:
 
 
 _WILD = 8.0
+_HANN = 1.5  # equivalent noise bandwidth of the Hann window times its length
 
 
 def make_problem(
@@ -160,5 +180,5 @@ def make_problem(
         phase=None if phase is None else torch.from_numpy(np.nan_to_num(phase)),
         sd=torch.where(valid, (noise**2 + model_error**2).sqrt(), infinite),
         independent=min(1.0, spacing / resolution),
-        estimated=observation.coherence is not None,
+        segment_s=_HANN / resolution if observation.coherence is not None else None,
     )

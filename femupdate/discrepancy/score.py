@@ -53,7 +53,7 @@ def candidates(problem: Problem, present: tuple[Placed, ...] = ()) -> list[Place
     for effect in CATALOGUE.values():
         if effect.needs_phase and problem.phase is None:
             continue
-        if effect.tables_only and problem.estimated:
+        if effect.tables_only and problem.segment_s is not None:
             continue
         for place in effect.places(structure):
             placed = Placed(effect, place)

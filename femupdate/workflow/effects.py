@@ -158,9 +158,11 @@ def problem_of(
 ) -> Problem:
     """A building and what was observed of it, for the effect finder.
 
-    Frequencies at which nothing valid was observed are left out.
+    The frequencies run from the first to the last at which anything valid was observed.
     """
-    used = np.asarray(observation.valid.any(axis=0), dtype=bool)
+    seen = np.flatnonzero(observation.valid.any(axis=0))
+    used = np.zeros(observation.frequency_hz.size, dtype=bool)
+    used[seen[0] : seen[-1] + 1] = True
     prior = theta_prior(building)
     bounds = zeta_bounds(building)
     return make_problem(
