@@ -95,18 +95,18 @@ def write_mesh(parts: FrameParts, path: Path, modes: Modes | None = None) -> Non
     import meshio
 
     model = parts.mesh.model
-    shells, beams, three = model.shells, model.beams, model.triangles
-    cells = [("quad", shells.nodes), ("line", beams.nodes)]
+    shells, three, beams = model.shells, model.triangles, model.beams
+    nothing = [np.zeros(len(part)) for part in (shells, three, beams)]
+    cells = [("quad", shells.nodes), ("triangle", three.nodes), ("line", beams.nodes)]
     data: dict[str, list[np.ndarray]] = {
-        "story": [shells.group + 1, beams.group + 1],
-        "thickness_m": [shells.thickness, np.zeros(len(beams))],
-        "section_area_m2": [np.zeros(len(shells)), beams.area],
+        "story": [part.group + 1 for part in (shells, three, beams)],
+        "thickness_m": [shells.thickness, three.thickness, nothing[2]],
+        "section_area_m2": [*nothing[:2], beams.area],
     }
-    if len(three):
-        cells.append(("triangle", three.nodes))
-        data["story"].append(three.group + 1)
-        data["thickness_m"].append(three.thickness)
-        data["section_area_m2"].append(np.zeros(len(three)))
+    # The writer cannot take a block without cells.
+    there = [number for number, (_, nodes) in enumerate(cells) if len(nodes)]
+    cells = [cells[number] for number in there]
+    data = {name: [values[number] for number in there] for name, values in data.items()}
     points = {}
     if modes is not None:
         full = parts.operators.expand(modes.shapes).reshape(len(model.nodes), 6, -1)
