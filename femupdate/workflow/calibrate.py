@@ -24,6 +24,7 @@ from femupdate.measurement.frf import observation_for
 from femupdate.measurement.observation import Observation, select_floors
 from femupdate.measurement.observation_file import read_observation_file
 from femupdate.study import Study, file_hash
+from femupdate.surrogate.storage import SurrogateInfo
 from femupdate.workflow.model import REDUCED, StudyModel
 from femupdate.workflow.progress import Progress, Silent
 from femupdate.workflow.sampling import ChainRunner
@@ -389,7 +390,29 @@ def _sample_latent(
             f"The surrogate takes the noise on ln|H| as {trained:g}, but the file shows "
             f"{typical:.2g}: this posterior is too narrow; use --exact."
         )
-    return results, tuple(notes)
+    misfit = likelihood.reconstruction_misfit(max(typical, trained))
+    return results, (*notes, *_surrogate_notes(surrogate.info, misfit))
+
+
+def _surrogate_notes(info: SurrogateInfo, misfit: float) -> tuple[str, ...]:
+    """What held-out simulations say about the surrogate, and about this observation."""
+    notes = []
+    if misfit > info.misfit_limit:
+        notes.append(
+            "The observation is unlike anything that the surrogate was trained on: it misses it "
+            f"by {np.sqrt(misfit):.2f} times the noise (rms), where 99.5 % of simulations are "
+            f"missed by less than {np.sqrt(info.misfit_limit):.2f}; do not trust this posterior, "
+            "use --exact and `femupdate diagnose`."
+        )
+    if info.calibration:
+        kept = info.calibration
+        notes.append(
+            f"The latent likelihood is raised to the power {info.likelihood_power:.2f}, found on "
+            f"{kept['cases']} held-out simulations, where the 90 % region held "
+            f"{kept['coverage_90_before']:.0%} of the truths before and "
+            f"{kept['coverage_90_after']:.0%} after."
+        )
+    return tuple(notes)
 
 
 def _sample_exact(

@@ -12,6 +12,7 @@ from femupdate.errors import MeasurementError, SurrogateError
 from femupdate.inference.posterior import load_posterior
 from femupdate.inference.smc import SmcSettings
 from femupdate.study import Study
+from femupdate.surrogate.storage import TrainedSurrogate
 from femupdate.surrogate.training import TrainingSettings
 from femupdate.workflow.calibrate import (
     CalibrationSettings,
@@ -29,7 +30,7 @@ from femupdate.workflow.simulate import (
     simulate_observation,
     write_simulation,
 )
-from femupdate.workflow.train import train_study
+from femupdate.workflow.train import require_surrogate, train_study
 
 SHARED = Path(__file__).parents[3] / "shared" / "data"
 QUICK = CalibrationSettings(
@@ -473,3 +474,40 @@ def test_without_a_surrogate_nothing_is_drawn(tmp_path, tower_model, tower_obser
     with pytest.raises(SurrogateError, match="femupdate train"):
         calibrated(study, tower_model, tower_observation.path, CalibrationSettings())
     assert snapshot(tmp_path) == {}
+
+
+@pytest.fixture
+def marked(learned, monkeypatch):
+    """The poor surrogate with figures of a last calibration."""
+    surrogate = require_surrogate(*learned)
+    kept = {"cases": 40, "coverage_90_before": 0.97, "coverage_90_after": 0.91}
+    info = replace(surrogate.info, likelihood_power=0.5, misfit_limit=25.0, calibration=kept)
+    monkeypatch.setattr(
+        "femupdate.workflow.calibrate.require_surrogate",
+        lambda *_: TrainedSurrogate(surrogate.mvae, info),
+    )
+    return learned
+
+
+def test_the_calibrating_power_widens_and_is_told(marked, tower_observation, monkeypatch):
+    study, model = marked
+    settings = CalibrationSettings(particles=1200)
+    wide = calibrated(study, model, tower_observation.path, settings)
+    monkeypatch.setattr("femupdate.workflow.calibrate.require_surrogate", require_surrogate)
+    plain = calibrated(study, model, tower_observation.path, settings)
+    # Half the log likelihood is twice the variance, where the prior's box leaves room.
+    assert (wide.posterior.samples.std(0) > 1.15 * plain.posterior.samples.std(0)).all()
+    assert any("power 0.50, found on 40 held-out" in note for note in wide.notes)
+    assert not any("unlike anything" in note for note in wide.notes)
+
+
+def test_an_observation_unlike_the_training_is_told(marked, tmp_path, frf_table):
+    """Forty times the response: no stiffness makes such an amplification at low frequencies."""
+    study, model = marked
+    head, *lines = frf_table[0].read_text().splitlines()
+    far = tmp_path / "far.csv"
+    rows = [line.split(",") for line in lines]
+    raised = [[f, *(str(40.0 * float(h)) for h in (a, b)), *noise] for f, a, b, *noise in rows]
+    far.write_text("\n".join([head, *(",".join(row) for row in raised)]) + "\n")
+    report = calibrated(study, model, far, CalibrationSettings(particles=400))
+    assert any("unlike anything that the surrogate was trained on" in n for n in report.notes)
