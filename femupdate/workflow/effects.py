@@ -15,7 +15,7 @@ from femupdate.discrepancy.problem import Problem, make_problem
 from femupdate.dynamics.effect_reduction import reduce_structure, structure_on
 from femupdate.dynamics.effect_response import ReducedStructure
 from femupdate.dynamics.reduction import ReductionTarget
-from femupdate.effects import Placed, effect_named, structure_of
+from femupdate.effects import CATALOGUE, Placed, structure_of
 from femupdate.errors import BuildingError
 from femupdate.measurement.observation import Observation
 from femupdate.study import Study
@@ -89,11 +89,23 @@ def building_effects(building: Building) -> BuildingEffects:
     """The effects of a building file, checked against the catalogue.
 
     Raises:
-        BuildingError: an effect or a parameter is unknown, or a value is impossible.
+        BuildingError: an effect or a parameter is unknown, a value is impossible, or the same
+            effect is listed twice at one place.
     """
-    placed, values = [], []
+    placed: list[Placed] = []
+    values: list[float] = []
     for number, entry in enumerate(building.effects):
-        effect = effect_named(entry.name)
+        if entry.name not in CATALOGUE:
+            raise BuildingError(
+                f"{building.name}: effects[{number}].name: no effect is named {entry.name!r}; the "
+                f"known ones are {', '.join(CATALOGUE)}"
+            )
+        effect = CATALOGUE[entry.name]
+        if Placed(effect, entry.place) in placed:
+            raise BuildingError(
+                f"{building.name}: effects[{number}]: {entry.name} at {entry.place} is listed "
+                "twice; keep one of the two"
+            )
         known = {p.name: p for p in effect.parameters}
         for name, value in entry.parameters.items():
             if name not in known:

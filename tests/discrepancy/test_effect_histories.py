@@ -1,0 +1,145 @@
+"""Histories with effects against the recurrence without them, and against other building files."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from scipy.linalg import eigh
+
+from femupdate.building.files import load_building
+from femupdate.dynamics.damping import ConstantDamping
+from femupdate.dynamics.effect_history import effect_histories
+from femupdate.dynamics.effect_reduction import structure_on
+from femupdate.dynamics.effect_response import EffectSystem, reduce_terms
+from femupdate.dynamics.history import floor_histories
+from femupdate.effects import structure_of
+
+MASSES, SPRINGS = np.array([3.0, 2.0, 1.5]), np.array([9e3, 5e3, 4e3])
+THETA, ZETA, STEP = np.array([[0.8, 1.4, 1.1]]), 0.05, 0.005
+TIME = np.arange(0.0, 15.0, STEP)
+# Wave packets: rest before and after, and nothing near the Nyquist frequency, where the straight
+# lines between samples that the recurrence assumes are no longer the record.
+RECORD = sum(
+    a * np.exp(-(((TIME - t) / w) ** 2)) * np.sin(2 * np.pi * f * TIME + p)
+    for a, t, w, f, p in ((2.0, 3.0, 0.7, 2.2, 0.3), (1.0, 6.0, 1.0, 6.0, 1.0))
+)
+
+
+def system_of(reduced, placed=()):
+    terms = tuple(reduce_terms(reduced, p.effect.terms(reduced.structure, p.place)) for p in placed)
+    return EffectSystem(reduced, ConstantDamping(), tuple(placed), terms)
+
+
+def respond(system, theta, sizes=(), **options):
+    sizes = np.array([sizes], dtype=float).reshape(1, -1)
+    return next(effect_histories(system, theta, np.array([ZETA]), sizes, RECORD, STEP, **options))
+
+
+def same(found, reference):
+    """Floors, shear and drift within a thousandth of their peaks."""
+    assert found.floors == reference.floors
+    assert found.time_step == reference.time_step
+    for name in ("floor_acceleration", "story_shear", "story_drift"):
+        own, other = getattr(found, name), getattr(reference, name)
+        assert own.shape == other.shape
+        peak = np.abs(other).max(axis=2, keepdims=True)
+        assert (peak > 0.0).all()
+        np.testing.assert_allclose(own / peak, other / peak, atol=1e-3, err_msg=name)
+
+
+@pytest.fixture(scope="module")
+def stick(building_of, reduced_of):
+    return reduced_of(building_of(MASSES, SPRINGS))
+
+
+def test_without_effects_like_the_recurrence(stick):
+    reference = floor_histories(stick.model, THETA, ZETA, RECORD, STEP)
+    same(respond(system_of(stick), THETA), reference)
+
+
+def test_a_frame_without_effects_like_the_recurrence(cabin_file):
+    """Shear and drift of a frame have rows of their own."""
+    structure = structure_of(load_building(cabin_file))
+    theta = np.array([[0.8, 1.3]])
+    mass = structure.mass.toarray()
+    basis = eigh(structure.stiffness(theta[0]).toarray(), mass)[1][:, :40]
+    reduced = structure_on(structure, basis)
+    reference = floor_histories(reduced.model, theta, ZETA, RECORD, STEP)
+    same(respond(system_of(reduced), theta), reference)
+
+
+def test_added_mass_like_a_building_with_that_mass(stick, building_of, reduced_of, place):
+    """Inertia above a story includes it: its shear is that of the heavier building."""
+    heavier = reduced_of(building_of(MASSES * [1.0, 1.3, 1.0], SPRINGS))
+    reference = floor_histories(heavier.model, THETA, ZETA, RECORD, STEP)
+    found = respond(system_of(stick, place("added_mass@3F")), THETA, (0.3,))
+    same(found, reference)
+    # The shear of the first story is the inertia of all floors, by Newton.
+    inertia = (MASSES * [1.0, 1.3, 1.0]) @ found.floor_acceleration[0]
+    peak = np.abs(inertia).max()
+    np.testing.assert_allclose(np.abs(found.story_shear[0, 0]), np.abs(inertia), atol=1e-3 * peak)
+
+
+def test_rocking_adds_nothing_to_the_drift_that_strains(stick, place):
+    """Drift of a stiff building on a rocking base is its rotation times the story height."""
+    theta = np.full((1, 3), 1e4)
+    found = respond(system_of(stick, place("foundation_rocking@base")), theta, (1.0,))
+    drift = found.story_drift[0]
+    np.testing.assert_allclose(drift[1:], drift[:1] * [[1.0], [1.0]], atol=2e-3 * drift.max())
+
+
+def test_instruments_show_only_where_they_are_asked_for(stick, place):
+    """A gain of 5 % and a delay of four samples on one channel; nothing moves differently."""
+    plain = respond(system_of(stick), THETA)
+    wrong = system_of(stick, place("channel_gain@3F", "channel_delay@3F"))
+    sizes = (0.05, 4 * STEP)
+    same(respond(wrong, THETA, sizes), plain)
+    seen = respond(wrong, THETA, sizes, instruments=True)
+    expected = plain.floor_acceleration.copy()
+    expected[0, 1, 4:] = 1.05 * plain.floor_acceleration[0, 1, :-4]
+    expected[0, 1, :4] = 0.0
+    np.testing.assert_allclose(
+        seen.floor_acceleration, expected, atol=1e-3 * np.abs(expected).max()
+    )
+    np.testing.assert_array_equal(seen.story_drift, plain.story_drift)
+
+
+def test_instruments_between_structural_effects_keep_their_sizes_apart(stick, place):
+    """The gain stands before the mass in the list: each must find its own number."""
+    mixed = system_of(stick, place("channel_gain@RF", "added_mass@3F"))
+    alone = respond(system_of(stick, place("added_mass@3F")), THETA, (0.3,))
+    same(respond(mixed, THETA, (0.5, 0.3)), alone)
+    seen = respond(mixed, THETA, (0.5, 0.3), instruments=True)
+    ratio = seen.floor_acceleration[0] / alone.floor_acceleration[0]
+    np.testing.assert_allclose(np.median(ratio, axis=1), [1.0, 1.0, 1.5], rtol=1e-6)
+
+
+def test_every_sample_is_its_own(stick):
+    """A batch of two in order, and the callback once for each."""
+    theta = np.vstack([THETA, 1.5 * THETA])
+    told = []
+    both = list(
+        effect_histories(
+            system_of(stick), theta, np.full(2, ZETA), np.zeros((2, 0)), RECORD, STEP, told.append
+        )
+    )
+    assert told == [1, 1]
+    for one, own in zip(both, theta, strict=True):
+        same(one, floor_histories(stick.model, own[None], ZETA, RECORD, STEP))
+
+
+def test_a_system_keeps_its_frf_beside_its_histories(stick, place):
+    """The histories' transfer function is the FRF: sines swept out of the wave packets."""
+    system = system_of(stick, place("story_damper@3F"))
+    found = respond(system, THETA, (0.03,)).floor_acceleration[0]
+    spectrum, base = np.fft.rfft(found), np.fft.rfft(RECORD)
+    frequency = np.fft.rfftfreq(RECORD.size, STEP)
+    used = (np.abs(base) > 0.05 * np.abs(base).max()) & (frequency > 0.5)
+    tensors = [torch.from_numpy(np.atleast_1d(v)) for v in (THETA, ZETA, np.array([[0.03]]))]
+    exact = system.frf(*tensors, torch.from_numpy(frequency[used]))[0].numpy()
+    # The response rings on for a little after the record's end.
+    np.testing.assert_allclose(
+        spectrum[:, used] / base[used], exact, atol=0.01 * np.abs(exact).max()
+    )
+    assert replace(system, kept=None).sizes == 1

@@ -1,0 +1,78 @@
+"""What channels say of themselves: gains, delays and signs put into an exact low end."""
+
+import re
+
+import numpy as np
+import pytest
+import torch
+
+from femupdate.discrepancy.screen import screen_channels
+
+MASSES, SPRINGS = np.array([3.0, 2.0, 1.5]), np.array([9e3, 5e3, 4e3])
+GRID, FLOORS = np.arange(0.1, 10.0, 0.1), ("2F", "3F", "RF")
+ONE = np.ones((3, 1))
+
+
+@pytest.fixture(scope="module")
+def screen(chains, building_of, observe, pose):
+    """A function: sentences on a chain whose FRFs are multiplied by a factor (3, k)."""
+    exact = chains.Chain(MASSES, SPRINGS, zeta=0.02).frf(GRID)
+
+    def make(factor, seed=0, sd=0.01, phase=True, keep=slice(None)):
+        grid = GRID[keep]
+        seen = observe(FLOORS, grid, (factor * exact)[:, keep], sd, seed, phase)
+        problem = pose(building_of(MASSES, SPRINGS), seen)
+        return screen_channels(seen, problem.system(), np.ones(3))
+
+    return make
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_good_channels_are_left_alone(screen, seed):
+    assert screen(ONE, seed) == ()
+
+
+@pytest.mark.parametrize("gain", [1.08, 0.9])
+def test_a_gain_is_read_off_the_rigid_end(screen, gain):
+    (sentence,) = screen(np.array([[1.0], [gain], [1.0]]))
+    (percent,) = re.findall(r"3F reads ([+-][\d.]+)%", sentence)
+    # The intercept of 13 points with an error of 1 % is known to 0.4 %.
+    assert float(percent) == pytest.approx(100.0 * (gain - 1.0), abs=1.3)
+    assert "2F" not in sentence
+    assert "RF" not in sentence
+
+
+def test_a_delay_is_read_off_the_slope_of_the_phase(screen):
+    late = np.exp(-2j * np.pi * GRID * np.array([[0.0], [0.0], [0.008]]))
+    (sentence,) = screen(late, sd=0.003)
+    assert "RF +8" in sentence or "RF +7" in sentence
+    assert "2F" not in sentence
+
+
+def test_a_reversed_sensor_is_told_and_not_taken_for_a_delay(screen):
+    (sentence,) = screen(np.array([[-1.0], [1.0], [1.0]]))
+    assert "2F" in sentence
+    assert "reversed" in sentence
+
+
+def test_all_at_once(screen):
+    factor = np.array([[-1.0], [1.2], [1.0]]) * np.ones_like(GRID, dtype=complex)
+    assert len(screen(factor)) == 2
+
+
+def test_without_phase_only_gains_are_judged(screen):
+    assert screen(np.array([[-1.0], [1.0], [1.0]]), phase=False) == ()
+
+
+def test_too_few_points_below_the_first_mode_are_not_judged(screen):
+    """From 1.3 Hz on three points lie below 0.35 f1."""
+    assert screen(np.array([[1.0], [1.5], [1.0]]), keep=GRID > 1.25) == ()
+
+
+def test_effects_of_the_model_do_not_stop_it(screen, building_of, observe, pose, place):
+    """A repaired model has sizes; the screen takes them as neutral."""
+    seen = observe(FLOORS, GRID, np.ones((3, GRID.size), dtype=complex), 0.01, 0)
+    problem = pose(building_of(MASSES, SPRINGS), seen)
+    system = problem.system(place("tuned_appendage@RF", "added_mass@2F"))
+    assert isinstance(screen_channels(seen, system, np.ones(3)), tuple)
+    assert torch.get_default_dtype() == torch.float32
