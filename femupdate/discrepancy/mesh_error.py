@@ -47,9 +47,8 @@ def log_frf(structure: Structure, theta: Floats, zeta: float, frequency_hz: Floa
     """ln|H| (f, k) of the full model at one theta, for one damping ratio of all modes."""
     if structure.operators is None:
         raise ValueError("a shear building has no mesh")
-    nothing = np.zeros((0, len(structure.axis)))
     force = structure.rigid_force[:, TRANSLATION]
-    sensors = FloorSensors(structure.floor_rows, force, structure.direction, nothing)
+    sensors = FloorSensors(structure.floor_rows, force, structure.direction)
     top = 1.4 * float(frequency_hz[-1])
     modes = full_modes(structure.operators, sensors, theta, top, terms=6)
     return modes.felt.log_frf(frequency_hz, zeta)

@@ -22,13 +22,11 @@ class FloorSensors:
         rows: (f, n_free) mean displacement of each floor's sensor points along the motion.
         excitation: (n_free,) force of inertia per unit base acceleration, kg and kg m.
         direction: 0 for motion along x, 1 along y.
-        others: (g, n_free) other forces that a reduced model must follow.
     """
 
     rows: Floats
     excitation: Floats
     direction: int
-    others: Floats
 
 
 @dataclass(frozen=True)
@@ -77,9 +75,8 @@ def floor_sensors(
     rows = np.zeros((len(floor_nodes), operators.dof))
     for row, nodes in zip(rows, floor_nodes.values(), strict=True):
         row[DOF_PER_NODE * np.asarray(nodes) + direction] = 1.0 / len(nodes)
-    nothing = np.zeros((0, len(operators.free)))
     seen = operators.gather(rows.T).T
-    return FloorSensors(seen, operators.inertia(direction), direction, nothing)
+    return FloorSensors(seen, operators.inertia(direction), direction)
 
 
 def full_modes(

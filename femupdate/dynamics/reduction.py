@@ -22,6 +22,7 @@ from threadpoolctl import threadpool_limits
 from femupdate.dynamics.full_response import (
     FloorModes,
     FloorSensors,
+    FullModes,
     floor_sensors,
     full_modes,
     superposition_log_frf,
@@ -35,9 +36,9 @@ from femupdate.processors import processor_count
 Floats = NDArray[np.float64]
 _SIZES = (40, 60, 80, 100, 120, 140, 160, 180, 200, 230, 260, 300)
 _CHECKS = 4
-_OTHERS = 0.05  # weight of forces other than the base motion's
 _LARGE = 2000  # degrees of freedom from which processes of their own pay
 T = TypeVar("T")
+Snapshots = Callable[[AffineOperators, FloorSensors, Floats, "ReductionTarget"], Floats]
 
 
 @dataclass(frozen=True)
@@ -139,15 +140,20 @@ def response_basis(
     thetas: Floats,
     target: ReductionTarget,
     progress: Callable[[int, int], None] | None = None,
+    *,
+    task: "Snapshots | None" = None,
+    size: int = _SIZES[-1],
 ) -> Floats:
-    """M-orthonormal basis (n_free, r <= 300) of the responses at thetas (n, p), best first.
+    """M-orthonormal basis (n_free, r) of the responses at thetas (n, p), best first.
 
     Args:
         operators: of the full model.
         sensors: what drives it and where it is seen.
-        thetas: stiffness factors, one a term of the operators.
+        thetas: stiffness factors, one a term of the operators, or what `task` takes.
         target: grid and damping.
         progress: called with (done, total) full eigenproblems.
+        task: makes the shapes at one theta; `response_shapes` where None.
+        size: largest r.
     """
     done = 0
 
@@ -157,8 +163,8 @@ def response_basis(
         if progress is not None:
             progress(done, len(thetas))
 
-    snapshots = list(_everywhere(_snapshots, operators, sensors, thetas, target, tick))
-    return _compress(operators, np.concatenate(snapshots, axis=1))
+    shapes = list(_everywhere(task or response_shapes, operators, sensors, thetas, target, tick))
+    return _compress(operators, np.concatenate(shapes, axis=1), size)
 
 
 def reduce_lumped(stiffness_terms: Floats, mass: Floats, floors: tuple[str, ...]) -> ReducedModel:
@@ -247,11 +253,16 @@ def _samples(target: ReductionTarget) -> tuple[Floats, Floats]:
     return thetas, unseen
 
 
-def _snapshots(
+def response_shapes(
     operators: AffineOperators, sensors: FloorSensors, theta: Floats, target: ReductionTarget
 ) -> Floats:
     """Weighted shapes (n_free, c) that span the responses at one theta over the grid."""
     modes = full_modes(operators, sensors, theta, 1.3 * float(target.frequency_hz[-1]))
+    return snapshots(modes, target)
+
+
+def snapshots(modes: FullModes, target: ReductionTarget) -> Floats:
+    """Weighted shapes (n_free, c) that span the responses of these modes over the grid."""
     omega = modes.felt.omega[:, None]
     grid = target.frequency_hz[::2]
     w = 2.0 * np.pi * grid
@@ -263,22 +274,18 @@ def _snapshots(
         0.05**0.5 * shape[:, None] * response * (w**2 / one)
         for shape, one in zip(modes.floors, size, strict=True)
     ]
-    other = [
-        _OTHERS**0.5 * part[:, None] * response * (w**2 / size.min(axis=0))
-        for part in sensors.others @ modes.shapes
-    ]
-    gram = sum((c @ c.conj().T).real for c in (primal, *dual, *other))
+    gram = sum((c @ c.conj().T).real for c in (primal, *dual))
     energy, directions = np.linalg.eigh(gram)
     kept = energy > 1e-9 * energy[-1]
     shapes = modes.shapes @ (directions[:, kept] * np.sqrt(energy[kept] / energy[-1]))
     return np.column_stack([shapes, 1e-2 * modes.static])
 
 
-def _compress(operators: AffineOperators, snapshots: Floats) -> Floats:
+def _compress(operators: AffineOperators, snapshots: Floats, size: int) -> Floats:
     """M-orthonormal basis (n_free, r) of the snapshots, most energetic first."""
     gram = snapshots.T @ (operators.mass @ snapshots)
     energy, directions = np.linalg.eigh(gram)
-    kept = np.flatnonzero(energy > 1e-14 * energy[-1])[::-1][: _SIZES[-1]]
+    kept = np.flatnonzero(energy > 1e-14 * energy[-1])[::-1][:size]
     basis = snapshots @ (directions[:, kept] / np.sqrt(energy[kept]))
     # Once more: the energies span many decades and the first pass loses orthogonality with them.
     factor = np.linalg.cholesky(basis.T @ (operators.mass @ basis))

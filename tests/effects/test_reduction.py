@@ -1,0 +1,63 @@
+"""A reduced frame with effects against the same frame with nothing left out."""
+
+import numpy as np
+import pytest
+import torch
+from scipy.linalg import eigh
+
+from femupdate.building.document import from_document
+from femupdate.dynamics.damping import ConstantDamping
+from femupdate.dynamics.effect_reduction import reduce_structure, structure_on
+from femupdate.dynamics.effect_response import EffectSystem, reduce_terms
+from femupdate.dynamics.reduction import ReductionTarget
+from femupdate.effects import CATALOGUE, Placed, structure_of
+
+GRID = np.linspace(0.2, 30.0, 150)
+ZETA = 0.02
+
+
+@pytest.fixture(scope="module")
+def structure(frame_document):
+    return structure_of(from_document({**frame_document, "mesh": {"size": 2.0}}))
+
+
+@pytest.fixture(scope="module")
+def exact(structure):
+    K, M = structure.stiffness(np.ones(2)).toarray(), structure.mass.toarray()
+    return structure_on(structure, eigh(K, M)[1])
+
+
+@pytest.fixture(scope="module")
+def reduced(structure):
+    bounds = np.full(2, 1 / 3), np.full(2, 3.0)
+    target = ReductionTarget(*bounds, GRID, ZETA, 0.01, samples=16)
+    return reduce_structure(structure, target)
+
+
+def log_frf(reduced, placed, values, theta):
+    terms = reduce_terms(reduced, placed.effect.terms(reduced.structure, placed.place))
+    system = EffectSystem(reduced, ConstantDamping(), (placed,), (terms,))
+    tensors = [torch.from_numpy(np.atleast_2d(v)) for v in (theta, values)]
+    zeta = torch.full((len(tensors[0]),), ZETA, dtype=torch.float64)
+    sizes = tensors[1].expand(len(zeta), -1)
+    return system.frf(tensors[0], zeta, sizes, torch.from_numpy(GRID)).abs().log().numpy()
+
+
+def test_is_smaller(reduced, exact):
+    assert reduced.model.size < 0.7 * exact.model.size
+
+
+@pytest.mark.parametrize("name", [n for n, e in CATALOGUE.items() if not e.instrument])
+def test_follows_the_full_model(reduced, exact, name):
+    """At story factors and sizes that the basis has not seen."""
+    effect = CATALOGUE[name]
+    rng = np.random.default_rng(3)
+    theta = rng.uniform(1 / 3, 3.0, (3, 2))
+    values = np.array([p.neutral for p in effect.parameters])
+    first = effect.parameters[0]
+    values[0] += first.scale if first.upper > first.neutral else -first.scale
+    for place in effect.places(exact.structure):
+        placed = Placed(effect, place)
+        error = log_frf(reduced, placed, values, theta) - log_frf(exact, placed, values, theta)
+        assert np.sqrt((error**2).mean()) < 0.02
+        assert np.abs(error).max() < 0.5
