@@ -22,6 +22,7 @@ from femupdate.surrogate.storage import TrainedSurrogate
 # Modes kept for a response: with 32 the six-story building's ln|H| is within .008 rms at the
 # lowest damping of its prior, far below any measured noise.
 _MODES = 40
+_CPU_ROWS = 1000
 
 
 class LatentLikelihood:
@@ -65,12 +66,17 @@ class LatentLikelihood:
     def __call__(self, theta: Tensor) -> Tensor:
         """Log likelihood (n,), float32, of theta (n, p), on the device of theta."""
         known = theta.to(self.posterior_z.mean)
+        # On a CPU in parts that stay in its cache, so that memory does not grow with the particles.
+        parts = known.split(_CPU_ROWS if known.device.type == "cpu" else len(known))
         with torch.inference_mode():
-            q = self._mvae.encode_parameters(known, self._visibility.expand(len(theta)))
-            value = latent_log_likelihood(
-                self.posterior_z.mean, self.posterior_z.variance, q.mean, q.variance
-            )
-            return (self.power * value).to(theta.device)
+            return torch.cat([self._values(rows) for rows in parts]).to(theta.device)
+
+    def _values(self, theta: Tensor) -> Tensor:
+        q = self._mvae.encode_parameters(theta, self._visibility.expand(len(theta)))
+        value = latent_log_likelihood(
+            self.posterior_z.mean, self.posterior_z.variance, q.mean, q.variance
+        )
+        return self.power * value
 
     def reconstruction_misfit(self, noise_sd: float) -> float:
         """Mean squared misfit of the observation's reconstruction from its own z, whitened.

@@ -1,0 +1,83 @@
+"""The calibration benchmark: what it simulates, and a small run."""
+
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from femupdate.benchmark.calibration import Judged, simulate
+from femupdate.benchmark.calibration_run import (
+    CalibrationPlan,
+    calibrated,
+    run_calibration,
+    scores,
+)
+from femupdate.benchmark.shear4dof import benchmark_model, roof_log_frf
+from femupdate.errors import InferenceError
+from femupdate.surrogate.storage import load_surrogate, save_surrogate
+from femupdate.workflow.train import shipped_surrogate
+
+
+@pytest.fixture(scope="module")
+def model():
+    return benchmark_model()
+
+
+def test_simulations_are_the_response_with_noise(model):
+    rng = np.random.default_rng(0)
+    made = [simulate(model, ("3F", "RF"), 0.2, rng) for _ in range(4)]
+    theta = np.array([one.theta for one in made])
+    clean = roof_log_frf(model, theta)[:, [1, 3]]
+    noise = np.array([one.observation.log_frf for one in made]) - clean
+    # 8,192 draws: an sd to .8 %.
+    assert noise.std() == pytest.approx(0.2, rel=0.04)
+    assert abs(np.corrcoef(noise[:, 0].ravel(), noise[:, 1].ravel())[0, 1]) < 0.06
+    assert ((theta > 0.33) & (theta < 3.0)).all()
+
+
+def test_scores_of_uniform_and_of_narrow_levels():
+    rng = np.random.default_rng(1)
+
+    def judged(power):
+        return [Judged(u**power, rng.random(3), rng.random()) for u in rng.random(400)]
+
+    right, narrow = scores(judged(1.0)), scores(judged(0.3))
+    np.testing.assert_allclose(right.density.found, [0.5, 0.68, 0.9, 0.95], atol=0.06)
+    # P(u^.3 < .9) = .9^(1/.3)
+    assert narrow.density.found[2] == pytest.approx(0.9 ** (1 / 0.3), abs=0.06)
+    assert min(right.rank_p) > 1e-3
+    assert right.tarp_p > 1e-3
+    assert right.central.cases == 400
+
+
+@pytest.mark.slow
+def test_small_run(tmp_path):
+    plan = CalibrationPlan(cases=10, particles=300)
+    report = run_calibration(tmp_path, plan, seed=3)
+    assert report.exact is not None
+    # Ten cases: seven or more of the truths in the 90 % region but once in a hundred.
+    assert report.exact.density.found[2] >= 0.7
+    content = json.loads(report.files.json.read_text())
+    assert len(content["density_levels"]) == 10
+    assert report.files.json.name == "calibration_shear_4dof_roof.json"
+    assert "data-space, highest density" in report.text
+
+
+def test_the_exact_posterior_needs_known_damping(tmp_path):
+    with pytest.raises(InferenceError, match="--latent"):
+        run_calibration(tmp_path, CalibrationPlan("six_story_wall_frame", cases=10))
+
+
+def test_a_calibrated_surrogate_keeps_its_figures(model, tmp_path):
+    surrogate = shipped_surrogate(model.building)
+    shown = SimpleNamespace(start=lambda *_: None, advance=lambda *_: None, say=print)
+    found = calibrated(surrogate, model, cases=3, seed=1, progress=shown)
+    assert 0.25 <= found.info.likelihood_power <= 4.0
+    assert 0.9 < found.info.misfit_limit < 3.0
+    save_surrogate(found, tmp_path / "again.safetensors")
+    again = load_surrogate(tmp_path / "again.safetensors")
+    assert again.info == found.info
+    before, after = surrogate.mvae.state_dict(), again.mvae.state_dict()
+    # Means of ln|H|, up to 7 in size, are kept in half precision: .004 is far below the noise.
+    assert all(np.allclose(before[name], after[name], atol=4e-3) for name in before)
