@@ -10,19 +10,17 @@ from numpy.typing import NDArray
 from femupdate.benchmark.outside import OUTSIDE
 from femupdate.building.schema import Building
 from femupdate.discrepancy.diagnose import Diagnosis, DiagnosisSettings, diagnose
-from femupdate.discrepancy.fit import Fit, extended, fit, fit_baseline
-from femupdate.discrepancy.mesh_error import with_mesh_error
+from femupdate.discrepancy.fit import Fit, extended, fit
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.score import score, starts
-from femupdate.dynamics.effect_response import ReducedStructure
-from femupdate.effects import CATALOGUE, Effect, Placed, Structure
+from femupdate.effects import CATALOGUE, Effect, Placed, Structure, structure_of
 from femupdate.measurement.columns import BASE, Channel
 from femupdate.measurement.frf import estimate_frf
 from femupdate.measurement.observation import Observation
 from femupdate.measurement.observation_file import Histories
+from femupdate.workflow.diagnose import prepared
 from femupdate.workflow.effect_truth import Truth, effect_truth
-from femupdate.workflow.effects import problem_of
-from femupdate.workflow.model import damping_law, theta_prior, zeta_bounds
+from femupdate.workflow.model import StudyModel, damping_law, theta_prior, zeta_bounds
 from femupdate.workflow.simulate import white_noise
 
 Floats = NDArray[np.float64]
@@ -115,24 +113,23 @@ class Outcome:
     seconds: float
 
 
-def run_trial(
-    trial: Trial, building: Building, reduced: ReducedStructure, settings: TrialSettings
-) -> Outcome:
+def run_trial(trial: Trial, model: StudyModel, settings: TrialSettings) -> Outcome:
     """Hide, measure, diagnose, add what is named, and compare with the truth."""
     torch.set_num_threads(1)
+    building = model.building
+    structure = structure_of(building)
     streams = np.random.default_rng([trial.number, KINDS.index(trial.kind)]).spawn(4)
     theta, zeta = _truth_parameters(building, streams[0])
-    effects = _hide(trial.kind, building, reduced.structure, settings.use_phase, streams[1])
+    effects = _hide(trial.kind, building, structure, settings.use_phase, streams[1])
     top = max(0.5 * settings.sampling_hz, 1.2 * building.frequency_grid.stop)
     truth = effect_truth(
         building, theta, effects, damping_law(building), top, mesh_size=settings.mesh_size
     )
     observation = _measure(truth, zeta, building, settings, streams[2])
     started = time.monotonic()
-    problem = problem_of(reduced, building, observation, settings.use_phase)
-    base = fit_baseline(problem, seed=trial.number)[0]
-    problem, base = with_mesh_error(problem, base)
-    found = diagnose(problem, DiagnosisSettings(seed=trial.number), base)
+    chosen = DiagnosisSettings(seed=trial.number)
+    problem, base = prepared(model, observation, settings.use_phase, chosen)
+    found = diagnose(problem, chosen, base)
     seconds = time.monotonic() - started
     hidden = tuple(placed.label for placed, _ in effects)
     strength, absorbed = _true_strength(problem, found, effects)

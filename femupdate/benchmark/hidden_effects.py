@@ -24,7 +24,7 @@ from femupdate.benchmark.result import ResultFiles, markdown_table, write_result
 from femupdate.building.files import load_building
 from femupdate.processors import processor_count
 from femupdate.study import Study
-from femupdate.workflow.effects import open_structure
+from femupdate.workflow.model import open_study
 from femupdate.workflow.progress import Progress, Silent
 
 Floats = NDArray[np.float64]
@@ -90,18 +90,17 @@ def run_hidden_effects(
         settings: of the measurement.
         seed: of all trials.
         progress: told about every trial.
-        study: where the basis of a frame is kept; by default a folder in the output.
+        study: where the reduced model is kept; by default a folder in the output.
     """
     show = progress or Silent()
     chosen = load_building(building)
-    kept = study or Study(output / f"basis_{chosen.name}")
-    reduced = open_structure(kept, chosen, show)
+    model = open_study(study or Study(output / f"study_{chosen.name}"), building, show)
     trials = plan.trials(seed)
     show.start("Hidden-effect trials", len(trials))
     outcomes: list[Outcome] = []
     with parallel_config("loky", inner_max_num_threads=1):
         pool = Parallel(n_jobs=processor_count(), return_as="generator", batch_size=1)
-        jobs = (delayed(run_trial)(trial, chosen, reduced, settings) for trial in trials)
+        jobs = (delayed(run_trial)(trial, model, settings) for trial in trials)
         for outcome in pool(jobs):
             outcomes.append(outcome)
             show.advance(1, f"{outcome.verdict}")

@@ -6,6 +6,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from femupdate.building.files import mechanics_hash
 from femupdate.discrepancy.fit import Fit
 from femupdate.discrepancy.posterior import draw
 from femupdate.discrepancy.problem import Problem
@@ -22,7 +23,13 @@ from femupdate.workflow.calibrate import (
     r_hat,
 )
 from femupdate.workflow.diagnose import prepared
-from femupdate.workflow.effects import building_effects, check_places, open_structure
+from femupdate.workflow.effects import (
+    building_effects,
+    check_places,
+    keep_basis,
+    open_structure,
+    without_effects,
+)
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.progress import Progress, Silent
 from femupdate.workflow.repair import effect_posterior
@@ -45,10 +52,11 @@ def calibrate_with_effects(
     """
     show, started = progress or Silent(), time.monotonic()
     observation = observation_of(model.building, source)
-    reduced = open_structure(study, model.building, show)
-    show.start("Fitting the model with its effects", 2)
-    problem, fitted = prepared(reduced, model, observation, use_phase=False)
-    show.advance()
+    problem, fitted = prepared(model, observation, False, progress=show)
+    if problem.reduced.structure.operators is not None:
+        plain = without_effects(model.building)
+        keep_basis(study, problem.reduced, {"building": mechanics_hash(plain)})
+    show.start("Drawing the posterior", 1)
     inflation = max(1.0, fitted.chi2 / max(problem.effective - fitted.coordinates.size, 1.0))
     draws = draw(problem, fitted, settings.particles, inflation, settings.seed)
     show.advance()

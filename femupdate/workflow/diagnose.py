@@ -3,7 +3,7 @@
 import json
 import textwrap
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from femupdate.discrepancy.diagnose import Diagnosis, DiagnosisSettings, Finding
 from femupdate.discrepancy.diagnose import diagnose as find
-from femupdate.discrepancy.fit import Fit, fit_baseline
+from femupdate.discrepancy.fit import Fit, extended, fit, fit_baseline
 from femupdate.discrepancy.mesh_error import with_mesh_error
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.screen import screen_channels
@@ -24,8 +24,9 @@ from femupdate.workflow.calibrate import ObservationSource, observation_of
 from femupdate.workflow.effects import (
     building_effects,
     check_places,
-    open_structure,
+    plain_structure,
     problem_of,
+    structure_near,
 )
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.progress import Progress, Silent
@@ -100,16 +101,14 @@ def diagnose_study(
     """
     show, started = progress or Silent(), time.monotonic()
     observation = observation_of(model.building, source)
-    reduced = open_structure(study, model.building, show)
-    show.start("Looking for what is missing", 4)
-    problem, base = prepared(reduced, model, observation, use_phase, settings)
-    show.advance()
+    problem, base = prepared(model, observation, use_phase, settings, show)
+    show.start("Looking for what is missing", 3)
     found = find(problem, settings, base, lambda text: show.advance(1, text))
     pictures = draw_diagnosis(study, found)
     report = DiagnosisReport(
         found,
         problem,
-        reduced,
+        problem.reduced,
         observation,
         screen_channels(observation, found.base.system, found.base.theta()[0]),
         study.path("diagnosis.json"),
@@ -123,19 +122,35 @@ def diagnose_study(
 
 
 def prepared(
-    reduced: ReducedStructure,
     model: StudyModel,
     observation: Observation,
     use_phase: bool,
     settings: DiagnosisSettings | None = None,
+    progress: Progress | None = None,
 ) -> tuple[Problem, Fit]:
-    """The problem with its mesh error, and the model as it is fitted to it."""
+    """The problem with its mesh error, and the model as it is fitted to it.
+
+    The stiffness factors of a frame are found on the study's own basis; then it gets one that
+    serves near them and lets effects act.
+    """
+    show = progress or Silent()
     seed = settings.seed if settings is not None else 0
     effects = building_effects(model.building)
-    check_places(reduced, effects)
-    problem = problem_of(reduced, model.building, observation, use_phase)
-    base = fit_baseline(problem, effects.placed, effects.values, seed)[0]
-    return with_mesh_error(problem, base)
+    plain = plain_structure(model)
+    check_places(plain, effects)
+    show.start("Fitting the model as it is", 1)
+    problem = problem_of(plain, model.building, observation, use_phase)
+    if plain.structure.operators is None:
+        base = fit_baseline(problem, effects.placed, effects.values, seed)[0]
+        show.advance()
+        return problem, base
+    rough = fit_baseline(problem, seed=seed)[0]
+    show.advance()
+    theta, zeta = rough.theta()[0], rough.zeta(problem.fixed_zeta)
+    near = structure_near(plain.structure, model.building, theta, zeta, show)
+    problem = replace(problem, reduced=near)
+    start = extended(problem, rough, effects.placed, np.array(effects.values))
+    return with_mesh_error(problem, fit(problem, effects.placed, start))
 
 
 def draw_diagnosis(study: Study, found: Diagnosis) -> tuple[Path, ...]:

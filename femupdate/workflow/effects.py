@@ -1,6 +1,7 @@
 """A study's building as the effect finder needs it: a reduced structure, its effects, its data."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,19 +16,21 @@ from femupdate.discrepancy.problem import Problem, make_problem
 from femupdate.dynamics.effect_reduction import reduce_structure, structure_on
 from femupdate.dynamics.effect_response import ReducedStructure
 from femupdate.dynamics.reduction import ReductionTarget
-from femupdate.effects import CATALOGUE, Placed, structure_of
+from femupdate.effects import CATALOGUE, Placed, Structure, structure_of
 from femupdate.errors import BuildingError
 from femupdate.measurement.observation import Observation
 from femupdate.study import Study
-from femupdate.workflow.model import damping_law, theta_prior, zeta_bounds
+from femupdate.workflow.model import StudyModel, damping_law, theta_prior, zeta_bounds
 from femupdate.workflow.progress import Progress, Silent
 
 Floats = NDArray[np.float64]
 BASIS = "effect basis"
 _FILE = "effect_basis.npz"
-# Shear buildings are what they are; the mesh of a frame leaves this much beside what two meshes
-# tell (0.2 m against 0.1 m: .044 rms in ln|H|, half of it along the difference of two meshes).
-_FRAME_ERROR, _STICK_ERROR = 0.03, 0.01
+# What mesh and reduction leave in ln|H|. A stick has neither. For a frame it is some .03 rms (0.2 m
+# against 0.1 m mesh: .044 before the fit, .024 after), but neighbouring points err alike, over
+# peaks some ten to twenty points wide: as noise of independent points it weighs four times as much.
+_FRAME_ERROR, _STICK_ERROR = 0.12, 0.01
+_NEAR, _SAMPLES = 0.25, 16  # half width in ln theta and solutions of a basis near one theta
 
 
 @dataclass(frozen=True)
@@ -46,17 +49,58 @@ class BuildingEffects:
 def open_structure(
     study: Study, building: Building, progress: Progress | None = None
 ) -> ReducedStructure:
-    """The reduced structure of a study's building; its basis is made once and kept."""
-    show = progress or Silent()
+    """The reduced structure of a study's building, on the basis that the study keeps.
+
+    Without one a basis for the whole prior is made (of a frame, in minutes), and kept.
+    """
     plain = without_effects(building)
     structure = structure_of(plain)
+    target = reduction_target(plain)
     if structure.operators is None:
-        return reduce_structure(structure, reduction_target(plain))
+        return reduce_structure(structure, target)
     origin = {"building": mechanics_hash(plain)}
     kept = study.find(BASIS, origin)
     if kept is not None:
         with np.load(kept) as data:
             return structure_on(structure, data["basis"])
+    reduced = reduce_structure(structure, target, _teller(progress or Silent()))
+    keep_basis(study, reduced, origin)
+    return reduced
+
+
+def plain_structure(model: StudyModel) -> ReducedStructure:
+    """The structure on the study's own basis, which knows the story factors alone."""
+    structure = structure_of(without_effects(model.building))
+    if structure.operators is None:
+        return reduce_structure(structure, reduction_target(model.building))
+    force = np.column_stack([model.reduced.excitation, np.zeros(model.reduced.size)])
+    return ReducedStructure(structure, model.reduced, np.zeros((len(structure.axis), 0)), force)
+
+
+def structure_near(
+    structure: Structure,
+    building: Building,
+    theta: Floats,
+    zeta: float,
+    progress: Progress | None = None,
+) -> ReducedStructure:
+    """The structure on a basis for the neighbourhood of theta, in which effects may act.
+
+    A basis for the whole prior, members and torsion apart, needs some nine hundred shapes; near one
+    theta a quarter of them does, from a few solutions of the full model.
+    """
+    whole = reduction_target(building)
+    target = replace(
+        whole,
+        lower=theta * np.exp(-_NEAR),
+        upper=theta * np.exp(_NEAR),
+        zeta=max(zeta, whole.zeta),
+        samples=_SAMPLES,
+    )
+    return reduce_structure(structure, target, _teller(progress or Silent()))
+
+
+def _teller(show: Progress) -> Callable[[int, int], None]:
     started = False
 
     def tell(done: int, total: int) -> None:
@@ -66,9 +110,7 @@ def open_structure(
             started = True
         show.advance()
 
-    reduced = reduce_structure(structure, reduction_target(plain), tell)
-    keep_basis(study, reduced, origin)
-    return reduced
+    return tell
 
 
 def keep_basis(study: Study, reduced: ReducedStructure, origin: dict[str, str]) -> Path:

@@ -38,7 +38,6 @@ from femupdate.workflow.diagnose import cells_as_grid, prepared
 from femupdate.workflow.effects import (
     building_effects,
     keep_basis,
-    open_structure,
     problem_of,
     with_effect,
     without_effects,
@@ -133,14 +132,19 @@ class RepairReport:
             "theta_after": self.theta_after.mean(axis=0).tolist(),
             "theta_sd_before": self.theta_before.std(axis=0).tolist(),
             "theta_sd_after": self.theta_after.std(axis=0).tolist(),
-            "holdout_error_before": None if held is None else held.error_before,
-            "holdout_error_after": None if held is None else held.error_after,
+            "holdout_error_before": None if held is None else _number(held.error_before),
+            "holdout_error_after": None if held is None else _number(held.error_after),
             "holdout_chi2_before": None if held is None else held.chi2_before,
             "holdout_chi2_after": None if held is None else held.chi2_after,
             "building": None if self.building_path is None else str(self.building_path),
             "study": None if self.study is None else str(self.study.folder),
             "seconds": self.seconds,
         }
+
+
+def _number(value: float) -> float | None:
+    """JSON knows no NaN."""
+    return None if np.isnan(value) else value
 
 
 def repair_study(
@@ -173,10 +177,9 @@ def repair_study(
     chosen = settings or DiagnosisSettings()
     observation = observation_of(model.building, source)
     other = None if holdout is None else observation_of(model.building, holdout)
-    reduced = open_structure(study, model.building, show)
-    show.start("Looking for what is missing", 4)
-    problem, base = prepared(reduced, model, observation, use_phase, chosen)
-    show.advance()
+    problem, base = prepared(model, observation, use_phase, chosen, show)
+    reduced = problem.reduced
+    show.start("Looking for what is missing", 3)
     done = mend(problem, base, chosen, lambda text: show.advance(1, text))
     show.start("Updating the posterior", 2)
     inflation = done.last.inflation
