@@ -39,7 +39,7 @@ class DiagnosisSettings:
     fitted: int = 10
     sampled: int = 0
     draws: int = 200
-    over_none: float = 5.0
+    over_none: float = 6.0
     over_next: float = 3.0
     alike: float = 0.97
     least_strength: float = 1.0

@@ -176,7 +176,7 @@ def draw_diagnosis(study: Study, found: Diagnosis) -> tuple[Path, ...]:
             for number, one in enumerate(found.findings[:_SHOWN])
         ]
         sentence = textwrap.shorten(found.sentence, 110, placeholder=" ...")
-        figure = ranking(shown, 5.0, sentence)
+        figure = ranking(shown, DiagnosisSettings().over_none, sentence)
         paths.append(save_figure(figure, study.path("pictures", "effect_ranking.png")))
     return tuple(paths)
 
