@@ -28,7 +28,8 @@ BASIS = "effect basis"
 _FILE = "effect_basis.npz"
 # What mesh and reduction leave in ln|H|. A stick has neither. For a frame it is some .03 rms (0.2 m
 # against 0.1 m mesh: .044 before the fit, .024 after), but neighbouring points err alike, over
-# peaks some ten to twenty points wide: as noise of independent points it weighs four to five times as much.
+# peaks some ten to twenty points wide: it weighs as noise of independent points four to five
+# times as large does.
 _FRAME_ERROR, _STICK_ERROR = 0.14, 0.01
 _NEAR, _SAMPLES = 0.25, 16  # half width in ln theta and solutions of a basis near one theta
 
