@@ -75,9 +75,8 @@ def command(
     if not done.rounds:
         click.echo(f"Nothing was added ({done.last.verdict}). {done.last.sentence}")
     else:
-        click.echo(
-            f"  then: {done.last.verdict}. p-value {done.p_before:.2g} -> {done.p_after:.2g}"
-        )
+        rest = "noise" if done.p_after > 0.05 else done.last.verdict
+        click.echo(f"  what is left: {rest}. p-value {done.p_before:.2g} -> {done.p_after:.2g}")
     before, after = report.theta_before, report.theta_after
     for k in range(before.shape[1]):
         click.echo(
@@ -86,10 +85,14 @@ def command(
         )
     held = report.held
     if held is not None:
+        histories = ""
+        if held.time is not None:
+            histories = (
+                f"error of the histories {held.error_before:.3f} -> {held.error_after:.3f}, "
+            )
         click.echo(
-            f"  {held.name}, kept out: error of the histories {held.error_before:.3f} -> "
-            f"{held.error_after:.3f}, of ln|H| (chi2 a point) {held.chi2_before:.1f} -> "
-            f"{held.chi2_after:.1f}"
+            f"  {held.name}, kept out: {histories}of ln|H| (chi2 a point) "
+            f"{held.chi2_before:.1f} -> {held.chi2_after:.1f}"
         )
     if report.building_path is not None:
         click.echo(f"  repaired building {report.building_path}")

@@ -37,7 +37,7 @@ def test_effects_in_the_order_of_the_file_with_neutral_values_where_it_says_none
     ("change", "words"),
     [
         ({"name": "ghost"}, ["effects[1].name", "'ghost'", "added_mass"]),
-        ({"name": "added_mass"}, ["effects[1]", "added_mass at 3F", "twice"]),
+        ({"place": "3F"}, ["effects[1]", "added_mass at 3F", "twice"]),
         ({"parameters": {"weight": 0.1}}, ["effects[1].parameters.weight", "size"]),
         ({"parameters": {"size": -0.9}}, ["effects[1].parameters.size", "-0.9", "-0.5 to 1"]),
     ],
@@ -45,7 +45,7 @@ def test_effects_in_the_order_of_the_file_with_neutral_values_where_it_says_none
 )
 def test_an_impossible_effect_is_refused_in_one_sentence_with_its_key(listed, change, words):
     with pytest.raises(BuildingError) as refused:
-        building_effects(listed(MASS, {**MASS, **change}))
+        building_effects(listed(MASS, {**MASS, "place": "RF", **change}))
     sentence = str(refused.value)
     assert "\n" not in sentence
     assert sentence.startswith("chain: ")

@@ -1,0 +1,333 @@
+"""The whole way from hidden effects in histories to a repaired study that every command takes."""
+
+import importlib.util
+import json
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from femupdate.building.files import load_building
+from femupdate.dynamics.history import floor_histories
+from femupdate.errors import MeasurementError, SurrogateError
+from femupdate.inference.posterior import load_posterior
+from femupdate.measurement.record import GroundMotion
+from femupdate.measurement.write import write_record
+from femupdate.study import Study
+from femupdate.workflow.calibrate import (
+    CalibrationSettings,
+    ObservationSource,
+    calibrate_study,
+    require_exact,
+)
+from femupdate.workflow.model import open_study
+from femupdate.workflow.predict import PredictionSettings, RecordSource, predict_study
+from femupdate.workflow.render import render_study
+from femupdate.workflow.repair import repair_study
+
+MASSES, SPRINGS = np.array([3.0, 2.0, 1.5]), np.array([9e3, 5e3, 4e3])
+THETA, ZETA, STEP = np.array([0.8, 1.4, 1.1]), 0.04, 0.01
+MORE = np.array([1.0, 1.12, 1.0])  # 12 % on 3F
+BUILDING = """\
+name = "three"
+kind = "shear"
+{stories}
+[frequency_grid]
+start = "0.2 Hz"
+step = "0.1 Hz"
+count = 150
+
+[prior.theta]
+lower = 0.5
+upper = 2
+
+[prior.zeta]
+lower = 0.01
+upper = 0.1
+
+[damping]
+law = "constant"
+ratio = 0.04
+"""
+STORY = '[[stories]]\nname = "S{n}"\nmass = "{m} kg"\nstiffness = "{k} N/m"\n'
+
+
+def _load_chain():
+    path = Path(__file__).parents[1] / "discrepancy" / "chain.py"
+    spec = importlib.util.spec_from_file_location("repair_chain", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+CHAIN = _load_chain().Chain(MASSES, THETA * SPRINGS, zeta=ZETA)
+HEAVY = CHAIN.but(masses=MASSES * MORE)
+
+
+def write_histories(path, chain, seed, factor=(1.0, 1.0, 1.0), seconds=120.0):
+    """Band-limited noise through the chain's own FRFs, from rest, with sensor noise.
+
+    The ten seconds of rest at the end let all motion die down: the circular convolution is exact.
+    """
+    rng = np.random.default_rng(seed)
+    count = round(seconds / STEP)
+    frequency = np.fft.rfftfreq(count, STEP)
+    white = np.fft.rfft(rng.standard_normal(count))
+    white[(frequency < 0.15) | (frequency > 18.0)] = 0.0
+    base = np.fft.irfft(white, count) * (np.arange(count) < count - round(10.0 / STEP))
+    frf = np.ones((4, frequency.size), dtype=complex)
+    frf[1:, 1:] = chain.frf(frequency[1:])
+    motion = np.fft.irfft(frf * np.fft.rfft(base), count, axis=1)
+    motion *= 0.5 / base.std() * np.array([1.0, *factor])[:, None]
+    motion += 0.002 * rng.standard_normal(motion.shape)
+    rows = [f"{n * STEP:.2f}," + ",".join(f"{v:.7g}" for v in r) for n, r in enumerate(motion.T)]
+    path.write_text("\n".join(["time_s,base,2F,3F,RF", "s,m/s2,m/s2,m/s2,m/s2", *rows]) + "\n")
+    return path
+
+
+@pytest.fixture(autouse=True)
+def _without_pictures(request, monkeypatch):
+    if "pictures" not in request.node.name:
+        monkeypatch.setattr("femupdate.workflow.predict._draw", lambda *_: ())
+        monkeypatch.setattr("femupdate.workflow.calibrate.draw_posterior", lambda *_: ())
+        monkeypatch.setattr("femupdate.workflow.calibrate_effects.draw_posterior", lambda *_: ())
+
+
+@pytest.fixture(scope="module")
+def home(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("repair")
+    stories = "".join(
+        STORY.format(n=n, m=m, k=k) for n, (m, k) in enumerate(zip(MASSES, SPRINGS, strict=True), 1)
+    )
+    (folder / "three.toml").write_text(BUILDING.format(stories=stories))
+    write_histories(folder / "heavy.csv", HEAVY, 1)
+    write_histories(folder / "kept.csv", HEAVY, 2)
+    write_histories(folder / "plain.csv", CHAIN, 3)
+    write_histories(folder / "both.csv", HEAVY, 4, (1.0, 1.0, 1.08))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def calibrated_before(home):
+    """A study of the plain model with a posterior from the data that it cannot explain."""
+    study = Study(home / "study")
+    model = open_study(study, str(home / "three.toml"))
+    settings = CalibrationSettings(particles=200, exact=True, chains=2)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("femupdate.workflow.calibrate.draw_posterior", lambda *_: ())
+        calibrate_study(study, model, ObservationSource(home / "heavy.csv"), settings)
+    return study
+
+
+@pytest.fixture(scope="module")
+def repaired(home, calibrated_before):
+    """The report of the repair, and the study's own files before it."""
+    study = calibrated_before
+    before = {p: study.path(p).read_bytes() for p in ("building.toml", "posterior.nc")}
+    report = repair_study(
+        study,
+        open_study(study),
+        ObservationSource(home / "heavy.csv"),
+        ObservationSource(home / "kept.csv"),
+    )
+    return report, before
+
+
+def test_the_missing_mass_is_added_with_its_size(repaired):
+    report = repaired[0]
+    assert report.repair.verdict == "repaired"
+    (one,) = report.repair.rounds
+    assert one.finding.placed.label == "added_mass@3F"
+    assert abs(one.finding.size - 0.12) < 3.0 * one.finding.size_sd + 0.003
+    assert one.chi2_after < 0.2 * one.chi2_before
+    assert report.repair.p_after > 0.05 > report.repair.p_before
+
+
+def test_the_factors_come_back_to_the_truth(repaired):
+    report = repaired[0]
+    draws = report.theta_before, report.theta_after
+    before, after = (np.abs(theta.mean(axis=0) - THETA) for theta in draws)
+    assert after.max() < 0.01
+    assert before.max() > 5.0 * after.max()
+
+
+def test_data_kept_out_are_predicted_better(repaired):
+    """The share of the error that is the effect's goes; sensor noise and leakage stay."""
+    held = repaired[0].held
+    assert held.name == "kept.csv"
+    assert held.error_after < 0.25 * held.error_before
+    assert held.chi2_after < 0.2 * held.chi2_before
+
+
+def test_the_study_itself_stays_as_it_was(repaired, calibrated_before):
+    _, before = repaired
+    for name, content in before.items():
+        assert calibrated_before.path(name).read_bytes() == content
+    assert load_building(calibrated_before.path("building.toml")).effects == ()
+
+
+def test_the_repaired_building_is_an_ordinary_file(repaired):
+    path = repaired[0].building_path
+    assert path.name == "building.toml"
+    assert path.parent.name == "repaired"
+    (entry,) = load_building(path).effects
+    assert (entry.name, entry.place) == ("added_mass", "3F")
+    written = tomllib.loads(path.read_text())["effects"][0]["parameters"]["size"]
+    assert written == pytest.approx(0.12, abs=0.01)
+
+
+def test_the_repaired_posterior_has_the_effect_as_a_parameter(repaired):
+    report = repaired[0]
+    posterior = load_posterior(report.study.path("posterior.nc"))
+    assert posterior.names == ("theta_1", "theta_2", "theta_3", "added_mass@3F.size")
+    mean, sd = posterior.theta[..., 3].mean(), posterior.theta[..., 3].std()
+    assert mean == pytest.approx(report.repair.rounds[0].finding.size, abs=3.0 * sd)
+    np.testing.assert_allclose(
+        posterior.theta[..., :3].reshape(-1, 3).mean(axis=0), THETA, rtol=0.01
+    )
+
+
+def test_predict_takes_the_repaired_study(repaired, tmp_path):
+    """Its histories are those of the heavier chain."""
+    study = repaired[0].study
+    time = np.arange(1500) * STEP
+    wave = np.exp(-(((time - 4.0) / 1.2) ** 2)) * np.sin(2 * np.pi * 3.0 * time + 0.3)
+    record = write_record(tmp_path / "wave.csv", GroundMotion(wave, STEP))
+    report = predict_study(
+        study, open_study(study), RecordSource(record), PredictionSettings(samples=20)
+    )
+    from femupdate.dynamics.reduction import reduce_lumped
+
+    chain = reduce_lumped(
+        np.stack([_unit(n) * SPRINGS[n] for n in range(3)]),
+        np.diag(MASSES * MORE),
+        ("2F", "3F", "RF"),
+    )
+    reference = floor_histories(chain, THETA[None], ZETA, wave, STEP)
+    peak = np.abs(reference.floor_acceleration[0]).max(axis=1)
+    np.testing.assert_allclose(report.peak_acceleration.mean, peak, rtol=0.02)
+
+
+def _unit(story):
+    drift = (np.eye(3) - np.eye(3, k=-1))[story]
+    return np.outer(drift, drift)
+
+
+def test_pictures_of_the_repaired_modes(repaired):
+    study = repaired[0].study
+    rendered = render_study(study, open_study(study), samples=20, seed=1)
+    omega = HEAVY.modes[0]
+    # Frequencies of the mean draw; the mass lowers them by up to 3 %.
+    seen = np.array([mode.frequency_mean for mode in rendered])
+    np.testing.assert_allclose(seen, omega[: len(seen)] / (2 * np.pi), rtol=0.04)
+
+
+def test_calibrate_exact_takes_the_repaired_building(repaired, home, tmp_path):
+    study = Study(tmp_path / "again")
+    model = open_study(study, str(repaired[0].building_path))
+    settings = CalibrationSettings(particles=400, exact=True)
+    report = calibrate_study(study, model, ObservationSource(home / "kept.csv"), settings)
+    posterior = load_posterior(report.path)
+    assert posterior.names[-1] == "added_mass@3F.size"
+    draws = posterior.theta.reshape(-1, 4)
+    np.testing.assert_allclose(draws.mean(axis=0), [*THETA, 0.12], atol=0.015)
+
+
+def test_a_trained_surrogate_is_not_used_for_a_building_with_effects(repaired):
+    with pytest.raises(SurrogateError) as refused:
+        require_exact(load_building(repaired[0].building_path), exact=False)
+    sentence = str(refused.value)
+    assert "added_mass at 3F" in sentence
+    assert "--exact" in sentence
+    assert "\n" not in sentence
+
+
+def test_the_report_has_the_promised_keys_and_its_file(repaired):
+    report = repaired[0]
+    told = report.as_dict()
+    assert {
+        "rounds",
+        "chi2_before",
+        "chi2_after",
+        "holdout_error_before",
+        "holdout_error_after",
+        "building",
+        "verdict",
+    } <= set(told)
+    assert {"effect", "place", "chi2_before", "chi2_after"} <= set(told["rounds"][0])
+    assert told["chi2_before"] == told["rounds"][0]["chi2_before"]
+    assert told["building"] == str(report.building_path)
+    assert json.loads(report.path.read_text())["rounds"][0]["effect"] == "added_mass"
+
+
+def test_nothing_is_added_where_nothing_is_missing(home, tmp_path):
+    study = Study(tmp_path / "plain")
+    model = open_study(study, str(home / "three.toml"))
+    report = repair_study(study, model, ObservationSource(home / "plain.csv"))
+    assert report.repair.verdict == "none"
+    assert report.repair.rounds == ()
+    assert report.building_path is None
+    assert report.study is None
+    assert not study.path("repaired").exists()
+    told = report.as_dict()
+    assert told["building"] is None
+    assert told["rounds"] == []
+    assert told["chi2_before"] == told["chi2_after"]
+    assert told["holdout_error_before"] is None
+    np.testing.assert_allclose(report.theta_after.mean(axis=0), THETA, rtol=0.01)
+
+
+def test_two_effects_are_added_one_after_the_other(home, tmp_path):
+    study = Study(tmp_path / "both")
+    model = open_study(study, str(home / "three.toml"))
+    report = repair_study(study, model, ObservationSource(home / "both.csv"))
+    labels = {one.finding.placed.label for one in report.repair.rounds}
+    assert labels == {"added_mass@3F", "channel_gain@RF"}
+    first, second = report.repair.rounds
+    assert first.chi2_before > first.chi2_after == second.chi2_before > second.chi2_after
+    assert report.repair.p_after > 0.05
+    sizes = {e.name: e.parameters["size"] for e in load_building(report.building_path).effects}
+    assert sizes["added_mass"] == pytest.approx(0.12, abs=0.01)
+    assert sizes["channel_gain"] == pytest.approx(0.08, abs=0.01)
+
+
+def test_a_table_of_frfs_kept_out_has_no_error_of_histories(home, calibrated_before, tmp_path):
+    grid = np.arange(0.2, 15.0, 0.1)
+    seen = np.abs(HEAVY.frf(grid))
+    rows = [
+        f"{f:.1f}," + ",".join(f"{v:.9g}" for v in c) for f, c in zip(grid, seen.T, strict=True)
+    ]
+    table = tmp_path / "frf.csv"
+    table.write_text("\n".join(["frequency_hz,2F,3F,RF", *rows]) + "\n")
+    study = Study(tmp_path / "again")
+    report = repair_study(
+        study,
+        open_study(study, str(home / "three.toml")),
+        ObservationSource(home / "heavy.csv"),
+        ObservationSource(table),
+    )
+    assert np.isnan(report.held.error_after)
+    assert report.held.chi2_after < 0.2 * report.held.chi2_before
+    json.dumps(report.as_dict(), allow_nan=False)
+
+
+def test_data_of_another_building_leave_nothing_behind(home, tmp_path):
+    other = tmp_path / "other.csv"
+    text = (home / "heavy.csv").read_text()
+    other.write_text(text.replace("RF", "9F", 1))
+    study = Study(tmp_path / "study")
+    model = open_study(study, str(home / "three.toml"))
+    files = sorted(p.name for p in study.folder.rglob("*"))
+    with pytest.raises(MeasurementError, match="another building"):
+        repair_study(study, model, ObservationSource(other))
+    with pytest.raises(MeasurementError, match="another building"):
+        repair_study(study, model, ObservationSource(home / "heavy.csv"), ObservationSource(other))
+    assert sorted(p.name for p in study.folder.rglob("*")) == files
+
+
+def test_pictures_of_a_repair(repaired):
+    names = [path.name for path in repaired[0].pictures]
+    assert names == ["gap_residuals.png", "gap_before_after.png"]
+    for path in repaired[0].pictures:
+        assert path.stat().st_size > 5000
