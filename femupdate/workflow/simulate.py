@@ -18,7 +18,9 @@ from femupdate.building.analysis import RayleighDamping
 from femupdate.building.files import mechanics_hash
 from femupdate.building.schema import Building, FrameBuilding
 from femupdate.dynamics.history import HistorySettings, floor_histories
-from femupdate.effects import Placed, effect_named, structure_of
+from femupdate.effects.effect import Placed
+from femupdate.effects.registry import effect_named
+from femupdate.effects.structure import structure_of
 from femupdate.errors import BuildingError, MeasurementError, ModelError
 from femupdate.measurement.columns import BASE, Channel, channel_name
 from femupdate.measurement.observation_file import Histories
@@ -241,7 +243,7 @@ def parse_effect(
         values: its first parameters; the others are neutral.
 
     Raises:
-        BuildingError: no such effect or place, or too many parameters.
+        BuildingError: no such effect or place, or too few, too many or impossible parameters.
     """
     name, _, place = label.partition("@")
     effect = effect_named(name)
@@ -257,6 +259,13 @@ def parse_effect(
             f"{label}: {len(values)} numbers were given; it takes "
             f"{', '.join(p.name for p in own) or 'none'}"
         )
+    if own and not values:
+        raise BuildingError(f"{label}: give its {own[0].name}, such as {label}={own[0].scale:g}")
+    for one, value in zip(own, values, strict=False):
+        if not one.lower <= value <= one.upper:
+            raise BuildingError(
+                f"{label}: {one.name} {value:g} must lie from {one.lower:g} to {one.upper:g}"
+            )
     return Placed(effect, place), (*values, *(p.neutral for p in own[len(values) :]))
 
 
