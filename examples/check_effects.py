@@ -19,8 +19,9 @@ from femupdate.building.files import load_building
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.effect_reduction import reduce_structure, structure_on
 from femupdate.dynamics.effect_response import EffectSystem, ReducedStructure, reduce_terms
-from femupdate.effects import CATALOGUE, Placed, Structure, structure_of
-from femupdate.effects.effect import UNSCALED, Terms
+from femupdate.effects.effect import UNSCALED, Placed, Terms
+from femupdate.effects.registry import CATALOGUE
+from femupdate.effects.structure import Structure, structure_of
 from femupdate.fe.assembly import with_terms
 from femupdate.fe.factorization import factorize
 from femupdate.fe.solve import modes_below

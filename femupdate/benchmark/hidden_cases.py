@@ -13,7 +13,9 @@ from femupdate.discrepancy.diagnose import Diagnosis, DiagnosisSettings, diagnos
 from femupdate.discrepancy.fit import Fit, extended, fit
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.score import score, starts
-from femupdate.effects import CATALOGUE, Effect, Placed, Structure, structure_of
+from femupdate.effects.effect import Effect, Placed
+from femupdate.effects.registry import CATALOGUE
+from femupdate.effects.structure import Structure, structure_of
 from femupdate.measurement.columns import BASE, Channel
 from femupdate.measurement.frf import estimate_frf
 from femupdate.measurement.observation import Observation

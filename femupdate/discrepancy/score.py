@@ -12,8 +12,8 @@ from torch import Tensor
 
 from femupdate.discrepancy.fit import Fit, coordinates, evaluate, extended
 from femupdate.discrepancy.problem import Problem
-from femupdate.effects.catalogue import CATALOGUE
 from femupdate.effects.effect import Placed
+from femupdate.effects.registry import CATALOGUE
 
 _STEP = 0.5  # of the prior's standard deviation: some effects are even in their size
 _NOTHING = 1e-9

@@ -14,8 +14,8 @@ from scipy.stats import qmc
 
 from femupdate.dynamics.full_response import FloorSensors
 from femupdate.dynamics.reduction import ReductionTarget, response_shapes
-from femupdate.effects.catalogue import CATALOGUE
 from femupdate.effects.effect import AddedMass
+from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import TRANSLATION, Structure
 from femupdate.fe.assembly import AffineOperators
 

@@ -16,7 +16,9 @@ from femupdate.discrepancy.problem import Problem, make_problem
 from femupdate.dynamics.effect_reduction import reduce_structure, structure_on
 from femupdate.dynamics.effect_response import ReducedStructure
 from femupdate.dynamics.reduction import ReductionTarget
-from femupdate.effects import CATALOGUE, Placed, Structure, structure_of
+from femupdate.effects.effect import Placed
+from femupdate.effects.registry import CATALOGUE
+from femupdate.effects.structure import Structure, structure_of
 from femupdate.errors import BuildingError
 from femupdate.measurement.observation import Observation
 from femupdate.study import Study

@@ -13,7 +13,7 @@ from femupdate.dynamics.effect_history import effect_histories
 from femupdate.dynamics.effect_reduction import structure_on
 from femupdate.dynamics.effect_response import EffectSystem, reduce_terms
 from femupdate.dynamics.history import floor_histories
-from femupdate.effects import structure_of
+from femupdate.effects.structure import structure_of
 
 MASSES, SPRINGS = np.array([3.0, 2.0, 1.5]), np.array([9e3, 5e3, 4e3])
 THETA, ZETA, STEP = np.array([[0.8, 1.4, 1.1]]), 0.05, 0.005

@@ -13,7 +13,9 @@ from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.effect_response import EffectSystem, ReducedStructure, reduce_terms
 from femupdate.dynamics.full_response import floor_sensors
 from femupdate.dynamics.reduction import project, reduce_lumped
-from femupdate.effects import CATALOGUE, Placed, structure_of
+from femupdate.effects.effect import Placed
+from femupdate.effects.registry import CATALOGUE
+from femupdate.effects.structure import structure_of
 from femupdate.fe.assembly import assemble
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from femupdate.dynamics.damping import RayleighDamping
-from femupdate.effects import CATALOGUE
+from femupdate.effects.registry import CATALOGUE
 
 ZETA = 0.03
 # Both sides solve the same equations; what is left is rounding, over K's condition number.

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from femupdate.building.document import from_document
-from femupdate.effects import CATALOGUE, structure_of
+from femupdate.effects.registry import CATALOGUE
+from femupdate.effects.structure import structure_of
 
 EFFECT = CATALOGUE["non_structural_walls"]
 

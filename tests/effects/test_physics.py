@@ -10,7 +10,9 @@ from femupdate.building.document import from_document
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.effect_reduction import structure_on
 from femupdate.dynamics.effect_response import EffectSystem, reduce_terms
-from femupdate.effects import CATALOGUE, Placed, structure_of
+from femupdate.effects.effect import Placed
+from femupdate.effects.registry import CATALOGUE
+from femupdate.effects.structure import structure_of
 
 ZETA = 0.04
 GRID = np.linspace(0.2, 9.0, 45)
