@@ -1,58 +1,108 @@
-"""A smaller basis for the neighbourhood of one theta, taken from a large one.
+"""A small basis for the neighbourhood of one theta, where effects are tried one at a time.
 
 A basis that serves stiffness factors over a range of nine, members apart, with torsion, needs many
-hundred shapes, too many to be evaluated thousands of times. Near the most probable theta a third
-of them does: the large basis, once made, plays the full model, and its responses in a small box
-are compressed as those of the full model were.
+hundred shapes, too many to be evaluated thousands of times. Near the most probable theta far fewer
+do, when the responses they are taken from are those of the finder's own questions: the structure
+itself, its neighbours, and each effect alone.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.sparse import csc_matrix
+from scipy.stats import qmc
 
 from femupdate.dynamics.effect_reduction import structure_on
-from femupdate.dynamics.effect_response import ReducedStructure
-from femupdate.dynamics.effect_samples import Variation, variation_of
-from femupdate.dynamics.full_response import FloorModes, FullModes
-from femupdate.dynamics.reduction import ReductionTarget, snapshots
-from femupdate.effects.structure import TRANSLATION
+from femupdate.dynamics.effect_response import ReducedStructure, projected
+from femupdate.dynamics.full_response import FloorModes, FloorSensors, FullModes, floor_sensors
+from femupdate.dynamics.reduction import (
+    ReductionTarget,
+    response_basis,
+    response_shapes,
+    snapshots,
+)
+from femupdate.effects.effect import UNSCALED, Effect, Terms
+from femupdate.effects.registry import CATALOGUE
+from femupdate.effects.structure import TRANSLATION, Structure
+from femupdate.fe.assembly import AffineOperators, with_terms
 
 Floats = NDArray[np.float64]
-SPREAD = 0.25  # of ln theta to both sides
-_SIZE = 220
-_SAMPLES = 16
+SPREAD = 0.2  # of ln theta to both sides
+_SIZE = 200
+_NEIGHBOURS = 8
 _TOP = 1.3  # modes up to this many times the grid's top
 
 
 @dataclass(frozen=True, eq=False)
-class LargeModel:
-    """A large reduced structure with all that varies in it, r coordinates.
+class Question:
+    """One effect alone, of one size: its stiffness by story and its mass, in any coordinates.
 
     Attributes:
-        reduced: the structure.
-        varied: what varies.
-        terms: (t, r, r) of the variation.
-        mass: (r, r) of unit eccentricity, and force (r,).
+        stiffness: (story, matrix), of unit size.
+        mass: matrix and force per unit base acceleration, of unit size, or None.
+        size: of the effect.
     """
 
+    stiffness: tuple[tuple[int, csc_matrix | Floats], ...] = ()
+    mass: tuple[csc_matrix | Floats, Floats] | None = None
+    size: float = 0.0
+
+    def on(self, basis: Floats) -> "Question":
+        """The same seen through a basis (n, r)."""
+        mass = None
+        if self.mass is not None:
+            mass = (projected(basis, csc_matrix(self.mass[0])), basis.T @ self.mass[1])
+        stiffness = tuple((k, projected(basis, csc_matrix(own))) for k, own in self.stiffness)
+        return Question(stiffness, mass, self.size)
+
+
+@dataclass(frozen=True, eq=False)
+class LargeModel:
+    """A structure on a large basis, with all questions on it: it plays the full model."""
+
     reduced: ReducedStructure
-    varied: Variation
-    terms: Floats
-    mass: tuple[Floats, Floats]
+    questions: tuple[Question, ...]
+
+
+def local_structure(
+    structure: Structure,
+    theta: Floats,
+    target: ReductionTarget,
+    progress: Callable[[int, int], None] | None = None,
+    *,
+    spread: float = SPREAD,
+    size: int = _SIZE,
+) -> ReducedStructure:
+    """A frame on a basis for the neighbourhood of theta, from its full model.
+
+    Some twenty full eigenproblems. A stick is its own reduction and comes back as it is.
+
+    Args:
+        structure: the full model.
+        theta: (p,) story factors.
+        target: grid and damping.
+        progress: told (done, total).
+        spread: half width of the neighbourhood in ln theta.
+        size: number of shapes.
+    """
+    if structure.operators is None or structure.mesh is None:
+        return structure_on(structure, np.diag(structure.points.mass**-0.5))
+    asked = questions(structure)
+    sensors = floor_sensors(structure.operators, structure.mesh.floor_nodes, structure.direction)
+    draws = _draws(theta, len(asked), spread)
+    task = _FullShapes(asked)
+    basis = response_basis(
+        structure.operators, sensors, draws, target, progress, task=task, size=size
+    )
+    return structure_on(structure, basis)
 
 
 def large_model(reduced: ReducedStructure) -> LargeModel:
-    """Project what varies onto a large basis; made once, it serves any theta."""
-    varied, basis = variation_of(reduced.structure), reduced.basis
-    size = basis.shape[1]
-    mass = (np.zeros((size, size)), np.zeros(size))
-    if varied.mass is not None:
-        mass = (projected(basis, varied.mass.matrix), basis.T @ varied.mass.force[:, TRANSLATION])
-    terms = np.stack([projected(basis, term) for term in varied.terms])
-    return LargeModel(reduced, varied, terms, mass)
+    """Project all questions onto a large basis; made once, it serves any theta."""
+    return LargeModel(reduced, tuple(one.on(reduced.basis) for one in questions(reduced.structure)))
 
 
 def near(
@@ -62,45 +112,102 @@ def near(
     *,
     spread: float = SPREAD,
     size: int = _SIZE,
-    samples: int = _SAMPLES,
 ) -> ReducedStructure:
-    """The structure on a basis for the neighbourhood of theta.
-
-    Args:
-        large: the structure on a large basis.
-        theta: (p,) story factors.
-        target: grid and damping.
-        spread: half width of the neighbourhood in ln theta.
-        size: number of shapes.
-        samples: responses that they are taken from.
-    """
-    low, high = theta * np.exp(-spread), theta * np.exp(spread)
-    draws = large.varied.draw(low, high, samples, target.seed)
-    shapes = np.concatenate([_shapes(large, draw, target) for draw in draws], axis=1)
+    """As `local_structure`, from a large basis instead of the full model: seconds, not minutes."""
+    draws = _draws(theta, len(large.questions), spread)
+    shapes = np.concatenate([_large_shapes(large, draw, target) for draw in draws], axis=1)
     _, directions = np.linalg.eigh(shapes @ shapes.T)
-    return structure_on(
-        large.reduced.structure, large.reduced.basis @ directions[:, ::-1][:, :size]
-    )
+    basis = large.reduced.basis @ directions[:, ::-1][:, :size]
+    return structure_on(large.reduced.structure, basis)
 
 
-def projected(basis: Floats, matrix: csc_matrix) -> Floats:
-    """basis^T matrix basis, through the rows that the matrix has."""
-    rows = np.flatnonzero(np.diff(matrix.tocsr().indptr))
-    own = basis[rows]
-    result = own.T @ (matrix.tocsr()[rows][:, rows] @ own)
-    return 0.5 * (result + result.T)
+def questions(structure: Structure) -> tuple[Question, ...]:
+    """No effect, and every effect of stiffness or mass in its widest places, to both sides."""
+    asked = [Question()]
+    for effect in CATALOGUE.values():
+        for place in _wide(effect, structure):
+            terms = effect.terms(structure, place)
+            if terms.stiffness or terms.mass is not None:
+                asked += [_question(terms, size) for size in _sizes(effect)]
+    return tuple(asked)
 
 
-def _shapes(large: LargeModel, draw: Floats, target: ReductionTarget) -> Floats:
-    model, shift = large.reduced.model, float(draw[-1])
-    stiffness = model.stiffness_constant + np.tensordot(draw[:-1], large.terms, 1)
-    squared, shapes = eigh(stiffness, np.eye(model.size) + shift * large.mass[0])
-    omega = np.sqrt(squared)
-    participation = shapes.T @ (model.excitation + shift * large.mass[1])
+def _wide(effect: Effect, structure: Structure) -> tuple[str, ...]:
+    """Places that are not one floor or story of several."""
+    places = effect.places(structure)
+    narrow = (*structure.floors, *structure.building.story_names)
+    if effect.instrument or len(places) == 1:
+        return () if effect.instrument else places
+    return tuple(place for place in places if place not in narrow and "/" not in place)
+
+
+def _sizes(effect: Effect) -> tuple[float, ...]:
+    one = effect.parameters[0]
+    both = (one.neutral - one.scale, one.neutral + one.scale)
+    return tuple(size for size in both if one.lower <= size <= one.upper)
+
+
+def _question(terms: Terms, size: float) -> Question:
+    mass = None
+    if terms.mass is not None:
+        mass = (terms.mass.matrix, terms.mass.force[:, TRANSLATION])
+    return Question(terms.stiffness, mass, size)
+
+
+def _draws(theta: Floats, asked: int, spread: float) -> Floats:
+    """(n, 1 + p) the number of a question, and theta; the neighbours ask none."""
+    sobol = qmc.Sobol(len(theta), seed=np.random.default_rng(3)).random(_NEIGHBOURS)
+    neighbours = theta * np.exp(spread * (2.0 * sobol - 1.0))
+    numbers = np.concatenate([np.arange(asked), np.zeros(_NEIGHBOURS)])
+    return np.column_stack([numbers, np.concatenate([np.tile(theta, (asked, 1)), neighbours])])
+
+
+@dataclass(frozen=True, eq=False)
+class _FullShapes:
+    """Shapes of the full model at one draw; a task for `response_basis`."""
+
+    questions: tuple[Question, ...]
+
+    def __call__(
+        self,
+        operators: AffineOperators,
+        sensors: FloorSensors,
+        draw: Floats,
+        target: ReductionTarget,
+    ) -> Floats:
+        asked, theta = self.questions[int(draw[0])], draw[1:]
+        stiffness, mass = operators.stiffness(theta), operators.mass
+        for story, matrix in asked.stiffness:
+            stiffness = stiffness + asked.size * _factor(theta, story) * matrix
+        if asked.mass is not None:
+            mass = mass + asked.size * asked.mass[0]
+            force = sensors.excitation + asked.size * asked.mass[1]
+            sensors = replace(sensors, excitation=force)
+        changed = replace(
+            operators, stiffness_constant=csc_matrix(stiffness), mass=csc_matrix(mass)
+        )
+        return response_shapes(with_terms(changed, ()), sensors, np.zeros(0), target)
+
+
+def _large_shapes(large: LargeModel, draw: Floats, target: ReductionTarget) -> Floats:
+    model, asked, theta = large.reduced.model, large.questions[int(draw[0])], draw[1:]
+    stiffness, force = model.stiffness(theta), model.excitation
+    for story, matrix in asked.stiffness:
+        stiffness = stiffness + asked.size * _factor(theta, story) * matrix
+    mass = None
+    if asked.mass is not None:
+        mass = np.eye(model.size) + asked.size * asked.mass[0]
+        force = force + asked.size * asked.mass[1]
+    squared, shapes = eigh(stiffness, mass)
+    omega, participation = np.sqrt(squared), shapes.T @ force
     floors = model.floor_shapes @ shapes
-    static = shapes @ (participation / squared)
     inside = omega < 2.0 * np.pi * _TOP * float(target.frequency_hz[-1])
     beyond = (floors[:, ~inside] @ (participation / squared)[~inside])[:, None]
     felt = FloorModes(omega[inside], (floors * participation)[:, inside], beyond)
+    static = shapes @ (participation / squared)
     modes = FullModes(shapes[:, inside], participation[inside], floors[:, inside], static, felt)
     return snapshots(modes, target)
+
+
+def _factor(theta: Floats, story: int) -> float:
+    return 1.0 if story == UNSCALED else float(theta[story])

@@ -12,12 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.sparse import csc_matrix
 from torch import Tensor
 
 from femupdate.dynamics.damping import DampingLaw
 from femupdate.dynamics.effect_modes import Modes, natural, normal_modes, response
 from femupdate.dynamics.reduced import ReducedModel
-from femupdate.effects.effect import UNSCALED, AddedMass, Placed, Terms
+from femupdate.effects.effect import UNSCALED, Placed, Terms
 from femupdate.effects.structure import Structure
 
 Floats = NDArray[np.float64]
@@ -64,35 +65,35 @@ class ReducedTerms:
     constants: tuple[float, ...]
 
 
+def projected(basis: Floats, matrix: csc_matrix) -> Floats:
+    """basis^T matrix basis (r, r), through the rows that the matrix has."""
+    by_row = matrix.tocsr()
+    rows = np.flatnonzero(np.diff(by_row.indptr))
+    own = basis[rows]
+    result = own.T @ (by_row[rows][:, rows] @ own)
+    return 0.5 * (result + result.T)
+
+
 def reduce_terms(reduced: ReducedStructure, terms: Terms) -> ReducedTerms:
     """Project what an effect adds onto the basis."""
-    basis = reduced.basis
-
-    def onto(matrix: object) -> Tensor:
-        projected = basis.T @ (matrix @ basis)  # type: ignore[operator]
-        return torch.from_numpy(0.5 * (projected + projected.T))
-
-    def onto_left(force: Floats) -> Tensor:
-        return torch.from_numpy(basis.T @ force)
-
-    def rigid(added: AddedMass) -> Tensor:
-        return torch.from_numpy(added.rigid)
-
-    mass = terms.mass
+    basis, mass, port = reduced.basis, None, None
+    if terms.mass is not None:
+        own = (
+            projected(basis, terms.mass.matrix),
+            basis.T @ terms.mass.force,
+            terms.mass.rigid,
+        )
+        mass = (torch.from_numpy(own[0]), torch.from_numpy(own[1]), torch.from_numpy(own[2]))
+    if terms.port is not None:
+        port = (torch.from_numpy(terms.port.row @ basis), torch.from_numpy(terms.port.rigid))
     return ReducedTerms(
-        stiffness=tuple((story, onto(matrix)) for story, matrix in terms.stiffness),
-        mass=None
-        if mass is None
-        else (
-            onto(mass.matrix),
-            torch.from_numpy(basis.T @ mass.force),
-            torch.from_numpy(mass.rigid),
+        stiffness=tuple(
+            (story, torch.from_numpy(projected(basis, own))) for story, own in terms.stiffness
         ),
+        mass=mass,
         flexibility=terms.flexibility,
         pitch=terms.pitch,
-        port=None
-        if terms.port is None
-        else (torch.from_numpy(terms.port.row @ basis), torch.from_numpy(terms.port.rigid)),
+        port=port,
         constants=terms.constants,
     )
 

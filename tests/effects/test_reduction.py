@@ -7,10 +7,13 @@ from scipy.linalg import eigh
 
 from femupdate.building.document import from_document
 from femupdate.dynamics.damping import ConstantDamping
+from femupdate.dynamics.effect_local import large_model, local_structure, near
 from femupdate.dynamics.effect_reduction import reduce_structure, structure_on
 from femupdate.dynamics.effect_response import EffectSystem, reduce_terms
 from femupdate.dynamics.reduction import ReductionTarget
-from femupdate.effects import CATALOGUE, Placed, structure_of
+from femupdate.effects.effect import Placed
+from femupdate.effects.registry import CATALOGUE
+from femupdate.effects.structure import structure_of
 
 GRID = np.linspace(0.2, 30.0, 150)
 ZETA = 0.02
@@ -28,10 +31,22 @@ def exact(structure):
 
 
 @pytest.fixture(scope="module")
-def reduced(structure):
+def target():
     bounds = np.full(2, 1 / 3), np.full(2, 3.0)
-    target = ReductionTarget(*bounds, GRID, ZETA, 0.01, samples=16)
+    return ReductionTarget(*bounds, GRID, ZETA, 0.01, samples=16)
+
+
+@pytest.fixture(scope="module")
+def reduced(structure, target):
     return reduce_structure(structure, target)
+
+
+@pytest.fixture(scope="module", params=["from the full model", "from a large basis"])
+def local(request, structure, exact, target):
+    theta = np.array([0.7, 1.8])
+    if request.param == "from the full model":
+        return local_structure(structure, theta, target, size=110)
+    return near(large_model(exact), theta, target, size=110)
 
 
 def log_frf(reduced, placed, values, theta):
@@ -61,3 +76,19 @@ def test_follows_the_full_model(reduced, exact, name):
         error = log_frf(reduced, placed, values, theta) - log_frf(exact, placed, values, theta)
         assert np.sqrt((error**2).mean()) < 0.02
         assert np.abs(error).max() < 0.5
+
+
+@pytest.mark.parametrize("name", [n for n, e in CATALOGUE.items() if not e.instrument])
+def test_local_basis_follows_the_full_model_nearby(local, exact, name):
+    """Half as many shapes, at story factors beside those that it is made for."""
+    effect = CATALOGUE[name]
+    rng = np.random.default_rng(3)
+    theta = np.array([0.7, 1.8]) * np.exp(rng.uniform(-0.15, 0.15, (3, 2)))
+    values = np.array([p.neutral for p in effect.parameters])
+    first = effect.parameters[0]
+    values[0] += 0.7 * (first.scale if first.upper > first.neutral else -first.scale)
+    for place in effect.places(exact.structure):
+        placed = Placed(effect, place)
+        error = log_frf(local, placed, values, theta) - log_frf(exact, placed, values, theta)
+        assert np.sqrt((error**2).mean()) < 0.015
+        assert np.abs(error).max() < 0.2
