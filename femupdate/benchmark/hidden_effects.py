@@ -98,8 +98,10 @@ def run_hidden_effects(
     trials = plan.trials(seed)
     show.start("Hidden-effect trials", len(trials))
     outcomes: list[Outcome] = []
+    # Within one trial of a frame the full model is solved on all processors already.
+    workers = 1 if chosen.kind == "frame" else processor_count()
     with parallel_config("loky", inner_max_num_threads=1):
-        pool = Parallel(n_jobs=processor_count(), return_as="generator", batch_size=1)
+        pool = Parallel(n_jobs=workers, return_as="generator", batch_size=1)
         jobs = (delayed(run_trial)(trial, model, settings) for trial in trials)
         for outcome in pool(jobs):
             outcomes.append(outcome)
