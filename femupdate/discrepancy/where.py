@@ -12,6 +12,7 @@ from femupdate.discrepancy.problem import Problem
 
 Floats = NDArray[np.float64]
 _BANDS = 10
+_FEWEST = 3.0  # independent points of a cell
 
 
 @dataclass(frozen=True)
@@ -21,7 +22,8 @@ class Cell:
     Attributes:
         floor: its name.
         band_hz: the band.
-        excess: mean squared whitened residual less one; zero when only noise is left.
+        excess: mean squared whitened residual less one; zero when only noise is left, and where
+            there are too few points to tell.
         p_value: of noise alone leaving as much.
     """
 
@@ -42,9 +44,11 @@ def residual_cells(problem: Problem, fitted: Fit) -> tuple[Cell, ...]:
             inside = seen & (frequency >= low) & (frequency < high)
             count = int(inside.sum()) * (2 if problem.phase is not None else 1)
             total = float(row[inside].sum())
-            freedom = max(count * problem.independent, 1.0)
-            tail = float(chi2.sf(total, freedom)) if count else 1.0
-            mean = total / freedom if count else 1.0
+            freedom = count * problem.independent
+            # The last points before coherence is lost were chosen by chance: too few say nothing.
+            enough = freedom >= _FEWEST
+            tail = float(chi2.sf(total, freedom)) if enough else 1.0
+            mean = total / freedom if enough else 1.0
             floor = problem.reduced.model.floors[number]
             cells.append(Cell(floor, (float(low), float(high)), mean - 1.0, tail))
     return tuple(cells)
