@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 CELLS = 80
+_QUARTER = 2.0 * 0.31864  # of a normal's sd: the shortest interval with a quarter of its mass
 
 
 @dataclass(frozen=True)
@@ -20,9 +21,15 @@ class Density:
 
 
 def bandwidth(samples: Floats, dimensions: int) -> float:
-    """Width of the smoothing kernel by Scott's rule (1992), from a spread robust to outliers."""
-    low, high = np.quantile(samples, [0.25, 0.75])
-    spread = min(samples.std(), (high - low) / 1.349) or samples.std()
+    """Width of the smoothing kernel by Scott's rule (1992), from the spread of the narrowest mode.
+
+    Separate modes have a standard deviation that says how far apart they lie, not how wide they
+    are: the shortest interval with a quarter of the samples (0.637 sd of a normal) does.
+    """
+    ordered = np.sort(samples)
+    quarter = max(1, len(ordered) // 4)
+    shortest = float((ordered[quarter:] - ordered[:-quarter]).min()) / _QUARTER
+    spread = min(ordered.std(), shortest) or ordered.std()
     return float(spread * len(samples) ** (-1.0 / (dimensions + 4)))
 
 

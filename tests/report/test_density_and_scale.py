@@ -18,6 +18,15 @@ def test_density_is_that_of_the_normal_distribution():
     assert np.abs(density.value - exact).max() < 0.03 * exact.max()  # 40,000 samples, smoothed
 
 
+def test_separate_modes_are_not_smeared():
+    """Two narrow modes far apart: each is as high as its own normal distribution, within a tenth."""
+    rng = np.random.default_rng(3)
+    samples = np.concatenate([rng.normal(1.0, 0.02, 6000), rng.normal(2.5, 0.02, 4000)])
+    density = density_1d(samples, (0.9, 2.6))
+    cell = density.x[1] - density.x[0]
+    assert density.value.max() == pytest.approx(0.6 * norm.pdf(0.0, scale=0.02) * cell, rel=0.1)
+
+
 def test_density_does_not_sink_at_a_bound():
     uniform = np.random.default_rng(4).uniform(0.0, 1.0, 40000)
     density = density_1d(uniform, (0.0, 1.0))
