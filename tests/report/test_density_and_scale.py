@@ -19,7 +19,7 @@ def test_density_is_that_of_the_normal_distribution():
 
 
 def test_separate_modes_are_not_smeared():
-    """Two narrow modes far apart: each is as high as its own normal distribution, within a tenth."""
+    """Two narrow modes far apart: the higher is as high as its own normal, within a tenth."""
     rng = np.random.default_rng(3)
     samples = np.concatenate([rng.normal(1.0, 0.02, 6000), rng.normal(2.5, 0.02, 4000)])
     density = density_1d(samples, (0.9, 2.6))
