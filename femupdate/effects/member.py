@@ -27,7 +27,10 @@ class MemberStiffness(Effect):
             return ()
         model = structure.mesh.model
         groups = np.concatenate(
-            [part.group[np.isin(part.kind, self.kinds)] for part in (model.shells, model.beams)]
+            [
+                part.group[np.isin(part.kind, self.kinds)]
+                for part in (model.shells, model.triangles, model.beams)
+            ]
         )
         stories = structure.building.story_names
         own = tuple(stories[group] for group in np.unique(groups))

@@ -278,8 +278,9 @@ def _twice(
     model: FiniteElementModel, kinds: tuple[str, ...], bending_only: bool
 ) -> FiniteElementModel:
     """The model with the members of some kinds twice as stiff."""
-    shells, beams = model.shells, model.beams
+    shells, triangles, beams = model.shells, model.triangles, model.beams
     of_shells = 1.0 + np.isin(shells.kind, kinds)
+    of_triangles = 1.0 + np.isin(triangles.kind, kinds)
     of_beams = 1.0 + np.isin(beams.kind, kinds)
     if bending_only:
         stiffer = replace(
@@ -295,5 +296,6 @@ def _twice(
     return replace(
         model,
         shells=replace(shells, youngs_modulus=shells.youngs_modulus * of_shells),
+        triangles=replace(triangles, youngs_modulus=triangles.youngs_modulus * of_triangles),
         beams=stiffer,
     )

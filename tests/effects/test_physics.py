@@ -251,3 +251,42 @@ def test_masses_on_a_rigid_diaphragm(frame_document, frame_of, node_masses):
     for effect in CATALOGUE.values():
         for place in effect.places(structure):
             effect.terms(structure, place)
+
+
+def test_walls_of_triangles_count_too(frame):
+    """Each wall shell cut in two: the walls' effect is then all of the triangles' stiffness."""
+    from dataclasses import replace
+
+    from femupdate.fe.assembly import assemble
+    from femupdate.fe.model import Shells, Triangles
+
+    model = frame.mesh.model
+    shells = model.shells
+    walls = shells.kind == "wall"
+
+    def twice(values):
+        return np.repeat(values[walls], 2, axis=0)
+
+    halves = shells.nodes[walls][:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
+    names = ("thickness", "youngs_modulus", "poisson_ratio", "density", "group", "kind")
+    cut = replace(
+        model,
+        shells=Shells(
+            shells.nodes[~walls], **{name: getattr(shells, name)[~walls] for name in names}
+        ),
+        triangles=Triangles(halves, **{name: twice(getattr(shells, name)) for name in names}),
+    )
+    mesh = replace(frame.mesh, model=cut)
+    structure = replace(frame.structure, mesh=mesh, operators=assemble(cut))
+    none = assemble(
+        replace(
+            cut,
+            triangles=replace(cut.triangles, youngs_modulus=twice(shells.youngs_modulus) * 1e-12),
+        )
+    )
+    terms = dict(CATALOGUE["wall_stiffness"].terms(structure, "all").stiffness)
+    for story, whole in enumerate(structure.operators.stiffness_terms):
+        expected = (whole - none.stiffness_terms[story]).toarray()
+        np.testing.assert_allclose(
+            terms[story].toarray(), expected, atol=1e-9 * np.abs(expected).max()
+        )
