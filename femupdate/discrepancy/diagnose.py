@@ -7,9 +7,9 @@ import numpy as np
 
 from femupdate.discrepancy.evidence import Evidence, laplace, sampled
 from femupdate.discrepancy.fit import Fit, extended, fit, fit_baseline
-from femupdate.discrepancy.hidden import hidden_effects
+from femupdate.discrepancy.hidden import hidden_effects, same_to_sensors
 from femupdate.discrepancy.problem import Problem
-from femupdate.discrepancy.score import Score, alike, candidates, score
+from femupdate.discrepancy.score import Score, candidates, score
 from femupdate.discrepancy.where import Cell, p_value, residual_cells
 from femupdate.effects.effect import Placed
 
@@ -289,7 +289,8 @@ def _verdict(
     twins = tuple(other.placed.label for other in near)
     if not near:
         return NAMED, ()
-    same = all(alike(first.score, other.score) >= settings.alike for other in near)
+    tests = [first.score, *(other.score for other in near)]
+    same = same_to_sensors(problem, base, tests, settings.alike)
     return (INDISTINGUISHABLE if same else AMBIGUOUS), twins
 
 

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from femupdate.discrepancy.fit import Fit, coordinates, evaluate, extended
 from femupdate.discrepancy.problem import Problem
-from femupdate.discrepancy.score import Score
+from femupdate.discrepancy.score import Score, alike
 
 _ABSORBED = 0.3  # share below which straight lines are near enough
 _STEP = 0.1  # of the test's step: small enough for the same Jacobian to serve all rounds
@@ -41,10 +41,32 @@ def hidden_effects(
     return tuple(s.placed.label for s in scores if s.strength < least or s.placed.label in faint)
 
 
+def same_to_sensors(problem: Problem, base: Fit, tests: list[Score], cosine: float) -> bool:
+    """Whether several effects leave the same once the model has followed each of them.
+
+    Args:
+        problem: structure and data.
+        base: the model without them, fitted.
+        tests: their score tests, the first to be compared with all others.
+        cosine: between what they leave, from which they count as the same.
+    """
+    if not all(one.start for one in tests):
+        return all(alike(tests[0], one) >= cosine for one in tests[1:])
+    left = _follow(problem, base, tests)[1]
+    unit = left / left.norm(dim=1, keepdim=True).clamp_min(1e-12)
+    return bool(((unit[1:] @ unit[0]).abs() >= cosine).all())
+
+
 def _left(problem: Problem, base: Fit, tests: list[Score]) -> list[float]:
     """Share of what each effect changes that the refitted model does not follow."""
     if not tests:
         return []
+    target, remains = _follow(problem, base, tests)
+    return [float(one) for one in remains.norm(dim=1) / target.norm(dim=1).clamp_min(1e-12)]
+
+
+def _follow(problem: Problem, base: Fit, tests: list[Score]) -> tuple[Tensor, Tensor]:
+    """What each effect changes, and what of it the refitted model does not follow, (t, n)."""
     target = torch.stack([_change(problem, base, one) for one in tests])  # (t, n)
     where = base.coordinates
     normal = base.jacobian.T @ base.jacobian
@@ -61,7 +83,7 @@ def _left(problem: Problem, base: Fit, tests: list[Score]) -> list[float]:
             break
         z = torch.where(better[:, None], trial, z)
         remains = torch.where(better[:, None], target - followed, remains)
-    return [float(one) for one in remains.norm(dim=1) / target.norm(dim=1).clamp_min(1e-12)]
+    return target, remains
 
 
 def _change(problem: Problem, base: Fit, one: Score) -> Tensor:

@@ -5,8 +5,8 @@ import pytest
 import torch
 from scipy.stats import binomtest, kstest
 
-from femupdate.discrepancy.fit import extended, fit
-from femupdate.discrepancy.hidden import hidden_effects
+from femupdate.discrepancy.fit import extended, fit, fit_baseline
+from femupdate.discrepancy.hidden import hidden_effects, same_to_sensors
 from femupdate.discrepancy.score import alike, candidates, score
 from femupdate.discrepancy.where import p_value, residual_cells
 
@@ -169,3 +169,21 @@ def test_effects_that_do_the_same_are_alike(chain, building_of, observe, pose, p
     )
     assert alike(gain, own) == pytest.approx(1.0, abs=1e-3)
     assert alike(own, delay) < 0.5
+
+
+def test_masses_of_two_floors_are_the_same_to_any_sensor(chains, building_of, observe, pose, place):
+    """Only m_1 / m_2 shows, theta takes the rest; a damper or a gain is another thing."""
+    masses, springs = np.array([3.0, 2.0]), np.array([9e3, 5e3])
+    frf = chains.Chain(masses * [1.2, 1.0], springs * [0.8, 1.3], zeta=ZETA).frf(GRID)
+    problem = pose(building_of(masses, springs), observe(("2F", "RF"), GRID, frf, 0.05, 0))
+    base = fit_baseline(problem)[0]
+    low, high, damper, swapped = (
+        score(problem, base, one)
+        for one in place(
+            "added_mass@2F", "added_mass@RF", "story_damper@RF", "swapped_channels@2F,RF"
+        )
+    )
+    assert same_to_sensors(problem, base, [low, high], 0.97)
+    assert not same_to_sensors(problem, base, [low, damper], 0.97)
+    assert not same_to_sensors(problem, base, [low, high, damper], 0.97)
+    assert not same_to_sensors(problem, base, [low, swapped], 0.97)
