@@ -143,9 +143,18 @@ def observation_from_table(
         noise_sd=noise,
         valid=valid,
         phase=phase,
+        resolution_hz=_table_spacing(table, grid),
         source=table.source,
         notes=(*(notes if without else ()), *_gaps(table.floors, valid, inside)),
     )
+
+
+def _table_spacing(table: FrfTable, grid: Floats) -> float | None:
+    """Spacing of a table that is coarser than the grid: what lies between repeats its points."""
+    if table.frequency_hz.size < 2 or grid.size < 2:
+        return None
+    spacing = float(np.median(np.diff(table.frequency_hz)))
+    return spacing if spacing > 1.001 * float(np.median(np.diff(grid))) else None
 
 
 def observation_for(

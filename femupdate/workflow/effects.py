@@ -13,6 +13,7 @@ from femupdate.building.effect_entry import EffectEntry
 from femupdate.building.files import mechanics_hash
 from femupdate.building.schema import Building
 from femupdate.discrepancy.problem import Problem, make_problem
+from femupdate.dynamics.effect_local import local_structure
 from femupdate.dynamics.effect_reduction import reduce_structure, structure_on
 from femupdate.dynamics.effect_response import ReducedStructure
 from femupdate.dynamics.reduction import ReductionTarget
@@ -33,7 +34,6 @@ _FILE = "effect_basis.npz"
 # peaks some ten to twenty points wide: it weighs as noise of independent points four to five
 # times as large does.
 _FRAME_ERROR, _STICK_ERROR = 0.14, 0.01
-_NEAR, _SAMPLES = 0.25, 16  # half width in ln theta and solutions of a basis near one theta
 
 
 @dataclass(frozen=True)
@@ -90,17 +90,11 @@ def structure_near(
     """The structure on a basis for the neighbourhood of theta, in which effects may act.
 
     A basis for the whole prior, members and torsion apart, needs some nine hundred shapes; near one
-    theta a quarter of them does, from a few solutions of the full model.
+    theta two hundred do, from some twenty solutions of the full model.
     """
     whole = reduction_target(building)
-    target = replace(
-        whole,
-        lower=theta * np.exp(-_NEAR),
-        upper=theta * np.exp(_NEAR),
-        zeta=max(zeta, whole.zeta),
-        samples=_SAMPLES,
-    )
-    return reduce_structure(structure, target, _teller(progress or Silent()))
+    target = replace(whole, zeta=max(zeta, whole.zeta))
+    return local_structure(structure, theta, target, _teller(progress or Silent()))
 
 
 def _teller(show: Progress) -> Callable[[int, int], None]:
@@ -220,6 +214,7 @@ def problem_of(
     seen = np.flatnonzero(observation.valid.any(axis=0))
     used = np.zeros(observation.frequency_hz.size, dtype=bool)
     used[seen[0] : seen[-1] + 1] = True
+    used &= _measured(observation)
     prior = theta_prior(building)
     bounds = zeta_bounds(building)
     return make_problem(
@@ -231,6 +226,17 @@ def problem_of(
         use_phase=use_phase,
         model_error=_FRAME_ERROR if building.kind == "frame" else _STICK_ERROR,
     )
+
+
+def _measured(observation: Observation) -> NDArray[np.bool_]:
+    """Where a table coarser than the grid has its points: straight lines between are no data."""
+    frequency = observation.frequency_hz
+    spacing = float(np.median(np.diff(frequency)))
+    coarse = observation.resolution_hz or spacing
+    if observation.coherence is not None or coarse < 1.5 * spacing:
+        return np.ones(frequency.size, dtype=bool)
+    distance = np.abs(frequency / coarse - np.round(frequency / coarse)) * coarse
+    return np.asarray(distance < 0.5 * spacing * (1.0 + 1e-9))
 
 
 def _at(observation: Observation, used: NDArray[np.bool_]) -> Observation:
