@@ -276,7 +276,7 @@ def _verdict(
         return (UNKNOWN if significant else NONE), ()
     first = findings[0]
     gain = base.chi2 - first.fitted.chi2
-    carried = first.evidence.log_evidence >= settings.over_none
+    carried = first.evidence.log_evidence >= settings.over_none + problem.mimicked
     if not (carried and gain >= settings.smallest_gain * base.chi2):
         return (UNKNOWN if significant else NONE), ()
     if _too_much_left(problem, base, best, settings):

@@ -56,6 +56,7 @@ class Problem:
         segment_s: length of the Hann segments from which H1 estimated the FRFs, s; None for FRFs
             read from a table.
         mesh: error of the mesh, or None.
+        mimicked: log evidence that errors of the model itself may bring to an effect.
     """
 
     reduced: ReducedStructure
@@ -72,6 +73,7 @@ class Problem:
     independent: float
     segment_s: float | None = None
     mesh: MeshError | None = None
+    mimicked: float = 0.0
 
     @property
     def points(self) -> int:
@@ -148,6 +150,7 @@ def make_problem(
     *,
     use_phase: bool = True,
     model_error: float = MODEL_ERROR,
+    mimicked: float = 0.0,
 ) -> Problem:
     """Bring an observation and a structure together.
 
@@ -159,6 +162,7 @@ def make_problem(
         observation: on its own grid.
         use_phase: compare phases where they were measured.
         model_error: added to the noise of ln|H|.
+        mimicked: log evidence that errors of the model itself may bring to an effect.
     """
     valid = torch.from_numpy(observation.valid)
     noise = torch.from_numpy(np.nan_to_num(observation.noise_sd, nan=1.0))
@@ -181,4 +185,5 @@ def make_problem(
         sd=torch.where(valid, (noise**2 + model_error**2).sqrt(), infinite),
         independent=min(1.0, spacing / resolution),
         segment_s=_HANN / resolution if observation.coherence is not None else None,
+        mimicked=mimicked,
     )

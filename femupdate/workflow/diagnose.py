@@ -104,7 +104,8 @@ def diagnose_study(
     problem, base = prepared(model, observation, use_phase, settings, show)
     show.start("Looking for what is missing", 3)
     found = find(problem, settings, base, lambda text: show.advance(1, text))
-    pictures = draw_diagnosis(study, found)
+    needed = (settings or DiagnosisSettings()).over_none + problem.mimicked
+    pictures = draw_diagnosis(study, found, needed)
     report = DiagnosisReport(
         found,
         problem,
@@ -153,8 +154,14 @@ def prepared(
     return with_mesh_error(problem, fit(problem, effects.placed, start))
 
 
-def draw_diagnosis(study: Study, found: Diagnosis) -> tuple[Path, ...]:
-    """The map of residuals and, where anything was fitted, the ranking."""
+def draw_diagnosis(study: Study, found: Diagnosis, needed: float) -> tuple[Path, ...]:
+    """The map of residuals and, where anything was fitted, the ranking.
+
+    Args:
+        study: where the pictures go.
+        found: what is drawn.
+        needed: log evidence that a name needs.
+    """
     from femupdate.report.figure import save_figure
     from femupdate.report.plot_diagnosis import Ranked, ranking, residual_map
 
@@ -176,7 +183,7 @@ def draw_diagnosis(study: Study, found: Diagnosis) -> tuple[Path, ...]:
             for number, one in enumerate(found.findings[:_SHOWN])
         ]
         sentence = textwrap.shorten(found.sentence, 110, placeholder=" ...")
-        figure = ranking(shown, DiagnosisSettings().over_none, sentence)
+        figure = ranking(shown, needed, sentence)
         paths.append(save_figure(figure, study.path("pictures", "effect_ranking.png")))
     return tuple(paths)
 

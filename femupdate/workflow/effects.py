@@ -34,6 +34,9 @@ _FILE = "effect_basis.npz"
 # peaks some ten to twenty points wide: it weighs as noise of independent points four to five
 # times as large does.
 _FRAME_ERROR, _STICK_ERROR = 0.14, 0.01
+# A coarser mesh is above all a stiffer one: on a clean truth of a 0.15 m mesh the walls of one
+# story at 1.05 times their stiffness had a log evidence of 11.
+_MIMICKED = 15.0
 
 
 @dataclass(frozen=True)
@@ -224,7 +227,8 @@ def problem_of(
         bounds if bounds is not None else building.damping.ratio,
         _at(observation, used),
         use_phase=use_phase,
-        model_error=_FRAME_ERROR if building.kind == "frame" else _STICK_ERROR,
+        model_error=_STICK_ERROR if building.kind == "shear" else _FRAME_ERROR,
+        mimicked=0.0 if building.kind == "shear" else _MIMICKED,
     )
 
 
