@@ -97,22 +97,24 @@ class Problem:
         return reduce_terms(self.reduced, placed.effect.terms(structure, placed.place))
 
     def seen(self, frf: Tensor) -> Tensor:
-        """FRFs (N, f, k) as Welch's method shows them: averaged over the bandwidth of a segment.
+        """FRFs (N, f, k) as Welch's method shows them: averaged over the spectrum of its window.
 
-        The spectrum of a Hann window of T seconds has the weights 1/6, 2/3, 1/6 at distances of
-        1/T, whose second moment 1/(3 T^2) is that of its whole (Bendat and Piersol 2010, section
-        8.5). Unseen by the model, the blunted peaks would pass for effects.
+        Of white noise H1 shows H averaged with the weight |W|^2, W = sinc(x) / (1 - x^2) with
+        x = f T for a Hann window of T seconds (Bendat and Piersol 2010, section 8.5; Harris 1978).
+        Unseen by the model, the blunted peaks would pass for effects.
         """
-        if self.segment_s is None:
+        if self.segment_s is None or frf.shape[2] < 2:
             return frf
-        spacing = float(self.frequency_hz[1] - self.frequency_hz[0])
-        distance = max(1, round(1.0 / (self.segment_s * spacing)))
-        if frf.shape[2] <= 2 * distance:
-            return frf
-        weight = 1.0 / (6.0 * (self.segment_s * spacing * distance) ** 2)
-        left = torch.cat([frf[..., :1].expand(-1, -1, distance), frf[..., :-distance]], dim=2)
-        right = torch.cat([frf[..., distance:], frf[..., -1:].expand(-1, -1, distance)], dim=2)
-        return frf + weight * (left + right - 2.0 * frf)
+        step = self.segment_s * float(self.frequency_hz[1] - self.frequency_hz[0])
+        reach = min(int(np.ceil(_REACH / step)), frf.shape[2] - 1)
+        x = step * np.arange(-reach, reach + 1)
+        x = np.where(np.abs(np.abs(x) - 1.0) < 1e-6, 1.0 - 1e-6, x)
+        weight = torch.from_numpy((np.sinc(x) / (1.0 - x**2)) ** 2)
+        weight = (weight / weight.sum()).reshape(1, 1, -1)
+        ends = [frf[..., :1].expand(-1, -1, reach), frf[..., -1:].expand(-1, -1, reach)]
+        wide = torch.cat([ends[0], frf, ends[1]], dim=2).reshape(-1, 1, frf.shape[2] + 2 * reach)
+        parts = [torch.nn.functional.conv1d(part, weight) for part in (wide.real, wide.imag)]
+        return torch.complex(*parts).reshape(frf.shape)
 
     def residuals(
         self, system: EffectSystem, theta: Tensor, zeta: Tensor, sizes: Tensor, mesh: Tensor
@@ -138,6 +140,8 @@ class Problem:
 
 
 _WILD = 8.0
+_NOISY = 0.15  # sd of ln|H|
+_REACH = 3.0  # in units of 1 / T; beyond it the Hann window's spectrum holds nothing
 _HANN = 1.5  # equivalent noise bandwidth of the Hann window times its length
 
 
@@ -166,6 +170,10 @@ def make_problem(
     """
     valid = torch.from_numpy(observation.valid)
     noise = torch.from_numpy(np.nan_to_num(observation.noise_sd, nan=1.0))
+    if observation.coherence is not None:
+        # Where noise reaches the response, ln|H| of an estimate lies too high, and what is kept
+        # for its coherence higher still.
+        valid = valid & (noise < _NOISY)
     infinite = torch.full_like(noise, torch.inf)
     spacing = float(np.median(np.diff(observation.frequency_hz)))
     resolution = observation.resolution_hz or spacing
