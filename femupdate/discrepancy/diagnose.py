@@ -136,6 +136,12 @@ def diagnose(
     fits = [_fit_candidate(problem, base, one) for one in _leading(scores, chosen.fitted)]
     freedom = max(problem.effective - base.coordinates.size, 1.0)
     best = min([base.chi2, *(one.chi2 for one in fits)])
+    if _too_much_left(problem, base, best, chosen):
+        tell("trying exchanged channels")
+        again = _exchanges(problem, base, scores, best, chosen.seed)
+        redone = {one.placed[-1] for one in again}
+        fits = [*(one for one in fits if one.placed[-1] not in redone), *again]
+        best = min([base.chi2, *(one.chi2 for one in fits)])
     findings = _weigh(problem, base, fits, scores, max(1.0, best / freedom), chosen)
     partner = ""
     if findings and _too_much_left(problem, base, best, chosen):
@@ -156,6 +162,19 @@ def diagnose(
         partner if verdict != UNKNOWN else "",
         _sentence(verdict, findings, twins, partner, inflation),
     )
+
+
+def _exchanges(
+    problem: Problem, base: Fit, scores: list[Score], best: float, seed: int
+) -> list[Fit]:
+    """Fits with channels exchanged, from the prior: without the exchange theta may lie far off."""
+    fits = []
+    for one in scores:
+        if not one.placed.effect.parameters:
+            placed = (*base.placed, one.placed)
+            sizes = tuple(float(size) for size in base.sizes()[0])
+            fits.append(fit_baseline(problem, placed, sizes, seed, samples=128, starts=3)[0])
+    return [one for one in fits if one.chi2 < 0.8 * best]
 
 
 def _excess(problem: Problem, base: Fit) -> tuple[float, bool]:

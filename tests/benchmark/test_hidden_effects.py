@@ -1,0 +1,58 @@
+"""A short version of the trials in which effects are hidden from the finder."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from femupdate.benchmark.hidden_cases import CLEAN, FOREIGN, ONE, Trial, TrialSettings, run_trial
+from femupdate.benchmark.hidden_effects import Plan, run_hidden_effects, summary
+from femupdate.study import Study
+from femupdate.workflow.model import open_study
+
+# Numbers that no published trial has used; every outcome is a function of them.
+_NUMBERS = (9_000_001, 9_000_002, 9_000_003)
+
+
+@pytest.fixture(scope="module")
+def outcomes(tmp_path_factory):
+    model = open_study(Study(tmp_path_factory.mktemp("study")), "shear_4dof")
+    return {
+        kind: [run_trial(Trial(number, kind), model, TrialSettings()) for number in _NUMBERS]
+        for kind in (CLEAN, ONE, FOREIGN)
+    }
+
+
+def test_nothing_is_found_where_nothing_is_hidden(outcomes):
+    assert [one.verdict for one in outcomes[CLEAN]] == ["none"] * len(_NUMBERS)
+
+
+def test_what_is_hidden_and_visible_is_named_and_the_gap_closes(outcomes):
+    seen = [one for one in outcomes[ONE] if one.strength >= 6.0]
+    assert seen
+    for one in seen:
+        assert one.named == one.hidden[0]
+        if one.verdict == "named":
+            assert one.held_after < one.held_before
+
+
+def test_what_the_catalogue_lacks_is_not_called_nothing(outcomes):
+    strong = [one for one in outcomes[FOREIGN] if one.p_value < 1e-6]
+    assert all(one.verdict != "none" for one in strong)
+
+
+def test_the_summary_counts(outcomes):
+    clean = outcomes[CLEAN]
+    alarmed = [replace(clean[0], verdict="named"), *clean[1:]]
+    rows = {row.what: row for row in summary(alarmed)}
+    assert rows["false alarms on clean cases"].found.startswith("33.3%")
+    assert rows["false alarms on clean cases"].of == 3
+
+
+def test_the_result_is_written_with_machine_and_seed(tmp_path):
+    plan = Plan(clean=1, one=1, two=0, outside=0)
+    report = run_hidden_effects(tmp_path, "shear_4dof", plan, TrialSettings(), seed=7)
+    content = json.loads(report.files.json.read_text(encoding="utf-8"))
+    assert content["seed"] == 7
+    assert [one["kind"] for one in content["outcomes"]] == [CLEAN, ONE]
+    assert "false alarms" in report.files.markdown.read_text(encoding="utf-8")
