@@ -14,6 +14,7 @@ from torch import Tensor
 
 from femupdate.discrepancy.fit import Fit, evaluate
 from femupdate.discrepancy.problem import Problem
+from femupdate.discrepancy.proposal import student_draws
 
 _FREEDOM = 5.0  # of the t distribution
 
@@ -89,38 +90,18 @@ def sampled(
     """Evidence from an importance sample about the most probable parameters."""
     where = fitted.coordinates
     generator = torch.Generator().manual_seed(seed)
-    covariance = fitted.covariance(inflation) * 1.2
-    root = torch.linalg.cholesky(covariance + 1e-14 * torch.eye(where.size, dtype=torch.float64))
-    normal = torch.randn(draws, where.size, generator=generator, dtype=torch.float64)
-    chi = torch.distributions.Chi2(torch.tensor(_FREEDOM, dtype=torch.float64))
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(seed + 1)
-        spread = (chi.sample((draws,)) / _FREEDOM).rsqrt()
-    shift = normal * spread[:, None]
-    z = fitted.z + shift @ root.T
+    covariance = 1.2 * fitted.covariance(inflation)
+    z, log_proposal = student_draws(fitted.z, covariance, _FREEDOM, draws, generator)
     inside = ((z >= where.lower) & (z <= where.upper)).all(dim=1)
     log_weight = torch.full((draws,), -torch.inf, dtype=torch.float64)
     if inside.any():
         residual = evaluate(problem, fitted.system, where, z[inside])
         log_target = -0.5 * (residual**2).sum(dim=1) / inflation
         log_target = log_target + log_prior(problem, fitted, z[inside])
-        log_weight[inside] = log_target - _log_t(shift[inside], root)
+        log_weight[inside] = log_target - log_proposal[inside]
     peak = log_weight.max()
     weight = (log_weight - peak).exp()
     mean = float(weight.mean())
     effective = float(weight.sum() ** 2 / (weight**2).sum())
     error = float(weight.std()) / (draws**0.5 * mean)
     return Evidence(float(peak) + np.log(mean), error, effective)
-
-
-def _log_t(shift: Tensor, root: Tensor) -> Tensor:
-    """Log density (N,) of the multivariate t at root times shift."""
-    size = shift.shape[1]
-    freedom = torch.tensor(_FREEDOM, dtype=torch.float64)
-    constant = (
-        torch.lgamma((freedom + size) / 2.0)
-        - torch.lgamma(freedom / 2.0)
-        - 0.5 * size * torch.log(freedom * torch.pi)
-        - root.diagonal().log().sum()
-    )
-    return constant - 0.5 * (freedom + size) * torch.log1p((shift**2).sum(dim=1) / freedom)

@@ -16,6 +16,7 @@ from torch import Tensor
 from femupdate.discrepancy.evidence import log_prior
 from femupdate.discrepancy.fit import Fit, evaluate
 from femupdate.discrepancy.problem import Problem
+from femupdate.discrepancy.proposal import student_draws
 
 Floats = NDArray[np.float64]
 _FREEDOM = 6.0
@@ -57,7 +58,7 @@ def draw(problem: Problem, fitted: Fit, count: int, inflation: float = 1.0, seed
     where = fitted.coordinates
     centre, covariance = fitted.z, 1.3 * fitted.covariance(inflation)
     for _ in range(_ROUNDS):
-        z, log_proposal = _propose(centre, covariance, count, generator)
+        z, log_proposal = student_draws(centre, covariance, _FREEDOM, count, generator)
         inside = ((z >= where.lower) & (z <= where.upper)).all(dim=1)
         log_likelihood = torch.full((count,), -torch.inf, dtype=torch.float64)
         residual = evaluate(problem, fitted.system, where, z[inside])
@@ -82,28 +83,6 @@ def draw(problem: Problem, fitted: Fit, count: int, inflation: float = 1.0, seed
         evidence,
         effective,
     )
-
-
-def _propose(
-    centre: Tensor, covariance: Tensor, count: int, generator: torch.Generator
-) -> tuple[Tensor, Tensor]:
-    """Draws (n, d) of a multivariate t and their log density (n,)."""
-    size = len(centre)
-    ridge = 1e-12 * covariance.diagonal().mean() * torch.eye(size, dtype=torch.float64)
-    root = torch.linalg.cholesky(0.5 * (covariance + covariance.T) + ridge)
-    normal = torch.randn(count, size, generator=generator, dtype=torch.float64)
-    seed = int(torch.randint(2**31, (1,), generator=generator))
-    chi = np.random.default_rng(seed).chisquare(_FREEDOM, count) / _FREEDOM
-    shift = normal / torch.from_numpy(chi).sqrt()[:, None]
-    freedom = torch.tensor(_FREEDOM, dtype=torch.float64)
-    constant = (
-        torch.lgamma((freedom + size) / 2.0)
-        - torch.lgamma(freedom / 2.0)
-        - 0.5 * size * torch.log(freedom * torch.pi)
-        - root.diagonal().log().sum()
-    )
-    log_density = constant - 0.5 * (freedom + size) * torch.log1p((shift**2).sum(1) / freedom)
-    return centre + shift @ root.T, log_density
 
 
 def _systematic(weight: Tensor, count: int, generator: torch.Generator) -> Tensor:
