@@ -11,18 +11,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eigh
 from scipy.sparse import csc_matrix
 from scipy.stats import qmc
 
 from femupdate.dynamics.effect_reduction import structure_on
-from femupdate.dynamics.effect_response import ReducedStructure, projected
-from femupdate.dynamics.full_response import FloorModes, FloorSensors, FullModes, floor_sensors
+from femupdate.dynamics.effect_response import ReducedStructure
+from femupdate.dynamics.full_response import FloorSensors, floor_sensors
 from femupdate.dynamics.reduction import (
     ReductionTarget,
     response_basis,
     response_shapes,
-    snapshots,
 )
 from femupdate.effects.effect import UNSCALED, Effect, Terms
 from femupdate.effects.registry import CATALOGUE
@@ -33,12 +31,11 @@ Floats = NDArray[np.float64]
 SPREAD = 0.2  # of ln theta to both sides
 _SIZE = 200
 _NEIGHBOURS = 8
-_TOP = 1.3  # modes up to this many times the grid's top
 
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """One effect alone, of one size: its stiffness by story and its mass, in any coordinates.
+    """One effect alone, of one size: its stiffness by story and its mass.
 
     Attributes:
         stiffness: (story, matrix), of unit size.
@@ -46,25 +43,9 @@ class Question:
         size: of the effect.
     """
 
-    stiffness: tuple[tuple[int, csc_matrix | Floats], ...] = ()
-    mass: tuple[csc_matrix | Floats, Floats] | None = None
+    stiffness: tuple[tuple[int, csc_matrix], ...] = ()
+    mass: tuple[csc_matrix, Floats] | None = None
     size: float = 0.0
-
-    def on(self, basis: Floats) -> "Question":
-        """The same seen through a basis (n, r)."""
-        mass = None
-        if self.mass is not None:
-            mass = (projected(basis, csc_matrix(self.mass[0])), basis.T @ self.mass[1])
-        stiffness = tuple((k, projected(basis, csc_matrix(own))) for k, own in self.stiffness)
-        return Question(stiffness, mass, self.size)
-
-
-@dataclass(frozen=True, eq=False)
-class LargeModel:
-    """A structure on a large basis, with all questions on it: it plays the full model."""
-
-    reduced: ReducedStructure
-    questions: tuple[Question, ...]
 
 
 def local_structure(
@@ -98,27 +79,6 @@ def local_structure(
         structure.operators, sensors, draws, target, progress, task=task, size=size
     )
     return structure_on(structure, basis)
-
-
-def large_model(reduced: ReducedStructure) -> LargeModel:
-    """Project all questions onto a large basis; made once, it serves any theta."""
-    return LargeModel(reduced, tuple(one.on(reduced.basis) for one in questions(reduced.structure)))
-
-
-def near(
-    large: LargeModel,
-    theta: Floats,
-    target: ReductionTarget,
-    *,
-    spread: float = SPREAD,
-    size: int = _SIZE,
-) -> ReducedStructure:
-    """As `local_structure`, from a large basis instead of the full model: seconds, not minutes."""
-    draws = _draws(theta, len(large.questions), spread)
-    shapes = np.concatenate([_large_shapes(large, draw, target) for draw in draws], axis=1)
-    _, directions = np.linalg.eigh(shapes @ shapes.T)
-    basis = large.reduced.basis @ directions[:, ::-1][:, :size]
-    return structure_on(large.reduced.structure, basis)
 
 
 def questions(structure: Structure) -> tuple[Question, ...]:
@@ -187,26 +147,6 @@ class _FullShapes:
             operators, stiffness_constant=csc_matrix(stiffness), mass=csc_matrix(mass)
         )
         return response_shapes(with_terms(changed, ()), sensors, np.zeros(0), target)
-
-
-def _large_shapes(large: LargeModel, draw: Floats, target: ReductionTarget) -> Floats:
-    model, asked, theta = large.reduced.model, large.questions[int(draw[0])], draw[1:]
-    stiffness, force = model.stiffness(theta), model.excitation
-    for story, matrix in asked.stiffness:
-        stiffness = stiffness + asked.size * _factor(theta, story) * matrix
-    mass = None
-    if asked.mass is not None:
-        mass = np.eye(model.size) + asked.size * asked.mass[0]
-        force = force + asked.size * asked.mass[1]
-    squared, shapes = eigh(stiffness, mass)
-    omega, participation = np.sqrt(squared), shapes.T @ force
-    floors = model.floor_shapes @ shapes
-    inside = omega < 2.0 * np.pi * _TOP * float(target.frequency_hz[-1])
-    beyond = (floors[:, ~inside] @ (participation / squared)[~inside])[:, None]
-    felt = FloorModes(omega[inside], (floors * participation)[:, inside], beyond)
-    static = shapes @ (participation / squared)
-    modes = FullModes(shapes[:, inside], participation[inside], floors[:, inside], static, felt)
-    return snapshots(modes, target)
 
 
 def _factor(theta: Floats, story: int) -> float:

@@ -7,7 +7,7 @@ from scipy.linalg import eigh
 
 from femupdate.building.document import from_document
 from femupdate.dynamics.damping import ConstantDamping
-from femupdate.dynamics.effect_local import large_model, local_structure, near
+from femupdate.dynamics.effect_local import local_structure
 from femupdate.dynamics.effect_reduction import reduce_structure, structure_on
 from femupdate.dynamics.effect_response import EffectSystem, reduce_terms
 from femupdate.dynamics.reduction import ReductionTarget
@@ -41,12 +41,9 @@ def reduced(structure, target):
     return reduce_structure(structure, target)
 
 
-@pytest.fixture(scope="module", params=["from the full model", "from a large basis"])
-def local(request, structure, exact, target):
-    theta = np.array([0.7, 1.8])
-    if request.param == "from the full model":
-        return local_structure(structure, theta, target, size=110)
-    return near(large_model(exact), theta, target, size=110)
+@pytest.fixture(scope="module")
+def local(structure, target):
+    return local_structure(structure, np.array([0.7, 1.8]), target, size=110)
 
 
 def log_frf(reduced, placed, values, theta):
