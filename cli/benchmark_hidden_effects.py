@@ -15,6 +15,7 @@ from .common import Bars, benchmark_options, print_json, print_pictures
 @click.option("--outside", type=click.IntRange(min=0), default=30, show_default=True)
 @click.option("--mesh-size", type=float, help="Of the truth of a frame, m; default half.")
 @click.option("--no-phase", is_flag=True, help="Use |H| alone.")
+@click.option("--minutes", type=click.FloatRange(min=0), help="Start no trial after so many.")
 @click.option("--quick", is_flag=True, help="A dozen trials, to see it work.")
 @benchmark_options
 def command(
@@ -25,19 +26,31 @@ def command(
     outside: int,
     mesh_size: float | None,
     no_phase: bool,
+    minutes: float | None,
     quick: bool,
     output_folder: Path,
     seed: int,
     as_json: bool,
 ) -> None:
-    """Hide effects in simulated measurements and count what the finder makes of them."""
+    """Hide effects in simulated measurements and count what the finder makes of them.
+
+    Outcomes are written one by one: called again, the command goes on where it stopped.
+    """
     from femupdate.benchmark.hidden_cases import TrialSettings
     from femupdate.benchmark.hidden_effects import QUICK, Plan, run_hidden_effects
 
     plan = QUICK if quick else Plan(clean, one, two, outside)
     settings = TrialSettings(mesh_size=mesh_size, use_phase=not no_phase)
     with Bars() as bars:
-        report = run_hidden_effects(output_folder, building, plan, settings, seed, bars)
+        report = run_hidden_effects(
+            output_folder,
+            building,
+            plan,
+            settings,
+            seed,
+            bars,
+            minutes=float("inf") if minutes is None else minutes,
+        )
     if as_json:
         rows = [{"what": r.what, "found": r.found, "cases": r.of} for r in report.rows]
         print_json({"rows": rows, "results": [report.files.json, report.files.markdown]})

@@ -1,7 +1,8 @@
 """The trials of the effect finder, counted: false alarms, detection, names, sizes, gaps closed."""
 
+import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,10 +22,11 @@ from femupdate.benchmark.hidden_cases import (
 )
 from femupdate.benchmark.machine import Machine, this_machine
 from femupdate.benchmark.result import ResultFiles, markdown_table, write_result
+from femupdate.benchmark.trial_log import TrialLog
 from femupdate.building.files import load_building
 from femupdate.processors import processor_count
 from femupdate.study import Study
-from femupdate.workflow.model import open_study
+from femupdate.workflow.model import StudyModel, open_study
 from femupdate.workflow.progress import Progress, Silent
 
 Floats = NDArray[np.float64]
@@ -41,10 +43,18 @@ class Plan:
     outside: int = 30
 
     def trials(self, seed: int) -> list[Trial]:
-        """All trials; the seeds of two plans with different seeds never meet."""
+        """All trials, the kinds mixed evenly, so that a part of them is a smaller plan.
+
+        The seeds of two plans with different seeds never meet.
+        """
         counts = ((CLEAN, self.clean), (ONE, self.one), (TWO, self.two), (FOREIGN, self.outside))
         first = 100_000 * seed
-        return [Trial(first + k, kind) for kind, count in counts for k in range(count)]
+        ranked = [
+            ((k + 0.5) / count, Trial(first + k, kind))
+            for kind, count in counts
+            for k in range(count)
+        ]
+        return [trial for _, trial in sorted(ranked, key=lambda one: one[0])]
 
 
 QUICK = Plan(clean=4, one=6, two=1, outside=1)
@@ -80,8 +90,12 @@ def run_hidden_effects(
     seed: int = 1,
     progress: Progress | None = None,
     study: Study | None = None,
+    minutes: float = np.inf,
 ) -> HiddenReport:
     """Run the trials on all processors and write the result.
+
+    Every outcome is written at once (`TrialLog`); trials whose outcomes are there are not run
+    again.
 
     Args:
         output: folder of the result files.
@@ -91,28 +105,41 @@ def run_hidden_effects(
         seed: of all trials.
         progress: told about every trial.
         study: where the reduced model is kept; by default a folder in the output.
+        minutes: after which no further trial is started.
     """
     show = progress or Silent()
     chosen = load_building(building)
     model = open_study(study or Study(output / f"study_{chosen.name}"), building, show)
-    trials = plan.trials(seed)
-    show.start("Hidden-effect trials", len(trials))
-    outcomes: list[Outcome] = []
-    # Within one trial of a frame the full model is solved on all processors already.
-    workers = 1 if chosen.kind == "frame" else processor_count()
-    with parallel_config("loky", inner_max_num_threads=1):
-        pool = Parallel(n_jobs=workers, return_as="generator", batch_size=1)
-        jobs = (delayed(run_trial)(trial, model, settings) for trial in trials)
-        for outcome in pool(jobs):
-            outcomes.append(outcome)
-            show.advance(1, f"{outcome.verdict}")
+    name = f"hidden_effects_{chosen.name}{'' if settings.use_phase else '_amplitude'}"
+    trials, log = plan.trials(seed), TrialLog(output / f"{name}.jsonl", model.hash, settings)
+    done = {trial: one for trial, one in log.read().items() if trial in trials}
+    log.start(done)
+    left = [trial for trial in trials if trial not in done]
+    show.start("Hidden-effect trials", len(left))
+    deadline = time.monotonic() + 60.0 * minutes
+    for outcome in _run(left, model, settings, deadline):
+        done[Trial(outcome.number, outcome.kind)] = outcome
+        log.add(outcome)
+        show.advance(1, f"{outcome.verdict}")
+    outcomes = [done[trial] for trial in trials if trial in done]
     rows = summary(outcomes)
     machine = this_machine()
     text = _text(chosen.name, settings, outcomes, rows)
-    name = f"hidden_effects_{chosen.name}{'' if settings.use_phase else '_amplitude'}"
     content = {"building": chosen.name, "settings": settings, "rows": rows, "outcomes": outcomes}
     files = write_result(output, name, machine, seed, content, text)
     return HiddenReport(machine, tuple(outcomes), tuple(rows), text, files)
+
+
+def _run(
+    trials: Sequence[Trial], model: StudyModel, settings: TrialSettings, deadline: float
+) -> Iterator[Outcome]:
+    """Outcomes, in order, until a time of the monotonic clock (s)."""
+    # Within one trial of a frame the full model is solved on all processors already.
+    workers = 1 if model.building.kind == "frame" else processor_count()
+    in_time = (trial for trial in trials if time.monotonic() < deadline)
+    with parallel_config("loky", inner_max_num_threads=1):
+        pool = Parallel(n_jobs=workers, return_as="generator", batch_size=1, pre_dispatch=workers)
+        yield from pool(delayed(run_trial)(trial, model, settings) for trial in in_time)
 
 
 def summary(outcomes: Sequence[Outcome]) -> list[Row]:
@@ -190,7 +217,7 @@ def summary(outcomes: Sequence[Outcome]) -> list[Row]:
             "",
             "95 %",
             *share(
-                [o for o in right if np.isfinite(o.size)],
+                [o for o in right if np.isfinite(o.size_true)],  # an exchange has none
                 lambda o: abs(o.size - o.size_true) <= 2.0 * o.size_sd,
             ),
         ),

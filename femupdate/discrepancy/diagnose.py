@@ -30,8 +30,8 @@ class DiagnosisSettings:
         alike: cosine from which two effects count as the same to these sensors.
         least_strength: D per prior standard deviation below which an effect cannot be seen.
         smallest_gain: share of the residual sum of squares that a name must explain.
-        unknown_left: share of the excess that an effect, or a pair of them, may leave before the
-            verdict is that it is something else.
+        unknown_left: share of the excess that an effect, or a pair of them, may leave beyond noise
+            before the verdict is that it is something else.
         paired: how many leading effects are tried with a second one where they leave more.
         seed: of starts and samples.
     """
@@ -44,7 +44,7 @@ class DiagnosisSettings:
     alike: float = 0.97
     least_strength: float = 1.0
     smallest_gain: float = 0.002
-    unknown_left: float = 0.3
+    unknown_left: float = 0.1
     paired: int = 2
     seed: int = 0
 
@@ -177,18 +177,22 @@ def _exchanges(
     return [one for one in fits if one.chi2 < 0.8 * best]
 
 
-def _excess(problem: Problem, base: Fit) -> tuple[float, bool]:
-    """What the residuals are more than noise leaves, and whether that is beyond chance."""
+def _excess(problem: Problem, base: Fit, chi2: float) -> tuple[float, bool]:
+    """What a sum of squares is more than noise leaves, and whether that is beyond chance."""
     freedom = max(problem.effective - base.coordinates.size, 1.0)
-    excess = base.chi2 - freedom
+    excess = chi2 - freedom
     return excess, excess > 5.0 * np.sqrt(2.0 * freedom)
 
 
 def _too_much_left(problem: Problem, base: Fit, best: float, settings: DiagnosisSettings) -> bool:
-    """Whether even the best fit leaves a good part of what there is to explain."""
-    excess, significant = _excess(problem, base)
-    freedom = max(problem.effective - base.coordinates.size, 1.0)
-    return significant and best - freedom > settings.unknown_left * excess
+    """Whether even the best fit leaves, beyond chance, a part of what there is to explain.
+
+    Mass takes the place of a tie or a brace for most of their effect; what it cannot explain says
+    that it is not mass.
+    """
+    excess = _excess(problem, base, base.chi2)[0]
+    left, significant = _excess(problem, base, best)
+    return significant and left > settings.unknown_left * excess
 
 
 def _with_partner(
@@ -290,7 +294,7 @@ def _verdict(
     settings: DiagnosisSettings,
 ) -> tuple[str, tuple[str, ...]]:
     """The verdict and what the leading finding cannot be told from."""
-    significant = _excess(problem, base)[1]
+    significant = _excess(problem, base, base.chi2)[1]
     if not findings:
         return (UNKNOWN if significant else NONE), ()
     first = findings[0]

@@ -143,6 +143,10 @@ _WILD = 8.0
 _NOISY = 0.15  # sd of ln|H|
 _REACH = 3.0  # in units of 1 / T; beyond it the Hann window's spectrum holds nothing
 _HANN = 1.5  # equivalent noise bandwidth of the Hann window times its length
+# Errors of H1 at frequencies x / T apart are correlated by 1, 4/9, 1/36, 0 at x = 0, 1, 2, 3: the
+# spectrum of the squared window, squared, as base and noise both have it. What changes slowly with
+# frequency is therefore known no better than from points 1.94 / T apart.
+_CORRELATED = (1.0 + 2.0 * (4.0 / 9.0 + 1.0 / 36.0)) / _HANN
 
 
 def make_problem(
@@ -168,9 +172,10 @@ def make_problem(
         model_error: added to the noise of ln|H|.
         mimicked: log evidence that errors of the model itself may bring to an effect.
     """
+    table = observation.coherence is None
     valid = torch.from_numpy(observation.valid)
     noise = torch.from_numpy(np.nan_to_num(observation.noise_sd, nan=1.0))
-    if observation.coherence is not None:
+    if not table:
         # Where noise reaches the response, ln|H| of an estimate lies too high, and what is kept
         # for its coherence higher still.
         valid = valid & (noise < _NOISY)
@@ -191,7 +196,7 @@ def make_problem(
         log_frf=torch.where(valid, torch.from_numpy(np.nan_to_num(observation.log_frf)), 0.0),
         phase=None if phase is None else torch.from_numpy(np.nan_to_num(phase)),
         sd=torch.where(valid, (noise**2 + model_error**2).sqrt(), infinite),
-        independent=min(1.0, spacing / resolution),
-        segment_s=_HANN / resolution if observation.coherence is not None else None,
+        independent=min(1.0, spacing / (resolution * (1.0 if table else _CORRELATED))),
+        segment_s=None if table else _HANN / resolution,
         mimicked=mimicked,
     )

@@ -56,3 +56,17 @@ def test_the_result_is_written_with_machine_and_seed(tmp_path):
     assert content["seed"] == 7
     assert [one["kind"] for one in content["outcomes"]] == [CLEAN, ONE]
     assert "false alarms" in report.files.markdown.read_text(encoding="utf-8")
+
+
+def test_trials_that_were_cut_off_go_on(tmp_path):
+    plan, settings = Plan(clean=2, one=0, two=0, outside=0), TrialSettings()
+    none = run_hidden_effects(tmp_path, "shear_4dof", plan, settings, seed=7, minutes=0.0)
+    assert not none.outcomes
+    whole = run_hidden_effects(tmp_path, "shear_4dof", plan, settings, seed=7)
+    log = tmp_path / "hidden_effects_shear_4dof.jsonl"
+    lines = log.read_text(encoding="utf-8").splitlines()
+    marked = json.loads(lines[1]) | {"seconds": 123.0}
+    log.write_text("\n".join([lines[0], json.dumps(marked), lines[2][:40]]), encoding="utf-8")
+    again = run_hidden_effects(tmp_path, "shear_4dof", plan, settings, seed=7)
+    assert [one.number for one in again.outcomes] == [one.number for one in whole.outcomes]
+    assert sorted(one.seconds == 123.0 for one in again.outcomes) == [False, True]
