@@ -1,6 +1,6 @@
 """From the model to sparse operators, affine in the stiffness parameters theta."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import reduce
 
@@ -22,11 +22,10 @@ from femupdate.fe.links import link_expansion, slave_dof
 from femupdate.fe.model import (
     DOF_PER_NODE,
     FiniteElementModel,
-    Flags,
     Floats,
     Integers,
 )
-from femupdate.fe.shell import shell_matrices
+from femupdate.fe.shell import shell_matrices_in_parts
 from femupdate.fe.triangle import triangle_matrices
 
 
@@ -131,7 +130,7 @@ def assemble(model: FiniteElementModel) -> AffineOperators:
             range, rigid links contradict each other, or no degree of freedom is free.
     """
     check_model(model)
-    elements = _element_matrices(model)
+    stiffness, mass = _entries(model)
     expansion = link_expansion(model)
     free = np.flatnonzero(~model.fixed.ravel())
     if expansion is not None:
@@ -140,22 +139,14 @@ def assemble(model: FiniteElementModel) -> AffineOperators:
 
     def onto_free(parts: Iterable[Entries]) -> csc_matrix:
         if expansion is None:
-            number = np.full(model.dof, -1)
+            number = np.full(model.dof, -1, dtype=np.int32)
             number[free] = np.arange(len(free))
             return summed([part.renumbered(number) for part in parts], len(free))
         return _congruent(expansion, summed(parts, model.dof))
 
-    terms = tuple(
-        onto_free(_stiffness_entries(model, elements, group)) for group in range(model.groups)
-    )
-    constant = onto_free(_stiffness_entries(model, elements, -1))
-    mass_full = summed(
-        (
-            *(element_entries(nodes, matrices.mass) for nodes, _, matrices in elements),
-            mass_entries(model.masses),
-        ),
-        model.dof,
-    )
+    terms = tuple(onto_free(stiffness[group]) for group in range(model.groups))
+    constant = onto_free(stiffness[-1])
+    mass_full = summed(mass, model.dof)
     pattern = _union((constant, *terms))
     return AffineOperators(
         stiffness_terms=terms,
@@ -179,22 +170,26 @@ def _congruent(expansion: csr_matrix, matrix: csc_matrix) -> csc_matrix:
     return product
 
 
-# Nodes, stiffness parameter and matrices of all elements of one type.
-_Elements = tuple[Integers, Integers, ElementMatrices]
+def _entries(model: FiniteElementModel) -> tuple[dict[int, list[Entries]], list[Entries]]:
+    """Entries of stiffness by parameter, -1 for what none scales, and of mass."""
+    stiffness: dict[int, list[Entries]] = {group: [] for group in range(-1, model.groups)}
+    mass = []
+    for nodes, groups, matrices in _elements(model):
+        mass.append(element_entries(nodes, matrices.mass))
+        for group in np.unique(groups):
+            chosen = groups == group
+            part = element_entries(nodes[chosen], matrices.stiffness[chosen])
+            stiffness[max(int(group), -1)].append(part)
+    for group, parts in stiffness.items():
+        springs = model.springs.group
+        parts.append(spring_entries(model.springs, springs == group if group >= 0 else springs < 0))
+    return stiffness, [*mass, mass_entries(model.masses)]
 
 
-def _element_matrices(model: FiniteElementModel) -> tuple[_Elements, ...]:
+def _elements(model: FiniteElementModel) -> Iterator[tuple[Integers, Integers, ElementMatrices]]:
+    """Nodes, stiffness parameters and matrices of some elements of one type at a time."""
     shells, beams, triangles = model.shells, model.beams, model.triangles
-    return (
-        (shells.nodes, shells.group, _shell_matrices(model)),
-        (triangles.nodes, triangles.group, triangle_matrices(model.nodes, triangles)),
-        (beams.nodes, beams.group, beam_matrices(model.nodes[beams.nodes], beams)),
-    )
-
-
-def _shell_matrices(model: FiniteElementModel) -> ElementMatrices:
-    shells = model.shells
-    return shell_matrices(
+    parts = shell_matrices_in_parts(
         model.nodes[shells.nodes],
         shells.thickness,
         shells.youngs_modulus,
@@ -202,23 +197,10 @@ def _shell_matrices(model: FiniteElementModel) -> ElementMatrices:
         shells.density,
         nodes=shells.nodes,
     )
-
-
-def _stiffness_entries(
-    model: FiniteElementModel, elements: tuple[_Elements, ...], group: int
-) -> tuple[Entries, ...]:
-    """Entries of all that one parameter scales, or that none scales for a negative group."""
-
-    def chosen(groups: Integers) -> Flags:
-        return groups == group if group >= 0 else groups < 0
-
-    return (
-        *(
-            element_entries(nodes[chosen(groups)], matrices.stiffness[chosen(groups)])
-            for nodes, groups, matrices in elements
-        ),
-        spring_entries(model.springs, chosen(model.springs.group)),
-    )
+    for some, matrices in parts:
+        yield shells.nodes[some], shells.group[some], matrices
+    yield triangles.nodes, triangles.group, triangle_matrices(model.nodes, triangles)
+    yield beams.nodes, beams.group, beam_matrices(model.nodes[beams.nodes], beams)
 
 
 def with_terms(operators: AffineOperators, terms: tuple[csc_matrix, ...]) -> AffineOperators:

@@ -4,20 +4,23 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csc_matrix
 
 from femupdate.fe.model import DOF_PER_NODE, Flags, Floats, Integers, PointMasses, Springs
+
+Indices = NDArray[np.int32]  # half the memory to move; 3e8 nodes are enough
 
 
 @dataclass(frozen=True)
 class Entries:
     """Summands of a sparse matrix: rows, columns and values, (m,) each."""
 
-    rows: Integers
-    columns: Integers
+    rows: Indices
+    columns: Indices
     values: Floats
 
-    def renumbered(self, number: Integers) -> "Entries":
+    def renumbered(self, number: Indices) -> "Entries":
         """Replace the indices by `number[index]` and drop what becomes negative."""
         rows, columns = number[self.rows], number[self.columns]
         keep = (rows >= 0) & (columns >= 0)
@@ -26,16 +29,17 @@ class Entries:
 
 def element_entries(nodes: Integers, matrices: Floats) -> Entries:
     """Entries of element matrices, (n, k) node indices and (n, 6k, 6k)."""
-    dof = (DOF_PER_NODE * nodes[:, :, None] + np.arange(DOF_PER_NODE)).reshape(
-        len(nodes), matrices.shape[1]
-    )
-    element, row, column = np.nonzero(matrices)
-    return Entries(dof[element, row], dof[element, column], matrices[element, row, column])
+    dof = (DOF_PER_NODE * nodes[:, :, None] + np.arange(DOF_PER_NODE)).astype(np.int32)
+    dof = dof.reshape(len(nodes), matrices.shape[1])
+    there = matrices != 0.0
+    rows = np.broadcast_to(dof[:, :, None], matrices.shape)[there]
+    columns = np.broadcast_to(dof[:, None, :], matrices.shape)[there]
+    return Entries(rows, columns, matrices[there])
 
 
 def spring_entries(springs: Springs, chosen: Flags) -> Entries:
     """Entries of the chosen springs, to the ground and between two nodes."""
-    dof = (DOF_PER_NODE * springs.nodes + springs.direction[:, None])[chosen]
+    dof = (DOF_PER_NODE * springs.nodes + springs.direction[:, None])[chosen].astype(np.int32)
     linked = springs.nodes[chosen, 1] >= 0
     first, (left, right) = dof[:, 0], dof[linked].T
     k = springs.stiffness[chosen]
@@ -46,7 +50,7 @@ def spring_entries(springs: Springs, chosen: Flags) -> Entries:
 
 def mass_entries(masses: PointMasses) -> Entries:
     """Entries of masses and rotary inertias at nodes."""
-    dof = (DOF_PER_NODE * masses.node[:, None] + np.arange(DOF_PER_NODE)).ravel()
+    dof = (DOF_PER_NODE * masses.node[:, None] + np.arange(DOF_PER_NODE)).ravel().astype(np.int32)
     translation = np.repeat(masses.mass[:, None], 3, axis=1)
     values = np.concatenate([translation, masses.inertia.reshape(-1, 3)], axis=1).ravel()
     return Entries(dof, dof, values)

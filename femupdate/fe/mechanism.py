@@ -35,6 +35,13 @@ def factorize_supported(operators: AffineOperators, stiffness: csc_matrix) -> Fa
         ModelError: something moves freely, or is pushed away by a negative stiffness; the message
             names a node and a direction.
     """
+    factorization = factorize_held(operators, stiffness)
+    refuse_negative(operators, factorization)
+    return factorization
+
+
+def factorize_held(operators: AffineOperators, stiffness: csc_matrix) -> Factorization:
+    """As `factorize_supported`, but what a negative stiffness pushes away goes unnoticed."""
     diagonal = stiffness.diagonal()
     if not (diagonal > 0.0).all():
         worst = diagonal.min()
@@ -48,11 +55,21 @@ def factorize_supported(operators: AffineOperators, stiffness: csc_matrix) -> Fa
     softest, ratio = _softest(factorization, diagonal)
     if abs(ratio) < _NO_STIFFNESS:
         raise _error(operators, softest, _FREE)
+    return factorization
+
+
+def refuse_negative(operators: AffineOperators, factorization: Factorization) -> None:
+    """Look at the signs of the pivots; see `factorize_supported`.
+
+    Raises:
+        ModelError: one is negative.
+    """
     pivots = factorization.pivots()
     if pivots is None or (pivots < 0.0).any():
+        diagonal = factorization.matrix.diagonal()
+        softest, _ = _softest(factorization, diagonal)
         culprit = softest if pivots is None else np.maximum(-pivots / diagonal, 0.0)
         raise _error(operators, culprit, _PUSHED)
-    return factorization
 
 
 def _softest(factorization: Factorization, diagonal: Floats) -> tuple[Floats, float]:

