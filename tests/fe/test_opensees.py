@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from femupdate.benchmark.vibrations import distorted_cantilever
 from femupdate.fe.assembly import assemble
 from femupdate.fe.model import PointMasses
 from femupdate.fe.solve import lowest_modes, static_displacement
@@ -173,3 +174,18 @@ def test_wall_slab_and_column(meshes, opensees, case, fine):
         size = np.abs(theirs[:, direction]).max()
         found, wanted = ours[:, direction], theirs[:, direction]
         np.testing.assert_allclose(found, wanted, rtol=0, atol=0.02 / fine * size)
+
+
+@pytest.mark.parametrize(
+    ("shell", "published"),
+    [
+        ("ShellMITC4", (1.002, 1.018, 1.140, 1.078, 1.120, 1.137)),
+        ("ShellDKGQ", (0.988, 0.996, 1.050, 1.031, 1.041, 1.062)),
+        ("ASDShellQ4", (0.977, 0.942, 0.944, 0.862, 0.899, 0.784)),
+    ],
+)
+def test_the_distorted_mesh_is_the_published_one(opensees, shell, published):
+    """FV16, test 2: frequencies over targets that three elements gave on the published mesh."""
+    build(opensees, distorted_cantilever(), shell)
+    targets = [0.421, 1.029, 2.582, 3.306, 3.753, 6.555]
+    assert frequencies(opensees, 6) / targets == pytest.approx(published, abs=6e-4)
