@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from femupdate.building.schema import FrameBuilding
 from femupdate.discrepancy.fit import Fit, fit
 from femupdate.discrepancy.problem import MeshError, Problem
+from femupdate.dynamics.damping import ConstantDamping
+from femupdate.dynamics.effect_response import EffectSystem
 from femupdate.dynamics.full_response import FloorSensors, full_modes
 from femupdate.effects.structure import TRANSLATION, Structure, structure_of
 
@@ -34,13 +36,22 @@ def with_mesh_error(problem: Problem, base: Fit) -> tuple[Problem, Fit]:
     theta, zeta = base.theta()[0], base.zeta(problem.fixed_zeta)
     grid = problem.frequency_hz.numpy()
     coarse = structure_of(building, _COARSER * building.mesh.size)
-    change = log_frf(structure, theta, zeta, grid) - log_frf(coarse, theta, zeta, grid)
+    change = _log_frf(problem, base) - log_frf(coarse, theta, zeta, grid)
     share = 1.0 / (_COARSER**2 - 1.0)
     shift = torch.from_numpy(np.clip(share * change, -_LARGEST, _LARGEST))
     wider = (problem.sd**2 + (0.3 * shift[list(problem.rows)]) ** 2).sqrt()
     finer = replace(problem, mesh=MeshError(shift), sd=wider)
     start = torch.cat([base.z, torch.tensor([MeshError(shift).mean], dtype=torch.float64)])
     return finer, fit(finer, base.placed, start)
+
+
+def _log_frf(problem: Problem, base: Fit) -> Floats:
+    """ln|H| (f, k) of all floors at a fit, without its effects, constant damping in all modes."""
+    theta, zeta, _, _ = base.coordinates.split(base.z[None], problem.fixed_zeta)
+    plain = EffectSystem(problem.reduced, ConstantDamping(), (), ())
+    none = theta.new_zeros((1, 0))
+    frf = plain.frf(theta, zeta, none, problem.frequency_hz)[0]
+    return np.asarray(frf.abs().clamp_min(1e-12).log().numpy())
 
 
 def log_frf(structure: Structure, theta: Floats, zeta: float, frequency_hz: Floats) -> Floats:

@@ -8,12 +8,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from femupdate.dynamics.damping import DampingLaw
-from femupdate.dynamics.effect_response import (
-    EffectSystem,
-    ReducedStructure,
-    ReducedTerms,
-    reduce_terms,
-)
+from femupdate.dynamics.effect_response import EffectSystem, ReducedStructure
 from femupdate.effects.effect import Placed
 from femupdate.measurement.observation import Observation
 
@@ -88,13 +83,8 @@ class Problem:
 
     def system(self, placed: tuple[Placed, ...] = ()) -> EffectSystem:
         """The structure with effects."""
-        terms = tuple(self.terms(one) for one in placed)
+        terms = tuple(self.reduced.terms(one) for one in placed)
         return EffectSystem(self.reduced, self.law, placed, terms)
-
-    def terms(self, placed: Placed) -> ReducedTerms:
-        """What an effect adds to the reduced structure."""
-        structure = self.reduced.structure
-        return reduce_terms(self.reduced, placed.effect.terms(structure, placed.place))
 
     def seen(self, frf: Tensor) -> Tensor:
         """FRFs (N, f, k) as Welch's method shows them: averaged over the spectrum of its window.

@@ -16,16 +16,13 @@ from scipy.stats import qmc
 
 from femupdate.dynamics.effect_reduction import structure_on
 from femupdate.dynamics.effect_response import ReducedStructure
-from femupdate.dynamics.full_response import FloorSensors, floor_sensors
-from femupdate.dynamics.reduction import (
-    ReductionTarget,
-    response_basis,
-    response_shapes,
-)
+from femupdate.dynamics.full_response import FloorSensors, floor_sensors, nearby_modes
+from femupdate.dynamics.reduction import TOP, ReductionTarget, response_basis, snapshots
 from femupdate.effects.effect import UNSCALED, Effect, Terms
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import TRANSLATION, Structure
 from femupdate.fe.assembly import AffineOperators, with_terms
+from femupdate.fe.solve import modes_below
 
 Floats = NDArray[np.float64]
 SPREAD = 0.2  # of ln theta to both sides
@@ -59,7 +56,8 @@ def local_structure(
 ) -> ReducedStructure:
     """A frame on a basis for the neighbourhood of theta, from its full model.
 
-    Some twenty full eigenproblems. A stick is its own reduction and comes back as it is.
+    One full eigenproblem, and for some twenty questions one step each from there. A stick is its
+    own reduction and comes back as it is.
 
     Args:
         structure: the full model.
@@ -74,7 +72,8 @@ def local_structure(
     asked = questions(structure)
     sensors = floor_sensors(structure.operators, structure.mesh.floor_nodes, structure.direction)
     draws = _draws(theta, len(asked), spread)
-    task = _FullShapes(asked)
+    known = modes_below(structure.operators, theta, TOP * float(target.frequency_hz[-1]))
+    task = _NearbyShapes(asked, known.shapes)
     basis = response_basis(
         structure.operators, sensors, draws, target, progress, task=task, size=size
     )
@@ -123,10 +122,16 @@ def _draws(theta: Floats, asked: int, spread: float) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class _FullShapes:
-    """Shapes of the full model at one draw; a task for `response_basis`."""
+class _NearbyShapes:
+    """Shapes of the full model at one draw; a task for `response_basis`.
+
+    Attributes:
+        questions: that the draws name.
+        known: (n_free, m) modes in the middle of the neighbourhood.
+    """
 
     questions: tuple[Question, ...]
+    known: Floats
 
     def __call__(
         self,
@@ -146,7 +151,8 @@ class _FullShapes:
         changed = replace(
             operators, stiffness_constant=csc_matrix(stiffness), mass=csc_matrix(mass)
         )
-        return response_shapes(with_terms(changed, ()), sensors, np.zeros(0), target)
+        modes = nearby_modes(with_terms(changed, ()), sensors, np.zeros(0), self.known)
+        return snapshots(modes, target)
 
 
 def _factor(theta: Floats, story: int) -> float:

@@ -7,7 +7,7 @@ Morrison's formula, frequency by frequency); what the instruments do last of all
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import torch
@@ -36,6 +36,7 @@ class ReducedStructure:
         rigid_force: (r, 2) force per unit acceleration of base translation and rotation.
         rigid_rows: (f, 2) motion of what the model's rows observe per unit base translation and
             rotation; that of the floors where None.
+        known: what effects add, by label, once it was asked for.
     """
 
     structure: Structure
@@ -43,6 +44,14 @@ class ReducedStructure:
     basis: Floats
     rigid_force: Floats
     rigid_rows: Floats | None = None
+    known: dict[str, "ReducedTerms"] = field(default_factory=dict, repr=False)
+
+    def terms(self, placed: Placed) -> "ReducedTerms":
+        """What an effect adds."""
+        if placed.label not in self.known:
+            terms = placed.effect.terms(self.structure, placed.place)
+            self.known[placed.label] = reduce_terms(self, terms)
+        return self.known[placed.label]
 
     @property
     def rigid(self) -> Floats:

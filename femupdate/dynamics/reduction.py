@@ -34,6 +34,7 @@ from femupdate.fe.model import DOF_PER_NODE
 from femupdate.processors import processor_count
 
 Floats = NDArray[np.float64]
+TOP = 1.3  # times the top of the grid: modes that shapes are taken from
 _SIZES = (40, 60, 80, 100, 120, 140, 160, 180, 200, 230, 260, 300)
 _CHECKS = 4
 _LARGE = 2000  # degrees of freedom from which processes of their own pay
@@ -257,7 +258,7 @@ def response_shapes(
     operators: AffineOperators, sensors: FloorSensors, theta: Floats, target: ReductionTarget
 ) -> Floats:
     """Weighted shapes (n_free, c) that span the responses at one theta over the grid."""
-    modes = full_modes(operators, sensors, theta, 1.3 * float(target.frequency_hz[-1]))
+    modes = full_modes(operators, sensors, theta, TOP * float(target.frequency_hz[-1]))
     return snapshots(modes, target)
 
 

@@ -29,6 +29,7 @@ Floats = NDArray[np.float64]
 # Silence behind the record, so that its end does not disturb its beginning: until the slowest
 # motion has decayed to this share, within limits.
 _REST, _SHORTEST_S, _LONGEST_S = 1e-5, 5.0, 600.0
+_TERMS = 4  # of the power series, for every force
 _BLOCK = 2048  # frequencies at a time
 
 
@@ -94,7 +95,7 @@ def effect_truth(
         theta: (p,) stiffness factors.
         effects: each at its place, with all its parameters.
         law: of the damping.
-        top_hz: all modes below it are kept.
+        top_hz: all modes below it are kept; the others' response to every force is a power series.
         mesh_size: m; half of the building's own where None.
         sensors: as for `sensor_model`.
 
@@ -178,11 +179,19 @@ def _changed(
 def _basis(
     structure: Structure, changed: AffineOperators, shapes: Floats, terms: tuple[Terms, ...]
 ) -> Floats:
-    """Modes and static shapes (n, r), orthonormal in the mass of the unchanged structure."""
+    """Modes and static shapes (n, r), orthonormal in the mass of the unchanged structure.
+
+    The static shapes are the first terms of the power series of what the modes leave out.
+    """
     ports = [own.port.row for own in terms if own.port is not None]
     forces = np.column_stack([structure.rigid_force, *ports])
-    static = factorize(changed.stiffness(np.zeros(0))).solve(forces)
-    basis = np.column_stack([shapes, static])
+    factorization = factorize(changed.stiffness(np.zeros(0)))
+    basis, series = shapes, forces
+    for _ in range(_TERMS):
+        image = changed.mass @ shapes
+        series = factorization.solve(series - image @ (shapes.T @ series))
+        basis = np.column_stack([basis, series])
+        series = changed.mass @ series
     # Twice: modes and static shapes are nearly dependent.
     for _ in range(2):
         basis = basis / np.sqrt(np.einsum("ij,ij->j", basis, structure.mass @ basis))
