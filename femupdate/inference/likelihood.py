@@ -14,6 +14,7 @@ from femupdate.dynamics.modal import ModalData, modal_data
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.errors import SurrogateError
 from femupdate.inference.encoder_input import encoder_input
+from femupdate.inference.folded_encoder import FoldedEncoder
 from femupdate.measurement.observation import Observation
 from femupdate.surrogate.latent import latent_log_likelihood
 from femupdate.surrogate.network import LatentGaussian, Visibility
@@ -22,7 +23,7 @@ from femupdate.surrogate.storage import TrainedSurrogate
 # Modes kept for a response: with 32 the six-story building's ln|H| is within .008 rms at the
 # lowest damping of its prior, far below any measured noise.
 _MODES = 40
-_CPU_ROWS = 1000
+_CPU_ROWS = 512
 
 
 class LatentLikelihood:
@@ -62,6 +63,7 @@ class LatentLikelihood:
             self.posterior_z: LatentGaussian = self._mvae.encode_observation(
                 self.input.log_frf.to(device), self._visibility
             )
+        self._encoder = FoldedEncoder(self._mvae, self._visibility)
 
     def __call__(self, theta: Tensor) -> Tensor:
         """Log likelihood (n,), float32, of theta (n, p), on the device of theta."""
@@ -72,7 +74,7 @@ class LatentLikelihood:
             return torch.cat([self._values(rows) for rows in parts]).to(theta.device)
 
     def _values(self, theta: Tensor) -> Tensor:
-        q = self._mvae.encode_parameters(theta, self._visibility.expand(len(theta)))
+        q = self._encoder(theta)
         value = latent_log_likelihood(
             self.posterior_z.mean, self.posterior_z.variance, q.mean, q.variance
         )

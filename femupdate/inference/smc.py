@@ -25,6 +25,8 @@ logger = logging.getLogger(__name__)
 _DISTINCT_PER_COORDINATE = 5
 # The mixture reaches beyond the particles, which lag behind where the likelihood moves on.
 _FREEDOM, _WIDEN = 4, 1.5
+# More particles than this a component do not make the mixture better.
+_FITTED_PER_COMPONENT = 500
 
 LogLikelihood = Callable[[Tensor], Tensor]
 """Log likelihood (n,) of parameters theta (n, p)."""
@@ -46,7 +48,7 @@ class SmcSettings:
             all moves.
     """
 
-    ess_target: float = 0.7
+    ess_target: float = 0.5
     moves: int = 10
     walk_scale: float = 0.2
     independence_moves: int = 6
@@ -311,7 +313,11 @@ class TemperedSmc:
         """
         distinct = _distinct(xi)
         most = max(1, distinct // (_DISTINCT_PER_COORDINATE * (xi.shape[1] + 1)))
-        fitted = fit_mixture(xi, min(self.settings.components, most), generator)
+        components = min(self.settings.components, most)
+        some = _FITTED_PER_COMPONENT * self.settings.components
+        if len(xi) > some:
+            xi = xi[torch.randperm(len(xi), generator=generator, device=xi.device)[:some]]
+        fitted = fit_mixture(xi, components, generator)
         return StudentMixture(fitted.widened(_WIDEN), _FREEDOM)
 
     def _accept(
