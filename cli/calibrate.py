@@ -57,6 +57,7 @@ def command(
     )
     from femupdate.workflow.checks import check_calibration
     from femupdate.workflow.model import open_study
+    from femupdate.workflow.summary import identifiability_record
 
     study = Study(study_folder)
     source = ObservationSource(observation, unit, columns, sensors, band)
@@ -79,6 +80,7 @@ def command(
             "q95": quantiles[0.95],
             "r_hat": report.r_hat,
             "misfit": report.misfit,
+            "identifiability": identifiability_record(report.identified),
             "particles": len(draws),
             "evaluations": report.evaluations,
             "invalid": report.invalid,

@@ -16,6 +16,7 @@ from femupdate import __version__
 from femupdate.building.schema import Building
 from femupdate.errors import MeasurementError, SurrogateError
 from femupdate.inference.bridge import BridgeResult, as_smc_result
+from femupdate.inference.identifiability import Identifiability
 from femupdate.inference.likelihood import DataLikelihood, LatentLikelihood
 from femupdate.inference.posterior import Posterior, save_posterior
 from femupdate.inference.prior import UniformPrior
@@ -28,6 +29,7 @@ from femupdate.surrogate.storage import SurrogateInfo
 from femupdate.workflow.model import REDUCED, StudyModel
 from femupdate.workflow.progress import Progress, Silent
 from femupdate.workflow.sampling import ChainRunner
+from femupdate.workflow.summary import identified, write_summary
 from femupdate.workflow.train import SURROGATE, find_surrogate, require_surrogate
 
 Floats = NDArray[np.float64]
@@ -87,6 +89,7 @@ class CalibrationReport:
         posterior: the draws.
         path: where they are stored.
         r_hat: (p,) potential scale reduction between the independent runs.
+        identified: which combinations of the parameters the data have determined.
         misfit: mean squared whitened residual of ln|H| at the posterior draw that fits best; 1
             when the model explains the data to within their noise.
         notes: what the user should know, in sentences.
@@ -99,6 +102,7 @@ class CalibrationReport:
     posterior: Posterior
     path: Path
     r_hat: Floats
+    identified: Identifiability
     misfit: float
     notes: tuple[str, ...]
     pictures: tuple[Path, ...]
@@ -223,13 +227,17 @@ def calibrate_study(
         POSTERIOR, "posterior.nc", "calibrate", origin, {"file": str(source.path), **settled}
     )
     run.clear()
+    found = identified(posterior)
+    notes = (*observation.notes, *notes, *_judgement(posterior, misfit), *found.sentences())
+    write_summary(study, posterior, found, misfit, notes)
     pictures = draw_posterior(study, model, posterior, show)
     return CalibrationReport(
         posterior,
         path,
         r_hat(posterior.theta),
+        found,
         misfit,
-        (*observation.notes, *notes, *_judgement(posterior, misfit)),
+        notes,
         pictures,
         time.monotonic() - started,
         sum(result.evaluations for result in results),

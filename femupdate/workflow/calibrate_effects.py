@@ -33,6 +33,7 @@ from femupdate.workflow.effects import (
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.progress import Progress, Silent
 from femupdate.workflow.repair import effect_posterior
+from femupdate.workflow.summary import identified, write_summary
 
 Floats = NDArray[np.float64]
 
@@ -66,12 +67,20 @@ def calibrate_with_effects(
     origin = {**model.made_from(), "observation": file_hash(source.path)}
     study.record(POSTERIOR, "posterior.nc", "calibrate", origin, {"file": str(source.path)})
     misfit = fitted.chi2 / max(problem.effective, 1.0)
+    found = identified(posterior)
+    notes = (
+        *observation.notes,
+        *_notes(problem, fitted, draws.effective, settings.particles),
+        *found.sentences(),
+    )
+    write_summary(study, posterior, found, misfit, notes)
     return CalibrationReport(
         posterior,
         path,
         r_hat(posterior.theta),
+        found,
         misfit,
-        (*observation.notes, *_notes(problem, fitted, draws.effective, settings.particles)),
+        notes,
         draw_posterior(study, model, posterior, show),
         time.monotonic() - started,
         3 * settings.particles,

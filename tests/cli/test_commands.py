@@ -120,6 +120,13 @@ def test_calibrate(exact, tower_observation):
     # Within 2 %: twenty posterior standard deviations, and a tenth of what tells the stories apart.
     assert answer["mean"] == pytest.approx(tower_observation.theta, rel=0.02)
     assert all(not_blank(Path(picture)) for picture in answer["pictures"])
+    told = answer["identifiability"]
+    assert told["undetermined"] == 0
+    assert len(told["modes"]) == 1
+    assert set(told["combinations"][0]["weight"]) == {"theta_1", "theta_2"}
+    summary = json.loads((study / "posterior_summary.json").read_text())
+    assert summary["identifiability"] == told
+    assert [p["mean"] for p in summary["parameters"]] == pytest.approx(answer["mean"])
 
 
 def test_calibrate_in_words(femupdate, calibrated, tower_observation):

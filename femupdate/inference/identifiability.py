@@ -1,0 +1,196 @@
+"""Which combinations of parameters the data do not determine: posterior against prior.
+
+Along the eigenvectors of the posterior covariance in coordinates where the prior's is the identity
+the two differ by one number each: the share of the prior's standard deviation that is left
+(likelihood-informed directions, Cui et al. 2014, Inverse Problems 30, 114015).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import ArrayLike, NDArray
+
+from femupdate.inference.modes import separate_modes
+
+Floats = NDArray[np.float64]
+
+# A combination that keeps more of its prior standard deviation counts as not determined.
+UNDETERMINED = 0.5
+# Below this share of its (squared) length in determined combinations a parameter is left alone.
+_LEFT_ALONE = 0.1
+# Parameters with less than this share of a combination's largest weight are not named.
+_NAMED = 0.35
+_MOST_NAMES, _MOST_TOLD = 6, 3
+
+
+@dataclass(frozen=True)
+class Combination:
+    """A direction in the logarithms of the parameters.
+
+    Attributes:
+        weight: (p,) of unit length, largest positive: change of each ln theta in units of its
+            prior standard deviation.
+        kept: posterior over prior standard deviation along it.
+    """
+
+    weight: Floats
+    kept: float
+
+
+@dataclass(frozen=True)
+class PosteriorMode:
+    """One of several separate modes.
+
+    Attributes:
+        weight: share of the draws.
+        mean: (p,).
+        sd: (p,).
+    """
+
+    weight: float
+    mean: Floats
+    sd: Floats
+
+
+@dataclass(frozen=True)
+class Identifiability:
+    """What data have told about parameters.
+
+    Attributes:
+        names: p.
+        combinations: all p of them, from the least determined on; inside the modes where there
+            are several.
+        left_alone: parameters that no determined combination holds a part of.
+        among_others: combinations of the other parameters alone, from the least determined on.
+        modes: heaviest first; one where the draws are of one piece.
+    """
+
+    names: tuple[str, ...]
+    combinations: tuple[Combination, ...]
+    left_alone: tuple[str, ...]
+    among_others: tuple[Combination, ...]
+    modes: tuple[PosteriorMode, ...]
+
+    @property
+    def undetermined(self) -> int:
+        """How many combinations have kept more than half of their prior standard deviation."""
+        return sum(part.kept > UNDETERMINED for part in self.combinations)
+
+    def sentences(self) -> tuple[str, ...]:
+        """What an engineer should know; nothing where all is determined."""
+        told = [*self._about_modes()]
+        if self.left_alone:
+            names = ", ".join(self.left_alone)
+            told.append(
+                f"The data say next to nothing about {names}: the posterior there is the prior."
+            )
+        loose = [part for part in self.among_others if part.kept > UNDETERMINED]
+        if loose:
+            listed = "; ".join(
+                f"{self.describe(part)} ({part.kept:.0%} of the prior's standard deviation left)"
+                for part in loose[:_MOST_TOLD]
+            )
+            more = f"; and {len(loose) - _MOST_TOLD} more" if len(loose) > _MOST_TOLD else ""
+            told.append(f"The data hardly determine {listed}{more}.")
+        return tuple(told)
+
+    def describe(self, part: Combination) -> str:
+        """Words for a combination, such as "theta_4 up with theta_5 down"."""
+        order = np.argsort(-np.abs(part.weight))
+        named = [k for k in order if abs(part.weight[k]) >= _NAMED * abs(part.weight[order[0]])]
+        shown = named[:_MOST_NAMES]
+        up, down = (
+            " and ".join(self.names[k] for k in shown if sign * part.weight[k] > 0)
+            for sign in (1.0, -1.0)
+        )
+        rest = ", among others" if len(named) > len(shown) else ""
+        if len(shown) == 1:
+            return f"{up} by itself"
+        return f"{up} up with {down} down{rest}" if down else f"{up} up together{rest}"
+
+    def _about_modes(self) -> list[str]:
+        if len(self.modes) == 1:
+            return []
+        listed = "; ".join(
+            f"{mode.weight:.0%} near "
+            + ", ".join(
+                f"{name} {value:.3g}" for name, value in zip(self.names, mode.mean, strict=True)
+            )
+            for mode in self.modes[:_MOST_NAMES]
+        )
+        return [
+            f"The posterior has {len(self.modes)} separate modes, between which the data cannot "
+            f"decide: {listed}. Means and standard deviations over all of them describe none; "
+            "those of each are in the summary."
+        ]
+
+
+def identifiability(
+    theta: ArrayLike, lower: ArrayLike, upper: ArrayLike, names: Sequence[str]
+) -> Identifiability:
+    """Compare posterior draws theta (n, p) with their uniform prior on [lower, upper] (p,).
+
+    Parameters with a positive lower bound are compared in their logarithm (a change by a factor),
+    others as they are. Separate modes are told apart first, and combinations are those inside the
+    modes, mean over their weights.
+    """
+    draws = np.asarray(theta, dtype=float)
+    white = _whitened(draws, np.asarray(lower, dtype=float), np.asarray(upper, dtype=float))
+    member = separate_modes(torch.from_numpy(white)).numpy()
+    groups = [np.flatnonzero(member == k) for k in range(member.max() + 1)]
+    share = [len(rows) / len(draws) for rows in groups]
+    inside = [np.atleast_2d(np.cov(white[rows].T)) for rows in groups]
+    covariance = np.sum([w * c for w, c in zip(share, inside, strict=True)], axis=0)
+    combinations = _combinations(covariance, np.arange(len(covariance)))
+    alone = _left_alone(combinations)
+    return Identifiability(
+        tuple(names),
+        combinations,
+        tuple(name for name, left in zip(names, alone, strict=True) if left),
+        _combinations(covariance, np.flatnonzero(~alone)),
+        tuple(
+            PosteriorMode(w, draws[rows].mean(axis=0), draws[rows].std(axis=0, ddof=1))
+            for w, rows in zip(share, groups, strict=True)
+        ),
+    )
+
+
+def _whitened(draws: Floats, lower: Floats, upper: Floats) -> Floats:
+    """Draws in coordinates in which each parameter's prior has mean zero and variance one."""
+    columns = []
+    for values, low, high in zip(draws.T, lower, upper, strict=True):
+        if low > 0.0:
+            mean, sd = _log_moments(low, high)
+            columns.append((np.log(values) - mean) / sd)
+        else:
+            columns.append((values - 0.5 * (low + high)) / ((high - low) / 12**0.5))
+    return np.column_stack(columns)
+
+
+def _log_moments(low: float, high: float) -> tuple[float, float]:
+    """Mean and standard deviation of ln u, u uniform on [low, high], by the antiderivatives."""
+    ends = np.array([low, high])
+    log = np.log(ends)
+    first = np.diff(ends * (log - 1.0))[0] / (high - low)
+    second = np.diff(ends * (log**2 - 2.0 * log + 2.0))[0] / (high - low)
+    return float(first), float(np.sqrt(second - first**2))
+
+
+def _combinations(covariance: Floats, chosen: NDArray[np.int64]) -> tuple[Combination, ...]:
+    """Eigenvectors of the chosen parameters' covariance, as directions of all parameters."""
+    value, vector = np.linalg.eigh(covariance[np.ix_(chosen, chosen)])
+    found = []
+    for variance, part in zip(value[::-1], vector.T[::-1], strict=True):
+        weight = np.zeros(len(covariance))
+        weight[chosen] = part * np.sign(part[np.abs(part).argmax()])
+        found.append(Combination(weight, float(np.sqrt(max(variance, 0.0)))))
+    return tuple(found)
+
+
+def _left_alone(combinations: Sequence[Combination]) -> NDArray[np.bool_]:
+    """Parameters (p,) that lie outside of all determined combinations."""
+    determined = [part.weight**2 for part in combinations if part.kept <= UNDETERMINED]
+    size = len(combinations)
+    return np.asarray(np.sum(determined or [np.zeros(size)], axis=0) < _LEFT_ALONE)

@@ -1,0 +1,76 @@
+"""Which separate modes the draws of a posterior lie in, found without knowing them.
+
+A mixture of Gaussians is fitted; components belong to one mode unless the density between them dips
+deeply (merging of components by the ridge between them, after Hennig 2010, Adv. Data Anal.
+Classif. 4, 3).
+"""
+
+import math
+from itertools import combinations
+
+import torch
+from torch import Tensor
+
+from femupdate.inference.mixture import GaussianMixture, fit_mixture
+
+_COMPONENTS = 8
+_FITTED = 4000
+# The saddle between two modes is lower than this share of the lower peak.
+_SADDLE = 0.1
+# A mode with a smaller share of the draws, or fewer of them, belongs to its nearest neighbour.
+_LEAST_WEIGHT, _LEAST_DRAWS = 0.01, 20
+# Distinct draws that a component needs, a coordinate and its weight: on fewer it is too narrow.
+_DISTINCT_PER_COORDINATE = 25
+_STEPS = 21
+
+
+def separate_modes(x: Tensor, seed: int = 0) -> Tensor:
+    """Return the mode (n,) of every draw of x (n, p), 0 for the heaviest.
+
+    Args:
+        x: in coordinates of comparable size, float64.
+        seed: of the mixture's start.
+    """
+    generator = torch.Generator(device=x.device).manual_seed(seed)
+    some = x[torch.randperm(len(x), generator=generator, device=x.device)[:_FITTED]]
+    distinct = len(torch.unique(some[:, 0]))
+    components = max(1, min(_COMPONENTS, distinct // (_DISTINCT_PER_COORDINATE * (x.shape[1] + 1))))
+    mixture = fit_mixture(some, components, generator, iterations=100)
+    group = torch.tensor(_joined(mixture), device=x.device)
+    member = group[mixture.component_log_density(x).argmax(dim=1)]
+    return _numbered(x, member)
+
+
+def _joined(mixture: GaussianMixture) -> list[int]:
+    """The group of every component.
+
+    Pairs join from the highest saddle down, as long as the saddle is not much below the lower of
+    the two groups' peaks: a broad component under two narrow ones joins one of them only.
+    """
+    count = len(mixture.mean)
+    peak = mixture.log_density(mixture.mean).tolist()
+    share = torch.linspace(0.0, 1.0, _STEPS, dtype=mixture.mean.dtype, device=mixture.mean.device)
+    saddles = []
+    for one, other in combinations(range(count), 2):
+        path = torch.lerp(mixture.mean[one], mixture.mean[other], share[:, None])
+        saddles.append((float(mixture.log_density(path).min()), one, other))
+    group = list(range(count))
+    for saddle, one, other in sorted(saddles, reverse=True):
+        a, b = group[one], group[other]
+        if a != b and saddle > min(peak[a], peak[b]) + math.log(_SADDLE):
+            group = [a if g == b else g for g in group]
+            peak[a] = max(peak[a], peak[b])
+    return group
+
+
+def _numbered(x: Tensor, member: Tensor) -> Tensor:
+    """Modes by weight, the smallest ones given to their neighbours."""
+    labels, counts = torch.unique(member, return_counts=True)
+    labels = labels[counts.argsort(descending=True)]
+    least = min(max(_LEAST_WEIGHT * len(x), _LEAST_DRAWS), int(counts.max()))
+    kept = labels[: int((counts >= least).sum())]
+    centre = torch.stack([x[member == label].mean(dim=0) for label in kept])
+    number = torch.cdist(x, centre).argmin(dim=1)
+    for place, label in enumerate(kept):
+        number[member == label] = place
+    return number

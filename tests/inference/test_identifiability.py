@@ -1,0 +1,124 @@
+"""What the data leave open: closed forms, and draws made to measure."""
+
+import numpy as np
+import pytest
+import torch
+from scipy.stats import loguniform, uniform
+
+from femupdate.benchmark.shear4dof import authors_case, benchmark_model, data_likelihood
+from femupdate.inference.identifiability import _log_moments, identifiability
+from femupdate.inference.modes import separate_modes
+from femupdate.inference.smc import TemperedSmc
+
+NAMES = ("theta_1", "theta_2", "theta_3")
+LOWER, UPPER = np.full(3, 0.2), np.array([3.0, 4.0, 5.0])
+
+
+def draws_of(covariance, count=20_000, mean=(0.1, -0.2, 0.0)):
+    """Draws whose ln theta, in the prior's standard deviations, have this covariance."""
+    white = np.random.default_rng(3).multivariate_normal(mean, covariance, size=count)
+    moments = np.array([_log_moments(*ends) for ends in zip(LOWER, UPPER, strict=True)])
+    return np.exp(moments[:, 0] + moments[:, 1] * white)
+
+
+def test_moments_of_a_logarithm():
+    mean, sd = _log_moments(0.3, 2.7)
+    u = np.log(uniform(0.3, 2.4).rvs(400_000, random_state=1))
+    assert mean == pytest.approx(u.mean(), abs=4 * u.std() / 400_000**0.5)
+    assert sd == pytest.approx(u.std(), rel=0.01)
+    assert loguniform(0.3, 2.7).std() > 0.0
+
+
+def test_eigenvectors_of_a_gaussian():
+    """theta_2 up with theta_3 down is open, their sum and theta_1 are determined."""
+    apart = np.array([0.0, 0.8, -0.6])
+    together = np.array([0.0, 0.6, 0.8])
+    first = np.array([1.0, 0.0, 0.0])
+    sizes = ((0.7, apart), (0.1, together), (0.05, first))
+    covariance = sum(sd**2 * np.outer(v, v) for sd, v in sizes)
+    found = identifiability(draws_of(covariance), LOWER, UPPER, NAMES)
+    assert found.undetermined == 1
+    assert len(found.modes) == 1
+    for part, (sd, direction) in zip(found.combinations, sizes, strict=True):
+        assert part.kept == pytest.approx(sd, rel=0.02)
+        np.testing.assert_allclose(part.weight, direction, atol=0.01)
+    assert found.left_alone == ()
+    (sentence,) = found.sentences()
+    assert "hardly determine theta_2 up with theta_3 down (69% of the prior's" in sentence
+    assert "theta_1" not in sentence
+
+
+def test_a_parameter_that_the_data_leave_alone_is_named_by_itself():
+    covariance = np.diag([0.95**2, 0.1**2, 0.2**2])
+    found = identifiability(draws_of(covariance), LOWER, UPPER, NAMES)
+    assert found.left_alone == ("theta_1",)
+    (sentence,) = found.sentences()
+    assert "next to nothing about theta_1" in sentence
+
+
+def test_nothing_is_said_where_all_is_determined():
+    found = identifiability(draws_of(np.diag([0.1, 0.2, 0.05]) ** 2), LOWER, UPPER, NAMES)
+    assert found.undetermined == 0
+    assert found.sentences() == ()
+
+
+def test_draws_of_the_prior_itself():
+    rng = np.random.default_rng(0)
+    theta = rng.uniform(LOWER, UPPER, size=(4000, 3))
+    found = identifiability(theta, LOWER, UPPER, NAMES)
+    assert len(found.modes) == 1
+    assert found.left_alone == NAMES
+    for part in found.combinations:
+        assert part.kept == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_bound_below_zero_is_taken_as_it_is():
+    theta = np.random.default_rng(0).normal(0.5, 0.3, size=(5000, 1))
+    found = identifiability(theta, [-1.0], [2.0], ["shift"])
+    assert found.combinations[0].kept == pytest.approx(0.3 / (3.0 / 12**0.5), rel=0.03)
+
+
+def test_modes_are_told_apart_and_their_widths_kept():
+    rng = np.random.default_rng(5)
+    centres = np.array([[0.5, 1.0, 2.0], [1.5, 0.6, 2.0], [2.0, 1.5, 0.7]])
+    which = rng.choice(3, size=6000, p=[0.2, 0.5, 0.3])
+    theta = centres[which] + 0.02 * rng.normal(size=(6000, 3))
+    found = identifiability(theta, LOWER, UPPER, NAMES)
+    assert [mode.weight for mode in found.modes] == pytest.approx([0.5, 0.3, 0.2], abs=0.02)
+    np.testing.assert_allclose([mode.mean for mode in found.modes], centres[[1, 2, 0]], atol=0.005)
+    np.testing.assert_allclose([mode.sd for mode in found.modes], 0.02, rtol=0.1)
+    # The modes lie as far apart as half of the prior's width, but inside them all is determined.
+    assert found.undetermined == 0
+    (sentence,) = found.sentences()
+    assert "3 separate modes" in sentence
+
+
+def test_a_curved_ridge_is_one_mode():
+    rng = np.random.default_rng(2)
+    t = rng.uniform(-1.0, 1.0, 4000)
+    x = np.column_stack([2.0 * t, 2.0 * t**2]) + 0.1 * rng.normal(size=(4000, 2))
+    assert int(separate_modes(torch.from_numpy(x)).max()) == 0
+
+
+def test_a_broad_part_does_not_join_two_peaks():
+    rng = np.random.default_rng(4)
+    peaks = np.where(rng.random((3600, 1)) < 0.4, -1.0, 1.0) + 0.02 * rng.normal(size=(3600, 2))
+    x = np.concatenate([peaks, rng.normal(size=(400, 2))])
+    member = separate_modes(torch.from_numpy(x)).numpy()
+    assert member.max() == 1
+    assert len(np.unique(member[:3600][peaks[:, 0] > 0])) == 1
+
+
+def test_the_four_modes_of_the_four_story_roof():
+    model = benchmark_model()
+    case = authors_case(model)
+    drawn = TemperedSmc(model.prior, data_likelihood(model, case)).run(2000, 3).theta
+    found = identifiability(drawn, model.prior.lower, model.prior.upper, model.prior.names)
+    assert len(found.modes) == 4
+    assert [mode.weight for mode in found.modes] == pytest.approx(
+        [0.34, 0.34, 0.19, 0.13], abs=0.05
+    )
+    for mode in found.modes:
+        assert np.abs(case.solutions - mode.mean).max(axis=1).min() < 0.02
+    assert found.undetermined == 0
+    assert "4 separate modes" in found.sentences()[0]
