@@ -1,6 +1,6 @@
 """The building rendered off screen by PyVista."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femupdate.report.geometry import VIEW, Floats, Geometry, mesh_lines, outline
-from femupdate.report.style import INK
+from femupdate.report.glyphs import Glyphs
+from femupdate.report.style import FAINT, INK, ORANGE, QUIET
 
 Pixels = NDArray[np.uint8]
 
@@ -51,6 +52,53 @@ def render(geometry: Geometry, moved: Floats, values: Floats, color_map: str, to
             return np.asarray(plotter.screenshot(return_img=True))[..., :3]
         finally:
             plotter.close()
+
+
+def render_marked(
+    geometry: Geometry, glyphs: Glyphs, names: Sequence[str], places: Floats
+) -> Pixels:
+    """Return a picture (h, w, 3) of a building in grey with signs on it, white around.
+
+    Args:
+        geometry: the building.
+        glyphs: drawn in a colour of their own.
+        names: written beside the building.
+        places: (f, 3) where.
+    """
+    with _quiet_vtk():
+        import pyvista
+
+        plotter: Any = pyvista.Plotter(off_screen=True, window_size=list(WINDOW))
+        try:
+            plotter.set_background("white")
+            plotter.enable_anti_aliasing("ssaa")
+            if len(geometry.shells):
+                faces = np.insert(geometry.shells, 0, 4, axis=1).ravel()
+                shells = pyvista.PolyData(geometry.nodes, faces=faces)
+                plotter.add_mesh(shells, color=FAINT, opacity=0.3, lighting=False)
+            wires = _lines(pyvista, geometry.nodes, outline(geometry))
+            plotter.add_mesh(wires, color=QUIET, line_width=2.5, lighting=False)
+            for mesh in _signs(pyvista, geometry, glyphs):
+                plotter.add_mesh(mesh, color=ORANGE, ambient=0.35)
+            look = {"text_color": INK, "font_size": 34, "shape": None, "show_points": False}
+            plotter.add_point_labels(places, list(names), always_visible=True, **look)
+            plotter.enable_parallel_projection()
+            plotter.view_vector(VIEW, viewup=(0.0, 0.0, 1.0))
+            return np.asarray(plotter.screenshot(return_img=True))[..., :3]
+        finally:
+            plotter.close()
+
+
+def _signs(pyvista: Any, geometry: Geometry, glyphs: Glyphs) -> Iterator[Any]:
+    for centre, radius in glyphs.balls:
+        yield pyvista.Sphere(radius=radius, center=centre)
+    for line in glyphs.lines:
+        tube = pyvista.lines_from_points(line).tube(radius=1.4 * TUBE * geometry.size, n_sides=12)
+        yield tube
+    if glyphs.faces:
+        corners = np.concatenate(glyphs.faces)
+        quads = np.arange(len(corners)).reshape(-1, 4)
+        yield pyvista.PolyData(corners, faces=np.insert(quads, 0, 4, axis=1).ravel())
 
 
 def _meshes(pyvista: Any, geometry: Geometry, moved: Floats, values: Floats) -> Iterator[Any]:

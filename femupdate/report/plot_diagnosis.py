@@ -63,10 +63,10 @@ def residual_map(
     ]
     figure = new_figure(4.6 * len(grids) + 1.2, 0.9 + 0.38 * len(floors))
     panels = np.atleast_1d(figure.subplots(1, len(grids), sharey=True))
-    top = _top([grid for _, grid in grids])
+    top = largest_misfit([grid for _, grid in grids])
     pictures = []
     for panel, (name, grid) in zip(panels, grids, strict=True):
-        pictures.append(_map(panel, edges, grid, top))
+        pictures.append(draw_misfit(panel, edges, grid, top))
         panel.set_title(name)
         panel.set_yticks(range(len(floors)), floors)
         panel.set_xlabel("Frequency, Hz")
@@ -76,12 +76,14 @@ def residual_map(
     return figure
 
 
-def _top(grids: Sequence[Floats]) -> float:
+def largest_misfit(grids: Sequence[Floats]) -> float:
+    """Where the colours of some misfits (f, b) end."""
     largest = max((float(np.nanmax(grid)) for grid in grids if np.isfinite(grid).any()), default=2)
     return float(np.clip(largest, 2.0, _HIGHEST))
 
 
-def _map(panel: Axes, edges: Floats, grid: Floats, top: float) -> QuadMesh:
+def draw_misfit(panel: Axes, edges: Floats, grid: Floats, top: float) -> QuadMesh:
+    """Draw one misfit (f, b) over bands with edges (b + 1,), Hz, its colours ending at `top`."""
     rows = np.arange(len(grid) + 1) - 0.5
     picture = panel.pcolormesh(edges, rows, grid, cmap="OrRd", norm=Normalize(1.0, top))
     panel.set_xscale("log")

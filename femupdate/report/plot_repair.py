@@ -10,6 +10,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from femupdate.report.figure import Floats, add_head, new_figure
+from femupdate.report.geometry import Geometry
+from femupdate.report.glyphs import Glyphs
+from femupdate.report.marked_building import draw_marked
+from femupdate.report.plot_diagnosis import draw_misfit, largest_misfit
+from femupdate.report.scenes import Renderer
 from femupdate.report.style import BLUE, INK, ORANGE, styled
 
 _BEFORE: dict[str, Any] = {"color": ORANGE, "linewidth": 1.1}
@@ -37,11 +42,34 @@ class Curves:
 
 
 @dataclass(frozen=True)
+class Scene:
+    """Where the model failed, what was added and where it sits, what is left.
+
+    Attributes:
+        edges_hz: (b + 1,) edges of the bands.
+        before, after: (f, b) rms residual over noise of the measured floors.
+        geometry: of the building.
+        glyphs: the signs of what was added.
+        floors: names and heights (m) of the building's floors.
+        caption: what was added.
+    """
+
+    edges_hz: Floats
+    before: Floats
+    after: Floats
+    geometry: Geometry
+    glyphs: Glyphs
+    floors: Sequence[tuple[str, float]]
+    caption: str
+
+
+@dataclass(frozen=True)
 class GapStory:
     """All that one picture tells.
 
     Attributes:
         headline: what was added.
+        scene: residuals and the building between them; None where nothing was added.
         curves: FRFs.
         names: p names of the stiffness factors.
         theta_before, theta_after: (n, p) draws.
@@ -50,6 +78,7 @@ class GapStory:
     """
 
     headline: str
+    scene: Scene | None
     curves: Curves
     names: Sequence[str]
     theta_before: Floats
@@ -58,20 +87,30 @@ class GapStory:
 
 
 @styled
-def gap_story(story: GapStory) -> Figure:
-    """Draw FRFs, stiffness factors and, where data were kept out, their prediction."""
+def gap_story(story: GapStory, renderer: Renderer = "auto") -> Figure:
+    """Draw residuals before and after, what was added between them, FRFs, factors, held-out data.
+
+    Args:
+        story: what to tell.
+        renderer: of the building, as for `mode_shape_scene`.
+    """
     curves = story.curves
     chosen = _floors(curves)
     rows = len(chosen)
-    figure = new_figure(11.0, 1.9 * rows + 0.6 + (2.1 if story.held is not None else 0.0))
-    height = [1.0] * rows + ([1.15] if story.held is not None else [])
+    above = [] if story.scene is None else [max(3.4, 0.42 * len(curves.floors))]
+    height = [*above, *[1.6] * rows, *([] if story.held is None else [1.9])]
+    figure = new_figure(12.0, sum(height) + 1.0)
     grid = figure.add_gridspec(len(height), 3, height_ratios=height)
+    first = len(above)
+    if story.scene is not None:
+        panels = [figure.add_subplot(grid[0, column]) for column in range(3)]
+        _scene(figure, panels, story.scene, curves.floors, renderer)
     for row, place in enumerate(chosen):
-        panel = figure.add_subplot(grid[row, :2])
+        panel = figure.add_subplot(grid[first + row, :2])
         _frf(panel, curves, place, last=row == rows - 1)
-    _theta(figure.add_subplot(grid[:rows, 2]), story)
+    _theta(figure.add_subplot(grid[first : first + rows, 2]), story)
     if story.held is not None:
-        _histories(figure.add_subplot(grid[rows, :]), story.held)
+        _histories(figure.add_subplot(grid[first + rows, :]), story.held)
     handles = [
         Line2D([], [], label="measured", **_MEASURED),
         Line2D([], [], label="model before", **_BEFORE),
@@ -80,6 +119,21 @@ def gap_story(story: GapStory) -> Figure:
         handles.append(Line2D([], [], label="model after", **_AFTER))
     add_head(figure, story.headline, handles)
     return figure
+
+
+def _scene(
+    figure: Figure, panels: Sequence[Axes], scene: Scene, floors: Sequence[str], renderer: Renderer
+) -> None:
+    grids = [scene.before, scene.after]
+    top = largest_misfit(grids)
+    for panel, name, grid in zip(panels[::2], ("before", "after"), grids, strict=True):
+        picture = draw_misfit(panel, scene.edges_hz, grid, top)
+        panel.set_yticks(range(len(floors)), floors)
+        panel.set_title(f"{name}: residual / noise")
+        panel.set_xlabel("Frequency, Hz")
+    figure.colorbar(picture, ax=panels[2], pad=0.02)
+    draw_marked(panels[1], scene.geometry, scene.glyphs, scene.floors, renderer)
+    panels[1].set_title(scene.caption, loc="center")
 
 
 def _floors(curves: Curves) -> list[int]:

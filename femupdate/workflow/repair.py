@@ -368,14 +368,26 @@ def _draw(
     observation: Observation,
 ) -> tuple[Path, ...]:
     from femupdate.report.figure import save_figure
+    from femupdate.report.glyphs import Glyphs
     from femupdate.report.plot_diagnosis import residual_map
-    from femupdate.report.plot_repair import Curves, GapStory, gap_story
+    from femupdate.report.plot_repair import Curves, GapStory, Scene, gap_story
+    from femupdate.workflow.effect_glyphs import effect_glyphs, geometry_of
 
     floors, edges, first = cells_as_grid(residual_cells(problem, done.before))
     maps = [("before", first)]
-    if done.rounds:
-        maps.append(("after", cells_as_grid(residual_cells(problem, done.after))[2]))
     names = [one.finding.placed for one in done.rounds]
+    scene = None
+    if done.rounds:
+        last = cells_as_grid(residual_cells(problem, done.after))[2]
+        maps.append(("after", last))
+        structure = reduced.structure
+        geometry = geometry_of(structure)
+        glyphs = sum((effect_glyphs(structure, geometry, one) for one in names), Glyphs())
+        levels = list(zip(structure.floors, structure.levels.tolist(), strict=True))
+        caption = "\n".join(
+            f"{one.finding.placed.effect.title}, {one.finding.placed.place}" for one in done.rounds
+        )
+        scene = Scene(edges, first, last, geometry, glyphs, levels, caption)
     title = " and ".join(f"{p.effect.title.lower()} at {p.place}" for p in names)
     headline = f"Added: {title}" if names else "Nothing was added"
     paths = [
@@ -393,6 +405,7 @@ def _draw(
     )
     story = GapStory(
         headline,
+        scene,
         curves,
         [f"θ{k + 1}" for k in range(before.theta.shape[1])],
         before.theta,

@@ -1,0 +1,78 @@
+"""Signs for things that are not in a mesh: masses, springs, dashpots, sensors, arrows, walls."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+_TURNS, _WIDTH = 5, 0.18  # of a spring; width over length
+
+
+@dataclass(frozen=True)
+class Glyphs:
+    """What is drawn on top of a building, in its coordinates, m.
+
+    Attributes:
+        balls: centres (3,) and radii.
+        lines: (n, 3) each, drawn as tubes.
+        faces: (4, 3) each, drawn as surfaces.
+    """
+
+    balls: tuple[tuple[Floats, float], ...] = ()
+    lines: tuple[Floats, ...] = field(default=())
+    faces: tuple[Floats, ...] = ()
+
+    def __add__(self, other: "Glyphs") -> "Glyphs":
+        """Both."""
+        return Glyphs(self.balls + other.balls, self.lines + other.lines, self.faces + other.faces)
+
+
+def ball(centre: Floats, radius: float) -> Glyphs:
+    """A mass, or a sensor."""
+    return Glyphs(balls=((np.asarray(centre, dtype=np.float64), radius),))
+
+
+def arrow(start: Floats, end: Floats) -> Glyphs:
+    """From start to end, the head in the vertical plane or flat where the arrow is upright."""
+    along = end - start
+    length = float(np.linalg.norm(along))
+    side = _across(along) * 0.14 * length
+    neck = start + 0.72 * along
+    return Glyphs(lines=(np.stack([start, end]), np.stack([neck + side, end, neck - side])))
+
+
+def spring(start: Floats, end: Floats) -> Glyphs:
+    """A zigzag between two points, straight at its ends."""
+    along, side = end - start, _across(end - start)
+    share = np.linspace(0.2, 0.8, 2 * _TURNS + 1)
+    swing = _WIDTH * float(np.linalg.norm(along)) * np.where(np.arange(len(share)) % 2, 1.0, -1.0)
+    swing[[0, -1]] = 0.0
+    middle = start + share[:, None] * along + swing[:, None] * side
+    return Glyphs(lines=(np.vstack([start, middle, end]),))
+
+
+def dashpot(start: Floats, end: Floats) -> Glyphs:
+    """A piston in a cup between two points."""
+    along = end - start
+    side = _across(along) * 0.09 * float(np.linalg.norm(along))
+    cup = [start + 0.62 * along + side, start + 0.38 * along + side]
+    cup += [start + 0.38 * along - side, start + 0.62 * along - side]
+    plate = [start + 0.52 * along + 0.8 * side, start + 0.52 * along - 0.8 * side]
+    rods = [[start, start + 0.38 * along], [start + 0.52 * along, end]]
+    return Glyphs(lines=tuple(np.stack(one) for one in ([*cup], plate, *rods)))
+
+
+def surfaces(corners: Sequence[Floats]) -> Glyphs:
+    """Walls or slabs, four corners (4, 3) each."""
+    return Glyphs(faces=tuple(corners))
+
+
+def _across(along: Floats) -> Floats:
+    """A unit vector across a direction, upright unless that is upright itself."""
+    unit = along / np.linalg.norm(along)
+    up = np.array([0.0, 0.0, 1.0]) if abs(unit[2]) < 0.9 else np.array([1.0, 0.0, 0.0])
+    side = up - (up @ unit) * unit
+    return np.asarray(side / np.linalg.norm(side))
