@@ -10,7 +10,7 @@ from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 from femupdate.errors import ModelError
 from femupdate.fe.assembly import AffineOperators
 from femupdate.fe.factorization import Factorization, factorize
-from femupdate.fe.lanczos import largest_of_inverse
+from femupdate.fe.lanczos import block_size, largest_of_inverse
 from femupdate.fe.mechanism import factorize_held, factorize_supported, refuse_negative
 from femupdate.fe.model import Floats
 
@@ -29,6 +29,7 @@ _TOLERANCE = 1e-7  # of residuals; the frequencies have twice as many digits
 _ARPACK_TOLERANCE = 1e-8
 _RESIDUAL = 1e-6  # relative; sound problems leave 1e-7 at most
 _SEED = 20240
+_CLEAR = 1e-3  # relative distance of two modes between which pivots are counted
 _GAP = 1e-4  # relative; nearer to a mode the signs of the pivots are not sure
 _CLOSE = 1e-6  # relative; components this close to the largest tie for the sign
 
@@ -186,7 +187,8 @@ def _condensed(problem: _Problem, count: int) -> tuple[Floats, Floats]:
 
 
 def _own_lanczos(problem: _Problem, count: int) -> tuple[Floats, Floats] | None:
-    start = np.random.default_rng(_SEED).standard_normal(problem.stiffness.shape[0])
+    size = problem.stiffness.shape[0]
+    start = np.random.default_rng(_SEED).standard_normal((size, block_size(count)))
     found = largest_of_inverse(problem.factorization.apply, problem.mass, start, count, _TOLERANCE)
     return None if found is None else (problem.shift + 1.0 / found[0], found[1])
 
@@ -219,12 +221,12 @@ def _sharp_arpack(problem: _Problem, count: int) -> tuple[Floats, Floats] | None
 
 
 def _complete(problem: _Problem, values: Floats) -> bool:
-    """Whether as many eigenvalues lie below a gap near the top as were found below it."""
+    """Whether as many eigenvalues lie below the highest gap as were found below it."""
     edges = np.concatenate([[problem.shift], values])
     gaps = np.diff(edges) / (values - problem.shift)
-    half = len(values) // 2
-    top = half + int(gaps[half:].argmax())
-    if gaps[top] < _GAP:  # a cluster fills the upper half: look below all modes
+    clear = np.flatnonzero(gaps >= _CLEAR)  # the highest gap leaves least unseen above it
+    top = int(clear[-1]) if len(clear) else int(gaps.argmax())
+    if gaps[top] < _GAP:
         top = 0
     between = 0.5 * (edges[top] + edges[top + 1])
     pivots = _indefinite(problem.stiffness - between * problem.mass).pivots()
