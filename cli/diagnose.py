@@ -22,6 +22,11 @@ _SHOWN = 6
 @click.command("diagnose")
 @click.argument("observation", type=click.Path(path_type=Path))
 @click.option("--building", help="Shipped name or TOML file, for a new study.")
+@click.option(
+    "--second",
+    type=click.Path(path_type=Path),
+    help="Another record at another level, to be explained together.",
+)
 @click.option("--sensors", callback=parse_names, help="Floors to use, such as RF or 2F,RF.")
 @click.option("--band", callback=parse_band, help="Frequencies to use, such as 0.5,18 (Hz).")
 @click.option("--no-phase", is_flag=True, help="Use |H| alone.")
@@ -31,6 +36,7 @@ _SHOWN = 6
 def command(
     observation: Path,
     building: str | None,
+    second: Path | None,
     sensors: tuple[str, ...],
     band: tuple[float, float] | None,
     no_phase: bool,
@@ -53,11 +59,16 @@ def command(
 
     study = Study(study_folder)
     source = ObservationSource(observation, unit, columns, sensors, band)
+    more = None
+    if second is not None:
+        more = ObservationSource(second, unit, columns, sensors, band)
     with Bars() as bars:
-        check_readable(source)
+        for given in (source, more):
+            if given is not None:
+                check_readable(given)
         model = open_study(study, building, bars)
         settings = DiagnosisSettings(seed=seed)
-        report = diagnose_study(study, model, source, settings, bars, not no_phase)
+        report = diagnose_study(study, model, source, settings, bars, not no_phase, more)
     if as_json:
         print_json({**report.as_dict(), "diagnosis": report.path, "pictures": report.pictures})
         return

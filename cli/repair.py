@@ -19,6 +19,11 @@ from .common import (
 @click.argument("observation", type=click.Path(path_type=Path))
 @click.option("--building", help="Shipped name or TOML file, for a new study.")
 @click.option("--holdout", type=click.Path(path_type=Path), help="Data kept out, to be predicted.")
+@click.option(
+    "--second",
+    type=click.Path(path_type=Path),
+    help="Another record at another level, to be explained together.",
+)
 @click.option("--sensors", callback=parse_names, help="Floors to use, such as RF or 2F,RF.")
 @click.option("--band", callback=parse_band, help="Frequencies to use, such as 0.5,18 (Hz).")
 @click.option("--no-phase", is_flag=True, help="Use |H| alone.")
@@ -29,6 +34,7 @@ def command(
     observation: Path,
     building: str | None,
     holdout: Path | None,
+    second: Path | None,
     sensors: tuple[str, ...],
     band: tuple[float, float] | None,
     no_phase: bool,
@@ -51,16 +57,17 @@ def command(
 
     study = Study(study_folder)
     source = ObservationSource(observation, unit, columns, sensors, band)
-    other = None
-    if holdout is not None:
-        other = ObservationSource(holdout, unit, columns, sensors, band)
+    other, more = (
+        None if path is None else ObservationSource(path, unit, columns, sensors, band)
+        for path in (holdout, second)
+    )
     with Bars() as bars:
-        for given in (source, other):
+        for given in (source, other, more):
             if given is not None:
                 check_readable(given)
         model = open_study(study, building, bars)
         settings = DiagnosisSettings(seed=seed)
-        report = repair_study(study, model, source, other, settings, bars, not no_phase)
+        report = repair_study(study, model, source, other, settings, bars, not no_phase, more)
     if as_json:
         print_json({**report.as_dict(), "repair": report.path, "pictures": report.pictures})
         return

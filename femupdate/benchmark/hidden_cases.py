@@ -197,6 +197,7 @@ def _hide(
         effect
         for effect in (OUTSIDE if kind == FOREIGN else CATALOGUE.values())
         if effect.name not in _NOT_HIDDEN
+        and not effect.needs_levels
         and effect.places(structure)
         and (use_phase or not effect.needs_phase)
     ]

@@ -60,6 +60,6 @@ def log_frf(structure: Structure, theta: Floats, zeta: float, frequency_hz: Floa
         raise ValueError("a shear building has no mesh")
     force = structure.rigid_force[:, TRANSLATION]
     sensors = FloorSensors(structure.floor_rows, force, structure.direction)
-    top = 1.4 * float(frequency_hz[-1])
+    top = 1.4 * float(frequency_hz.max())
     modes = full_modes(structure.operators, sensors, theta, top, terms=6)
     return modes.felt.log_frf(frequency_hz, zeta)

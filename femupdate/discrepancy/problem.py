@@ -1,6 +1,6 @@
 """The data as the effect finder judges them: whitened residuals of ln|H| and of the phase."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -32,9 +32,27 @@ class MeshError:
     sd: float = 0.35
 
 
+@dataclass(frozen=True)
+class Block:
+    """Some neighbouring points of the frequency axis, which one record gave.
+
+    Attributes:
+        points: how many.
+        independent: share of them that err independently.
+        segment_s: length of the Hann segments from which H1 estimated the FRFs, s; None for FRFs
+            read from a table.
+        level: doublings of the amplitude above that of the first record.
+    """
+
+    points: int
+    independent: float
+    segment_s: float | None = None
+    level: float = 0.0
+
+
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A structure, what was observed of it, and what may be said of both.
+    """A structure, what was observed of it in one record or several, and what may be said of both.
 
     Attributes:
         reduced: the structure through its basis.
@@ -42,14 +60,12 @@ class Problem:
         lower, upper: (p,) box of the stiffness factors.
         zeta: (lower, upper) where the damping ratio is a nuisance.
         fixed_zeta: the damping ratio where it is not.
-        frequency_hz: (k,).
+        frequency_hz: (k,), one record after the other.
         rows: which floors are observed.
         log_frf: (f, k) observed; zero where not valid.
         phase: (f, k) observed, rad, or None.
         sd: (f, k) of ln|H| and phase; infinite where not valid.
-        independent: share of the points that err independently.
-        segment_s: length of the Hann segments from which H1 estimated the FRFs, s; None for FRFs
-            read from a table.
+        blocks: the records.
         mesh: error of the mesh, or None.
         mimicked: log evidence that errors of the model itself may bring to an effect.
     """
@@ -65,8 +81,7 @@ class Problem:
     log_frf: Tensor
     phase: Tensor | None
     sd: Tensor
-    independent: float
-    segment_s: float | None = None
+    blocks: tuple[Block, ...]
     mesh: MeshError | None = None
     mimicked: float = 0.0
 
@@ -79,32 +94,40 @@ class Problem:
     @property
     def effective(self) -> float:
         """Number of them that err independently."""
-        return self.independent * self.points
+        valid = float((torch.isfinite(self.sd) * self.independent).sum())
+        return valid if self.phase is None else 2.0 * valid
+
+    @property
+    def independent(self) -> Tensor:
+        """(k,) share by which a point counts."""
+        parts = [torch.full((b.points,), b.independent, dtype=torch.float64) for b in self.blocks]
+        return torch.cat(parts)
+
+    @property
+    def estimated(self) -> bool:
+        """Whether FRFs were estimated from histories here."""
+        return any(block.segment_s is not None for block in self.blocks)
+
+    @property
+    def levels(self) -> bool:
+        """Whether there are records of different levels."""
+        return len({block.level for block in self.blocks}) > 1
 
     def system(self, placed: tuple[Placed, ...] = ()) -> EffectSystem:
         """The structure with effects."""
         terms = tuple(self.reduced.terms(one) for one in placed)
         return EffectSystem(self.reduced, self.law, placed, terms)
 
-    def seen(self, frf: Tensor) -> Tensor:
-        """FRFs (N, f, k) as Welch's method shows them: averaged over the spectrum of its window.
-
-        Of white noise H1 shows H averaged with the weight |W|^2, W = sinc(x) / (1 - x^2) with
-        x = f T for a Hann window of T seconds (Bendat and Piersol 2010, section 8.5; Harris 1978).
-        Unseen by the model, the blunted peaks would pass for effects.
-        """
-        if self.segment_s is None or frf.shape[2] < 2:
-            return frf
-        step = self.segment_s * float(self.frequency_hz[1] - self.frequency_hz[0])
-        reach = min(int(np.ceil(_REACH / step)), frf.shape[2] - 1)
-        x = step * np.arange(-reach, reach + 1)
-        x = np.where(np.abs(np.abs(x) - 1.0) < 1e-6, 1.0 - 1e-6, x)
-        weight = torch.from_numpy((np.sinc(x) / (1.0 - x**2)) ** 2)
-        weight = (weight / weight.sum()).reshape(1, 1, -1)
-        ends = [frf[..., :1].expand(-1, -1, reach), frf[..., -1:].expand(-1, -1, reach)]
-        wide = torch.cat([ends[0], frf, ends[1]], dim=2).reshape(-1, 1, frf.shape[2] + 2 * reach)
-        parts = [torch.nn.functional.conv1d(part, weight) for part in (wide.real, wide.imag)]
-        return torch.complex(*parts).reshape(frf.shape)
+    def predicted(self, system: EffectSystem, theta: Tensor, zeta: Tensor, sizes: Tensor) -> Tensor:
+        """Complex FRFs (N, f, k) of the observed floors, as each record shows them."""
+        parts, first = [], 0
+        for block in self.blocks:
+            frequency = self.frequency_hz[first : first + block.points]
+            first += block.points
+            own = system.at_level(theta, zeta, sizes, block.level)
+            frf = system.frf(*own, sizes, frequency)[:, list(self.rows)]
+            parts.append(_seen(frf, block.segment_s, frequency))
+        return torch.cat(parts, dim=2)
 
     def residuals(
         self, system: EffectSystem, theta: Tensor, zeta: Tensor, sizes: Tensor, mesh: Tensor
@@ -116,7 +139,7 @@ class Problem:
             theta: (N, p); zeta: (N,); sizes: (N, q) of the effects; mesh: (N,) share of the mesh
                 error.
         """
-        frf = self.seen(system.frf(theta, zeta, sizes, self.frequency_hz)[:, list(self.rows)])
+        frf = self.predicted(system, theta, zeta, sizes)
         weight = (1.0 / self.sd) * self.independent**0.5
         predicted = frf.abs().clamp_min(1e-12).log()
         if self.mesh is not None:
@@ -127,6 +150,57 @@ class Problem:
             turn = torch.remainder(self.phase - frf.angle() + torch.pi, 2.0 * torch.pi) - torch.pi
             parts.append((turn * weight).clamp(-_WILD, _WILD).flatten(1))
         return torch.cat(parts, dim=1)
+
+
+def _seen(frf: Tensor, segment_s: float | None, frequency_hz: Tensor) -> Tensor:
+    """FRFs (N, f, k) as Welch's method shows them: averaged over the spectrum of its window.
+
+    Of white noise H1 shows H averaged with the weight |W|^2, W = sinc(x) / (1 - x^2) with
+    x = f T for a Hann window of T seconds (Bendat and Piersol 2010, section 8.5; Harris 1978).
+    Unseen by the model, the blunted peaks would pass for effects.
+    """
+    if segment_s is None or frf.shape[2] < 2:
+        return frf
+    step = segment_s * float(frequency_hz[1] - frequency_hz[0])
+    reach = min(int(np.ceil(_REACH / step)), frf.shape[2] - 1)
+    x = step * np.arange(-reach, reach + 1)
+    x = np.where(np.abs(np.abs(x) - 1.0) < 1e-6, 1.0 - 1e-6, x)
+    weight = torch.from_numpy((np.sinc(x) / (1.0 - x**2)) ** 2)
+    weight = (weight / weight.sum()).reshape(1, 1, -1)
+    ends = [frf[..., :1].expand(-1, -1, reach), frf[..., -1:].expand(-1, -1, reach)]
+    wide = torch.cat([ends[0], frf, ends[1]], dim=2).reshape(-1, 1, frf.shape[2] + 2 * reach)
+    parts = [torch.nn.functional.conv1d(part, weight) for part in (wide.real, wide.imag)]
+    return torch.complex(*parts).reshape(frf.shape)
+
+
+def together(first: Problem, second: Problem, level: float) -> Problem:
+    """Two records of the same structure as one problem.
+
+    Args:
+        first: its level is the reference.
+        second: of the other record.
+        level: of the second, in doublings of the amplitude.
+    """
+    rows = tuple(sorted({*first.rows, *second.rows}))
+    joined = [
+        _on_rows(one.phase, one.rows, rows, 0.0) for one in (first, second) if one.phase is not None
+    ]
+    return replace(
+        first,
+        frequency_hz=torch.cat([first.frequency_hz, second.frequency_hz]),
+        rows=rows,
+        log_frf=torch.cat([_on_rows(p.log_frf, p.rows, rows, 0.0) for p in (first, second)], dim=1),
+        phase=torch.cat(joined, dim=1) if len(joined) == 2 else None,
+        sd=torch.cat([_on_rows(p.sd, p.rows, rows, torch.inf) for p in (first, second)], dim=1),
+        blocks=(*first.blocks, *(replace(one, level=level) for one in second.blocks)),
+    )
+
+
+def _on_rows(values: Tensor, own: tuple[int, ...], rows: tuple[int, ...], missing: float) -> Tensor:
+    """Values (f, k) of some floors on the rows of more."""
+    wide = values.new_full((len(rows), values.shape[1]), missing)
+    wide[[rows.index(row) for row in own]] = values
+    return wide
 
 
 _WILD = 8.0
@@ -186,7 +260,12 @@ def make_problem(
         log_frf=torch.where(valid, torch.from_numpy(np.nan_to_num(observation.log_frf)), 0.0),
         phase=None if phase is None else torch.from_numpy(np.nan_to_num(phase)),
         sd=torch.where(valid, (noise**2 + model_error**2).sqrt(), infinite),
-        independent=min(1.0, spacing / (resolution * (1.0 if table else _CORRELATED))),
-        segment_s=None if table else _HANN / resolution,
+        blocks=(
+            Block(
+                observation.frequency_hz.size,
+                min(1.0, spacing / (resolution * (1.0 if table else _CORRELATED))),
+                None if table else _HANN / resolution,
+            ),
+        ),
         mimicked=mimicked,
     )

@@ -53,7 +53,9 @@ def candidates(problem: Problem, present: tuple[Placed, ...] = ()) -> list[Place
     for effect in CATALOGUE.values():
         if effect.needs_phase and problem.phase is None:
             continue
-        if effect.tables_only and problem.segment_s is not None:
+        if effect.tables_only and problem.estimated:
+            continue
+        if effect.needs_levels and not problem.levels:
             continue
         for place in effect.places(structure):
             placed = Placed(effect, place)
@@ -83,15 +85,15 @@ def starts(problem: Problem, placed: Placed) -> list[tuple[float, ...]]:
     size = own[0]
     sign = -1.0 if size.upper <= size.neutral else 1.0
     first = size.neutral + sign * _STEP * size.scale
-    if len(own) == 1:
-        return [(first,)]
+    if len(own) == 1 or placed.effect.needs_levels:
+        return [(first, *(p.neutral for p in own[1:]))]
     tunings = _tunings(problem)
     return [(first, tuning, *(p.neutral for p in own[2:])) for tuning in tunings]
 
 
 def _tunings(problem: Problem) -> list[float]:
     """Ratios to the first frequency around the lower half of the grid."""
-    top = 0.6 * float(problem.frequency_hz[-1])
+    top = 0.6 * float(problem.frequency_hz.max())
     first = problem.reduced.structure.fundamental[0] / (2.0 * np.pi)
     return [float(r) for r in np.geomspace(0.5, max(1.2, min(top / first, 7.0)), 12)]
 

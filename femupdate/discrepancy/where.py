@@ -37,14 +37,14 @@ def residual_cells(problem: Problem, fitted: Fit) -> tuple[Cell, ...]:
     """Mean squared residual of every observed floor in bands of equal width in log frequency."""
     squared, valid = _squared(problem, fitted)
     frequency = problem.frequency_hz.numpy()
-    edges = band_edges(frequency)
+    edges, weight = band_edges(frequency), problem.independent.numpy()
     cells: list[Cell] = []
     for row, seen, number in zip(squared, valid, problem.rows, strict=True):
         for low, high in pairwise(edges):
             inside = seen & (frequency >= low) & (frequency < high)
             count = int(inside.sum()) * (2 if problem.phase is not None else 1)
             total = float(row[inside].sum())
-            freedom = count * problem.independent
+            freedom = count * float(weight[inside].mean()) if count else 0.0
             # The last points before coherence is lost were chosen by chance: too few say nothing.
             enough = freedom >= _FEWEST
             tail = float(chi2.sf(total, freedom)) if enough else 1.0
@@ -56,9 +56,9 @@ def residual_cells(problem: Problem, fitted: Fit) -> tuple[Cell, ...]:
 
 def band_edges(frequency_hz: Floats) -> Floats:
     """Edges (bands + 1,) Hz, a third of an octave or wider, over the upper part of the grid."""
-    low = max(float(frequency_hz[0]), float(frequency_hz[-1]) / 64.0)
-    edges = np.geomspace(low, float(frequency_hz[-1]) * 1.0001, _BANDS + 1)
-    edges[0] = float(frequency_hz[0])
+    bottom, top = float(frequency_hz.min()), float(frequency_hz.max())
+    edges = np.geomspace(max(bottom, top / 64.0), top * 1.0001, _BANDS + 1)
+    edges[0] = bottom
     return edges
 
 

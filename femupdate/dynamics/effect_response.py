@@ -149,6 +149,18 @@ class EffectSystem:
         """Undamped modes with the effects, lowest first."""
         return self._modes(theta, zeta, self._split(sizes))
 
+    def at_level(
+        self, theta: Tensor, zeta: Tensor, sizes: Tensor, level: float
+    ) -> tuple[Tensor, Tensor]:
+        """Stiffness factors and damping ratios at a level of motion (see `Effect`)."""
+        if level == 0.0:
+            return theta, zeta
+        stories = self.reduced.structure.building.story_names
+        for one, own in zip(self.placed, self._split(sizes), strict=True):
+            story = stories.index(one.place) if one.place in stories else None
+            theta, zeta = one.effect.at_level(theta, zeta, own, level, story)
+        return theta, zeta
+
     def _split(self, sizes: Tensor) -> list[Tensor]:
         counts = [len(one.effect.parameters) for one in self.placed]
         return list(sizes.split(counts, dim=1)) if counts else []

@@ -100,6 +100,7 @@ class Effect(ABC):
         parameters: the size first.
         instrument: it lies in the measurement, not in the structure.
         needs_phase: |H| does not show it.
+        needs_levels: it shows in observations at two levels of motion, not in one.
         tables_only: it arises in the making of tables of |H|, not in FRFs estimated by H1.
     """
 
@@ -110,6 +111,7 @@ class Effect(ABC):
     parameters: ClassVar[tuple[Parameter, ...]]
     instrument: ClassVar[bool] = False
     needs_phase: ClassVar[bool] = False
+    needs_levels: ClassVar[bool] = False
     tables_only: ClassVar[bool] = False
 
     def places(self, structure: Structure) -> tuple[str, ...]:
@@ -129,6 +131,19 @@ class Effect(ABC):
     ) -> Tensor:
         """Damping ratios (N, m) of the modes omega (N, m), from those without the effect."""
         return ratio
+
+    def at_level(
+        self, theta: Tensor, zeta: Tensor, sizes: Tensor, level: float, story: int | None
+    ) -> tuple[Tensor, Tensor]:
+        """Stiffness factors (N, p) and damping ratios (N,) at another level of motion.
+
+        Args:
+            theta, zeta: at the reference level.
+            sizes: (N, q) of the effect.
+            level: doublings of the amplitude above the reference.
+            story: number of the story that the place names; None for all.
+        """
+        return theta, zeta
 
     def observe(self, frf: Tensor, omega: Tensor, sizes: Tensor, rows: tuple[int, ...]) -> Tensor:
         """The FRFs (N, f, k) as they are measured; `rows` are the floors of the place."""

@@ -14,7 +14,7 @@ from femupdate.discrepancy.diagnose import Diagnosis, DiagnosisSettings, Finding
 from femupdate.discrepancy.diagnose import diagnose as find
 from femupdate.discrepancy.fit import Fit, extended, fit, fit_baseline
 from femupdate.discrepancy.mesh_error import with_mesh_error
-from femupdate.discrepancy.problem import Problem
+from femupdate.discrepancy.problem import Problem, together
 from femupdate.discrepancy.screen import screen_channels
 from femupdate.discrepancy.where import Cell, band_edges
 from femupdate.dynamics.effect_response import ReducedStructure
@@ -30,6 +30,7 @@ from femupdate.workflow.effects import (
 )
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.progress import Progress, Silent
+from femupdate.workflow.second_record import SecondRecord, second_record
 
 Floats = NDArray[np.float64]
 DIAGNOSIS = "diagnosis"
@@ -92,8 +93,18 @@ def diagnose_study(
     settings: DiagnosisSettings | None = None,
     progress: Progress | None = None,
     use_phase: bool = True,
+    second: ObservationSource | None = None,
 ) -> DiagnosisReport:
     """Find where the study's model fails and rank what it may lack; changes nothing in it.
+
+    Args:
+        study: where pictures and the JSON file go.
+        model: of the study.
+        source: the data.
+        settings: of the diagnosis.
+        progress: told about the steps.
+        use_phase: compare phases where they were measured.
+        second: another record at another level, to be explained together with the first.
 
     Raises:
         MeasurementError: the observation cannot be used.
@@ -101,7 +112,8 @@ def diagnose_study(
     """
     show, started = progress or Silent(), time.monotonic()
     observation = observation_of(model.building, source)
-    problem, base = prepared(model, observation, use_phase, settings, show)
+    other = None if second is None else second_record(model, source, second)
+    problem, base = prepared(model, observation, use_phase, settings, show, other)
     show.start("Looking for what is missing", 3)
     found = find(problem, settings, base, lambda text: show.advance(1, text))
     needed = (settings or DiagnosisSettings()).over_none + problem.mimicked
@@ -111,7 +123,7 @@ def diagnose_study(
         problem,
         problem.reduced,
         observation,
-        screen_channels(observation, found.base.system, found.base.theta()[0]),
+        (*(() if other is None else (other.note,)), *_screen(observation, found)),
         study.path("diagnosis.json"),
         pictures,
         time.monotonic() - started,
@@ -128,6 +140,7 @@ def prepared(
     use_phase: bool,
     settings: DiagnosisSettings | None = None,
     progress: Progress | None = None,
+    second: SecondRecord | None = None,
 ) -> tuple[Problem, Fit]:
     """The problem with its mesh error, and the model as it is fitted to it.
 
@@ -141,6 +154,9 @@ def prepared(
     check_places(plain, effects)
     show.start("Fitting the model as it is", 1)
     problem = problem_of(plain, model.building, observation, use_phase)
+    if second is not None:
+        other = problem_of(plain, model.building, second.observation, use_phase)
+        problem = together(problem, other, second.level)
     if plain.structure.operators is None:
         base = fit_baseline(problem, effects.placed, effects.values, seed)[0]
         show.advance()
@@ -152,6 +168,10 @@ def prepared(
     problem = replace(problem, reduced=near)
     start = extended(problem, rough, effects.placed, np.array(effects.values))
     return with_mesh_error(problem, fit(problem, effects.placed, start))
+
+
+def _screen(observation: Observation, found: Diagnosis) -> tuple[str, ...]:
+    return screen_channels(observation, found.base.system, found.base.theta()[0])
 
 
 def draw_diagnosis(study: Study, found: Diagnosis, needed: float) -> tuple[Path, ...]:

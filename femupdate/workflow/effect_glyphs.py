@@ -41,6 +41,8 @@ def effect_glyphs(structure: Structure, geometry: Geometry, placed: Placed) -> G
         return drawn.members(("slab",), place)
     if name == "non_structural_walls":
         return drawn.infill(place)
+    if placed.effect.needs_levels:
+        return drawn.stories(place)
     if name in _SIGNS:
         return _SIGNS[name](drawn, place)
     # Instruments: a ball at every sensor that the place names, all of them for "floors".
@@ -163,6 +165,13 @@ class _Building:
         here = np.isin(model.beams.kind, kinds) & np.isin(model.beams.group, wanted)
         lines = list(model.nodes[model.beams.nodes[here]])
         return Glyphs(lines=tuple(lines), faces=tuple(faces))
+
+    def stories(self, place: str) -> Glyphs:
+        """The near faces of a story, or of all."""
+        names = self.structure.building.story_names
+        wanted = range(len(names)) if place == ALL else [names.index(place)]
+        faces = [(0, self.corner[0]), (1, self.corner[1])]
+        return surfaces([self._upright(axis, at, k) for k in wanted for axis, at in faces])
 
     def infill(self, place: str) -> Glyphs:
         """Walls that the mesh does not have, from line to line of the grid."""

@@ -3,7 +3,7 @@
 import json
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +44,7 @@ from femupdate.workflow.effects import (
 )
 from femupdate.workflow.model import StudyModel, keep_model, reduction_of
 from femupdate.workflow.progress import Progress, Silent
+from femupdate.workflow.second_record import level_between, second_record
 
 Floats = NDArray[np.float64]
 REPAIRED = "repaired"
@@ -155,6 +156,7 @@ def repair_study(
     settings: DiagnosisSettings | None = None,
     progress: Progress | None = None,
     use_phase: bool = True,
+    second: ObservationSource | None = None,
 ) -> RepairReport:
     """Diagnose, add what the evidence carries, update, and compare.
 
@@ -169,6 +171,7 @@ def repair_study(
         settings: of the diagnosis.
         progress: told about the steps.
         use_phase: compare phases where they were measured.
+        second: another record at another level, to be explained together with the first.
 
     Raises:
         MeasurementError: an observation cannot be used.
@@ -177,7 +180,8 @@ def repair_study(
     chosen = settings or DiagnosisSettings()
     observation = observation_of(model.building, source)
     other = None if holdout is None else observation_of(model.building, holdout)
-    problem, base = prepared(model, observation, use_phase, chosen, show)
+    more = None if second is None else second_record(model, source, second)
+    problem, base = prepared(model, observation, use_phase, chosen, show, more)
     reduced = problem.reduced
     show.start("Looking for what is missing", 3)
     done = mend(problem, base, chosen, lambda text: show.advance(1, text))
@@ -192,7 +196,8 @@ def repair_study(
     held = None
     if holdout is not None and other is not None:
         show.start("Predicting the data kept out", 1)
-        held = _hold(model, reduced, problem, done, holdout, other, use_phase)
+        level = 0.0 if more is None else level_between(model, source, holdout)
+        held = _hold(model, reduced, problem, done, holdout, other, use_phase, level)
         show.advance()
     building, kept = model.building, None
     if done.rounds:
@@ -292,9 +297,11 @@ def _hold(
     source: ObservationSource,
     observation: Observation,
     use_phase: bool,
+    level: float,
 ) -> Held:
-    """Both models against data that neither has seen."""
+    """Both models against data that neither has seen, at their level of motion."""
     own = problem_of(reduced, model.building, observation, use_phase)
+    own = replace(own, blocks=tuple(replace(block, level=level) for block in own.blocks))
     chi2 = [_mean_square(own, fitted) for fitted in (done.before, done.after)]
     data = read_observation_file(source.path, source.unit, source.columns)
     floors = observation.floors
@@ -304,12 +311,14 @@ def _hold(
     rows = [reduced.model.floors.index(floor) for floor in floors]
     predicted = []
     for fitted in (done.before, done.after):
+        theta, zeta, sizes, _ = fitted.coordinates.split(fitted.z[None], problem.fixed_zeta)
+        theta, zeta = fitted.system.at_level(theta, zeta, sizes, level)
         histories = next(
             effect_histories(
                 fitted.system,
-                fitted.theta()[0][None],
-                np.array([fitted.zeta(problem.fixed_zeta)]),
-                fitted.sizes()[0][None],
+                theta.numpy(),
+                zeta.numpy(),
+                sizes.numpy(),
                 base,
                 data.time_step,
                 instruments=True,
@@ -396,10 +405,12 @@ def _draw(
             study.path("pictures", "gap_residuals.png"),
         )
     ]
+    first_record = slice(problem.blocks[0].points)
+    measured = np.where(np.isfinite(problem.sd.numpy()), problem.log_frf.numpy(), np.nan)
     curves = Curves(
-        problem.frequency_hz.numpy(),
-        observation.floors,
-        np.where(np.isfinite(problem.sd.numpy()), problem.log_frf.numpy(), np.nan),
+        problem.frequency_hz.numpy()[first_record],
+        floors,
+        measured[:, first_record],
         _log_frf(problem, done.before),
         _log_frf(problem, done.after) if done.rounds else None,
     )
@@ -418,5 +429,6 @@ def _draw(
 
 def _log_frf(problem: Problem, fitted: Fit) -> Floats:
     theta, zeta, sizes, _ = fitted.coordinates.split(fitted.z[None], problem.fixed_zeta)
-    frf = fitted.system.frf(theta, zeta, sizes, problem.frequency_hz)[0, list(problem.rows)]
+    frequency = problem.frequency_hz[: problem.blocks[0].points]
+    frf = fitted.system.frf(theta, zeta, sizes, frequency)[0, list(problem.rows)]
     return np.asarray(frf.abs().log().numpy())

@@ -247,6 +247,11 @@ def parse_effect(
     """
     name, _, place = label.partition("@")
     effect = effect_named(name)
+    if effect.needs_levels:
+        raise BuildingError(
+            f"{building.name}: {name} shows between two levels of motion; simulate each with its "
+            "own --theta, --zeta and --rms"
+        )
     places = effect.places(structure_of(building, _coarse(building)))
     if place not in places:
         raise BuildingError(

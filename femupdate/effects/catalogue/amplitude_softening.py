@@ -1,0 +1,60 @@
+"""Stiffness that falls, and damping that grows, with the level of the motion."""
+
+from torch import Tensor
+
+from femupdate.effects.effect import Effect, Parameter
+from femupdate.effects.structure import Structure
+
+_ALL = "all"
+
+
+class AmplitudeSoftening(Effect):
+    """Stiffness factors and damping ratio that change by one share with every doubling of level."""
+
+    name = "amplitude_softening"
+    title = "Stiffness that falls with amplitude"
+    sentence = (
+        "At a higher level of motion the stories are softer and damp more (cracks that open, "
+        "joints and partitions that slip); two observations at different levels show it."
+    )
+    confused_with = ()
+    parameters = (
+        Parameter(
+            "size",
+            "1",
+            0.05,
+            lower=-0.5,
+            upper=0.0,
+            text="change of stiffness with every doubling of the level",
+        ),
+        Parameter(
+            "damping",
+            "1",
+            0.2,
+            lower=-0.5,
+            upper=2.0,
+            text="change of the damping ratio with every doubling of the level",
+        ),
+    )
+    needs_levels = True
+
+    def places(self, structure: Structure) -> tuple[str, ...]:
+        """All stories together, and every story."""
+        names = structure.building.story_names
+        return (_ALL, *names) if len(names) > 1 else (_ALL,)
+
+    def at_level(
+        self,
+        theta: Tensor,
+        zeta: Tensor,
+        sizes: Tensor,
+        level: float,
+        story: int | None,
+    ) -> tuple[Tensor, Tensor]:
+        """Both times (1 + size)^level, level the number of doublings above the reference."""
+        softer = (1.0 + sizes[:, :1]) ** level
+        changed = theta * softer
+        if story is not None:
+            changed = theta.clone()
+            changed[:, story] = theta[:, story] * softer[:, 0]
+        return changed, zeta * (1.0 + sizes[:, 1]) ** level

@@ -1,0 +1,81 @@
+"""A second record of the same building, at another level of motion."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femupdate.errors import MeasurementError
+from femupdate.measurement.columns import BASE
+from femupdate.measurement.observation import Observation
+from femupdate.measurement.observation_file import Histories, read_observation_file
+from femupdate.workflow.calibrate import ObservationSource, observation_of, observed_direction
+from femupdate.workflow.model import StudyModel
+
+Floats = NDArray[np.float64]
+_ALIKE = 0.25  # doublings: two records of one level
+
+
+@dataclass(frozen=True, eq=False)
+class SecondRecord:
+    """What another record shows.
+
+    Attributes:
+        observation: its FRFs.
+        level: of its motion above the first record's, in doublings; zero where they are alike.
+    """
+
+    observation: Observation
+    level: float
+
+    @property
+    def note(self) -> str:
+        """One sentence for the user."""
+        if self.level == 0.0:
+            return "Both records have the same level: they are explained by one stiffness."
+        return f"The second record has {2.0**self.level:.2g} times the level of the first."
+
+
+def second_record(
+    model: StudyModel, first: ObservationSource, second: ObservationSource
+) -> SecondRecord:
+    """Read another record and compare its level with the first one's.
+
+    Raises:
+        MeasurementError: it cannot be used, or a file holds FRFs, which know no level.
+    """
+    observation = observation_of(model.building, second)
+    level = level_between(model, first, second)
+    return SecondRecord(observation, 0.0 if abs(level) < _ALIKE else level)
+
+
+def level_between(model: StudyModel, first: ObservationSource, second: ObservationSource) -> float:
+    """Doublings from the first to the second record's rms acceleration of the floors of both.
+
+    Raises:
+        MeasurementError: a file holds FRFs, or the files have no floor in common.
+    """
+    both = [_rms(model, source) for source in (first, second)]
+    common = sorted(set(both[0]) & set(both[1]))
+    if not common:
+        raise MeasurementError(
+            f"{second.path}: it has no floor in common with {first.path}, so that their levels "
+            "cannot be compared"
+        )
+    ratio = [both[1][floor] / max(both[0][floor], 1e-300) for floor in common]
+    return float(np.log2(np.median(ratio)))
+
+
+def _rms(model: StudyModel, source: ObservationSource) -> dict[str, float]:
+    """Root mean square acceleration (m/s2) of every floor along the motion."""
+    data = read_observation_file(source.path, source.unit, source.columns)
+    if not isinstance(data, Histories):
+        raise MeasurementError(
+            f"{source.path}: a table of FRFs does not say at which level it was measured; give the "
+            "histories of both records"
+        )
+    direction, found = observed_direction(model), {}
+    for channel, row in zip(data.channels, data.acceleration, strict=True):
+        if channel.floor != BASE and channel.direction == direction:
+            found[channel.floor] = float(np.sqrt((row**2).mean()))
+    return found

@@ -1,0 +1,145 @@
+"""Two records at different levels: softening is named, put into the building, and left out."""
+
+import importlib.util
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from femupdate.errors import BuildingError, MeasurementError
+from femupdate.study import Study
+from femupdate.workflow.calibrate import ObservationSource
+from femupdate.workflow.diagnose import diagnose_study
+from femupdate.workflow.model import open_study
+from femupdate.workflow.repair import repair_study
+from femupdate.workflow.second_record import level_between
+from femupdate.workflow.simulate import parse_effect
+
+MASSES, SPRINGS = np.array([3.0, 2.0, 1.5]), np.array([9e3, 5e3, 4e3])
+THETA, STEP = np.array([0.8, 1.4, 1.1]), 0.01
+SOFTER, TIMES = 0.8, 4.0
+BUILDING = """\
+name = "three"
+kind = "shear"
+{stories}
+[frequency_grid]
+start = "0.2 Hz"
+step = "0.1 Hz"
+count = 150
+
+[prior.theta]
+lower = 0.5
+upper = 2
+
+[prior.zeta]
+lower = 0.01
+upper = 0.1
+
+[damping]
+law = "constant"
+ratio = 0.04
+"""
+STORY = '[[stories]]\nname = "S{n}"\nmass = "{m} kg"\nstiffness = "{k} N/m"\n'
+
+
+def _chain(theta, zeta):
+    path = Path(__file__).parents[1] / "discrepancy" / "chain.py"
+    spec = importlib.util.spec_from_file_location("second_chain", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.Chain(MASSES, theta * SPRINGS, zeta=zeta)
+
+
+def _write(path, chain, seed, rms):
+    """Noise of an rms (m/s2) at the base, then rest, with the floors' exact response."""
+    rng = np.random.default_rng(seed)
+    count = 12_000
+    frequency = np.fft.rfftfreq(count, STEP)
+    white = np.fft.rfft(rng.standard_normal(count))
+    white[(frequency < 0.15) | (frequency > 18.0)] = 0.0
+    base = np.fft.irfft(white, count) * (np.arange(count) < count - 1000)
+    frf = np.ones((4, frequency.size), dtype=complex)
+    frf[1:, 1:] = chain.frf(frequency[1:])
+    motion = np.fft.irfft(frf * np.fft.rfft(rms / base.std() * base), count, axis=1)
+    motion += 0.002 * rng.standard_normal(motion.shape)
+    rows = [f"{n * STEP:.2f}," + ",".join(f"{v:.7g}" for v in r) for n, r in enumerate(motion.T)]
+    path.write_text("\n".join(["time_s,base,2F,3F,RF", "s,m/s2,m/s2,m/s2,m/s2", *rows]) + "\n")
+
+
+@pytest.fixture(scope="module")
+def home(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("second")
+    stories = "".join(
+        STORY.format(n=n, m=m, k=k) for n, (m, k) in enumerate(zip(MASSES, SPRINGS, strict=True), 1)
+    )
+    (folder / "three.toml").write_text(BUILDING.format(stories=stories))
+    one_story = THETA * np.array([1.0, SOFTER, 1.0])
+    _write(folder / "weak.csv", _chain(THETA, 0.04), 1, 0.3)
+    _write(folder / "strong.csv", _chain(SOFTER * THETA, 0.05), 2, TIMES * 0.3)
+    _write(folder / "one.csv", _chain(one_story, 0.04), 3, TIMES * 0.3)
+    _write(folder / "same.csv", _chain(THETA, 0.04), 4, TIMES * 0.3)
+    (folder / "table.csv").write_text(
+        "frequency_hz,2F,3F,RF\n" + "".join(f"{f},1,1,1\n" for f in range(1, 16))
+    )
+    return folder
+
+
+@pytest.fixture
+def study(home, tmp_path):
+    return Study(tmp_path / "study")
+
+
+def _open(study, home):
+    return open_study(study, str(home / "three.toml"))
+
+
+def test_softening_is_named_repaired_and_of_the_right_size(study, home):
+    model = _open(study, home)
+    weak, strong = (ObservationSource(home / name) for name in ("weak.csv", "strong.csv"))
+    report = repair_study(study, model, weak, second=strong)
+    assert [one.finding.placed.label for one in report.repair.rounds] == ["amplitude_softening@all"]
+    content = tomllib.loads(report.building_path.read_text())
+    own = content["effects"][0]["parameters"]
+    level = level_between(model, weak, strong)
+    assert (1.0 + own["size"]) ** level == pytest.approx(SOFTER, rel=0.01)
+    assert (1.0 + own["damping"]) ** level == pytest.approx(1.25, rel=0.1)
+    np.testing.assert_allclose(report.theta_after.mean(axis=0), THETA, rtol=0.01)
+    assert report.repair.p_before < 1e-6
+    assert report.repair.p_after > 0.05
+    # The repaired building is an ordinary one: the first record alone is explained by it.
+    again = diagnose_study(report.study, open_study(report.study, None), weak)
+    assert again.diagnosis.verdict == "none"
+
+
+def test_the_story_that_softens_is_found(study, home):
+    weak, one = (ObservationSource(home / name) for name in ("weak.csv", "one.csv"))
+    report = diagnose_study(study, _open(study, home), weak, second=one)
+    assert report.diagnosis.verdict == "named"
+    assert report.diagnosis.leading.placed.label == "amplitude_softening@S2"
+    assert any("times the level" in note for note in report.screen)
+
+
+def test_a_stronger_record_of_the_same_building_names_nothing(study, home):
+    weak, same = (ObservationSource(home / name) for name in ("weak.csv", "same.csv"))
+    report = diagnose_study(study, _open(study, home), weak, second=same)
+    assert report.diagnosis.verdict == "none"
+    tested = [one.placed.effect.name for one in report.diagnosis.scores]
+    assert "amplitude_softening" in tested
+
+
+def test_one_record_cannot_show_it(study, home):
+    report = diagnose_study(study, _open(study, home), ObservationSource(home / "weak.csv"))
+    assert "amplitude_softening" not in [o.placed.effect.name for o in report.diagnosis.scores]
+
+
+def test_a_table_has_no_level(study, home):
+    table, weak = (ObservationSource(home / name) for name in ("table.csv", "weak.csv"))
+    with pytest.raises(MeasurementError, match="does not say at which level"):
+        diagnose_study(study, _open(study, home), weak, second=table)
+
+
+def test_one_simulation_has_one_level(study, home):
+    building = _open(study, home).building
+    with pytest.raises(BuildingError, match="two levels"):
+        parse_effect(building, "amplitude_softening@all", (-0.1,))
