@@ -1,7 +1,6 @@
 """Simulated buildings, their posteriors, and whether those hold the truth as often as they say."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -13,7 +12,7 @@ from femupdate.inference.bridge import Start, bridge
 from femupdate.inference.coverage import density_level, ranks, tarp_level
 from femupdate.inference.likelihood import DataLikelihood, LatentLikelihood
 from femupdate.inference.power import SimulatedCase
-from femupdate.inference.smc import TemperedSmc
+from femupdate.inference.smc import SmcResult, TemperedSmc
 from femupdate.measurement.observation import Observation
 from femupdate.surrogate.storage import TrainedSurrogate
 from femupdate.workflow.model import StudyModel
@@ -29,10 +28,12 @@ class SimulatedBuilding:
 
     Attributes:
         theta: (p,) stiffness factors.
+        zeta: damping ratio.
         observation: of the chosen floors.
     """
 
     theta: Floats
+    zeta: float
     observation: Observation
 
 
@@ -52,6 +53,19 @@ class Judged:
 
 
 @dataclass(frozen=True)
+class Widths:
+    """The latent posterior against the data-space posterior of the same data.
+
+    Attributes:
+        ratio: (p,) standard deviation over the exact one.
+        shift: (p,) of the mean, in exact standard deviations.
+    """
+
+    ratio: Floats
+    shift: Floats
+
+
+@dataclass(frozen=True)
 class CalibrationCase:
     """One simulated building.
 
@@ -60,6 +74,7 @@ class CalibrationCase:
         likelihoods: of the latent draws and of the truth.
         misfit: of the reconstruction, see `LatentLikelihood.reconstruction_misfit`.
         effective_share: of the bridge's importance draws; NaN without it.
+        widths: the latent posterior against the data-space one; None without it.
     """
 
     latent: Judged
@@ -67,6 +82,7 @@ class CalibrationCase:
     likelihoods: SimulatedCase
     misfit: float
     effective_share: float
+    widths: Widths | None
 
 
 def simulate(
@@ -91,74 +107,97 @@ def simulate(
         np.ones(shape, dtype=bool),
         source="simulation",
     )
-    return SimulatedBuilding(theta[0].numpy(), observation)
+    return SimulatedBuilding(theta[0].numpy(), float(zeta[0]), observation)
 
 
-def calibration_cases(
-    model: StudyModel,
-    surrogate: TrainedSurrogate,
-    floors: tuple[str, ...],
-    count: int,
-    seed: int,
-    advance: Callable[[], None],
-    *,
-    particles: int = 1000,
-    exact: bool = False,
-    power: float | None = None,
-) -> list[CalibrationCase]:
-    """Sample the posteriors of `count` simulated buildings.
+@dataclass(frozen=True)
+class CaseSettings:
+    """What is made of every simulated building.
 
-    Args:
+    Attributes:
         floors: observed.
-        exact: also bring every posterior to the data-space likelihood; damping must be fixed.
+        particles: of each posterior.
+        beside: the first so many cases also get the data-space posterior.
         power: of the latent likelihood; default the surrogate's own.
+        seed: of everything random; every case has its own stream.
     """
-    rng = np.random.default_rng(seed)
-    cases = []
-    for number in range(count):
-        building = simulate(model, floors, surrogate.info.noise_sd, rng)
-        centre = rng.random(model.prior.size)
-        cases.append(
-            _case(model, surrogate, building, centre, seed + number, particles, exact, power)
-        )
-        advance()
-    return cases
+
+    floors: tuple[str, ...]
+    particles: int = 1000
+    beside: int = 0
+    power: float | None = None
+    seed: int = 0
 
 
-def _case(
-    model: StudyModel,
-    surrogate: TrainedSurrogate,
-    building: SimulatedBuilding,
-    centre: Floats,
-    seed: int,
-    particles: int,
-    exact: bool,
-    power: float | None,
+def calibration_case(
+    model: StudyModel, surrogate: TrainedSurrogate, settings: CaseSettings, number: int
 ) -> CalibrationCase:
-    latent = LatentLikelihood(surrogate, building.observation, power=power)
-    truth = torch.from_numpy(building.theta)[None]
-    start = TemperedSmc(model.prior, latent).run(particles, seed)
-    known = SimulatedCase(start.log_likelihood.numpy(), float(latent(truth)[0]))
-    judged_exact, share = None, float("nan")
-    if exact:
-        target = DataLikelihood(
-            model.reduced,
-            model.law,
-            building.observation,
-            model.building.damping.ratio,
-            precision=torch.float32,
-        )
-        found = bridge(model.prior, target, Start(start, latent), seed)
-        of_target = SimulatedCase(found.log_likelihood.numpy(), float(target(truth)[0]))
-        judged_exact = _judge(model, building, found.theta, of_target, centre)
-        share = found.effective_share
+    """Simulate one building and sample its posteriors.
+
+    The damping ratio, where it is unknown, is drawn from its prior with theta and integrated over
+    in the data-space posterior.
+    """
+    rng = np.random.default_rng([settings.seed, number])
+    building = simulate(model, settings.floors, surrogate.info.noise_sd, rng)
+    centre, seed = rng.random(model.prior.size), 1009 * settings.seed + number
+    latent = LatentLikelihood(surrogate, building.observation, power=settings.power)
+    start = TemperedSmc(model.prior, latent).run(settings.particles, seed)
+    known = SimulatedCase(
+        start.log_likelihood.numpy(), float(latent(torch.from_numpy(building.theta)[None])[0])
+    )
+    judged, share, widths = None, float("nan"), None
+    if number < settings.beside:
+        theta, of_target, share = _exact(model, building, latent, start, settings.particles, seed)
+        judged = _judge(model, building, theta, of_target, centre)
+        widths = _widths(start.theta, theta)
     return CalibrationCase(
         _judge(model, building, start.theta, known, centre),
-        judged_exact,
+        judged,
         known,
         latent.reconstruction_misfit(surrogate.info.noise_sd),
         share,
+        widths,
     )
+
+
+def _exact(
+    model: StudyModel,
+    building: SimulatedBuilding,
+    latent: LatentLikelihood,
+    start: SmcResult,
+    particles: int,
+    seed: int,
+) -> tuple[torch.Tensor, SimulatedCase, float]:
+    """Draws of theta (n, p) from the data-space posterior, its likelihoods, effective share."""
+    bounds, size = model.zeta_bounds, model.prior.size
+    fixed = model.building.damping.ratio if bounds is None else None
+    target = DataLikelihood(
+        model.reduced, model.law, building.observation, fixed, precision=torch.float32
+    )
+    truth, prior = building.theta, model.prior
+    if bounds is not None:
+        prior = model.prior.joined("zeta", *bounds)
+        truth = np.append(truth, building.zeta)
+        # The latent likelihood does not know zeta: its posterior there is the prior.
+        generator = torch.Generator().manual_seed(seed)
+        zeta = torch.rand(particles, 1, generator=generator, dtype=torch.float64)
+        both = torch.cat([start.theta, bounds[0] + (bounds[1] - bounds[0]) * zeta], dim=1)
+        start = replace(start, theta=both)
+
+    def on_theta(parameters: torch.Tensor) -> torch.Tensor:
+        return latent(parameters[:, :size])
+
+    found = bridge(prior, target, Start(start, on_theta), seed)
+    known = SimulatedCase(
+        found.log_likelihood.numpy(), float(target(torch.from_numpy(truth)[None])[0])
+    )
+    return found.theta[:, :size], known, found.effective_share
+
+
+def _widths(latent: torch.Tensor, exact: torch.Tensor) -> Widths:
+    sd = exact.std(dim=0)
+    ratio, shift = latent.std(dim=0) / sd, (latent.mean(dim=0) - exact.mean(dim=0)) / sd
+    return Widths(ratio.numpy(), shift.numpy())
 
 
 def _judge(

@@ -1,5 +1,6 @@
 """The benchmark `calibration`: coverage, ranks and TARP over simulated buildings."""
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -7,12 +8,18 @@ from pathlib import Path
 
 import numpy as np
 
-from femupdate.benchmark.calibration import CalibrationCase, Judged, calibration_cases
+from femupdate.benchmark.calibration import (
+    CalibrationCase,
+    CaseSettings,
+    Judged,
+    Widths,
+    calibration_case,
+)
+from femupdate.benchmark.calibration_log import CaseLog, surrogate_mark
 from femupdate.benchmark.machine import Machine, this_machine
-from femupdate.benchmark.result import ResultFiles, markdown_table, write_result
+from femupdate.benchmark.result import ResultFiles, markdown_table, plain, write_result
 from femupdate.benchmark.shear4dof import benchmark_model
 from femupdate.building.files import load_building
-from femupdate.errors import InferenceError
 from femupdate.inference.coverage import (
     REGIONS,
     Coverage,
@@ -22,8 +29,9 @@ from femupdate.inference.coverage import (
     uniformity_p_value,
 )
 from femupdate.inference.power import PowerFit, fit_power
+from femupdate.study import Study
 from femupdate.surrogate.storage import TrainedSurrogate
-from femupdate.workflow.model import StudyModel, zeta_bounds
+from femupdate.workflow.model import StudyModel, open_study
 from femupdate.workflow.progress import Progress, Silent
 from femupdate.workflow.train import shipped_surrogate
 
@@ -41,7 +49,7 @@ class CalibrationPlan:
         floors: observed; the roof alone where empty.
         cases: simulated buildings.
         particles: of each posterior.
-        exact: also judge the data-space posterior (fixed damping only).
+        beside: the first so many cases also get the data-space posterior; all where None.
         power: of the latent likelihood; default the surrogate's own.
     """
 
@@ -49,8 +57,14 @@ class CalibrationPlan:
     floors: tuple[str, ...] = ()
     cases: int = 200
     particles: int = 1000
-    exact: bool = True
+    beside: int | None = None
     power: float | None = None
+
+    def of_cases(self, model: StudyModel, seed: int) -> CaseSettings:
+        """What is made of every case."""
+        beside = self.cases if self.beside is None else self.beside
+        floors = self.floors or (model.building.floors[-1],)
+        return CaseSettings(floors, self.particles, beside, self.power, seed)
 
 
 @dataclass(frozen=True)
@@ -99,27 +113,27 @@ def run_calibration(
 ) -> CalibrationBenchmark:
     """Run the benchmark and write its results.
 
+    Every case is written when it is done, beside the results; a run that was cut off goes on, and
+    one with more cases adds to them. The reduced model of a frame is kept in the folder as well.
+
     Raises:
         SurrogateError: there is no shipped surrogate of the building.
-        InferenceError: the exact posterior is asked for where damping is unknown.
         StudyError: a file cannot be written.
     """
     show, machine = progress or Silent(), this_machine()
     building = load_building(plan.building)
     surrogate = shipped_surrogate(building)
-    if plan.exact and zeta_bounds(building) is not None:
-        raise InferenceError(
-            f"the damping ratio of {building.name} is unknown, which the exact posterior of this "
-            "benchmark does not integrate over; ask for the latent one alone with --latent"
-        )
-    model = benchmark_model(plan.building, show)
-    cases = _cases(model, surrogate, plan, seed, show)
+    model = _model(folder, plan.building, show)
+    name = f"{NAME}_{plan.building}_{'_'.join(plan.floors) or 'roof'}"
+    log = CaseLog(folder / f"{name}_cases.jsonl", _header(model, surrogate, plan, seed))
+    cases = _cases(model, surrogate, plan, seed, show, log)
     latent = scores([case.latent for case in cases])
     both = [case.exact for case in cases if case.exact is not None]
     exact = scores(both) if both else None
     fit = fit_power([case.likelihoods for case in cases], seed)
     limit = float(np.quantile([case.misfit for case in cases], _USUAL))
-    text = _text(plan, latent, exact, fit, limit)
+    widths = width_rows(model.prior.names, [c.widths for c in cases if c.widths is not None])
+    text = _text(plan, latent, exact, fit, limit, widths)
     content = {
         "plan": plan,
         "latent": latent,
@@ -129,9 +143,8 @@ def run_calibration(
         "misfit_limit": limit,
         "density_levels": [case.latent.density for case in cases],
         "ranks": [case.latent.rank for case in cases],
+        "widths": [case.widths for case in cases if case.widths is not None],
     }
-    floors = "_".join(plan.floors) or "roof"
-    name = f"{NAME}_{plan.building}_{floors}"
     files = write_result(folder, name, machine, seed, content, text)
     return CalibrationBenchmark(machine, plan, latent, exact, fit, limit, text, files)
 
@@ -149,7 +162,7 @@ def calibrated(
     """
     show = progress or Silent()
     floors = (model.building.floors[-1],)
-    plan = CalibrationPlan(model.building.name, floors, cases, exact=False, power=1.0)
+    plan = CalibrationPlan(model.building.name, floors, cases, beside=0, power=1.0)
     found = _cases(model, surrogate, plan, seed, show)
     fit = fit_power([case.likelihoods for case in found], seed)
     info = replace(
@@ -169,25 +182,45 @@ def calibrated(
     return TrainedSurrogate(surrogate.mvae, info)
 
 
+def _model(folder: Path, name: str, show: Progress) -> StudyModel:
+    """The building, made ready; a frame's reduced model takes minutes and is kept."""
+    if load_building(name).kind == "shear":
+        return benchmark_model(name)
+    return open_study(Study(folder / f"{NAME}_{name}_model"), name, show)
+
+
+def _header(
+    model: StudyModel, surrogate: TrainedSurrogate, plan: CalibrationPlan, seed: int
+) -> str:
+    """What cases on disk must share with those wanted."""
+    settings = replace(plan.of_cases(model, seed), beside=0)
+    marks = [model.hash, surrogate_mark(surrogate), surrogate.info.likelihood_power]
+    return json.dumps([*marks, plain(settings)])
+
+
 def _cases(
     model: StudyModel,
     surrogate: TrainedSurrogate,
     plan: CalibrationPlan,
     seed: int,
     show: Progress,
+    log: CaseLog | None = None,
 ) -> list[CalibrationCase]:
+    settings = plan.of_cases(model, seed)
     show.start("Simulated buildings", plan.cases)
-    return calibration_cases(
-        model,
-        surrogate,
-        plan.floors or (model.building.floors[-1],),
-        plan.cases,
-        seed,
-        show.advance,
-        particles=plan.particles,
-        exact=plan.exact,
-        power=plan.power,
-    )
+    known = {} if log is None else log.read()
+    if log is not None:
+        log.start(known)
+    cases = []
+    for number in range(plan.cases):
+        case = known.get(number)
+        if case is None or (case.exact is None and number < settings.beside):
+            case = calibration_case(model, surrogate, settings, number)
+            if log is not None:
+                log.add(number, case)
+        cases.append(case)
+        show.advance()
+    return cases
 
 
 def scores(judged: Sequence[Judged]) -> Scores:
@@ -205,7 +238,12 @@ def scores(judged: Sequence[Judged]) -> Scores:
 
 
 def _text(
-    plan: CalibrationPlan, latent: Scores, exact: Scores | None, fit: PowerFit, limit: float
+    plan: CalibrationPlan,
+    latent: Scores,
+    exact: Scores | None,
+    fit: PowerFit,
+    limit: float,
+    widths: Sequence[tuple[str, ...]],
 ) -> str:
     head = ("region", *(f"{region:.0%}" for region in REGIONS), "p, ranks (least)", "p, TARP")
     rows = []
@@ -216,17 +254,47 @@ def _text(
         rows.append((f"{name}, highest density", *_cells(found.density), *last))
         rows.append((f"{name}, central intervals", *_cells(found.central), "", ""))
     floors = ", ".join(plan.floors) or "the roof alone"
+    beside = [markdown_table(_WIDTH_HEAD, widths)] if widths else []
     return "\n\n".join(
         (
             f"{plan.building}, {floors}: {plan.cases} simulated buildings, {plan.particles} "
             "particles; share of truths inside ± binomial standard deviation of the nominal share.",
             markdown_table(head, rows),
+            *beside,
             f"The power that would calibrate the latent likelihood, beside the one in use: "
             f"{fit.power:.2f} ± {fit.error:.2f}; with it the 90 % region holds "
             f"{(fit.level <= 0.9).mean():.1%}. {_USUAL:.1%} of the reconstruction misfits are "
             f"below {limit:.3f}.",
         )
     )
+
+
+_WIDTH_HEAD = (
+    "latent against data-space",
+    "cases",
+    "sd ratio, median",
+    "5 to 95 %",
+    "|shift| in sd",
+)
+
+
+def width_rows(names: Sequence[str], widths: Sequence[Widths]) -> list[tuple[str, ...]]:
+    """A row a parameter: how wide the latent posterior is, and how far its mean is off."""
+    if not widths:
+        return []
+    ratio = np.array([one.ratio for one in widths])
+    shift = np.abs([one.shift for one in widths])
+    low, middle, high = np.quantile(ratio, [0.05, 0.5, 0.95], axis=0)
+    return [
+        (
+            name,
+            str(len(widths)),
+            f"{middle[k]:.2f}",
+            f"{low[k]:.2f} to {high[k]:.2f}",
+            f"{np.median(shift[:, k]):.2f} (largest {shift[:, k].max():.2f})",
+        )
+        for k, name in enumerate(names)
+    ]
 
 
 def _cells(found: Coverage) -> list[str]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from femupdate.building.analysis import Damping, Prior, RayleighDamping
 from femupdate.building.entry import Complaint, unknown
 from femupdate.building.members import Beams, Grid, Opening, Wall
+from femupdate.building.parameters import by_kind
 from femupdate.building.references import (
     Run,
     beam_runs,
@@ -176,6 +177,9 @@ def check_frame(building: "FrameBuilding") -> None:
     _check_floor_mass(building)
     _check_sensors(building)
     _check_standing(building)
+    if by_kind(building) and building.effects:
+        text = "effects need one factor a story; remove [parameters], or the effects"
+        raise Complaint("effects", text)
 
 
 def check_mesh_building(building: "MeshBuilding") -> None:

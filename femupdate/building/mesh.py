@@ -25,6 +25,12 @@ from femupdate.building.panels import (
     slab_panels,
     wall_panels,
 )
+from femupdate.building.parameters import (
+    StiffnessFactor,
+    by_kind,
+    stiffness_factors,
+    with_factors,
+)
 from femupdate.building.references import Intersection, intersections
 from femupdate.building.schema import Building, FrameBuilding, MeshBuilding
 from femupdate.errors import BuildingError
@@ -38,13 +44,14 @@ class BuildingMesh:
     """A building as a finite-element model, and what the model's nodes mean.
 
     Attributes:
-        model: the finite-element model; its parameters are the stories' stiffness factors.
+        model: the finite-element model.
         floors: names of the floors, bottom to top ("2F" ... "RF").
         floor_nodes: node indices of each floor's sensor points.
         floor_level: (floors,) height above the base, m.
         base_nodes: (n,) indices of the nodes at the base.
         direction: 0 where motion is measured along x, 1 along y.
-        story_names: names of the stories, bottom to top; story i is the model's group i.
+        story_names: names of the stories, bottom to top.
+        factors: the model's parameters; group i of its elements has the factor i.
         ground_mass: the half of first-story walls without stiffness that rests on the ground and
             is not in the model, kg.
     """
@@ -56,6 +63,7 @@ class BuildingMesh:
     base_nodes: Integers
     direction: int
     story_names: tuple[str, ...]
+    factors: tuple[StiffnessFactor, ...]
     ground_mass: float
 
 
@@ -168,6 +176,9 @@ def _mesh_on(building: FrameBuilding, lattice: Lattice) -> BuildingMesh:
         if panel.key in {f"slabs[{n}]" for n in stiff}
     ]
     model = connected(parts.model, base, building.supports, diaphragms, parts.sizes)
+    factors = stiffness_factors(building)
+    if by_kind(building):
+        model = with_factors(model, factors)
     return BuildingMesh(
         model=replace(model, masses=masses),
         floors=building.floors,
@@ -176,6 +187,7 @@ def _mesh_on(building: FrameBuilding, lattice: Lattice) -> BuildingMesh:
         base_nodes=base,
         direction="xy".index(building.sensors.direction),
         story_names=building.story_names,
+        factors=factors,
         ground_mass=ground_mass(dead),
     )
 

@@ -15,6 +15,7 @@ from femupdate.building.mesh import BuildingMesh
 from femupdate.building.mesh_check import check_connected, check_elements, merge_nodes
 from femupdate.building.mesh_entries import Part
 from femupdate.building.mesh_reader import RawMesh, read_mesh
+from femupdate.building.parameters import stiffness_factors
 from femupdate.building.quantities import ALL
 from femupdate.building.schema import MeshBuilding
 from femupdate.building.sections import SectionFigures
@@ -87,6 +88,7 @@ def _import(building: MeshBuilding) -> BuildingMesh:
         base_nodes=on_base,
         direction="xy".index(building.sensors.direction),
         story_names=building.story_names,
+        factors=stiffness_factors(building),
         ground_mass=0.0,
     )
 

@@ -42,6 +42,7 @@ from femupdate.building.members import (
     Wall,
 )
 from femupdate.building.mesh_entries import MeshFile, MeshSensors, Part
+from femupdate.building.parameters import Parameters
 from femupdate.building.quantities import Flag, Label, Length, Mass, Stiffness, StiffnessPerMass
 from femupdate.building.sections import Section
 
@@ -95,6 +96,7 @@ class FrameBuilding(_Common):
     supports: Supports = Supports()
     mesh: Mesh
     sensors: Sensors
+    parameters: Parameters | None = None  # none in files (and their hashes) that do not say it
 
     @model_validator(mode="after")
     def _consistent(self) -> "FrameBuilding":

@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix, csr_matrix
 
 from femupdate.building.mesh import BuildingMesh, mesh_building
+from femupdate.building.parameters import by_kind
 from femupdate.building.schema import Building, FrameBuilding, MeshBuilding, ShearBuilding
 from femupdate.building.shear import shear_operators
 from femupdate.effects.infill import Infill, infills
+from femupdate.errors import BuildingError
 from femupdate.fe.assembly import AffineOperators, assemble
 from femupdate.fe.factorization import Factorization, factorize
 from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel
@@ -215,6 +217,11 @@ def _stick(building: ShearBuilding) -> Structure:
 
 
 def _frame(building: FrameBuilding | MeshBuilding, mesh_size: float | None) -> Structure:
+    if by_kind(building):
+        raise BuildingError(
+            f"{building.name}: parameters: what is missing in a model is looked for with one "
+            "factor a story; remove [parameters] from a copy of the file and use that"
+        )
     mesh = mesh_building(building, mesh_size)
     operators = assemble(mesh.model)
     rows = np.zeros((len(mesh.floors), operators.dof))

@@ -183,6 +183,15 @@ class DataLikelihood:
         parts = [self._misfit(predicted) for predicted in self._responses(parameters)]
         return torch.cat(parts).to(parameters.device)
 
+    def residuals(self, parameters: Tensor) -> Tensor:
+        """Whitened residuals (n, m), zero where not valid: minus half their square is the log."""
+        weight = (self.terms.independent * self.terms.weight).sqrt()
+        parts = [
+            ((predicted - self.terms.log_frf.to(predicted)) * weight.to(predicted)).flatten(1)
+            for predicted in self._responses(parameters)
+        ]
+        return torch.cat(parts).to(parameters.device)
+
     def predict(self, theta: Tensor, zeta: Tensor) -> Tensor:
         """ln|H| (n, f, k) of the observed floors."""
         return torch.cat(list(self._batches(theta, zeta)))

@@ -35,6 +35,14 @@ class UniformPrior:
         """The same prior on another device."""
         return UniformPrior(self.names, self.lower.to(device), self.upper.to(device))
 
+    def joined(self, name: str, lower: float, upper: float) -> "UniformPrior":
+        """This prior with one more parameter behind the others."""
+        ends = (torch.tensor([end]).to(self.lower) for end in (lower, upper))
+        low, high = ends
+        return UniformPrior(
+            (*self.names, name), torch.cat([self.lower, low]), torch.cat([self.upper, high])
+        )
+
     def sample(self, count: int, generator: torch.Generator) -> Tensor:
         """Draw (count, p) parameter vectors."""
         return self.from_unit(

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from femupdate.building.files import load_building
 from femupdate.building.schema import Building
+from femupdate.dynamics.reduction import CONFIDENCE, Reduction
 from femupdate.errors import StudyError
 from femupdate.fe.solve import Modes, lowest_modes
 from femupdate.study import Study, atomic_path
@@ -69,7 +70,8 @@ def build_study(
         return _build_lumped(study, chosen)
     parts = frame_parts(chosen)
     modes = lowest_modes(parts.operators, np.ones(parts.operators.parameters), _MODES)
-    model = keep_model(study, chosen, reduce_building(chosen, parts, show))
+    reduction = reduce_building(chosen, parts, show)
+    model = keep_model(study, chosen, reduction)
     write_mesh(parts, study.path("mesh.vtu"), modes)
     pictures = _draw_modes(study, parts, model, show)
     direction = parts.mesh.direction
@@ -85,7 +87,7 @@ def build_study(
         + len(parts.mesh.model.triangles)
         + len(parts.mesh.model.beams),
         mass,
-        _checks(parts, model, modes),
+        _checks(parts, reduction, modes),
         pictures,
     )
 
@@ -96,10 +98,12 @@ def write_mesh(parts: FrameParts, path: Path, modes: Modes | None = None) -> Non
 
     model = parts.mesh.model
     shells, three, beams = model.shells, model.triangles, model.beams
+    # The last entry is for elements that no factor scales.
+    story = np.array([*(one.story + 1 for one in parts.mesh.factors), 0])
     nothing = [np.zeros(len(part)) for part in (shells, three, beams)]
     cells = [("quad", shells.nodes), ("triangle", three.nodes), ("line", beams.nodes)]
     data: dict[str, list[np.ndarray]] = {
-        "story": [part.group + 1 for part in (shells, three, beams)],
+        "story": [story[part.group] for part in (shells, three, beams)],
         "thickness_m": [shells.thickness, three.thickness, nothing[2]],
         "section_area_m2": [*nothing[:2], beams.area],
     }
@@ -156,15 +160,20 @@ def _total_mass(parts: FrameParts) -> float:
     return float(everything @ (parts.operators.mass_full @ everything))
 
 
-def _checks(parts: FrameParts, model: StudyModel, modes: Modes) -> tuple[str, ...]:
+def _checks(parts: FrameParts, reduction: Reduction, modes: Modes) -> tuple[str, ...]:
     mass = _total_mass(parts)
     stand = f"The structure stands: lowest frequency {modes.frequency_hz[0]:.3f} Hz."
     weighs = f"Mass of the model {mass / 1e3:.1f} t."
     follows = (
-        f"Reduced model: {model.reduced.size} shapes follow {len(parts.operators.free)} degrees of "
-        f"freedom within {model.reduction_error:.2g} rms in ln|H| at unseen stiffness factors."
+        f"Reduced model: {reduction.model.size} shapes follow {len(parts.operators.free)} degrees "
+        f"of freedom within {reduction.rms_error:.2g} rms in ln|H| at {reduction.checks} unseen "
+        "sets of stiffness factors."
     )
-    return stand, weighs, follows
+    certain = (
+        f"Reduced model: {reduction.worst_error:.2g} rms at the worst of them, so no more than "
+        f"that in at least {reduction.share:.0%} of the prior (confidence {CONFIDENCE:.0%})."
+    )
+    return stand, weighs, follows, certain
 
 
 def _draw_modes(

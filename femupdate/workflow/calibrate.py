@@ -17,6 +17,7 @@ from femupdate.building.schema import Building
 from femupdate.errors import MeasurementError, SurrogateError
 from femupdate.inference.bridge import BridgeResult, as_smc_result
 from femupdate.inference.identifiability import Identifiability
+from femupdate.inference.laplace import LaplaceSettings, laplace_start
 from femupdate.inference.likelihood import DataLikelihood, LatentLikelihood
 from femupdate.inference.posterior import Posterior, save_posterior
 from femupdate.inference.prior import UniformPrior
@@ -39,6 +40,8 @@ _CHAINS = 4
 _PREDICTIVE = 200
 _ZETA_GRID = 25
 _ZETA_SAMPLES = 48
+# Parameters up to which particles from the prior find the data-space posterior.
+_FEW = 10
 
 
 @dataclass(frozen=True)
@@ -435,7 +438,7 @@ def _sample_exact(
     A building with a surrogate starts from the latent posterior, which saves most of the responses.
     """
     bounds = model.zeta_bounds
-    prior = model.prior if bounds is None else _with_zeta(model.prior, bounds)
+    prior = model.prior if bounds is None else model.prior.joined("zeta", *bounds)
     fixed = model.building.damping.ratio if bounds is None else None
     target = DataLikelihood(
         model.reduced,
@@ -446,6 +449,8 @@ def _sample_exact(
         precision=torch.float32,
     )
     found, base = find_surrogate(study, model), None
+    if found is None and prior.size > _FEW:
+        return _sample_from_maxima(model, observation, settings, run, prior, target)
     if found is None:
         starts = run(
             TemperedSmc(prior, target, settings=settings.smc), "Sampling (data-space likelihood)"
@@ -463,6 +468,50 @@ def _sample_exact(
     return [
         as_smc_result(result, start) for result, start in zip(results, starts, strict=True)
     ], _cost(results, starts, base is not None)
+
+
+def _sample_from_maxima(
+    model: StudyModel,
+    observation: Observation,
+    settings: CalibrationSettings,
+    run: ChainRunner,
+    prior: UniformPrior,
+    target: DataLikelihood,
+) -> tuple[list[SmcResult], tuple[str, ...]]:
+    """Many parameters and no surrogate: from Gaussians at the maxima of the posterior density."""
+    fixed = model.building.damping.ratio if prior.size == model.prior.size else None
+    exact = DataLikelihood(model.reduced, model.law, observation, fixed, device=settings.device)
+    chosen = LaplaceSettings()
+    run.show.start("Searching for maxima", chosen.evaluations(prior.size))
+    start = laplace_start(prior, exact.residuals, settings.seed, chosen, run.show.advance)
+    starts = []
+    for chain in range(run.chains):
+        theta = start.draw(run.each, run.seed_of(chain))
+        value = start.log_likelihood(theta)
+        starts.append(SmcResult(theta, value, 0.0, (), 0, 0))
+    results = run.bridge(prior, target, start.log_likelihood, starts, settings.smc)
+    responses = sum(result.evaluations for result in results)
+    count = len(start.reached)
+    found = (
+        f"{sum(start.reached)} of {chosen.starts} searches ended in the one maximum that counts"
+        if count == 1
+        else f"searches from {chosen.starts} starts ended in {count} maxima that count"
+    )
+    notes = [
+        f"The posterior was found by its maxima: {found}, after {start.evaluations:,} responses; "
+        f"sampling took {responses:,} more. A maximum that no search led to is missing."
+    ]
+    if min(result.effective_share for result in results) <= 0.0:
+        notes.append(_TEMPERED)
+    return [as_smc_result(result, one) for result, one in zip(results, starts, strict=True)], tuple(
+        notes
+    )
+
+
+_TEMPERED = (
+    "Importance sampling did not reach this posterior: its draws are the tempered particles, "
+    "and the spread of the runs is the only measure of their error."
+)
 
 
 def _cost(
@@ -484,8 +533,7 @@ def _cost(
         return (f"{text}; {least:.0%} of the importance draws are effective.",)
     return (
         f"{text}.",
-        "Importance sampling did not reach this posterior: its draws are the tempered particles, "
-        "and the spread of the runs is the only measure of their error.",
+        _TEMPERED,
     )
 
 
@@ -497,13 +545,6 @@ def _judged(study: Study, observation: Observation) -> list[str]:
     kept = study.artefacts()
     models = [kept[name].sha256 for name in (REDUCED, SURROGATE) if name in kept]
     return [__version__, data.hexdigest(), *models]
-
-
-def _with_zeta(prior: UniformPrior, bounds: tuple[float, float]) -> UniformPrior:
-    low, high = (torch.tensor([b], dtype=torch.float64) for b in bounds)
-    return UniformPrior(
-        (*prior.names, "zeta"), torch.cat([prior.lower, low]), torch.cat([prior.upper, high])
-    )
 
 
 def _posterior(

@@ -16,6 +16,7 @@ from femupdate.building.files import (
     save_building,
 )
 from femupdate.building.mesh import BuildingMesh, mesh_building
+from femupdate.building.parameters import stiffness_factors
 from femupdate.building.schema import Building
 from femupdate.building.shear import shear_operators
 from femupdate.dynamics.damping import ConstantDamping, DampingLaw, RayleighDamping
@@ -100,10 +101,11 @@ def damping_law(building: Building) -> DampingLaw:
 
 
 def theta_prior(building: Building) -> UniformPrior:
-    """The prior of the stiffness factors, one a story."""
-    ranges = [building.prior.theta_of(name) for name in building.story_names]
+    """The prior of the stiffness factors, one a story or one a story and kind of member."""
+    factors = stiffness_factors(building)
+    ranges = [building.prior.theta_of(building.story_names[one.story]) for one in factors]
     return UniformPrior(
-        tuple(f"theta_{i + 1}" for i in range(len(ranges))),
+        tuple(one.name for one in factors),
         torch.tensor([r.lower for r in ranges], dtype=torch.float64),
         torch.tensor([r.upper for r in ranges], dtype=torch.float64),
     )
@@ -161,6 +163,9 @@ def keep_model(study: Study, building: Building, reduction: Reduction) -> StudyM
             "size": reduction.model.size,
             "rms_error": reduction.rms_error,
             "largest_error": reduction.largest_error,
+            "checks": reduction.checks,
+            "worst_error": reduction.worst_error,
+            "share_no_worse": reduction.share,
         },
     )
     return model

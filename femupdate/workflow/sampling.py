@@ -50,20 +50,28 @@ class ChainRunner:
     folder: Path
     fingerprint: str
 
+    @property
+    def each(self) -> int:
+        """Particles of one run."""
+        return max(self.particles // self.chains, _LEAST_PARTICLES)
+
+    def seed_of(self, chain: int) -> int:
+        """Seed of one run."""
+        return self.seed * 1009 + chain
+
     def __call__(
         self, sampler: TemperedSmc, label: str, starts: list[SmcResult] | None = None
     ) -> list[SmcResult]:
         """Run all chains of one sampler, named by its label, from the prior or from draws."""
         self.show.start(label, 100 * self.chains)
-        each = max(self.particles // self.chains, _LEAST_PARTICLES)
         results = []
         for chain in range(self.chains):
             start = starts[chain].theta if starts is not None else None
             kept = _Kept(self.folder, json.dumps([self.fingerprint, label, chain]))
             results.append(
                 sampler.run(
-                    each,
-                    self.seed * 1009 + chain,
+                    self.each,
+                    self.seed_of(chain),
                     start=start,
                     state=kept.load(),
                     progress=_Teller(self.show, kept),
@@ -83,7 +91,7 @@ class ChainRunner:
         # Fitting the proposal usually takes three rounds of as many draws as there are particles.
         expected = 7 * sum(len(start.theta) for start in starts)
         self.show.start("Importance sampling (data-space likelihood)", expected)
-        parts = [(Start(start, base), self.seed * 1009 + k) for k, start in enumerate(starts)]
+        parts = [(Start(start, base), self.seed_of(k)) for k, start in enumerate(starts)]
         return [
             bridge(prior, target, start, seed, settings=settings, progress=self.show.advance)
             for start, seed in parts

@@ -191,7 +191,7 @@ def _theta(building: Building, asked: tuple[float, ...] | None, rng: np.random.G
     if theta.shape != (prior.size,) or not (np.isfinite(theta) & (theta > 0.0)).all():
         raise ModelError(
             f"theta is {theta.tolist()}; the building {building.name} needs {prior.size} numbers "
-            "above zero, one a story"
+            f"above zero: {', '.join(prior.names)}"
         )
     outside = [
         name

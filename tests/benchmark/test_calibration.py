@@ -1,11 +1,13 @@
 """The calibration benchmark: what it simulates, and a small run."""
 
 import json
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from femupdate.benchmark import calibration_run
 from femupdate.benchmark.calibration import Judged, simulate
 from femupdate.benchmark.calibration_run import (
     CalibrationPlan,
@@ -14,7 +16,6 @@ from femupdate.benchmark.calibration_run import (
     scores,
 )
 from femupdate.benchmark.shear4dof import benchmark_model, roof_log_frf
-from femupdate.errors import InferenceError
 from femupdate.surrogate.storage import load_surrogate, save_surrogate
 from femupdate.workflow.train import shipped_surrogate
 
@@ -64,9 +65,33 @@ def test_small_run(tmp_path):
     assert "data-space, highest density" in report.text
 
 
-def test_the_exact_posterior_needs_known_damping(tmp_path):
-    with pytest.raises(InferenceError, match="--latent"):
-        run_calibration(tmp_path, CalibrationPlan("six_story_wall_frame", cases=10))
+def test_unknown_damping_is_integrated_over_and_a_run_goes_on(tmp_path, monkeypatch):
+    plan = CalibrationPlan("shear_3dof", ("2F", "RF"), cases=3, particles=300, beside=1)
+    report = run_calibration(tmp_path, plan, seed=2)
+    content = json.loads(report.files.json.read_text())
+    assert len(content["density_levels"]) == 3
+    (widths,) = content["widths"]
+    assert len(widths["ratio"]) == 3
+    assert all(0.3 < ratio < 10.0 for ratio in widths["ratio"])
+    assert "| theta_3 | 1 |" in report.text
+    log = tmp_path / "calibration_shear_3dof_2F_RF_cases.jsonl"
+    lines = log.read_text().splitlines()
+    # Cut off in the middle of the last case: that one alone is made again, and is the same.
+    log.write_text("\n".join([*lines[:-1], lines[-1][:100]]))
+    made = []
+    real = calibration_run.calibration_case
+
+    def case(*args):
+        made.append(args[-1])
+        return real(*args)
+
+    monkeypatch.setattr(calibration_run, "calibration_case", case)
+    again = run_calibration(tmp_path, plan, seed=2)
+    assert made == [2]
+    assert again.text == report.text
+    # Other particles: none of the cases can be used.
+    run_calibration(tmp_path, replace(plan, particles=200), seed=2)
+    assert made == [2, 0, 1, 2]
 
 
 def test_a_calibrated_surrogate_keeps_its_figures(model, tmp_path):

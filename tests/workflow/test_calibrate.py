@@ -79,7 +79,11 @@ def quadrature(log_frf, tower_frf, around):
     return mean, sd, np.log(weight.sum() * cell / volume) - 0.5 * least
 
 
-def test_the_exact_posterior_is_that_of_quadrature(tmp_path, tower_file, tower_frf, frf_table):
+@pytest.mark.parametrize("few", [10, 1], ids=["from the prior", "from maxima"])
+def test_the_exact_posterior_is_that_of_quadrature(
+    tmp_path, tower_file, tower_frf, frf_table, few, monkeypatch
+):
+    monkeypatch.setattr("femupdate.workflow.calibrate._FEW", few)
     path, log_frf = frf_table
     study = Study(tmp_path)
     settings = CalibrationSettings(particles=2000, exact=True)
@@ -102,6 +106,7 @@ def test_the_exact_posterior_is_that_of_quadrature(tmp_path, tower_file, tower_f
     assert report.misfit == pytest.approx(1.0, abs=0.3)  # 120 points: sd .13
     assert report.invalid == 0
     assert not any("misses" in note for note in report.notes)
+    assert any("found by its maxima" in note for note in report.notes) == (few == 1)
 
 
 def test_the_truth_of_shear_3dof_is_found(tmp_path):

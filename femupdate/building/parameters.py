@@ -1,0 +1,119 @@
+"""Which members share a stiffness factor: one factor a story, or one a story and kind of member."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import model_validator
+
+from femupdate.building.entry import Complaint, Entry
+from femupdate.building.references import resolve
+from femupdate.fe.model import FiniteElementModel
+
+if TYPE_CHECKING:
+    from femupdate.building.schema import Building, FrameBuilding
+
+Integers = NDArray[np.int64]
+
+# Kind of an element in the model, and what its factor is called.
+_CALLED = {
+    "wall": "walls",
+    "non_structural_wall": "walls",
+    "column": "columns",
+    "beam": "beams",
+    "slab": "slabs",
+}
+_ORDER = ("walls", "columns", "beams", "slabs")
+
+
+class Parameters(Entry):
+    """What a stiffness factor is of: `["story"]`, or `["story", "kind"]`.
+
+    The kinds are walls, columns, beams and slabs; a story has a factor for each that it owns.
+    """
+
+    by: tuple[Literal["story", "kind"], ...]
+
+    @model_validator(mode="after")
+    def _known_division(self) -> "Parameters":
+        if self.by not in (("story",), ("story", "kind")):
+            text = f'{list(self.by)} is no division; write ["story"] or ["story", "kind"]'
+            raise Complaint("by", text)
+        return self
+
+
+@dataclass(frozen=True)
+class StiffnessFactor:
+    """One parameter.
+
+    Attributes:
+        name: "theta_3", or "S3 walls".
+        story: index of the story.
+        kind: "walls", "columns", "beams" or "slabs"; None for all of the story.
+    """
+
+    name: str
+    story: int
+    kind: str | None = None
+
+
+def stiffness_factors(building: "Building") -> tuple[StiffnessFactor, ...]:
+    """Return the parameters of a building, story by story from the bottom."""
+    if not by_kind(building):
+        count = len(building.story_names)
+        return tuple(StiffnessFactor(f"theta_{i + 1}", i) for i in range(count))
+    owned = set(_owned(building))  # type: ignore[arg-type] # only frames have parameters by kind
+    return tuple(
+        StiffnessFactor(f"{name} {kind}", story, kind)
+        for story, name in enumerate(building.story_names)
+        for kind in _ORDER
+        if (story, kind) in owned
+    )
+
+
+def by_kind(building: "Building") -> bool:
+    """Whether members of different kinds have factors of their own."""
+    parameters: Parameters | None = getattr(building, "parameters", None)
+    return parameters is not None and "kind" in parameters.by
+
+
+def with_factors(
+    model: FiniteElementModel, factors: tuple[StiffnessFactor, ...]
+) -> FiniteElementModel:
+    """Return a model by stories with the elements' groups numbered as the factors.
+
+    Args:
+        model: whose groups are stories.
+        factors: of all kinds that the model has.
+    """
+    number = {(one.story, one.kind): k for k, one in enumerate(factors)}
+
+    def of(group: Integers, kind: NDArray[np.str_]) -> Integers:
+        pairs = zip(group.tolist(), kind.tolist(), strict=True)
+        found = [number[story, _CALLED[name]] if story >= 0 else story for story, name in pairs]
+        return np.array(found, dtype=np.int64)
+
+    shells, three, beams = model.shells, model.triangles, model.beams
+    return replace(
+        model,
+        groups=len(factors),
+        shells=replace(shells, group=of(shells.group, shells.kind)),
+        triangles=replace(three, group=of(three.group, three.kind)),
+        beams=replace(beams, group=of(beams.group, beams.kind)),
+    )
+
+
+def _owned(building: "FrameBuilding") -> Iterator[tuple[int, str]]:
+    """Yield (story, kind) of all members with stiffness; story i owns floor i + 1."""
+    stories, floors = building.story_names, building.floors
+    lists = (
+        *(("walls", wall.stories, stories) for wall in building.walls if wall.is_stiff),
+        *(("columns", columns.stories, stories) for columns in building.columns),
+        *(("beams", beams.floors, floors) for beams in building.beams),
+        *(("slabs", slab.floors, floors) for slab in building.slabs),
+    )
+    for kind, names, known in lists:
+        for name in resolve(names, known, kind, kind):
+            yield known.index(name), kind

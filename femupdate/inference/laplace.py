@@ -1,0 +1,207 @@
+"""A start for high dimensions: Gaussians at the largest values of the posterior density.
+
+Particles drawn from the prior do not find a posterior of dozens of parameters at a bearable number
+of responses. The residuals of a data-space likelihood are smooth, so the Levenberg-Marquardt
+method (Marquardt 1963) finds its maxima from many starts at once, with the noise lowered step by
+step so that starts are not held up by peaks that do not yet overlap. In the prior's standard
+normal coordinates what the data do not determine is Gaussian as it stands.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from femupdate.errors import InferenceError
+from femupdate.inference.mixture import GaussianMixture, StudentMixture
+from femupdate.inference.prior import UniformPrior
+
+Residuals = Callable[[Tensor], Tensor]
+"""Whitened residuals (n, m) of parameters (n, p); the log likelihood is minus half their square."""
+
+# Shares of the residuals' weight, one stage each: small ones smooth the misfit over.
+_STAGES = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
+_STEP = 1e-4
+_FREEDOM = 8
+# Maxima lower than the highest by this many nats (with their widths) hold nothing of the posterior.
+_NEGLIGIBLE = 12.0
+# Standard deviations within which two ends of the search are the same maximum.
+_SAME = 1.0
+
+
+@dataclass(frozen=True)
+class LaplaceSettings:
+    """How maxima are searched for.
+
+    Attributes:
+        starts: searches, from the best of the candidates.
+        candidates: draws from the prior.
+        steps: of each search at each stage; four times as many at the last.
+    """
+
+    starts: int = 12
+    candidates: int = 200
+    steps: int = 4
+
+    def evaluations(self, size: int) -> int:
+        """Residual vectors of `size` parameters that the search takes."""
+        steps = self.steps * (len(_STAGES) + 3)
+        return self.candidates + self.starts * (steps * (size + 1) + size)
+
+
+@dataclass(frozen=True)
+class LaplaceStart:
+    """Gaussians at the maxima, with Student tails.
+
+    Attributes:
+        prior: of the parameters.
+        proposal: in the prior's standard normal coordinates.
+        reached: starts that ended at each maximum that counts.
+        evaluations: of the residuals.
+    """
+
+    prior: UniformPrior
+    proposal: StudentMixture
+    reached: tuple[int, ...]
+    evaluations: int
+
+    def draw(self, count: int, seed: int) -> Tensor:
+        """Parameters (count, p)."""
+        generator = torch.Generator(device=self.prior.lower.device).manual_seed(seed)
+        return self.prior.from_normal(self.proposal.sample(count, generator).clamp(-8.0, 8.0))
+
+    def log_likelihood(self, theta: Tensor) -> Tensor:
+        """What times the prior gives the proposal's density: a base for tempering, (n,)."""
+        xi = self.prior.to_normal(theta).clamp(-8.0, 8.0)
+        constant = 0.5 * self.prior.size * math.log(2.0 * math.pi)
+        return self.proposal.log_density(xi) - self.prior.log_density_normal(xi) + constant
+
+
+@dataclass(frozen=True)
+class _Search:
+    """Where S searches stand: xi (S, p), residuals (S, m) and damping (S,)."""
+
+    xi: Tensor
+    residual: Tensor
+    damping: Tensor
+
+    def objective(self, share: float) -> Tensor:
+        return 0.5 * (share * self.residual.square().sum(1) + self.xi.square().sum(1))
+
+
+def laplace_start(
+    prior: UniformPrior,
+    residuals: Residuals,
+    seed: int,
+    settings: LaplaceSettings | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> LaplaceStart:
+    """Find maxima of prior times likelihood, and put a Gaussian at each.
+
+    Args:
+        prior: of the parameters.
+        residuals: see `Residuals`; float64, for differences.
+        seed: of the candidates.
+        settings: see `LaplaceSettings`.
+        progress: called with the number of residual vectors evaluated since the last call.
+
+    Raises:
+        InferenceError: no candidate has finite residuals.
+    """
+    chosen = settings or LaplaceSettings()
+    counted = _Counted(prior, residuals, progress)
+    search = _first(prior, counted, seed, chosen)
+    for share in _STAGES:
+        for _ in range(chosen.steps * (4 if share == 1.0 else 1)):
+            search = _stepped(counted, search, share)
+    mean, factor, log_weight, reached = _maxima(counted, search)
+    mixture = GaussianMixture(log_weight - torch.logsumexp(log_weight, 0), mean, factor)
+    return LaplaceStart(prior, StudentMixture(mixture, _FREEDOM), reached, counted.count)
+
+
+class _Counted:
+    """Residuals in standard normal coordinates, infinite where they are no numbers, counted."""
+
+    def __init__(
+        self, prior: UniformPrior, residuals: Residuals, progress: Callable[[int], None] | None
+    ) -> None:
+        self._prior, self._residuals, self._progress = prior, residuals, progress
+        self.count = 0
+
+    def __call__(self, xi: Tensor) -> Tensor:
+        values = self._residuals(self._prior.from_normal(xi)).to(torch.float64)
+        self.count += len(xi)
+        if self._progress is not None:
+            self._progress(len(xi))
+        return torch.nan_to_num(values, nan=torch.inf, posinf=torch.inf, neginf=torch.inf)
+
+    def jacobian(self, xi: Tensor, residual: Tensor) -> Tensor:
+        """Forward differences (S, m, p)."""
+        size = xi.shape[1]
+        shifted = xi[:, None] + _STEP * torch.eye(size, dtype=xi.dtype, device=xi.device)
+        values = torch.cat([self(rows) for rows in shifted])  # one search at a time
+        slope = (values.reshape(len(xi), size, -1) - residual[:, None]) / _STEP
+        return torch.nan_to_num(slope, nan=0.0, posinf=0.0, neginf=0.0).transpose(1, 2)
+
+
+def _first(prior: UniformPrior, counted: _Counted, seed: int, settings: LaplaceSettings) -> _Search:
+    generator = torch.Generator(device=prior.lower.device).manual_seed(seed)
+    # Nearer to the middle of the box than the prior's own draws: its corners are seldom the best.
+    xi = 0.7 * prior.to_normal(prior.sample(settings.candidates, generator)).clamp(-3.0, 3.0)
+    residual = counted(xi)
+    order = residual.square().sum(1).argsort()[: settings.starts]
+    order = order[torch.isfinite(residual[order].sum(1))]
+    if not len(order):
+        raise InferenceError(
+            f"none of {settings.candidates} parameter sets has a finite likelihood for this "
+            "observation; check that the file and the building belong together"
+        )
+    return _Search(xi[order], residual[order], xi.new_full((len(order),), 1e-2))
+
+
+def _stepped(counted: _Counted, search: _Search, share: float) -> _Search:
+    """One step of every search; one that does not gain stays where it is, more damped."""
+    slope = counted.jacobian(search.xi, search.residual)
+    gradient = share * torch.einsum("smp,sm->sp", slope, search.residual) + search.xi
+    curvature = _curvature(slope, share)
+    damped = curvature + search.damping[:, None, None] * torch.diag_embed(
+        curvature.diagonal(dim1=1, dim2=2)
+    )
+    step = torch.linalg.solve(damped, gradient[..., None])[..., 0]
+    xi = (search.xi - step.clamp(-1.0, 1.0)).clamp(-6.0, 6.0)
+    tried = _Search(xi, counted(xi), search.damping)
+    better = tried.objective(share) < search.objective(share)
+    return _Search(
+        torch.where(better[:, None], tried.xi, search.xi),
+        torch.where(better[:, None], tried.residual, search.residual),
+        torch.where(better, 0.2 * search.damping, 8.0 * search.damping).clamp(1e-6, 1e6),
+    )
+
+
+def _curvature(slope: Tensor, share: float) -> Tensor:
+    """Gauss-Newton curvature (S, p, p) of minus the log posterior."""
+    eye = torch.eye(slope.shape[2], dtype=slope.dtype, device=slope.device)
+    return share * slope.transpose(1, 2) @ slope + eye
+
+
+def _maxima(counted: _Counted, search: _Search) -> tuple[Tensor, Tensor, Tensor, tuple[int, ...]]:
+    """Means (k, p), Cholesky factors (k, p, p), log weights (k,) and the starts at each."""
+    curvature = _curvature(counted.jacobian(search.xi, search.residual), 1.0)
+    upper = torch.linalg.cholesky(curvature)
+    log_mass = -search.objective(1.0) - upper.diagonal(dim1=1, dim2=2).log().sum(-1)
+    order = log_mass.argsort(descending=True).tolist()
+    kept: list[int] = []
+    reached: dict[int, int] = {}
+    for k in (k for k in order if log_mass[k] > log_mass[order[0]] - _NEGLIGIBLE):
+        offsets = [(search.xi[k] - search.xi[j], j) for j in kept]
+        size = len(search.xi[k])
+        near = [j for d, j in offsets if float(d @ curvature[j] @ d) < _SAME**2 * size]
+        if near:
+            reached[near[0]] += 1
+        else:
+            kept.append(k)
+            reached[k] = 1
+    factor = torch.linalg.cholesky(torch.cholesky_inverse(upper[kept]))
+    return search.xi[kept], factor, log_mass[kept], tuple(reached[k] for k in kept)

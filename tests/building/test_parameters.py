@@ -1,0 +1,89 @@
+"""Stiffness factors by story and kind of member."""
+
+import copy
+import tomllib
+
+import numpy as np
+import pytest
+
+from femupdate.building.document import from_document, mechanics_hash
+from femupdate.building.mesh import mesh_building
+from femupdate.building.parameters import stiffness_factors
+from femupdate.effects.structure import structure_of
+from femupdate.errors import BuildingError
+from femupdate.fe.assembly import assemble
+from femupdate.workflow.model import theta_prior
+
+BY_KIND = {"by": ["story", "kind"]}
+
+
+@pytest.fixture
+def document(small_text):
+    return tomllib.loads(small_text)
+
+
+def building(document, **changes):
+    return from_document(copy.deepcopy(document) | changes)
+
+
+def test_names_by_story_and_kind(document):
+    """The wall along C only weighs, and the one along P stands in the lower story alone."""
+    document["walls"][0]["stories"] = ["low"]
+    prior = theta_prior(building(document, parameters=BY_KIND))
+    kinds = ("columns", "beams", "slabs")
+    assert prior.names == (
+        *("low walls", "low columns", "low beams", "low slabs"),
+        *(f"high {kind}" for kind in kinds),
+    )
+
+
+def test_the_prior_of_a_story_is_that_of_all_its_members(document):
+    document["prior"]["stories"] = {"high": {"lower": 0.5, "upper": 1.5}}
+    prior = theta_prior(building(document, parameters=BY_KIND))
+    assert prior.lower.tolist() == pytest.approx([1 / 3] * 4 + [0.5] * 4)
+    assert prior.upper.tolist() == pytest.approx([3.0] * 4 + [1.5] * 4)
+
+
+def test_the_members_of_a_story_add_up_to_the_story(document):
+    stories = assemble(mesh_building(building(document)).model)
+    made = building(document, parameters=BY_KIND)
+    members = assemble(mesh_building(made).model)
+    factors = stiffness_factors(made)
+    assert members.parameters == len(factors) == 8
+    for story, term in enumerate(stories.stiffness_terms):
+        own = [members.stiffness_terms[k] for k, one in enumerate(factors) if one.story == story]
+        assert abs(sum(own) - term).max() < 1e-12 * abs(term).max()
+    assert abs(members.mass - stories.mass).max() == 0.0
+
+
+def test_a_factor_is_that_of_youngs_modulus_of_its_members(document):
+    document["materials"]["soft"] = document["materials"]["concrete"] | {"youngs_modulus": "10 GPa"}
+    for section in document["sections"].values():
+        section["material"] = "concrete"
+    for part in (*document["walls"], *document["slabs"]):
+        part["material"] = "concrete"
+    made = building(document, parameters=BY_KIND)
+    theta = [10 / 25 if one.kind == "columns" else 1.0 for one in stiffness_factors(made)]
+    found = assemble(mesh_building(made).model).stiffness(np.array(theta))
+    document["sections"]["column"]["material"] = "soft"
+    expected = assemble(mesh_building(building(document)).model).stiffness(np.ones(2))
+    assert abs(found - expected).max() < 1e-12 * abs(expected).max()
+
+
+def test_files_that_do_not_say_it_keep_their_hash(document):
+    plain = building(document)
+    assert "parameters" not in plain.model_dump(exclude_none=True)
+    assert mechanics_hash(plain) != mechanics_hash(building(document, parameters=BY_KIND))
+
+
+def test_a_wrong_division_is_refused(document):
+    with pytest.raises(BuildingError, match=r"parameters\.by.*no division; write"):
+        building(document, parameters={"by": ["kind", "story"]})
+
+
+def test_effects_need_factors_by_story(document):
+    effect = {"name": "added_mass", "place": "RF", "parameters": {"mass": 1000.0}}
+    with pytest.raises(BuildingError, match="effects need one factor a story"):
+        building(document, parameters=BY_KIND, effects=[effect])
+    with pytest.raises(BuildingError, match="looked for with one factor a story"):
+        structure_of(building(document, parameters=BY_KIND))
