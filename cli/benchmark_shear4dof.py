@@ -16,15 +16,33 @@ from .common import Bars, benchmark_options, print_json, print_pictures
     show_default=True,
     help="Simulated buildings that latent posterior and bridge are judged on.",
 )
+@click.option(
+    "--nuts",
+    type=click.IntRange(min=0),
+    is_flag=False,
+    flag_value=2000,
+    default=0,
+    metavar="[ITERATIONS]",
+    help="Also a chain of the No-U-Turn sampler on each likelihood, 2,000 iterations without a "
+    'number (published: 60,000); needs pip install "femupdate[nuts]".',
+)
 @click.option("--quick", is_flag=True, help="A few runs of few particles, to see it work.")
 @benchmark_options
 def command(
-    runs: int, observations: int, quick: bool, output_folder: Path, seed: int, as_json: bool
+    runs: int,
+    observations: int,
+    nuts: int,
+    quick: bool,
+    output_folder: Path,
+    seed: int,
+    as_json: bool,
 ) -> None:
     """The four-story posterior with four modes: published tables, beside the exact posterior."""
+    from dataclasses import replace
+
     from femupdate.benchmark.shear4dof_run import QUICK, Plan, run_shear4dof
 
-    plan = QUICK if quick else Plan(runs=runs, observations=observations)
+    plan = replace(QUICK if quick else Plan(runs=runs, observations=observations), nuts=nuts)
     with Bars() as bars:
         report = run_shear4dof(output_folder, seed, plan, bars)
     if as_json:

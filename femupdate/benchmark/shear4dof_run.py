@@ -18,6 +18,12 @@ from femupdate.benchmark.shear4dof import (
     data_likelihood,
     exact_posterior,
 )
+from femupdate.benchmark.shear4dof_nuts import (
+    latent_with_gradient,
+    nuts_chain,
+    nuts_row,
+    require_pyro,
+)
 from femupdate.benchmark.shear4dof_observations import (
     ObservationResult,
     observation_results,
@@ -55,12 +61,14 @@ class Plan:
         runs: of each sampler at each size.
         reference_draws: of the posteriors that others are compared with.
         observations: that latent posterior and bridge are judged on.
+        nuts: iterations of the No-U-Turn sampler on each likelihood; 0 for none.
     """
 
     sizes: tuple[int, ...] = (500, 1000, 2000, 4000)
     runs: int = 10
     reference_draws: int = 50_000
     observations: int = 20
+    nuts: int = 0
 
 
 QUICK = Plan((200,), 2, 3000, 2)
@@ -98,11 +106,13 @@ def run_shear4dof(
 
     Raises:
         SurrogateError: the shipped surrogate does not fit the shipped building.
-        InferenceError: scikit-learn is not installed.
+        InferenceError: scikit-learn, or Pyro where it is asked for, is not installed.
         StudyError, ReportError: a file cannot be written.
     """
     plan, show = plan or Plan(), progress or Silent()
     machine = this_machine("scikit-learn")
+    if plan.nuts:
+        require_pyro()
     model = benchmark_model()
     surrogate = shipped_surrogate(model.building)
     case = authors_case(model)
@@ -167,16 +177,19 @@ def _samplers(
         MmdReference(own_theta), case_modes(case, own_theta).weight, to_exact
     )
     data_reference = References(to_exact, exact.modes.weight, to_exact)
-    both = (
-        (("latent", latent), latent_reference),
-        (("data", data_likelihood(model, case)), data_reference),
-    )
+    data = data_likelihood(model, case)
+    both = ((("latent", latent), latent_reference), (("data", data), data_reference))
     rows = []
     for likelihood, references in both:
         show.start(f"Samplers, {likelihood[0]} likelihood", 2 * len(plan.sizes) * plan.runs)
         rows += sampler_rows(
             model, case, likelihood, references, plan.sizes, plan.runs, show.advance
         )
+        if plan.nuts:
+            show.start(f"NUTS, {likelihood[0]} likelihood", plan.nuts)
+            smooth = data if likelihood[1] is data else latent_with_gradient(surrogate, latent)
+            chain = nuts_chain(model.prior, smooth, plan.nuts, seed, show.advance)
+            rows.append(nuts_row(likelihood[0], case, chain, references))
     fresh = fresh_exact(model, case, exact, seed + 17)
     return rows + floor_rows(case, exact, fresh, to_exact, plan.sizes, plan.runs)
 
