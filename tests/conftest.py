@@ -1,12 +1,18 @@
 """Two buildings small enough to be calibrated in seconds, and a study of one of them."""
 
 import hashlib
+import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+
+# Each of several test processes has one processor: threads of their own would fight for it. Read by
+# the numerical libraries when they are first imported, which is after this.
+if "PYTEST_XDIST_WORKER" in os.environ:
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 # No two stories are alike, so that no story can stand for another unnoticed.
 TOWER = """\
