@@ -1,6 +1,7 @@
 """femupdate diagnose."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -16,7 +17,15 @@ from .common import (
     table,
 )
 
+if TYPE_CHECKING:
+    from femupdate.discrepancy.evidence import Evidence
+
 _SHOWN = 6
+
+
+def _evidence(found: "Evidence") -> str:
+    error = f" +- {found.error:.2g}" if found.effective else ""
+    return f"{found.log_evidence:.1f}{error}"
 
 
 @click.command("diagnose")
@@ -30,6 +39,13 @@ _SHOWN = 6
 @click.option("--sensors", callback=parse_names, help="Floors to use, such as RF or 2F,RF.")
 @click.option("--band", callback=parse_band, help="Frequencies to use, such as 0.5,18 (Hz).")
 @click.option("--no-phase", is_flag=True, help="Use |H| alone.")
+@click.option(
+    "--sampled",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    help="Leading effects whose evidence is sampled, not approximated.",
+)
 @click.option("--unit", help="Of the accelerations, where the file does not say it.")
 @click.option("--columns", callback=parse_columns, help="Names: ours=theirs,ours=theirs.")
 @shared_options
@@ -40,6 +56,7 @@ def command(
     sensors: tuple[str, ...],
     band: tuple[float, float] | None,
     no_phase: bool,
+    sampled: int,
     unit: str | None,
     columns: dict[str, str] | None,
     study_folder: Path,
@@ -67,7 +84,7 @@ def command(
             if given is not None:
                 check_readable(given)
         model = open_study(study, building, bars)
-        settings = DiagnosisSettings(seed=seed)
+        settings = DiagnosisSettings(seed=seed, sampled=sampled)
         report = diagnose_study(study, model, source, settings, bars, not no_phase, more)
     if as_json:
         print_json({**report.as_dict(), "diagnosis": report.path, "pictures": report.pictures})
@@ -81,7 +98,7 @@ def command(
     rows = [
         (
             one.placed.label,
-            f"{one.evidence.log_evidence:.1f}",
+            _evidence(one.evidence),
             f"{one.probability:.3f}",
             f"{one.size:.4g} +- {one.size_sd:.2g}",
             f"{one.score.absorbed:.0%}",

@@ -14,6 +14,7 @@ from femupdate.discrepancy.where import Cell, p_value, residual_cells
 from femupdate.effects.effect import Placed
 
 NONE, NAMED, AMBIGUOUS = "none", "named", "ambiguous"
+_FEWEST = 3.0  # independent points an unknown, below which nothing can be told
 INDISTINGUISHABLE, UNKNOWN = "indistinguishable", "unknown"
 
 
@@ -160,7 +161,9 @@ def diagnose(
         residual_cells(problem, base),
         twins,
         partner if verdict != UNKNOWN else "",
-        _sentence(verdict, findings, twins, partner, inflation),
+        _few_points(problem, base)
+        if verdict == NONE and problem.effective < _FEWEST * base.coordinates.size
+        else _sentence(verdict, findings, twins, partner, inflation),
     )
 
 
@@ -315,6 +318,13 @@ def _verdict(
     tests = [first.score, *(other.score for other in near)]
     same = same_to_sensors(problem, base, tests, settings.alike)
     return (INDISTINGUISHABLE if same else AMBIGUOUS), twins
+
+
+def _few_points(problem: Problem, base: Fit) -> str:
+    return (
+        f"The data cannot tell: they hold {problem.effective:.0f} independent points for "
+        f"{base.coordinates.size} unknowns. A longer or a quieter record, or more floors, can."
+    )
 
 
 def _sentence(

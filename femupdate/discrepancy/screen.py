@@ -11,6 +11,8 @@ Floats = NDArray[np.float64]
 _LOW = 0.35  # of the first frequency, below which |H| is that of a rigid body but for (f / f1)^2
 _FEWEST = 4
 _CLEAR = 3.0  # standard deviations
+_LEVER = 2.0  # highest over lowest frequency, below which the value at zero is a guess
+_WRONG_UNIT = np.log(2.0)  # no sensor is off by more, but g, gal and m/s2 are
 
 
 def screen_channels(
@@ -34,15 +36,20 @@ def screen_channels(
     )
     first = float(modes.frequency_hz[0, modes.participation[0].abs().argmax()])
     low = observation.frequency_hz < _LOW * first
-    gains, turned, late = [], [], []
+    gains, foreign, turned, late = [], [], [], []
+    # Neighbouring estimates repeat each other.
+    spacing = float(np.median(np.diff(observation.frequency_hz)))
+    repeated = max(1.0, (observation.resolution_hz or spacing) / spacing) ** 0.5
     for row, floor in enumerate(observation.floors):
         used = low & observation.valid[row]
         if used.sum() < _FEWEST:
             continue
         frequency = observation.frequency_hz[used]
-        weight = 1.0 / observation.noise_sd[row, used]
+        weight = 1.0 / (repeated * observation.noise_sd[row, used])
         gain, sd = _intercept(frequency**2, observation.log_frf[row, used], weight)
-        if abs(gain) > max(_CLEAR * sd, 0.02):
+        if abs(gain) > max(_CLEAR * sd, _WRONG_UNIT):
+            foreign.append(f"{floor} reads {np.exp(gain):.3g} times the base")
+        elif frequency[-1] > _LEVER * frequency[0] and abs(gain) > max(_CLEAR * sd, 0.02):
             gains.append(f"{floor} reads {np.expm1(gain):+.1%}")
         if observation.phase is None:
             continue
@@ -58,6 +65,11 @@ def screen_channels(
     notes = []
     if gains:
         notes.append(f"At low frequency, where floors follow the base, {', '.join(gains)}.")
+    if foreign:
+        notes.append(
+            f"At low frequency, where floors follow the base, {', '.join(foreign)}: a wrong unit "
+            "(1 g is 9.81 m/s2, 1 m/s2 is 100 gal) or a wrong channel?"
+        )
     if turned:
         notes.append(f"The phase of {', '.join(turned)} is half a turn off: sensor reversed?")
     if late:

@@ -80,10 +80,13 @@ def test_the_effect_is_named_added_and_helps(repaired):
 
 def test_words_for_people(femupdate, repaired, hidden):
     """Without --json: the verdict first, a table, the pictures."""
-    told = femupdate("diagnose", hidden["heavy"], "--study", repaired["study"])
+    study = repaired["study"]
+    told = femupdate("diagnose", hidden["heavy"], "--study", study, "--sampled", "1")
     assert told.code == 0
     assert told.out.startswith("Verdict: named. Damper in a story at RF")
-    assert "story_damper@RF" in told.out
+    (row, *_) = [line.split() for line in told.out.splitlines() if "story_damper@RF" in line]
+    assert row[2] == "+-"  # the error of the sampled evidence
+    assert 0.0 < float(row[3]) < 1.0
     told = femupdate("repair", hidden["heavy"], "--study", repaired["study"])
     assert told.code == 0
     assert told.out.startswith("1. Damper in a story at RF")

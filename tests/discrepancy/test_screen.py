@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from femupdate.discrepancy.diagnose import diagnose
 from femupdate.discrepancy.screen import screen_channels
 
 MASSES, SPRINGS = np.array([3.0, 2.0, 1.5]), np.array([9e3, 5e3, 4e3])
@@ -76,3 +77,23 @@ def test_effects_of_the_model_do_not_stop_it(screen, building_of, observe, pose,
     system = problem.system(place("tuned_appendage@RF", "added_mass@2F"))
     assert isinstance(screen_channels(seen, system, np.ones(3)), tuple)
     assert torch.get_default_dtype() == torch.float32
+
+
+@pytest.mark.parametrize("factor", [1.0 / 9.80665, 100.0])
+def test_a_wrong_unit_is_told_even_where_the_low_end_is_narrow(screen, factor):
+    (sentence,) = screen(np.array([[1.0], [factor], [1.0]]), keep=slice(8, None))
+    (times,) = re.findall(r"3F reads ([\d.e+]+) times the base", sentence)
+    assert float(times) == pytest.approx(factor, rel=0.2)
+    assert "unit" in sentence
+
+
+def test_a_small_gain_is_not_guessed_from_a_narrow_low_end(screen):
+    assert screen(np.array([[1.0], [1.1], [1.0]]), keep=slice(8, None)) == ()
+
+
+def test_too_few_points_are_said_to_tell_nothing(chains, building_of, observe, pose):
+    exact = chains.Chain(MASSES, SPRINGS, zeta=0.02).frf(GRID)[:, 10:12]
+    seen = observe(FLOORS, GRID[10:12], exact, 0.05, 0, False)
+    found = diagnose(pose(building_of(MASSES, SPRINGS), seen))
+    assert found.verdict == "none"
+    assert found.sentence.startswith("The data cannot tell: they hold 6 independent points for 4")
