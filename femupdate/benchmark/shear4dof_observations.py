@@ -3,11 +3,13 @@
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from femupdate.benchmark.comparison import Comparison, compare
+from femupdate.benchmark.kept_parts import KeptParts
 from femupdate.benchmark.shear4dof import (
     Case,
     ExactPosterior,
@@ -64,16 +66,37 @@ def observation_results(
     advance: Callable[[], None],
     *,
     reference_draws: int = 20_000,
+    kept: KeptParts,
 ) -> list[ObservationResult]:
-    """The authors' observation, whose exact posterior is given, and random ones."""
+    """The authors' observation, whose exact posterior is given, and random ones.
+
+    Results that are kept are not made again.
+    """
     rng = np.random.default_rng(seed)
     results = []
     for number in range(count):
         case = random_case(model, rng) if number else authors_case(model)
-        exact = exact_posterior(model, case, reference_draws, seed + number) if number else authors
-        results.append(_result(model, surrogate, case, exact, seed + number))
+
+        def result(
+            case: Case = case, own: int = seed + number, first: bool = not number
+        ) -> ObservationResult:
+            exact = authors if first else exact_posterior(model, case, reference_draws, own)
+            return _result(model, surrogate, case, exact, own)
+
+        results.append(kept(f"observation {number}", result, result_back))
         advance()
     return results
+
+
+def result_back(content: dict[str, Any]) -> ObservationResult:
+    """A result from its plain content."""
+    parts: dict[str, Any] = {}
+    for which in ("latent", "bridged"):
+        own: dict[str, Any] = {
+            k: np.array(v) if isinstance(v, list) else v for k, v in content[which].items()
+        }
+        parts[which] = Comparison(**own)
+    return ObservationResult(**{**content, **parts})
 
 
 def _result(

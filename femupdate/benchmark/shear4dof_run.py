@@ -1,13 +1,16 @@
 """The benchmark `shear4dof`: the published tables, beside the truth."""
 
+import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from femupdate.benchmark.calibration_log import surrogate_mark
+from femupdate.benchmark.kept_parts import KeptParts
 from femupdate.benchmark.machine import Machine, this_machine
-from femupdate.benchmark.result import ResultFiles, markdown_table, write_result
+from femupdate.benchmark.result import ResultFiles, markdown_table, plain, write_result
 from femupdate.benchmark.shear4dof import (
     PUBLISHED_SOLUTIONS,
     Case,
@@ -38,12 +41,13 @@ from femupdate.benchmark.shear4dof_samplers import (
     floor_rows,
     fresh_exact,
     own_posterior,
+    row_back,
     sampler_rows,
 )
 from femupdate.inference.bridge import Start, bridge
 from femupdate.inference.likelihood import LatentLikelihood
 from femupdate.inference.metrics import MmdReference
-from femupdate.inference.smc import TemperedSmc
+from femupdate.inference.smc import LogLikelihood, TemperedSmc
 from femupdate.surrogate.storage import TrainedSurrogate
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.progress import Progress, Silent
@@ -104,6 +108,9 @@ def run_shear4dof(
 ) -> Shear4dofReport:
     """Run the benchmark and write its results.
 
+    Rows of the sampler table and observations are written when they are done, beside the results: a
+    run of the same plan that was cut off goes on from them.
+
     Raises:
         SurrogateError: the shipped surrogate does not fit the shipped building.
         InferenceError: scikit-learn, or Pyro where it is asked for, is not installed.
@@ -116,10 +123,12 @@ def run_shear4dof(
     model = benchmark_model()
     surrogate = shipped_surrogate(model.building)
     case = authors_case(model)
+    whole = json.dumps([model.hash, surrogate_mark(surrogate), seed, plain(replace(plan, nuts=0))])
+    kept = KeptParts(folder / f"{NAME}_parts.jsonl", whole)
     show.start("Exact posterior", 1)
     exact = exact_posterior(model, case, plan.reference_draws, seed)
     show.advance()
-    samplers = _samplers(model, surrogate, case, exact, plan, seed, show)
+    samplers = _samplers(model, surrogate, case, exact, plan, seed, show, kept)
     show.start("Latent posterior and bridge", plan.observations)
     observations = observation_results(
         model,
@@ -129,6 +138,7 @@ def run_shear4dof(
         seed,
         show.advance,
         reference_draws=min(20_000, plan.reference_draws),
+        kept=kept,
     )
     text = "\n\n".join(
         (
@@ -168,6 +178,7 @@ def _samplers(
     plan: Plan,
     seed: int,
     show: Progress,
+    kept: KeptParts,
 ) -> list[SamplerRow]:
     to_exact = MmdReference(exact.theta)
     latent = LatentLikelihood(surrogate, case.observation)
@@ -181,15 +192,23 @@ def _samplers(
     both = ((("latent", latent), latent_reference), (("data", data), data_reference))
     rows = []
     for likelihood, references in both:
-        show.start(f"Samplers, {likelihood[0]} likelihood", 2 * len(plan.sizes) * plan.runs)
+        show.start(f"Samplers, {likelihood[0]} likelihood", 2 * len(plan.sizes))
         rows += sampler_rows(
-            model, case, likelihood, references, plan.sizes, plan.runs, show.advance
+            model, case, likelihood, references, plan.sizes, plan.runs, show.advance, kept
         )
         if plan.nuts:
             show.start(f"NUTS, {likelihood[0]} likelihood", plan.nuts)
             smooth = data if likelihood[1] is data else latent_with_gradient(surrogate, latent)
-            chain = nuts_chain(model.prior, smooth, plan.nuts, seed, show.advance)
-            rows.append(nuts_row(likelihood[0], case, chain, references))
+
+            def row(
+                label: str = likelihood[0],
+                smooth: LogLikelihood = smooth,
+                references: References = references,
+            ) -> SamplerRow:
+                chain = nuts_chain(model.prior, smooth, plan.nuts, seed, show.advance)
+                return nuts_row(label, case, chain, references)
+
+            rows.append(kept(f"{likelihood[0]}, NUTS, {plan.nuts}", row, row_back))
     fresh = fresh_exact(model, case, exact, seed + 17)
     return rows + floor_rows(case, exact, fresh, to_exact, plan.sizes, plan.runs)
 

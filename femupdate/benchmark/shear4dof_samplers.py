@@ -3,10 +3,13 @@
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from femupdate.benchmark.kept_parts import KeptParts
 from femupdate.benchmark.shear4dof import (
     Case,
     ExactPosterior,
@@ -100,33 +103,55 @@ def sampler_rows(
     sizes: Sequence[int],
     runs: int,
     advance: Callable[[], None],
+    kept: KeptParts,
 ) -> list[SamplerRow]:
-    """Both samplers at all sizes."""
-    label, log_likelihood = likelihood
+    """Both samplers at all sizes; rows that are kept are not made again."""
     rows = []
-    for name, settings in SAMPLERS.items():
+    for name in SAMPLERS:
         for size in sizes:
-            sampler = TemperedSmc(model.prior, log_likelihood, settings=settings)
-            found = []
-            for run in range(runs):
-                started = time.monotonic()
-                result = sampler.run(size, 1000 * size + run)
-                seconds = time.monotonic() - started
-                theta = result.theta.numpy()
-                found.append(
-                    (
-                        float(result.evaluations),
-                        references.own(theta),
-                        references.exact(theta),
-                        total_variation(case_modes(case, theta).weight, references.weight),
-                        result.log_evidence if label == "data" else float("nan"),
-                        result.levels[-1].unique,
-                        seconds,
-                    )
-                )
-                advance()
-            rows.append(_row(label, name, size, found))
+            make = partial(_row_of_runs, model, case, likelihood, references, (name, size, runs))
+            rows.append(kept(f"{likelihood[0]}, {name}, {size}", make, row_back))
+            advance()
     return rows
+
+
+def _row_of_runs(
+    model: StudyModel,
+    case: Case,
+    likelihood: tuple[str, LogLikelihood],
+    references: References,
+    what: tuple[str, int, int],
+) -> SamplerRow:
+    """Several runs of one sampler; `what` names it, its particles and the number of runs."""
+    label, log_likelihood = likelihood
+    name, size, runs = what
+    sampler = TemperedSmc(model.prior, log_likelihood, settings=SAMPLERS[name])
+    found = []
+    for run in range(runs):
+        started = time.monotonic()
+        result = sampler.run(size, 1000 * size + run)
+        seconds = time.monotonic() - started
+        theta = result.theta.numpy()
+        found.append(
+            (
+                float(result.evaluations),
+                references.own(theta),
+                references.exact(theta),
+                total_variation(case_modes(case, theta).weight, references.weight),
+                result.log_evidence if label == "data" else float("nan"),
+                result.levels[-1].unique,
+                seconds,
+            )
+        )
+    return _row(label, name, size, found)
+
+
+def row_back(content: dict[str, Any]) -> SamplerRow:
+    """A row from its plain content."""
+    parts: dict[str, Any] = {
+        k: Spread(**v) if isinstance(v, dict) else v for k, v in content.items()
+    }
+    return SamplerRow(**parts)
 
 
 def floor_rows(

@@ -23,6 +23,8 @@ from femupdate.inference.tempering import (
 
 # Distinct draws that a component needs, a coordinate and its weight: on fewer it is too narrow.
 _DISTINCT_PER_COORDINATE = 25
+# Draws of a round of fitting, at least, and a coordinate: they must tell all covariances.
+_LEAST_DRAWS, _DRAWS_PER_COORDINATE = 200, 100
 
 
 @dataclass(frozen=True)
@@ -124,7 +126,7 @@ def importance_draws(
     settings = settings or ImportanceSettings()
     generator = torch.Generator(device=prior.lower.device).manual_seed(seed)
     xi = prior.to_normal(particles).clamp(-8.0, 8.0)
-    size = max(len(particles), 200)
+    size = max(len(particles), _LEAST_DRAWS, _DRAWS_PER_COORDINATE * prior.size)
     evaluations = 0
     for _ in range(settings.rounds):
         mixture = _fit(xi, settings, generator)

@@ -51,8 +51,12 @@ def test_random_cases_have_the_truth_among_their_solutions(model):
     np.testing.assert_array_equal(case_modes(case, near).member, np.arange(len(near)))
 
 
+def _refuse(*_):
+    raise AssertionError("it was made already")
+
+
 @pytest.mark.slow
-def test_small_run(tmp_path):
+def test_small_run(tmp_path, monkeypatch):
     pytest.importorskip("sklearn")
     report = run_shear4dof(tmp_path, 0, Plan((200,), 2, 2000, 1))
     assert all(path.stat().st_size > 10_000 for path in report.pictures)
@@ -70,3 +74,7 @@ def test_small_run(tmp_path):
     assert mixture.unique > walk.unique
     assert mixture.evaluations < 0.5 * walk.evaluations
     assert "| solution 4 | 2.63969 |" in report.files.markdown.read_text()
+    # All of it is kept: a second run makes neither rows nor observations again.
+    for part in ("observations._result", "samplers._row_of_runs"):
+        monkeypatch.setattr(f"femupdate.benchmark.shear4dof_{part}", _refuse)
+    assert run_shear4dof(tmp_path, 0, Plan((200,), 2, 2000, 1)).text == report.text
