@@ -22,8 +22,10 @@ Residuals = Callable[[Tensor], Tensor]
 """Whitened residuals (n, m) of parameters (n, p); the log likelihood is minus half their square."""
 
 # Shares of the residuals' weight, one stage each: small ones smooth the misfit over.
-_STAGES = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
+_STAGES = (0.003, 0.03, 0.3, 1.0)
 _STEP = 1e-4
+# Dampings tried at every step, as multiples of the last good one: a Jacobian costs more than they.
+_DAMPINGS = (0.1, 1.0, 10.0, 100.0, 1000.0)
 _FREEDOM = 8
 # Maxima lower than the highest by this many nats (with their widths) hold nothing of the posterior.
 _NEGLIGIBLE = 12.0
@@ -38,17 +40,17 @@ class LaplaceSettings:
     Attributes:
         starts: searches, from the best of the candidates.
         candidates: draws from the prior.
-        steps: of each search at each stage; four times as many at the last.
+        steps: of each search at each stage; twice as many at the last.
     """
 
     starts: int = 12
-    candidates: int = 200
-    steps: int = 4
+    candidates: int = 2000
+    steps: int = 6
 
     def evaluations(self, size: int) -> int:
         """Residual vectors of `size` parameters that the search takes."""
-        steps = self.steps * (len(_STAGES) + 3)
-        return self.candidates + self.starts * (steps * (size + 1) + size)
+        steps = self.steps * (len(_STAGES) + 1)
+        return self.candidates + self.starts * (steps * (size + len(_DAMPINGS)) + size)
 
 
 @dataclass(frozen=True)
@@ -114,7 +116,7 @@ def laplace_start(
     counted = _Counted(prior, residuals, progress)
     search = _first(prior, counted, seed, chosen)
     for share in _STAGES:
-        for _ in range(chosen.steps * (4 if share == 1.0 else 1)):
+        for _ in range(chosen.steps * (2 if share == 1.0 else 1)):
             search = _stepped(counted, search, share)
     mean, factor, log_weight, reached = _maxima(counted, search)
     mixture = GaussianMixture(log_weight - torch.logsumexp(log_weight, 0), mean, factor)
@@ -162,22 +164,26 @@ def _first(prior: UniformPrior, counted: _Counted, seed: int, settings: LaplaceS
 
 
 def _stepped(counted: _Counted, search: _Search, share: float) -> _Search:
-    """One step of every search; one that does not gain stays where it is, more damped."""
+    """One step of every search, with the best of several dampings; it stays where none gains."""
     slope = counted.jacobian(search.xi, search.residual)
     gradient = share * torch.einsum("smp,sm->sp", slope, search.residual) + search.xi
     curvature = _curvature(slope, share)
-    damped = curvature + search.damping[:, None, None] * torch.diag_embed(
-        curvature.diagonal(dim1=1, dim2=2)
-    )
-    step = torch.linalg.solve(damped, gradient[..., None])[..., 0]
-    xi = (search.xi - step.clamp(-1.0, 1.0)).clamp(-6.0, 6.0)
-    tried = _Search(xi, counted(xi), search.damping)
-    better = tried.objective(share) < search.objective(share)
-    return _Search(
-        torch.where(better[:, None], tried.xi, search.xi),
-        torch.where(better[:, None], tried.residual, search.residual),
-        torch.where(better, 0.2 * search.damping, 8.0 * search.damping).clamp(1e-6, 1e6),
-    )
+    ridge = torch.diag_embed(curvature.diagonal(dim1=1, dim2=2))
+    found = _Search(search.xi, search.residual, (100.0 * search.damping).clamp_max(1e5))
+    for multiple in _DAMPINGS:
+        damping = (multiple * search.damping).clamp_min(1e-6)
+        step = torch.linalg.solve(curvature + damping[:, None, None] * ridge, gradient[..., None])
+        # No parameter moves by more than one prior standard deviation.
+        step = step[..., 0] / step[..., 0].abs().amax(dim=1, keepdim=True).clamp_min(1.0)
+        xi = (search.xi - step).clamp(-6.0, 6.0)
+        tried = _Search(xi, counted(xi), damping)
+        better = tried.objective(share) < found.objective(share)
+        found = _Search(
+            torch.where(better[:, None], tried.xi, found.xi),
+            torch.where(better[:, None], tried.residual, found.residual),
+            torch.where(better, tried.damping, found.damping),
+        )
+    return found
 
 
 def _curvature(slope: Tensor, share: float) -> Tensor:
