@@ -75,8 +75,8 @@ def test_everything_imported_is_declared():
     declared = {re.split(r"[<>=\[;]", one)[0] for one in project()["project"]["dependencies"]}
     optional = project()["project"]["optional-dependencies"]
     extras = [*optional["arviz"], *optional["benchmark"]]
-    # VTK is PyVista's, pydantic_core pydantic's; sklearn is how scikit-learn is imported.
-    brought = {"femupdate", "vtkmodules", "pydantic_core", "sklearn"}
+    # VTK is PyVista's, pydantic_core pydantic's; scikit-learn and pyro-ppl go by other names.
+    brought = {"femupdate", "vtkmodules", "pydantic_core", "sklearn", "pyro"}
     allowed = declared | brought | {re.split(r"[<>=]", one)[0] for one in extras}
     wrong = set()
     for folder in FOLDERS:
