@@ -17,6 +17,8 @@ from torch import Tensor
 from femupdate.errors import InferenceError
 from femupdate.inference.mixture import GaussianMixture, StudentMixture
 from femupdate.inference.prior import UniformPrior
+from femupdate.inference.smc import LogLikelihood
+from femupdate.inference.tempering import effective_sample_size
 
 Residuals = Callable[[Tensor], Tensor]
 """Whitened residuals (n, m) of parameters (n, p); the log likelihood is minus half their square."""
@@ -79,6 +81,15 @@ class LaplaceStart:
         xi = self.prior.to_normal(theta).clamp(-8.0, 8.0)
         constant = 0.5 * self.prior.size * math.log(2.0 * math.pi)
         return self.proposal.log_density(xi) - self.prior.log_density_normal(xi) + constant
+
+    def effective_share(self, target: LogLikelihood, count: int, seed: int) -> float:
+        """Share of `count` draws that count as draws from prior times target; 0 where none does."""
+        theta = self.draw(count, seed)
+        log_weight = target(theta).to(torch.float64) - self.log_likelihood(theta)
+        log_weight = torch.where(torch.isfinite(log_weight), log_weight, -torch.inf)
+        if not bool(torch.isfinite(log_weight).any()):
+            return 0.0
+        return effective_sample_size(log_weight) / count
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ class Posterior:
         log_likelihood: (chains, draws).
         lower, upper: (p,) prior box.
         likelihood: "latent" or "exact".
-        log_evidence: (chains,) for the exact likelihood, else None.
+        log_evidence: (chains,) for the exact likelihood where the sampler gives it, else None.
         observation: what it was drawn for.
         settings: of the sampler.
     """

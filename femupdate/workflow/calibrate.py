@@ -16,8 +16,9 @@ from femupdate import __version__
 from femupdate.building.schema import Building
 from femupdate.errors import MeasurementError, SurrogateError
 from femupdate.inference.bridge import BridgeResult, as_smc_result
+from femupdate.inference.hamiltonian import HamiltonianSettings, hamiltonian_draws
 from femupdate.inference.identifiability import Identifiability
-from femupdate.inference.laplace import LaplaceSettings, laplace_start
+from femupdate.inference.laplace import LaplaceSettings, LaplaceStart, laplace_start
 from femupdate.inference.likelihood import DataLikelihood, LatentLikelihood
 from femupdate.inference.posterior import Posterior, save_posterior
 from femupdate.inference.prior import UniformPrior
@@ -42,6 +43,11 @@ _ZETA_GRID = 25
 _ZETA_SAMPLES = 48
 # Parameters up to which particles from the prior find the data-space posterior.
 _FEW = 10
+# Effective share of draws from the Gaussians at the maxima below which chains take over, tried on
+# so many draws.
+_GAUSSIAN_ENOUGH, _TRIED = 0.1, 400
+# Chains that run side by side: they share batches, and differ where they have not mixed.
+_SIDE_BY_SIDE = 16
 
 
 @dataclass(frozen=True)
@@ -478,34 +484,69 @@ def _sample_from_maxima(
     prior: UniformPrior,
     target: DataLikelihood,
 ) -> tuple[list[SmcResult], tuple[str, ...]]:
-    """Many parameters and no surrogate: from Gaussians at the maxima of the posterior density."""
+    """Many parameters and no surrogate: from Gaussians at the maxima of the posterior density,
+    by chains where those are too crude."""
     fixed = model.building.damping.ratio if prior.size == model.prior.size else None
     exact = DataLikelihood(model.reduced, model.law, observation, fixed, device=settings.device)
     chosen = LaplaceSettings()
     run.show.start("Searching for maxima", chosen.evaluations(prior.size))
     start = laplace_start(prior, exact.residuals, settings.seed, chosen, run.show.advance)
-    starts = []
-    for chain in range(run.chains):
-        theta = start.draw(run.each, run.seed_of(chain))
-        value = start.log_likelihood(theta)
-        starts.append(SmcResult(theta, value, 0.0, (), 0, 0))
-    results = run.bridge(prior, target, start.log_likelihood, starts, settings.smc)
-    responses = sum(result.evaluations for result in results)
     count = len(start.reached)
     found = (
         f"{sum(start.reached)} of {chosen.starts} searches ended in the one maximum that counts"
         if count == 1
         else f"searches from {chosen.starts} starts ended in {count} maxima that count"
     )
-    notes = [
-        f"The posterior was found by its maxima: {found}, after {start.evaluations:,} responses; "
-        f"sampling took {responses:,} more. A maximum that no search led to is missing."
-    ]
-    if min(result.effective_share for result in results) <= 0.0:
-        notes.append(_TEMPERED)
-    return [as_smc_result(result, one) for result, one in zip(results, starts, strict=True)], tuple(
-        notes
+    if start.effective_share(target, _TRIED, settings.seed) < _GAUSSIAN_ENOUGH:
+        results, how = _hamiltonian(run, prior, target, start)
+    else:
+        results, how = _around_maxima(run, prior, target, start, settings.smc)
+    return results, (
+        f"The posterior was found by its maxima: {found}, after "
+        f"{start.evaluations + _TRIED:,} responses; {how} A maximum that no search led to is "
+        "missing.",
     )
+
+
+def _around_maxima(
+    run: ChainRunner,
+    prior: UniformPrior,
+    target: DataLikelihood,
+    start: LaplaceStart,
+    settings: SmcSettings,
+) -> tuple[list[SmcResult], str]:
+    """Importance sampling from the Gaussians, and what it took."""
+    starts = []
+    for chain in range(run.chains):
+        theta = start.draw(run.each, run.seed_of(chain))
+        starts.append(SmcResult(theta, start.log_likelihood(theta), 0.0, (), 0, 0))
+    results = run.bridge(prior, target, start.log_likelihood, starts, settings)
+    how = f"sampling took {sum(result.evaluations for result in results):,} more."
+    if min(result.effective_share for result in results) <= 0.0:
+        how = f"{how} {_TEMPERED}"
+    return [as_smc_result(result, one) for result, one in zip(results, starts, strict=True)], how
+
+
+def _hamiltonian(
+    run: ChainRunner, prior: UniformPrior, target: DataLikelihood, start: LaplaceStart
+) -> tuple[list[SmcResult], str]:
+    """Chains from the maxima where the posterior is far from Gaussian, and what they took."""
+    settings = HamiltonianSettings()
+    draws = max(-(-run.particles // _SIDE_BY_SIDE), 2)
+    run.show.start("Sampling (Hamiltonian Monte Carlo)", settings.warm_up + draws)
+    result = hamiltonian_draws(
+        prior, target, start, _SIDE_BY_SIDE, draws, run.seed, settings, run.show.advance
+    )
+    each = result.gradients // _SIDE_BY_SIDE
+    parts = zip(result.theta, result.log_likelihood, strict=True)
+    how = (
+        f"the posterior bends too much for Gaussians, so {_SIDE_BY_SIDE} chains of Hamiltonian "
+        f"Monte Carlo drew it, with {result.gradients:,} gradients ({result.acceptance:.0%} of "
+        "their moves accepted); they give no evidence"
+    )
+    if len(start.reached) > 1:
+        how += ", and the shares of separate maxima are those of their Gaussians"
+    return [SmcResult(theta, value, np.nan, (), each, 0) for theta, value in parts], f"{how}."
 
 
 _TEMPERED = (
@@ -570,7 +611,7 @@ def _posterior(
         model.prior.lower.numpy(),
         model.prior.upper.numpy(),
         "exact" if settings.exact else "latent",
-        evidence if settings.exact else None,
+        evidence if settings.exact and np.isfinite(evidence).all() else None,
         observation,
         _plain(settings),
     )
