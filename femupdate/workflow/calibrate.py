@@ -408,10 +408,12 @@ def _sample_latent(
             f"{typical:.2g}: this posterior is too narrow; use --exact."
         )
     misfit = likelihood.reconstruction_misfit(max(typical, trained))
-    return results, (*notes, *_surrogate_notes(surrogate.info, misfit))
+    return results, (*notes, *_surrogate_notes(surrogate.info, misfit, observation.floors))
 
 
-def _surrogate_notes(info: SurrogateInfo, misfit: float) -> tuple[str, ...]:
+def _surrogate_notes(
+    info: SurrogateInfo, misfit: float, floors: tuple[str, ...]
+) -> tuple[str, ...]:
     """What held-out simulations say about the surrogate, and about this observation."""
     notes = []
     if misfit > info.misfit_limit:
@@ -429,6 +431,14 @@ def _surrogate_notes(info: SurrogateInfo, misfit: float) -> tuple[str, ...]:
             f"{kept['coverage_90_before']:.0%} of the truths before and "
             f"{kept['coverage_90_after']:.0%} after."
         )
+        # Other floors can need another power: three times as wide a posterior has been seen.
+        checked = [kept["floors"], *kept.get("also_checked", [])]
+        if set(floors) not in [set(one) for one in checked]:
+            sets = " and for ".join(", ".join(one) for one in checked)
+            notes.append(
+                f"That was checked for {sets}; with {', '.join(floors)} this posterior may be far "
+                "too narrow: use --exact."
+            )
     return tuple(notes)
 
 

@@ -494,7 +494,12 @@ def test_without_a_surrogate_nothing_is_drawn(tmp_path, tower_model, tower_obser
 def marked(learned, monkeypatch):
     """The poor surrogate with figures of a last calibration."""
     surrogate = require_surrogate(*learned)
-    kept = {"cases": 40, "coverage_90_before": 0.97, "coverage_90_after": 0.91}
+    kept = {
+        "cases": 40,
+        "floors": list(learned[1].building.floors),
+        "coverage_90_before": 0.97,
+        "coverage_90_after": 0.91,
+    }
     info = replace(surrogate.info, likelihood_power=0.5, misfit_limit=25.0, calibration=kept)
     monkeypatch.setattr(
         "femupdate.workflow.calibrate.require_surrogate",
@@ -513,6 +518,17 @@ def test_the_calibrating_power_widens_and_is_told(marked, tower_observation, mon
     assert (wide.posterior.samples.std(0) > 1.15 * plain.posterior.samples.std(0)).all()
     assert any("power 0.50, found on 40 held-out" in note for note in wide.notes)
     assert not any("unlike anything" in note for note in wide.notes)
+    assert not any("far too narrow" in note for note in wide.notes)
+
+
+def test_floors_that_the_power_was_not_checked_for_are_told(marked, tower_observation):
+    study, model = marked
+    roof = model.building.floors[-1]
+    settings = CalibrationSettings(particles=300)
+    report = calibrated(study, model, tower_observation.path, settings, sensors=(roof,))
+    every = ", ".join(model.building.floors)
+    told = f"checked for {every}; with {roof} this posterior may be far too narrow: use --exact"
+    assert any(told in note for note in report.notes)
 
 
 def test_an_observation_unlike_the_training_is_told(marked, tmp_path, frf_table):
