@@ -15,8 +15,8 @@ from femupdate.surrogate.storage import TrainedSurrogate
 
 
 def surrogate_mark(surrogate: TrainedSurrogate) -> str:
-    """A hash of all weights: cases of other weights are other cases."""
-    digest = hashlib.sha256()
+    """A hash of all weights and the power: cases of another likelihood are other cases."""
+    digest = hashlib.sha256(repr(surrogate.info.likelihood_power).encode())
     for tensor in surrogate.mvae.state_dict().values():
         digest.update(tensor.detach().cpu().numpy().tobytes())
     return digest.hexdigest()

@@ -194,8 +194,7 @@ def _header(
 ) -> str:
     """What cases on disk must share with those wanted."""
     settings = replace(plan.of_cases(model, seed), beside=0)
-    marks = [model.hash, surrogate_mark(surrogate), surrogate.info.likelihood_power]
-    return json.dumps([*marks, plain(settings)])
+    return json.dumps([model.hash, surrogate_mark(surrogate), plain(settings)])
 
 
 def _cases(

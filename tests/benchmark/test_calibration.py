@@ -1,5 +1,6 @@
 """The calibration benchmark: what it simulates, and a small run."""
 
+import copy
 import json
 from dataclasses import replace
 from types import SimpleNamespace
@@ -9,6 +10,7 @@ import pytest
 
 from femupdate.benchmark import calibration_run
 from femupdate.benchmark.calibration import Judged, simulate
+from femupdate.benchmark.calibration_log import surrogate_mark
 from femupdate.benchmark.calibration_run import (
     CalibrationPlan,
     calibrated,
@@ -16,7 +18,7 @@ from femupdate.benchmark.calibration_run import (
     scores,
 )
 from femupdate.benchmark.shear4dof import benchmark_model, roof_log_frf
-from femupdate.surrogate.storage import load_surrogate, save_surrogate
+from femupdate.surrogate.storage import TrainedSurrogate, load_surrogate, save_surrogate
 from femupdate.workflow.train import shipped_surrogate
 
 
@@ -35,6 +37,18 @@ def test_simulations_are_the_response_with_noise(model):
     assert noise.std() == pytest.approx(0.2, rel=0.04)
     assert abs(np.corrcoef(noise[:, 0].ravel(), noise[:, 1].ravel())[0, 1]) < 0.06
     assert ((theta > 0.33) & (theta < 3.0)).all()
+
+
+def test_cases_of_other_weights_or_another_power_are_told_apart(model):
+    surrogate = shipped_surrogate(model.building)
+    power = replace(surrogate.info, likelihood_power=0.5 * surrogate.info.likelihood_power)
+    weights = copy.deepcopy(surrogate)
+    weights.mvae.lower[0] += 0.01
+    marks = {
+        surrogate_mark(one) for one in (surrogate, TrainedSurrogate(surrogate.mvae, power), weights)
+    }
+    assert len(marks) == 3
+    assert surrogate_mark(shipped_surrogate(model.building)) in marks
 
 
 def test_scores_of_uniform_and_of_narrow_levels():
