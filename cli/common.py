@@ -111,20 +111,24 @@ def parse_columns(
     return {ours.strip(): theirs.strip() for ours, theirs in pairs}
 
 
-def parse_places(
+def parse_members(
     context: click.Context, parameter: click.Parameter, texts: tuple[str, ...]
-) -> tuple[tuple[float, float, float], ...]:
-    """Read places `x,y,z` in m."""
-    places = []
+) -> tuple[tuple[float, float, float] | str, ...]:
+    """Read places `x,y,z` in m and names of walls, such as `X2:S1`."""
+    members: list[tuple[float, float, float] | str] = []
     for text in texts:
+        if text.count(":") in (1, 2):
+            members.append(text)
+            continue
         try:
             x, y, z = (float(part) for part in text.split(","))
         except ValueError:
             raise click.BadParameter(
-                f"{text!r} is not a place; write x,y,z in m, such as 3.6,0,1.5"
+                f"{text!r} is neither a place nor a wall; write x,y,z in m, such as 3.6,0,1.5, or "
+                "the wall's line and story, such as X2:S1"
             ) from None
-        places.append((x, y, z))
-    return tuple(places)
+        members.append((x, y, z))
+    return tuple(members)
 
 
 def parse_names(

@@ -7,7 +7,7 @@ import click
 from .common import (
     Bars,
     parse_columns,
-    parse_places,
+    parse_members,
     print_json,
     print_notes,
     print_pictures,
@@ -40,8 +40,17 @@ from .common import (
     "--member",
     "members",
     multiple=True,
-    callback=parse_places,
-    help="x,y,z in m: end forces of the beam or column element nearest to it; several times.",
+    callback=parse_members,
+    metavar="PLACE|WALL",
+    help="x,y,z in m: end forces of the beam or column element nearest to it; or LINE:STORY (or "
+    "LINE:FROM-TO:STORY, such as X2:Y1-Y2:S1): forces through the foot of the wall; several times.",
+)
+@click.option(
+    "--member-draws",
+    type=click.IntRange(min=2),
+    default=24,
+    show_default=True,
+    help="Draws at which the full model is solved for them.",
 )
 @click.option("--columns", callback=parse_columns, help="Names in that file: ours=theirs,...")
 @shared_options
@@ -55,7 +64,8 @@ def command(
     measured: Path | None,
     floor_spectra: bool,
     spectrum_damping: float,
-    members: tuple[tuple[float, float, float], ...],
+    members: tuple[tuple[float, float, float] | str, ...],
+    member_draws: int,
     columns: dict[str, str] | None,
     study_folder: Path,
     seed: int,
@@ -82,7 +92,12 @@ def command(
             open_calibrated(study, bars),
             RecordSource(record, unit, channel, scale),
             PredictionSettings(
-                samples, damping, seed, spectrum_damping if floor_spectra else None, members
+                samples,
+                damping,
+                seed,
+                spectrum_damping if floor_spectra else None,
+                members,
+                member_draws,
             ),
             measured=measured,
             columns=columns,
@@ -122,7 +137,14 @@ def command(
             }
         if report.members:
             content["member_forces"] = [
-                {"kind": m.kind, "ends_m": m.ends, "peak_n": m.named_peaks()}
+                {
+                    "kind": m.member.kind,
+                    "name": m.member.name,
+                    "ends_m": m.member.ends,
+                    "peak_n": m.named(m.peak.mean),
+                    "peak_q05_n": m.named(m.peak.q05),
+                    "peak_q95_n": m.named(m.peak.q95),
+                }
                 for m in report.members
             ]
         spectra = report.floor_spectra
@@ -157,16 +179,14 @@ def command(
         )
     ]
     click.echo(table(("stiffness N/m", "mean", "5 %", "95 %"), rows))
-    for number, member in enumerate(report.members, start=1):
-        (x, y, z), (a, b, c) = member.ends
-        place = f"({x:g}, {y:g}, {z:g}) to ({a:g}, {b:g}, {c:g}) m"
-        click.echo(f"{member.kind} {number}, {place}: largest end forces, N and N m")
-        start, end = member.peak.reshape(2, 6)
-        lines = [
-            (name, f"{start[k]:.4g}", f"{end[k]:.4g}")
-            for k, name in enumerate(("N", "Vy", "Vz", "T", "My", "Mz"))
+    for number, found in enumerate(report.members, start=1):
+        member, peak = found.member, found.peak
+        rows = [
+            (name.replace("_", " "), *(f"{v:.4g}" for v in values))
+            for name, *values in zip(member.forces, peak.mean, peak.q05, peak.q95, strict=True)
         ]
-        click.echo(table(("", "start", "end"), lines))
+        click.echo(f"{member.kind} {number}, {member.name}: largest forces, N and N m")
+        click.echo(table(("", "mean", "5 %", "95 %"), rows))
     if report.floor_spectra is not None:
         spectra = report.floor_spectra
         at = spectra.acceleration.mean.argmax(axis=1)

@@ -2,7 +2,9 @@
 
 import os
 
-from femupdate.processors import processor_count
+import pytest
+
+from femupdate.processors import everywhere, processor_count
 
 
 def test_processors_that_this_process_may_use():
@@ -15,3 +17,9 @@ def test_systems_without_affinity(monkeypatch):
     assert processor_count() == 6
     monkeypatch.setattr(os, "cpu_count", lambda: None)
     assert processor_count() == 1
+
+
+@pytest.mark.parametrize("dof", [10, 10_000])  # in this process, and in processes of their own
+def test_work_comes_back_in_order(dof):
+    assert list(everywhere(abs, [-3, 1, -4, 1, -5, 9, -2], dof)) == [3, 1, 4, 1, 5, 9, 2]
+    assert list(everywhere(abs, [], dof)) == []

@@ -54,6 +54,8 @@ class BuildingMesh:
         factors: the model's parameters; group i of its elements has the factor i.
         ground_mass: the half of first-story walls without stiffness that rests on the ground and
             is not in the model, kg.
+        parts: of a mesh that was read: which of the file's `parts` each four-node shell, and each
+            three-node shell, belongs to.
     """
 
     model: FiniteElementModel
@@ -65,6 +67,7 @@ class BuildingMesh:
     story_names: tuple[str, ...]
     factors: tuple[StiffnessFactor, ...]
     ground_mass: float
+    parts: tuple[Integers, Integers] | None = None
 
 
 def mesh_building(building: Building, mesh_size: float | None = None) -> BuildingMesh:

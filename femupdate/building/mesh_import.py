@@ -90,7 +90,14 @@ def _import(building: MeshBuilding) -> BuildingMesh:
         story_names=building.story_names,
         factors=stiffness_factors(building),
         ground_mass=0.0,
+        parts=(_owners(blocks, "quad"), _owners(blocks, "triangle")),
     )
+
+
+def _owners(blocks: Sequence[_Block], cell_type: str) -> Integers:
+    """Part of every cell of a type, in the order of the model's elements."""
+    own = [np.full(len(b.nodes), b.part) for b in blocks if b.cell_type == cell_type]
+    return np.concatenate([np.zeros(0, dtype=np.int64), *own])
 
 
 def _merged(building: MeshBuilding, raw: RawMesh, nodes: Floats) -> RawMesh:

@@ -1,10 +1,11 @@
 """Forces of members as rows over the displacements: ends of beams and columns, cuts of walls."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
+from femupdate.building.wall_cuts import WallCut
 from femupdate.errors import ModelError
 from femupdate.fe.assembly import AffineOperators
 from femupdate.fe.beam import beam_matrices, local_matrices
@@ -24,6 +25,7 @@ Floats = NDArray[np.float64]
 BEAM_FORCES = ("N", "Vy", "Vz", "T", "My", "Mz")
 _LEVEL = 1e-6  # m
 CUT_FORCES = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
+WALL_FORCES = ("N", "V", "M")
 
 
 def beam_end_rows(
@@ -57,11 +59,13 @@ def cut_rows(
     *,
     kinds: Iterable[str],
     below: float,
+    within: Integers | None = None,
 ) -> Floats:
     """Rows that give the force through a horizontal cut, (6, n_free), N and N m in global axes.
 
     The cut runs through nodes of one level. What elements above it put on these nodes is summed
     up: it is what the part below carries, in the order of `CUT_FORCES`, moments about a point.
+    Inertia inside these elements is left out.
 
     Args:
         model, operators, theta: the structure.
@@ -69,27 +73,33 @@ def cut_rows(
         point: (3,) m, such as the middle of the wall.
         kinds: of elements that count, such as ("wall",) or ("wall", "column").
         below: level of the cut, m: elements that rise from it count.
+        within: nodes of the part that is cut: only elements that have no other node count. All
+            where None.
 
     Raises:
         ModelError: no element of these kinds rises from the nodes.
     """
     wanted, rows = list(kinds), np.zeros((DOF_PER_NODE, operators.dof))
     found = False
-    for elements, matrices in _elements(model):
+    for elements, matrices_of in _elements(model):
         corners = model.nodes[elements.nodes]
         rises = np.abs(corners[:, :, 2].min(axis=1) - below) < _LEVEL
         rises &= corners[:, :, 2].max(axis=1) > below + _LEVEL
+        if within is not None:
+            rises &= np.isin(elements.nodes, within).all(axis=1)
         touches = np.isin(elements.nodes, nodes)
-        for k in np.flatnonzero(rises & touches.any(axis=1) & np.isin(elements.kind, wanted)):
-            found = True
+        chosen = np.flatnonzero(rises & touches.any(axis=1) & np.isin(elements.kind, wanted))
+        if not len(chosen):
+            continue
+        found = True
+        for k, matrix in zip(chosen, matrices_of(chosen), strict=True):
             own, group = elements.nodes[k], int(elements.group[k])
             arms = rigid_arms(model.nodes[own] - point)
             sums = np.zeros((DOF_PER_NODE, DOF_PER_NODE * len(own)))
             for corner in np.flatnonzero(touches[k]):
                 block = slice(DOF_PER_NODE * corner, DOF_PER_NODE * (corner + 1))
                 sums[:, block] = arms[corner].T
-            force = (theta[group] if group >= 0 else 1.0) * sums @ matrices[k]
-            rows[:, _dof(own)] -= force
+            rows[:, _dof(own)] -= (theta[group] if group >= 0 else 1.0) * sums @ matrix
     if not found:
         raise ModelError(
             f"no element of kind {', '.join(wanted)} rises from the nodes of the cut at {below:g} m"
@@ -97,18 +107,63 @@ def cut_rows(
     return operators.gather(rows.T).T
 
 
-def _elements(
-    model: FiniteElementModel,
-) -> Iterator[tuple[Shells | Triangles | Beams, Floats]]:
-    """Yield the elements of each type with their stiffness matrices in global axes."""
-    shells, beams = model.shells, model.beams
-    if len(shells):
-        elastic = (shells.thickness, shells.youngs_modulus, shells.poisson_ratio, shells.density)
-        yield shells, shell_matrices(model.nodes[shells.nodes], *elastic).stiffness
-    if len(model.triangles):
-        yield model.triangles, triangle_matrices(model.nodes, model.triangles).stiffness
-    if len(beams):
-        yield beams, beam_matrices(model.nodes[beams.nodes], beams).stiffness
+def wall_rows(
+    model: FiniteElementModel, operators: AffineOperators, theta: Floats, cut: WallCut
+) -> Floats:
+    """Rows that give what a wall's part below a cut carries, (3 or 6, n_free), N and N m.
+
+    In the order of `WALL_FORCES`, of the wall alone and, where columns stand in it or at its ends,
+    of the wall together with them. N is positive in tension, V along the wall from its start to
+    its end, and M about the middle of the wall where it stretches the start.
+    """
+    walls = ("wall", "non_structural_wall")
+    parts = (walls, (*walls, "column")) if cut.has_columns else (walls,)
+    upright = np.array([0.0, 0.0, 1.0])
+    about = np.cross(upright, cut.axis)
+    rows = []
+    for kinds in parts:
+        force, moment = np.split(
+            cut_rows(
+                model,
+                operators,
+                theta,
+                cut.foot,
+                cut.middle,
+                kinds=kinds,
+                below=cut.level,
+                within=cut.nodes,
+            ),
+            2,
+        )
+        rows += [upright @ force, cut.axis @ force, about @ moment]
+    return np.array(rows)
+
+
+Matrices = Callable[[Integers], Floats]
+
+
+def _elements(model: FiniteElementModel) -> Iterator[tuple[Shells | Triangles | Beams, Matrices]]:
+    """Yield the elements of each type with what gives some of their stiffnesses, global axes."""
+    shells, triangles, beams = model.shells, model.triangles, model.beams
+
+    def of_shells(chosen: Integers) -> Floats:
+        return shell_matrices(
+            model.nodes[shells.nodes[chosen]],
+            shells.thickness[chosen],
+            shells.youngs_modulus[chosen],
+            shells.poisson_ratio[chosen],
+            shells.density[chosen],
+        ).stiffness
+
+    def of_triangles(chosen: Integers) -> Floats:
+        return triangle_matrices(model.nodes, triangles).stiffness[chosen]
+
+    def of_beams(chosen: Integers) -> Floats:
+        return beam_matrices(model.nodes[beams.nodes], beams).stiffness[chosen]
+
+    yield shells, of_shells
+    yield triangles, of_triangles
+    yield beams, of_beams
 
 
 def _dof(nodes: Integers) -> Integers:

@@ -10,14 +10,13 @@ The responses are compressed by their weighted Gram matrix (proper orthogonal de
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
-from joblib import Parallel, delayed, parallel_config
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.stats import qmc
-from threadpoolctl import threadpool_limits
 
 from femupdate.dynamics.full_response import (
     FloorModes,
@@ -31,7 +30,7 @@ from femupdate.dynamics.reduced import ReducedModel
 from femupdate.errors import ModelError
 from femupdate.fe.assembly import AffineOperators
 from femupdate.fe.model import DOF_PER_NODE
-from femupdate.processors import processor_count
+from femupdate.processors import everywhere
 
 Floats = NDArray[np.float64]
 TOP = 1.3  # times the top of the grid: modes that shapes are taken from
@@ -41,7 +40,6 @@ _CERTIFY = 29  # others by which the choice is judged: 90 % of the box with a co
 _ROUNDS = 3
 _JOIN = 8  # of them whose responses join the basis where it fails
 CONFIDENCE = 0.95
-_LARGE = 2000  # degrees of freedom from which processes of their own pay
 T = TypeVar("T")
 Snapshots = Callable[[AffineOperators, FloorSensors, Floats, "ReductionTarget"], Floats]
 
@@ -247,31 +245,21 @@ def _everywhere(
     target: ReductionTarget,
     tick: Callable[[], None],
 ) -> Iterator[T]:
-    """Do one thing at every theta, on all processors, in order.
-
-    ARPACK and SuperLU hold Python's lock: threads would take turns, processes do not. Each has one
-    BLAS thread, as more would only be in each other's way.
-    """
-    workers = processor_count() if operators.mass.shape[0] > _LARGE else 1
-    # A process gets the operators with every task: a few theta share one journey.
-    parts = np.array_split(thetas, max(1, -(-len(thetas) // 4)))
-    with threadpool_limits(1), parallel_config("loky", inner_max_num_threads=1):
-        pool = Parallel(n_jobs=workers, max_nbytes=None, batch_size=1, return_as="generator")
-        jobs = (delayed(_several)(task, operators, sensors, part, target) for part in parts)
-        for results in pool(jobs):
-            for result in results:
-                tick()
-                yield result
+    """Do one thing at every theta, on all processors, in order."""
+    job = partial(_at_theta, task, operators, sensors, target)
+    for result in everywhere(job, list(thetas), operators.mass.shape[0]):
+        tick()
+        yield result
 
 
-def _several(
+def _at_theta(
     task: Callable[[AffineOperators, FloorSensors, Floats, ReductionTarget], T],
     operators: AffineOperators,
     sensors: FloorSensors,
-    thetas: Floats,
     target: ReductionTarget,
-) -> list[T]:
-    return [task(operators, sensors, theta, target) for theta in thetas]
+    theta: Floats,
+) -> T:
+    return task(operators, sensors, theta, target)
 
 
 def _reference(

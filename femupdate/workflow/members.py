@@ -1,103 +1,200 @@
-"""Member forces in a ground motion: the full model at the posterior's mean, mode by mode."""
+"""Forces of members in a ground motion: the full model at draws of the posterior, mode by mode."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femupdate.building.mesh import mesh_building
-from femupdate.building.schema import Building, ShearBuilding
-from femupdate.dynamics.member_forces import BEAM_FORCES, beam_end_rows
+from femupdate.building.schema import Building, FrameBuilding, MeshBuilding, ShearBuilding
+from femupdate.building.wall_cuts import WallCut, wall_cut
+from femupdate.dynamics.member_forces import BEAM_FORCES, WALL_FORCES, beam_end_rows, wall_rows
+from femupdate.dynamics.summary import Statistics, statistics
 from femupdate.dynamics.superposition import BaseMotion, displacement_history, superpose
 from femupdate.errors import BuildingError
-from femupdate.fe.assembly import assemble
+from femupdate.fe.assembly import AffineOperators, assemble
 from femupdate.fe.model import FiniteElementModel
+from femupdate.processors import everywhere
 from femupdate.study import write_text
 
 Floats = NDArray[np.float64]
-_UNITS = ("N", "N", "N", "N m", "N m", "N m")
-_ENDS = ("start", "end")
+Place = tuple[float, float, float]
+
+_BEAM_NAMES = tuple(f"{force}_{end}" for end in ("start", "end") for force in BEAM_FORCES)
+_WITH_COLUMNS = tuple(f"{force}_with_columns" for force in WALL_FORCES)
+
+
+@dataclass(frozen=True)
+class Member:
+    """A beam element, whose end forces are asked for, or a wall that is cut at its foot.
+
+    Attributes:
+        kind: "beam", "column" or "wall".
+        name: of a wall, as asked for; where it lies, of a beam element.
+        ends: (2, 3) first and second end, or start and end of the cut, m.
+        forces: names of the k forces, such as "My_start", or "V".
+        what: index of the beam element, or the cut.
+    """
+
+    kind: str
+    name: str
+    ends: Floats
+    forces: tuple[str, ...]
+    what: int | WallCut
+
+    def rows(self, model: FiniteElementModel, operators: AffineOperators, theta: Floats) -> Floats:
+        """Rows over the displacements that give the forces, (k, n_free), N and N m."""
+        if isinstance(self.what, WallCut):
+            return wall_rows(model, operators, theta, self.what)
+        return beam_end_rows(model, operators, theta, self.what)
+
+
+@dataclass(frozen=True)
+class ChosenMembers:
+    """Members with the full model that they belong to."""
+
+    building: FrameBuilding | MeshBuilding
+    model: FiniteElementModel
+    operators: AffineOperators
+    direction: str
+    members: tuple[Member, ...]
 
 
 @dataclass(frozen=True)
 class MemberForces:
-    """The end forces of one beam element.
+    """The forces of one member over the draws; N, N m.
 
     Attributes:
-        kind: "beam" or "column".
-        ends: (2, 3) where they are, m.
-        peak: (12,) largest absolute value of each, first end and then second, in the order of
-            `BEAM_FORCES`, N and N m.
-        history: (12, n).
+        member: whose they are.
+        mean, sd: (k, n) histories.
+        peak: (k,) of the largest absolute value of each.
     """
 
-    kind: str
-    ends: Floats
-    peak: Floats
-    history: Floats
+    member: Member
+    mean: Floats
+    sd: Floats
+    peak: Statistics
 
-    def named_peaks(self) -> dict[str, float]:
-        """Peaks by name, such as "My_start"."""
-        names = [f"{force}_{end}" for end in _ENDS for force in BEAM_FORCES]
-        return dict(zip(names, self.peak.tolist(), strict=True))
+    def named(self, values: Floats) -> dict[str, float]:
+        """Values (k,) by the names of the forces."""
+        return dict(zip(self.member.forces, values.tolist(), strict=True))
 
 
-def member_forces(
-    building: Building,
-    theta: Floats,
-    zeta: float | None,
-    places: Sequence[tuple[float, float, float]],
-    motion: BaseMotion,
-    top_hz: float,
-) -> tuple[MemberForces, ...]:
-    """Forces at the ends of the beam elements nearest to some places.
+def choose_members(building: Building, wanted: Sequence[Place | str]) -> ChosenMembers:
+    """Find members in a building's mesh.
 
     Args:
-        building: a frame, or one with its own mesh.
-        theta: (p,) stiffness factors.
-        zeta: damping ratio of all modes; None for the building's own law.
-        places: m; the element whose middle is nearest to a place is taken.
-        motion: of the base, along the direction of the sensors.
-        top_hz: modes below it are followed in time, the others statically.
+        building: a frame, or one with its own mesh, without effects.
+        wanted: places, m, that mean the beam element whose middle is nearest, and names of walls
+            (see `wall_cut`).
 
     Raises:
-        BuildingError: the building has no beams or columns.
-        ModelError: the structure is a mechanism.
+        BuildingError: the building has no such member.
     """
     if isinstance(building, ShearBuilding):
         raise BuildingError(f"{building.name}: a shear building has no members; leave them out")
+    if building.effects:
+        raise BuildingError(
+            f"{building.name}: it has [[effects]], and forces of members are found in models "
+            "without any; leave members out"
+        )
     mesh = mesh_building(building)
-    model, operators = mesh.model, assemble(mesh.model)
+    members = tuple(
+        _wall(wall_cut(building, mesh, one), one)
+        if isinstance(one, str)
+        else _nearest(building, mesh.model, one)
+        for one in wanted
+    )
+    return ChosenMembers(building, mesh.model, assemble(mesh.model), "xy"[mesh.direction], members)
+
+
+def _wall(cut: WallCut, name: str) -> Member:
+    forces = WALL_FORCES + _WITH_COLUMNS if cut.has_columns else WALL_FORCES
+    return Member("wall", name, cut.ends, forces, cut)
+
+
+def _nearest(building: Building, model: FiniteElementModel, place: Place) -> Member:
     if not len(model.beams):
         raise BuildingError(f"{building.name}: there are neither beams nor columns; leave them out")
-    structure = superpose(operators, theta, "xy"[mesh.direction], top_hz)
-    beams = [_nearest(model, place) for place in places]
-    rows = np.concatenate([beam_end_rows(model, operators, theta, beam) for beam in beams])
-    ratio = building.damping.modal_ratio(structure.omega / (2.0 * np.pi)) if zeta is None else zeta
-    history = displacement_history(structure, rows, ratio, motion).reshape(len(beams), 12, -1)
+    middle = model.nodes[model.beams.nodes].mean(axis=1)
+    beam = int(np.linalg.norm(middle - np.array(place), axis=1).argmin())
+    ends = model.nodes[model.beams.nodes[beam]]
+    (x, y, z), (a, b, c) = ends
+    name = f"({x:g}, {y:g}, {z:g}) to ({a:g}, {b:g}, {c:g}) m"
+    return Member(str(model.beams.kind[beam]), name, ends, _BEAM_NAMES, beam)
+
+
+def member_forces(
+    chosen: ChosenMembers,
+    theta: Floats,
+    zeta: Floats | None,
+    motion: BaseMotion,
+    top_hz: float,
+    tick: Callable[[], None] = lambda: None,
+) -> tuple[MemberForces, ...]:
+    """Forces of members at draws of the posterior.
+
+    The full model is solved at every draw. What the motion causes is found, without the weight
+    that is there before.
+
+    Args:
+        chosen: members and model.
+        theta: (S, p) stiffness factors.
+        zeta: (S,) damping ratios of all modes; None for the building's own law.
+        motion: of the base, along the direction of the sensors.
+        top_hz: modes below it are followed in time, the others statically.
+        tick: called after each draw.
+
+    Raises:
+        ModelError: the structure is a mechanism.
+    """
+    ratios = [None] * len(theta) if zeta is None else [float(z) for z in zeta]
+    task = partial(_at_draw, chosen, motion, top_hz)
+    found = []
+    for history in everywhere(
+        task, list(zip(theta, ratios, strict=True)), chosen.operators.mass.shape[0]
+    ):
+        found.append(history)
+        tick()
+    histories = np.stack(found)
+    starts = np.cumsum([len(member.forces) for member in chosen.members])[:-1]
     return tuple(
-        MemberForces(
-            str(model.beams.kind[beam]),
-            model.nodes[model.beams.nodes[beam]],
-            np.abs(own).max(axis=1),
-            own,
-        )
-        for beam, own in zip(beams, history, strict=True)
+        _over_draws(member, own)
+        for member, own in zip(chosen.members, np.split(histories, starts, axis=1), strict=True)
     )
 
 
-def _nearest(model: FiniteElementModel, place: tuple[float, float, float]) -> int:
-    middle = model.nodes[model.beams.nodes].mean(axis=1)
-    return int(np.linalg.norm(middle - np.array(place), axis=1).argmin())
+def _over_draws(member: Member, histories: Floats) -> MemberForces:
+    """Statistics of histories (S, k, n)."""
+    over = statistics(histories)
+    return MemberForces(member, over.mean, over.sd, statistics(np.abs(histories).max(axis=2)))
+
+
+def _at_draw(
+    chosen: ChosenMembers, motion: BaseMotion, top_hz: float, draw: tuple[Floats, float | None]
+) -> Floats:
+    """Histories of all members' forces at one draw, (k, n)."""
+    theta, zeta = draw
+    structure = superpose(chosen.operators, theta, chosen.direction, top_hz)
+    rows = [member.rows(chosen.model, chosen.operators, theta) for member in chosen.members]
+    own = chosen.building.damping.modal_ratio(structure.omega / (2.0 * np.pi))
+    ratio = own if zeta is None else zeta
+    return displacement_history(structure, np.concatenate(rows), ratio, motion)
 
 
 def write_member_forces(members: Sequence[MemberForces], time_step: float, path: Path) -> None:
-    """Write histories as CSV: time, then the twelve forces of each member, with a row of units."""
-    columns = [f"{k}:{name}" for k, m in enumerate(members, 1) for name in m.named_peaks()]
-    units = list(_UNITS) * 2 * len(members)
-    values = np.concatenate([member.history for member in members]).T
+    """Write mean and standard deviation as CSV: time, then two columns a force, with their units.
+
+    Columns are named by the number of the member and the force: "1:V", "1:V_sd", "2:My_start", ...
+    """
+    named = [(k, name) for k, m in enumerate(members, 1) for name in m.member.forces]
+    columns = [f"{k}:{name}{suffix}" for k, name in named for suffix in ("", "_sd")]
+    units = ["N m" if name[0] in "TM" else "N" for _, name in named for _ in range(2)]
+    pairs = [np.stack([member.mean, member.sd], axis=1) for member in members]
+    values = np.concatenate(pairs).reshape(len(columns), -1).T
     lines = [",".join(["time_s", *columns]), ",".join(["s", *units])]
     lines += [
         ",".join([f"{time_step * n:.6g}", *(f"{value:.6g}" for value in row)])

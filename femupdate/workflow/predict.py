@@ -23,7 +23,14 @@ from femupdate.measurement.record import GroundMotion, read_record
 from femupdate.netcdf import write_tree
 from femupdate.study import Study, file_hash
 from femupdate.workflow.calibrate import observed_direction
-from femupdate.workflow.members import MemberForces, member_forces, write_member_forces
+from femupdate.workflow.members import (
+    ChosenMembers,
+    MemberForces,
+    Place,
+    choose_members,
+    member_forces,
+    write_member_forces,
+)
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.progress import Progress, Silent
 
@@ -63,14 +70,16 @@ class PredictionSettings:
         spectrum_damping: damping ratio of the oscillators on the floors whose response spectra are
             asked for; None for no spectra.
         members: places in the building, m: the end forces of the beam elements nearest to them are
-            found at the mean of the draws.
+            found; and names of walls, such as "X2:S1": the forces through their feet are.
+        member_draws: draws at which the full model is solved for these.
     """
 
     samples: int = 300
     damping: float | None = None
     seed: int = 0
     spectrum_damping: float | None = None
-    members: tuple[tuple[float, float, float], ...] = ()
+    members: tuple[Place | str, ...] = ()
+    member_draws: int = 24
 
 
 @dataclass(frozen=True)
@@ -124,7 +133,7 @@ class PredictionReport:
         pictures: files drawn.
         seconds: all the time taken.
         floor_spectra: where they were asked for, over the first hundred samples.
-        members: end forces of the members asked for, at the mean of the draws.
+        members: forces of the members asked for.
     """
 
     summary: HistorySummary
@@ -173,11 +182,13 @@ def predict_study(
     posterior = load_posterior(study.require("posterior", "calibrate"))
     study.check_fresh("posterior", model.made_from(), "calibrate")
     theta, zeta, damping = _draws(model, posterior, settings)
+    chosen = choose_members(model.building, settings.members) if settings.members else None
     show.start("Integrating the response", len(theta))
     summary = summarise(_histories(study, model, theta, zeta, motion, show), _EXAMPLES)
     comparison = None if reference is None else _compare(summary, reference)
     spectra = _spectra(summary, motion, settings.spectrum_damping)
-    members = _members(study, model, theta, zeta, motion, settings)
+    few = np.linspace(0, len(theta) - 1, min(settings.member_draws, len(theta))).astype(int)
+    members = _members(study, model, chosen, theta[few], zeta[few], motion, show)
     path = study.path("prediction.nc")
     save_prediction(summary, motion, path, damping, spectra)
     study.record(
@@ -199,7 +210,7 @@ def predict_study(
         damping,
         comparison,
         _notes(model, motion),
-        _draw(study, summary, motion, reference, show, spectra),
+        _draw(study, summary, motion, reference, show, spectra, members),
         time.monotonic() - started,
         spectra,
         members,
@@ -209,19 +220,24 @@ def predict_study(
 def _members(
     study: Study,
     model: StudyModel,
+    chosen: ChosenMembers | None,
     theta: torch.Tensor,
     zeta: torch.Tensor,
     motion: GroundMotion,
-    settings: PredictionSettings,
+    show: Progress,
 ) -> tuple[MemberForces, ...]:
     """Forces of the members asked for, written into the study."""
-    if not settings.members:
+    if chosen is None:
         return ()
-    ratio = None if isinstance(model.building.damping, RayleighDamping) else float(zeta.mean())
-    top = 1.3 * float(model.frequency_hz[-1])
-    base = BaseMotion(motion.acceleration, motion.time_step)
-    mean = theta.mean(dim=0).numpy()
-    members = member_forces(model.building, mean, ratio, settings.members, base, top)
+    show.start("Forces of members", len(theta))
+    members = member_forces(
+        chosen,
+        theta.numpy(),
+        None if isinstance(model.building.damping, RayleighDamping) else zeta.numpy(),
+        BaseMotion(motion.acceleration, motion.time_step),
+        1.3 * float(model.frequency_hz[-1]),
+        show.advance,
+    )
     write_member_forces(members, motion.time_step, study.path("member_forces.csv"))
     return members
 
@@ -412,9 +428,11 @@ def _draw(
     measured: Floats | None,
     show: Progress,
     spectra: FloorSpectra | None,
+    members: tuple[MemberForces, ...],
 ) -> tuple[Path, ...]:
     from femupdate.report.figure import save_figure
     from femupdate.report.plot_history import floor_history_bands, story_shear_drift
+    from femupdate.report.plot_members import member_force_bands
     from femupdate.report.plot_spectra import floor_spectra_bands
 
     show.start("Drawing", 2)
@@ -444,4 +462,19 @@ def _draw(
             title=f"Floor spectra at {spectra.damping:.0%} damping, mean ± 2 sd: {motion.name}",
         )
         paths.append(save_figure(figure, study.path("pictures", "floor_spectra.png")))
+    if members:
+        figure = member_force_bands(
+            summary.time,
+            [(f"{m.member.kind} {m.member.name}", *_main_forces(m)) for m in members],
+            title=f"Forces of members, mean ± 2 sd: {motion.name}",
+        )
+        paths.append(save_figure(figure, study.path("pictures", "member_forces.png")))
     return tuple(paths)
+
+
+def _main_forces(member: MemberForces) -> tuple[tuple[str, ...], Floats, Floats]:
+    """Name, mean and sd of the largest normal force, shear and moment of a member."""
+    names = member.member.forces
+    kinds = [[k for k, name in enumerate(names) if name[0] == first] for first in "NVM"]
+    largest = [max(kind, key=lambda k: float(member.peak.mean[k])) for kind in kinds]
+    return tuple(names[k] for k in largest), member.mean[largest], member.sd[largest]

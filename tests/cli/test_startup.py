@@ -131,6 +131,8 @@ def test_no_command_shows_the_help(script):
         (["predict", "--record", "r.csv", "--damping", "2"], "--damping"),
         (["predict", "--record", "r.csv", "--scale", "double"], "--scale"),
         (["predict", "--record", "r.csv", "--samples", "1"], "--samples"),
+        (["predict", "--record", "r.csv", "--member", "1,2"], "neither a place nor a wall"),
+        (["predict", "--record", "r.csv", "--member-draws", "1"], "--member-draws"),
         (["train", "--samples", "10"], "--samples"),
         (["train", "--epochs", "0"], "--epochs"),
         (["render", "--modes", "0"], "--modes"),

@@ -18,6 +18,7 @@ from femupdate.report.figure import new_figure, save_figure
 from femupdate.report.plot_frf import Observation, Prediction, frf_fit
 from femupdate.report.plot_history import floor_history_bands, story_shear_drift, strong_part
 from femupdate.report.plot_intervals import mode_frequencies, theta_intervals
+from femupdate.report.plot_members import member_force_bands
 from femupdate.report.plot_posterior import SampleSet, correlation, posterior_pairs
 from femupdate.report.plot_sticks import stick_mode_shapes
 
@@ -313,3 +314,17 @@ def test_top_floor_comes_first():
     assert [axes.get_title(loc="left") for axes in bands().axes[::2]] == list(reversed(FLOORS))
     titles = [axes.get_title(loc="left") for axes in shear_drift(3, 2).axes if axes.get_visible()]
     assert titles == ["Story 3", "Story 2", "Story 1"]
+
+
+def test_forces_of_members_and_their_units(tmp_path):
+    wave = np.sin(20.0 * TIME) * np.exp(-((TIME - 9.0) ** 2))
+    rows = np.array([[3e4], [2e5], [9e6]]) * wave
+    names = ("N_with_columns", "V", "M")
+    figure = member_force_bands(
+        TIME, [("wall X2:S1", names, rows, 0.1 * np.abs(rows))], title="Forces"
+    )
+    labels = [panel.get_ylabel() for panel in figure.axes]
+    assert labels == ["N with columns (kN)", "V (kN)", "M (MN m)"]
+    assert imread(save_figure(figure, tmp_path / "members.png"))[..., :3].std() > 0.01
+    with pytest.raises(ReportError, match="mean has the shape"):
+        member_force_bands(TIME, [("wall", names, rows[:, 1:], rows)])

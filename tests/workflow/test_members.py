@@ -1,15 +1,27 @@
 """Member forces in a ground motion against what a building must carry."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from femupdate.building.document import from_document
+from femupdate.building.document import from_document, to_document
 from femupdate.building.files import load_building
+from femupdate.building.mesh import mesh_building
+from femupdate.building.mesh_export import export_mesh
 from femupdate.dynamics.superposition import BaseMotion
 from femupdate.errors import BuildingError
-from femupdate.workflow.members import member_forces, write_member_forces
+from femupdate.workflow.members import choose_members, member_forces, write_member_forces
 
 MASS, HEIGHT = 40e3, 3.0
+WALL = {"height": 12.0, "length": 4.0, "thickness": 0.25, "density": 2500.0}
+COMMON = {
+    "kind": "frame",
+    "sensors": {"direction": "x", "points": ["X0-Y0"]},
+    "frequency_grid": {"start": 0.1, "step": 0.1, "count": 100},
+    "prior": {"theta": {"lower": 0.5, "upper": 2.0}},
+    "damping": {"law": "rayleigh", "ratio": 0.03, "anchors": [1.0, 20.0]},
+}
 
 
 @pytest.fixture(scope="module")
@@ -17,8 +29,8 @@ def table():
     """Four equal columns under a rigid slab of 40 t, all that weighs."""
     return from_document(
         {
+            **COMMON,
             "name": "table",
-            "kind": "frame",
             "grid": {"x": {"X0": 0.0, "X1": 5.0}, "y": {"Y0": 0.0, "Y1": 4.0}},
             "stories": [{"name": "S1", "height": HEIGHT}],
             "materials": {"c": {"youngs_modulus": 25e9, "poisson_ratio": 0.2, "density": 0.0}},
@@ -27,10 +39,60 @@ def table():
             "slabs": [{"x": ["X0", "X1"], "y": ["Y0", "Y1"], "thickness": 0.6}],
             "floor_mass": [{"total": MASS}],
             "mesh": {"size": 3.0},
-            "sensors": {"direction": "x", "points": ["X0-Y0"]},
-            "frequency_grid": {"start": 0.1, "step": 0.1, "count": 100},
-            "prior": {"theta": {"lower": 0.5, "upper": 2.0}},
-            "damping": {"law": "rayleigh", "ratio": 0.03, "anchors": [1.0, 20.0]},
+        }
+    )
+
+
+def cantilever(axis):
+    """A wall of four stories along x or y, and nothing else."""
+    along, across = {"X0": 0.0, "X1": WALL["length"]}, {"Y0": 0.0, "Y1": 3.0}
+    if axis == "y":
+        along, across = {"X0": 0.0, "X1": 3.0}, {"Y0": 0.0, "Y1": WALL["length"]}
+    bounds = ("Y0", "X0", "X1") if axis == "x" else ("X0", "Y0", "Y1")
+    return from_document(
+        {
+            **COMMON,
+            "name": "cantilever",
+            "grid": {"x": along, "y": across},
+            "sensors": {"direction": axis, "points": ["X0-Y0"]},
+            "stories": [{"name": f"S{n}", "height": WALL["height"] / 4} for n in range(1, 5)],
+            "materials": {
+                "c": {"youngs_modulus": 25e9, "poisson_ratio": 0.2, "density": WALL["density"]}
+            },
+            "walls": [
+                dict(zip(("along", "from", "to"), bounds, strict=True))
+                | {"thickness": WALL["thickness"]}
+            ],
+            "mesh": {"size": 0.5},
+        }
+    )
+
+
+@pytest.fixture(scope="module")
+def wall_frame():
+    """Walls and columns under slabs, lopsided, with one wall that only weighs."""
+    return from_document(
+        {
+            **COMMON,
+            "name": "wall frame",
+            "grid": {"x": {"X0": 0.0, "X1": 4.0, "X2": 9.0}, "y": {"Y0": 0.0, "Y1": 5.0}},
+            "stories": [{"name": "S1", "height": 3.2}, {"name": "S2", "height": 2.8}],
+            "materials": {"c": {"youngs_modulus": 25e9, "poisson_ratio": 0.2, "density": 2400.0}},
+            "sections": {
+                "column": {"shape": "rectangle", "width": 0.4, "depth": 0.6},
+                "beam": {"shape": "rectangle", "width": 0.3, "depth": 0.5},
+            },
+            "columns": [{"section": "column"}],
+            "beams": [{"section": "beam"}],
+            "walls": [
+                {"along": "Y0", "from": "X0", "to": "X1", "thickness": 0.2},
+                {"along": "Y0", "from": "X1", "to": "X2", "thickness": 0.15, "stories": ["S1"]},
+                {"along": "X0", "from": "Y0", "to": "Y1", "thickness": 0.2},
+                {"along": "Y1", "from": "X0", "to": "X1", "thickness": 0.1, "stiffness": False},
+            ],
+            "slabs": [{"x": ["X0", "X2"], "y": ["Y0", "Y1"], "thickness": 0.2}],
+            "floor_mass": [{"total": 90e3}],
+            "mesh": {"size": 1.0},
         }
     )
 
@@ -41,12 +103,18 @@ def slow():
     return BaseMotion(np.sin(np.pi * t / 20.0) ** 2, 0.02)
 
 
+def forces(building, theta, zeta, wanted, motion=None):
+    """Forces at one draw or more."""
+    theta = np.atleast_2d(theta)
+    ratio = None if zeta is None else np.full(len(theta), zeta)
+    return member_forces(choose_members(building, wanted), theta, ratio, motion or slow(), 30.0)
+
+
 @pytest.mark.parametrize("zeta", [0.05, None])  # one ratio, or the building's own law
 def test_columns_share_the_inertia_of_the_floor(table, zeta):
-    found = member_forces(table, np.array([0.8]), zeta, [(0, 0, 0.5), (5, 4, 0.5)], slow(), 30.0)
-    for member in found:
-        assert member.kind == "column"
-        peaks = member.named_peaks()
+    for found in forces(table, [0.8], zeta, [(0, 0, 0.5), (5, 4, 0.5)]):
+        assert found.member.kind == "column"
+        peaks = found.named(found.peak.mean)
         # Local y of a column is the global x here. 1 %: the motion is slow, not still.
         assert peaks["Vy_start"] == pytest.approx(MASS / 4, rel=0.01)
         assert peaks["Vz_start"] < 0.01 * MASS
@@ -55,18 +123,170 @@ def test_columns_share_the_inertia_of_the_floor(table, zeta):
         assert whole == pytest.approx(MASS / 4 * HEIGHT, rel=0.01)
 
 
+@pytest.mark.parametrize("axis", ["x", "y"])
+@pytest.mark.parametrize("story", [1, 3])
+def test_a_cantilever_wall_carries_the_inertia_above(axis, story):
+    """V = m (H - z) a and M = m (H - z)^2 a / 2, against the motion of the ground."""
+    line = "Y0" if axis == "x" else "X0"
+    (found,) = forces(cantilever(axis), np.ones(4), 0.05, [f"{line}:S{story}"])
+    assert found.member.forces == ("N", "V", "M")
+    above = WALL["height"] * (1.0 - (story - 1) / 4)
+    weight = WALL["length"] * WALL["thickness"] * WALL["density"]  # kg/m
+    middle = found.mean[:, found.mean.shape[1] // 2]  # the ground's acceleration is 1 m/s2
+    # The inertia of half the lowest element goes straight into the nodes of the cut.
+    half = 0.5 * WALL["height"] / 4 / 6
+    assert middle[1] == pytest.approx(-weight * (above - half), rel=0.01)
+    assert middle[2] == pytest.approx(-weight * above**2 / 2, rel=0.015)
+    assert abs(middle[0]) < 1e-6 * abs(middle[1])
+
+
+def test_a_moment_stretches_the_start_when_the_wall_leans_forward(wall_frame):
+    """M and N of a wall with its columns are those of the fibres: tension where it is stretched."""
+    walls = ["Y0:X0-X1:S1", "Y0:X1-X2:S1"]
+    one, two = forces(wall_frame, np.ones(2), 0.05, walls)
+    at = one.mean.shape[1] // 2
+    # The ground goes forward, so the building leans back: the start is pressed, M is negative. The
+    # two walls act as one: the first, at the start, is pressed, the second is stretched.
+    assert max(one.mean[2, at], two.mean[2, at]) < 0.0
+    assert one.mean[0, at] < 0.0 < two.mean[0, at]
+
+
+@pytest.mark.parametrize("story", [1, 2])
+def test_walls_and_columns_share_the_story_shear(wall_frame, story):
+    """All that passes a story cut is the inertia of what lies above, whoever carries it."""
+    walls = [f"Y0:X0-X1:S{story}", f"X0:S{story}"] + ["Y0:X1-X2:S1"] * (story == 1)
+    z = 0.2 if story == 1 else 3.4
+    places = [(x, y, z) for x in (0.0, 4.0, 9.0) for y in (0.0, 5.0)]
+    chosen = choose_members(wall_frame, [*walls, *places])
+    # The wall across carries along x with its thickness: cut it as if it stood along x.
+    turned = replace(chosen.members[1].what, ends=chosen.members[0].ends, has_columns=False)
+    across = replace(chosen.members[1], forces=("N", "V", "M"), what=turned)
+    members = (chosen.members[0], across, *chosen.members[2:])
+    theta = np.array([[0.7, 1.3]])
+    found = member_forces(replace(chosen, members=members), theta, np.full(1, 0.05), slow(), 30.0)
+    at = found[0].mean.shape[1] // 2
+    shares = [one.mean[1, at] for one in found]
+    for k in range(len(walls), len(found)):
+        assert found[k].member.ends[0, 2] == pytest.approx(0.0 if story == 1 else 3.2)
+        shares[k] *= -1.0  # the joint puts it on the column's foot; local y is the global x
+    operators, level = chosen.operators, 0.0 if story == 1 else 3.2
+    inertia = (operators.mass_full @ operators.rigid_translation(0)).reshape(-1, 6)[:, 0]
+    above = inertia[chosen.model.nodes[:, 2] > level + 1e-6].sum()
+    # 6 %: the lower half of the lowest elements. The motion is slow, not still.
+    assert above == pytest.approx(180e3 if story == 1 else 90e3, rel=0.06)
+    assert -sum(shares) == pytest.approx(above, rel=0.005)
+    assert -shares[0] > 0.25 * above
+
+
+def test_with_columns_means_those_at_its_ends_as_well(wall_frame):
+    wall, left, right = forces(
+        wall_frame, [0.7, 1.3], 0.05, ["Y0:X0-X1:S1", (0.0, 0.0, 0.2), (4.0, 0.0, 0.2)]
+    )
+    assert wall.member.forces[3:] == ("N_with_columns", "V_with_columns", "M_with_columns")
+    normal, shear, moment, all_normal, all_shear, all_moment = wall.mean
+    np.testing.assert_allclose(
+        all_shear, shear - left.mean[1] - right.mean[1], atol=1e-6 * np.abs(shear).max()
+    )
+    np.testing.assert_allclose(
+        all_normal, normal - left.mean[0] - right.mean[0], atol=1e-6 * np.abs(all_normal).max()
+    )
+    # N of a column at 2 m from the middle; its moment about y, local z of the column is y.
+    couple = 2.0 * (right.mean[0] - left.mean[0]) * -1.0
+    own = all_moment - moment + couple
+    assert np.abs(own).max() < 0.05 * np.abs(all_moment).max()
+
+
+def test_the_band_is_that_of_the_draws(table):
+    draws = np.array([[0.6], [1.0], [1.9]])
+    t = np.linspace(0.0, 4.0, 201)
+    motion = BaseMotion(np.sin(9.0 * t) * np.sin(np.pi * t / 4.0), 0.02)
+    (found,) = forces(table, draws, 0.05, [(0, 0, 0.5)], motion)
+    each = [forces(table, one, 0.05, [(0, 0, 0.5)], motion)[0] for one in draws]
+    histories = np.stack([one.mean for one in each])
+    np.testing.assert_allclose(found.mean, histories.mean(axis=0), atol=1e-6 * MASS)
+    np.testing.assert_allclose(found.sd, histories.std(axis=0, ddof=1), atol=1e-6 * MASS)
+    peaks = np.abs(histories).max(axis=2)
+    np.testing.assert_allclose(found.peak.mean, peaks.mean(axis=0), atol=1e-6 * MASS)
+    assert found.sd[1].max() > 0.01 * np.abs(found.mean[1]).max()
+
+
 def test_histories_are_written_with_units(table, tmp_path):
-    found = member_forces(table, np.array([1.0]), 0.05, [(0, 0, 0)], slow(), 30.0)
+    found = forces(table, [1.0], 0.05, [(0, 0, 0)])
     path = tmp_path / "forces.csv"
     write_member_forces(found, 0.02, path)
     lines = path.read_text(encoding="utf-8").splitlines()
-    assert lines[0].split(",")[:4] == ["time_s", "1:N_start", "1:Vy_start", "1:Vz_start"]
-    assert lines[1].split(",")[:6] == ["s", "N", "N", "N", "N m", "N m"]
+    assert lines[0].split(",")[:4] == ["time_s", "1:N_start", "1:N_start_sd", "1:Vy_start"]
+    assert lines[1].split(",")[:10] == ["s"] + ["N"] * 6 + ["N m"] * 3
     values = np.loadtxt(lines[2:], delimiter=",")
-    assert values.shape == (1001, 13)
-    np.testing.assert_allclose(values[:, 2], found[0].history[1], rtol=1e-5, atol=1e-2)
+    assert values.shape == (1001, 25)
+    np.testing.assert_allclose(values[:, 3], found[0].mean[1], rtol=1e-5, atol=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("Y0:S1", r"2 walls stand along Y0 in S1: Y0:X0-X1:S1, Y0:X1-X2:S1; write one of them"),
+        ("Y1:S1", r"the wall Y1:S1 only weighs \(its stiffness is false\)"),
+        ("Y0:X0-X2:S2", r"no wall is named 'Y0:X0-X2:S2' \(known: .*did you mean 'Y0:X0-X1:S2'\?"),
+        ("Q:S1", r"no wall is named 'Q:S1'"),
+    ],
+)
+def test_walls_that_are_not_there(wall_frame, name, words):
+    with pytest.raises(BuildingError, match=words):
+        choose_members(wall_frame, [name])
+
+
+def test_a_building_without_walls(table):
+    with pytest.raises(BuildingError, match="table: it has no walls with stiffness"):
+        choose_members(table, ["X0:S1"])
 
 
 def test_a_shear_building_has_no_members():
     with pytest.raises(BuildingError, match="a shear building has no members"):
-        member_forces(load_building("shear_4dof"), np.ones(4), 0.02, [(0, 0, 0)], slow(), 30.0)
+        choose_members(load_building("shear_4dof"), [(0, 0, 0)])
+
+
+def as_own_mesh(building, folder):
+    """The same building, its mesh read from a file."""
+    path = export_mesh(mesh_building(building), folder / "own.msh")
+    plain = to_document(building)
+    kept = ("stories", "materials", "frequency_grid", "prior", "damping")
+    return from_document(
+        {key: plain[key] for key in kept}
+        | {
+            "name": "own",
+            "kind": "mesh",
+            "mesh": {"file": str(path), "unit": "m"},
+            "parts": [{"group": "wall", "thickness": WALL["thickness"]}],
+            "sensors": {"direction": plain["sensors"]["direction"], "points": [[0.0, 0.0]]},
+        }
+    )
+
+
+def test_a_wall_of_a_read_mesh_goes_by_its_group(tmp_path):
+    frame = cantilever("y")
+    own = as_own_mesh(frame, tmp_path)
+    theta = np.array([0.8, 1.0, 1.2, 1.1])
+    (wanted,) = forces(frame, theta, 0.05, ["X0:S2"])
+    (found,) = forces(own, theta, 0.05, ["wall:S2"])
+    np.testing.assert_allclose(found.mean, wanted.mean, atol=1e-6 * np.abs(wanted.mean).max())
+    np.testing.assert_allclose(found.member.ends, wanted.member.ends, atol=1e-9)
+    with pytest.raises(BuildingError, match=r"no wall is named 'walls:S2' \(known: .*wall:S2"):
+        choose_members(own, ["walls:S2"])
+
+
+def test_legs_of_a_core_want_groups_of_their_own(tmp_path):
+    frame = cantilever("y")
+    across = {"along": "Y1", "from": "X0", "to": "X1", "thickness": WALL["thickness"]}
+    document = to_document(frame)
+    document["walls"] = [*document["walls"], across]
+    own = as_own_mesh(from_document(document), tmp_path)
+    with pytest.raises(BuildingError, match=r"the wall wall:S1 is not straight in plan"):
+        choose_members(own, ["wall:S1"])
+
+
+def test_effects_and_members_do_not_go_together(table):
+    entry = {"kind": "added_mass", "place": "2F", "values": {"mass": 1000.0}}
+    with_effect = table.model_copy(update={"effects": (entry,)})
+    with pytest.raises(BuildingError, match=r"it has \[\[effects\]\].*leave members out"):
+        choose_members(with_effect, [(0, 0, 0)])

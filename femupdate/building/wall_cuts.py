@@ -1,0 +1,201 @@
+"""Finds a wall by its name, such as "X2:S1" or "X2:Y1-Y2:S1", in the mesh of a building."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femupdate.building.entry import unknown
+from femupdate.building.mesh import BuildingMesh
+from femupdate.building.references import resolve, wall_run
+from femupdate.building.schema import FrameBuilding, MeshBuilding
+from femupdate.errors import BuildingError
+from femupdate.fe.model import FiniteElementModel, Shells, Triangles
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+_KINDS = ("wall", "non_structural_wall")
+_NEAR = 1e-4  # m
+_STRAIGHT = 1e-2  # of its length: a wall bulges no further
+
+
+@dataclass(frozen=True)
+class WallCut:
+    """A horizontal cut through a straight wall, at the foot of a story.
+
+    Attributes:
+        nodes: of the wall in the story that is cut.
+        foot: those of them that the cut runs through.
+        level: of the cut, m.
+        ends: (2, 3) start and end of the wall at that level, m.
+        has_columns: whether columns rise from the cut as well.
+    """
+
+    nodes: Integers
+    foot: Integers
+    level: float
+    ends: Floats
+    has_columns: bool
+
+    @property
+    def axis(self) -> Floats:
+        """(3,) unit vector from start to end."""
+        along = self.ends[1] - self.ends[0]
+        return np.asarray(along / np.linalg.norm(along))
+
+    @property
+    def middle(self) -> Floats:
+        """(3,) middle of the wall's length, m."""
+        return np.asarray(self.ends.mean(axis=0))
+
+
+@dataclass(frozen=True)
+class _Wall:
+    """A wall in one story: its nodes, and its ends in plan where the building file has them."""
+
+    story: int
+    nodes: Integers
+    ends: Floats | None = None
+
+
+def wall_cut(building: FrameBuilding | MeshBuilding, mesh: BuildingMesh, name: str) -> WallCut:
+    """Return the cut through the foot of a wall.
+
+    Args:
+        building: a frame, or one with its own mesh.
+        mesh: of it.
+        name: of a frame's wall, the grid line along which it stands, the two lines between which
+            it stands (they may be left out where no other wall stands on that line in that story)
+            and the story: "X2:Y1-Y2:S1" or "X2:S1". Of a read mesh's wall, the group and the story.
+
+    Raises:
+        BuildingError: no wall with stiffness has this name, several have, or it is not straight.
+    """
+    named = _frame_walls if isinstance(building, FrameBuilding) else _mesh_walls
+    walls = dict(named(building, mesh))  # type: ignore[arg-type] # each takes its own kind
+    wall = walls.get(name)
+    if wall is not None:
+        return _cut(mesh, wall, name)
+    wanted = name.split(":")
+    longer = [full for full in walls if _short(full) == wanted]
+    if len(longer) == 1:
+        return _cut(mesh, walls[longer[0]], name)
+    if longer:
+        raise BuildingError(
+            f"{building.name}: {len(longer)} walls stand along {wanted[0]} in {wanted[1]}: "
+            f"{', '.join(longer)}; write one of them"
+        )
+    raise BuildingError(f"{building.name}: {_missing(building, name, walls)}")
+
+
+def _short(name: str) -> list[str]:
+    """Line and story of a wall's full name."""
+    parts = name.split(":")
+    return [parts[0], parts[-1]] if len(parts) == 3 else []
+
+
+def _missing(building: FrameBuilding | MeshBuilding, name: str, walls: Mapping[str, _Wall]) -> str:
+    """The sentence for a name that no wall with stiffness has."""
+    line = name.split(":")[0]
+    if isinstance(building, FrameBuilding) and any(
+        wall.along == line and not wall.is_stiff for wall in building.walls
+    ):
+        return (
+            f"the wall {name} only weighs (its stiffness is false), so it carries nothing; name "
+            "one with stiffness"
+        )
+    if not walls:
+        return "it has no walls with stiffness; leave walls out"
+    return unknown("wall", name, walls)
+
+
+def _cut(mesh: BuildingMesh, wall: _Wall, name: str) -> WallCut:
+    points = mesh.model.nodes[wall.nodes]
+    level = 0.0 if wall.story == 0 else float(mesh.floor_level[wall.story - 1])
+    foot = wall.nodes[np.abs(points[:, 2] - level) < _NEAR]
+    if not len(foot):
+        raise BuildingError(
+            f"the wall {name} has no nodes at the floor of its story, {level:g} m: it cannot be "
+            "cut there"
+        )
+    plan = points[:, :2] if wall.ends is None else wall.ends
+    ends = np.column_stack([_straight(plan, name), np.full(2, level)])
+    beams = mesh.model.beams
+    columns = np.isin(beams.nodes, foot).any(axis=1) & (beams.kind == "column")
+    columns &= np.isin(beams.nodes, wall.nodes).all(axis=1)
+    return WallCut(wall.nodes, foot, level, ends, bool(columns.any()))
+
+
+def _straight(plan: Floats, name: str) -> Floats:
+    """Start and end (2, 2) of points that lie on a line in plan; the start has the lower x, or y.
+
+    Raises:
+        BuildingError: they do not.
+    """
+    centre = plan.mean(axis=0)
+    _, _, axes = np.linalg.svd(plan - centre, full_matrices=False)
+    along, across = axes
+    along = along if along[np.abs(along) > 1e-6][0] > 0.0 else -along
+    place = (plan - centre) @ along
+    if np.abs((plan - centre) @ across).max() > _STRAIGHT * np.ptp(place):
+        raise BuildingError(
+            f"the wall {name} is not straight in plan, so no direction is in its plane; give each "
+            "of its legs a group and a part of its own"
+        )
+    return centre + np.outer([place.min(), place.max()], along)
+
+
+def _frame_walls(building: FrameBuilding, mesh: BuildingMesh) -> Iterator[tuple[str, _Wall]]:
+    """Yield the walls with stiffness, story by story, with their full names."""
+    levels = [0.0, *mesh.floor_level.tolist()]
+    for number, wall in enumerate(building.walls):
+        if not wall.is_stiff:
+            continue
+        run = wall_run(building.grid, wall, f"walls[{number}]")
+        own, crossing = (building.grid.y, building.grid.x)[:: 1 if run.axis == 0 else -1]
+        ends = np.empty((2, 2))
+        ends[:, run.axis] = crossing[run.start], crossing[run.end]
+        ends[:, 1 - run.axis] = own[run.line]
+        for name in resolve(wall.stories, building.story_names, "story", "stories"):
+            story = building.story_names.index(name)
+            low = [*ends.min(axis=0), levels[story]]
+            high = [*ends.max(axis=0), levels[story + 1]]
+            nodes = _shell_nodes(mesh.model, _inside(mesh.model, np.array(low), np.array(high)))
+            yield f"{run.line}:{run.start}-{run.end}:{name}", _Wall(story, nodes, ends)
+
+
+def _inside(model: FiniteElementModel, low: Floats, high: Floats) -> Flags:
+    """Which nodes lie in a box."""
+    inside = (model.nodes > low - _NEAR) & (model.nodes < high + _NEAR)
+    return np.asarray(inside.all(axis=1))
+
+
+def _shell_nodes(model: FiniteElementModel, among: Flags) -> Integers:
+    """Nodes of the walls whose nodes are all among these."""
+    shells = model.shells
+    own = among[shells.nodes].all(axis=1) & np.isin(shells.kind, _KINDS)
+    return np.unique(shells.nodes[own])
+
+
+def _mesh_walls(building: MeshBuilding, mesh: BuildingMesh) -> Iterator[tuple[str, _Wall]]:
+    """Yield the walls of a read mesh, each part in each story under each of its groups' names."""
+    if mesh.parts is None:
+        raise ValueError("a mesh that was read has parts")
+    for number, part in enumerate(building.parts):
+        for story, name in enumerate(building.story_names):
+            nodes = [
+                _cells(mesh.model.shells, mesh.parts[0] == number, story),
+                _cells(mesh.model.triangles, mesh.parts[1] == number, story),
+            ]
+            found = np.unique(np.concatenate(nodes))
+            for group in part.group if len(found) else ():
+                yield f"{group}:{name}", _Wall(story, found)
+
+
+def _cells(elements: Shells | Triangles, own: Flags, story: int) -> Integers:
+    """Nodes of the walls among a part's elements in a story, some of them often."""
+    wanted = own & (elements.group == story) & (elements.kind == "wall")
+    return elements.nodes[wanted].ravel()

@@ -1,0 +1,63 @@
+"""Histories of the forces in members, with their bands."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from numpy.typing import ArrayLike
+
+from femupdate.report.figure import Floats, add_head, checked, new_figure
+from femupdate.report.plot_history import BAND, strong_part
+from femupdate.report.scale import force_scale
+from femupdate.report.style import BLUE, styled
+
+Member = tuple[str, Sequence[str], ArrayLike, ArrayLike]
+
+
+@styled
+def member_force_bands(
+    time: ArrayLike, members: Sequence[Member], *, title: str = "Forces of members"
+) -> Figure:
+    """Draw a row of panels for every member, in the strong part of the motion.
+
+    Args:
+        time: (n,) s.
+        members: of each its name, the names of its three forces (normal force, shear, moment), and
+            their mean and standard deviation (3, n), N and N m; the band is two sd either way.
+        title: over the figure.
+
+    Raises:
+        ReportError: an array has another shape.
+    """
+    instants = checked("time", time, None)
+    start, end = strong_part(instants, checked("mean", members[0][2], 3, len(instants))[1])
+    shown = (instants >= start) & (instants <= end)
+    figure = new_figure(11.5, 0.5 + 2.0 * len(members))
+    axes = figure.subplots(len(members), 3, sharex=True, squeeze=False)
+    for row, (name, forces, mean, sd) in zip(axes, members, strict=True):
+        middle = checked("mean", mean, 3, len(instants))
+        spread = checked("sd", sd, 3, len(instants))
+        for panel, force, one, two in zip(row, forces, middle, spread, strict=True):
+            _draw(panel, instants[shown], one[shown], 2.0 * two[shown], force)
+        row[0].set_title(name, loc="left")
+    for panel in axes[-1]:
+        panel.set_xlabel("Time (s)")
+    handles: list[Line2D | Patch] = [
+        Line2D([], [], color=BLUE, label="Mean"),
+        Patch(label="Mean ± 2 sd", **BAND),
+    ]
+    add_head(figure, title, handles)
+    return figure
+
+
+def _draw(panel: Any, time: Floats, mean: Floats, band: Floats, force: str) -> None:
+    scale = force_scale(np.abs(mean) + band)
+    low, high = (mean - band) / scale.factor, (mean + band) / scale.factor
+    panel.fill_between(time, low, high, **BAND)
+    panel.plot(time, mean / scale.factor, color=BLUE, linewidth=1.0)
+    unit = f"{scale.unit} m" if force.startswith("M") else scale.unit
+    panel.set_ylabel(f"{force.replace('_', ' ')} ({unit})")
+    panel.set_xlim(time[0], time[-1])
