@@ -46,6 +46,9 @@ class Part(Entry):
         up: direction of the section's depth; vertical in beams, along y in upright columns.
         kind: "wall", "slab", "column" or "beam"; by the direction of each cell where left out.
         diaphragm: "rigid" where the shells of each floor move as one body in plan.
+        eccentricity: of beams, where their axis lies from the mesh's line, along x, y and z.
+        rigid_ends: of beams, lengths at the start and at the end of every span that do not bend.
+        hinges: "start", "end" or "both": ends of every span that pass no bending moment.
     """
 
     group: Names
@@ -56,6 +59,14 @@ class Part(Entry):
     up: tuple[Number, Number, Number] | None = None
     kind: Literal["wall", "slab", "column", "beam"] | None = None
     diaphragm: Literal["rigid"] | None = None
+    eccentricity: tuple[Coordinate, Coordinate, Coordinate] | None = None
+    rigid_ends: tuple[LengthOrZero, LengthOrZero] | None = None
+    hinges: Literal["start", "end", "both"] | None = None
+
+    @property
+    def has_arms(self) -> bool:
+        """Whether the axis leaves the mesh's line somewhere, or part of it is rigid."""
+        return self.eccentricity is not None or self.rigid_ends is not None
 
     @model_validator(mode="after")
     def _shell_or_beam(self) -> "Part":
@@ -68,6 +79,9 @@ class Part(Entry):
             raise Complaint("kind", f"{self.kind!r} does not fit {what}; correct or remove it")
         if self.up is not None and (self.section is None or not any(self.up)):
             raise Complaint("up", "it is a direction (not 0, 0, 0) across beams; correct it")
+        for name in ("eccentricity", "rigid_ends", "hinges"):
+            if self.section is None and getattr(self, name) is not None:
+                raise Complaint(name, "it is for beams, and these cells are shells; remove it")
         return self
 
 

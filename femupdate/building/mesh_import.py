@@ -15,6 +15,7 @@ from femupdate.building.mesh import BuildingMesh
 from femupdate.building.mesh_check import check_connected, check_elements, merge_nodes
 from femupdate.building.mesh_entries import Part
 from femupdate.building.mesh_reader import RawMesh, read_mesh
+from femupdate.building.mesh_spans import beam_arms, beam_releases, span_ends
 from femupdate.building.parameters import stiffness_factors
 from femupdate.building.quantities import ALL
 from femupdate.building.schema import MeshBuilding
@@ -277,7 +278,30 @@ def _beams(
         if own is not None:
             up[start : start + len(block.nodes)] = own
         start += len(block.nodes)
-    return Beams(**common, **figures, up=up)
+    offset, released = _ends(building, blocks, points, common["nodes"])
+    return Beams(**common, **figures, up=up, offset=offset, released=released)
+
+
+def _ends(
+    building: MeshBuilding, blocks: Sequence[_Block], points: Floats, lines: Integers
+) -> tuple[Floats | None, Flags | None]:
+    """Arms (n, 2, 3) and releases (n, 12) of all beams, None where no part has any."""
+    parts = [building.parts[block.part] for block in blocks]
+    offset = np.zeros((len(lines), 2, 3)) if any(part.has_arms for part in parts) else None
+    released = np.zeros((len(lines), 12), np.bool_) if any(part.hinges for part in parts) else None
+    start = 0
+    for block, part in zip(blocks, parts, strict=True):
+        own = slice(start, start + len(block.nodes))
+        start = own.stop
+        if not part.has_arms and part.hinges is None:
+            continue
+        others = np.delete(lines, np.arange(own.start, own.stop), axis=0)
+        spans = span_ends(points, lines[own], others.ravel())
+        if offset is not None:
+            offset[own] = beam_arms(part, points, lines[own], spans, f"parts[{block.part}]")
+        if released is not None:
+            released[own] = beam_releases(part, spans)
+    return offset, released
 
 
 def _floor_nodes(building: MeshBuilding, points: Floats) -> dict[str, Integers]:

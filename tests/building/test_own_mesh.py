@@ -405,3 +405,13 @@ def test_import_alone_says_the_key(tmp_path):
     document = tomllib.loads(OWN)
     with pytest.raises(BuildingError, match=r"^mesh\.file: there is no file"):
         import_mesh(from_document(document))
+
+
+@pytest.mark.parametrize(
+    "line",
+    ['hinges = "both"', 'rigid_ends = ["1 m", "0 m"]', 'eccentricity = ["1 m", "0 m", "0 m"]'],
+)
+def test_ends_of_shells_are_refused(tmp_path, line):
+    text = OWN.replace('thickness = "200 mm"', f'thickness = "200 mm"\n{line}')
+    name = line.split()[0]
+    refused(write(tmp_path, text=text), rf"parts\[0\]\.{name}: it is for beams, and these cells")
