@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from femupdate.fe.assembly import AffineOperators
 from femupdate.fe.factorization import Factorization, factorize
+from femupdate.fe.mechanism import factorize_held
 from femupdate.fe.model import DOF_PER_NODE
 from femupdate.fe.solve import modes_below
 
@@ -100,8 +101,8 @@ def full_modes(
     Raises:
         ModelError: the structure is a mechanism, or the eigenproblem cannot be solved.
     """
-    modes = modes_below(operators, theta, top_hz)
-    factorization = factorize(operators.stiffness(theta))
+    factorization = factorize_held(operators, operators.stiffness(theta))
+    modes = modes_below(operators, theta, top_hz, factorization)
     omega = 2.0 * np.pi * modes.frequency_hz
     return _seen(operators, sensors, omega, modes.shapes, factorization, terms)
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from femupdate.dynamics.recurrence import interpolate_record, modal_states
 from femupdate.errors import ModelError
 from femupdate.fe.assembly import AffineOperators
-from femupdate.fe.factorization import factorize
+from femupdate.fe.mechanism import factorize_held
 from femupdate.fe.solve import modes_below
 
 Floats = NDArray[np.float64]
@@ -85,11 +85,12 @@ def superpose(
     parts = zip(unit, range(3), strict=True)
     everything = sum(share * operators.rigid_translation(axis) for share, axis in parts)
     force = operators.gather(operators.mass_full @ everything)
-    modes = modes_below(operators, theta, top_hz)
+    factorization = factorize_held(operators, operators.stiffness(theta))
+    modes = modes_below(operators, theta, top_hz, factorization)
     participation = modes.shapes.T @ force
     # Modes that the motion does not drive at all add nothing, in any direction of the output.
     shapes, omega = modes.shapes * participation, 2.0 * np.pi * modes.frequency_hz
-    static = factorize(operators.stiffness(theta)).solve(force)
+    static = factorization.solve(force)
     return Superposition(
         direction=unit,
         influence=operators.restrict(np.asarray(everything)),

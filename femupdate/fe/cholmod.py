@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csc_matrix, tril
 
-from femupdate.fe.model import Floats
+from femupdate.fe.model import Floats, Integers
 
 
 @cache
@@ -56,3 +56,7 @@ class CholmodFactors:
     def pivots(self) -> Floats:
         """Signs of the pivots, (n,): all positive."""
         return np.ones(self._size)
+
+    def order(self) -> Integers | None:
+        """None: CHOLMOD keeps it to itself."""
+        return None

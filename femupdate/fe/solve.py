@@ -12,7 +12,7 @@ from femupdate.fe.assembly import AffineOperators
 from femupdate.fe.factorization import Factorization, factorize
 from femupdate.fe.lanczos import block_size, largest_of_inverse
 from femupdate.fe.mechanism import factorize_held, factorize_supported, refuse_negative
-from femupdate.fe.model import Floats
+from femupdate.fe.model import Floats, Integers
 
 __all__ = [
     "Factorization",
@@ -25,9 +25,9 @@ __all__ = [
 
 _FEW = 500  # degrees of freedom with mass up to which a dense solution is as fast as Lanczos
 _NO_MASS = 1e-14
-_TOLERANCE = 1e-7  # of residuals; the frequencies have twice as many digits
-_ARPACK_TOLERANCE = 1e-8
-_RESIDUAL = 1e-6  # relative; sound problems leave 1e-7 at most
+_TOLERANCE = 3e-6  # of residuals; the frequencies have twice as many digits
+_SHARP_TOLERANCE = 1e-8
+_RESIDUAL = 3e-5  # relative; sound problems leave a tenth of it at most
 _SEED = 20240
 _CLEAR = 1e-3  # relative distance of two modes between which pivots are counted
 _GAP = 1e-4  # relative; nearer to a mode the signs of the pivots are not sure
@@ -86,29 +86,30 @@ def lowest_modes(
         ModelError: the structure is a mechanism (without shift), count exceeds the degrees of
             freedom that carry mass, or the solution does not converge.
     """
-    return _lowest(operators, theta, count, shift_hz)
-
-
-def _lowest(
-    operators: AffineOperators,
-    theta: Floats,
-    count: int,
-    shift_hz: float | None = None,
-    below: float = np.inf,
-) -> Modes:
-    """As `lowest_modes`; exactly `count` eigenvalues are known to lie under a finite `below`."""
-    massive = int(np.count_nonzero(operators.mass.diagonal() > 0.0))
+    massive = _massive(operators)
     _check_request(massive, count, shift_hz)
     stiffness = operators.stiffness(theta)
     shift = 0.0 if shift_hz is None else -((2.0 * np.pi * shift_hz) ** 2)
     shifted = stiffness if shift_hz is None else (stiffness - shift * operators.mass).tocsc()
     factorization = factorize_held(operators, shifted)
-    problem = _Problem(stiffness, operators.mass, factorization, shift)
+    return _lowest(operators, _Problem(stiffness, operators.mass, factorization, shift), count)
+
+
+def _massive(operators: AffineOperators) -> int:
+    """Number of free degrees of freedom that carry mass."""
+    return int(np.count_nonzero(operators.mass.diagonal() > 0.0))
+
+
+def _lowest(
+    operators: AffineOperators, problem: "_Problem", count: int, below: float = np.inf
+) -> Modes:
+    """The lowest modes; exactly `count` eigenvalues are known to lie under a finite `below`."""
+    massive = _massive(operators)
     if massive <= max(_FEW, 3 * count):
-        refuse_negative(operators, factorization)
+        refuse_negative(operators, problem.factorization)
         return _modes(problem, *_condensed(problem, count))
     complaint = "did not converge"
-    for attempt in (_own_lanczos, _arpack, _sharp_arpack):
+    for attempt in (_own_lanczos, _wider_lanczos, _arpack, _sharp_arpack):
         found = attempt(problem, count)
         if found is None:
             continue
@@ -118,7 +119,7 @@ def _lowest(
         elif found[0][-1] < below < np.inf or _complete(problem, found[0]):
             return _modes(problem, *found)
         else:
-            refuse_negative(operators, factorization)
+            refuse_negative(operators, problem.factorization)
             complaint = "missed a mode"
     raise ModelError(f"the eigenvalue solver {complaint} every time; ask for a few modes more")
 
@@ -133,22 +134,35 @@ class _Problem:
     shift: float
 
 
-def modes_below(operators: AffineOperators, theta: Floats, top_hz: float) -> Modes:
+def modes_below(
+    operators: AffineOperators,
+    theta: Floats,
+    top_hz: float,
+    factorization: Factorization | None = None,
+) -> Modes:
     """Return all modes below a frequency, at least one.
 
     How many there are is known beforehand: as many as K - w^2 M has negative pivots (Sylvester's
     law of inertia).
 
+    Args:
+        operators: the assembled model.
+        theta: (p,) stiffness parameters.
+        top_hz: Hz.
+        factorization: of K at theta, where there is one.
+
     Raises:
         ModelError: the structure is a mechanism, or the modes cannot be counted.
     """
+    _check_request(_massive(operators), 1, None)
     stiffness = operators.stiffness(theta)
+    own = factorization or factorize_held(operators, stiffness)
+    problem = _Problem(stiffness, operators.mass, own, 0.0)
     for nudge in (1.0, 1.003, 1.01):  # beside a natural frequency the pivots have no sure sign
         shift = (2.0 * np.pi * top_hz * nudge) ** 2
-        pivots = _indefinite(stiffness - shift * operators.mass).pivots()
-        if pivots is not None:
-            count = int(np.count_nonzero(pivots < 0.0))
-            return _lowest(operators, theta, max(1, count), below=shift if count else np.inf)
+        count = _count_negative((stiffness - shift * operators.mass).tocsc(), own.order())
+        if count is not None:
+            return _lowest(operators, problem, max(1, count), shift if count else np.inf)
     raise ModelError(
         f"the modes below {top_hz:g} Hz cannot be counted; choose a slightly different frequency"
     )
@@ -186,15 +200,22 @@ def _condensed(problem: _Problem, count: int) -> tuple[Floats, Floats]:
     return problem.shift + 1.0 / inverse, flexible @ coordinates
 
 
-def _own_lanczos(problem: _Problem, count: int) -> tuple[Floats, Floats] | None:
-    size = problem.stiffness.shape[0]
-    start = np.random.default_rng(_SEED).standard_normal((size, block_size(count)))
-    found = largest_of_inverse(problem.factorization.apply, problem.mass, start, count, _TOLERANCE)
+def _own_lanczos(
+    problem: _Problem, count: int, width: int | None = None, tolerance: float = _TOLERANCE
+) -> tuple[Floats, Floats] | None:
+    shape = (problem.stiffness.shape[0], width or block_size(count))
+    start = np.random.default_rng(_SEED).standard_normal(shape)
+    found = largest_of_inverse(problem.factorization.apply, problem.mass, start, count, tolerance)
     return None if found is None else (problem.shift + 1.0 / found[0], found[1])
 
 
+def _wider_lanczos(problem: _Problem, count: int) -> tuple[Floats, Floats] | None:
+    """Repeated modes show in blocks as wide as they are many."""
+    return _own_lanczos(problem, count, 4 * block_size(count), _SHARP_TOLERANCE)
+
+
 def _arpack(
-    problem: _Problem, count: int, tolerance: float = _ARPACK_TOLERANCE, vectors: int | None = None
+    problem: _Problem, count: int, tolerance: float = _SHARP_TOLERANCE, vectors: int | None = None
 ) -> tuple[Floats, Floats] | None:
     size = problem.stiffness.shape[0]
     start = np.random.default_rng(_SEED).standard_normal(size)
@@ -229,12 +250,22 @@ def _complete(problem: _Problem, values: Floats) -> bool:
     if gaps[top] < _GAP:
         top = 0
     between = 0.5 * (edges[top] + edges[top + 1])
-    pivots = _indefinite(problem.stiffness - between * problem.mass).pivots()
-    return pivots is None or np.count_nonzero(pivots < 0.0) == top
+    shifted = (problem.stiffness - between * problem.mass).tocsc()
+    below = _count_negative(shifted, problem.factorization.order())
+    return below is None or below == top
 
 
-def _indefinite(matrix: csc_matrix) -> Factorization:
-    return factorize(matrix.tocsc(), definite=False)
+def _count_negative(matrix: csc_matrix, order: Integers | None) -> int | None:
+    """How many eigenvalues are negative, None where that cannot be told.
+
+    Args:
+        matrix: (n, n).
+        order: (n,) of elimination, where a good one is known.
+    """
+    if order is not None:
+        matrix = matrix[order][:, order].tocsc()
+    pivots = factorize(matrix, definite=False, ordered=order is not None).pivots()
+    return None if pivots is None else int(np.count_nonzero(pivots < 0.0))
 
 
 def _modes(problem: _Problem, values: Floats, shapes: Floats) -> Modes:

@@ -71,9 +71,10 @@ def test_a_start_that_reaches_too_few_modes_is_given_up():
 
 
 def test_what_takes_too_much_memory_is_not_tried():
-    assert most_vectors(100, 20) == 99
-    assert most_vectors(190_000, 20) == 180
-    assert most_vectors(190_000, 500) == 0
+    assert most_vectors(100, 20, 1) == 99
+    assert most_vectors(190_000, 20, 1) == 180
+    assert most_vectors(190_000, 20, 16) == 360
+    assert most_vectors(190_000, 500, 4) == 0
     mass = csc_matrix(diags(np.ones(3)))
     assert largest_of_inverse(lambda x: x, mass, np.ones((3, 1)), 3, 1e-9) is None
 
