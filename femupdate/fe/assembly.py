@@ -43,7 +43,7 @@ class AffineOperators:
         dof: 6N.
         nodes: (N, 3) coordinates, m.
         stiffness_values: (nnz, p) values of the terms on the sparsity pattern of
-            `stiffness_constant`, which holds the entries of all terms.
+            `stiffness_constant`, which holds the entries of all terms and of the mass.
         expansion: (6N, n_free) motion of all degrees of freedom per unit of the independent ones
             where there are rigid links, None where all others are held.
     """
@@ -147,11 +147,13 @@ def assemble(model: FiniteElementModel) -> AffineOperators:
     terms = tuple(onto_free(stiffness[group]) for group in range(model.groups))
     constant = onto_free(stiffness[-1])
     mass_full = summed(mass, model.dof)
-    pattern = _union((constant, *terms))
+    own_mass = mass_full[free][:, free] if expansion is None else _congruent(expansion, mass_full)
+    # With the entries of the mass in it, one order of elimination suits K and K - w^2 M.
+    pattern = _union((constant, *terms, own_mass))
     return AffineOperators(
         stiffness_terms=terms,
         stiffness_constant=_on_pattern(_placed([constant], pattern).toarray()[:, 0], pattern),
-        mass=mass_full[free][:, free] if expansion is None else _congruent(expansion, mass_full),
+        mass=own_mass,
         mass_full=mass_full,
         free=free,
         dof=model.dof,
@@ -178,7 +180,9 @@ def _entries(model: FiniteElementModel) -> tuple[dict[int, list[Entries]], list[
         mass.append(element_entries(nodes, matrices.mass))
         for group in np.unique(groups):
             chosen = groups == group
-            part = element_entries(nodes[chosen], matrices.stiffness[chosen])
+            shared = len(matrices.stiffness) == 1
+            own = matrices.stiffness if shared else matrices.stiffness[chosen]
+            part = element_entries(nodes[chosen], own)
             stiffness[max(int(group), -1)].append(part)
     for group, parts in stiffness.items():
         springs = model.springs.group
@@ -187,7 +191,10 @@ def _entries(model: FiniteElementModel) -> tuple[dict[int, list[Entries]], list[
 
 
 def _elements(model: FiniteElementModel) -> Iterator[tuple[Integers, Integers, ElementMatrices]]:
-    """Nodes, stiffness parameters and matrices of some elements of one type at a time."""
+    """Nodes, stiffness parameters and matrices of some elements of one type at a time.
+
+    Elements that are alike may share one matrix.
+    """
     shells, beams, triangles = model.shells, model.beams, model.triangles
     parts = shell_matrices_in_parts(
         model.nodes[shells.nodes],
@@ -205,7 +212,7 @@ def _elements(model: FiniteElementModel) -> Iterator[tuple[Integers, Integers, E
 
 def with_terms(operators: AffineOperators, terms: tuple[csc_matrix, ...]) -> AffineOperators:
     """The same structure with its stiffness split into other terms, (n_free, n_free) each."""
-    pattern = _union((operators.stiffness_constant, *terms))
+    pattern = _union((operators.stiffness_constant, *terms, operators.mass))
     constant = _placed([operators.stiffness_constant], pattern).toarray()[:, 0]
     return replace(
         operators,

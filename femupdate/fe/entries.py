@@ -28,9 +28,13 @@ class Entries:
 
 
 def element_entries(nodes: Integers, matrices: Floats) -> Entries:
-    """Entries of element matrices, (n, k) node indices and (n, 6k, 6k)."""
+    """Entries of element matrices, (n, k) node indices and (n, 6k, 6k), or one for all."""
     dof = (DOF_PER_NODE * nodes[:, :, None] + np.arange(DOF_PER_NODE)).astype(np.int32)
     dof = dof.reshape(len(nodes), matrices.shape[1])
+    if len(matrices) == 1:
+        row, column = np.nonzero(matrices[0])
+        values = np.tile(matrices[0, row, column], len(nodes))
+        return Entries(dof[:, row].ravel(), dof[:, column].ravel(), values)
     there = matrices != 0.0
     rows = np.broadcast_to(dof[:, :, None], matrices.shape)[there]
     columns = np.broadcast_to(dof[:, None, :], matrices.shape)[there]
