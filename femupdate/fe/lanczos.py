@@ -137,6 +137,13 @@ def _orthonormal(vectors: Floats, mass: csc_matrix) -> tuple[Floats, Floats, Flo
     Raises:
         LinAlgError: the vectors depend on each other.
     """
+    if vectors.shape[1] == 1:
+        image = mass @ vectors
+        squared = float(vectors[:, 0] @ image[:, 0])
+        if not squared > 0.0:
+            raise np.linalg.LinAlgError("a vector without mass")
+        length = np.sqrt(squared)
+        return vectors / length, image / length, np.array([[length]])
     whole = np.eye(vectors.shape[1])
     while True:
         image = mass @ vectors
