@@ -251,3 +251,25 @@ def test_supports_and_coordinates_must_make_sense(structure):
         assemble(replace(structure, fixed=structure.fixed[1:]))
     with pytest.raises(ModelError, match="node 0 must have finite coordinates"):
         assemble(replace(structure, nodes=with_first(structure.nodes, np.nan)))
+
+
+def test_shells_that_are_alike_share_one_matrix(meshes, monkeypatch):
+    """The same operators as with every shell made for itself, whatever group it is in."""
+    s, t, quads = meshes.grid(12, 10)
+    points = meshes.stack(0.37 * s, 0.29 * t, 0.1 * s)
+    thickness = np.where(np.arange(len(quads)) % 3 == 0, 0.2, 0.15)
+    shells = replace(
+        meshes.shells(quads, thickness, 30e9, 0.2, 2500.0), group=np.arange(len(quads)) % 2
+    )
+    model = replace(
+        meshes.model(points, meshes.hold(len(s), (s == 0, range(6))), shells=shells), groups=2
+    )
+    together = assemble(model)
+    monkeypatch.setattr("femupdate.fe.shell._SHARED", 0.0)
+    alone = assemble(model)
+    theta = np.array([0.7, 1.6])
+    for one, other in (
+        (together.stiffness(theta), alone.stiffness(theta)),
+        (together.mass_full, alone.mass_full),
+    ):
+        assert abs(one - other).max() < 1e-9 * abs(other).max()

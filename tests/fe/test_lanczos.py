@@ -133,3 +133,39 @@ def test_arpack_takes_over(meshes, monkeypatch):
     theirs = lowest_modes(operators, ONE, 10)
     np.testing.assert_allclose(ours.frequency_hz, theirs.frequency_hz, rtol=1e-10)
     np.testing.assert_allclose(ours.shapes, theirs.shapes, atol=1e-5 * np.abs(ours.shapes).max())
+
+
+def test_a_vector_that_leans_on_others_is_seen():
+    """A millionth of any one of a hundred old vectors shows; rounding does not."""
+    rng = np.random.default_rng(2)
+    vectors, _ = np.linalg.qr(rng.standard_normal((400, 101)))
+    watch = lanczos._Watch(400)
+    for block in np.split(vectors[:, :100], 25, axis=1):
+        watch.add(np.asfortranarray(block))
+    new = vectors[:, 100:]
+    assert not watch.leaning(new)
+    for old in range(100):
+        assert watch.leaning(new + 1e-6 * vectors[:, [old]])
+
+
+def test_blocks_take_over_where_modes_are_missed(meshes, monkeypatch):
+    """What the first try misses, wider blocks find without ARPACK."""
+    s, t, quads = meshes.grid(9, 15)
+    points = meshes.stack(3 * s, 5 * t, 0.2 * s * t)
+    fixed = meshes.hold(len(s), (s == 0, range(6)))
+    shells = meshes.shells(quads, 0.1, 30e9, 0.2, 2500.0)
+    operators = assemble(meshes.model(points, fixed, shells=shells))
+    plain = lowest_modes(operators, ONE, 10)
+    own, widths = solve.largest_of_inverse, []
+
+    def missing(apply, mass, start, count, tolerance):
+        widths.append(start.shape[1])
+        values, vectors = own(apply, mass, start, count + 1, tolerance)
+        kept = np.delete(np.arange(count + 1), 4 if start.shape[1] == 1 else count)
+        return values[kept], vectors[:, kept]
+
+    monkeypatch.setattr(solve, "largest_of_inverse", missing)
+    monkeypatch.setattr(solve, "_arpack", lambda *_: pytest.fail("ARPACK was asked"))
+    found = lowest_modes(operators, ONE, 10)
+    assert widths == [1, 4]
+    np.testing.assert_allclose(found.frequency_hz, plain.frequency_hz, rtol=1e-9)

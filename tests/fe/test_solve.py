@@ -13,7 +13,7 @@ from femupdate.errors import ModelError
 from femupdate.fe.assembly import assemble
 from femupdate.fe.cholmod import cholmod_is_there
 from femupdate.fe.model import PointMasses, Springs
-from femupdate.fe.solve import factorize, lowest_modes, static_displacement
+from femupdate.fe.solve import factorize, lowest_modes, modes_below, static_displacement
 
 ONE = np.ones(1)
 
@@ -276,3 +276,21 @@ def test_the_environment_can_keep_to_scipy(monkeypatch):
     assert factorization.default_backend() == "cholmod"
     monkeypatch.setenv(factorization.ENVIRONMENT, "superlu")
     assert factorization.default_backend() == "superlu"
+
+
+def test_one_order_of_elimination_serves_other_shifts(plate_operators):
+    """Permuted by it, K - w^2 M has as many negative pivots as without, and no more fill."""
+    stiffness, mass = plate_operators.stiffness(ONE), plate_operators.mass
+    order = factorize(stiffness, backend="superlu").order()
+    np.testing.assert_array_equal(np.sort(order), np.arange(len(order)))
+    shifted = (stiffness - (2.0 * np.pi * 40.0) ** 2 * mass).tocsc()
+    plain = factorize(shifted, definite=False).pivots()
+    turned = factorize(shifted[order][:, order].tocsc(), definite=False, ordered=True).pivots()
+    assert (plain < 0.0).sum() == (turned < 0.0).sum() > 0
+
+
+def test_modes_below_take_a_factorisation_that_is_there(plate_operators):
+    plain = modes_below(plate_operators, ONE, 60.0)
+    known = factorize(plate_operators.stiffness(ONE))
+    again = modes_below(plate_operators, ONE, 60.0, known)
+    np.testing.assert_allclose(again.frequency_hz, plain.frequency_hz, rtol=1e-9)
