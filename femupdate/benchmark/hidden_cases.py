@@ -21,7 +21,7 @@ from femupdate.measurement.frf import estimate_frf
 from femupdate.measurement.observation import Observation
 from femupdate.measurement.observation_file import Histories
 from femupdate.workflow.diagnose import prepared
-from femupdate.workflow.effect_truth import Truth, effect_truth
+from femupdate.workflow.effect_truth import FineModel, Truth, effect_truth, fine_model
 from femupdate.workflow.model import StudyModel, damping_law, theta_prior, zeta_bounds
 from femupdate.workflow.simulate import white_noise
 
@@ -115,19 +115,25 @@ class Outcome:
     seconds: float
 
 
-def run_trial(trial: Trial, model: StudyModel, settings: TrialSettings) -> Outcome:
-    """Hide, measure, diagnose, add what is named, and compare with the truth."""
+def run_trial(
+    trial: Trial, model: StudyModel, settings: TrialSettings, fine: FineModel | None = None
+) -> Outcome:
+    """Hide, measure, diagnose, add what is named, and compare with the truth.
+
+    Args:
+        trial: what is done.
+        model: of the finder.
+        settings: of the measurement.
+        fine: the truth's mesh, made anew where None.
+    """
     torch.set_num_threads(1)
     building = model.building
     structure = structure_of(building)
+    fine = fine or fine_model(building, settings.mesh_size)
     streams = np.random.default_rng([trial.number, KINDS.index(trial.kind)]).spawn(4)
     theta, zeta = _truth_parameters(building, streams[0])
     effects = _hide(trial.kind, building, structure, settings.use_phase, streams[1])
-    # At the top of the grid the power series leaves 1.3^-8 of what stiffer modes do, a tenth of it.
-    top = 1.3 * building.frequency_grid.stop
-    truth = effect_truth(
-        building, theta, effects, damping_law(building), top, mesh_size=settings.mesh_size
-    )
+    truth = effect_truth(fine, theta, effects, damping_law(building), building.frequency_grid.stop)
     observation = _measure(truth, zeta, building, settings, streams[2])
     started = time.monotonic()
     chosen = DiagnosisSettings(seed=trial.number)

@@ -1,8 +1,8 @@
 """A building with an effect put into its full model, seen by its accelerometers one by one.
 
-The effect is put into the full equations of a finer mesh; the modes are those of the changed
-structure, with the static shapes under every force that acts. Histories come from the complex
-FRFs of every sensor at every frequency of the padded record, which is exact for a linear structure.
+The effect is put into the full equations of a finer mesh; what moves is followed by the shapes
+that the forces in the changed structure drive. Histories come from the complex FRFs of every sensor
+at every frequency of the padded record, which is exact for a linear structure.
 """
 
 from dataclasses import dataclass, replace
@@ -12,16 +12,16 @@ import torch
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
-from femupdate.building.schema import Building, FrameBuilding
+from femupdate.building.schema import Building, ShearBuilding
 from femupdate.dynamics.damping import DampingLaw
 from femupdate.dynamics.effect_reduction import structure_on
 from femupdate.dynamics.effect_response import EffectSystem, ReducedStructure, reduce_terms
 from femupdate.effects.effect import UNSCALED, Placed, Terms
-from femupdate.effects.structure import Structure, structure_of
-from femupdate.fe.assembly import AffineOperators, with_terms
+from femupdate.effects.structure import ROTATION, Structure, structure_of
+from femupdate.fe.driven import driven_shapes
 from femupdate.fe.factorization import factorize
 from femupdate.fe.model import DOF_PER_NODE
-from femupdate.fe.solve import modes_below
+from femupdate.measurement.columns import Channel
 from femupdate.measurement.record import GroundMotion
 from femupdate.workflow.full_model import SensorModel, SensorPoints, sensor_model, sensor_places
 
@@ -29,7 +29,6 @@ Floats = NDArray[np.float64]
 # Silence behind the record, so that its end does not disturb its beginning: until the slowest
 # motion has decayed to this share, within limits.
 _REST, _SHORTEST_S, _LONGEST_S = 1e-5, 5.0, 600.0
-_TERMS = 4  # of the power series, for every force
 _BLOCK = 2048  # frequencies at a time
 
 
@@ -78,51 +77,85 @@ class Truth:
         return float(np.clip(longest, _SHORTEST_S, _LONGEST_S))
 
 
-def effect_truth(
-    building: Building,
-    theta: Floats,
-    effects: tuple[tuple[Placed, tuple[float, ...]], ...],
-    law: DampingLaw,
-    top_hz: float,
-    *,
-    mesh_size: float | None = None,
-    sensors: SensorPoints | None = None,
-) -> Truth:
-    """Put effects into the full model of a building.
+@dataclass(frozen=True, eq=False)
+class FineModel:
+    """What of a truth depends on neither theta nor the effects: a building's own equations.
+
+    Attributes:
+        building: with every sensor listed.
+        structure: the full model; a frame is meshed finer than for the updating.
+        channels: (c,) the sensors, floor by floor.
+        places: (c,) where each one is.
+        mesh_size: m; None for a shear building.
+    """
+
+    building: Building
+    structure: Structure
+    channels: tuple[Channel, ...]
+    places: tuple[str, ...]
+    mesh_size: float | None
+
+
+def fine_model(
+    building: Building, mesh_size: float | None = None, sensors: SensorPoints | None = None
+) -> FineModel:
+    """Mesh and assemble a building.
 
     Args:
         building: of either kind.
-        theta: (p,) stiffness factors.
-        effects: each at its place, with all its parameters.
-        law: of the damping.
-        top_hz: all modes below it are kept; the others' response to every force is a power series.
         mesh_size: m; half of the building's own where None.
         sensors: as for `sensor_model`.
 
     Raises:
-        BuildingError, ModelError: as `sensor_model`, or an effect cannot sit there.
+        BuildingError, ModelError: as `sensor_model`.
     """
+    if isinstance(building, ShearBuilding):
+        ones = np.ones(len(building.stories))
+        seen = sensor_model(building, ones, 1.0, mesh_size=mesh_size, sensors=sensors)
+        return FineModel(building, structure_of(building), seen.channels, seen.places, None)
+    sensed, size, channels, places = sensor_places(building, mesh_size, sensors)
+    return FineModel(sensed, structure_of(sensed, size), channels, places, size)
+
+
+def effect_truth(
+    fine: FineModel,
+    theta: Floats,
+    effects: tuple[tuple[Placed, tuple[float, ...]], ...],
+    law: DampingLaw,
+    top_hz: float,
+) -> Truth:
+    """Put effects into the full model of a building.
+
+    Args:
+        fine: the full model.
+        theta: (p,) stiffness factors.
+        effects: each at its place, with all its parameters.
+        law: of the damping.
+        top_hz: up to where the response to every force must be right.
+
+    Raises:
+        ModelError: the structure is a mechanism, or theta does not fit.
+    """
+    structure = fine.structure
     placed = tuple(one for one, _ in effects)
     values = tuple(v for _, own in effects for v in own)
-    if not isinstance(building, FrameBuilding):
-        seen = sensor_model(building, theta, top_hz, mesh_size=mesh_size, sensors=sensors)
-        structure = structure_of(building)
+    terms = tuple(one.effect.terms(structure, one.place) for one in placed)
+    if structure.operators is None or structure.mesh is None:
+        seen = sensor_model(fine.building, theta, top_hz)
         reduced = structure_on(structure, np.diag(structure.points.mass**-0.5))
-        terms = tuple(one.effect.terms(structure, one.place) for one in placed)
         projected = tuple(reduce_terms(reduced, own) for own in terms)
         return Truth(seen, EffectSystem(reduced, law, placed, projected), theta, values)
-    sensed, size, channels, places = sensor_places(building, mesh_size, sensors)
-    structure = structure_of(sensed, size)
-    if structure.operators is None or structure.mesh is None:
-        raise AssertionError("a frame has a mesh")
-    terms = tuple(one.effect.terms(structure, one.place) for one in placed)
-    changed = _changed(structure, theta, terms, values, placed)
-    modes = modes_below(changed, np.zeros(0), top_hz)
-    basis = _basis(structure, changed, modes.shapes, terms)
+    stiffness, mass, force = _changed(structure, theta, terms, values, placed)
+    rocks = any(own.pitch or own.flexibility[ROTATION] for own in terms)
+    ports = [own.port.row for own in terms if own.port is not None]
+    forces = np.column_stack([force if rocks else force[:, :1], *ports])
+    found = driven_shapes(factorize(stiffness), mass, forces, structure.floor_rows, top_hz)
+    heavier = any(own.mass is not None for own in terms)
+    basis = _orthonormal(structure, found.shapes) if heavier else found.shapes
     reduced = structure_on(structure, basis)
     nodes = np.concatenate([structure.mesh.floor_nodes[floor] for floor in structure.mesh.floors])
     rows = structure.operators.expand(basis)[DOF_PER_NODE * nodes + structure.direction]
-    floors = tuple(channel.floor for channel in channels)
+    floors = tuple(channel.floor for channel in fine.channels)
     by_sensor = replace(reduced.model, floor_shapes=rows, floors=floors)
     heights = [structure.levels[structure.floors.index(floor)] for floor in floors]
     reduced = ReducedStructure(
@@ -133,15 +166,16 @@ def effect_truth(
         np.column_stack([np.ones(len(floors)), heights]),
     )
     projected = tuple(reduce_terms(reduced, own) for own in terms)
-    participation = (modes.shapes.T @ structure.rigid_force[:, 0]) ** 2
+    below = found.frequency_hz < top_hz
+    participation = (found.shapes[:, below].T @ structure.rigid_force[:, 0]) ** 2
     seen = SensorModel(
         by_sensor,
-        channels,
-        places,
-        modes.frequency_hz,
+        fine.channels,
+        fine.places,
+        found.frequency_hz[below],
         participation / structure.rigid_mass[0, 0],
-        building.sensors.direction,
-        size,
+        "xy"[structure.direction],
+        fine.mesh_size,
         len(structure.axis),
     )
     return Truth(seen, EffectSystem(reduced, law, placed, projected), theta, values)
@@ -153,11 +187,10 @@ def _changed(
     terms: tuple[Terms, ...],
     values: tuple[float, ...],
     placed: tuple[Placed, ...],
-) -> AffineOperators:
-    """The operators at one theta with the stiffness and mass of the effects, no parameter left."""
-    if structure.operators is None:
-        raise AssertionError("a frame has operators")
+) -> tuple[csc_matrix, csc_matrix, Floats]:
+    """Stiffness and mass (n, n) and force (n, 2) at one theta with those of the effects."""
     stiffness, mass = structure.stiffness(theta), structure.mass
+    force = structure.rigid_force
     first = 0
     for own, one in zip(terms, placed, strict=True):
         if not one.effect.parameters:
@@ -168,35 +201,14 @@ def _changed(
             stiffness = stiffness + size * (1.0 if story == UNSCALED else theta[story]) * matrix
         if own.mass is not None:
             mass = mass + size * own.mass.matrix
-    plain = replace(
-        structure.operators,
-        stiffness_constant=csc_matrix(stiffness),
-        mass=csc_matrix(mass),
-    )
-    return with_terms(plain, ())
+            force = force + size * own.mass.force
+    return csc_matrix(stiffness), csc_matrix(mass), force
 
 
-def _basis(
-    structure: Structure, changed: AffineOperators, shapes: Floats, terms: tuple[Terms, ...]
-) -> Floats:
-    """Modes and static shapes (n, r), orthonormal in the mass of the unchanged structure.
-
-    The static shapes are the first terms of the power series of what the modes leave out.
-    """
-    ports = [own.port.row for own in terms if own.port is not None]
-    forces = np.column_stack([structure.rigid_force, *ports])
-    factorization = factorize(changed.stiffness(np.zeros(0)))
-    basis, series = shapes, forces
-    for _ in range(_TERMS):
-        image = changed.mass @ shapes
-        series = factorization.solve(series - image @ (shapes.T @ series))
-        basis = np.column_stack([basis, series])
-        series = changed.mass @ series
-    # Twice: modes and static shapes are nearly dependent.
-    for _ in range(2):
-        basis = basis / np.sqrt(np.einsum("ij,ij->j", basis, structure.mass @ basis))
-        gram = basis.T @ (structure.mass @ basis)
-        energy, directions = np.linalg.eigh(gram)
+def _orthonormal(structure: Structure, basis: Floats) -> Floats:
+    """The shapes (n, r) made orthonormal in the mass of the unchanged structure."""
+    for _ in range(2):  # shapes of the changed structure may be far from it
+        energy, directions = np.linalg.eigh(basis.T @ (structure.mass @ basis))
         kept = energy > 1e-12 * energy[-1]
         basis = basis @ (directions[:, kept] / np.sqrt(energy[kept]))
     return basis

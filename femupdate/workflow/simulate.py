@@ -27,7 +27,7 @@ from femupdate.measurement.observation_file import Histories
 from femupdate.measurement.record import GroundMotion
 from femupdate.measurement.write import write_observation_histories
 from femupdate.study import file_hash, write_text
-from femupdate.workflow.effect_truth import effect_truth
+from femupdate.workflow.effect_truth import effect_truth, fine_model
 from femupdate.workflow.full_model import SensorModel, sensor_model
 from femupdate.workflow.model import damping_law, theta_prior
 from femupdate.workflow.progress import Progress, Silent
@@ -294,7 +294,7 @@ def _motion(
     show.start("Solving the full model", 1)
     if effects:
         law = damping_law(building)
-        truth = effect_truth(building, theta, effects, law, top, mesh_size=size, sensors=points)
+        truth = effect_truth(fine_model(building, size, points), theta, effects, law, top)
         seen = truth.seen
     else:
         seen = sensor_model(building, theta, top, mesh_size=size, sensors=points)

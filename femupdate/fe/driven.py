@@ -1,0 +1,123 @@
+"""Shapes in which given forces move a structure, without the modes that they do not drive.
+
+The powers of K^-1 M from the static shapes under the forces on, made orthogonal (Wilson, Yuan and
+Dickens, Earthquake Engineering and Structural Dynamics 10, 1982). Of the many modes of a building's
+slabs a horizontal force drives a few: a hundred such shapes do what three hundred modes do.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csc_matrix
+
+from femupdate.errors import ModelError
+from femupdate.fe.factorization import Factorization
+from femupdate.fe.model import Floats
+
+_LOOK = 24  # shapes between two looks at the response
+_POINTS = 400  # frequencies at which it is looked at
+_DAMPING = 0.01
+_NOTHING = 1e-12  # of a block's energy: it adds nothing new
+
+
+@dataclass(frozen=True, eq=False)
+class DrivenShapes:
+    """Shapes, orthonormal in the mass, on which the structure is diagonal.
+
+    Attributes:
+        frequency_hz: (r,) of each shape; a natural frequency where it has converged.
+        shapes: (n, r).
+    """
+
+    frequency_hz: Floats
+    shapes: Floats
+
+
+def driven_shapes(
+    factorization: Factorization,
+    mass: csc_matrix,
+    forces: Floats,
+    rows: Floats,
+    top_hz: float,
+    *,
+    tolerance: float = 1e-3,
+    most: int = 400,
+) -> DrivenShapes:
+    """Shapes that give the response to some forces up to a frequency.
+
+    They are as many as it takes: the response to every force is looked at now and then until two
+    dozen shapes more change it by less than the tolerance.
+
+    Args:
+        factorization: of the stiffness (n, n).
+        mass: (n, n).
+        forces: (n, c).
+        rows: (o, n) what is seen of the motion.
+        top_hz: highest frequency of interest.
+        tolerance: rms change of the logarithm of the response.
+        most: shapes at most.
+
+    Raises:
+        ModelError: that many are not enough.
+    """
+    # What is seen starts shapes as well: a response errs by what both sides miss, multiplied.
+    fresh = factorization.apply(np.column_stack([forces, rows.T]))
+    room = most + fresh.shape[1]
+    basis, image = (np.zeros((len(forces), room), order="F") for _ in range(2))
+    small = np.zeros((room, room))  # the stiffness on the basis
+    last, count, looked = None, 0, 0
+    while count < most:
+        block, moved = _orthonormal(fresh, basis[:, :count], image[:, :count], mass)
+        own = slice(count, count + block.shape[1])
+        basis[:, own], image[:, own] = block, moved
+        count = own.stop
+        small[:count, own] = basis[:, :count].T @ (factorization.matrix @ block)
+        small[own, :count] = small[:count, own].T
+        exhausted = block.shape[1] == 0
+        if exhausted or count >= looked + _LOOK:
+            found = _diagonal(small[:count, :count])
+            response = _response(found, basis[:, :count], forces, rows, top_hz)
+            if exhausted or (last is not None and _change(response, last) < tolerance):
+                return DrivenShapes(found.frequency_hz, basis[:, :count] @ found.shapes)
+            last, looked = response, count
+        fresh = factorization.apply(moved)
+    raise ModelError(f"{most} shapes do not give the response up to {top_hz:g} Hz; lower that")
+
+
+def _orthonormal(
+    fresh: Floats, basis: Floats, image: Floats, mass: csc_matrix
+) -> tuple[Floats, Floats]:
+    """Vectors (n, c) orthonormal in the mass to each other and to a basis, and mass times them."""
+    before = np.einsum("ij,ij->j", fresh, mass @ fresh)
+    fresh = fresh / np.sqrt(np.where(before > 0.0, before, 1.0))
+    for _ in range(2):  # the first pass leaves rounding
+        fresh = fresh - basis @ (image.T @ fresh)
+        moved = mass @ fresh
+        energy, directions = np.linalg.eigh(fresh.T @ moved)
+        kept = energy > _NOTHING
+        onto = directions[:, kept] / np.sqrt(energy[kept])
+        fresh, moved = fresh @ onto, moved @ onto
+    return fresh, moved
+
+
+def _diagonal(stiffness: Floats) -> DrivenShapes:
+    """The shapes as combinations (r, r) of a basis with this stiffness (r, r)."""
+    squared, directions = np.linalg.eigh(0.5 * (stiffness + stiffness.T))
+    return DrivenShapes(np.sqrt(np.maximum(squared, 0.0)) / (2.0 * np.pi), directions)
+
+
+def _response(
+    found: DrivenShapes, basis: Floats, forces: Floats, rows: Floats, top_hz: float
+) -> Floats:
+    """ln of the magnitude (c, o, k) of the displacement under every force."""
+    omega = 2.0 * np.pi * found.frequency_hz
+    w = 2.0 * np.pi * top_hz * np.arange(1, _POINTS + 1) / _POINTS
+    flexible = 1.0 / (omega[:, None] ** 2 - w**2 + 2j * _DAMPING * omega[:, None] * w)
+    seen, driven = (rows @ basis) @ found.shapes, found.shapes.T @ (basis.T @ forces)
+    moved = np.stack([(seen * one) @ flexible for one in driven.T])
+    return np.asarray(np.log(np.abs(moved) + 1e-300))
+
+
+def _change(new: Floats, old: Floats) -> float:
+    """Largest rms change of a force's response."""
+    return float(np.sqrt(((new - old) ** 2).mean(axis=(1, 2))).max())
