@@ -15,14 +15,17 @@ from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.score import score, starts
 from femupdate.effects.effect import Effect, Placed
 from femupdate.effects.registry import CATALOGUE
-from femupdate.effects.structure import Structure, structure_of
+from femupdate.effects.structure import Structure
 from femupdate.measurement.columns import BASE, Channel
 from femupdate.measurement.frf import estimate_frf
 from femupdate.measurement.observation import Observation
 from femupdate.measurement.observation_file import Histories
-from femupdate.workflow.diagnose import prepared
+from femupdate.study import Study
+from femupdate.workflow.diagnose import ModelParts, model_parts, prepared
 from femupdate.workflow.effect_truth import FineModel, Truth, effect_truth, fine_model
+from femupdate.workflow.effects import open_wide
 from femupdate.workflow.model import StudyModel, damping_law, theta_prior, zeta_bounds
+from femupdate.workflow.progress import Progress
 from femupdate.workflow.simulate import white_noise
 
 Floats = NDArray[np.float64]
@@ -52,6 +55,28 @@ class TrialSettings:
     quantisation_m_s2: float = 5e-4
     mesh_size: float | None = None
     use_phase: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class KeptModels:
+    """What all trials of a building share.
+
+    Attributes:
+        parts: of the finder's model.
+        fine: of the truth.
+    """
+
+    parts: ModelParts
+    fine: FineModel
+
+
+def kept_models(
+    study: Study, model: StudyModel, settings: TrialSettings, progress: Progress | None = None
+) -> KeptModels:
+    """Mesh the truth, and open the finder's model with a basis that serves all its prior."""
+    parts = model_parts(study, model, progress)
+    wide = open_wide(study, parts.plain.structure, progress)
+    return KeptModels(replace(parts, wide=wide), fine_model(model.building, settings.mesh_size))
 
 
 @dataclass(frozen=True)
@@ -116,7 +141,7 @@ class Outcome:
 
 
 def run_trial(
-    trial: Trial, model: StudyModel, settings: TrialSettings, fine: FineModel | None = None
+    trial: Trial, model: StudyModel, settings: TrialSettings, kept: KeptModels
 ) -> Outcome:
     """Hide, measure, diagnose, add what is named, and compare with the truth.
 
@@ -124,20 +149,21 @@ def run_trial(
         trial: what is done.
         model: of the finder.
         settings: of the measurement.
-        fine: the truth's mesh, made anew where None.
+        kept: what all trials of a building share.
     """
     torch.set_num_threads(1)
     building = model.building
-    structure = structure_of(building)
-    fine = fine or fine_model(building, settings.mesh_size)
+    structure = kept.parts.plain.structure
     streams = np.random.default_rng([trial.number, KINDS.index(trial.kind)]).spawn(4)
     theta, zeta = _truth_parameters(building, streams[0])
     effects = _hide(trial.kind, building, structure, settings.use_phase, streams[1])
-    truth = effect_truth(fine, theta, effects, damping_law(building), building.frequency_grid.stop)
+    truth = effect_truth(
+        kept.fine, theta, effects, damping_law(building), building.frequency_grid.stop
+    )
     observation = _measure(truth, zeta, building, settings, streams[2])
     started = time.monotonic()
     chosen = DiagnosisSettings(seed=trial.number)
-    problem, base = prepared(model, observation, settings.use_phase, chosen)
+    problem, base = prepared(model, kept.parts, observation, settings.use_phase, chosen)
     found = diagnose(problem, chosen, base)
     seconds = time.monotonic() - started
     hidden = tuple(placed.label for placed, _ in effects)

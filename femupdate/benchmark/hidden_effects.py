@@ -15,9 +15,11 @@ from femupdate.benchmark.hidden_cases import (
     FOREIGN,
     ONE,
     TWO,
+    KeptModels,
     Outcome,
     Trial,
     TrialSettings,
+    kept_models,
     run_trial,
 )
 from femupdate.benchmark.machine import Machine, this_machine
@@ -109,7 +111,8 @@ def run_hidden_effects(
     """
     show = progress or Silent()
     chosen = load_building(building)
-    model = open_study(study or Study(output / f"study_{chosen.name}"), building, show)
+    own = study or Study(output / f"study_{chosen.name}")
+    model = open_study(own, building, show)
     name = f"hidden_effects_{chosen.name}{'' if settings.use_phase else '_amplitude'}"
     trials, log = plan.trials(seed), TrialLog(output / f"{name}.jsonl", model.hash, settings)
     done = {trial: one for trial, one in log.read().items() if trial in trials}
@@ -117,7 +120,8 @@ def run_hidden_effects(
     left = [trial for trial in trials if trial not in done]
     show.start("Hidden-effect trials", len(left))
     deadline = time.monotonic() + 60.0 * minutes
-    for outcome in _run(left, model, settings, deadline):
+    kept = kept_models(own, model, settings, show) if left else None
+    for outcome in _run(left, model, settings, kept, deadline):
         done[Trial(outcome.number, outcome.kind)] = outcome
         log.add(outcome)
         show.advance(1, f"{outcome.verdict}")
@@ -131,15 +135,19 @@ def run_hidden_effects(
 
 
 def _run(
-    trials: Sequence[Trial], model: StudyModel, settings: TrialSettings, deadline: float
+    trials: Sequence[Trial],
+    model: StudyModel,
+    settings: TrialSettings,
+    kept: KeptModels | None,
+    deadline: float,
 ) -> Iterator[Outcome]:
     """Outcomes, in order, until a time of the monotonic clock (s)."""
-    # Within one trial of a frame the full model is solved on all processors already.
+    # The models of a frame are too large to be sent with every trial.
     workers = 1 if model.building.kind == "frame" else processor_count()
     in_time = (trial for trial in trials if time.monotonic() < deadline)
     with parallel_config("loky", inner_max_num_threads=1):
         pool = Parallel(n_jobs=workers, return_as="generator", batch_size=1, pre_dispatch=workers)
-        yield from pool(delayed(run_trial)(trial, model, settings) for trial in in_time)
+        yield from pool(delayed(run_trial)(trial, model, settings, kept) for trial in in_time)
 
 
 def summary(outcomes: Sequence[Outcome]) -> list[Row]:

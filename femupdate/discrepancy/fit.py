@@ -1,7 +1,7 @@
 """Most probable parameters of a model with effects, by Levenberg and Marquardt's method.
 
-The unknowns are ln theta and ln zeta (uniform priors on a box), the sizes of the effects in units
-of their prior's standard deviation, and the share of the mesh error that the data show.
+The unknowns are ln theta and ln zeta (uniform priors on a box) and the sizes of the effects in
+units of their prior's standard deviation.
 """
 
 from dataclasses import dataclass, replace
@@ -31,7 +31,6 @@ class Coordinates:
         stories: number of stiffness factors, which come first.
         has_zeta: whether ln zeta follows them.
         scales, neutral: (q,) of the effects' parameters, which follow.
-        has_mesh: whether the share of the mesh error is last.
     """
 
     lower: Tensor
@@ -42,7 +41,6 @@ class Coordinates:
     has_zeta: bool
     scales: Tensor
     neutral: Tensor
-    has_mesh: bool
 
     @property
     def size(self) -> int:
@@ -54,16 +52,15 @@ class Coordinates:
         """Position of the first effect's size."""
         return self.stories + int(self.has_zeta)
 
-    def split(self, z: Tensor, fixed_zeta: float) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        """theta (N, p), zeta (N,), sizes (N, q), share of the mesh error (N,) of z (N, d)."""
+    def split(self, z: Tensor, fixed_zeta: float) -> tuple[Tensor, Tensor, Tensor]:
+        """theta (N, p), zeta (N,), sizes (N, q) of z (N, d)."""
         theta = z[:, : self.stories].exp()
         zeta = z.new_full((len(z),), fixed_zeta)
         if self.has_zeta:
             zeta = z[:, self.stories].exp()
         count = len(self.scales)
         sizes = self.neutral + self.scales * z[:, self.first_size : self.first_size + count]
-        mesh = z[:, -1] if self.has_mesh else z.new_zeros(len(z))
-        return theta, zeta, sizes, mesh
+        return theta, zeta, sizes
 
 
 def coordinates(problem: Problem, placed: tuple[Placed, ...]) -> Coordinates:
@@ -85,11 +82,6 @@ def coordinates(problem: Problem, placed: tuple[Placed, ...]) -> Coordinates:
     upper.append((high - neutral) / scales)
     mean.append(torch.zeros_like(scales))
     precision.append(torch.ones_like(scales))
-    if problem.mesh is not None:
-        lower.append(torch.tensor([-0.5], dtype=torch.float64))
-        upper.append(torch.tensor([1.5], dtype=torch.float64))
-        mean.append(torch.tensor([problem.mesh.mean], dtype=torch.float64))
-        precision.append(torch.tensor([problem.mesh.sd**-2], dtype=torch.float64))
     return Coordinates(
         torch.cat(lower),
         torch.cat(upper),
@@ -99,7 +91,6 @@ def coordinates(problem: Problem, placed: tuple[Placed, ...]) -> Coordinates:
         problem.zeta is not None,
         scales,
         neutral,
-        problem.mesh is not None,
     )
 
 
@@ -267,13 +258,11 @@ def fit_baseline(
         low, high = where.lower[stories], where.upper[stories]
         parts.append(low + (high - low) * unit[:, stories:])
     parts.append(known.expand(samples, -1))
-    if where.has_mesh:
-        parts.append(where.mean[-1:].expand(samples, -1))
     z = torch.cat(parts, dim=1)
     system = problem.system(placed)
     # Far from the data every point is many times the noise off, whichever way is better: first
     # they are compared as if they were coarse.
-    coarse = replace(problem, sd=(problem.sd**2 + _COARSE**2).sqrt())
+    coarse = replace(problem, sd=(problem.sd**2 + _COARSE**2).sqrt(), correlated=None)
     misfit = (evaluate(coarse, system, where, z) ** 2).sum(dim=1)
     near = [fit(coarse, placed, z[k], 10, system) for k in misfit.argsort()[:starts]]
     near.sort(key=lambda one: one.chi2 + one.penalty)
@@ -286,5 +275,4 @@ def extended(problem: Problem, base: Fit, placed: tuple[Placed, ...], sizes: Flo
     where = coordinates(problem, placed)
     first = base.coordinates.first_size
     own = (torch.from_numpy(np.asarray(sizes, dtype=np.float64)) - where.neutral) / where.scales
-    mesh = base.z[-1:] if where.has_mesh else base.z[:0]
-    return torch.cat([base.z[:first], own, mesh])
+    return torch.cat([base.z[:first], own])

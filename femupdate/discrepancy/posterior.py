@@ -73,7 +73,7 @@ def draw(problem: Problem, fitted: Fit, count: int, inflation: float = 1.0, seed
         spread = z - centre
         covariance = 1.3 * (spread.T * weight) @ spread + 0.05 * covariance
     chosen = _systematic(weight, count, generator)
-    theta, zeta, sizes, _ = where.split(z[chosen], problem.fixed_zeta)
+    theta, zeta, sizes = where.split(z[chosen], problem.fixed_zeta)
     evidence = float(torch.logsumexp(log_weight, dim=0)) - np.log(count)
     return Draws(
         theta.numpy(),

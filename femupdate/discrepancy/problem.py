@@ -19,17 +19,30 @@ MODEL_ERROR = 0.02
 
 
 @dataclass(frozen=True, eq=False)
-class MeshError:
-    """How ln|H| of the model changes as its mesh is refined.
+class CorrelatedError:
+    """Errors that many points share, beside the independent ones of unit variance.
+
+    With the covariance I + U U^T and the singular vectors Q and values s of U, residuals are white
+    again after r - Q diag(1 - (1 + s^2)^-1/2) Q^T r.
 
     Attributes:
-        shift: (f, k) change of ln|H| towards an infinitely fine mesh, all floors.
-        mean, sd: of the share of it that the truth shows; none of it is a truth meshed alike.
+        directions: (n, c) Q.
+        removed: (c,) share of a residual along each that is taken out.
     """
 
-    shift: Tensor
-    mean: float = 0.5
-    sd: float = 0.35
+    directions: Tensor
+    removed: Tensor
+
+    def whitened(self, residuals: Tensor) -> Tensor:
+        """Residuals (N, n) of unit covariance."""
+        along = (residuals @ self.directions) * self.removed
+        return residuals - along @ self.directions.T
+
+
+def correlated_along(errors: Tensor) -> CorrelatedError:
+    """Correlated errors from what one standard deviation of each does, U (n, c)."""
+    directions, size, _ = torch.linalg.svd(errors, full_matrices=False)
+    return CorrelatedError(directions, 1.0 - (1.0 + size**2).rsqrt())
 
 
 @dataclass(frozen=True)
@@ -66,7 +79,7 @@ class Problem:
         phase: (f, k) observed, rad, or None.
         sd: (f, k) of ln|H| and phase; infinite where not valid.
         blocks: the records.
-        mesh: error of the mesh, or None.
+        correlated: errors that many points share, or None.
         mimicked: log evidence that errors of the model itself may bring to an effect.
     """
 
@@ -82,7 +95,7 @@ class Problem:
     phase: Tensor | None
     sd: Tensor
     blocks: tuple[Block, ...]
-    mesh: MeshError | None = None
+    correlated: CorrelatedError | None = None
     mimicked: float = 0.0
 
     @property
@@ -129,27 +142,23 @@ class Problem:
             parts.append(_seen(frf, block.segment_s, frequency))
         return torch.cat(parts, dim=2)
 
-    def residuals(
-        self, system: EffectSystem, theta: Tensor, zeta: Tensor, sizes: Tensor, mesh: Tensor
-    ) -> Tensor:
+    def residuals(self, system: EffectSystem, theta: Tensor, zeta: Tensor, sizes: Tensor) -> Tensor:
         """Whitened residuals (N, n), observed less predicted, zero where not valid.
 
         Args:
             system: with the effects.
-            theta: (N, p); zeta: (N,); sizes: (N, q) of the effects; mesh: (N,) share of the mesh
-                error.
+            theta: (N, p); zeta: (N,); sizes: (N, q) of the effects.
         """
         frf = self.predicted(system, theta, zeta, sizes)
         weight = (1.0 / self.sd) * self.independent**0.5
         predicted = frf.abs().clamp_min(1e-12).log()
-        if self.mesh is not None:
-            predicted = predicted + mesh[:, None, None] * self.mesh.shift[list(self.rows)]
         # One wild point, where an anti-resonance is a sample off, must not decide anything.
         parts = [((self.log_frf - predicted) * weight).clamp(-_WILD, _WILD).flatten(1)]
         if self.phase is not None:
             turn = torch.remainder(self.phase - frf.angle() + torch.pi, 2.0 * torch.pi) - torch.pi
             parts.append((turn * weight).clamp(-_WILD, _WILD).flatten(1))
-        return torch.cat(parts, dim=1)
+        residuals = torch.cat(parts, dim=1)
+        return residuals if self.correlated is None else self.correlated.whitened(residuals)
 
 
 def _seen(frf: Tensor, segment_s: float | None, frequency_hz: Tensor) -> Tensor:

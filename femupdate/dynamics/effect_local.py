@@ -18,7 +18,7 @@ from femupdate.dynamics.effect_reduction import structure_on
 from femupdate.dynamics.effect_response import ReducedStructure
 from femupdate.dynamics.full_response import FloorSensors, floor_sensors, nearby_modes
 from femupdate.dynamics.reduction import TOP, ReductionTarget, response_basis, snapshots
-from femupdate.effects.effect import UNSCALED, Effect, Terms
+from femupdate.effects.effect import UNSCALED, Effect, Placed, Terms
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import TRANSLATION, Structure
 from femupdate.fe.assembly import AffineOperators, with_terms
@@ -83,12 +83,21 @@ def local_structure(
 def questions(structure: Structure) -> tuple[Question, ...]:
     """No effect, and every effect of stiffness or mass in its widest places, to both sides."""
     asked = [Question()]
+    for placed, size in asked_places(structure):
+        asked.append(_question(placed.effect.terms(structure, placed.place), size))
+    return tuple(asked)
+
+
+def asked_places(structure: Structure) -> list[tuple[Placed, float]]:
+    """Every effect of stiffness or mass in its widest places, with sizes to both sides."""
+    found = []
     for effect in CATALOGUE.values():
         for place in _wide(effect, structure):
-            terms = effect.terms(structure, place)
+            placed = Placed(effect, place)
+            terms = placed.effect.terms(structure, placed.place)
             if terms.stiffness or terms.mass is not None:
-                asked += [_question(terms, size) for size in _sizes(effect)]
-    return tuple(asked)
+                found += [(placed, size) for size in _sizes(effect)]
+    return found
 
 
 def _wide(effect: Effect, structure: Structure) -> tuple[str, ...]:
@@ -113,12 +122,17 @@ def _question(terms: Terms, size: float) -> Question:
     return Question(terms.stiffness, mass, size)
 
 
+def neighbours(theta: Floats, spread: float) -> Floats:
+    """Some theta (n, p) around one, evenly within the half width in ln theta."""
+    sobol = qmc.Sobol(len(theta), seed=np.random.default_rng(3)).random(_NEIGHBOURS)
+    return np.asarray(theta * np.exp(spread * (2.0 * sobol - 1.0)))
+
+
 def _draws(theta: Floats, asked: int, spread: float) -> Floats:
     """(n, 1 + p) the number of a question, and theta; the neighbours ask none."""
-    sobol = qmc.Sobol(len(theta), seed=np.random.default_rng(3)).random(_NEIGHBOURS)
-    neighbours = theta * np.exp(spread * (2.0 * sobol - 1.0))
     numbers = np.concatenate([np.arange(asked), np.zeros(_NEIGHBOURS)])
-    return np.column_stack([numbers, np.concatenate([np.tile(theta, (asked, 1)), neighbours])])
+    thetas = np.concatenate([np.tile(theta, (asked, 1)), neighbours(theta, spread)])
+    return np.column_stack([numbers, thetas])
 
 
 @dataclass(frozen=True, eq=False)

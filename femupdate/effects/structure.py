@@ -5,7 +5,8 @@ The displacement of every node is that of a rigid body on the moving base plus u
 A shear building is a stick; its heights are the stories' own, or one metre each where not given.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -68,6 +69,7 @@ class Structure:
         mesh: the mesh of a frame.
         operators: the assembled mesh of a frame.
         mesh_size: of a frame, m; the building's own where None.
+        known: matrices that effects asked for, by what they are.
     """
 
     building: Building
@@ -86,6 +88,7 @@ class Structure:
     mesh: BuildingMesh | None = None
     operators: AffineOperators | None = None
     mesh_size: float | None = None
+    known: dict[Hashable, tuple[csc_matrix, ...]] = field(default_factory=dict, repr=False)
 
     @property
     def floors(self) -> tuple[str, ...]:
@@ -160,6 +163,17 @@ class Structure:
             kinds: of shells and beams, such as "wall" or "beam".
             bending_only: of beams and columns, what their bending stiffness contributes.
         """
+        return self.once((kinds, bending_only), lambda: self._members(kinds, bending_only))
+
+    def once(
+        self, what: Hashable, make: Callable[[], tuple[csc_matrix, ...]]
+    ) -> tuple[csc_matrix, ...]:
+        """Matrices that several places of an effect share, made when first asked for."""
+        if what not in self.known:
+            self.known[what] = make()
+        return self.known[what]
+
+    def _members(self, kinds: tuple[str, ...], bending_only: bool) -> tuple[csc_matrix, ...]:
         if self.mesh is None or self.operators is None:
             raise ValueError("a shear building has no members")
         more = assemble(_twice(self.mesh.model, kinds, bending_only))

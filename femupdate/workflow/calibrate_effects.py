@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from femupdate.building.files import mechanics_hash
 from femupdate.discrepancy.fit import Fit
+from femupdate.discrepancy.mesh_error import corrected
 from femupdate.discrepancy.posterior import draw
 from femupdate.discrepancy.problem import Problem
 from femupdate.dynamics.effect_response import EffectSystem, reduce_terms
@@ -22,7 +23,7 @@ from femupdate.workflow.calibrate import (
     observation_of,
     r_hat,
 )
-from femupdate.workflow.diagnose import prepared
+from femupdate.workflow.diagnose import model_parts, prepared
 from femupdate.workflow.effects import (
     building_effects,
     check_places,
@@ -30,6 +31,7 @@ from femupdate.workflow.effects import (
     open_structure,
     without_effects,
 )
+from femupdate.workflow.mesh_error import kept_mesh_error
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.progress import Progress, Silent
 from femupdate.workflow.repair import effect_posterior
@@ -53,7 +55,8 @@ def calibrate_with_effects(
     """
     show, started = progress or Silent(), time.monotonic()
     observation = observation_of(model.building, source)
-    problem, fitted = prepared(model, observation, False, progress=show)
+    parts = model_parts(study, model, show)
+    problem, fitted = prepared(model, parts, observation, False, progress=show)
     if problem.reduced.structure.operators is not None:
         plain = without_effects(model.building)
         keep_basis(study, problem.reduced, {"building": mechanics_hash(plain)})
@@ -106,6 +109,9 @@ def _notes(problem: Problem, fitted: Fit, effective: float, count: int) -> tuple
 def open_effects(study: Study, model: StudyModel, progress: Progress | None = None) -> EffectSystem:
     """The study's structure with the effects that its building lists."""
     reduced = open_structure(study, model.building, progress)
+    mesh = kept_mesh_error(study, model.building)
+    if mesh is not None:
+        reduced = corrected(reduced, mesh)
     effects = building_effects(model.building)
     check_places(reduced, effects)
     terms = tuple(

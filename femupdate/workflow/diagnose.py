@@ -13,21 +13,25 @@ from numpy.typing import NDArray
 from femupdate.discrepancy.diagnose import Diagnosis, DiagnosisSettings, Finding
 from femupdate.discrepancy.diagnose import diagnose as find
 from femupdate.discrepancy.fit import Fit, extended, fit, fit_baseline
-from femupdate.discrepancy.mesh_error import with_mesh_error
+from femupdate.discrepancy.mesh_error import MeshError, corrected, with_mesh_error
 from femupdate.discrepancy.problem import Problem, together
 from femupdate.discrepancy.screen import screen_channels
 from femupdate.discrepancy.where import Cell, band_edges
 from femupdate.dynamics.effect_response import ReducedStructure
+from femupdate.dynamics.effect_wide import local_in
 from femupdate.measurement.observation import Observation
 from femupdate.study import Study, file_hash, write_text
 from femupdate.workflow.calibrate import ObservationSource, observation_of
 from femupdate.workflow.effects import (
     building_effects,
     check_places,
+    first_shapes,
     plain_structure,
     problem_of,
+    reduction_target,
     structure_near,
 )
+from femupdate.workflow.mesh_error import open_mesh_error
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.progress import Progress, Silent
 from femupdate.workflow.second_record import SecondRecord, second_record
@@ -35,6 +39,7 @@ from femupdate.workflow.second_record import SecondRecord, second_record
 Floats = NDArray[np.float64]
 DIAGNOSIS = "diagnosis"
 _SHOWN = 8
+_ROUGH = 100  # shapes with which the stiffness factors are searched for
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +118,8 @@ def diagnose_study(
     show, started = progress or Silent(), time.monotonic()
     observation = observation_of(model.building, source)
     other = None if second is None else second_record(model, source, second)
-    problem, base = prepared(model, observation, use_phase, settings, show, other)
+    parts = model_parts(study, model, show)
+    problem, base = prepared(model, parts, observation, use_phase, settings, show, other)
     show.start("Looking for what is missing", 3)
     found = find(problem, settings, base, lambda text: show.advance(1, text))
     needed = (settings or DiagnosisSettings()).over_none + problem.mimicked
@@ -134,8 +140,30 @@ def diagnose_study(
     return report
 
 
+@dataclass(frozen=True, eq=False)
+class ModelParts:
+    """What of a study's model serves every observation of its building.
+
+    Attributes:
+        plain: the structure on the study's own basis, which knows the story factors alone.
+        mesh: error of the mesh of a frame, or None.
+        wide: a basis for the whole prior in which effects may act, or None.
+    """
+
+    plain: ReducedStructure
+    mesh: MeshError | None = None
+    wide: ReducedStructure | None = None
+
+
+def model_parts(study: Study, model: StudyModel, progress: Progress | None = None) -> ModelParts:
+    """Open what serves every observation; the error of a mesh is learned when first needed."""
+    plain = plain_structure(model)
+    return ModelParts(plain, open_mesh_error(study, model.building, plain.structure, progress))
+
+
 def prepared(
     model: StudyModel,
+    parts: ModelParts,
     observation: Observation,
     use_phase: bool,
     settings: DiagnosisSettings | None = None,
@@ -150,24 +178,39 @@ def prepared(
     show = progress or Silent()
     seed = settings.seed if settings is not None else 0
     effects = building_effects(model.building)
-    plain = plain_structure(model)
+    plain = parts.plain
     check_places(plain, effects)
     show.start("Fitting the model as it is", 1)
-    problem = problem_of(plain, model.building, observation, use_phase)
+    problem = problem_of(plain, model.building, observation, use_phase, parts.mesh)
     if second is not None:
-        other = problem_of(plain, model.building, second.observation, use_phase)
+        other = problem_of(plain, model.building, second.observation, use_phase, parts.mesh)
         problem = together(problem, other, second.level)
     if plain.structure.operators is None:
         base = fit_baseline(problem, effects.placed, effects.values, seed)[0]
         show.advance()
         return problem, base
-    rough = fit_baseline(problem, seed=seed)[0]
+    rough = fit_baseline(replace(problem, reduced=first_shapes(plain, _ROUGH)), seed=seed)[0]
     show.advance()
     theta, zeta = rough.theta()[0], rough.zeta(problem.fixed_zeta)
-    near = structure_near(plain.structure, model.building, theta, zeta, show)
+    near = _near(parts, model, theta, zeta, show)
+    if parts.mesh is not None:
+        near = corrected(near, parts.mesh)
     problem = replace(problem, reduced=near)
-    start = extended(problem, rough, effects.placed, np.array(effects.values))
-    return with_mesh_error(problem, fit(problem, effects.placed, start))
+    values = np.array(effects.values)
+    base = fit(problem, effects.placed, extended(problem, rough, effects.placed, values))
+    if parts.mesh is None:
+        return problem, base
+    problem = with_mesh_error(problem, parts.mesh, base)
+    return problem, fit(problem, effects.placed, base.z)
+
+
+def _near(
+    parts: ModelParts, model: StudyModel, theta: Floats, zeta: float, show: Progress
+) -> ReducedStructure:
+    if parts.wide is None:
+        return structure_near(parts.plain.structure, model.building, theta, zeta, show)
+    target = reduction_target(model.building)
+    return local_in(parts.wide, theta, replace(target, zeta=max(zeta, target.zeta)))
 
 
 def _screen(observation: Observation, found: Diagnosis) -> tuple[str, ...]:
@@ -239,9 +282,11 @@ def _finding(one: Finding) -> dict[str, Any]:
 __all__ = [
     "DIAGNOSIS",
     "DiagnosisReport",
+    "ModelParts",
     "band_edges",
     "cells_as_grid",
     "diagnose_study",
     "draw_diagnosis",
+    "model_parts",
     "prepared",
 ]

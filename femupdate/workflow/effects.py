@@ -12,6 +12,7 @@ from femupdate.atomic import atomic_path
 from femupdate.building.effect_entry import EffectEntry
 from femupdate.building.files import mechanics_hash
 from femupdate.building.schema import Building
+from femupdate.discrepancy.mesh_error import MeshError
 from femupdate.discrepancy.problem import Problem, make_problem
 from femupdate.dynamics.effect_local import local_structure
 from femupdate.dynamics.effect_reduction import reduce_structure, structure_on
@@ -29,7 +30,11 @@ from femupdate.workflow.progress import Progress, Silent
 Floats = NDArray[np.float64]
 BASIS = "effect basis"
 _FILE = "effect_basis.npz"
-# What mesh and reduction leave in ln|H|. A stick has neither. For a frame it is some .03 rms (0.2 m
+WIDE = "wide effect basis"
+_WIDE_FILE = "wide_effect_basis.npz"
+_WIDE_SIZE = 1000
+# What mesh and reduction leave in ln|H|. A stick has neither. For a frame whose mesh error was not
+# learned (a mesh that was read) it is some .03 rms (0.2 m
 # against 0.1 m mesh: .044 before the fit, .024 after), but neighbouring points err alike, over
 # peaks some ten to twenty points wide: it weighs as noise of independent points four to five
 # times as large does.
@@ -37,6 +42,7 @@ _FRAME_ERROR, _STICK_ERROR = 0.14, 0.01
 # A coarser mesh is above all a stiffer one: on clean truths of a 0.15 m mesh cracked beams or
 # stiffer walls of one story had a log evidence of 11 to 30.
 _MIMICKED = 40.0
+_LEFT = 2.0  # times what a learned mesh error leaves: neighbouring points err alike
 
 
 @dataclass(frozen=True)
@@ -74,6 +80,33 @@ def open_structure(
     return reduced
 
 
+def open_wide(
+    study: Study, structure: Structure, progress: Progress | None = None
+) -> ReducedStructure | None:
+    """A frame on a basis for the whole prior in which effects may act, made once and kept.
+
+    It has a thousand shapes: enough to take the bases of neighbourhoods from. None for a stick.
+    """
+    if structure.operators is None:
+        return None
+    origin = {"building": mechanics_hash(structure.building)}
+    kept = study.find(WIDE, origin)
+    if kept is None:
+        target = reduction_target(structure.building)
+        # Where the damping is lowest peaks weigh most, and there is nothing between them.
+        target = replace(target, zeta=max(target.zeta, structure.building.damping.ratio))
+        teller = _teller(progress or Silent())
+        reduced = reduce_structure(structure, target, teller, size=_WIDE_SIZE)
+        kept = study.path(_WIDE_FILE)
+        with atomic_path(kept) as temporary, open(temporary, "wb") as file:
+            np.savez(file, basis=reduced.basis.astype(np.float32))
+        study.record(WIDE, _WIDE_FILE, "benchmark", origin, {"size": reduced.model.size})
+    with np.load(kept) as data:
+        basis = data["basis"].astype(np.float64)
+    root = np.linalg.cholesky(basis.T @ (structure.mass @ basis))
+    return structure_on(structure, np.linalg.solve(root, basis.T).T)
+
+
 def plain_structure(model: StudyModel) -> ReducedStructure:
     """The structure on the study's own basis, which knows the story factors alone."""
     structure = structure_of(without_effects(model.building))
@@ -81,6 +114,23 @@ def plain_structure(model: StudyModel) -> ReducedStructure:
         return reduce_structure(structure, reduction_target(model.building))
     force = np.column_stack([model.reduced.excitation, np.zeros(model.reduced.size)])
     return ReducedStructure(structure, model.reduced, np.zeros((len(structure.axis), 0)), force)
+
+
+def first_shapes(reduced: ReducedStructure, count: int) -> ReducedStructure:
+    """A structure on the first shapes of its basis, which count most."""
+    model, own = reduced.model, slice(count)
+    fewer = replace(
+        model,
+        stiffness_terms=model.stiffness_terms[:, own, own],
+        stiffness_constant=model.stiffness_constant[own, own],
+        excitation=model.excitation[own],
+        floor_shapes=model.floor_shapes[:, own],
+        story_inertia=model.story_inertia[:, own],
+        story_drift=model.story_drift[:, own],
+        node_shapes=None,
+    )
+    basis, force = reduced.basis[:, own], reduced.rigid_force[own]
+    return ReducedStructure(reduced.structure, fewer, basis, force)
 
 
 def structure_near(
@@ -208,11 +258,22 @@ def reduction_target(building: Building) -> ReductionTarget:
 
 
 def problem_of(
-    reduced: ReducedStructure, building: Building, observation: Observation, use_phase: bool = True
+    reduced: ReducedStructure,
+    building: Building,
+    observation: Observation,
+    use_phase: bool = True,
+    mesh: MeshError | None = None,
 ) -> Problem:
     """A building and what was observed of it, for the effect finder.
 
     The frequencies run from the first to the last at which anything valid was observed.
+
+    Args:
+        reduced: the structure.
+        building: it belongs to.
+        observation: on its grid.
+        use_phase: compare phases where they were measured.
+        mesh: error of the mesh, where it is known.
     """
     seen = np.flatnonzero(observation.valid.any(axis=0))
     used = np.zeros(observation.frequency_hz.size, dtype=bool)
@@ -227,9 +288,16 @@ def problem_of(
         bounds if bounds is not None else building.damping.ratio,
         _at(observation, used),
         use_phase=use_phase,
-        model_error=_STICK_ERROR if building.kind == "shear" else _FRAME_ERROR,
-        mimicked=0.0 if building.kind == "shear" else _MIMICKED,
+        model_error=_model_error(building, mesh),
+        mimicked=0.0 if building.kind == "shear" or mesh is not None else _MIMICKED,
     )
+
+
+def _model_error(building: Building, mesh: MeshError | None) -> float:
+    """What mesh and reduction leave in ln|H|, as noise of independent points."""
+    if building.kind == "shear":
+        return _STICK_ERROR
+    return _FRAME_ERROR if mesh is None else max(_STICK_ERROR, _LEFT * mesh.left)
 
 
 def _measured(observation: Observation) -> NDArray[np.bool_]:

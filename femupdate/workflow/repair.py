@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from femupdate.building.files import save_building
 from femupdate.building.schema import Building
 from femupdate.discrepancy.diagnose import DiagnosisSettings
 from femupdate.discrepancy.fit import Fit
+from femupdate.discrepancy.mesh_error import MeshError
 from femupdate.discrepancy.posterior import Draws, draw
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.repair import Repair
@@ -34,7 +34,7 @@ from femupdate.workflow.calibrate import (
     observation_of,
     observed_direction,
 )
-from femupdate.workflow.diagnose import cells_as_grid, prepared
+from femupdate.workflow.diagnose import ModelParts, cells_as_grid, model_parts, prepared
 from femupdate.workflow.effects import (
     building_effects,
     keep_basis,
@@ -42,6 +42,7 @@ from femupdate.workflow.effects import (
     with_effect,
     without_effects,
 )
+from femupdate.workflow.mesh_error import keep_mesh_error
 from femupdate.workflow.model import StudyModel, keep_model, reduction_of
 from femupdate.workflow.progress import Progress, Silent
 from femupdate.workflow.second_record import level_between, second_record
@@ -181,7 +182,8 @@ def repair_study(
     observation = observation_of(model.building, source)
     other = None if holdout is None else observation_of(model.building, holdout)
     more = None if second is None else second_record(model, source, second)
-    problem, base = prepared(model, observation, use_phase, chosen, show, more)
+    parts = model_parts(study, model, show)
+    problem, base = prepared(model, parts, observation, use_phase, chosen, show, more)
     reduced = problem.reduced
     show.start("Looking for what is missing", 3)
     done = mend(problem, base, chosen, lambda text: show.advance(1, text))
@@ -197,12 +199,12 @@ def repair_study(
     if holdout is not None and other is not None:
         show.start("Predicting the data kept out", 1)
         level = 0.0 if more is None else level_between(model, source, holdout)
-        held = _hold(model, reduced, problem, done, holdout, other, use_phase, level)
+        held = _hold(model, parts.mesh, problem, done, holdout, other, use_phase, level)
         show.advance()
     building, kept = model.building, None
     if done.rounds:
         building = _repaired_building(model.building, done)
-        kept = _keep(study, model, building, reduced, observation, after, source, inflation)
+        kept = _keep(study, model, building, problem, parts, observation, after, source, inflation)
     pictures = _draw(study, reduced, problem, done, before, after, held, observation)
     report = RepairReport(
         done,
@@ -240,7 +242,8 @@ def _keep(
     study: Study,
     model: StudyModel,
     building: Building,
-    reduced: ReducedStructure,
+    problem: Problem,
+    parts: ModelParts,
     observation: Observation,
     draws: Draws,
     source: ObservationSource,
@@ -251,10 +254,13 @@ def _keep(
     kept.folder.mkdir(parents=True, exist_ok=True)
     save_building(building, kept.path("building.toml"))
     repaired = keep_model(kept, building, reduction_of(model))
-    if reduced.structure.operators is not None:
+    if problem.reduced.structure.operators is not None:
         from femupdate.building.files import mechanics_hash
 
-        keep_basis(kept, reduced, {"building": mechanics_hash(without_effects(building))})
+        origin = {"building": mechanics_hash(without_effects(building))}
+        keep_basis(kept, problem.reduced, origin)
+    if parts.mesh is not None:
+        keep_mesh_error(kept, building, parts.mesh)
     posterior = effect_posterior(repaired, observation, draws, {"inflation": inflation})
     save_posterior(posterior, kept.path("posterior.nc"))
     origin = {**repaired.made_from(), "observation": file_hash(source.path)}
@@ -291,7 +297,7 @@ def effect_posterior(
 
 def _hold(
     model: StudyModel,
-    reduced: ReducedStructure,
+    mesh: MeshError | None,
     problem: Problem,
     done: Repair,
     source: ObservationSource,
@@ -300,7 +306,8 @@ def _hold(
     level: float,
 ) -> Held:
     """Both models against data that neither has seen, at their level of motion."""
-    own = problem_of(reduced, model.building, observation, use_phase)
+    reduced = problem.reduced
+    own = problem_of(reduced, model.building, observation, use_phase, mesh)
     own = replace(own, blocks=tuple(replace(block, level=level) for block in own.blocks))
     chi2 = [_mean_square(own, fitted) for fitted in (done.before, done.after)]
     data = read_observation_file(source.path, source.unit, source.columns)
@@ -311,7 +318,7 @@ def _hold(
     rows = [reduced.model.floors.index(floor) for floor in floors]
     predicted = []
     for fitted in (done.before, done.after):
-        theta, zeta, sizes, _ = fitted.coordinates.split(fitted.z[None], problem.fixed_zeta)
+        theta, zeta, sizes = fitted.coordinates.split(fitted.z[None], problem.fixed_zeta)
         theta, zeta = fitted.system.at_level(theta, zeta, sizes, level)
         histories = next(
             effect_histories(
@@ -345,8 +352,8 @@ def _hold(
 def _mean_square(problem: Problem, fitted: Fit) -> float:
     """Mean squared whitened residual of other data at the fitted parameters."""
     where = fitted.coordinates
-    theta, zeta, sizes, mesh = where.split(fitted.z[None], problem.fixed_zeta)
-    residual = problem.residuals(fitted.system, theta, zeta, sizes, torch.zeros_like(mesh))
+    theta, zeta, sizes = where.split(fitted.z[None], problem.fixed_zeta)
+    residual = problem.residuals(fitted.system, theta, zeta, sizes)
     return float((residual**2).sum()) / max(problem.effective, 1.0)
 
 
@@ -428,7 +435,7 @@ def _draw(
 
 
 def _log_frf(problem: Problem, fitted: Fit) -> Floats:
-    theta, zeta, sizes, _ = fitted.coordinates.split(fitted.z[None], problem.fixed_zeta)
+    theta, zeta, sizes = fitted.coordinates.split(fitted.z[None], problem.fixed_zeta)
     frequency = problem.frequency_hz[: problem.blocks[0].points]
     frf = fitted.system.frf(theta, zeta, sizes, frequency)[0, list(problem.rows)]
     return np.asarray(frf.abs().log().numpy())

@@ -5,7 +5,15 @@ from dataclasses import replace
 
 import pytest
 
-from femupdate.benchmark.hidden_cases import CLEAN, FOREIGN, ONE, Trial, TrialSettings, run_trial
+from femupdate.benchmark.hidden_cases import (
+    CLEAN,
+    FOREIGN,
+    ONE,
+    Trial,
+    TrialSettings,
+    kept_models,
+    run_trial,
+)
 from femupdate.benchmark.hidden_effects import Plan, run_hidden_effects, summary
 from femupdate.study import Study
 from femupdate.workflow.model import open_study
@@ -16,9 +24,11 @@ _NUMBERS = (9_000_001, 9_000_002, 9_000_003)
 
 @pytest.fixture(scope="module")
 def outcomes(tmp_path_factory):
-    model = open_study(Study(tmp_path_factory.mktemp("study")), "shear_4dof")
+    study, settings = Study(tmp_path_factory.mktemp("study")), TrialSettings()
+    model = open_study(study, "shear_4dof")
+    kept = kept_models(study, model, settings)
     return {
-        kind: [run_trial(Trial(number, kind), model, TrialSettings()) for number in _NUMBERS]
+        kind: [run_trial(Trial(number, kind), model, settings, kept) for number in _NUMBERS]
         for kind in (CLEAN, ONE, FOREIGN)
     }
 

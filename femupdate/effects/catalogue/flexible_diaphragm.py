@@ -32,9 +32,12 @@ class FlexibleDiaphragm(Effect):
 
     def terms(self, structure: Structure, place: str) -> Terms:
         """The membrane stiffness of the slabs once more, scaled by the factor of their story."""
-        if structure.mesh is None or structure.operators is None:
+        mesh, operators = structure.mesh, structure.operators
+        if mesh is None or operators is None:
             raise ValueError("a shear building has no slabs")
-        matrices = membrane_terms(structure.mesh.model, structure.operators, _SLAB)
+        matrices = structure.once(
+            ("membrane", _SLAB), lambda: membrane_terms(mesh.model, operators, _SLAB)
+        )
         names = structure.building.story_names
         chosen = range(len(names)) if place == _ALL else [names.index(place)]
         return Terms(stiffness=tuple((k, matrices[k]) for k in chosen if matrices[k].nnz))

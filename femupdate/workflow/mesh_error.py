@@ -1,0 +1,90 @@
+"""The error of a frame's mesh, learned once and kept in the study."""
+
+import json
+from dataclasses import asdict
+
+import numpy as np
+from scipy.stats import qmc
+
+from femupdate.building.files import mechanics_hash
+from femupdate.building.schema import Building, FrameBuilding
+from femupdate.discrepancy.mesh_error import FINER, MeshError, learn_mesh_error
+from femupdate.dynamics.effect_response import ReducedStructure
+from femupdate.effects.structure import Structure, structure_of
+from femupdate.fe.model import Floats
+from femupdate.study import Study, write_text
+from femupdate.workflow.effects import structure_near, without_effects
+from femupdate.workflow.model import theta_prior
+from femupdate.workflow.progress import Progress, Silent
+
+MESH_ERROR = "mesh error"
+_FILE = "mesh_error.json"
+_THETAS = 8
+_INNER = 1.5  # the ends of the prior are left out by this factor
+
+
+def open_mesh_error(
+    study: Study, building: Building, structure: Structure, progress: Progress | None = None
+) -> MeshError | None:
+    """The error of the building's mesh; None for what is not meshed here.
+
+    Without one in the study it is learned from a finer mesh, in minutes, and kept.
+
+    Args:
+        study: that keeps it.
+        building: of the study.
+        structure: its full model.
+        progress: told about the steps.
+    """
+    plain = without_effects(building)
+    if not isinstance(plain, FrameBuilding):
+        return None
+    kept = kept_mesh_error(study, plain)
+    if kept is not None:
+        return kept
+    show = progress or Silent()
+    fine = structure_of(plain, FINER * plain.mesh.size)
+    show.start("Comparing with a finer mesh", _THETAS)
+
+    def near(theta: Floats) -> ReducedStructure:
+        return structure_near(structure, plain, theta, plain.damping.ratio)
+
+    found = learn_mesh_error(
+        fine,
+        near,
+        _thetas(plain),
+        plain.frequency_grid.frequencies_hz()[::2],
+        lambda done, total: show.advance(),
+    )
+    keep_mesh_error(study, plain, found)
+    return found
+
+
+def kept_mesh_error(study: Study, building: Building) -> MeshError | None:
+    """What the study knows of its building's mesh."""
+    kept = study.find(MESH_ERROR, _origin(building))
+    if kept is None:
+        return None
+    content = json.loads(kept.read_text(encoding="utf-8"))
+    return MeshError(
+        tuple(content["labels"]), tuple(content["mean"]), tuple(content["sd"]), content["left"]
+    )
+
+
+def keep_mesh_error(study: Study, building: Building, mesh: MeshError) -> None:
+    """Write a mesh error into a study."""
+    study.folder.mkdir(parents=True, exist_ok=True)
+    write_text(study.path(_FILE), json.dumps(asdict(mesh), indent=2) + "\n")
+    study.record(MESH_ERROR, _FILE, "diagnose", _origin(building), {"thetas": _THETAS})
+
+
+def _origin(building: Building) -> dict[str, str]:
+    return {"building": mechanics_hash(without_effects(building))}
+
+
+def _thetas(building: Building) -> Floats:
+    """Stiffness factors (n, p), even in their logarithm over the inner part of the prior."""
+    prior = theta_prior(building)
+    low, high = np.log(prior.lower.numpy() * _INNER), np.log(prior.upper.numpy() / _INNER)
+    unit = qmc.Sobol(len(low), seed=np.random.default_rng(4)).random(_THETAS)
+    return np.asarray(np.exp(low + (high - low) * unit))

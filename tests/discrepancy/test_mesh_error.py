@@ -1,0 +1,131 @@
+"""The error of a coarse mesh, learned from a finer one, against a still finer one."""
+
+import numpy as np
+import pytest
+import torch
+
+from femupdate.building.document import from_document
+from femupdate.discrepancy.fit import fit_baseline
+from femupdate.discrepancy.mesh_error import corrected, learn_mesh_error, with_mesh_error
+from femupdate.discrepancy.problem import correlated_along, make_problem
+from femupdate.dynamics.damping import ConstantDamping
+from femupdate.dynamics.effect_reduction import structure_on
+from femupdate.dynamics.effect_response import EffectSystem
+from femupdate.effects.structure import structure_of
+from femupdate.fe.driven import driven_shapes
+from femupdate.fe.factorization import factorize
+from femupdate.measurement.observation import Observation
+
+GRID = np.arange(0.5, 18.0, 0.25)
+THETAS = np.array([[1.0, 1.0], [0.6, 1.5], [1.7, 0.8]])
+
+
+def frame(size):
+    concrete = {"youngs_modulus": 25e9, "poisson_ratio": 0.2, "density": 2400.0}
+    return from_document(
+        {
+            "name": "made",
+            "kind": "frame",
+            "grid": {"x": {"A": 0.0, "B": 5.0}, "y": {"P": 0.0, "Q": 6.0}},
+            "stories": [{"name": "low", "height": 3.4}, {"name": "high", "height": 2.9}],
+            "materials": {"concrete": concrete},
+            "sections": {"column": {"shape": "rectangle", "width": 0.4, "depth": 0.6}},
+            "columns": [{"section": "column"}],
+            "slabs": [{"x": ["A", "B"], "y": ["P", "Q"], "thickness": 0.2}],
+            "mesh": {"size": size},
+            "sensors": {"direction": "x", "points": ["A-P", "B-Q"]},
+            "frequency_grid": {"start": 0.25, "step": 0.25, "count": 72},
+            "prior": {"theta": {"lower": 1 / 3, "upper": 3.0}},
+            "damping": {"law": "constant", "ratio": 0.05},
+        }
+    )
+
+
+def near(structure):
+    """A basis of the shapes at every theta that is asked."""
+
+    def make(theta):
+        force, rows = structure.rigid_force[:, :1], structure.floor_rows
+        shapes = []
+        for factor in (1.0, 0.9, 1.1):
+            K = structure.stiffness(factor ** np.arange(1, 3) * theta)
+            found = driven_shapes(factorize(K), structure.mass, force, rows, GRID[-1])
+            shapes.append(found.shapes)
+        left, size, _ = np.linalg.svd(np.column_stack(shapes), full_matrices=False)
+        basis = left[:, size > 1e-8 * size[0]]
+        root = np.linalg.cholesky(basis.T @ (structure.mass @ basis))
+        return structure_on(structure, np.linalg.solve(root, basis.T).T)
+
+    return make
+
+
+def frf(reduced, theta):
+    system = EffectSystem(reduced, ConstantDamping(), (), ())
+    zeta, none = torch.tensor([0.05], dtype=torch.float64), torch.zeros((1, 0))
+    return system.frf(torch.from_numpy(theta[None]), zeta, none, torch.from_numpy(GRID))[0].numpy()
+
+
+@pytest.fixture(scope="module")
+def coarse():
+    return structure_of(frame(1.5))
+
+
+@pytest.fixture(scope="module")
+def learned(coarse):
+    fine = structure_of(frame(1.5), 1.0)
+    return learn_mesh_error(fine, near(coarse), THETAS, GRID)
+
+
+def test_the_model_comes_nearer_to_a_still_finer_mesh(coarse, learned):
+    theta = np.array([0.8, 1.2])  # none of those that it was learned at
+    finest = frf(near(structure_of(frame(1.5), 0.7))(theta), theta)
+    before = near(coarse)(theta)
+    distance = [
+        np.abs(np.log(frf(one, theta) / finest)).max()
+        for one in (before, corrected(before, learned))
+    ]
+    assert distance[0] > 0.02
+    assert distance[1] < 0.4 * distance[0]
+
+
+def test_a_coarse_mesh_is_a_stiff_one(learned):
+    """A slab bends more softly the finer it is meshed."""
+    slab = [m for name, m in zip(learned.labels, learned.mean, strict=True) if "slab" in name]
+    assert max(slab) < 0.0
+    assert min(learned.sd) > 0.0
+
+
+def test_correlated_errors_are_whitened():
+    """Sum of squares with the inverse of the full covariance."""
+    rng = np.random.default_rng(5)
+    errors = rng.standard_normal((40, 3)) * np.array([3.0, 0.5, 1e-6])
+    residual = rng.standard_normal((2, 40))
+    white = correlated_along(torch.from_numpy(errors)).whitened(torch.from_numpy(residual)).numpy()
+    exact = residual @ np.linalg.inv(np.eye(40) + errors @ errors.T) @ residual.T
+    np.testing.assert_allclose(white @ white.T, exact, rtol=1e-10)
+
+
+def test_what_is_left_open_widens_the_intervals(coarse, learned):
+    theta = np.array([1.0, 1.0])
+    reduced = corrected(near(coarse)(theta), learned)
+    measured = frf(reduced, theta)
+    noise = np.full(measured.shape, 0.01)
+    seen = Observation(
+        GRID,
+        reduced.model.floors,
+        np.log(np.abs(measured)),
+        noise,
+        noise > 0,
+        np.angle(measured),
+        None,
+        0.25,
+        "made",
+        (),
+    )
+    box = torch.full((2,), 0.5, dtype=torch.float64), torch.full((2,), 2.0, dtype=torch.float64)
+    problem = make_problem(reduced, ConstantDamping(), box, 0.05, seen, model_error=0.0)
+    base = fit_baseline(problem)[0]
+    open_ = fit_baseline(with_mesh_error(problem, learned, base))[0]
+    np.testing.assert_allclose(base.theta()[0], theta, rtol=1e-3)
+    np.testing.assert_allclose(open_.theta()[0], theta, rtol=1e-3)
+    assert (open_.theta()[1] > 1.5 * base.theta()[1]).all()

@@ -1,0 +1,65 @@
+"""Shapes that forces drive, against the dynamic stiffness solved frequency by frequency."""
+
+import numpy as np
+import pytest
+from scipy.sparse import csc_matrix, diags
+
+from femupdate.errors import ModelError
+from femupdate.fe.driven import driven_shapes
+from femupdate.fe.factorization import factorize
+
+ROWS = np.eye(400)[[50, 399]]
+
+
+@pytest.fixture(scope="module")
+def rod():
+    """A chain of 400 masses, held at one end: stiffness, mass, and frequencies of 1 to 8 Hz."""
+    spring = 1e6
+    stiffness = spring * diags([-1.0, 2.0, -1.0], [-1, 0, 1], shape=(400, 400), format="lil")
+    stiffness[399, 399] = spring
+    mass = diags(np.linspace(1.0, 2.0, 400) * 1.5)
+    return csc_matrix(stiffness), csc_matrix(mass)
+
+
+def displacement(rod, force, frequency_hz, zeta=None):
+    K, M = (part.toarray() for part in rod)
+    return np.linalg.solve(K - (2 * np.pi * frequency_hz) ** 2 * M, force)
+
+
+def test_they_give_the_response_to_every_force(rod):
+    K, M = rod
+    forces = np.column_stack([M.diagonal(), np.eye(400)[120]])
+    found = driven_shapes(factorize(K), M, forces, ROWS, 8.0)
+    assert found.shapes.shape[1] < 200
+    omega = 2 * np.pi * found.frequency_hz
+    for frequency in (0.3, 2.2, 5.1, 7.9):
+        ours = (
+            ROWS
+            @ found.shapes
+            @ ((found.shapes.T @ forces) / (omega**2 - (2 * np.pi * frequency) ** 2)[:, None])
+        )
+        exact = ROWS @ displacement(rod, forces, frequency)
+        np.testing.assert_allclose(ours, exact, rtol=1e-3, atol=1e-5 * np.abs(exact).max())
+
+
+def test_they_are_orthonormal_in_the_mass(rod):
+    K, M = rod
+    shapes = driven_shapes(factorize(K), M, M.diagonal()[:, None], ROWS, 8.0).shapes
+    np.testing.assert_allclose(shapes.T @ (M @ shapes), np.eye(shapes.shape[1]), atol=1e-9)
+
+
+def test_what_is_not_driven_is_left_out():
+    """Two chains side by side: a force on one needs no shape of the other."""
+    one = np.diag(np.full(30, 2.0)) - np.eye(30, k=1) - np.eye(30, k=-1)
+    K = csc_matrix(1e4 * np.kron(np.eye(2), one))
+    force, rows = np.zeros((60, 1)), np.zeros((1, 60))
+    force[3], rows[0, 20] = 1.0, 1.0
+    found = driven_shapes(factorize(K), csc_matrix(np.eye(60)), force, rows, 40.0)
+    assert found.shapes.shape[1] <= 30
+    assert np.abs(found.shapes[30:]).max() < 1e-9
+
+
+def test_too_few_are_refused(rod):
+    K, M = rod
+    with pytest.raises(ModelError, match="20 shapes do not give the response up to 8 Hz"):
+        driven_shapes(factorize(K), M, M.diagonal()[:, None], ROWS, 8.0, most=20)
