@@ -8,7 +8,7 @@ import torch
 from numpy.typing import NDArray
 
 from femupdate.benchmark.outside import OUTSIDE
-from femupdate.building.schema import Building
+from femupdate.building.schema import Building, FrameBuilding
 from femupdate.discrepancy.diagnose import Diagnosis, DiagnosisSettings, diagnose
 from femupdate.discrepancy.fit import Fit, extended, fit
 from femupdate.discrepancy.problem import Problem
@@ -21,7 +21,7 @@ from femupdate.measurement.frf import estimate_frf
 from femupdate.measurement.observation import Observation
 from femupdate.measurement.observation_file import Histories
 from femupdate.study import Study
-from femupdate.workflow.diagnose import ModelParts, model_parts, prepared
+from femupdate.workflow.diagnose import ModelParts, model_parts, prepared, refined
 from femupdate.workflow.effect_truth import FineModel, Truth, effect_truth, fine_model
 from femupdate.workflow.effects import open_wide
 from femupdate.workflow.model import StudyModel, damping_law, theta_prior, zeta_bounds
@@ -76,7 +76,9 @@ def kept_models(
     """Mesh the truth, and open the finder's model with a basis that serves all its prior."""
     parts = model_parts(study, model, progress)
     wide = open_wide(study, parts.plain.structure, progress)
-    return KeptModels(replace(parts, wide=wide), fine_model(model.building, settings.mesh_size))
+    building = model.building
+    points = building.sensors.points if isinstance(building, FrameBuilding) else None
+    return KeptModels(replace(parts, wide=wide), fine_model(building, settings.mesh_size, points))
 
 
 @dataclass(frozen=True)
@@ -112,7 +114,7 @@ class Outcome:
         bias_share_before, bias_share_after: largest relative error of a stiffness factor.
         held_before, held_after, held_floor: error of histories in another motion; the last is
             that of the truth itself with its sensor noise.
-        seconds: of the diagnosis.
+        seconds: of the diagnosis, with the repair.
     """
 
     number: int
@@ -165,15 +167,16 @@ def run_trial(
     chosen = DiagnosisSettings(seed=trial.number)
     problem, base = prepared(model, kept.parts, observation, settings.use_phase, chosen)
     found = diagnose(problem, chosen, base)
-    seconds = time.monotonic() - started
     hidden = tuple(placed.label for placed, _ in effects)
     strength, absorbed = _true_strength(problem, found, effects)
     named = found.leading.placed.label if found.leading and found.verdict != "none" else ""
-    after = found.leading.fitted if found.leading and found.verdict == "named" else base
+    after = base
+    if found.leading and found.verdict == "named":
+        after = refined(model, kept.parts, problem, found.leading.fitted)[1]
+    seconds = time.monotonic() - started
     held = _held_out(truth, zeta, building, settings, (base, after), problem, streams[3])
     right = bool(hidden) and named == hidden[0] and found.leading is not None
-    size = found.leading.size if right and found.leading else np.nan
-    size_sd = found.leading.size_sd if right and found.leading else np.nan
+    size, size_sd = _size(after, found, right)
     before_sd, before_share = _bias(base, theta, found.inflation)
     after_sd, after_share = _bias(after, theta, found.inflation)
     freedom = problem.effective - base.coordinates.size
@@ -310,6 +313,17 @@ def _true_strength(
     fitted = fit(problem, together, extended(problem, found.base, together, known))
     gain = found.base.chi2 - fitted.chi2
     return float(np.sqrt(max(gain, 0.0))), test.absorbed
+
+
+def _size(after: Fit, found: Diagnosis, right: bool) -> tuple[float, float]:
+    """Size of the leading effect and its standard deviation, where it is the hidden one."""
+    if not right or found.leading is None:
+        return np.nan, np.nan
+    if found.verdict != "named" or not found.leading.placed.effect.parameters:
+        return found.leading.size, found.leading.size_sd
+    sizes, sd = after.sizes(found.inflation)
+    first = len(sizes) - len(found.leading.placed.effect.parameters)
+    return float(sizes[first]), float(sd[first])
 
 
 def _bias(fitted: Fit, theta: Floats, inflation: float) -> tuple[float, float]:

@@ -246,9 +246,8 @@ def _weigh(
     settings: DiagnosisSettings,
 ) -> tuple[Finding, ...]:
     """Findings in the order of their evidence over the model without them."""
-    without = laplace(problem, base, inflation).log_evidence
     by_label = {one.placed.label: one for one in scores}
-    gains = [laplace(problem, one, inflation).log_evidence - without for one in fits]
+    gains = [_gain(problem, base, one, inflation) for one in fits]
     evidence = {k: Evidence(gain) for k, gain in enumerate(gains)}
     if settings.sampled and len(fits):
         reference = sampled(problem, base, inflation, settings.draws, settings.seed)
@@ -278,6 +277,16 @@ def _weigh(
             )
         )
     return tuple(found)
+
+
+def _gain(problem: Problem, base: Fit, fitted: Fit, inflation: float) -> float:
+    """Log evidence over the model without the effect.
+
+    Errors that the points share are noise along the effect, too.
+    """
+    noise = inflation * fitted.mimicry()
+    with_it, without = laplace(problem, fitted, noise), laplace(problem, base, noise)
+    return with_it.log_evidence - without.log_evidence
 
 
 def _first_size(fitted: Fit, inflation: float) -> tuple[float, float]:

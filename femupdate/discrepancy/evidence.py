@@ -77,7 +77,7 @@ def _within_limits(fitted: Fit, inflation: float) -> float:
     One unknown after the other; where the most probable value sits at its limit, half or less.
     """
     where = fitted.coordinates
-    sd = fitted.covariance(inflation).diagonal().clamp_min(1e-30).sqrt()
+    sd = fitted.alone(inflation).diagonal().clamp_min(1e-30).sqrt()
     low = ((where.lower - fitted.z) / sd).numpy()
     high = ((where.upper - fitted.z) / sd).numpy()
     lower_tail, upper_tail = np.exp(log_ndtr(low)), np.exp(log_ndtr(-high))
@@ -90,7 +90,7 @@ def sampled(
     """Evidence from an importance sample about the most probable parameters."""
     where = fitted.coordinates
     generator = torch.Generator().manual_seed(seed)
-    covariance = 1.2 * fitted.covariance(inflation)
+    covariance = 1.2 * fitted.alone(inflation)
     z, log_proposal = student_draws(fitted.z, covariance, _FREEDOM, draws, generator)
     inside = ((z >= where.lower) & (z <= where.upper)).all(dim=1)
     log_weight = torch.full((draws,), -torch.inf, dtype=torch.float64)

@@ -105,6 +105,7 @@ class Fit:
         residual: (n,) whitened.
         jacobian: (n, d) of the prediction by the unknowns, whitened.
         system: the model.
+        shared: (n, c) errors that many points share, as `Problem` has them, or None.
     """
 
     placed: tuple[Placed, ...]
@@ -113,6 +114,7 @@ class Fit:
     residual: Tensor
     jacobian: Tensor
     system: EffectSystem
+    shared: Tensor | None = None
 
     @property
     def chi2(self) -> float:
@@ -131,8 +133,42 @@ class Fit:
         return self.jacobian.T @ self.jacobian / inflation + prior
 
     def covariance(self, inflation: float = 1.0) -> Tensor:
-        """(d, d) of the unknowns, for a noise of `inflation` times the stated variance."""
+        """(d, d) of the unknowns, for a noise of `inflation` times the stated variance.
+
+        The fit weighs the points as if all erred alone; what they share is carried on to the
+        unknowns (White, Econometrica 48, 1980).
+        """
+        alone, carried = self.alone(inflation), self.carried(inflation)
+        return alone if carried is None else alone + carried @ carried.T
+
+    def alone(self, inflation: float = 1.0) -> Tensor:
+        """(d, d) as if every point erred alone."""
         return torch.linalg.pinv(self.hessian(inflation), hermitian=True)
+
+    def carried(self, inflation: float = 1.0) -> Tensor | None:
+        """(d, c) what one standard deviation of every shared error moves the unknowns by."""
+        if self.shared is None:
+            return None
+        return self.alone(inflation) @ (self.jacobian.T @ self.shared) / inflation
+
+    def mimicry(self) -> float:
+        """Variance of the residuals along what only the last unknown effect does, noise being 1.
+
+        More than one where errors that the points share can pass for the effect.
+        """
+        count = len(self.placed[-1].effect.parameters) if self.placed else 0
+        if self.shared is None or not count:
+            return 1.0
+        others = torch.cat([self.jacobian[:, :-count], self.jacobian[:, self.size_column + 1 :]], 1)
+        column = self.jacobian[:, self.size_column]
+        own = column - others @ torch.linalg.lstsq(others, column[:, None]).solution[:, 0]
+        unit = own / own.norm().clamp_min(1e-12)
+        return 1.0 + float((unit @ self.shared).square().sum())
+
+    @property
+    def size_column(self) -> int:
+        """Which unknown is the size of the last effect."""
+        return self.coordinates.size - len(self.placed[-1].effect.parameters)
 
     def theta(self, inflation: float = 1.0) -> tuple[Floats, Floats]:
         """Stiffness factors and their standard deviations, (p,) each."""
@@ -196,7 +232,7 @@ def fit(
         residual, jacobian = _linearise(problem, model, where, z)
         if gain < _SMALLEST:
             break
-    return Fit(placed, where, z, residual, jacobian, model)
+    return Fit(placed, where, z, residual, jacobian, model, problem.shared)
 
 
 def _objective(where: Coordinates, z: Tensor, residual: Tensor) -> float:
@@ -262,7 +298,7 @@ def fit_baseline(
     system = problem.system(placed)
     # Far from the data every point is many times the noise off, whichever way is better: first
     # they are compared as if they were coarse.
-    coarse = replace(problem, sd=(problem.sd**2 + _COARSE**2).sqrt(), correlated=None)
+    coarse = replace(problem, sd=(problem.sd**2 + _COARSE**2).sqrt(), shared=None)
     misfit = (evaluate(coarse, system, where, z) ** 2).sum(dim=1)
     near = [fit(coarse, placed, z[k], 10, system) for k in misfit.argsort()[:starts]]
     near.sort(key=lambda one: one.chi2 + one.penalty)

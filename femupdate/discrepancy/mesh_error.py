@@ -3,8 +3,9 @@
 A coarse mesh does to ln|H| what stiffer members do: factors on the members of each kind and story
 that make the coarse model respond like the finer one are found at some theta of the prior. Their
 mean, carried on towards an infinitely fine mesh (Richardson 1911), corrects the model; how they
-scatter from theta to theta is what the correction leaves open. It enters the noise as correlated
-errors of all points, or else the finder would name effects that only make up for a mesh.
+scatter from theta to theta is what the correction leaves open: errors that all points share. They
+widen the intervals and weaken the evidence for whatever they could pass for, or else the finder
+would name effects that only make up for a mesh.
 """
 
 from collections.abc import Callable
@@ -15,7 +16,7 @@ import torch
 from numpy.typing import NDArray
 
 from femupdate.discrepancy.fit import Fit
-from femupdate.discrepancy.problem import Problem, correlated_along
+from femupdate.discrepancy.problem import Problem
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.effect_reduction import structure_on
 from femupdate.dynamics.effect_response import EffectSystem, ReducedStructure
@@ -122,7 +123,7 @@ def corrected(reduced: ReducedStructure, mesh: MeshError) -> ReducedStructure:
 
 
 def with_mesh_error(problem: Problem, mesh: MeshError, base: Fit) -> Problem:
-    """The problem with what the correction leaves open as correlated errors of its residuals.
+    """The problem with what the correction leaves open as errors that its residuals share.
 
     Args:
         problem: of the corrected model.
@@ -135,8 +136,8 @@ def with_mesh_error(problem: Problem, mesh: MeshError, base: Fit) -> Problem:
     count = len(steps)
     theta, zeta, known = base.coordinates.split(base.z.expand(count, -1), problem.fixed_zeta)
     sizes = torch.cat([known, torch.from_numpy(steps)], dim=1)
-    residual = replace(problem, correlated=None).residuals(system, theta, zeta, sizes)
-    return replace(problem, correlated=correlated_along((residual[1:] - residual[0]).T))
+    residual = problem.residuals(system, theta, zeta, sizes)
+    return replace(problem, shared=(residual[1:] - residual[0]).T)
 
 
 def _members(structure: Structure) -> tuple[Placed, ...]:

@@ -18,33 +18,6 @@ Floats = NDArray[np.float64]
 MODEL_ERROR = 0.02
 
 
-@dataclass(frozen=True, eq=False)
-class CorrelatedError:
-    """Errors that many points share, beside the independent ones of unit variance.
-
-    With the covariance I + U U^T and the singular vectors Q and values s of U, residuals are white
-    again after r - Q diag(1 - (1 + s^2)^-1/2) Q^T r.
-
-    Attributes:
-        directions: (n, c) Q.
-        removed: (c,) share of a residual along each that is taken out.
-    """
-
-    directions: Tensor
-    removed: Tensor
-
-    def whitened(self, residuals: Tensor) -> Tensor:
-        """Residuals (N, n) of unit covariance."""
-        along = (residuals @ self.directions) * self.removed
-        return residuals - along @ self.directions.T
-
-
-def correlated_along(errors: Tensor) -> CorrelatedError:
-    """Correlated errors from what one standard deviation of each does, U (n, c)."""
-    directions, size, _ = torch.linalg.svd(errors, full_matrices=False)
-    return CorrelatedError(directions, 1.0 - (1.0 + size**2).rsqrt())
-
-
 @dataclass(frozen=True)
 class Block:
     """Some neighbouring points of the frequency axis, which one record gave.
@@ -79,7 +52,8 @@ class Problem:
         phase: (f, k) observed, rad, or None.
         sd: (f, k) of ln|H| and phase; infinite where not valid.
         blocks: the records.
-        correlated: errors that many points share, or None.
+        shared: (n, c) errors that many points share, one standard deviation of each, in the unit
+            of the whitened residuals; or None.
         mimicked: log evidence that errors of the model itself may bring to an effect.
     """
 
@@ -95,7 +69,7 @@ class Problem:
     phase: Tensor | None
     sd: Tensor
     blocks: tuple[Block, ...]
-    correlated: CorrelatedError | None = None
+    shared: Tensor | None = None
     mimicked: float = 0.0
 
     @property
@@ -157,8 +131,7 @@ class Problem:
         if self.phase is not None:
             turn = torch.remainder(self.phase - frf.angle() + torch.pi, 2.0 * torch.pi) - torch.pi
             parts.append((turn * weight).clamp(-_WILD, _WILD).flatten(1))
-        residuals = torch.cat(parts, dim=1)
-        return residuals if self.correlated is None else self.correlated.whitened(residuals)
+        return torch.cat(parts, dim=1)
 
 
 def _seen(frf: Tensor, segment_s: float | None, frequency_hz: Tensor) -> Tensor:

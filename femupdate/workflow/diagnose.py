@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from torch import Tensor
 
 from femupdate.discrepancy.diagnose import Diagnosis, DiagnosisSettings, Finding
 from femupdate.discrepancy.diagnose import diagnose as find
@@ -19,6 +20,7 @@ from femupdate.discrepancy.screen import screen_channels
 from femupdate.discrepancy.where import Cell, band_edges
 from femupdate.dynamics.effect_response import ReducedStructure
 from femupdate.dynamics.effect_wide import local_in
+from femupdate.effects.effect import Placed
 from femupdate.measurement.observation import Observation
 from femupdate.study import Study, file_hash, write_text
 from femupdate.workflow.calibrate import ObservationSource, observation_of
@@ -191,17 +193,50 @@ def prepared(
         return problem, base
     rough = fit_baseline(replace(problem, reduced=first_shapes(plain, _ROUGH)), seed=seed)[0]
     show.advance()
-    theta, zeta = rough.theta()[0], rough.zeta(problem.fixed_zeta)
-    near = _near(parts, model, theta, zeta, show)
+    start = extended(problem, rough, effects.placed, np.array(effects.values))
+    return _around(parts, model, problem, rough, (effects.placed, start), show)
+
+
+def refined(
+    model: StudyModel,
+    parts: ModelParts,
+    problem: Problem,
+    fitted: Fit,
+    progress: Progress | None = None,
+) -> tuple[Problem, Fit]:
+    """The problem around a fit with effects, whose theta may be far from the first one's.
+
+    Args:
+        model: of the study.
+        parts: of the model.
+        problem: as the effects were found.
+        fitted: with the effects.
+        progress: told about the steps.
+    """
+    if problem.reduced.structure.operators is None:
+        return problem, fitted
+    show = progress or Silent()
+    return _around(parts, model, problem, fitted, (fitted.placed, fitted.z), show)
+
+
+def _around(
+    parts: ModelParts,
+    model: StudyModel,
+    problem: Problem,
+    middle: Fit,
+    start: tuple[tuple[Placed, ...], Tensor],
+    show: Progress,
+) -> tuple[Problem, Fit]:
+    """A frame's problem on a basis about a fit, with its mesh error there, and a fit from there."""
+    near = _near(parts, model, middle.theta()[0], middle.zeta(problem.fixed_zeta), show)
     if parts.mesh is not None:
         near = corrected(near, parts.mesh)
-    problem = replace(problem, reduced=near)
-    values = np.array(effects.values)
-    base = fit(problem, effects.placed, extended(problem, rough, effects.placed, values))
+    problem = replace(problem, reduced=near, shared=None)
+    base = fit(problem, *start)
     if parts.mesh is None:
         return problem, base
     problem = with_mesh_error(problem, parts.mesh, base)
-    return problem, fit(problem, effects.placed, base.z)
+    return problem, fit(problem, base.placed, base.z)
 
 
 def _near(
@@ -289,4 +324,5 @@ __all__ = [
     "draw_diagnosis",
     "model_parts",
     "prepared",
+    "refined",
 ]

@@ -19,7 +19,7 @@ from femupdate.discrepancy.posterior import Draws, draw
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.repair import Repair
 from femupdate.discrepancy.repair import repair as mend
-from femupdate.discrepancy.where import residual_cells
+from femupdate.discrepancy.where import p_value, residual_cells
 from femupdate.dynamics.effect_history import effect_histories
 from femupdate.dynamics.effect_response import ReducedStructure
 from femupdate.errors import MeasurementError
@@ -34,7 +34,7 @@ from femupdate.workflow.calibrate import (
     observation_of,
     observed_direction,
 )
-from femupdate.workflow.diagnose import ModelParts, cells_as_grid, model_parts, prepared
+from femupdate.workflow.diagnose import ModelParts, cells_as_grid, model_parts, prepared, refined
 from femupdate.workflow.effects import (
     building_effects,
     keep_basis,
@@ -184,16 +184,19 @@ def repair_study(
     more = None if second is None else second_record(model, source, second)
     parts = model_parts(study, model, show)
     problem, base = prepared(model, parts, observation, use_phase, chosen, show, more)
-    reduced = problem.reduced
     show.start("Looking for what is missing", 3)
     done = mend(problem, base, chosen, lambda text: show.advance(1, text))
+    mended = problem
+    if done.rounds:
+        mended, last = refined(model, parts, problem, done.after, show)
+        done = replace(done, after=last, p_after=p_value(mended, last))
     show.start("Updating the posterior", 2)
     inflation = done.last.inflation
     before = draw(problem, done.before, _DRAWS, inflation, chosen.seed)
     show.advance()
     after = before
     if done.rounds:
-        after = draw(problem, done.after, _DRAWS, inflation, chosen.seed)
+        after = draw(mended, done.after, _DRAWS, inflation, chosen.seed)
     show.advance()
     held = None
     if holdout is not None and other is not None:
@@ -204,8 +207,8 @@ def repair_study(
     building, kept = model.building, None
     if done.rounds:
         building = _repaired_building(model.building, done)
-        kept = _keep(study, model, building, problem, parts, observation, after, source, inflation)
-    pictures = _draw(study, reduced, problem, done, before, after, held, observation)
+        kept = _keep(study, model, building, mended, parts, observation, after, source, inflation)
+    pictures = _draw(study, problem.reduced, problem, done, before, after, held, observation)
     report = RepairReport(
         done,
         problem,
