@@ -88,7 +88,9 @@ class Structure:
     mesh: BuildingMesh | None = None
     operators: AffineOperators | None = None
     mesh_size: float | None = None
-    known: dict[Hashable, tuple[csc_matrix, ...]] = field(default_factory=dict, repr=False)
+    known: dict[Hashable, tuple[csc_matrix, ...]] = field(
+        default_factory=dict, init=False, repr=False
+    )
 
     @property
     def floors(self) -> tuple[str, ...]:
