@@ -25,6 +25,10 @@ _BENCHMARKS = {
         "benchmark_hidden_effects",
         "What the effect finder makes of effects that were hidden.",
     ),
+    "training": (
+        "benchmark_training",
+        "Our network and the published layout, trained side by side.",
+    ),
 }
 
 

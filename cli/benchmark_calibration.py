@@ -9,7 +9,11 @@ from .common import Bars, benchmark_options, parse_names, print_json, print_pict
 
 @click.command("calibration")
 @click.option("--building", default="shear_4dof", show_default=True, help="Shipped name.")
-@click.option("--sensors", callback=parse_names, help="Floors observed; default the roof alone.")
+@click.option(
+    "--sensors",
+    callback=parse_names,
+    help="Floors observed, or `any`: sets drawn at random; default the roof alone.",
+)
 @click.option("--cases", type=click.IntRange(min=10), default=200, show_default=True)
 @click.option("--particles", type=click.IntRange(min=200), default=1000, show_default=True)
 @click.option("--latent", is_flag=True, help="Leave out the data-space posteriors.")
@@ -17,6 +21,9 @@ from .common import Bars, benchmark_options, parse_names, print_json, print_pict
     "--beside",
     type=click.IntRange(min=0),
     help="Data-space posteriors for the first so many cases only; default all.",
+)
+@click.option(
+    "--noise", type=click.FloatRange(min=1e-3), help="Noise on ln|H|; default as trained."
 )
 @benchmark_options
 def command(
@@ -26,6 +33,7 @@ def command(
     particles: int,
     latent: bool,
     beside: int | None,
+    noise: float | None,
     output_folder: Path,
     seed: int,
     as_json: bool,
@@ -38,7 +46,12 @@ def command(
     from femupdate.benchmark.calibration_run import CalibrationPlan, run_calibration
 
     plan = CalibrationPlan(
-        building, sensors, cases, particles, 0 if latent and beside is None else beside
+        building,
+        sensors,
+        cases,
+        particles,
+        0 if latent and beside is None else beside,
+        noise_sd=noise,
     )
     with Bars() as bars:
         report = run_calibration(output_folder, plan, seed, bars)

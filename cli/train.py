@@ -13,7 +13,7 @@ from .common import Bars, print_json, shared_options
 @click.option("--samples", type=click.IntRange(min=100), default=100_000, show_default=True)
 @click.option("--epochs", type=click.IntRange(min=1), default=45, show_default=True)
 @click.option("--batch", type=click.IntRange(min=8), default=512, show_default=True)
-@click.option("--learning-rate", type=click.FloatRange(min=1e-7), default=2e-3, show_default=True)
+@click.option("--learning-rate", type=click.FloatRange(min=1e-7), default=3e-3, show_default=True)
 @click.option(
     "--roof-share",
     type=click.FloatRange(0.0, 1.0),

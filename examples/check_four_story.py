@@ -63,8 +63,8 @@ def main(particles: int) -> None:
     reduced = reduce_building(building).model
     model = StudyModel(building, reduced, damping_law(building), theta_prior(building), None, 0.0)
     surrogate = require_surrogate(Study("no-such-study"), model)
-    likelihood = LatentLikelihood(surrogate, authors_observation(model))
     started = time.monotonic()
+    likelihood = LatentLikelihood(surrogate, reduced, model.law, authors_observation(model))
     result = TemperedSmc(model.prior, likelihood).run(particles, seed=0)
     seconds = time.monotonic() - started
     theta = result.theta.numpy()

@@ -14,7 +14,7 @@ from femupdate.inference.likelihood import DataLikelihood, LatentLikelihood
 from femupdate.inference.power import SimulatedCase
 from femupdate.inference.smc import SmcResult, TemperedSmc
 from femupdate.measurement.observation import Observation
-from femupdate.surrogate.storage import TrainedSurrogate
+from femupdate.surrogate.storage import ANY_FLOORS, TrainedSurrogate
 from femupdate.workflow.model import StudyModel
 
 Floats = NDArray[np.float64]
@@ -72,7 +72,8 @@ class CalibrationCase:
     Attributes:
         latent, exact: where its truth lies; `exact` is None where it was not asked for.
         likelihoods: of the latent draws and of the truth.
-        misfit: of the reconstruction, see `LatentLikelihood.reconstruction_misfit`.
+        misfit: of the best response, see `FoundLatent`.
+        responses: of the building that the latent likelihood took.
         effective_share: of the bridge's importance draws; NaN without it.
         widths: the latent posterior against the data-space one; None without it.
     """
@@ -81,6 +82,7 @@ class CalibrationCase:
     exact: Judged | None
     likelihoods: SimulatedCase
     misfit: float
+    responses: int
     effective_share: float
     widths: Widths | None
 
@@ -115,11 +117,12 @@ class CaseSettings:
     """What is made of every simulated building.
 
     Attributes:
-        floors: observed.
+        floors: observed; `ANY_FLOORS` alone for a set drawn at random in every case.
         particles: of each posterior.
         beside: the first so many cases also get the data-space posterior.
         power: of the latent likelihood; default the surrogate's own.
         seed: of everything random; every case has its own stream.
+        noise_sd: of ln|H|; default that of the surrogate's training.
     """
 
     floors: tuple[str, ...]
@@ -127,6 +130,7 @@ class CaseSettings:
     beside: int = 0
     power: float | None = None
     seed: int = 0
+    noise_sd: float | None = None
 
 
 def calibration_case(
@@ -138,9 +142,20 @@ def calibration_case(
     in the data-space posterior.
     """
     rng = np.random.default_rng([settings.seed, number])
-    building = simulate(model, settings.floors, surrogate.info.noise_sd, rng)
+    noise_sd = settings.noise_sd or surrogate.info.noise_sd
+    floors = settings.floors
+    if floors == (ANY_FLOORS,):
+        floors = _random_floors(model.building.floors, rng)
+    building = simulate(model, floors, noise_sd, rng)
     centre, seed = rng.random(model.prior.size), 1009 * settings.seed + number
-    latent = LatentLikelihood(surrogate, building.observation, power=settings.power)
+    latent = LatentLikelihood(
+        surrogate,
+        model.reduced,
+        model.law,
+        building.observation,
+        power=settings.power,
+        least_noise=noise_sd,
+    )
     start = TemperedSmc(model.prior, latent).run(settings.particles, seed)
     known = SimulatedCase(
         start.log_likelihood.numpy(), float(latent(torch.from_numpy(building.theta)[None])[0])
@@ -154,10 +169,18 @@ def calibration_case(
         _judge(model, building, start.theta, known, centre),
         judged,
         known,
-        latent.reconstruction_misfit(surrogate.info.noise_sd),
+        latent.found.misfit,
+        latent.found.responses,
         share,
         widths,
     )
+
+
+def _random_floors(floors: tuple[str, ...], rng: np.random.Generator) -> tuple[str, ...]:
+    """One floor at least, each as likely as not."""
+    chosen = rng.random(len(floors)) < 0.5
+    chosen[rng.integers(len(floors))] = True
+    return tuple(name for name, there in zip(floors, chosen, strict=True) if there)
 
 
 def _exact(

@@ -71,6 +71,7 @@ def _case(line: str) -> tuple[int, CalibrationCase] | None:
             np.array(kept["log_likelihood"]), _number(kept["log_likelihood_of_truth"], -np.inf)
         ),
         content["misfit"],
+        content["responses"],
         _number(content["effective_share"], np.nan),
         None if widths is None else Widths(*(np.array(widths[k]) for k in ("ratio", "shift"))),
     )

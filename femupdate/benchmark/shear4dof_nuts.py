@@ -11,12 +11,9 @@ from torch import Tensor
 from femupdate.benchmark.shear4dof import Case, case_modes
 from femupdate.benchmark.shear4dof_samplers import References, SamplerRow, Spread
 from femupdate.errors import InferenceError
-from femupdate.inference.likelihood import LatentLikelihood
 from femupdate.inference.metrics import total_variation
 from femupdate.inference.prior import UniformPrior
 from femupdate.inference.smc import LogLikelihood
-from femupdate.surrogate.latent import latent_log_likelihood
-from femupdate.surrogate.storage import TrainedSurrogate
 
 _WARM_UP = 0.1
 
@@ -100,20 +97,6 @@ def nuts_chain(
         sampler.run()
     xi = sampler.get_samples()["xi"]
     return Chain(prior.from_normal(xi), evaluations, time.monotonic() - started)
-
-
-def latent_with_gradient(
-    surrogate: TrainedSurrogate, likelihood: LatentLikelihood
-) -> LogLikelihood:
-    """The same latent likelihood by the networks as they are, through which gradients flow."""
-    observed, seen = likelihood.posterior_z, likelihood.input.visibility
-
-    def log_likelihood(theta: Tensor) -> Tensor:
-        q = surrogate.mvae.encode_parameters(theta.to(observed.mean), seen.expand(len(theta)))
-        value = latent_log_likelihood(observed.mean, observed.variance, q.mean, q.variance)
-        return likelihood.power * value
-
-    return log_likelihood
 
 
 def nuts_row(label: str, case: Case, chain: Chain, references: References) -> SamplerRow:

@@ -40,6 +40,7 @@ class ObservationResult:
         effective_share: of the bridge's importance draws.
         tempered: whether the bridge had to temper.
         latent_evaluations: of the latent likelihood.
+        latent_responses: of the building that the latent likelihood took.
         responses: of the bridge.
         latent_seconds, bridge_seconds: of each.
     """
@@ -52,6 +53,7 @@ class ObservationResult:
     effective_share: float
     tempered: bool
     latent_evaluations: int
+    latent_responses: int
     responses: int
     latent_seconds: float
     bridge_seconds: float
@@ -103,8 +105,8 @@ def _result(
     model: StudyModel, surrogate: TrainedSurrogate, case: Case, exact: ExactPosterior, seed: int
 ) -> ObservationResult:
     reference = MmdReference(exact.theta[:20_000])
-    latent = LatentLikelihood(surrogate, case.observation)
     started = time.monotonic()
+    latent = LatentLikelihood(surrogate, model.reduced, model.law, case.observation)
     start = TemperedSmc(model.prior, latent).run(PARTICLES, seed)
     middle = time.monotonic()
     found: BridgeResult = bridge(
@@ -120,13 +122,14 @@ def _result(
         found.effective_share,
         found.tempered,
         start.evaluations,
+        latent.found.responses,
         found.evaluations,
         middle - started,
         ended - middle,
     )
 
 
-def summary_rows(results: Sequence[ObservationResult]) -> list[tuple[str, str, str, str]]:
+def summary_rows(results: Sequence[ObservationResult]) -> list[tuple[str, ...]]:
     """What is asked of each figure, with its median and its worst over the observations."""
 
     def pair(values: ArrayLike, style: str) -> str:
@@ -155,5 +158,8 @@ def summary_rows(results: Sequence[ObservationResult]) -> list[tuple[str, str, s
         "C2ST",
         "MMD to exact",
     )
-    wanted = (".95 to 1.10", "-", "<= .02", "<= .55", "<= .02")
-    return list(zip(names, *columns, wanted, strict=True))
+    wanted = (
+        (".8 to 1.5", "-", "<= .05", "<= .70", "<= .04"),
+        (".95 to 1.10", "-", "<= .02", "<= .55", "<= .02"),
+    )
+    return list(zip(names, *columns, *wanted, strict=True))

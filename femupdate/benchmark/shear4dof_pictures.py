@@ -33,26 +33,22 @@ def latent_space(
 ) -> Figure:
     """Means of q(z|theta) over the prior in their first two principal axes.
 
-    Coloured by the first natural frequency; the equivalent solutions and q(z|x) of the observation
-    are marked.
+    Coloured by the first natural frequency; the equivalent solutions and the components of q(z|x)
+    of the observation are marked.
     """
     theta = model.prior.sample(samples, torch.Generator().manual_seed(0))
-    likelihood = LatentLikelihood(surrogate, case.observation)
-    visible = likelihood.input.visibility
+    likelihood = LatentLikelihood(surrogate, model.reduced, model.law, case.observation)
 
     def means(points: torch.Tensor) -> Floats:
         with torch.inference_mode():
-            known = points.to(torch.float32)
-            q = surrogate.mvae.encode_parameters(known, visible.expand(len(known)))
-        return q.mean.double().numpy()
+            return surrogate.mvae.encode_parameters(points.float()).double().numpy()
 
     cloud, marked = means(theta), means(torch.from_numpy(case.solutions))
     centre = cloud.mean(axis=0)
     _, spread, axes = np.linalg.svd(cloud - centre, full_matrices=False)
-    seen = likelihood.posterior_z.mean[0].double().numpy()
-    sd = likelihood.posterior_z.variance[0].double().sqrt().numpy()
-    places = [(x - centre) @ axes[:2].T for x in (cloud, marked, seen[None])]
-    covariance = (axes[:2] * sd**2) @ axes[:2].T
+    seen = likelihood.found.posterior
+    places = [(x - centre) @ axes[:2].T for x in (cloud, marked, seen.mean.numpy())]
+    covariance = axes[:2] @ np.linalg.inv(seen.precision.numpy()) @ axes[:2].T
     frequency = modal_data(model.reduced, theta).omega[:, 0].numpy() / (2.0 * np.pi)
     figure = new_figure(6.4, 4.9)
     panel = figure.add_subplot()
@@ -75,15 +71,16 @@ def latent_space(
         panel.plot(*place, **style)
         label = "(" + ", ".join(f"{value:.3g}" for value in case.solutions[number]) + ")"
         handles.append(Line2D([], [], label=label, **{**style, "markersize": 7}))
-    panel.plot(*places[2][0], "+", color=ORANGE, markersize=15, markeredgewidth=2.2)
-    variance, directions = np.linalg.eigh(covariance)
-    angle = np.degrees(np.arctan2(directions[1, 1], directions[0, 1]))
-    width, height = 4.0 * np.sqrt(variance[::-1])
-    panel.add_patch(
-        Ellipse(places[2][0], width, height, angle=angle, fill=False, edgecolor=ORANGE, lw=1.2)
-    )
+    for place, spread_there in zip(places[2], covariance, strict=True):
+        panel.plot(*place, "+", color=ORANGE, markersize=15, markeredgewidth=2.2)
+        variance, directions = np.linalg.eigh(spread_there)
+        angle = np.degrees(np.arctan2(directions[1, 1], directions[0, 1]))
+        width, height = 4.0 * np.sqrt(variance[::-1])
+        panel.add_patch(
+            Ellipse(place, width, height, angle=angle, fill=False, edgecolor=ORANGE, lw=1.2)
+        )
     handles.append(
-        Line2D([], [], marker="+", color=ORANGE, linestyle="none", label="observation, ± 2 sd")
+        Line2D([], [], marker="+", color=ORANGE, linestyle="none", label="q(z|x), ± 2 sd")
     )
     share = spread**2 / (spread**2).sum()
     panel.set(

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from femupdate.errors import MeasurementError
 from femupdate.measurement.observation import Observation
-from femupdate.surrogate.network import EARLIEST_END, LATEST_START, Visibility
+from femupdate.surrogate.visibility import EARLIEST_END, LATEST_START, Visibility
 
 Floats = NDArray[np.float64]
 

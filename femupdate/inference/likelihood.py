@@ -1,12 +1,14 @@
 """The two likelihoods of the stiffness factors: amortised (latent) and of the data themselves."""
 
 import copy
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import torch
+from scipy.stats import chi2
 from torch import Tensor
+from torch.nn.functional import pad
 
 from femupdate.dynamics.damping import DampingLaw
 from femupdate.dynamics.frf import log_frf_batches
@@ -14,16 +16,21 @@ from femupdate.dynamics.modal import ModalData, modal_data
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.errors import SurrogateError
 from femupdate.inference.encoder_input import encoder_input
-from femupdate.inference.folded_encoder import FoldedEncoder
+from femupdate.inference.latent_search import Control, find_latent
 from femupdate.measurement.observation import Observation
-from femupdate.surrogate.latent import latent_log_likelihood
-from femupdate.surrogate.network import LatentGaussian, Visibility
+from femupdate.surrogate.gauss_newton import LatentData
+from femupdate.surrogate.latent import LatentQuadratics
+from femupdate.surrogate.network import Mvae
 from femupdate.surrogate.storage import TrainedSurrogate
+from femupdate.surrogate.visibility import Visibility
 
 # Modes kept for a response: with 32 the six-story building's ln|H| is within .008 rms at the
 # lowest damping of its prior, far below any measured noise.
 _MODES = 40
-_CPU_ROWS = 512
+_CPU_ROWS = 4096
+_SEARCH_SEED = 0
+# Share of observations whose misfit is usual.
+_USUAL = 0.995
 
 
 class LatentLikelihood:
@@ -31,21 +38,36 @@ class LatentLikelihood:
 
     Args:
         surrogate: trained for the building.
+        model: the building's reduced model, of which some hundreds of responses are asked.
+        law: its damping law.
         observation: on the surrogate's frequency grid.
         device: where to evaluate.
         power: that the likelihood is raised to; default the surrogate's own, from its calibration.
+        least_noise: standard deviation of ln|H| below which the file's noise is not believed:
+            idealisation errs as well; default that of the surrogate's training.
+
+    Attributes:
+        input: the observation as the encoder sees it.
+        proposal: what the observation encoder says.
+        found: q(z|x), and what it took to find it.
+        usual_misfit: what 199 in 200 observations of the building's own kind stay below.
+        power: of the likelihood.
 
     Raises:
-        SurrogateError: the observation is on another grid.
+        SurrogateError: the observation is on another frequency grid.
         MeasurementError: see `encoder_input`.
     """
 
     def __init__(
         self,
         surrogate: TrainedSurrogate,
+        model: ReducedModel,
+        law: DampingLaw,
         observation: Observation,
+        *,
         device: torch.device | str = "cpu",
         power: float | None = None,
+        least_noise: float | None = None,
     ) -> None:
         if observation.frequency_hz.size != surrogate.mvae.sizes.points:
             raise SurrogateError(
@@ -55,46 +77,82 @@ class LatentLikelihood:
         self.input = encoder_input(observation, surrogate.info.floors)
         self.power = surrogate.info.likelihood_power if power is None else power
         # A module moves in place: the caller's stays where it is.
-        self._mvae = copy.deepcopy(surrogate.mvae).to(device)
-        self._visibility = Visibility(
-            self.input.visibility.floors.to(device), self.input.visibility.band.to(device)
-        )
+        self._mvae = copy.deepcopy(surrogate.mvae).to(device).requires_grad_(False)
+        floor = surrogate.info.noise_sd if least_noise is None else least_noise
+        clean = latent_data(observation, surrogate.info.floors, floor, device)
+        seen = self.input.visibility
+        visibility = Visibility(seen.floors.to(device), seen.band.to(device))
         with torch.no_grad():
-            self.posterior_z: LatentGaussian = self._mvae.encode_observation(
-                self.input.log_frf.to(device), self._visibility
-            )
-        self._encoder = FoldedEncoder(self._mvae, self._visibility)
+            self.proposal = self._mvae.encode_observation(self.input.log_frf.to(device), visibility)
+        # The search is short and the same for an observation whatever the seed of the sampler.
+        generator = torch.Generator().manual_seed(_SEARCH_SEED)
+        control = Control(clean, _responses(model, law, observation, clean.log_frf))
+        self.found = find_latent(
+            self._mvae, _with_decoder_error(clean, self._mvae), self.proposal, control, generator
+        )
+        self.usual_misfit = _usual_misfit(int((clean.weight > 0).sum()), observation)
+        # theta says where z is, but for the coordinate of the damping.
+        sizes = self._mvae.sizes
+        spread = torch.diag(torch.arange(sizes.coordinates) >= sizes.parameters)
+        self._quadratics = LatentQuadratics(self.found.posterior, spread, device)
 
     def __call__(self, theta: Tensor) -> Tensor:
         """Log likelihood (n,), float32, of theta (n, p), on the device of theta."""
-        known = theta.to(self.posterior_z.mean)
+        known = theta.to(self._mvae.lower)
         # On a CPU in parts that stay in its cache, so that memory does not grow with the particles.
         parts = known.split(_CPU_ROWS if known.device.type == "cpu" else len(known))
-        with torch.inference_mode():
-            return torch.cat([self._values(rows) for rows in parts]).to(theta.device)
+        free = self._mvae.sizes.coordinates - known.shape[1]
+        places = (pad(self._mvae.encode_parameters(rows), (0, free)) for rows in parts)
+        values = torch.cat([self._quadratics(rows) for rows in places])
+        return self.power * values.to(theta.device)
 
-    def _values(self, theta: Tensor) -> Tensor:
-        q = self._encoder(theta)
-        value = latent_log_likelihood(
-            self.posterior_z.mean, self.posterior_z.variance, q.mean, q.variance
-        )
-        return self.power * value
 
-    def reconstruction_misfit(self, noise_sd: float) -> float:
-        """Mean squared misfit of the observation's reconstruction from its own z, whitened.
+def latent_data(
+    observation: Observation,
+    floors: tuple[str, ...],
+    least_noise: float,
+    device: torch.device | str = "cpu",
+) -> LatentData:
+    """An observation on the surrogate's floors, with the weight of each point.
 
-        About 1 for data like those of the training. The variance is that of the noise and what
-        the decoder itself leaves. Where the observation is unlike any simulation no z explains it.
-        """
-        visible = self._visibility.weights(self._mvae.sizes.points)
-        with torch.inference_mode():
-            mean, log_excess = self._mvae.decoder(self.posterior_z.mean)
-            scale = self._mvae.x_scale
-            predicted = self._mvae.x_mean + scale * mean
-            variance = noise_sd**2 + scale**2 * log_excess.exp()
-            observed = self.input.log_frf.to(predicted)
-            squares = (observed - predicted) ** 2 / variance * visible
-        return float(squares.sum() / visible.sum())
+    Points that repeat one another (see `data_terms`) count as if they were noisier.
+    """
+    terms = data_terms(observation, floors)
+    rows = list(terms.rows)
+    log_values = torch.zeros(len(floors), observation.frequency_hz.size, dtype=torch.float64)
+    log_values[rows] = terms.log_frf
+    precision = torch.zeros_like(log_values)
+    precision[rows] = terms.independent * terms.weight
+    return LatentData(log_values.to(device), precision.clamp_max(least_noise**-2).to(device))
+
+
+def _usual_misfit(points: int, observation: Observation) -> float:
+    """The chi-square's quantile for so many independent points, a point."""
+    free = max(1.0, points * _independent(observation))
+    return float(chi2.ppf(_USUAL, free) / free)
+
+
+def _with_decoder_error(data: LatentData, mvae: Mvae) -> LatentData:
+    """The same in single precision, where the decoder, which errs as well, responds."""
+    weight = data.weight.to(mvae.lower)
+    return LatentData(
+        data.log_frf.to(mvae.lower), weight / (1.0 + weight * mvae.decoder.excess_variance())
+    )
+
+
+def _responses(
+    model: ReducedModel, law: DampingLaw, observation: Observation, like: Tensor
+) -> Callable[[Tensor, Tensor], Tensor]:
+    """ln|H| on the surrogate's floors (n, f, k) by the reduced model, zero where not observed."""
+    exact = DataLikelihood(model, law, observation, device=like.device)
+    rows = list(exact.terms.rows)
+
+    def respond(theta: Tensor, zeta: Tensor) -> Tensor:
+        values = theta.new_zeros(len(theta), *like.shape)
+        values[:, rows] = exact.predict(theta, zeta).to(values)
+        return values
+
+    return respond
 
 
 @dataclass(frozen=True)
@@ -126,16 +184,20 @@ def data_terms(observation: Observation, floors: tuple[str, ...]) -> DataTerms:
     scaled by spacing over resolution, so that it counts independent points.
     """
     valid = torch.from_numpy(observation.valid)
-    spacing = float(np.median(np.diff(observation.frequency_hz)))
-    resolution = observation.resolution_hz or spacing
     values = torch.from_numpy(np.nan_to_num(observation.log_frf))
     noise = torch.from_numpy(np.nan_to_num(observation.noise_sd, nan=1.0))
     return DataTerms(
         tuple(floors.index(name) for name in observation.floors),
         torch.where(valid, values, 0.0),
         torch.where(valid, noise**-2, 0.0),
-        min(1.0, spacing / resolution),
+        _independent(observation),
     )
+
+
+def _independent(observation: Observation) -> float:
+    """Share of the points that do not repeat a neighbour."""
+    spacing = float(np.median(np.diff(observation.frequency_hz)))
+    return min(1.0, spacing / (observation.resolution_hz or spacing))
 
 
 class DataLikelihood:

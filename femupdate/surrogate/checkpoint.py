@@ -33,7 +33,7 @@ class TrainingRun:
     mvae: Mvae
     average: Mvae
     best: dict[str, Tensor]
-    optimizer: torch.optim.AdamW
+    optimizer: torch.optim.Optimizer
     epoch: int = 0
     step: int = 0
     best_loss: float = float("inf")

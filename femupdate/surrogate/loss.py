@@ -6,8 +6,11 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from femupdate.surrogate.latent import latent_log_likelihood
-from femupdate.surrogate.network import LatentGaussian, Mvae, Visibility
+from femupdate.surrogate.network import Mvae
+from femupdate.surrogate.visibility import Visibility
+
+# Rows whose noise is made at a time: they stay in the processor's cache.
+_ROWS = 64
 
 
 @dataclass(frozen=True)
@@ -16,24 +19,17 @@ class LossSettings:
 
     Attributes:
         noise_sd: standard deviation of the noise on ln|H|.
-        coupling: alpha, weight of the divergences between the two encoders, both ways.
-        reconstruction: weight w of the reconstruction and the cross-modal prediction. With two
-            independent noisy draws the variance of a linear-Gaussian latent posterior is right
-            when w = 2 + 4 alpha: the stationary point of w v / s^2 - ln v + alpha s^2 / v is
-            v = s^2 / 2, half the exact variance s^2 for each of the two encoders.
-        contrast: weight of the local contrast, see `local_contrast`.
-        contrast_rows: rows of a batch that it is computed for.
-        alternatives: alternative parameter vectors a row.
+        noise_octaves: the observation encoder meets noise between this many octaves below and
+            above `noise_sd`.
         points: frequencies, drawn afresh every step, on which reconstructions are compared.
+        proposal_rows: rows of a batch that the observation encoder learns from: its proposals are
+            refined later, and noise and gaps, drawn afresh, make every row a new one.
     """
 
     noise_sd: float = 0.2
-    coupling: float = 5.0
-    reconstruction: float = 22.0
-    contrast: float = 3.0
-    contrast_rows: int = 192
-    alternatives: int = 8
-    points: int = 256
+    noise_octaves: float = 1.0
+    points: int = 128
+    proposal_rows: int = 160
 
 
 @dataclass(frozen=True)
@@ -41,136 +37,96 @@ class LossTerms:
     """Mean over the batch of each term, nats a sample.
 
     Attributes:
-        reconstruction: -ln p(x'|z) of both encoders' z, x' an independent noisy draw.
-        prior_divergence: KL of both encoders from the prior of z.
-        coupling: KL between the encoders, both ways.
-        contrast: cross-entropy of finding the true theta among alternatives near it.
+        reconstruction: -ln p(x'|z) for z of the parameters, x' a noisy draw.
+        proposal: -ln q(z|x) at that z, x another noisy draw of which part is seen.
     """
 
     reconstruction: Tensor
-    prior_divergence: Tensor
-    coupling: Tensor
-    contrast: Tensor
+    proposal: Tensor
 
-    def total(self, settings: LossSettings) -> Tensor:
-        """The loss, divided by the reconstruction weight so that its scale stays the same."""
-        elbo = (
-            settings.reconstruction * self.reconstruction
-            + self.prior_divergence
-            + settings.coupling * self.coupling
-        )
-        return elbo / settings.reconstruction + settings.contrast * self.contrast
+    def total(self) -> Tensor:
+        """The loss; the proposal shares no weights with the rest."""
+        return self.reconstruction + self.proposal
 
 
 def loss_terms(
     mvae: Mvae,
     log_frf: Tensor,
     theta: Tensor,
+    zeta: Tensor,
     visibility: Visibility,
     settings: LossSettings,
     generator: torch.Generator,
 ) -> LossTerms:
-    """Compute the terms for noise-free ln|H| (B, f, k) and theta (B, p).
+    """Compute the terms for noise-free ln|H| (B, f, k), theta (B, p) and damping ratios (B,).
 
-    The encoder sees the FRF with fresh noise. The reconstruction target carries an independent
-    noise; since the decoder is Gaussian its expectation over that noise is known, and is used in
-    place of a draw: (x' - m)^2 becomes (x - m)^2 + noise_sd^2.
+    The observation encoder learns where in z the parameters put an observation: the forward
+    divergence, which covers every solution that an observation admits.
     """
-    noise = torch.empty_like(log_frf).normal_(generator=generator)
-    q_x = mvae.encode_observation(log_frf + settings.noise_sd * noise, visibility)
-    q_theta = mvae.encode_parameters(theta, visibility)
+    known = mvae.encode_parameters(theta)
+    z = torch.cat([known, mvae.decoder.damping_coordinate(zeta)], dim=1)
     return LossTerms(
-        _reconstruction(mvae, (q_x, q_theta), log_frf, visibility, settings, generator),
-        (prior_divergence(q_x) + prior_divergence(q_theta)).mean(),
-        (divergence(q_x, q_theta) + divergence(q_theta, q_x)).mean(),
-        local_contrast(mvae, q_x, q_theta, theta, visibility, settings, generator)
-        if settings.contrast > 0.0
-        else log_frf.new_zeros(()),
+        reconstruction(mvae, z, log_frf, settings, generator),
+        proposal(mvae, z, log_frf, visibility, settings, generator),
     )
 
 
-def _reconstruction(
+def proposal(
     mvae: Mvae,
-    posteriors: tuple[LatentGaussian, LatentGaussian],
+    z: Tensor,
     log_frf: Tensor,
     visibility: Visibility,
     settings: LossSettings,
     generator: torch.Generator,
 ) -> Tensor:
-    """-ln p(x'|z) summed over what is observed, and over both encoders.
+    """-ln q(z|x) for noisy x of which part is seen, mean over the first rows of the batch."""
+    rows = slice(0, min(settings.proposal_rows, len(z)))
+    x = noisy_input(mvae, log_frf[rows], visibility[rows], settings, generator)
+    # Products in half precision are good enough for a proposal, and several times faster.
+    with torch.autocast("cpu", torch.bfloat16, enabled=has_fast_half()):
+        q_x = mvae.observation_encoder(x, visibility[rows])
+    return -q_x.log_density(z[rows]).mean()
 
-    Only `points` frequencies are decoded; the sum is scaled up, an unbiased estimate.
+
+def reconstruction(
+    mvae: Mvae, z: Tensor, log_frf: Tensor, settings: LossSettings, generator: torch.Generator
+) -> Tensor:
+    """-ln p(x'|z) summed over floors and frequencies, mean over the batch.
+
+    Only `points` frequencies are decoded; the sum is scaled up, an unbiased estimate. The target x'
+    carries noise; since the decoder is Gaussian its expectation over that noise is known, and is
+    used in place of a draw: (x' - m)^2 becomes (x - m)^2 + noise_sd^2.
     """
     total = log_frf.shape[-1]
     points = min(settings.points, total)
     chosen = torch.randperm(total, generator=generator)[:points]
-    scale = mvae.x_scale[:, chosen]
-    target = (log_frf[..., chosen] - mvae.x_mean[:, chosen]) / scale
-    draws = [q.sample(_normal_like(q.mean, generator)) for q in posteriors]
-    mean, log_excess = mvae.decoder(torch.cat(draws), chosen)
-    variance = settings.noise_sd**2 + scale**2 * log_excess.exp()
-    misfit = ((torch.cat([target, target]) - mean) * scale) ** 2 + settings.noise_sd**2
+    target = log_frf[..., chosen].to(z.dtype)
+    variance = settings.noise_sd**2 + mvae.decoder.excess_variance(chosen)
+    misfit = (target - mvae.decode(z, chosen)) ** 2 + settings.noise_sd**2
     nats = 0.5 * (misfit / variance + torch.log(2.0 * math.pi * variance))
-    observed = visibility.weights(total, chosen)
-    return (nats * torch.cat([observed, observed])).sum() * (total / points) / len(log_frf)
+    return nats.sum() * (total / points) / len(log_frf)
 
 
-def local_contrast(
+def noisy_input(
     mvae: Mvae,
-    q_x: LatentGaussian,
-    q_theta: LatentGaussian,
-    theta: Tensor,
+    log_frf: Tensor,
     visibility: Visibility,
     settings: LossSettings,
     generator: torch.Generator,
 ) -> Tensor:
-    """Cross-entropy of picking the true theta among alternatives around it, nats.
-
-    A hidden centre is drawn around the true theta and the alternatives around that centre with the
-    same spread: under the flat prior all are exchangeable, so the true posterior, and only its
-    shape, minimises the cross-entropy (a proper score; the idea of contrastive likelihood-ratio
-    estimation, Hermans et al. 2020, made local). Spreads run from far below the posterior's width
-    to a third of the box, so the width of the latent posterior is scored at its own scale. It
-    needs no simulation: only the parameter encoder is evaluated at the alternatives.
-    """
-    rows = slice(0, min(settings.contrast_rows, len(theta)))
-    box = mvae.upper - mvae.lower
-    unit = (theta[rows] - mvae.lower) / box
-    count, size = unit.shape
-    others = settings.alternatives
-    exponent = torch.rand(count, 1, generator=generator)
-    spread = 0.0015 * 200.0**exponent
-    centre = unit + spread * _normal_like(unit, generator)
-    offsets = torch.randn(count, others, size, generator=generator)
-    near = centre[:, None] + spread[:, None] * offsets
-    inside = ((near > 0.0) & (near < 1.0)).all(-1)
-    candidates = mvae.lower + box * near.clamp(0.0, 1.0)
-    q_near = mvae.encode_parameters(
-        candidates.reshape(count * others, size), visibility[rows].repeat(others)
-    )
-    shape = (count, others, -1)
-    other = latent_log_likelihood(
-        q_x.mean[rows, None],
-        q_x.variance[rows, None],
-        q_near.mean.reshape(shape),
-        q_near.variance.reshape(shape),
-    ).masked_fill(~inside, -1e9)
-    own = latent_log_likelihood(
-        q_x.mean[rows], q_x.variance[rows], q_theta.mean[rows], q_theta.variance[rows]
-    )
-    return (torch.logsumexp(torch.cat([own[:, None], other], dim=1), dim=1) - own).mean()
+    """What the observation encoder sees (B, f, k): standardised, with noise, hidden parts zero."""
+    count, _, points = log_frf.shape
+    exponent = 2.0 * torch.rand(count, 1, 1, generator=generator) - 1.0
+    noise_sd = settings.noise_sd * 2.0 ** (settings.noise_octaves * exponent)
+    x = torch.empty(log_frf.shape, dtype=mvae.x_mean.dtype)
+    for start in range(0, count, _ROWS):
+        rows = slice(start, start + _ROWS)
+        part = x[rows].normal_(generator=generator)
+        part.mul_(noise_sd[rows]).add_(log_frf[rows]).sub_(mvae.x_mean).div_(mvae.x_scale)
+        part.mul_(visibility[rows].weights(points))
+    return x
 
 
-def prior_divergence(q: LatentGaussian) -> Tensor:
-    """KL(q || standard normal), (B,)."""
-    return 0.5 * (q.mean**2 + q.variance - q.variance.log() - 1.0).sum(-1)
-
-
-def divergence(q: LatentGaussian, p: LatentGaussian) -> Tensor:
-    """KL(q || p) of diagonal Gaussians, (B,)."""
-    ratio = q.variance / p.variance
-    return 0.5 * (ratio - ratio.log() - 1.0 + (q.mean - p.mean) ** 2 / p.variance).sum(-1)
-
-
-def _normal_like(tensor: Tensor, generator: torch.Generator) -> Tensor:
-    return torch.empty_like(tensor).normal_(generator=generator)
+def has_fast_half() -> bool:
+    """Whether this processor multiplies bfloat16 matrices by instructions of its own."""
+    return torch.cpu._is_avx512_bf16_supported() or torch.cpu._is_amx_tile_supported()

@@ -1,7 +1,6 @@
 """Trained surrogates on disk: safetensors, with what they were trained for in the header."""
 
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,12 +13,16 @@ from torch import Tensor
 
 from femupdate.atomic import atomic_path
 from femupdate.errors import SurrogateError
-from femupdate.surrogate.network import Mvae, NetworkSizes
+from femupdate.surrogate.network import Mvae
+from femupdate.surrogate.sizes import NetworkSizes
 
-# Rounding to half precision moves the latent means by a small share of the posterior's width (a
-# test measures it) and halves the file; the parameter encoder, whose error would add to the width
-# of every posterior, stays whole.
-_HALF_PRECISION = ("observation_encoder.", "decoder.", "x_mean", "x_scale")
+# The observation encoder proposes and is refined: half precision is enough. Parameter encoder and
+# decoder, whose errors would shift every posterior, stay whole.
+_HALF_PRECISION = ("observation_encoder.", "x_mean", "x_scale")
+
+
+# Stands for any set of floors where a calibration says what it was for.
+ANY_FLOORS = "any"
 
 
 @dataclass(frozen=True)
@@ -36,9 +39,7 @@ class SurrogateInfo:
         metrics: losses and times of the training.
         likelihood_power: of the latent likelihood, so that on held-out simulations its regions
             hold the truth as often as they say; 1 before `calibrated`.
-        misfit_limit: mean squared misfit of the reconstruction that 99.5 % of held-out simulations
-            stay below; infinite before `calibrated`.
-        calibration: how the two were found.
+        calibration: how it was found.
     """
 
     building: str
@@ -49,7 +50,6 @@ class SurrogateInfo:
     settings: Mapping[str, Any]
     metrics: Mapping[str, float]
     likelihood_power: float = 1.0
-    misfit_limit: float = math.inf
     calibration: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -78,7 +78,6 @@ def save_surrogate(surrogate: TrainedSurrogate, path: Path) -> None:
     if info.calibration:
         header |= {
             "likelihood_power": info.likelihood_power,
-            "misfit_limit": info.misfit_limit,
             "calibration": dict(info.calibration),
         }
     with atomic_path(path) as temporary:
@@ -103,7 +102,7 @@ def load_surrogate(path: Path) -> TrainedSurrogate:
         ) from error
 
 
-def _filled(sizes: Mapping[str, int], state: Mapping[str, Tensor]) -> Mvae:
+def _filled(sizes: Mapping[str, Any], state: Mapping[str, Tensor]) -> Mvae:
     """Networks with these weights."""
     # The weights that they start from are drawn at random: leave the caller's random state alone.
     with torch.random.fork_rng(devices=[]):

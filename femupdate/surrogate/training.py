@@ -1,11 +1,11 @@
-"""Training of the MVAE: one-cycle Adam, averaged weights, early stopping, resume after a kill."""
+"""Training of the MVAE: one cycle of learning rates, averaged weights, early stop, resume."""
 
 import copy
 import json
 import logging
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
@@ -18,18 +18,21 @@ from femupdate.inference.prior import UniformPrior
 from femupdate.surrogate.checkpoint import TrainingRun, load_checkpoint, save_checkpoint
 from femupdate.surrogate.dataset import ModalDataset, log_frf_pool, sample_zeta
 from femupdate.surrogate.loss import LossSettings, LossTerms, loss_terms
-from femupdate.surrogate.network import (
-    EARLIEST_END,
-    LATEST_START,
-    Mvae,
-    NetworkSizes,
-    Visibility,
-)
+from femupdate.surrogate.network import Mvae
+from femupdate.surrogate.sizes import NetworkSizes
+from femupdate.surrogate.soap import Soap
+from femupdate.surrogate.visibility import EARLIEST_END, LATEST_START, Visibility
 
 logger = logging.getLogger(__name__)
 
 # Samples from which the mean and the scale of ln|H| are taken.
 _STANDARDISING = 4000
+# Learning rate of the decoder's variance over that of everything else.
+_VARIANCE_FASTER = 10.0
+# Memory of the gradient's mean and square in the eigenbasis.
+_ROTATED_BETAS = (0.95, 0.95)
+# Weight decay of the observation encoder, which sees noise.
+_PROPOSAL_DECAY = 1e-4
 
 
 @dataclass(frozen=True)
@@ -53,7 +56,7 @@ class TrainingSettings:
 
     epochs: int = 45
     batch: int = 512
-    learning_rate: float = 2e-3
+    learning_rate: float = 3e-3
     patience: int = 20
     validation: float = 0.05
     average: float = 0.998
@@ -119,9 +122,10 @@ class TrainingResult:
 
 @dataclass(frozen=True)
 class _Samples:
-    """Parameters (n, p), float32, and their ln|H| (n, f, k), float16."""
+    """Parameters (n, p) and damping ratios (n,), float32, and ln|H| (n, f, k), float16."""
 
     theta: Tensor
+    zeta: Tensor
     log_frf: Tensor
 
     def __len__(self) -> int:
@@ -166,7 +170,8 @@ def train_mvae(
             draw = run.epoch // settings.redraw_zeta_every
             training = _draw_samples(task, settings, draw, order[held_out:])
         tell = _teller(progress, run, settings, len(training), validation_loss)
-        _epoch(run, settings, training, tell)
+        for step in _epoch(run, settings, training):
+            tell(step)
         validation_loss = _validate(run.average, settings, validation)
         run.epoch += 1
         run.seconds += time.monotonic() - started
@@ -183,6 +188,31 @@ def train_mvae(
         "seconds": run.seconds,
     }
     return TrainingResult(run.average, metrics)
+
+
+def watched_training(
+    task: TrainingTask, settings: TrainingSettings, rows: Tensor
+) -> Iterator[Mvae]:
+    """Train as `train_mvae` does on some of the samples, and stop after each step to be looked at.
+
+    Args:
+        task: what is learned.
+        settings: of the training; nothing is held out.
+        rows: of the data set.
+
+    Yields:
+        The averaged networks, the same object every time: once before the first step, when all is
+        ready, and then after each.
+    """
+    run = _start(task, settings)
+    samples = _draw_samples(task, settings, 0, rows)
+    yield run.average
+    while run.epoch < settings.epochs:
+        if run.epoch and run.epoch % settings.redraw_zeta_every == 0:
+            samples = _draw_samples(task, settings, run.epoch // settings.redraw_zeta_every, rows)
+        for _ in _epoch(run, settings, samples):
+            yield run.average
+        run.epoch += 1
 
 
 def draw_visibility(
@@ -215,13 +245,51 @@ def _start(
     mvae.x_scale.copy_(pool.std(0).clamp_min(settings.loss.noise_sd))
     mvae.lower.copy_(task.prior.lower)
     mvae.upper.copy_(task.prior.upper)
+    _set_decoder(mvae, task)
     if initial is not None:
         _check_initial(initial, mvae)
         mvae.load_state_dict(initial.state_dict())
     average = copy.deepcopy(mvae)
     best = {name: value.clone() for name, value in average.state_dict().items()}
-    optimizer = torch.optim.AdamW(mvae.parameters(), lr=settings.learning_rate, weight_decay=1e-4)
-    return TrainingRun(mvae, average, best, optimizer)
+    return TrainingRun(mvae, average, best, _optimizer(mvae, settings))
+
+
+def _set_decoder(mvae: Mvae, task: TrainingTask) -> None:
+    """Frequencies, bounds of the damping, and the modes of part of the samples to start from."""
+    frequency = task.frequency_hz.float()
+    mvae.decoder.frequency.copy_(frequency / frequency[-1])
+    mvae.decoder.damping_bounds.copy_(torch.tensor(task.zeta_bounds))
+    modal = task.dataset.modal[: min(_STANDARDISING, len(task.dataset))]
+    zeta = torch.full((len(modal),), sum(task.zeta_bounds) / 2.0)
+    mvae.decoder.standardise(
+        modal.omega.float(),
+        task.law.ratio(modal.omega.float(), zeta) / zeta[:, None],
+        modal.effect.float(),
+        modal.residual.float(),
+        2.0 * math.pi * float(frequency[-1]),
+    )
+
+
+def _optimizer(mvae: Mvae, settings: TrainingSettings) -> Soap:
+    """SOAP for the regression from theta to ln|H|, Adam for what need not be so exact.
+
+    The decoder's own variance spans orders of magnitude: it takes larger steps.
+    """
+    variance = mvae.decoder.log_excess
+    model = [*mvae.bend.parameters(), *mvae.decoder.parameters()]
+    matrices = [value for value in model if value.ndim == 2 and value is not variance]
+    vectors = [value for value in model if value.ndim == 1]
+    groups = [
+        {"params": matrices, "faster": 1.0, "rotate": True, "betas": _ROTATED_BETAS},
+        {"params": vectors, "faster": 1.0},
+        {"params": [variance], "faster": _VARIANCE_FASTER},
+        {
+            "params": list(mvae.observation_encoder.parameters()),
+            "faster": 1.0,
+            "weight_decay": _PROPOSAL_DECAY,
+        },
+    ]
+    return Soap(groups, lr=settings.learning_rate)
 
 
 def _check_initial(initial: Mvae, mvae: Mvae) -> None:
@@ -245,30 +313,30 @@ def _draw_samples(
     zeta = sample_zeta(len(task.dataset), task.zeta_bounds, generator)[rows]
     some = ModalDataset(task.dataset.theta[rows], task.dataset.modal[rows])
     pool = log_frf_pool(some, task.frequency_hz, task.law, zeta)
-    return _Samples(some.theta.to(torch.float32), pool)
+    return _Samples(some.theta.to(torch.float32), zeta.to(torch.float32), pool)
 
 
-def _epoch(
-    run: TrainingRun,
-    settings: TrainingSettings,
-    samples: _Samples,
-    tell: Callable[[int], None],
-) -> None:
+def _epoch(run: TrainingRun, settings: TrainingSettings, samples: _Samples) -> Iterator[int]:
+    """Train for an epoch; the number of steps done, after each."""
     generator = _generator(settings.seed, 1 + run.epoch)
     shuffled = torch.randperm(len(samples), generator=generator)
     steps = len(samples) // settings.batch
+    proposal = list(run.mvae.observation_encoder.parameters())
+    model = [*run.mvae.bend.parameters(), *run.mvae.decoder.parameters()]
     for step in range(steps):
         rows = shuffled[step * settings.batch : (step + 1) * settings.batch]
         _set_rate(run, settings, steps)
         terms = _terms(run.mvae, settings, samples, rows, generator)
         run.optimizer.zero_grad()
-        terms.total(settings.loss).backward()
-        # The first steps can meet misfits of thousands of sigma.
-        torch.nn.utils.clip_grad_norm_(run.mvae.parameters(), 200.0)
+        terms.total().backward()
+        # The first steps can meet misfits of thousands of sigma. The observation encoder, whose
+        # gradients are a thousandth of the others', is not scaled down with them.
+        for part in (model, proposal):
+            torch.nn.utils.clip_grad_norm_(part, 200.0)
         run.optimizer.step()
         run.step += 1
         _update_average(run, settings)
-        tell(step + 1)
+        yield step + 1
 
 
 def _terms(
@@ -278,9 +346,10 @@ def _terms(
     rows: Tensor,
     generator: torch.Generator,
 ) -> LossTerms:
-    log_frf = samples.log_frf[rows].float()
+    log_frf = samples.log_frf[rows]
     seen = draw_visibility(len(rows), log_frf.shape[1], settings, generator)
-    return loss_terms(mvae, log_frf, samples.theta[rows], seen, settings.loss, generator)
+    theta, zeta = samples.theta[rows], samples.zeta[rows]
+    return loss_terms(mvae, log_frf, theta, zeta, seen, settings.loss, generator)
 
 
 def _validate(mvae: Mvae, settings: TrainingSettings, samples: _Samples) -> float:
@@ -290,7 +359,7 @@ def _validate(mvae: Mvae, settings: TrainingSettings, samples: _Samples) -> floa
     with torch.no_grad():
         for rows in torch.arange(len(samples)).split(settings.batch):
             terms = _terms(mvae, settings, samples, rows, generator)
-            total += float(terms.total(settings.loss)) * len(rows)
+            total += float(terms.total()) * len(rows)
     return total / len(samples)
 
 
@@ -313,7 +382,7 @@ def _set_rate(run: TrainingRun, settings: TrainingSettings, steps: int) -> None:
     else:
         share = 0.5 * (1.0 + float(torch.cos(torch.pi * (progress - warm) / (1.0 - warm)))) + 1e-4
     for group in run.optimizer.param_groups:
-        group["lr"] = settings.learning_rate * share
+        group["lr"] = settings.learning_rate * share * group["faster"]
 
 
 def _update_average(run: TrainingRun, settings: TrainingSettings) -> None:

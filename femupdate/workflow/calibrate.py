@@ -27,7 +27,7 @@ from femupdate.measurement.frf import observation_for
 from femupdate.measurement.observation import Observation, select_floors
 from femupdate.measurement.observation_file import read_observation_file
 from femupdate.study import Study, file_hash
-from femupdate.surrogate.storage import SurrogateInfo
+from femupdate.surrogate.storage import ANY_FLOORS, SurrogateInfo
 from femupdate.workflow.model import REDUCED, StudyModel
 from femupdate.workflow.progress import Progress, Silent
 from femupdate.workflow.sampling import ChainRunner
@@ -391,54 +391,58 @@ def _sample_latent(
     run: ChainRunner,
 ) -> tuple[list[SmcResult], tuple[str, ...]]:
     surrogate = require_surrogate(study, model)
-    likelihood = LatentLikelihood(surrogate, observation, settings.device)
+    likelihood = LatentLikelihood(
+        surrogate, model.reduced, model.law, observation, device=settings.device
+    )
     sampler = TemperedSmc(model.prior.to(settings.device), likelihood, settings=settings.smc)
     results = run(sampler, "Sampling (latent likelihood)")
     notes = list(likelihood.input.notes)
     typical = float(np.median(observation.noise_sd[observation.valid]))
-    trained = surrogate.info.noise_sd
-    if typical < 0.7 * trained:
+    least = surrogate.info.noise_sd
+    if typical < 0.7 * least:
         notes.append(
-            f"The surrogate takes the noise on ln|H| as {trained:g}, the file shows {typical:.2g}: "
-            "this posterior is wider than the data allow; --exact uses the file's noise."
+            f"The latent likelihood allows ln|H| an error of {least:g} (noise and idealisation), "
+            f"the file shows a noise of {typical:.2g}: this posterior is wider than the data "
+            "allow; --exact uses the file's noise."
         )
-    if typical > 1.3 * trained:
-        notes.append(
-            f"The surrogate takes the noise on ln|H| as {trained:g}, but the file shows "
-            f"{typical:.2g}: this posterior is too narrow; use --exact."
-        )
-    misfit = likelihood.reconstruction_misfit(max(typical, trained))
-    return results, (*notes, *_surrogate_notes(surrogate.info, misfit, observation.floors))
+    return results, (*notes, *_latent_notes(surrogate.info, likelihood, observation.floors))
 
 
-def _surrogate_notes(
-    info: SurrogateInfo, misfit: float, floors: tuple[str, ...]
+def _latent_notes(
+    info: SurrogateInfo, likelihood: LatentLikelihood, floors: tuple[str, ...]
 ) -> tuple[str, ...]:
-    """What held-out simulations say about the surrogate, and about this observation."""
-    notes = []
-    if misfit > info.misfit_limit:
+    """How the latent posterior was found, and what simulations say about such posteriors."""
+    found = likelihood.found
+    count = len(found.posterior.log_weight)
+    notes = [
+        f"The surrogate proposed, {found.responses:,} responses of the reduced model led to "
+        + ("one solution." if count == 1 else f"{count} solutions.")
+    ]
+    if found.misfit > likelihood.usual_misfit:
         notes.append(
-            "The observation is unlike anything that the surrogate was trained on: it misses it "
-            f"by {np.sqrt(misfit):.2f} times the noise (rms), where 99.5 % of simulations are "
-            f"missed by less than {np.sqrt(info.misfit_limit):.2f}; do not trust this posterior, "
-            "use --exact and `femupdate diagnose`."
+            "The observation is unlike anything that this building can do: its best response "
+            f"misses it by {np.sqrt(found.misfit):.2f} times the noise (rms), where 99.5 % of "
+            f"simulations are missed by less than {np.sqrt(likelihood.usual_misfit):.2f}; do not "
+            "trust this posterior, use `femupdate diagnose`."
         )
-    if info.calibration:
-        kept = info.calibration
+    kept = info.calibration
+    if kept:
+        power = info.likelihood_power
         notes.append(
-            f"The latent likelihood is raised to the power {info.likelihood_power:.2f}, found on "
-            f"{kept['cases']} held-out simulations, where the 90 % region held "
-            f"{kept['coverage_90_before']:.0%} of the truths before and "
-            f"{kept['coverage_90_after']:.0%} after."
-        )
-        # Other floors can need another power: three times as wide a posterior has been seen.
-        checked = [kept["floors"], *kept.get("also_checked", [])]
-        if set(floors) not in [set(one) for one in checked]:
-            sets = " and for ".join(", ".join(one) for one in checked)
-            notes.append(
-                f"That was checked for {sets}; with {', '.join(floors)} this posterior may be far "
-                "too narrow: use --exact."
+            f"On {kept['cases']} fresh simulations the 90 % region held "
+            f"{kept['coverage_90_after']:.0%} of the truths"
+            + (
+                "."
+                if power == 1.0
+                else f", after the latent likelihood was raised to the power {power:.2f} "
+                f"({kept['coverage_90_before']:.0%} before)."
             )
+        )
+    if kept and kept["floors"] != [ANY_FLOORS] and set(floors) != set(kept["floors"]):
+        notes.append(
+            f"That was checked for {', '.join(kept['floors'])}, not for {', '.join(floors)}; "
+            "--exact needs no such check."
+        )
     return tuple(notes)
 
 
@@ -472,7 +476,10 @@ def _sample_exact(
             TemperedSmc(prior, target, settings=settings.smc), "Sampling (data-space likelihood)"
         )
     else:
-        size, latent = model.prior.size, LatentLikelihood(found[0], observation, settings.device)
+        size = model.prior.size
+        latent = LatentLikelihood(
+            found[0], model.reduced, model.law, observation, device=settings.device
+        )
 
         def base(parameters: Tensor) -> Tensor:
             return latent(parameters[:, :size])

@@ -14,7 +14,7 @@ from femupdate.errors import SurrogateError
 from femupdate.study import Study, file_hash
 from femupdate.surrogate.dataset import DatasetPlan, ModalDataset, compute_dataset
 from femupdate.surrogate.loss import LossSettings
-from femupdate.surrogate.network import NetworkSizes
+from femupdate.surrogate.sizes import NetworkSizes
 from femupdate.surrogate.storage import (
     SurrogateInfo,
     TrainedSurrogate,
@@ -36,6 +36,7 @@ SURROGATE = "surrogate"
 _SURROGATE_FILE = "surrogate.safetensors"
 _CHECKPOINT = "training.safetensors"
 _MODES_KEPT = 28
+_MODES_DECODED = 28
 
 
 @dataclass(frozen=True)
@@ -163,7 +164,7 @@ def train_study(
     dataset, folder = _dataset(study, model, samples, settings.seed, show)
     between = time.monotonic()
     checkpoint = study.path(_CHECKPOINT)
-    result = train_mvae(_task(model, dataset), settings, checkpoint, _bar(show), initial)
+    result = train_mvae(training_task(model, dataset), settings, checkpoint, _bar(show), initial)
     surrogate = TrainedSurrogate(
         result.mvae,
         SurrogateInfo(
@@ -203,6 +204,8 @@ def network_sizes(model: StudyModel) -> NetworkSizes:
         floors=floors,
         points=len(model.frequency_hz),
         parameters=model.reduced.parameters,
+        free_damping=model.zeta_bounds is not None,
+        modes=min(_MODES_DECODED, model.reduced.size),
         floor_features=max(24, 384 // floors),
     )
 
@@ -222,7 +225,8 @@ def _dataset(
     return compute_dataset(model.reduced, model.prior, plan, folder, show.advance), folder
 
 
-def _task(model: StudyModel, dataset: ModalDataset) -> TrainingTask:
+def training_task(model: StudyModel, dataset: ModalDataset) -> TrainingTask:
+    """What a building's MVAE learns from a data set."""
     ratio = model.building.damping.ratio
     return TrainingTask(
         dataset,

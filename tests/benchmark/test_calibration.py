@@ -113,7 +113,7 @@ def test_a_calibrated_surrogate_keeps_its_figures(model, tmp_path):
     shown = SimpleNamespace(start=lambda *_: None, advance=lambda *_: None, say=print)
     found = calibrated(surrogate, model, cases=3, seed=1, progress=shown)
     assert 0.25 <= found.info.likelihood_power <= 4.0
-    assert 0.9 < found.info.misfit_limit < 3.0
+    assert found.info.calibration["floors"] == ["any"]
     save_surrogate(found, tmp_path / "again.safetensors")
     again = load_surrogate(tmp_path / "again.safetensors")
     assert again.info == found.info

@@ -20,7 +20,7 @@ def comparison(shift):
 
 
 RESULT = ObservationResult(
-    2, comparison(0.0), comparison(1.0), -0.01, 0.02, 0.6, False, 70_000, 15_000, 1.5, 0.7
+    2, comparison(0.0), comparison(1.0), -0.01, 0.02, 0.6, False, 70_000, 60, 15_000, 1.5, 0.7
 )
 
 

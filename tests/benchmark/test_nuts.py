@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from femupdate.benchmark.shear4dof import authors_case, benchmark_model, data_likelihood
-from femupdate.benchmark.shear4dof_nuts import latent_with_gradient, nuts_chain
+from femupdate.benchmark.shear4dof_nuts import nuts_chain
 from femupdate.benchmark.shear4dof_run import QUICK, run_shear4dof
 from femupdate.errors import InferenceError
 from femupdate.inference.likelihood import LatentLikelihood
@@ -46,13 +46,12 @@ def test_a_gaussian(monkeypatch):
 def test_both_likelihoods_have_gradients():
     model = benchmark_model()
     case, surrogate = authors_case(model), shipped_surrogate(model.building)
-    latent = LatentLikelihood(surrogate, case.observation)
-    smooth, data = latent_with_gradient(surrogate, latent), data_likelihood(model, case)
+    latent = LatentLikelihood(surrogate, model.reduced, model.law, case.observation)
+    data = data_likelihood(model, case)
     theta = torch.tensor([[1.02, 0.97, 1.01, 1.0]], dtype=torch.float64)
-    assert float(smooth(theta).detach()) == pytest.approx(float(latent(theta)), rel=1e-3)
     step = 1e-3 * torch.eye(4, dtype=torch.float64)
     # float32 responses: differences of the data likelihood are good to some hundredths.
-    for likelihood, tolerance in ((smooth, 0.05), (data, 0.05)):
+    for likelihood, tolerance in ((latent, 0.05), (data, 0.05)):
         at = theta.clone().requires_grad_()
         (slope,) = torch.autograd.grad(likelihood(at).sum(), at)
         with torch.no_grad():

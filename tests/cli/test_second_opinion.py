@@ -42,3 +42,15 @@ def test_an_unknown_size_is_one_sentence(femupdate, tmp_path, monkeypatch):
     done = femupdate("benchmark", "solver", "--sizes", "huge", "--output", tmp_path)
     assert done.code == 1
     assert done.err.strip().splitlines()[-1].startswith("Error: there is no size 'huge'")
+
+
+def test_benchmark_training(femupdate, tmp_path):
+    arguments = ("--samples", "600", "--minutes", "0.005", "--output", tmp_path)
+    answer = femupdate("benchmark", "training", *arguments, "--json").answer
+    found = json.loads((tmp_path / "training.json").read_text(encoding="utf-8"))
+    assert answer["loss"] == found["reached"]["loss"]
+    assert answer["cpu_ratio"] == found["cpu_ratio"]
+    assert answer["pictures"] == [str(tmp_path / "training.png")]
+    done = femupdate("benchmark", "training", "--samples", "100", "--output", tmp_path)
+    assert done.code == 1
+    assert "100 samples are too few for batches of 512" in done.err

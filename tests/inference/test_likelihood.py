@@ -10,7 +10,8 @@ from femupdate.dynamics.reduction import reduce_lumped
 from femupdate.errors import SurrogateError
 from femupdate.inference.likelihood import DataLikelihood, LatentLikelihood, data_terms
 from femupdate.measurement.observation import Observation, select_floors
-from femupdate.surrogate.network import Mvae, NetworkSizes
+from femupdate.surrogate.network import Mvae
+from femupdate.surrogate.sizes import NetworkSizes
 from femupdate.surrogate.storage import SurrogateInfo, TrainedSurrogate
 
 FLOORS = ("2F", "3F", "RF")
@@ -158,7 +159,10 @@ def test_the_data_find_the_truth(model):
 def surrogate():
     """Small networks with random weights: what is checked is how they are asked."""
     torch.manual_seed(0)
-    mvae = Mvae(NetworkSizes(3, 120, 3, latent=4, floor_features=8, width=16, parameter_width=16))
+    sizes = NetworkSizes(
+        3, 120, 3, True, 4, floor_features=8, width=16, parameter_width=16, decoder_width=16
+    )
+    mvae = Mvae(sizes)
     mvae.lower.fill_(0.33)
     mvae.upper.fill_(3.0)
     for parameter in mvae.parameters():
@@ -166,41 +170,53 @@ def surrogate():
     return TrainedSurrogate(mvae.eval(), SurrogateInfo("toy", "", FLOORS, 0.2, "0", {}, {}))
 
 
-def test_latent_likelihood_is_that_of_its_two_gaussians(surrogate):
+def test_latent_likelihood_is_the_integral_of_its_gaussians(model, surrogate):
+    """By completing the square with numpy, component by component."""
     measured = select_floors(observation(0.2), ["3F", "RF"])
-    likelihood = LatentLikelihood(surrogate, measured)
+    likelihood = LatentLikelihood(surrogate, model, ConstantDamping(), measured)
     theta = tensor(np.random.default_rng(0).uniform(0.4, 2.5, (6, 3)))
     found = likelihood(theta)
     with torch.no_grad():
-        seen = likelihood.input.visibility
-        assert seen.floors.tolist() == [[0.0, 1.0, 1.0]]
-        q = surrogate.mvae.encode_parameters(theta.float(), seen.expand(6))
-    x = likelihood.posterior_z
-    assert x.mean.shape == (1, 4)
-    a, A = x.mean.double(), x.variance.double()
-    b, B = q.mean.double(), q.variance.double()
-    precision = 1.0 / A + 1.0 / B - 1.0
-    linear = a / A + b / B
-    expected = 0.5 * (linear**2 / precision - a**2 / A - b**2 / B - torch.log(A * B * precision))
-    torch.testing.assert_close(found.double(), expected.sum(-1), rtol=1e-4, atol=1e-4)
+        assert likelihood.input.visibility.floors.tolist() == [[0.0, 1.0, 1.0]]
+        z = surrogate.mvae.encode_parameters(theta.float()).double().numpy()
+    x = likelihood.found.posterior
+    assert x.mean.shape[1] == 4  # three stiffness factors and the damping ratio
+    means = np.pad(z, ((0, 0), (0, 1)))
+    # A theta is a point of z; a width of a thousandth of the narrowest posterior stands for it.
+    inverse = np.diag([1e10, 1e10, 1e10, 1.0])
+    expected = []
+    for b in means:
+        parts = []
+        for weight, a, A in zip(x.log_weight, x.mean.numpy(), x.precision.numpy(), strict=True):
+            precision = A + inverse - np.eye(4)
+            linear = A @ a + inverse @ b
+            square = linear @ np.linalg.solve(precision, linear) - a @ A @ a - b @ inverse @ b
+            logs = [np.linalg.slogdet(matrix)[1] for matrix in (A, inverse, precision)]
+            parts.append(float(weight) + 0.5 * (square + logs[0] + logs[1] - logs[2]))
+        expected.append(np.logaddexp.reduce(parts))
+    np.testing.assert_allclose(found.numpy(), expected, rtol=1e-4, atol=2e-3)
     assert not found.requires_grad
 
 
-def test_what_is_not_observed_does_not_matter_to_the_latent_likelihood(surrogate):
+def test_what_is_not_observed_does_not_matter_to_the_latent_likelihood(model, surrogate):
     measured = select_floors(observation(0.2), ["2F"])
     valid = measured.valid.copy()
     valid[0, 100:] = False
     spoiled = np.where(valid, measured.log_frf, 77.0)
     noise = np.where(valid, 0.2, np.nan)
-    one = LatentLikelihood(surrogate, Observation(FREQUENCY, ("2F",), spoiled, noise, valid))
+    one = LatentLikelihood(
+        surrogate, model, ConstantDamping(), Observation(FREQUENCY, ("2F",), spoiled, noise, valid)
+    )
     spoiled = np.where(valid, measured.log_frf, np.nan)
-    two = LatentLikelihood(surrogate, Observation(FREQUENCY, ("2F",), spoiled, noise, valid))
+    two = LatentLikelihood(
+        surrogate, model, ConstantDamping(), Observation(FREQUENCY, ("2F",), spoiled, noise, valid)
+    )
     theta = tensor([TRUTH])
     assert float(one(theta)) == float(two(theta))
     assert np.isfinite(float(one(theta)))
 
 
-def test_an_observation_on_another_grid_is_refused(surrogate):
+def test_an_observation_on_another_grid_is_refused(model, surrogate):
     measured = observation(0.2)
     shorter = Observation(
         FREQUENCY[:100],
@@ -210,7 +226,7 @@ def test_an_observation_on_another_grid_is_refused(surrogate):
         measured.valid[:, :100],
     )
     with pytest.raises(SurrogateError, match=r"knows 120 frequencies, .* has 100"):
-        LatentLikelihood(surrogate, shorter)
+        LatentLikelihood(surrogate, model, ConstantDamping(), shorter)
 
 
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")
@@ -222,7 +238,7 @@ def test_a_gpu_gives_the_same_and_answers_where_it_was_asked(model, surrogate):
     assert there(theta).device.type == "cpu"
     torch.testing.assert_close(there(theta), here, rtol=1e-9, atol=1e-9)
     torch.testing.assert_close(there(theta.cuda()).cpu(), here, rtol=1e-9, atol=1e-9)
-    latent = LatentLikelihood(surrogate, measured)(theta)
-    there = LatentLikelihood(surrogate, measured, device="cuda")
+    latent = LatentLikelihood(surrogate, model, ConstantDamping(), measured)(theta)
+    there = LatentLikelihood(surrogate, model, ConstantDamping(), measured, device="cuda")
     torch.testing.assert_close(there(theta), latent, rtol=1e-3, atol=1e-3)
     assert surrogate.mvae.lower.device.type == "cpu"  # the networks given stay where they were

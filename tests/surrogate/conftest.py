@@ -11,11 +11,23 @@ from femupdate.dynamics.reduction import reduce_lumped
 from femupdate.inference.prior import UniformPrior
 from femupdate.surrogate.dataset import DatasetPlan, compute_dataset
 from femupdate.surrogate.loss import LossSettings
-from femupdate.surrogate.network import NetworkSizes
+from femupdate.surrogate.sizes import NetworkSizes
 from femupdate.surrogate.training import TrainingSettings, TrainingTask, train_mvae
 
 FREQUENCY = 0.2 * np.arange(1, 65)
-SIZES = NetworkSizes(2, 64, 2, latent=4, floor_features=24, width=48, parameter_width=48, blocks=2)
+SIZES = NetworkSizes(
+    floors=2,
+    points=64,
+    parameters=2,
+    free_damping=True,
+    modes=2,
+    floor_features=24,
+    width=48,
+    parameter_width=24,
+    decoder_width=48,
+    blocks=2,
+    components=3,
+)
 
 
 @pytest.fixture(scope="session")
@@ -54,7 +66,7 @@ def task(make_task):
 
 @pytest.fixture(scope="session")
 def settings():
-    loss = LossSettings(contrast_rows=64, alternatives=4, points=32)
+    loss = LossSettings(points=32, proposal_rows=100)
     return TrainingSettings(
         epochs=6, batch=100, learning_rate=3e-3, redraw_zeta_every=2, average=0.98, loss=loss
     )

@@ -4,16 +4,18 @@ import numpy as np
 import pytest
 import torch
 
+from femupdate.surrogate.layers import FloorLinear
 from femupdate.surrogate.network import (
-    GaussianHead,
-    LatentGaussian,
+    LatentMixture,
     Mvae,
-    NetworkSizes,
-    Visibility,
     parameter_features,
 )
+from femupdate.surrogate.sizes import NetworkSizes
+from femupdate.surrogate.visibility import Visibility
 
-SIZES = NetworkSizes(3, 40, 2, latent=5, floor_features=6, width=16, parameter_width=12, blocks=2)
+SIZES = NetworkSizes(
+    3, 40, 2, True, 4, floor_features=6, width=16, parameter_width=12, blocks=2, components=3
+)
 
 
 @pytest.fixture
@@ -40,8 +42,6 @@ def test_points_that_count_by_hand():
     weights = visibility.weights(5)
     assert weights[0].tolist() == [[1.0] * 5, [0.0] * 5]
     assert weights[1].tolist() == [[0.0] * 5, [0.0, 1.0, 1.0, 0.0, 0.0]]
-    chosen = torch.tensor([4, 1])
-    assert torch.equal(visibility.weights(5, chosen), weights[..., chosen])
 
 
 @pytest.mark.parametrize("points", [2, 64, 1024])
@@ -56,11 +56,10 @@ def test_every_band_of_whole_points_is_exact(points):
     assert torch.equal(weights.bool(), expected)
 
 
-def test_rows_are_repeated_and_expanded():
+def test_rows_and_features():
     two = Visibility(torch.tensor([[1.0, 0.0], [0.0, 1.0]]), torch.tensor([[0.0, 1.0], [0.1, 0.9]]))
     assert len(two) == 2
-    assert two.repeat(3).floors[:, 0].tolist() == [1.0] * 3 + [0.0] * 3
-    assert two[1:].expand(4).band[:, 1].tolist() == pytest.approx([0.9] * 4)
+    assert two[1:].band.tolist() == [pytest.approx([0.1, 0.9])]
     assert two.features().tolist()[1] == pytest.approx([0.0, 1.0, -0.8, 0.8])
 
 
@@ -73,68 +72,88 @@ def test_only_what_is_observed_reaches_the_observation_encoder(mvae):
     other[:, :, 31:] = 7.0
     one, two = (mvae.encode_observation(values, visibility) for values in (x, other))
     assert torch.equal(one.mean, two.mean)
-    assert torch.equal(one.variance, two.variance)
+    assert torch.equal(one.log_weight, two.log_weight)
     other[0, 2, 20] += 0.1
     assert not torch.equal(mvae.encode_observation(other, visibility).mean, one.mean)
 
 
-def test_both_encoders_are_told_what_is_observed(mvae):
-    theta = torch.tensor([[1.0, 1.0]])
-    one = mvae.encode_parameters(theta, seen([1.0, 1.0, 1.0]))
-    two = mvae.encode_parameters(theta, seen([0.0, 0.0, 1.0]))
-    three = mvae.encode_parameters(theta, seen([1.0, 1.0, 1.0], (0.0, 0.5)))
+def test_the_observation_encoder_is_told_what_is_observed(mvae):
+    x = mvae.x_mean[None]
+    one = mvae.encode_observation(x, seen([1.0, 1.0, 1.0]))
+    two = mvae.encode_observation(x, seen([0.0, 0.0, 1.0]))
+    three = mvae.encode_observation(x, seen([1.0, 1.0, 1.0], (0.0, 0.5)))
     assert not torch.equal(one.mean, two.mean)
     assert not torch.equal(one.mean, three.mean)
 
 
-def test_floors_have_linear_maps_of_their_own(mvae):
-    layer = mvae.decoder.floors
+def test_parameters_are_put_by_their_root():
+    networks = Mvae(SIZES)
+    networks.lower.copy_(torch.tensor([0.25, 1.0]))
+    networks.upper.copy_(torch.tensor([4.0, 9.0]))
+    theta = torch.tensor([[0.25, 9.0], [25.0 / 16.0, 4.0]])
+    edge = 3.0**0.5
+    expected = torch.tensor([[-edge, edge], [0.0, 0.0]])
+    torch.testing.assert_close(networks.encode_parameters(theta), expected)
+
+
+def test_density_of_a_mixture_against_torch():
+    torch.manual_seed(2)
+    mixture = LatentMixture(
+        torch.randn(7, 3).log_softmax(1), torch.randn(7, 3, 2), torch.randn(7, 3, 2)
+    )
+    parts = torch.distributions.Independent(
+        torch.distributions.Normal(mixture.mean, (0.5 * mixture.log_variance).exp()), 1
+    )
+    expected = torch.distributions.MixtureSameFamily(
+        torch.distributions.Categorical(logits=mixture.log_weight), parts
+    )
+    z = torch.randn(7, 2)
+    torch.testing.assert_close(mixture.log_density(z), expected.log_prob(z))
+
+
+def test_floors_have_linear_maps_of_their_own():
+    layer = FloorLinear(3, 6, 40)
+    torch.nn.init.normal_(layer.bias)
     x = torch.randn(4, 3, 6)
     expected = torch.stack([x[:, k] @ layer.weight[k] + layer.bias[k] for k in range(3)], dim=1)
     torch.testing.assert_close(layer(x), expected)
-    chosen = torch.tensor([39, 0, 7])
-    torch.testing.assert_close(layer(x, chosen), expected[..., chosen])
-
-
-def test_some_points_of_the_decoder_are_those_of_all(mvae):
-    z, chosen = torch.randn(4, 5), torch.tensor([31, 2, 17])
-    mean, excess = mvae.decoder(z)
-    some, some_excess = mvae.decoder(z, chosen)
-    assert mean.shape == (4, 3, 40)
-    torch.testing.assert_close(some, mean[..., chosen])
-    torch.testing.assert_close(some_excess, excess[:, chosen])
 
 
 def test_features_of_theta_by_hand():
     lower, upper = torch.tensor([0.5, 0.1]), torch.tensor([2.0, 10.0])
     theta = torch.tensor([[0.5, 10.0], [1.0, 1.0], [2.0, 0.1]])
     found = parameter_features(theta, lower, upper)
+    # The square roots of .5, 1 and 2 are a geometric row, those of .1, 1 and 10 another.
+    ratio, step = 2.0**0.5, 10.0**0.5
+    root = [[-1.0, 1.0], [(ratio - 1.0) * 2.0 - 1.0, 2.0 / (step + 1.0) - 1.0], [1.0, -1.0]]
     linear = [[-1.0, 1.0], [-1 / 3, 1.8 / 9.9 - 1.0], [1.0, -1.0]]
     logarithmic = [[-1.0, 1.0], [0.0, 0.0], [1.0, -1.0]]
-    np.testing.assert_allclose(found[:, :2], linear, atol=1e-6)
-    np.testing.assert_allclose(found[:, 2:], logarithmic, atol=1e-6)
+    np.testing.assert_allclose(found[:, :2], root, atol=1e-6)
+    np.testing.assert_allclose(found[:, 2:4], linear, atol=1e-6)
+    np.testing.assert_allclose(found[:, 4:], logarithmic, atol=1e-6)
 
 
-def test_variances_lie_between_rounding_and_the_prior():
-    head = GaussianHead(8, 3).requires_grad_(False)
-    for parameter in head.parameters():
-        torch.nn.init.normal_(parameter, std=100.0)
-    q = head(100.0 * torch.randn(500, 8))
-    assert float(q.variance.min()) > 1e-8
-    assert float(q.variance.max()) <= 1.0
-    assert float(q.variance.max()) > 0.99
-    assert bool(torch.isfinite(q.variance.log()).all())
+def test_parameters_are_found_again_from_where_they_are_put(mvae):
+    theta = mvae.lower + (mvae.upper - mvae.lower) * torch.rand(50, 2)
+    z = torch.nn.functional.pad(mvae.encode_parameters(theta), (0, 1), value=0.3)
+    torch.testing.assert_close(mvae.parameters_at(z), theta)
+    beyond = mvae.parameters_at(torch.full((1, 3), 50.0))
+    assert bool((beyond > mvae.upper).all())
+    assert bool((beyond < 1.5 * mvae.upper).all())
+    assert bool((mvae.parameters_at(torch.full((1, 3), -50.0)) > 0.3 * mvae.lower).all())
 
 
-def test_draws_have_the_mean_and_the_variance():
-    q = LatentGaussian(torch.tensor([[1.0, -2.0]]), torch.tensor([[0.25, 0.01]]))
-    noise = torch.tensor([[2.0, -1.0]])
-    assert q.sample(noise).tolist() == [pytest.approx([2.0, -2.1])]
+def test_the_decoder_sees_bent_coordinates_and_the_damping(mvae):
+    z = torch.randn(4, 3)
+    features = parameter_features(mvae.parameters_at(z), mvae.lower, mvae.upper)
+    expected = mvae.decoder(torch.cat([mvae.bend(features), z[:, 2:]], dim=1))
+    torch.testing.assert_close(mvae.decode(z), expected)
+    torch.testing.assert_close(mvae.decode(z, slice(3, 9)), expected[:, :, 3:9])
 
 
 def test_untrained_blocks_pass_everything_on():
     """The second layer of a block starts at zero: deep networks start as shallow ones."""
     torch.manual_seed(0)
-    blocks = Mvae(SIZES).parameter_encoder.blocks
+    blocks = Mvae(SIZES).bend.blocks
     x = torch.randn(3, 12)
     assert torch.equal(blocks(x), x)

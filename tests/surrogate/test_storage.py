@@ -9,7 +9,6 @@ from safetensors.torch import save_file
 
 from femupdate.errors import StudyError, SurrogateError
 from femupdate.surrogate import storage as room
-from femupdate.surrogate.network import Visibility
 from femupdate.surrogate.storage import (
     SurrogateInfo,
     TrainedSurrogate,
@@ -17,6 +16,7 @@ from femupdate.surrogate.storage import (
     save_surrogate,
 )
 from femupdate.surrogate.training import TrainingSettings
+from femupdate.surrogate.visibility import Visibility
 
 
 @pytest.fixture(scope="module")
@@ -51,14 +51,15 @@ def test_weights_come_back_within_half_precision(surrogate, path):
     assert own.keys() == back.keys()
     for name, value in own.items():
         assert back[name].dtype == torch.float32
-        if name.startswith(("observation_encoder.", "decoder.", "x_")):
+        if name.startswith(("observation_encoder.", "x_")):
             # Eleven bits; below 6e-5 half precision has fewer.
             torch.testing.assert_close(back[name], value, rtol=2.0**-11, atol=1e-7)
         else:
             assert torch.equal(back[name], value), name
 
 
-def test_rounding_moves_the_posterior_by_little_of_its_width(surrogate, path, task):
+def test_rounding_moves_proposals_by_little_of_their_width(surrogate, path, task):
+    """And the rest, which decides where posteriors lie, not at all."""
     theta = task.dataset.theta[:300].float()
     x = 0.3 * torch.randn(300, 2, 64, generator=torch.Generator().manual_seed(0))
     x += surrogate.mvae.x_mean
@@ -66,12 +67,12 @@ def test_rounding_moves_the_posterior_by_little_of_its_width(surrogate, path, ta
     back = load_surrogate(path).mvae
     with torch.no_grad():
         one, two = (m.encode_observation(x, seen) for m in (surrogate.mvae, back))
-        shift = (one.mean - two.mean) / one.variance.sqrt()
+        shift = (one.mean - two.mean) * (-0.5 * one.log_variance).exp()
         assert float(shift.square().mean().sqrt()) < 0.02
-        torch.testing.assert_close(two.variance, one.variance, rtol=0.02, atol=0.0)
-        one, two = (m.encode_parameters(theta, seen) for m in (surrogate.mvae, back))
-    assert torch.equal(one.mean, two.mean)
-    assert torch.equal(one.variance, two.variance)
+        torch.testing.assert_close(two.log_variance, one.log_variance, rtol=0.0, atol=0.02)
+        z = torch.nn.functional.pad(back.encode_parameters(theta), (0, 1))
+        one, two = (m.decode(z) for m in (surrogate.mvae, back))
+    assert torch.equal(one, two)
 
 
 def test_the_file_is_little_more_than_its_weights(surrogate, path):

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 import torch
 from safetensors import safe_open
+from safetensors.torch import load_file
 
 from femupdate.errors import StudyError, SurrogateError
 from femupdate.surrogate import checkpoint as checkpoint_room
 from femupdate.surrogate import training as room
-from femupdate.surrogate.latent import latent_log_likelihood
-from femupdate.surrogate.network import EARLIEST_END, LATEST_START, Visibility
 from femupdate.surrogate.training import TrainingSettings, draw_visibility, train_mvae
+from femupdate.surrogate.visibility import EARLIEST_END, LATEST_START, Visibility
 
 
 class KilledError(Exception):
@@ -52,17 +52,17 @@ def test_progress_is_told_step_by_step(trained):
     assert result.metrics["validation_loss"] <= min(state.validation_loss for state in seen[steps:])
 
 
-def test_what_was_learned_tells_theta_apart(trained, task):
-    """The latent likelihood of noise-free responses is higher at their theta than elsewhere."""
+def test_proposals_tell_theta_apart(trained, task):
+    """q(z|x) of noise-free responses is higher where their theta is put than elsewhere."""
     mvae = trained[0].mvae
     rows = torch.arange(200)
     theta = task.dataset.theta[rows].float()
     pool = room._draw_samples(task, TrainingSettings(), 0, rows).log_frf.float()
     seen = Visibility(torch.ones(200, 2), torch.tensor([[0.0, 1.0]]).expand(200, 2))
     with torch.no_grad():
-        x, q = mvae.encode_observation(pool, seen), mvae.encode_parameters(theta, seen)
-        own = latent_log_likelihood(x.mean, x.variance, q.mean, q.variance)
-        other = latent_log_likelihood(x.mean, x.variance, q.mean.roll(1, 0), q.variance.roll(1, 0))
+        x = mvae.encode_observation(pool, seen)
+        z = torch.nn.functional.pad(mvae.encode_parameters(theta), (0, 1))
+        own, other = x.log_density(z), x.log_density(z.roll(1, 0))
     assert float((own > other).float().mean()) > 0.9
 
 
@@ -114,7 +114,7 @@ def test_a_seed_gives_one_training_and_leaves_the_global_generator_alone(task, q
     torch.manual_seed(123)
     assert_equal(train_mvae(task, short).mvae.state_dict(), one.mvae.state_dict())
     other = train_mvae(task, replace(short, seed=1)).mvae.state_dict()
-    name = "parameter_encoder.join.weight"
+    name = "decoder.join.weight"
     assert not torch.equal(other[name], one.mvae.state_dict()[name])
 
 
@@ -294,3 +294,15 @@ def test_visible_floors_and_bands_have_their_shares():
 def test_a_building_of_one_story_always_shows_its_roof():
     seen = draw_visibility(50, 1, TrainingSettings(), torch.Generator().manual_seed(0))
     assert bool((seen.floors == 1.0).all())
+
+
+def test_a_watched_training_is_the_training(task, quick, tmp_path):
+    """Step by step, on the rows that the training does not hold out: the same weights."""
+    path = tmp_path / "training.safetensors"
+    train_mvae(task, quick, path)
+    order = torch.randperm(2000, generator=room._generator(quick.seed, 0))
+    watched = list(room.watched_training(task, quick, order[100:]))
+    assert len(watched) == 1 + 3 * quick.epochs  # 1,900 rows in batches of 500
+    kept = load_file(path)
+    for name, value in watched[-1].state_dict().items():
+        assert torch.equal(kept[f"average/{name}"], value), name

@@ -1,0 +1,196 @@
+"""From the observation encoder's proposals to q(z|x), by Gauss-Newton.
+
+The encoder says roughly where in z an observation may lie. A few Gauss-Newton steps on the
+decoder's misfit lead from there to the best points, and the curvature there gives the width, for
+the noise and the gaps that this very observation has (iterative amortised inference: Marino, Yue &
+Mandt 2018, ICML; Laplace's method: MacKay 2003, ch. 27). The last steps are taken with responses of
+the building itself in place of the decoder's, some hundreds of them: what the decoder has learned
+wrongly would move the points by a part of their width, and the shares of separate solutions by
+several nats.
+"""
+
+import copy
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from femupdate.surrogate.gauss_newton import (
+    Descent,
+    DescentSettings,
+    LatentData,
+    Misfit,
+    descend,
+)
+from femupdate.surrogate.latent import ObservedLatent
+from femupdate.surrogate.network import LatentMixture, Mvae
+
+# Draws of the prior that are tried, and how many of the best are followed.
+_PRIOR_DRAWS, _FOLLOWED = 4096, 24
+_PROPOSAL_DRAWS = 24
+# Points this near, in posterior standard deviations, are one.
+_SAME = 1.0
+# Every so many frequencies tell which draws of the prior are worth following.
+_COARSE = 8
+# Steps of finite differences in z, whose spread is one: for the decoder in single precision, for
+# responses in double. Posteriors are some hundredths wide.
+_COARSE_STEP, _FINE_STEP = 1e-3, 1e-4
+# Steps with the building's own responses end when they gain less than this, nats.
+_WITH_RESPONSES = DescentSettings(iterations=8, small_gain=0.02, most_damping=100.0)
+
+
+@dataclass(frozen=True)
+class _Limits:
+    """Which points are kept: those within `nats` of the best, `count` at most."""
+
+    nats: float
+    count: int
+
+
+# The decoder's misfit may be wrong by some nats, the building's own is not.
+_BY_DECODER, _BY_RESPONSES = _Limits(30.0, 24), _Limits(14.0, 16)
+
+
+@dataclass(frozen=True)
+class Control:
+    """The building's own responses.
+
+    Attributes:
+        data: the observation with the variance of its noise alone.
+        respond: theta (n, p) and damping ratios (n,) to ln|H| (n, f, k) of the decoder's floors;
+            what it gives for floors that are not observed does not matter.
+    """
+
+    data: LatentData
+    respond: Callable[[Tensor, Tensor], Tensor]
+
+
+@dataclass(frozen=True)
+class FoundLatent:
+    """What the search has led to.
+
+    Attributes:
+        posterior: q(z|x).
+        misfit: mean squared misfit, whitened, at the likeliest point: about one.
+        responses: of the building that it took.
+    """
+
+    posterior: ObservedLatent
+    misfit: float
+    responses: int
+
+
+@torch.no_grad()
+def find_latent(
+    mvae: Mvae,
+    data: LatentData,
+    proposal: LatentMixture,
+    control: Control,
+    generator: torch.Generator,
+) -> FoundLatent:
+    """q(z|x) of an observation, from the proposal of one row.
+
+    Args:
+        mvae: of the building.
+        data: the observation with the variance of noise and decoder.
+        proposal: of the observation encoder.
+        control: the building's own responses.
+        generator: of the starts.
+    """
+    starts = _starts(mvae, data, proposal, generator)
+    near = _distinct(mvae, descend(_decoder_misfit(mvae, data), starts), _BY_DECODER)
+    # In double precision: differences of responses are taken.
+    precise = copy.deepcopy(mvae).double()
+
+    def respond(z: Tensor) -> Tensor:
+        return control.respond(precise.parameters_at(z), precise.decoder.damping(z))
+
+    misfit = Misfit(respond, control.data, _FINE_STEP)
+    ended = descend(misfit, _nearest_reached(precise, near.z.double()), _WITH_RESPONSES)
+    found = _distinct(mvae, _completed(ended), _BY_RESPONSES)
+    log_weight = _log_mass(found)
+    best = int(log_weight.argmax())
+    squares = 2.0 * float(found.nats[best]) - float(found.z[best].square().sum())
+    return FoundLatent(
+        ObservedLatent(
+            log_weight.log_softmax(0), found.z.double().cpu(), found.information.double().cpu()
+        ),
+        squares / int((control.data.weight > 0).sum()),
+        misfit.responses,
+    )
+
+
+def _decoder_misfit(mvae: Mvae, data: LatentData) -> Misfit:
+    """The decoder's, on the observed frequencies alone."""
+    points = (data.weight > 0).any(0).nonzero()[:, 0]
+    seen = LatentData(data.log_frf[:, points], data.weight[:, points])
+    return Misfit(lambda z: mvae.decode(z, points), seen, _COARSE_STEP)
+
+
+def _starts(
+    mvae: Mvae, data: LatentData, proposal: LatentMixture, generator: torch.Generator
+) -> Tensor:
+    """Means and draws of the proposal, and the best of many draws from the prior, (s, z)."""
+    component = torch.multinomial(
+        proposal.log_weight[0].exp().cpu(), _PROPOSAL_DRAWS, replacement=True, generator=generator
+    )
+    noise = torch.randn(_PROPOSAL_DRAWS, proposal.mean.shape[-1], generator=generator)
+    sd = (0.5 * proposal.log_variance[0, component]).exp()
+    drawn = proposal.mean[0, component] + sd * noise.to(sd)
+    unit = torch.rand(_PRIOR_DRAWS, mvae.sizes.parameters, generator=generator).to(mvae.lower)
+    mean = mvae.encode_parameters(mvae.lower + (mvae.upper - mvae.lower) * unit)
+    free = torch.randn(_PRIOR_DRAWS, int(mvae.sizes.free_damping), generator=generator)
+    prior = torch.cat([mean, free.to(mean)], dim=1)
+    chosen = slice(0, None, _COARSE)
+    target, weight = data.log_frf[:, chosen], data.weight[:, chosen]
+    misfits = [weight * (target - mvae.decode(z, chosen)) ** 2 for z in prior.split(256)]
+    nats = torch.cat([misfit.sum((1, 2)) for misfit in misfits])
+    best = prior[nats.topk(_FOLLOWED, largest=False).indices]
+    return torch.cat([proposal.mean[0], drawn, best])
+
+
+def _nearest_reached(mvae: Mvae, z: Tensor) -> Tensor:
+    """z (s, z) of the theta that come nearest: not every z has one in the prior's box."""
+    known = mvae.encode_parameters(mvae.parameters_at(z))
+    return torch.cat([known, z[:, mvae.sizes.parameters :]], dim=1)
+
+
+def _completed(descent: Descent) -> Descent:
+    """Where the expansion of the second order around each point has its minimum.
+
+    Beyond the edge of what has a theta that is the only way to it.
+    """
+    precision = _precision(descent)
+    slope = (descent.pull - descent.z).double().cpu()
+    step = torch.linalg.solve(precision, slope[:, :, None])[..., 0]
+    nats = descent.nats.double().cpu() - 0.5 * (step * slope).sum(1)
+    z = descent.z.double().cpu() + step
+    return Descent(z, nats, descent.information, torch.zeros_like(z))
+
+
+def _distinct(mvae: Mvae, descent: Descent, limits: _Limits) -> Descent:
+    """Different end points that count, the heaviest first."""
+    z = descent.z.double().cpu()
+    # The prior of z cancels from the likelihood of theta: it must not decide what counts.
+    mass = _log_mass(descent) + 0.5 * z[:, : mvae.sizes.parameters].square().sum(1)
+    precision = _precision(descent)
+    kept: list[int] = []
+    for row in torch.argsort(mass, descending=True).tolist():
+        if mass[row] < mass.max() - limits.nats or len(kept) == limits.count:
+            break
+        offsets = z[kept] - z[row]
+        distance = torch.einsum("ci,cij,cj->c", offsets, precision[kept], offsets)
+        if bool((distance > _SAME**2).all()):
+            kept.append(row)
+    return descent[kept]
+
+
+def _log_mass(descent: Descent) -> Tensor:
+    """Log share (s,) of the posterior around each point, but for a constant (Laplace)."""
+    return -descent.nats.double().cpu() - 0.5 * torch.linalg.slogdet(_precision(descent))[1]
+
+
+def _precision(descent: Descent) -> Tensor:
+    information = descent.information.double().cpu()
+    return information + torch.eye(information.shape[-1]).to(information)

@@ -1,0 +1,141 @@
+"""Levenberg-Marquardt steps in the latent space, from many starts at once."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+# Derivatives of so many starts are held at a time.
+_CHUNK = 16
+
+
+@dataclass(frozen=True)
+class LatentData:
+    """Observations as the decoder meets them.
+
+    Attributes:
+        log_frf: (f, k), all floors of the decoder; zero where the weight is zero.
+        weight: (f, k) inverse variance of what is not explained; zero where nothing is observed.
+    """
+
+    log_frf: Tensor
+    weight: Tensor
+
+
+@dataclass(frozen=True)
+class Descent:
+    """Where the steps have led.
+
+    Attributes:
+        z: (s, z).
+        nats: (s,) -ln p(x|z) p(z), but for a constant.
+        information: (s, z, z) Gauss-Newton curvature of -ln p(x|z).
+        pull: (s, z) gradient of ln p(x|z).
+    """
+
+    z: Tensor
+    nats: Tensor
+    information: Tensor
+    pull: Tensor
+
+    def __getitem__(self, rows: list[int]) -> "Descent":
+        parts = (self.z, self.nats, self.information, self.pull)
+        return Descent(*(part[rows] for part in parts))
+
+
+@dataclass(frozen=True)
+class DescentSettings:
+    """When to stop.
+
+    Attributes:
+        iterations: at most.
+        small_gain: a step that gains less, nats, was the last.
+        most_damping: beyond it no step is short enough to gain.
+    """
+
+    iterations: int = 40
+    small_gain: float = 1e-3
+    most_damping: float = 1e6
+
+
+class Misfit:
+    """Whitened misfit of a model of ln|H|.
+
+    Args:
+        respond: z (n, z) to ln|H| (n, f, k).
+        data: the observation.
+        step: of finite differences in z.
+
+    Attributes:
+        responses: asked for so far.
+    """
+
+    def __init__(self, respond: Callable[[Tensor], Tensor], data: LatentData, step: float) -> None:
+        self._respond = respond
+        self._root = data.weight.sqrt()
+        self._target = data.log_frf
+        self._step = step
+        self.responses = 0
+
+    def __call__(self, z: Tensor) -> Tensor:
+        """Residuals (s, m) at z (s, z)."""
+        self.responses += len(z)
+        return (self._root * (self._target - self._respond(z))).flatten(1)
+
+    def derivative(self, z: Tensor, residual: Tensor) -> Tensor:
+        """Derivatives (s, m, z) of the response, whitened, where the residuals are `residual`.
+
+        By finite differences towards the middle of the prior: at the edge of what can be asked
+        nothing may change the other way.
+        """
+        size = z.shape[1]
+        step = torch.where(z > 0.0, -self._step, self._step)
+        moved = self((z[:, None] + torch.diag_embed(step)).flatten(0, 1)).view(len(z), size, -1)
+        return (residual[:, None] - moved).transpose(1, 2) / step[:, None]
+
+
+def descend(misfit: Misfit, starts: Tensor, settings: DescentSettings | None = None) -> Descent:
+    """Follow every start (s, z) to a least misfit (Marquardt 1963, J. SIAM 11, 431)."""
+    settings = settings or DescentSettings()
+    z = starts.clone()
+    damping = torch.full((len(z),), 1e-2).to(z)
+    residual = misfit(z)
+    nats = _nats(residual, z)
+    identity = torch.eye(z.shape[1]).to(z)
+    active = torch.ones(len(z), dtype=torch.bool, device=z.device)
+    for _ in range(settings.iterations):
+        rows = active.nonzero()[:, 0]
+        information, pull = _expand(misfit, z[rows], residual[rows])
+        stiff = information + identity
+        stiff = stiff + torch.diag_embed(damping[rows, None] * stiff.diagonal(dim1=1, dim2=2))
+        step = torch.linalg.solve(stiff.double(), (pull - z[rows]).double()).to(z)
+        trial = z[rows] + step
+        new_residual = misfit(trial)
+        new_nats = _nats(new_residual, trial)
+        gain = nats[rows] - new_nats
+        better = gain > 0.0
+        moved = rows[better]
+        z[moved], residual[moved] = trial[better], new_residual[better]
+        nats[moved] = new_nats[better]
+        damping[rows] = damping[rows] * torch.where(better, 0.2, 6.0)
+        # A start rests where a full step gains nothing, or none is short enough to gain.
+        small = better & (gain < settings.small_gain)
+        active[rows] = ~(small | (damping[rows] > settings.most_damping))
+        if not active.any():
+            break
+    return Descent(z, nats, *_expand(misfit, z, residual))
+
+
+def _nats(residual: Tensor, z: Tensor) -> Tensor:
+    return 0.5 * (residual.square().sum(1) + z.square().sum(1))
+
+
+def _expand(misfit: Misfit, z: Tensor, residual: Tensor) -> tuple[Tensor, Tensor]:
+    """Information (s, z, z) and pull J^T r (s, z)."""
+    information, pull = [], []
+    for some, left in zip(z.split(_CHUNK), residual.split(_CHUNK), strict=True):
+        jacobian = misfit.derivative(some, left)
+        information.append(torch.bmm(jacobian.transpose(1, 2), jacobian))
+        pull.append(torch.bmm(left[:, None], jacobian)[:, 0])
+    return torch.cat(information), torch.cat(pull)

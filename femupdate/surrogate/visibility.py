@@ -1,0 +1,38 @@
+"""What of an FRF is observed."""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+# Bands that are trained for start in the lowest tenth of the grid and end above its lower 3/10.
+LATEST_START, EARLIEST_END = 0.1, 0.3
+
+
+@dataclass(frozen=True)
+class Visibility:
+    """What of each FRF is observed: some floors, over one band.
+
+    Attributes:
+        floors: (B, f) one where the floor is observed, else zero.
+        band: (B, 2) first and last observed frequency, as shares of the grid from 0 to 1.
+    """
+
+    floors: Tensor
+    band: Tensor
+
+    def __len__(self) -> int:
+        return len(self.floors)
+
+    def __getitem__(self, rows: Tensor | slice) -> "Visibility":
+        return Visibility(self.floors[rows], self.band[rows])
+
+    def features(self) -> Tensor:
+        """(B, f + 2) for the observation encoder."""
+        return torch.cat([self.floors, 2.0 * self.band - 1.0], dim=1)
+
+    def weights(self, points: int) -> Tensor:
+        """(B, f, k) one where a point is observed."""
+        share = torch.linspace(0.0, 1.0, points, device=self.band.device)
+        inside = (share >= self.band[:, :1] - 1e-6) & (share <= self.band[:, 1:] + 1e-6)
+        return self.floors[:, :, None] * inside[:, None, :]
