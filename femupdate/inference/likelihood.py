@@ -144,7 +144,8 @@ def _responses(
     model: ReducedModel, law: DampingLaw, observation: Observation, like: Tensor
 ) -> Callable[[Tensor, Tensor], Tensor]:
     """ln|H| on the surrogate's floors (n, f, k) by the reduced model, zero where not observed."""
-    exact = DataLikelihood(model, law, observation, device=like.device)
+    # Differences of these are taken: they must be smooth.
+    exact = DataLikelihood(model, law, observation, device=like.device, modes=None)
     rows = list(exact.terms.rows)
 
     def respond(theta: Tensor, zeta: Tensor) -> Tensor:
@@ -214,6 +215,8 @@ class DataLikelihood:
         device: where to evaluate.
         precision: of the responses; modes are always solved in float64. float32 takes half the
             time and moves the log likelihood by a few thousandths.
+        modes: kept for a response; all where None, which makes responses smooth in theta: which
+            modes are kept changes from place to place.
     """
 
     def __init__(
@@ -226,8 +229,10 @@ class DataLikelihood:
         batch: int | None = None,
         device: torch.device | str = "cpu",
         precision: torch.dtype = torch.float64,
+        modes: int | None = _MODES,
     ) -> None:
         self._model = model
+        self._modes = modes
         self._law = law
         self._zeta = zeta
         self._batch = batch
@@ -269,7 +274,7 @@ class DataLikelihood:
         modal = modal_data(
             self._model,
             theta,
-            modes=_MODES,
+            modes=self._modes,
             top_frequency_hz=float(self._frequency[-1]),
             device=self._device,
         )
