@@ -108,7 +108,8 @@ def find_latent(
 
     misfit = Misfit(respond, control.data, _FINE_STEP)
     ended = descend(misfit, _nearest_reached(precise, near.z.double()), _WITH_RESPONSES)
-    found = _distinct(mvae, _completed(ended), _BY_RESPONSES)
+    # What counts is decided by what was found there, not by what lies beyond.
+    found = _completed(_distinct(mvae, ended, _BY_RESPONSES))
     log_weight = _log_mass(found)
     best = int(log_weight.argmax())
     squares = 2.0 * float(found.nats[best]) - float(found.z[best].square().sum())
