@@ -31,6 +31,8 @@ _PRIOR_DRAWS, _FOLLOWED = 4096, 24
 _PROPOSAL_DRAWS = 24
 # Points this near, in posterior standard deviations, are one.
 _SAME = 1.0
+# A minimum is reached where the expansion there promises less than this, nats.
+_LITTLE = 1.0
 # Every so many frequencies tell which draws of the prior are worth following.
 _COARSE = 8
 # Steps of finite differences in z, whose spread is one: for the decoder in single precision, for
@@ -108,8 +110,7 @@ def find_latent(
 
     misfit = Misfit(respond, control.data, _FINE_STEP)
     ended = descend(misfit, _nearest_reached(precise, near.z.double()), _WITH_RESPONSES)
-    # What counts is decided by what was found there, not by what lies beyond.
-    found = _completed(_distinct(mvae, ended, _BY_RESPONSES))
+    found = _completed(_distinct(mvae, _arrived(ended), _BY_RESPONSES))
     log_weight = _log_mass(found)
     best = int(log_weight.argmax())
     squares = 2.0 * float(found.nats[best]) - float(found.z[best].square().sum())
@@ -155,6 +156,18 @@ def _nearest_reached(mvae: Mvae, z: Tensor) -> Tensor:
     """z (s, z) of the theta that come nearest: not every z has one in the prior's box."""
     known = mvae.encode_parameters(mvae.parameters_at(z))
     return torch.cat([known, z[:, mvae.sizes.parameters :]], dim=1)
+
+
+def _arrived(descent: Descent) -> Descent:
+    """The points from which little more is to be gained, or all where there are none.
+
+    The others are at the edge of what can be asked, well beyond the prior's box: expanded from
+    there, what they say of the inside is not to be trusted where something better is at hand.
+    """
+    slope = (descent.pull - descent.z).double().cpu()
+    step = torch.linalg.solve(_precision(descent), slope[:, :, None])[..., 0]
+    rows = torch.nonzero(0.5 * (step * slope).sum(1) < _LITTLE)[:, 0].tolist()
+    return descent[rows] if rows else descent
 
 
 def _completed(descent: Descent) -> Descent:

@@ -16,7 +16,7 @@ _LEAST_LOG_VARIANCE = -18.0
 # z over the place by root from -1 to 1: a uniform place has a variance of 1/3, z one of about one.
 _ROOT_SPREAD = 3.0**0.5
 # Beyond the box, in shares of its half width by root, no theta is looked for.
-_BEYOND = 0.05
+_BEYOND = 0.3
 
 
 @dataclass(frozen=True)
