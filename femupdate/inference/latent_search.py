@@ -164,9 +164,7 @@ def _arrived(descent: Descent) -> Descent:
     The others are at the edge of what can be asked, well beyond the prior's box: expanded from
     there, what they say of the inside is not to be trusted where something better is at hand.
     """
-    slope = (descent.pull - descent.z).double().cpu()
-    step = torch.linalg.solve(_precision(descent), slope[:, :, None])[..., 0]
-    rows = torch.nonzero(0.5 * (step * slope).sum(1) < _LITTLE)[:, 0].tolist()
+    rows = torch.nonzero(_expansion(descent)[1] < _LITTLE)[:, 0].tolist()
     return descent[rows] if rows else descent
 
 
@@ -175,12 +173,16 @@ def _completed(descent: Descent) -> Descent:
 
     Beyond the edge of what has a theta that is the only way to it.
     """
-    precision = _precision(descent)
-    slope = (descent.pull - descent.z).double().cpu()
-    step = torch.linalg.solve(precision, slope[:, :, None])[..., 0]
-    nats = descent.nats.double().cpu() - 0.5 * (step * slope).sum(1)
-    z = descent.z.double().cpu() + step
+    step, gain = _expansion(descent)
+    z, nats = descent.z.double().cpu() + step, descent.nats.double().cpu() - gain
     return Descent(z, nats, descent.information, torch.zeros_like(z))
+
+
+def _expansion(descent: Descent) -> tuple[Tensor, Tensor]:
+    """Step (s, z) to the minimum of the second-order expansion, and what it gains (s,), nats."""
+    slope = (descent.pull - descent.z).double().cpu()
+    step = torch.linalg.solve(_precision(descent), slope[:, :, None])[..., 0]
+    return step, 0.5 * (step * slope).sum(1)
 
 
 def _distinct(mvae: Mvae, descent: Descent, limits: _Limits) -> Descent:
