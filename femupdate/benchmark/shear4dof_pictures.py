@@ -87,7 +87,7 @@ def latent_space(
         xlabel=f"First principal axis ({share[0]:.0%} of the variance)",
         ylabel=f"Second principal axis ({share[1]:.0%})",
     )
-    note = "Where the parameter encoder puts the prior's buildings; open marks have one roof FRF"
+    note = "Where the prior's buildings lie; open marks have one roof FRF"
     add_head(figure, "Latent space", handles, note=note, columns=3)
     return figure
 
