@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from femupdate.inference.latent_ridge import along_ridges, bent, log_mass
 from femupdate.surrogate.gauss_newton import (
     Descent,
     DescentSettings,
@@ -110,8 +111,8 @@ def find_latent(
 
     misfit = Misfit(respond, control.data, _FINE_STEP)
     ended = descend(misfit, _nearest_reached(precise, near.z.double()), _WITH_RESPONSES)
-    found = _completed(_distinct(mvae, _arrived(ended), _BY_RESPONSES))
-    log_weight = _log_mass(found)
+    found = _expanded_or_followed(precise, misfit, _distinct(mvae, _arrived(ended), _BY_RESPONSES))
+    log_weight = log_mass(found)
     best = int(log_weight.argmax())
     squares = 2.0 * float(found.nats[best]) - float(found.z[best].square().sum())
     return FoundLatent(
@@ -168,19 +169,33 @@ def _arrived(descent: Descent) -> Descent:
     return descent[rows] if rows else descent
 
 
+def _expanded_or_followed(mvae: Mvae, misfit: Misfit, descent: Descent) -> Descent:
+    """A Gaussian for each solution, a row of them where a Gaussian does not describe it."""
+    descent, reach = _on_processor(descent), mvae.reach().cpu().double()
+    followed = bent(misfit, descent, reach)
+    others = _completed(descent[(~followed).nonzero()[:, 0].tolist()])
+    return along_ridges(misfit, descent[followed.nonzero()[:, 0].tolist()], others, reach)
+
+
+def _on_processor(descent: Descent) -> Descent:
+    parts = (descent.z, descent.nats, descent.information, descent.pull)
+    return Descent(*(part.double().cpu() for part in parts))
+
+
 def _completed(descent: Descent) -> Descent:
     """Where the expansion of the second order around each point has its minimum.
 
     Beyond the edge of what has a theta that is the only way to it.
     """
     step, gain = _expansion(descent)
-    z, nats = descent.z.double().cpu() + step, descent.nats.double().cpu() - gain
-    return Descent(z, nats, descent.information, torch.zeros_like(z))
+    z = descent.z + step
+    return Descent(z, descent.nats - gain, descent.information, torch.zeros_like(z))
 
 
 def _expansion(descent: Descent) -> tuple[Tensor, Tensor]:
     """Step (s, z) to the minimum of the second-order expansion, and what it gains (s,), nats."""
-    slope = (descent.pull - descent.z).double().cpu()
+    descent = _on_processor(descent)
+    slope = descent.pull - descent.z
     step = torch.linalg.solve(_precision(descent), slope[:, :, None])[..., 0]
     return step, 0.5 * (step * slope).sum(1)
 
@@ -189,7 +204,7 @@ def _distinct(mvae: Mvae, descent: Descent, limits: _Limits) -> Descent:
     """Different end points that count, the heaviest first."""
     z = descent.z.double().cpu()
     # The prior of z cancels from the likelihood of theta: it must not decide what counts.
-    mass = _log_mass(descent) + 0.5 * z[:, : mvae.sizes.parameters].square().sum(1)
+    mass = log_mass(descent) + 0.5 * z[:, : mvae.sizes.parameters].square().sum(1)
     precision = _precision(descent)
     kept: list[int] = []
     for row in torch.argsort(mass, descending=True).tolist():
@@ -200,11 +215,6 @@ def _distinct(mvae: Mvae, descent: Descent, limits: _Limits) -> Descent:
         if bool((distance > _SAME**2).all()):
             kept.append(row)
     return descent[kept]
-
-
-def _log_mass(descent: Descent) -> Tensor:
-    """Log share (s,) of the posterior around each point, but for a constant (Laplace)."""
-    return -descent.nats.double().cpu() - 0.5 * torch.linalg.slogdet(_precision(descent))[1]
 
 
 def _precision(descent: Descent) -> Tensor:

@@ -81,7 +81,8 @@ class Misfit:
     def __call__(self, z: Tensor) -> Tensor:
         """Residuals (s, m) at z (s, z)."""
         self.responses += len(z)
-        return (self._root * (self._target - self._respond(z))).flatten(1)
+        predicted = self._respond(z.to(self._target.device))
+        return (self._root * (self._target - predicted)).flatten(1).to(z.device)
 
     def derivative(self, z: Tensor, residual: Tensor) -> Tensor:
         """Derivatives (s, m, z) of the response, whitened, where the residuals are `residual`.
@@ -101,18 +102,18 @@ def descend(misfit: Misfit, starts: Tensor, settings: DescentSettings | None = N
     z = starts.clone()
     damping = torch.full((len(z),), 1e-2).to(z)
     residual = misfit(z)
-    nats = _nats(residual, z)
+    nats = nats_of(residual, z)
     identity = torch.eye(z.shape[1]).to(z)
     active = torch.ones(len(z), dtype=torch.bool, device=z.device)
     for _ in range(settings.iterations):
         rows = active.nonzero()[:, 0]
-        information, pull = _expand(misfit, z[rows], residual[rows])
+        information, pull = expanded(misfit, z[rows], residual[rows])
         stiff = information + identity
         stiff = stiff + torch.diag_embed(damping[rows, None] * stiff.diagonal(dim1=1, dim2=2))
         step = torch.linalg.solve(stiff.double(), (pull - z[rows]).double()).to(z)
         trial = z[rows] + step
         new_residual = misfit(trial)
-        new_nats = _nats(new_residual, trial)
+        new_nats = nats_of(new_residual, trial)
         gain = nats[rows] - new_nats
         better = gain > 0.0
         moved = rows[better]
@@ -124,15 +125,16 @@ def descend(misfit: Misfit, starts: Tensor, settings: DescentSettings | None = N
         active[rows] = ~(small | (damping[rows] > settings.most_damping))
         if not active.any():
             break
-    return Descent(z, nats, *_expand(misfit, z, residual))
+    return Descent(z, nats, *expanded(misfit, z, residual))
 
 
-def _nats(residual: Tensor, z: Tensor) -> Tensor:
+def nats_of(residual: Tensor, z: Tensor) -> Tensor:
+    """-ln p(x|z) p(z) (s,), but for a constant, from residuals (s, m) at z (s, z)."""
     return 0.5 * (residual.square().sum(1) + z.square().sum(1))
 
 
-def _expand(misfit: Misfit, z: Tensor, residual: Tensor) -> tuple[Tensor, Tensor]:
-    """Information (s, z, z) and pull J^T r (s, z)."""
+def expanded(misfit: Misfit, z: Tensor, residual: Tensor) -> tuple[Tensor, Tensor]:
+    """Information (s, z, z) and pull J^T r (s, z) at z (s, z) with residuals (s, m)."""
     information, pull = [], []
     for some, left in zip(z.split(_CHUNK), residual.split(_CHUNK), strict=True):
         jacobian = misfit.derivative(some, left)

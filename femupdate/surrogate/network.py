@@ -155,6 +155,12 @@ class Mvae(nn.Module):
         low, high = self.lower.sqrt(), self.upper.sqrt()
         return (low + 0.5 * (root + 1.0) * (high - low)).square()
 
+    def reach(self) -> Tensor:
+        """Largest coordinates (z,), of either sign, for which there is a theta."""
+        reach = torch.full((self.sizes.coordinates,), math.inf).to(self.lower)
+        reach[: self.sizes.parameters] = _ROOT_SPREAD * (1.0 + _BEYOND)
+        return reach
+
     def decode(self, z: Tensor, points: Tensor | slice = slice(None)) -> Tensor:
         """Mean of ln|H| (B, f, k) at z (B, z); `points` chooses some of the k frequencies."""
         theta = self.parameters_at(z)
