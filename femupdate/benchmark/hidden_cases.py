@@ -23,7 +23,6 @@ from femupdate.measurement.observation_file import Histories
 from femupdate.study import Study
 from femupdate.workflow.diagnose import ModelParts, model_parts, prepared, refined
 from femupdate.workflow.effect_truth import FineModel, Truth, effect_truth, fine_model
-from femupdate.workflow.effects import open_wide
 from femupdate.workflow.model import StudyModel, damping_law, theta_prior, zeta_bounds
 from femupdate.workflow.progress import Progress
 from femupdate.workflow.simulate import white_noise
@@ -73,12 +72,11 @@ class KeptModels:
 def kept_models(
     study: Study, model: StudyModel, settings: TrialSettings, progress: Progress | None = None
 ) -> KeptModels:
-    """Mesh the truth, and open the finder's model with a basis that serves all its prior."""
+    """Mesh the truth, and open the finder's model."""
     parts = model_parts(study, model, progress)
-    wide = open_wide(study, parts.plain.structure, progress)
     building = model.building
     points = building.sensors.points if isinstance(building, FrameBuilding) else None
-    return KeptModels(replace(parts, wide=wide), fine_model(building, settings.mesh_size, points))
+    return KeptModels(parts, fine_model(building, settings.mesh_size, points))
 
 
 @dataclass(frozen=True)

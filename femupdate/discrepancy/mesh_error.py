@@ -1,11 +1,12 @@
 """What a coarse mesh makes too stiff, learned from a finer one of the same building.
 
-A coarse mesh does to ln|H| what stiffer members do: factors on the members of each kind and story
-that make the coarse model respond like the finer one are found at some theta of the prior. Their
-mean, carried on towards an infinitely fine mesh (Richardson 1911), corrects the model; how they
-scatter from theta to theta is what the correction leaves open: errors that all points share. They
-widen the intervals and weaken the evidence for whatever they could pass for, or else the finder
-would name effects that only make up for a mesh.
+A coarse mesh does to natural frequencies what stiffer members do: factors on the members of each
+kind and story that give the coarse model the frequencies of the finer one are found at some theta
+of the prior. A factor changes the square of a frequency by the share that its members have in the
+mode's strain energy. The mean factors, carried on towards an infinitely fine mesh (Richardson
+1911), correct the model; how they scatter from theta to theta is what the correction leaves open:
+errors that all points share. They widen the intervals and weaken the evidence for whatever they
+could pass for, or else the finder would name effects that only make up for a mesh.
 """
 
 from collections.abc import Callable
@@ -14,13 +15,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 
 from femupdate.discrepancy.fit import Fit
 from femupdate.discrepancy.problem import Problem
-from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.effect_reduction import structure_on
-from femupdate.dynamics.effect_response import EffectSystem, ReducedStructure
-from femupdate.effects.effect import Placed
+from femupdate.dynamics.effect_response import ReducedStructure
+from femupdate.effects.effect import UNSCALED, Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import TRANSLATION, Structure
 from femupdate.fe.driven import driven_shapes
@@ -38,11 +39,14 @@ _MEMBERS = (
     "cracked_beams",
     "cracked_columns",
 )
-_DAMPING = 0.05  # wide peaks: a shift of frequency shows in proportion
-_STEP = 0.02
+# Modes of less effect than this share of the largest are left out.
+_SHOWN = 0.003
+# Modes of two meshes are the same where frequency and effect differ by no more, and the effects on
+# the floors are as nearly proportional.
+_SHIFT, _CHANGE, _UNLIKE = 0.02, 0.4, 0.05
 _WIDE = 0.1  # prior standard deviation of the mean factors
 _ROUNDS = 100
-_ALIKE = 30.0  # numbers of a theta that err alike: neighbours, floors, amplitude and phase
+_ALIKE = 2.0  # modes of one theta that err alike
 
 
 @dataclass(frozen=True)
@@ -53,7 +57,7 @@ class MeshError:
         labels: (q,) of the effects that change the members of one kind in one story.
         mean: (q,) what the finer mesh does, as sizes of those effects.
         sd: (q,) scatter of it from theta to theta.
-        left: rms of ln|H| that no such change follows.
+        left: rms of the relative error of frequencies that the mean change leaves.
     """
 
     labels: tuple[str, ...]
@@ -70,26 +74,30 @@ class MeshError:
 
 @dataclass(frozen=True, eq=False)
 class _Lesson:
-    """One theta: sums of products of the change by each factor (n, q) and of what is sought (n,).
+    """The m modes of one theta.
 
     Attributes:
-        normal: (q, q).
-        right: (q,).
-        square: of what is sought.
-        points: n.
+        shares: (m, q) of the kinds of members in their strain energy.
+        sought: (m,) relative change of their squared frequencies.
+        weight: (m,) by which their squared errors count.
     """
 
-    normal: Floats
-    right: Floats
-    square: float
-    points: int
+    shares: Floats
+    sought: Floats
+    weight: Floats
+
+    def sums(self) -> tuple[Floats, Floats, float]:
+        """Weighted products: shares by shares, shares by what is sought, that by itself."""
+        weighted = self.weight[:, None] * self.shares
+        square = float(self.weight @ self.sought**2)
+        return weighted.T @ self.shares, weighted.T @ self.sought, square
 
 
 def learn_mesh_error(
     fine: Structure,
     near: Callable[[Floats], ReducedStructure],
     thetas: Floats,
-    frequency_hz: Floats,
+    top_hz: float,
     progress: Callable[[int, int], None] | None = None,
 ) -> MeshError:
     """Compare a model with that of a finer mesh.
@@ -98,13 +106,13 @@ def learn_mesh_error(
         fine: the building on the finer mesh.
         near: the model on a basis for the neighbourhood of a theta.
         thetas: (n, p) at which they are compared.
-        frequency_hz: (k,) where.
+        top_hz: frequency up to which modes are compared.
         progress: told (done, total).
     """
     placed = _members(fine)
     lessons = []
     for number, theta in enumerate(thetas):
-        lessons.append(_lesson(fine, near(theta), placed, theta, frequency_hz))
+        lessons.append(_lesson(fine, near(theta), placed, theta, top_hz))
         if progress is not None:
             progress(number + 1, len(thetas))
     kinds = [one.effect.name for one in placed]
@@ -157,49 +165,81 @@ def _lesson(
     coarse: ReducedStructure,
     placed: tuple[Placed, ...],
     theta: Floats,
-    frequency_hz: Floats,
+    top_hz: float,
 ) -> _Lesson:
-    top = float(frequency_hz[-1])
     force = fine.rigid_force[:, [TRANSLATION]]
     factors = factorize(fine.stiffness(theta))
-    found = driven_shapes(factors, fine.mass, force, fine.floor_rows, top)
-    truth = _log_frf(structure_on(fine, found.shapes), (), theta, np.zeros((1, 0)), frequency_hz)[0]
-    steps = np.vstack([np.zeros(len(placed)), _STEP * np.eye(len(placed))])
-    ours = _log_frf(coarse, placed, theta, steps, frequency_hz)
-    change = ours[1:] - ours[0]
-    sought = truth - ours[0]
-    slope = _real(change).T / _STEP
-    right = _real(sought[None])[0]
-    return _Lesson(slope.T @ slope, slope.T @ right, float(right @ right), len(right))
+    found = driven_shapes(factors, fine.mass, force, fine.floor_rows, top_hz)
+    theirs = _modes(structure_on(fine, found.shapes), theta, top_hz)
+    ours = _modes(coarse, theta, top_hz)
+    rows, columns = _matched(ours, theirs)
+    sought = theirs.squared[columns] / ours.squared[rows] - 1.0
+    shares = _energy_shares(coarse, placed, theta, ours, rows)
+    # What the floors show most of must be right above all.
+    size = np.linalg.norm(ours.effect[:, rows], axis=0)
+    return _Lesson(shares, sought, size / size.max())
 
 
-def _log_frf(
-    reduced: ReducedStructure,
+@dataclass(frozen=True, eq=False)
+class _Modes:
+    """Modes that the floors show.
+
+    Attributes:
+        squared: (m,) squares of the circular frequencies.
+        vectors: (r, m) of unit modal mass.
+        effect: (f, m) of the floors.
+    """
+
+    squared: Floats
+    vectors: Floats
+    effect: Floats
+
+
+def _modes(reduced: ReducedStructure, theta: Floats, top_hz: float) -> _Modes:
+    model = reduced.model
+    squared, vectors = np.linalg.eigh(model.stiffness(theta))
+    effect = (model.floor_shapes @ vectors) * (model.excitation @ vectors)
+    size = np.abs(effect).max(axis=0)
+    shown = (squared < (2.0 * np.pi * top_hz) ** 2) & (size > _SHOWN * size.max())
+    return _Modes(squared[shown], vectors[:, shown], effect[:, shown])
+
+
+def _matched(ours: _Modes, theirs: _Modes) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Pairs of modes that are the same: near in frequency, with the same effect on the floors."""
+    shift = 0.5 * np.abs(np.log(ours.squared[:, None] / theirs.squared))
+    sizes = [np.linalg.norm(one.effect, axis=0) for one in (ours, theirs)]
+    change = np.abs(np.log(sizes[0][:, None] / sizes[1]))
+    alike = np.abs(ours.effect.T @ theirs.effect) / (sizes[0][:, None] * sizes[1])
+    cost = shift / _SHIFT + change / _CHANGE + (1.0 - alike) / _UNLIKE
+    rows, columns = linear_sum_assignment(cost)
+    sure = (
+        (shift[rows, columns] < _SHIFT)
+        & (change[rows, columns] < _CHANGE)
+        & (1.0 - alike[rows, columns] < _UNLIKE)
+    )
+    return rows[sure], columns[sure]
+
+
+def _energy_shares(
+    coarse: ReducedStructure,
     placed: tuple[Placed, ...],
     theta: Floats,
-    sizes: Floats,
-    frequency_hz: Floats,
-) -> NDArray[np.complex128]:
-    """ln H (N, n), floors one after the other, of a structure with effects of some sizes (N, q)."""
-    terms = tuple(reduced.terms(one) for one in placed)
-    system = EffectSystem(reduced, ConstantDamping(), placed, terms)
-    frf = system.frf(
-        torch.from_numpy(np.tile(theta, (len(sizes), 1))),
-        torch.full((len(sizes),), _DAMPING, dtype=torch.float64),
-        torch.from_numpy(sizes),
-        torch.from_numpy(frequency_hz),
-    )
-    return np.asarray(frf.log().flatten(1).numpy())
-
-
-def _real(values: NDArray[np.complex128]) -> Floats:
-    """Amplitude and phase (N, 2 n) of logarithms (N, n); a phase is within half a turn."""
-    turn = np.remainder(values.imag + np.pi, 2.0 * np.pi) - np.pi
-    return np.concatenate([values.real, turn], axis=1)
+    modes: _Modes,
+    rows: NDArray[np.intp],
+) -> Floats:
+    """Share (m, q) of each kind of member in the strain energy of some modes."""
+    vectors, shares = modes.vectors[:, rows], []
+    for one in placed:
+        energy = np.zeros(len(rows))
+        for story, matrix in coarse.terms(one).stiffness:
+            factor = 1.0 if story == UNSCALED else theta[story]
+            energy = energy + factor * ((matrix.numpy() @ vectors) * vectors).sum(axis=0)
+        shares.append(energy / modes.squared[rows])
+    return np.stack(shares, axis=1)
 
 
 def _estimate(lessons: list[_Lesson], kinds: list[str]) -> tuple[Floats, Floats, float]:
-    """Mean factors (q,) and their scatter (q,), alike within a kind, and the rms that is left.
+    """Mean factors (q,) and their scatter (q,), alike within a kind, and what is left.
 
     Factors are normal about their mean; mean, scatter and noise by the EM method (Laird and Ware,
     Biometrics 38, 1982).
@@ -207,26 +247,28 @@ def _estimate(lessons: list[_Lesson], kinds: list[str]) -> tuple[Floats, Floats,
     size, groups = len(kinds), np.unique(kinds, return_inverse=True)[1]
     member = np.eye(groups.max() + 1)[groups]  # (q, kinds)
     variance, noise = np.full(size, 0.01**2), 0.01**2
-    points = sum(one.points for one in lessons)
+    sums, total_weight = [one.sums() for one in lessons], sum(one.weight.sum() for one in lessons)
     for _ in range(_ROUNDS):
         each = _ALIKE * noise
-        inside = [np.linalg.inv(one.normal / each + np.diag(1.0 / variance)) for one in lessons]
+        inside = [np.linalg.inv(products / each + np.diag(1.0 / variance)) for products, *_ in sums]
         normal, right = np.eye(member.shape[1]) / _WIDE**2, np.zeros(member.shape[1])
-        for one, own in zip(lessons, inside, strict=True):
-            weight = np.eye(size) - one.normal @ own / each
-            normal += member.T @ weight @ one.normal @ member / each
-            right += member.T @ weight @ one.right / each
+        for (products, sought, _), own in zip(sums, inside, strict=True):
+            weight = np.eye(size) - products @ own / each
+            normal += member.T @ weight @ products @ member / each
+            right += member.T @ weight @ sought / each
         mean = member @ np.linalg.solve(normal, right)
         spread, squares = np.zeros(size), np.zeros(())
-        for one, own in zip(lessons, inside, strict=True):
-            deviation = own @ (one.right - one.normal @ mean) / each
+        for (products, sought, square), own in zip(sums, inside, strict=True):
+            deviation = own @ (sought - products @ mean) / each
             spread += deviation**2 + own.diagonal()
             total = mean + deviation
-            left = one.square - 2.0 * total @ one.right + total @ one.normal @ total
-            squares = squares + left + np.trace(own @ one.normal)
+            squares = squares + square - 2.0 * total @ sought + total @ products @ total
+            squares = squares + np.trace(own @ products)
         alike = np.bincount(groups, spread) / np.bincount(groups) / len(lessons)
-        variance, noise = alike[groups], max(float(squares) / points, 1e-8)
-    return mean, np.sqrt(variance), float(np.sqrt(noise))
+        variance, noise = alike[groups], max(float(squares) / total_weight, 1e-10)
+    left = np.concatenate([one.sought - one.shares @ mean for one in lessons])
+    # A frequency changes by half of what its square does.
+    return mean, np.sqrt(variance), 0.5 * float(np.sqrt((left**2).mean()))
 
 
 __all__ = ["FINER", "MeshError", "corrected", "learn_mesh_error", "with_mesh_error"]

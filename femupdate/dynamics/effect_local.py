@@ -26,7 +26,7 @@ from femupdate.fe.solve import modes_below
 
 Floats = NDArray[np.float64]
 SPREAD = 0.2  # of ln theta to both sides
-_SIZE = 200
+_SIZE = 260
 _NEIGHBOURS = 8
 
 

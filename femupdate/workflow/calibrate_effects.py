@@ -6,7 +6,6 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from femupdate.building.files import mechanics_hash
 from femupdate.discrepancy.fit import Fit
 from femupdate.discrepancy.mesh_error import corrected
 from femupdate.discrepancy.posterior import draw
@@ -29,7 +28,6 @@ from femupdate.workflow.effects import (
     check_places,
     keep_basis,
     open_structure,
-    without_effects,
 )
 from femupdate.workflow.mesh_error import kept_mesh_error
 from femupdate.workflow.model import StudyModel
@@ -58,8 +56,7 @@ def calibrate_with_effects(
     parts = model_parts(study, model, show)
     problem, fitted = prepared(model, parts, observation, False, progress=show)
     if problem.reduced.structure.operators is not None:
-        plain = without_effects(model.building)
-        keep_basis(study, problem.reduced, {"building": mechanics_hash(plain)})
+        keep_basis(study, problem.reduced, model.building)
     show.start("Drawing the posterior", 1)
     inflation = max(1.0, fitted.chi2 / max(problem.effective - fitted.coordinates.size, 1.0))
     draws = draw(problem, fitted, settings.particles, inflation, settings.seed)

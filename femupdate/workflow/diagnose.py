@@ -21,18 +21,18 @@ from femupdate.discrepancy.score import candidates
 from femupdate.discrepancy.screen import screen_channels
 from femupdate.discrepancy.where import Cell, band_edges
 from femupdate.dynamics.effect_response import ReducedStructure
-from femupdate.dynamics.effect_wide import local_in
 from femupdate.effects.effect import Placed
+from femupdate.effects.structure import Structure
 from femupdate.measurement.observation import Observation
 from femupdate.study import Study, file_hash, write_text
 from femupdate.workflow.calibrate import ObservationSource, observation_of
 from femupdate.workflow.effects import (
     building_effects,
     check_places,
+    finder_structure,
     first_shapes,
     plain_structure,
     problem_of,
-    reduction_target,
     structure_near,
 )
 from femupdate.workflow.mesh_error import open_mesh_error
@@ -151,19 +151,23 @@ class ModelParts:
 
     Attributes:
         plain: the structure on the study's own basis, which knows the story factors alone.
-        mesh: error of the mesh of a frame, or None.
-        wide: a basis for the whole prior in which effects may act, or None.
+        structure: the full model in which effects act.
+        mesh: error of its mesh where it is a frame's, or None.
     """
 
     plain: ReducedStructure
+    structure: Structure
     mesh: MeshError | None = None
-    wide: ReducedStructure | None = None
 
 
 def model_parts(study: Study, model: StudyModel, progress: Progress | None = None) -> ModelParts:
     """Open what serves every observation; the error of a mesh is learned when first needed."""
     plain = plain_structure(model)
-    return ModelParts(plain, open_mesh_error(study, model.building, plain.structure, progress))
+    if plain.structure.operators is None:
+        return ModelParts(plain, plain.structure)
+    structure = finder_structure(model.building)
+    mesh = open_mesh_error(study, model.building, structure, progress)
+    return ModelParts(plain, structure, mesh)
 
 
 def prepared(
@@ -249,7 +253,8 @@ def _around(
     show: Progress,
 ) -> tuple[Problem, Fit]:
     """A frame's problem on a basis about a fit, with its mesh error there, and a fit from there."""
-    near = _near(parts, model, middle.theta()[0], middle.zeta(problem.fixed_zeta), show)
+    theta, zeta = middle.theta()[0], middle.zeta(problem.fixed_zeta)
+    near = structure_near(parts.structure, model.building, theta, zeta, show)
     if parts.mesh is not None:
         near = corrected(near, parts.mesh)
     problem = replace(problem, reduced=near, shared=None)
@@ -258,15 +263,6 @@ def _around(
         return problem, base
     problem = with_mesh_error(problem, parts.mesh, base)
     return problem, fit(problem, base.placed, base.z)
-
-
-def _near(
-    parts: ModelParts, model: StudyModel, theta: Floats, zeta: float, show: Progress
-) -> ReducedStructure:
-    if parts.wide is None:
-        return structure_near(parts.plain.structure, model.building, theta, zeta, show)
-    target = reduction_target(model.building)
-    return local_in(parts.wide, theta, replace(target, zeta=max(zeta, target.zeta)))
 
 
 def _screen(observation: Observation, found: Diagnosis) -> tuple[str, ...]:

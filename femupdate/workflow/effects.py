@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from femupdate.atomic import atomic_path
 from femupdate.building.effect_entry import EffectEntry
 from femupdate.building.files import mechanics_hash
-from femupdate.building.schema import Building
-from femupdate.discrepancy.mesh_error import MeshError
+from femupdate.building.schema import Building, FrameBuilding
+from femupdate.discrepancy.mesh_error import FINER, MeshError
 from femupdate.discrepancy.problem import Problem, make_problem
 from femupdate.dynamics.effect_local import local_structure
 from femupdate.dynamics.effect_reduction import reduce_structure, structure_on
@@ -30,9 +30,6 @@ from femupdate.workflow.progress import Progress, Silent
 Floats = NDArray[np.float64]
 BASIS = "effect basis"
 _FILE = "effect_basis.npz"
-WIDE = "wide effect basis"
-_WIDE_FILE = "wide_effect_basis.npz"
-_WIDE_SIZE = 1000
 # What mesh and reduction leave in ln|H|. A stick has neither. For a frame whose mesh error was not
 # learned (a mesh that was read) it is some .03 rms (0.2 m
 # against 0.1 m mesh: .044 before the fit, .024 after), but neighbouring points err alike, over
@@ -46,6 +43,7 @@ _MIMICKED = 40.0
 # effects have been tried (log evidence -1 to 2).
 _MIMICKED_LEARNED = 15.0
 _LEFT = 2.0  # times what a learned mesh error leaves: neighbouring points err alike
+_PEAK = 0.5  # change of ln|H| beside a peak by a shift of its frequency, times the damping ratio
 
 
 @dataclass(frozen=True)
@@ -69,45 +67,39 @@ def open_structure(
     Without one a basis for the whole prior is made (of a frame, in minutes), and kept.
     """
     plain = without_effects(building)
-    structure = structure_of(plain)
+    structure = finder_structure(plain)
     target = reduction_target(plain)
     if structure.operators is None:
         return reduce_structure(structure, target)
-    origin = {"building": mechanics_hash(plain)}
+    origin = finder_origin(plain)
     kept = study.find(BASIS, origin)
     if kept is not None:
         with np.load(kept) as data:
             return structure_on(structure, data["basis"])
     reduced = reduce_structure(structure, target, _teller(progress or Silent()))
-    keep_basis(study, reduced, origin)
+    keep_basis(study, reduced, plain)
     return reduced
 
 
-def open_wide(
-    study: Study, structure: Structure, progress: Progress | None = None
-) -> ReducedStructure | None:
-    """A frame on a basis for the whole prior in which effects may act, made once and kept.
+def finder_structure(building: Building) -> Structure:
+    """The full model in which effects act: a frame of ours on a mesh finer than the study's.
 
-    It has a thousand shapes: enough to take the bases of neighbourhoods from. None for a stick.
+    The study's mesh is chosen for a hundred thousand responses; here some twenty solutions are
+    needed, and half of the error of a mesh is worth them.
     """
-    if structure.operators is None:
-        return None
-    origin = {"building": mechanics_hash(structure.building)}
-    kept = study.find(WIDE, origin)
-    if kept is None:
-        target = reduction_target(structure.building)
-        # Where the damping is lowest peaks weigh most, and there is nothing between them.
-        target = replace(target, zeta=max(target.zeta, structure.building.damping.ratio))
-        teller = _teller(progress or Silent())
-        reduced = reduce_structure(structure, target, teller, size=_WIDE_SIZE)
-        kept = study.path(_WIDE_FILE)
-        with atomic_path(kept) as temporary, open(temporary, "wb") as file:
-            np.savez(file, basis=reduced.basis.astype(np.float32))
-        study.record(WIDE, _WIDE_FILE, "benchmark", origin, {"size": reduced.model.size})
-    with np.load(kept) as data:
-        basis = data["basis"].astype(np.float64)
-    root = np.linalg.cholesky(basis.T @ (structure.mass @ basis))
-    return structure_on(structure, np.linalg.solve(root, basis.T).T)
+    return structure_of(without_effects(building), finder_mesh_size(building))
+
+
+def finder_mesh_size(building: Building) -> float | None:
+    """Of the finder's mesh, m; None for what is not meshed here."""
+    return FINER * building.mesh.size if isinstance(building, FrameBuilding) else None
+
+
+def finder_origin(building: Building) -> dict[str, str]:
+    """What everything about the finder's mesh is made from, for the study's record."""
+    origin = {"building": mechanics_hash(without_effects(building))}
+    size = finder_mesh_size(building)
+    return origin if size is None else {**origin, "mesh_m": f"{size:.4g}"}
 
 
 def plain_structure(model: StudyModel) -> ReducedStructure:
@@ -166,12 +158,12 @@ def _teller(show: Progress) -> Callable[[int, int], None]:
     return tell
 
 
-def keep_basis(study: Study, reduced: ReducedStructure, origin: dict[str, str]) -> Path:
-    """Write a basis into a study."""
+def keep_basis(study: Study, reduced: ReducedStructure, building: Building) -> Path:
+    """Write the basis of a building into a study."""
     path = study.path(_FILE)
     with atomic_path(path) as temporary, open(temporary, "wb") as file:
         np.savez(file, basis=reduced.basis)
-    study.record(BASIS, _FILE, "diagnose", origin, {"size": reduced.model.size})
+    study.record(BASIS, _FILE, "diagnose", finder_origin(building), {"size": reduced.model.size})
     return path
 
 
@@ -307,7 +299,9 @@ def _model_error(building: Building, mesh: MeshError | None) -> float:
     """What mesh and reduction leave in ln|H|, as noise of independent points."""
     if building.kind == "shear":
         return _STICK_ERROR
-    return _FRAME_ERROR if mesh is None else max(_STICK_ERROR, _LEFT * mesh.left)
+    if mesh is None:
+        return _FRAME_ERROR
+    return max(_STICK_ERROR, _LEFT * _PEAK * mesh.left / building.damping.ratio)
 
 
 def _measured(observation: Observation) -> NDArray[np.bool_]:

@@ -6,14 +6,13 @@ from dataclasses import asdict
 import numpy as np
 from scipy.stats import qmc
 
-from femupdate.building.files import mechanics_hash
 from femupdate.building.schema import Building, FrameBuilding
 from femupdate.discrepancy.mesh_error import FINER, MeshError, learn_mesh_error
 from femupdate.dynamics.effect_response import ReducedStructure
 from femupdate.effects.structure import Structure, structure_of
 from femupdate.fe.model import Floats
 from femupdate.study import Study, write_text
-from femupdate.workflow.effects import structure_near, without_effects
+from femupdate.workflow.effects import finder_origin, structure_near, without_effects
 from femupdate.workflow.model import theta_prior
 from femupdate.workflow.progress import Progress, Silent
 
@@ -33,7 +32,7 @@ def open_mesh_error(
     Args:
         study: that keeps it.
         building: of the study.
-        structure: its full model.
+        structure: its full model on the finder's mesh.
         progress: told about the steps.
     """
     plain = without_effects(building)
@@ -43,7 +42,7 @@ def open_mesh_error(
     if kept is not None:
         return kept
     show = progress or Silent()
-    fine = structure_of(plain, FINER * plain.mesh.size)
+    fine = structure_of(plain, FINER**2 * plain.mesh.size)
     show.start("Comparing with a finer mesh", _THETAS)
 
     def near(theta: Floats) -> ReducedStructure:
@@ -53,7 +52,7 @@ def open_mesh_error(
         fine,
         near,
         _thetas(plain),
-        plain.frequency_grid.frequencies_hz()[::2],
+        plain.frequency_grid.stop,
         lambda done, total: show.advance(),
     )
     keep_mesh_error(study, plain, found)
@@ -62,7 +61,7 @@ def open_mesh_error(
 
 def kept_mesh_error(study: Study, building: Building) -> MeshError | None:
     """What the study knows of its building's mesh."""
-    kept = study.find(MESH_ERROR, _origin(building))
+    kept = study.find(MESH_ERROR, finder_origin(building))
     if kept is None:
         return None
     content = json.loads(kept.read_text(encoding="utf-8"))
@@ -75,11 +74,7 @@ def keep_mesh_error(study: Study, building: Building, mesh: MeshError) -> None:
     """Write a mesh error into a study."""
     study.folder.mkdir(parents=True, exist_ok=True)
     write_text(study.path(_FILE), json.dumps(asdict(mesh), indent=2) + "\n")
-    study.record(MESH_ERROR, _FILE, "diagnose", _origin(building), {"thetas": _THETAS})
-
-
-def _origin(building: Building) -> dict[str, str]:
-    return {"building": mechanics_hash(without_effects(building))}
+    study.record(MESH_ERROR, _FILE, "diagnose", finder_origin(building), {"thetas": _THETAS})
 
 
 def _thetas(building: Building) -> Floats:

@@ -262,10 +262,7 @@ def _keep(
     save_building(building, kept.path("building.toml"))
     repaired = keep_model(kept, building, reduction_of(model))
     if problem.reduced.structure.operators is not None:
-        from femupdate.building.files import mechanics_hash
-
-        origin = {"building": mechanics_hash(without_effects(building))}
-        keep_basis(kept, problem.reduced, origin)
+        keep_basis(kept, problem.reduced, building)
     if parts.mesh is not None:
         keep_mesh_error(kept, building, parts.mesh)
     posterior = effect_posterior(repaired, observation, draws, {"inflation": inflation})
