@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from femupdate.discrepancy.evidence import Evidence, laplace, sampled
+from femupdate.discrepancy.exchange import exchange_fits
 from femupdate.discrepancy.fit import Fit, extended, fit, fit_baseline
 from femupdate.discrepancy.hidden import hidden_effects, same_to_sensors
 from femupdate.discrepancy.problem import Problem
@@ -170,13 +171,9 @@ def diagnose(
 def _exchanges(
     problem: Problem, base: Fit, scores: list[Score], best: float, seed: int
 ) -> list[Fit]:
-    """Fits with channels exchanged, from the prior: without the exchange theta may lie far off."""
-    fits = []
-    for one in scores:
-        if not one.placed.effect.parameters:
-            placed = (*base.placed, one.placed)
-            sizes = tuple(float(size) for size in base.sizes()[0])
-            fits.append(fit_baseline(problem, placed, sizes, seed, samples=128, starts=3)[0])
+    """Fits with channels exchanged: without the exchange theta may lie far off."""
+    exchanges = [one.placed for one in scores if one.placed.exchange]
+    fits = exchange_fits(problem, base, exchanges, seed)
     return [one for one in fits if one.chi2 < 0.8 * best]
 
 

@@ -282,28 +282,38 @@ def fit_baseline(
         samples: draws of stiffness factors and damping ratio.
         starts: how many of them are fitted.
     """
-    where = coordinates(problem, placed)
+    where, system = coordinates(problem, placed), problem.system(placed)
+    known = (torch.tensor(sizes, dtype=torch.float64) - where.neutral) / where.scales
+    z = prior_draws(problem, where, known, samples, seed)
+    # Far from the data every point is many times the noise off, whichever way is better: first
+    # they are compared as if they were coarse.
+    rough = coarse(problem)
+    misfit = (evaluate(rough, system, where, z) ** 2).sum(dim=1)
+    near = [fit(rough, placed, z[k], 10, system) for k in misfit.argsort()[:starts]]
+    near.sort(key=lambda one: one.chi2 + one.penalty)
+    fits = [fit(problem, placed, one.z, 25, system) for one in near[: max(2, starts // 3)]]
+    return sorted(fits, key=lambda one: one.chi2 + one.penalty)
+
+
+def prior_draws(
+    problem: Problem, where: Coordinates, known: Tensor, count: int, seed: int
+) -> Tensor:
+    """Unknowns (count, d) with theta and zeta drawn from the prior, the others (q,) as known."""
     generator = torch.Generator().manual_seed(seed)
-    unit = torch.rand(samples, where.first_size, generator=generator, dtype=torch.float64)
+    unit = torch.rand(count, where.first_size, generator=generator, dtype=torch.float64)
     stories = where.stories
     # The prior is uniform in theta itself.
     theta = problem.lower + (problem.upper - problem.lower) * unit[:, :stories]
-    known = (torch.tensor(sizes, dtype=torch.float64) - where.neutral) / where.scales
     parts = [theta.log()]
     if where.has_zeta:
         low, high = where.lower[stories], where.upper[stories]
         parts.append(low + (high - low) * unit[:, stories:])
-    parts.append(known.expand(samples, -1))
-    z = torch.cat(parts, dim=1)
-    system = problem.system(placed)
-    # Far from the data every point is many times the noise off, whichever way is better: first
-    # they are compared as if they were coarse.
-    coarse = replace(problem, sd=(problem.sd**2 + _COARSE**2).sqrt(), shared=None)
-    misfit = (evaluate(coarse, system, where, z) ** 2).sum(dim=1)
-    near = [fit(coarse, placed, z[k], 10, system) for k in misfit.argsort()[:starts]]
-    near.sort(key=lambda one: one.chi2 + one.penalty)
-    fits = [fit(problem, placed, one.z, 25, system) for one in near[: max(2, starts // 3)]]
-    return sorted(fits, key=lambda one: one.chi2 + one.penalty)
+    return torch.cat([*parts, known.expand(count, -1)], dim=1)
+
+
+def coarse(problem: Problem) -> Problem:
+    """The problem as if its noise were coarse, and every point erred alone."""
+    return replace(problem, sd=(problem.sd**2 + _COARSE**2).sqrt(), shared=None)
 
 
 def extended(problem: Problem, base: Fit, placed: tuple[Placed, ...], sizes: Floats) -> Tensor:

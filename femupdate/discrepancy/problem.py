@@ -55,6 +55,8 @@ class Problem:
         shared: (n, c) errors that many points share, one standard deviation of each, in the unit
             of the whitened residuals; or None.
         mimicked: log evidence that errors of the model itself may bring to an effect.
+        search: the structure on a basis for the whole prior, on which only instruments and damping
+            may have effects; None where `reduced` serves there.
     """
 
     reduced: ReducedStructure
@@ -71,6 +73,11 @@ class Problem:
     blocks: tuple[Block, ...]
     shared: Tensor | None = None
     mimicked: float = 0.0
+    search: ReducedStructure | None = None
+
+    def for_search(self) -> "Problem":
+        """The same on the basis that serves over the whole prior."""
+        return self if self.search is None else replace(self, reduced=self.search, shared=None)
 
     @property
     def points(self) -> int:
@@ -106,13 +113,13 @@ class Problem:
         return EffectSystem(self.reduced, self.law, placed, terms)
 
     def predicted(self, system: EffectSystem, theta: Tensor, zeta: Tensor, sizes: Tensor) -> Tensor:
-        """Complex FRFs (N, f, k) of the observed floors, as each record shows them."""
+        """Complex FRFs (N, f, k) of all floors, as each record shows them."""
         parts, first = [], 0
         for block in self.blocks:
             frequency = self.frequency_hz[first : first + block.points]
             first += block.points
             own = system.at_level(theta, zeta, sizes, block.level)
-            frf = system.frf(*own, sizes, frequency)[:, list(self.rows)]
+            frf = system.frf(*own, sizes, frequency)
             parts.append(_seen(frf, block.segment_s, frequency))
         return torch.cat(parts, dim=2)
 
@@ -123,11 +130,15 @@ class Problem:
             system: with the effects.
             theta: (N, p); zeta: (N,); sizes: (N, q) of the effects.
         """
-        frf = self.predicted(system, theta, zeta, sizes)
+        return self.compared(self.predicted(system, theta, zeta, sizes))
+
+    def compared(self, predicted: Tensor) -> Tensor:
+        """Whitened residuals (N, n) of complex FRFs (N, f, k) of all floors."""
+        frf = predicted[:, list(self.rows)]
         weight = (1.0 / self.sd) * self.independent**0.5
-        predicted = frf.abs().clamp_min(1e-12).log()
+        size = frf.abs().clamp_min(1e-12).log()
         # One wild point, where an anti-resonance is a sample off, must not decide anything.
-        parts = [((self.log_frf - predicted) * weight).clamp(-_WILD, _WILD).flatten(1)]
+        parts = [((self.log_frf - size) * weight).clamp(-_WILD, _WILD).flatten(1)]
         if self.phase is not None:
             turn = torch.remainder(self.phase - frf.angle() + torch.pi, 2.0 * torch.pi) - torch.pi
             parts.append((turn * weight).clamp(-_WILD, _WILD).flatten(1))

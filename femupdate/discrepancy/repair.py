@@ -38,6 +38,7 @@ class Repair:
         rounds: what was added.
         last: the diagnosis that ended it.
         p_before, p_after: of noise alone leaving the residuals.
+        problem: as the model after was fitted to it.
     """
 
     before: Fit
@@ -46,6 +47,7 @@ class Repair:
     last: Diagnosis
     p_before: float
     p_after: float
+    problem: Problem
 
     @property
     def verdict(self) -> str:
@@ -58,6 +60,7 @@ def repair(
     base: Fit,
     settings: DiagnosisSettings | None = None,
     progress: Callable[[str], None] | None = None,
+    renewed: Callable[[Problem, Fit], tuple[Problem, Fit]] | None = None,
 ) -> Repair:
     """Diagnose and add, at most three times, while an effect is named and something is left.
 
@@ -69,17 +72,20 @@ def repair(
         base: the model as it is, fitted.
         settings: of the diagnosis.
         progress: told what is being done.
+        renewed: makes the problem and the fit anew where an exchange of channels was added, which
+            moves theta far; by default they stay.
     """
     rounds: list[Round] = []
-    current = base
+    now, current = problem, base
     while True:
-        found = diagnose(problem, settings, current, progress)
+        found = diagnose(now, settings, current, progress)
         leading = found.leading
-        enough = p_value(problem, current) > _GOOD or len(rounds) == MOST_ROUNDS
+        enough = p_value(now, current) > _GOOD or len(rounds) == MOST_ROUNDS
         if found.verdict != NAMED or leading is None or (rounds and enough):
             break
         rounds.append(Round(found, leading, current.chi2, leading.fitted.chi2))
         current = leading.fitted
-    return Repair(
-        base, current, tuple(rounds), found, p_value(problem, base), p_value(problem, current)
-    )
+        if renewed is not None and leading.placed.exchange:
+            now, current = renewed(now, current)
+    before, after = p_value(problem, base), p_value(now, current)
+    return Repair(base, current, tuple(rounds), found, before, after, now)

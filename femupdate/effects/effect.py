@@ -167,6 +167,11 @@ class Placed:
         """Such as `added_mass@3F`."""
         return f"{self.effect.name}@{self.place}"
 
+    @property
+    def exchange(self) -> bool:
+        """Whether it is there or not: channels exchanged or reversed."""
+        return not self.effect.parameters
+
 
 def mass_terms(structure: Structure, values: Floats, constants: tuple[float, ...] = ()) -> Terms:
     """Terms of point masses (m,) kg on the structure's points."""

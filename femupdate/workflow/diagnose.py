@@ -13,9 +13,11 @@ from torch import Tensor
 
 from femupdate.discrepancy.diagnose import Diagnosis, DiagnosisSettings, Finding
 from femupdate.discrepancy.diagnose import diagnose as find
+from femupdate.discrepancy.exchange import promising
 from femupdate.discrepancy.fit import Fit, extended, fit, fit_baseline
 from femupdate.discrepancy.mesh_error import MeshError, corrected, with_mesh_error
 from femupdate.discrepancy.problem import Problem, together
+from femupdate.discrepancy.score import candidates
 from femupdate.discrepancy.screen import screen_channels
 from femupdate.discrepancy.where import Cell, band_edges
 from femupdate.dynamics.effect_response import ReducedStructure
@@ -42,6 +44,7 @@ Floats = NDArray[np.float64]
 DIAGNOSIS = "diagnosis"
 _SHOWN = 8
 _ROUGH = 100  # shapes with which the stiffness factors are searched for
+_OBVIOUS = 0.5  # share of the coarse residuals, squared, that a wrong name leaves when mended
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,10 +194,28 @@ def prepared(
         base = fit_baseline(problem, effects.placed, effects.values, seed)[0]
         show.advance()
         return problem, base
-    rough = fit_baseline(replace(problem, reduced=first_shapes(plain, _ROUGH)), seed=seed)[0]
+    problem = replace(problem, search=first_shapes(plain, _ROUGH))
+    rough = fit_baseline(problem.for_search(), seed=seed)[0]
+    middle = _rightly_named(problem, rough, seed)
     show.advance()
-    start = extended(problem, rough, effects.placed, np.array(effects.values))
-    return _around(parts, model, problem, rough, (effects.placed, start), show)
+    # An exchange that is not in the building's file is for the finder to name.
+    listed = set(middle.placed) <= set(effects.placed)
+    known = middle if listed else rough
+    start = extended(problem, known, effects.placed, np.array(effects.values))
+    return _around(parts, model, problem, middle, (effects.placed, start), show)
+
+
+def _rightly_named(problem: Problem, rough: Fit, seed: int) -> Fit:
+    """A rough fit, or that with the channels exchanged which explains far more.
+
+    Under a wrong name theta is drawn to where nothing found in its neighbourhood would be right.
+    """
+    searched = problem.for_search()
+    exchanges = [one for one in candidates(searched) if one.exchange]
+    found = promising(problem, rough, exchanges, seed)
+    if not found or found[0].share > _OBVIOUS:
+        return rough
+    return fit(searched, (found[0].placed,), found[0].z, 25)
 
 
 def refined(

@@ -185,10 +185,14 @@ def repair_study(
     parts = model_parts(study, model, show)
     problem, base = prepared(model, parts, observation, use_phase, chosen, show, more)
     show.start("Looking for what is missing", 3)
-    done = mend(problem, base, chosen, lambda text: show.advance(1, text))
-    mended = problem
-    if done.rounds:
-        mended, last = refined(model, parts, problem, done.after, show)
+
+    def renewed(now: Problem, fitted: Fit) -> tuple[Problem, Fit]:
+        return refined(model, parts, now, fitted, show)
+
+    done = mend(problem, base, chosen, lambda text: show.advance(1, text), renewed)
+    mended = done.problem
+    if done.rounds and not done.rounds[-1].finding.placed.exchange:
+        mended, last = renewed(done.problem, done.after)
         done = replace(done, after=last, p_after=p_value(mended, last))
     show.start("Updating the posterior", 2)
     inflation = done.last.inflation

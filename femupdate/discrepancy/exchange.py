@@ -1,0 +1,126 @@
+"""Channels exchanged or reversed: what they explain is looked for over the whole prior.
+
+Under a wrong name theta may lie far from where the right one puts it, so that no search from there
+shows what the exchange is worth. Instruments come after the structure: its responses at draws of
+the prior are found once, and an exchange only orders or turns their rows. The few that come nearest
+are fitted as if noise were coarse, and those that then explain much as it is.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from femupdate.discrepancy.fit import Fit, coarse, fit, prior_draws
+from femupdate.discrepancy.problem import Problem
+from femupdate.dynamics.effect_response import ReducedTerms
+from femupdate.effects.effect import Placed
+
+_DRAWS = 384
+_NEAREST = 3  # exchanges that are fitted coarsely
+_STARTS = 2  # draws from which each of them is
+_BETTER = 0.8  # share of the coarse residuals, squared, that an exchange may leave
+_BATCH = 16
+
+
+@dataclass(frozen=True, eq=False)
+class Promise:
+    """A model with one exchange more, fitted as if noise were coarse.
+
+    Attributes:
+        placed: the exchange.
+        z: (d,) the unknowns of the model without it, as they are with it.
+        share: of the squared residuals that the model without it, fitted likewise, leaves.
+    """
+
+    placed: Placed
+    z: Tensor
+    share: float
+
+
+def exchange_fits(problem: Problem, base: Fit, exchanges: list[Placed], seed: int = 0) -> list[Fit]:
+    """Fits with one exchange more, of those that explain much.
+
+    Args:
+        problem: structure and data.
+        base: the model so far, fitted.
+        exchanges: those to be tried.
+        seed: of the draws.
+    """
+    promises = promising(problem, base, exchanges, seed)
+    return [fit(problem, (*base.placed, one.placed), one.z, 25) for one in promises]
+
+
+def promising(problem: Problem, base: Fit, exchanges: list[Placed], seed: int = 0) -> list[Promise]:
+    """The exchanges with which theta may explain much, the best first.
+
+    Args:
+        problem: structure and data; its basis for searching is used.
+        base: the model so far, fitted.
+        exchanges: those to be tried.
+        seed: of the draws.
+    """
+    if not exchanges:
+        return []
+    wide = coarse(problem.for_search())
+    kept = _acting(problem, base)
+    columns = _columns(base, kept)
+    alone = fit(wide, tuple(base.placed[k] for k in kept), base.z[columns], 10)
+    where = alone.coordinates
+    drawn = prior_draws(wide, where, alone.z[where.first_size :], _DRAWS, seed)
+    z = torch.cat([alone.z[None], drawn])
+    misfit = _misfits(wide, alone, exchanges, z)
+    found = []
+    for number in misfit.amin(dim=1).argsort()[:_NEAREST].tolist():
+        placed = (*alone.placed, exchanges[number])
+        nearest = misfit[number].argsort()[:_STARTS]
+        fits = [fit(wide, placed, z[k], 10) for k in nearest.tolist()]
+        best = min(fits, key=lambda one: one.chi2)
+        moved = base.z.clone()
+        moved[columns] = best.z
+        found.append(Promise(exchanges[number], moved, best.chi2 / max(alone.chi2, 1e-12)))
+    return sorted((one for one in found if one.share < _BETTER), key=lambda one: one.share)
+
+
+def _acting(problem: Problem, base: Fit) -> list[int]:
+    """Which effects of a fit the basis for searching lets act."""
+    serves = problem.search is None
+    return [
+        number
+        for number, one in enumerate(base.placed)
+        if serves or _shapeless(problem.reduced.terms(one))
+    ]
+
+
+def _shapeless(terms: ReducedTerms) -> bool:
+    """Whether an effect adds nothing to the structure, so that it acts on any basis."""
+    nothing = not terms.stiffness and terms.mass is None and terms.port is None
+    return nothing and terms.flexibility == (0.0, 0.0) and terms.pitch == 0.0
+
+
+def _columns(base: Fit, kept: list[int]) -> list[int]:
+    """Which unknowns of a fit belong to theta, zeta and some of its effects."""
+    first = base.coordinates.first_size
+    columns = list(range(first))
+    for number, one in enumerate(base.placed):
+        count = len(one.effect.parameters)
+        if number in kept:
+            columns += range(first, first + count)
+        first += count
+    return columns
+
+
+def _misfits(problem: Problem, alone: Fit, exchanges: list[Placed], z: Tensor) -> Tensor:
+    """Sums of squared residuals (e, N) with each exchange at the unknowns z (N, d) without it."""
+    floors, omega = problem.reduced.model.floors, 2.0 * torch.pi * problem.frequency_hz
+    parts = []
+    for batch in z.split(_BATCH):
+        values = alone.coordinates.split(batch, problem.fixed_zeta)
+        frf = problem.predicted(alone.system, *values)
+        own = []
+        for one in exchanges:
+            rows = one.effect.place_rows(one.place, floors)
+            seen = one.effect.observe(frf, omega, values[2][:, :0], rows)
+            own.append((problem.compared(seen) ** 2).sum(dim=1))
+        parts.append(torch.stack(own))
+    return torch.cat(parts, dim=1)
