@@ -88,9 +88,10 @@ def _shapes(wide: ReducedStructure, changed: _Changed, target: ReductionTarget) 
 
 def _driven(changed: _Changed, forces: Floats) -> tuple[Floats, Floats]:
     """Circular frequencies (m,) and shapes (r, m) that forces drive (see `femupdate.fe.driven`)."""
-    factor = cho_factor(changed.stiffness)
-    fresh, basis = cho_solve(factor, forces), np.zeros((len(forces), 0))
-    while basis.shape[1] < min(_SHAPES, len(forces)):
+    factor, size = cho_factor(changed.stiffness), len(forces)
+    fresh, basis = cho_solve(factor, forces), np.zeros((size, 0))
+    while basis.shape[1] < min(_SHAPES, size):
+        fresh = fresh[:, : size - basis.shape[1]]  # there are no more directions than that
         for _ in range(2):
             fresh = fresh - basis @ (basis.T @ fresh)
             fresh = np.linalg.qr(fresh)[0]

@@ -10,6 +10,7 @@ from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.effect_local import local_structure
 from femupdate.dynamics.effect_reduction import reduce_structure, structure_on
 from femupdate.dynamics.effect_response import EffectSystem, reduce_terms
+from femupdate.dynamics.effect_wide import local_in
 from femupdate.dynamics.reduction import ReductionTarget
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
@@ -17,6 +18,7 @@ from femupdate.effects.structure import structure_of
 
 GRID = np.linspace(0.2, 30.0, 150)
 ZETA = 0.02
+HERE = np.array([0.7, 1.8])
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +45,12 @@ def reduced(structure, target):
 
 @pytest.fixture(scope="module")
 def local(structure, target):
-    return local_structure(structure, np.array([0.7, 1.8]), target, size=110)
+    return local_structure(structure, HERE, target, size=110)
+
+
+@pytest.fixture(scope="module")
+def taken(exact, target):
+    return local_in(exact, HERE, target, size=110)
 
 
 def log_frf(reduced, placed, values, theta):
@@ -75,17 +82,63 @@ def test_follows_the_full_model(reduced, exact, name):
         assert np.abs(error).max() < 0.5
 
 
-@pytest.mark.parametrize("name", [n for n, e in CATALOGUE.items() if not e.instrument])
-def test_local_basis_follows_the_full_model_nearby(local, exact, name):
-    """Half as many shapes, at story factors beside those that it is made for."""
+def nearby(exact, name):
+    """Story factors (3, p) beside HERE, and an effect of some size at each of its places."""
     effect = CATALOGUE[name]
-    rng = np.random.default_rng(3)
-    theta = np.array([0.7, 1.8]) * np.exp(rng.uniform(-0.15, 0.15, (3, 2)))
+    theta = HERE * np.exp(np.random.default_rng(3).uniform(-0.15, 0.15, (3, 2)))
     values = np.array([p.neutral for p in effect.parameters])
     first = effect.parameters[0]
     values[0] += 0.7 * (first.scale if first.upper > first.neutral else -first.scale)
-    for place in effect.places(exact.structure):
-        placed = Placed(effect, place)
+    return [(theta, Placed(effect, place), values) for place in effect.places(exact.structure)]
+
+
+@pytest.mark.parametrize("name", [n for n, e in CATALOGUE.items() if not e.instrument])
+def test_local_basis_follows_the_full_model_nearby(local, exact, name):
+    """Half as many shapes, at story factors beside those that it is made for."""
+    for theta, placed, values in nearby(exact, name):
         error = log_frf(local, placed, values, theta) - log_frf(exact, placed, values, theta)
         assert np.sqrt((error**2).mean()) < 0.015
         assert np.abs(error).max() < 0.2
+
+
+@pytest.mark.parametrize("name", [n for n, e in CATALOGUE.items() if not e.instrument])
+def test_a_basis_taken_from_a_wide_one_follows_the_full_model_nearby(taken, exact, name):
+    """No worse than the one from the full model itself, of which the wide basis leaves nothing."""
+    for theta, placed, values in nearby(exact, name):
+        error = log_frf(taken, placed, values, theta) - log_frf(exact, placed, values, theta)
+        assert np.sqrt((error**2).mean()) < 0.015
+        assert np.abs(error).max() < 0.2
+
+
+def test_a_basis_taken_from_a_reduced_one_adds_little_to_its_error(reduced, exact, target):
+    """What the wide basis leaves stays; the neighbourhood's own shapes leave no more than that."""
+    small = local_in(reduced, HERE, target, size=110)
+    assert small.model.size == 110 < reduced.model.size
+    for theta, placed, values in nearby(exact, "added_mass"):
+        truth = log_frf(exact, placed, values, theta)
+        both = [
+            np.sqrt(((log_frf(r, placed, values, theta) - truth) ** 2).mean())
+            for r in (reduced, small)
+        ]
+        assert both[1] < both[0] + 0.015
+
+
+def test_a_basis_serves_its_neighbourhood_alone(exact, target):
+    """Far from the theta that it is taken for it errs several times as much."""
+    small = local_in(exact, HERE, target, size=60)
+    placed, values = Placed(CATALOGUE["added_mass"], "RF"), np.array([0.05])
+
+    def error(theta):
+        both = [log_frf(r, placed, values, theta) for r in (small, exact)]
+        return np.sqrt(((both[0] - both[1]) ** 2).mean())
+
+    assert error(HERE) < 0.01
+    assert error(HERE[::-1].copy()) > 5.0 * error(HERE)
+
+
+def test_a_basis_holds_no_more_shapes_than_are_needed(exact, target):
+    """Of as many shapes as there are degrees of freedom it leaves out those that add nothing."""
+    whole = local_in(exact, HERE, target, size=10 * exact.model.size)
+    assert whole.model.size < exact.model.size
+    gram = whole.basis.T @ (whole.structure.mass @ whole.basis)
+    np.testing.assert_allclose(gram, np.eye(whole.model.size), atol=1e-9)

@@ -1,0 +1,149 @@
+"""The bases of a frame in which effects act: for all its prior, and about where theta ended.
+
+They are held against the cabin with all its degrees of freedom.
+"""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+from scipy.linalg import eigh
+
+from femupdate.discrepancy.fit import extended, fit, fit_baseline
+from femupdate.dynamics.effect_reduction import structure_on
+from femupdate.dynamics.effect_response import EffectSystem
+from femupdate.effects.effect import Placed
+from femupdate.effects.registry import CATALOGUE
+from femupdate.measurement.observation import Observation
+from femupdate.study import Study
+from femupdate.workflow.diagnose import ModelParts, refined
+from femupdate.workflow.effects import (
+    open_structure,
+    open_wide,
+    plain_structure,
+    problem_of,
+    structure_near,
+)
+from femupdate.workflow.model import open_study
+
+THETA, ZETA, MASS, NOISE = np.array([0.8, 1.5]), 0.03, 0.25, 0.01
+HEAVY = (Placed(CATALOGUE["added_mass"], "RF"),)
+
+
+@pytest.fixture(scope="module")
+def cabin(cabin_built):
+    model = open_study(cabin_built)
+    plain = plain_structure(model)
+    stiffness = plain.structure.stiffness(np.ones(2)).toarray()
+    modes = eigh(stiffness, plain.structure.mass.toarray())[1]
+    exact = structure_on(plain.structure, modes)
+    return SimpleNamespace(
+        model=model,
+        building=model.building,
+        plain=plain,
+        exact=exact,
+        grid=model.building.frequency_grid.frequencies_hz(),
+    )
+
+
+@pytest.fixture(scope="module")
+def wide(cabin, tmp_path_factory):
+    """A basis for the whole prior, and the study that keeps it."""
+    study = Study(tmp_path_factory.mktemp("wide") / "study")
+    study.folder.mkdir()
+    return open_wide(study, cabin.plain.structure), study
+
+
+def frf(cabin, reduced, theta, placed=(), sizes=()):
+    """Complex FRFs (f, k) of a reduced cabin with effects."""
+    terms = tuple(reduced.terms(one) for one in placed)
+    system = EffectSystem(reduced, cabin.model.law, placed, terms)
+    values = [torch.tensor(np.atleast_2d(v), dtype=torch.float64) for v in (theta, sizes)]
+    zeta = torch.tensor([ZETA], dtype=torch.float64)
+    return system.frf(values[0], zeta, values[1], torch.from_numpy(cabin.grid))[0].numpy()
+
+
+def error(cabin, reduced, theta, placed=(), sizes=()):
+    """Root mean square error of ln|H|."""
+    both = [np.abs(frf(cabin, one, theta, placed, sizes)) for one in (reduced, cabin.exact)]
+    return float(np.sqrt((np.log(both[0] / both[1]) ** 2).mean()))
+
+
+@pytest.mark.parametrize("theta", [(1.0, 1.0), (0.55, 1.8), (1.7, 0.6)])
+def test_a_wide_basis_answers_like_the_full_model_all_over_the_prior(cabin, wide, theta):
+    assert error(cabin, wide[0], theta) < 0.01
+    assert error(cabin, wide[0], theta, HEAVY, [MASS]) < 0.01
+
+
+def test_a_wide_basis_is_made_once(cabin, wide, monkeypatch):
+    """And read as it was, but for the rounding of the file, which leaves it mass-orthonormal."""
+    first, study = wide
+    monkeypatch.setattr(
+        "femupdate.workflow.effects.reduce_structure", lambda *_, **__: pytest.fail("made again")
+    )
+    again = open_wide(study, cabin.plain.structure)
+    np.testing.assert_array_equal(again.basis, first.basis)
+    gram = again.basis.T @ (cabin.plain.structure.mass @ again.basis)
+    np.testing.assert_allclose(gram, np.eye(len(gram)), atol=1e-9)
+
+
+def test_another_building_gets_a_wide_basis_of_its_own(cabin, wide, monkeypatch):
+    """The one that the study keeps is of other mechanics."""
+    made = []
+
+    def remade(structure, target, *_, **__):
+        made.append(structure)
+        return cabin.exact
+
+    monkeypatch.setattr("femupdate.workflow.effects.reduce_structure", remade)
+    concrete = cabin.building.materials["concrete"].model_copy(update={"youngs_modulus": 20e9})
+    softer = cabin.building.model_copy(update={"materials": {"concrete": concrete}})
+    structure = replace(cabin.plain.structure, building=softer)
+    study = Study(wide[1].folder.parent / "other")
+    study.folder.mkdir()
+    open_wide(study, cabin.plain.structure)
+    open_wide(study, structure)
+    assert [one.building.materials["concrete"].youngs_modulus for one in made] == [25e9, 20e9]
+
+
+def test_a_stick_needs_no_wide_basis(tower_model, tmp_path):
+    structure = open_structure(Study(tmp_path), tower_model.building).structure
+    assert open_wide(Study(tmp_path), structure) is None
+
+
+@pytest.fixture(scope="module")
+def observation(cabin):
+    """The full model with mass on its roof, with errors of a hundredth of |H| and the phase."""
+    seen = frf(cabin, cabin.exact, THETA, HEAVY, [MASS])
+    noise = NOISE * np.random.default_rng(4).standard_normal((2, *seen.shape))
+    return Observation(
+        cabin.grid,
+        cabin.exact.model.floors,
+        np.log(np.abs(seen)) + noise[0],
+        np.full(seen.shape, NOISE),
+        np.ones(seen.shape, dtype=bool),
+        np.angle(seen) + noise[1],
+        None,
+        float(cabin.grid[1] - cabin.grid[0]),
+    )
+
+
+@pytest.mark.parametrize("from_wide", [False, True])
+def test_refined_moves_the_basis_to_where_theta_ended(cabin, wide, observation, from_wide):
+    """From a basis about factors that are off by two thirds, and a fit on it."""
+    parts = ModelParts(cabin.plain, None, wide[0] if from_wide else None)
+    there = np.array([1.35, 0.9])
+    away = structure_near(cabin.plain.structure, cabin.building, there, ZETA)
+    problem = replace(problem_of(cabin.plain, cabin.building, observation), reduced=away)
+    base = fit_baseline(problem)[0]
+    fitted = fit(problem, HEAVY, extended(problem, base, HEAVY, [0.1]))
+    moved, after = refined(cabin.model, parts, problem, fitted)
+    ended, mass = after.theta()[0], after.sizes()[0]
+    assert error(cabin, moved.reduced, ended, HEAVY, mass) < 0.01
+    assert after.placed == HEAVY
+    assert after.system.reduced is moved.reduced
+
+    assert (np.abs(ended - THETA) < 0.02 * THETA).all()
+    assert abs(mass[0] - MASS) < 0.02
