@@ -12,6 +12,7 @@ import torch
 from scipy.linalg import eigh
 
 from femupdate.discrepancy.fit import extended, fit, fit_baseline
+from femupdate.dynamics.effect_local import local_structure
 from femupdate.dynamics.effect_reduction import structure_on
 from femupdate.dynamics.effect_response import EffectSystem
 from femupdate.effects.effect import Placed
@@ -24,11 +25,13 @@ from femupdate.workflow.effects import (
     open_wide,
     plain_structure,
     problem_of,
+    reduction_target,
     structure_near,
 )
 from femupdate.workflow.model import open_study
 
 THETA, ZETA, MASS, NOISE = np.array([0.8, 1.5]), 0.03, 0.25, 0.01
+FAR = np.array([1.35, 0.9])
 HEAVY = (Placed(CATALOGUE["added_mass"], "RF"),)
 
 
@@ -132,18 +135,39 @@ def observation(cabin):
 
 @pytest.mark.parametrize("from_wide", [False, True])
 def test_refined_moves_the_basis_to_where_theta_ended(cabin, wide, observation, from_wide):
-    """From a basis about factors that are off by two thirds, and a fit on it."""
+    """From a few shapes about factors that are off by two thirds, and a fit on them."""
     parts = ModelParts(cabin.plain, None, wide[0] if from_wide else None)
-    there = np.array([1.35, 0.9])
-    away = structure_near(cabin.plain.structure, cabin.building, there, ZETA)
+    target = reduction_target(cabin.building)
+    away = local_structure(cabin.plain.structure, FAR, target, size=16)
     problem = replace(problem_of(cabin.plain, cabin.building, observation), reduced=away)
     base = fit_baseline(problem)[0]
     fitted = fit(problem, HEAVY, extended(problem, base, HEAVY, [0.1]))
     moved, after = refined(cabin.model, parts, problem, fitted)
-    ended, mass = after.theta()[0], after.sizes()[0]
-    assert error(cabin, moved.reduced, ended, HEAVY, mass) < 0.01
+    (ended, _), (mass, _) = after.theta(), after.sizes()
     assert after.placed == HEAVY
     assert after.system.reduced is moved.reduced
+    assert error(cabin, moved.reduced, ended, HEAVY, mass) < 0.01
+    assert error(cabin, away, ended, HEAVY, mass) > 0.05
+    assert (np.abs(ended - THETA) < 0.01 * THETA).all()
+    assert mass[0] == pytest.approx(MASS, abs=0.01)
 
-    assert (np.abs(ended - THETA) < 0.02 * THETA).all()
-    assert abs(mass[0] - MASS) < 0.02
+
+def test_refined_follows_theta_out_of_the_neighbourhood(cabin, observation, monkeypatch):
+    """A basis about where the first fit stood is not the last where theta then leaves it."""
+    parts, about = ModelParts(cabin.plain), []
+
+    def near(structure, building, theta, zeta, show=None):
+        about.append(theta)
+        return structure_near(structure, building, theta, zeta)
+
+    monkeypatch.setattr("femupdate.workflow.diagnose.structure_near", near)
+    here = structure_near(cabin.plain.structure, cabin.building, FAR, ZETA)
+    problem = replace(problem_of(cabin.plain, cabin.building, observation), reduced=here)
+    start = extended(problem, fit_baseline(problem)[0], HEAVY, [0.1])
+    start[:2] = torch.from_numpy(np.log(FAR))
+    stuck = fit(problem, HEAVY, start, iterations=0)
+    _, after = refined(cabin.model, parts, problem, stuck)
+    np.testing.assert_allclose(about[0], FAR)
+    np.testing.assert_allclose(about[-1], THETA, rtol=0.02)
+    assert len(about) <= 4
+    np.testing.assert_allclose(after.theta()[0], THETA, rtol=0.01)
