@@ -26,8 +26,6 @@ def reduce_structure(
     structure: Structure,
     target: ReductionTarget,
     progress: Callable[[int, int], None] | None = None,
-    *,
-    size: int = _SIZE,
 ) -> ReducedStructure:
     """Reduce a structure for use with effects.
 
@@ -38,8 +36,6 @@ def reduce_structure(
         structure: the full model.
         target: box, grid and damping.
         progress: told (done, total).
-        size: number of shapes; over a wide box a few hundred are needed (see
-            `femupdate.dynamics.effect_local`).
     """
     if structure.operators is None or structure.mesh is None:
         return structure_on(structure, np.diag(structure.points.mass**-0.5))
@@ -48,7 +44,7 @@ def reduce_structure(
     sensors = floor_sensors(operators, structure.mesh.floor_nodes, structure.direction)
     draws = varied.draw(target.lower, target.upper, target.samples, target.seed)
     task = VariedShapes(varied.mass)
-    basis = response_basis(operators, sensors, draws, target, progress, task=task, size=size)
+    basis = response_basis(operators, sensors, draws, target, progress, task=task, size=_SIZE)
     return structure_on(structure, basis)
 
 

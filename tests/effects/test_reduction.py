@@ -17,6 +17,7 @@ from femupdate.effects.structure import structure_of
 
 GRID = np.linspace(0.2, 30.0, 150)
 ZETA = 0.02
+HERE = np.array([0.7, 1.8])
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +44,7 @@ def reduced(structure, target):
 
 @pytest.fixture(scope="module")
 def local(structure, target):
-    return local_structure(structure, np.array([0.7, 1.8]), target, size=110)
+    return local_structure(structure, HERE, target, size=110)
 
 
 def log_frf(reduced, placed, values, theta):
@@ -75,17 +76,32 @@ def test_follows_the_full_model(reduced, exact, name):
         assert np.abs(error).max() < 0.5
 
 
-@pytest.mark.parametrize("name", [n for n, e in CATALOGUE.items() if not e.instrument])
-def test_local_basis_follows_the_full_model_nearby(local, exact, name):
-    """Half as many shapes, at story factors beside those that it is made for."""
+def nearby(exact, name):
+    """Story factors (3, p) beside HERE, and an effect of some size at each of its places."""
     effect = CATALOGUE[name]
-    rng = np.random.default_rng(3)
-    theta = np.array([0.7, 1.8]) * np.exp(rng.uniform(-0.15, 0.15, (3, 2)))
+    theta = HERE * np.exp(np.random.default_rng(3).uniform(-0.15, 0.15, (3, 2)))
     values = np.array([p.neutral for p in effect.parameters])
     first = effect.parameters[0]
     values[0] += 0.7 * (first.scale if first.upper > first.neutral else -first.scale)
-    for place in effect.places(exact.structure):
-        placed = Placed(effect, place)
+    return [(theta, Placed(effect, place), values) for place in effect.places(exact.structure)]
+
+
+@pytest.mark.parametrize("name", [n for n, e in CATALOGUE.items() if not e.instrument])
+def test_local_basis_follows_the_full_model_nearby(local, exact, name):
+    """Half as many shapes, at story factors beside those that it is made for."""
+    for theta, placed, values in nearby(exact, name):
         error = log_frf(local, placed, values, theta) - log_frf(exact, placed, values, theta)
         assert np.sqrt((error**2).mean()) < 0.015
         assert np.abs(error).max() < 0.2
+
+
+def test_a_basis_serves_its_neighbourhood_alone(local, exact):
+    """Far from the theta that it is taken for it errs more."""
+    placed, values = Placed(CATALOGUE["added_mass"], "RF"), np.array([0.05])
+
+    def error(theta):
+        both = [log_frf(r, placed, values, theta) for r in (local, exact)]
+        return np.sqrt(((both[0] - both[1]) ** 2).mean())
+
+    assert error(HERE) < 0.01
+    assert error(HERE[::-1].copy()) > 2.0 * error(HERE)
