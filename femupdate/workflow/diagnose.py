@@ -20,6 +20,7 @@ from femupdate.discrepancy.problem import Problem, together
 from femupdate.discrepancy.score import candidates
 from femupdate.discrepancy.screen import screen_channels
 from femupdate.discrepancy.where import Cell, band_edges
+from femupdate.dynamics.effect_local import SPREAD
 from femupdate.dynamics.effect_response import ReducedStructure
 from femupdate.effects.effect import Placed
 from femupdate.effects.structure import Structure
@@ -44,6 +45,7 @@ Floats = NDArray[np.float64]
 DIAGNOSIS = "diagnosis"
 _SHOWN = 8
 _ROUGH = 100  # shapes with which the stiffness factors are searched for
+_MOVES = 4  # bases, one after the other, at most
 _OBVIOUS = 0.5  # share of the coarse residuals, squared, that a wrong name leaves when mended
 
 
@@ -231,6 +233,8 @@ def refined(
 ) -> tuple[Problem, Fit]:
     """The problem around a fit with effects, whose theta may be far from the first one's.
 
+    Where theta leaves the neighbourhood that the new basis serves, it is followed.
+
     Args:
         model: of the study.
         parts: of the model.
@@ -241,7 +245,13 @@ def refined(
     if problem.reduced.structure.operators is None:
         return problem, fitted
     show = progress or Silent()
-    return _around(parts, model, problem, fitted, (fitted.placed, fitted.z), show)
+    for _ in range(_MOVES):
+        middle = fitted
+        start = (fitted.placed, fitted.z)
+        problem, fitted = _around(parts, model, problem, middle, start, show)
+        if np.abs(np.log(fitted.theta()[0] / middle.theta()[0])).max() < SPREAD:
+            break
+    return problem, fitted
 
 
 def _around(

@@ -1,0 +1,119 @@
+"""The basis of a frame in which effects act, about where theta ended.
+
+It is held against the cabin with all its degrees of freedom.
+"""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+from scipy.linalg import eigh
+
+from femupdate.discrepancy.fit import extended, fit, fit_baseline
+from femupdate.dynamics.effect_local import local_structure
+from femupdate.dynamics.effect_reduction import structure_on
+from femupdate.dynamics.effect_response import EffectSystem
+from femupdate.effects.effect import Placed
+from femupdate.effects.registry import CATALOGUE
+from femupdate.measurement.observation import Observation
+from femupdate.workflow.diagnose import ModelParts, refined
+from femupdate.workflow.effects import (
+    plain_structure,
+    problem_of,
+    reduction_target,
+    structure_near,
+)
+from femupdate.workflow.model import open_study
+
+THETA, ZETA, MASS, NOISE = np.array([0.8, 1.5]), 0.03, 0.25, 0.01
+FAR = np.array([1.35, 0.9])
+HEAVY = (Placed(CATALOGUE["added_mass"], "RF"),)
+
+
+@pytest.fixture(scope="module")
+def cabin(cabin_built):
+    model = open_study(cabin_built)
+    plain = plain_structure(model)
+    stiffness = plain.structure.stiffness(np.ones(2)).toarray()
+    modes = eigh(stiffness, plain.structure.mass.toarray())[1]
+    exact = structure_on(plain.structure, modes)
+    return SimpleNamespace(
+        model=model,
+        building=model.building,
+        plain=plain,
+        exact=exact,
+        grid=model.building.frequency_grid.frequencies_hz(),
+    )
+
+
+def frf(cabin, reduced, theta, placed=(), sizes=()):
+    """Complex FRFs (f, k) of a reduced cabin with effects."""
+    terms = tuple(reduced.terms(one) for one in placed)
+    system = EffectSystem(reduced, cabin.model.law, placed, terms)
+    values = [torch.tensor(np.atleast_2d(v), dtype=torch.float64) for v in (theta, sizes)]
+    zeta = torch.tensor([ZETA], dtype=torch.float64)
+    return system.frf(values[0], zeta, values[1], torch.from_numpy(cabin.grid))[0].numpy()
+
+
+def error(cabin, reduced, theta, placed=(), sizes=()):
+    """Root mean square error of ln|H|."""
+    both = [np.abs(frf(cabin, one, theta, placed, sizes)) for one in (reduced, cabin.exact)]
+    return float(np.sqrt((np.log(both[0] / both[1]) ** 2).mean()))
+
+
+@pytest.fixture(scope="module")
+def observation(cabin):
+    """The full model with mass on its roof, with errors of a hundredth of |H| and the phase."""
+    seen = frf(cabin, cabin.exact, THETA, HEAVY, [MASS])
+    noise = NOISE * np.random.default_rng(4).standard_normal((2, *seen.shape))
+    return Observation(
+        cabin.grid,
+        cabin.exact.model.floors,
+        np.log(np.abs(seen)) + noise[0],
+        np.full(seen.shape, NOISE),
+        np.ones(seen.shape, dtype=bool),
+        np.angle(seen) + noise[1],
+        None,
+        float(cabin.grid[1] - cabin.grid[0]),
+    )
+
+
+def test_refined_moves_the_basis_to_where_theta_ended(cabin, observation):
+    """From a few shapes about factors that are off by two thirds, and a fit on them."""
+    parts = ModelParts(cabin.plain, cabin.plain.structure)
+    target = reduction_target(cabin.building)
+    away = local_structure(cabin.plain.structure, FAR, target, size=16)
+    problem = replace(problem_of(cabin.plain, cabin.building, observation), reduced=away)
+    base = fit_baseline(problem)[0]
+    fitted = fit(problem, HEAVY, extended(problem, base, HEAVY, [0.1]))
+    moved, after = refined(cabin.model, parts, problem, fitted)
+    (ended, _), (mass, _) = after.theta(), after.sizes()
+    assert after.placed == HEAVY
+    assert after.system.reduced is moved.reduced
+    assert error(cabin, moved.reduced, ended, HEAVY, mass) < 0.01
+    assert error(cabin, away, ended, HEAVY, mass) > 0.05
+    assert (np.abs(ended - THETA) < 0.01 * THETA).all()
+    assert mass[0] == pytest.approx(MASS, abs=0.01)
+
+
+def test_refined_follows_theta_out_of_the_neighbourhood(cabin, observation, monkeypatch):
+    """A basis about where the first fit stood is not the last where theta then leaves it."""
+    parts, about = ModelParts(cabin.plain, cabin.plain.structure), []
+
+    def near(structure, building, theta, zeta, show=None):
+        about.append(theta)
+        return structure_near(structure, building, theta, zeta)
+
+    monkeypatch.setattr("femupdate.workflow.diagnose.structure_near", near)
+    here = structure_near(cabin.plain.structure, cabin.building, FAR, ZETA)
+    problem = replace(problem_of(cabin.plain, cabin.building, observation), reduced=here)
+    start = extended(problem, fit_baseline(problem)[0], HEAVY, [0.1])
+    start[:2] = torch.from_numpy(np.log(FAR))
+    stuck = fit(problem, HEAVY, start, iterations=0)
+    _, after = refined(cabin.model, parts, problem, stuck)
+    np.testing.assert_allclose(about[0], FAR)
+    np.testing.assert_allclose(about[-1], THETA, rtol=0.02)
+    assert len(about) <= 4
+    np.testing.assert_allclose(after.theta()[0], THETA, rtol=0.01)
