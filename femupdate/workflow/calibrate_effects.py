@@ -32,7 +32,7 @@ from femupdate.workflow.effects import (
 from femupdate.workflow.mesh_error import kept_mesh_error
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.progress import Progress, Silent
-from femupdate.workflow.repair import effect_posterior
+from femupdate.workflow.repaired import effect_posterior
 from femupdate.workflow.summary import identified, write_summary
 
 Floats = NDArray[np.float64]
@@ -61,7 +61,8 @@ def calibrate_with_effects(
     inflation = max(1.0, fitted.chi2 / max(problem.effective - fitted.coordinates.size, 1.0))
     draws = draw(problem, fitted, settings.particles, inflation, settings.seed)
     show.advance()
-    posterior = effect_posterior(model, observation, draws, {"inflation": inflation})
+    kept = {"inflation": inflation}
+    posterior = effect_posterior(model, observation, draws, kept)
     path = study.path("posterior.nc")
     save_posterior(posterior, path)
     origin = {**model.made_from(), "observation": file_hash(source.path)}

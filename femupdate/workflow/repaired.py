@@ -1,0 +1,102 @@
+"""The repaired building: its file, and the study that every command takes."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from femupdate.building.files import save_building
+from femupdate.building.schema import Building
+from femupdate.discrepancy.posterior import Draws
+from femupdate.discrepancy.problem import Problem
+from femupdate.discrepancy.repair import Repair
+from femupdate.inference.posterior import Posterior, save_posterior
+from femupdate.measurement.observation import Observation
+from femupdate.study import Study, file_hash
+from femupdate.workflow.calibrate import POSTERIOR, ObservationSource
+from femupdate.workflow.diagnose import ModelParts
+from femupdate.workflow.effects import building_effects, keep_basis, with_effect, without_effects
+from femupdate.workflow.mesh_error import keep_mesh_error
+from femupdate.workflow.model import StudyModel, keep_model, reduction_of
+
+REPAIRED = "repaired"
+_CHAINS = 4
+
+
+def repaired_building(building: Building, done: Repair) -> Building:
+    """The building with all effects of the last fit at their fitted values."""
+    repaired = without_effects(building)
+    values, first = done.after.sizes()[0], 0
+    for placed in done.after.placed:
+        count = len(placed.effect.parameters)
+        repaired = with_effect(repaired, placed, values[first : first + count])
+        first += count
+    names = ", ".join(one.finding.placed.label for one in done.rounds)
+    text = f"{building.description.rstrip()}\nRepaired: {names}.".strip()
+    return repaired.model_copy(update={"description": text})
+
+
+def keep_repaired(
+    study: Study,
+    model: StudyModel,
+    building: Building,
+    problem: Problem,
+    parts: ModelParts,
+    observation: Observation,
+    draws: Draws,
+    source: ObservationSource,
+    settings: Mapping[str, Any],
+) -> Study:
+    """A study of the repaired building, with its file, reduced model, basis and posterior.
+
+    Args:
+        study: in whose folder it goes.
+        model: of the building as it was.
+        building: as repaired.
+        problem: as the repaired model was fitted to it.
+        parts: of the model.
+        observation: what it was fitted to.
+        draws: of its posterior.
+        source: of the observation.
+        settings: of the posterior.
+    """
+    kept = Study(study.path(REPAIRED))
+    kept.folder.mkdir(parents=True, exist_ok=True)
+    save_building(building, kept.path("building.toml"))
+    repaired = keep_model(kept, building, reduction_of(model))
+    if problem.reduced.structure.operators is not None:
+        keep_basis(kept, problem.reduced, building)
+    if parts.mesh is not None:
+        keep_mesh_error(kept, building, parts.mesh)
+    posterior = effect_posterior(repaired, observation, draws, settings)
+    save_posterior(posterior, kept.path("posterior.nc"))
+    origin = {**repaired.made_from(), "observation": file_hash(source.path)}
+    kept.record(POSTERIOR, "posterior.nc", "repair", origin, {"file": str(source.path)})
+    return kept
+
+
+def effect_posterior(
+    model: StudyModel, observation: Observation, draws: Draws, settings: Mapping[str, Any]
+) -> Posterior:
+    """Draws of a building with effects as a posterior whose last columns are their parameters."""
+    effects = building_effects(model.building)
+    parameters = [(one, p) for one in effects.placed for p in one.effect.parameters]
+    names = [f"{one.label}.{p.name}" for one, p in parameters]
+    low = [max(p.lower, p.neutral - 5.0 * p.scale) for _, p in parameters]
+    high = [min(p.upper, p.neutral + 5.0 * p.scale) for _, p in parameters]
+    both = np.column_stack([draws.theta, draws.sizes])
+    each = len(both) // _CHAINS
+    # Resampled draws come in the order of their proposals: dealt out, every chain sees all.
+    order = np.random.default_rng(0).permutation(len(both))[: each * _CHAINS]
+    return Posterior(
+        (*model.prior.names, *names),
+        both[order].reshape(_CHAINS, each, -1),
+        None if model.zeta_bounds is None else draws.zeta[order].reshape(_CHAINS, each),
+        draws.log_likelihood[order].reshape(_CHAINS, each),
+        np.concatenate([model.prior.lower.numpy(), low]),
+        np.concatenate([model.prior.upper.numpy(), high]),
+        "exact",
+        np.full(_CHAINS, draws.log_evidence),
+        observation,
+        {"particles": len(both), "chains": _CHAINS, "exact": True, **settings},
+    )
