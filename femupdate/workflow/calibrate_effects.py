@@ -13,6 +13,7 @@ from femupdate.discrepancy.problem import Problem
 from femupdate.dynamics.effect_response import EffectSystem, reduce_terms
 from femupdate.inference.posterior import Posterior, save_posterior
 from femupdate.study import Study, file_hash
+from femupdate.workflow.amplitude import level_settings
 from femupdate.workflow.calibrate import (
     POSTERIOR,
     CalibrationReport,
@@ -61,7 +62,7 @@ def calibrate_with_effects(
     inflation = max(1.0, fitted.chi2 / max(problem.effective - fitted.coordinates.size, 1.0))
     draws = draw(problem, fitted, settings.particles, inflation, settings.seed)
     show.advance()
-    kept = {"inflation": inflation}
+    kept = {"inflation": inflation, **level_settings(model, fitted.placed, source)}
     posterior = effect_posterior(model, observation, draws, kept)
     path = study.path("posterior.nc")
     save_posterior(posterior, path)

@@ -5,6 +5,7 @@ import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -33,6 +34,9 @@ from femupdate.workflow.members import (
 )
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.progress import Progress, Silent
+
+if TYPE_CHECKING:
+    from femupdate.dynamics.effect_response import EffectSystem
 
 Floats = NDArray[np.float64]
 
@@ -182,9 +186,11 @@ def predict_study(
     posterior = load_posterior(study.require("posterior", "calibrate"))
     study.check_fresh("posterior", model.made_from(), "calibrate")
     theta, zeta, damping = _draws(model, posterior, settings)
+    system = _with_effects(study, model)
+    theta, zeta, at_level = _at_level(system, posterior, theta, zeta, motion, settings, show)
     chosen = choose_members(model.building, settings.members) if settings.members else None
     show.start("Integrating the response", len(theta))
-    summary = summarise(_histories(study, model, theta, zeta, motion, show), _EXAMPLES)
+    summary = summarise(_histories(system, model, theta, zeta, motion, show), _EXAMPLES)
     comparison = None if reference is None else _compare(summary, reference)
     spectra = _spectra(summary, motion, settings.spectrum_damping)
     few = np.linspace(0, len(theta) - 1, min(settings.member_draws, len(theta))).astype(int)
@@ -209,7 +215,7 @@ def predict_study(
         statistics(summary.story_stiffness),
         damping,
         comparison,
-        _notes(model, motion),
+        (*_notes(model, motion), *at_level),
         _draw(study, summary, motion, reference, show, spectra, members),
         time.monotonic() - started,
         spectra,
@@ -255,8 +261,45 @@ def _spectra(
     return FloorSpectra(frequency, damping, statistics(of_floors), base)
 
 
+def _with_effects(study: Study, model: StudyModel) -> "EffectSystem | None":
+    """The structure with the effects that the building lists, if any."""
+    if not model.building.effects:
+        return None
+    from femupdate.workflow.calibrate_effects import open_effects
+
+    return open_effects(study, model)
+
+
+def _at_level(
+    system: "EffectSystem | None",
+    posterior: Posterior,
+    parameters: torch.Tensor,
+    zeta: torch.Tensor,
+    motion: GroundMotion,
+    settings: PredictionSettings,
+    show: Progress,
+) -> tuple[torch.Tensor, torch.Tensor, tuple[str, ...]]:
+    """Draws at the level of motion that they reach, and what is to be said of it."""
+    from femupdate.workflow.amplitude import at_own_level, changes_with_level
+
+    if system is None or not changes_with_level(system.placed):
+        return parameters, zeta, ()
+    stories = system.reduced.model.parameters
+    show.start("Finding the level of the motion", len(parameters))
+    found = at_own_level(
+        system,
+        (parameters[:, :stories].numpy(), zeta.numpy(), parameters[:, stories:].numpy()),
+        motion,
+        posterior.settings,
+        keep_damping=settings.damping is not None,
+        progress=show.advance,
+    )
+    moved = torch.cat([torch.from_numpy(found.theta), parameters[:, stories:]], dim=1)
+    return moved, torch.from_numpy(found.zeta), (found.note,)
+
+
 def _histories(
-    study: Study,
+    system: "EffectSystem | None",
     model: StudyModel,
     parameters: torch.Tensor,
     zeta: torch.Tensor,
@@ -264,7 +307,7 @@ def _histories(
     show: Progress,
 ) -> Iterator[Histories]:
     """Response histories; a building with effects has their parameters behind its factors."""
-    if not model.building.effects:
+    if system is None:
         return history_batches(
             model.reduced,
             parameters,
@@ -275,11 +318,10 @@ def _histories(
             progress=show.advance,
         )
     from femupdate.dynamics.effect_history import effect_histories
-    from femupdate.workflow.calibrate_effects import open_effects
 
     stories = model.reduced.parameters
     return effect_histories(
-        open_effects(study, model),
+        system,
         parameters[:, :stories].numpy(),
         zeta.numpy(),
         parameters[:, stories:].numpy(),

@@ -18,6 +18,7 @@ from femupdate.discrepancy.repair import Repair
 from femupdate.discrepancy.repair import repair as mend
 from femupdate.discrepancy.where import p_value
 from femupdate.study import Study, file_hash, write_text
+from femupdate.workflow.amplitude import level_settings
 from femupdate.workflow.calibrate import ObservationSource, observation_of
 from femupdate.workflow.diagnose import model_parts, prepared, refined
 from femupdate.workflow.held_out import Held, hold
@@ -165,7 +166,11 @@ def repair_study(
     building, kept = model.building, None
     if done.rounds:
         building = repaired_building(model.building, done)
-        settings_kept = {"inflation": inflation}
+        span = tuple(block.level for block in problem.blocks)
+        settings_kept = {
+            "inflation": inflation,
+            **level_settings(model, done.after.placed, source, span),
+        }
         kept = keep_repaired(
             study, model, building, mended, parts, observation, after, source, settings_kept
         )

@@ -1,10 +1,12 @@
 """A second record of the same building, at another level of motion."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from femupdate.dynamics.level import motion_level
 from femupdate.errors import MeasurementError
 from femupdate.measurement.columns import BASE
 from femupdate.measurement.observation import Observation
@@ -14,6 +16,7 @@ from femupdate.workflow.model import StudyModel
 
 Floats = NDArray[np.float64]
 _ALIKE = 0.25  # doublings: two records of one level
+_SILENT = 1e-300
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,24 +53,33 @@ def second_record(
 
 
 def level_between(model: StudyModel, first: ObservationSource, second: ObservationSource) -> float:
-    """Doublings from the first to the second record's rms acceleration of the floors of both.
+    """Doublings from the first to the second record's level, over the floors of both.
 
     Raises:
         MeasurementError: a file holds FRFs, or the files have no floor in common.
     """
-    both = [_rms(model, source) for source in (first, second)]
-    common = sorted(set(both[0]) & set(both[1]))
-    if not common:
+    both = [record_levels(model, source) for source in (first, second)]
+    if not set(both[0]) & set(both[1]):
         raise MeasurementError(
             f"{second.path}: it has no floor in common with {first.path}, so that their levels "
             "cannot be compared"
         )
-    ratio = [both[1][floor] / max(both[0][floor], 1e-300) for floor in common]
+    return doublings(both[0], both[1])
+
+
+def doublings(first: Mapping[str, float], second: Mapping[str, float]) -> float:
+    """Doublings from the first to the second level (m/s2 by floor), the median over the floors."""
+    common = sorted(set(first) & set(second))
+    ratio = [max(second[floor], _SILENT) / max(first[floor], _SILENT) for floor in common]
     return float(np.log2(np.median(ratio)))
 
 
-def _rms(model: StudyModel, source: ObservationSource) -> dict[str, float]:
-    """Root mean square acceleration (m/s2) of every floor along the motion."""
+def record_levels(model: StudyModel, source: ObservationSource) -> dict[str, float]:
+    """Level (m/s2) of every floor's acceleration along the motion (see `motion_level`).
+
+    Raises:
+        MeasurementError: the file holds FRFs.
+    """
     data = read_observation_file(source.path, source.unit, source.columns)
     if not isinstance(data, Histories):
         raise MeasurementError(
@@ -77,5 +89,5 @@ def _rms(model: StudyModel, source: ObservationSource) -> dict[str, float]:
     direction, found = observed_direction(model), {}
     for channel, row in zip(data.channels, data.acceleration, strict=True):
         if channel.floor != BASE and channel.direction == direction:
-            found[channel.floor] = float(np.sqrt((row**2).mean()))
+            found[channel.floor] = float(motion_level(row))
     return found

@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 
 from femupdate.errors import BuildingError, MeasurementError
+from femupdate.measurement.record import GroundMotion
+from femupdate.measurement.write import write_record
 from femupdate.study import Study
 from femupdate.workflow.calibrate import ObservationSource
 from femupdate.workflow.diagnose import diagnose_study
 from femupdate.workflow.model import open_study
+from femupdate.workflow.predict import PredictionSettings, RecordSource, predict_study
 from femupdate.workflow.repair import repair_study
 from femupdate.workflow.second_record import level_between
 from femupdate.workflow.simulate import parse_effect
@@ -143,3 +146,35 @@ def test_one_simulation_has_one_level(study, home):
     building = _open(study, home).building
     with pytest.raises(BuildingError, match="two levels"):
         parse_effect(building, "amplitude_softening@all", (-0.1,))
+
+
+def test_another_strong_motion_is_predicted_with_the_stiffness_at_its_level(
+    study, home, monkeypatch
+):
+    """A record kept out, of the softened chain: the factors alone hold for weak motion."""
+    monkeypatch.setattr("femupdate.workflow.predict._draw", lambda *_: ())
+    model = _open(study, home)
+    weak, strong = (ObservationSource(home / name) for name in ("weak.csv", "strong.csv"))
+    repaired = repair_study(study, model, weak, second=strong).study
+    other = home / "other.csv"
+    _write(other, _chain(SOFTER * THETA, 0.05), 9, TIMES * 0.3)
+    base = np.loadtxt(other, delimiter=",", skiprows=2, usecols=1)
+    record = write_record(home / "other_base.csv", GroundMotion(base, STEP))
+
+    def predicted():
+        return predict_study(
+            repaired,
+            open_study(repaired, None),
+            RecordSource(record),
+            PredictionSettings(samples=4),
+            measured=other,
+        )
+
+    report = predicted()
+    # 0.002 m/s2 of noise and the errors of what was found from two records.
+    assert (report.comparison.relative_error < 0.05).all()
+    assert any("3.9 times the level" in note or "4 times" in note for note in report.notes)
+    assert not any("beyond" in note for note in report.notes)
+    np.testing.assert_allclose(report.story_stiffness.mean, SOFTER * THETA * SPRINGS, rtol=0.02)
+    monkeypatch.setattr("femupdate.workflow.amplitude.changes_with_level", lambda _: False)
+    assert (predicted().comparison.relative_error > 0.3).all()

@@ -1,0 +1,202 @@
+"""Stiffness that falls with amplitude, at the level that the predicted motion itself reaches.
+
+The stiffness factors of a posterior hold at the level of the record that they were found from. A
+stronger motion finds a softer building, and how strong the motion of the floors is depends on the
+stiffness in turn: each draw is put at the level at which its own response has that level.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache, partial
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from femupdate.dynamics.effect_history import effect_histories
+from femupdate.dynamics.effect_response import EffectSystem
+from femupdate.dynamics.level import motion_level
+from femupdate.effects.effect import Placed
+from femupdate.errors import MeasurementError
+from femupdate.measurement.record import GroundMotion
+from femupdate.workflow.calibrate import ObservationSource
+from femupdate.workflow.model import StudyModel
+from femupdate.workflow.second_record import doublings, record_levels
+
+Floats = NDArray[np.float64]
+_LEVELS, _SPAN = "level_m_s2", "level_span"  # in the settings of a posterior
+_EXACT = 0.005  # doublings
+_STEPS = 30
+_BEYOND = 0.5  # doublings outside of the records that are worth a word
+
+
+@dataclass(frozen=True, eq=False)
+class AtOwnLevel:
+    """Posterior draws at the level of the motion that is predicted.
+
+    Attributes:
+        theta: (S, p) stiffness factors.
+        zeta: (S,) damping ratios.
+        level: (S,) doublings above the record that the factors were found from.
+        note: one sentence for the user.
+    """
+
+    theta: Floats
+    zeta: Floats
+    level: Floats
+    note: str
+
+
+def level_settings(
+    model: StudyModel,
+    placed: tuple[Placed, ...],
+    source: ObservationSource,
+    span: tuple[float, ...] = (),
+) -> dict[str, Any]:
+    """What a posterior keeps of the level that its stiffness factors hold at.
+
+    Args:
+        model: of the study.
+        placed: its effects; nothing is kept where none of them depends on the level.
+        source: the data of the posterior.
+        span: levels of the records from which the effect was found, doublings above the first.
+    """
+    if not changes_with_level(placed):
+        return {}
+    try:
+        levels = record_levels(model, source)
+    except MeasurementError:  # a table of FRFs has none
+        return {}
+    return {_LEVELS: levels, _SPAN: [min(span, default=0.0), max(span, default=0.0)]}
+
+
+def changes_with_level(placed: tuple[Placed, ...]) -> bool:
+    """Whether one of some effects makes stiffness or damping depend on the level."""
+    return any(one.effect.needs_levels for one in placed)
+
+
+def at_own_level(
+    system: EffectSystem,
+    draws: tuple[Floats, Floats, Floats],
+    motion: GroundMotion,
+    settings: Mapping[str, Any],
+    *,
+    keep_damping: bool = False,
+    progress: Callable[[int], None] | None = None,
+) -> AtOwnLevel:
+    """Put posterior draws at the level that their own response to a motion has.
+
+    Args:
+        system: the structure with effects.
+        draws: theta (S, p), zeta (S,) and sizes (S, q) of the effects.
+        motion: of the base.
+        settings: of the posterior, with the level that theta holds at; without it all stays.
+        keep_damping: leave the damping ratios as they are.
+        progress: told after every draw.
+    """
+    theta, zeta, sizes = draws
+    reference = settings.get(_LEVELS)
+    if not reference:
+        note = (
+            "The stiffness falls with amplitude, but at which level its factors were found is not "
+            "known: they are used as they are."
+        )
+        return AtOwnLevel(theta, zeta, np.zeros(len(theta)), note)
+    found, start = [], 0.0
+    softer, damped = theta.copy(), zeta.copy()
+    for row in range(len(theta)):
+        one = _Draw(system, theta[row], float(zeta[row]), sizes[row], keep_damping)
+        start = own_level(partial(one.reached, motion, reference), start)
+        softer[row], damped[row] = one.at(start)
+        found.append(start)
+        if progress is not None:
+            progress(1)
+    level = np.array(found)
+    note = _note(level, softer / theta, damped / zeta, settings.get(_SPAN))
+    return AtOwnLevel(softer, damped, level, note)
+
+
+@dataclass(frozen=True, eq=False)
+class _Draw:
+    """One posterior draw: theta (p,), zeta and sizes (q,)."""
+
+    system: EffectSystem
+    theta: Floats
+    zeta: float
+    sizes: Floats
+    keep_damping: bool
+
+    def at(self, level: float) -> tuple[Floats, float]:
+        """Stiffness factors (p,) and damping ratio at a level."""
+        theta, zeta = self.system.at_level(
+            torch.from_numpy(self.theta[None].copy()),
+            torch.tensor([self.zeta], dtype=torch.float64),
+            torch.from_numpy(self.sizes[None].copy()),
+            level,
+        )
+        return theta.numpy()[0], self.zeta if self.keep_damping else float(zeta[0])
+
+    def reached(self, motion: GroundMotion, reference: Mapping[str, float], level: float) -> float:
+        """Level of the response with the stiffness of a level."""
+        theta, zeta = self.at(level)
+        response = next(
+            effect_histories(
+                self.system,
+                theta[None],
+                np.array([zeta]),
+                self.sizes[None],
+                motion.acceleration,
+                motion.time_step,
+            )
+        )
+        levels = motion_level(response.floor_acceleration[0])
+        return doublings(reference, dict(zip(response.floors, levels.tolist(), strict=True)))
+
+
+def own_level(reached: Callable[[float], float], start: float) -> float:
+    """The level (doublings) at which the response has that level.
+
+    Args:
+        reached: level of the response with the stiffness of a level.
+        start: where the search begins.
+
+    Stiffness changes the level of the response little, so that taking each answer for the next
+    question leads there; two questions that err to opposite sides have it between them.
+    """
+    ask = cache(reached)
+    level, gap = start, ask(start) - start
+    for _ in range(_STEPS):
+        if abs(gap) < _EXACT:
+            break
+        following = level + gap
+        after = ask(following) - following
+        if abs(after) >= _EXACT and gap * after < 0.0:
+            ends = sorted((level, following))
+            return float(brentq(lambda x: ask(x) - x, *ends, xtol=_EXACT))
+        level, gap = following, after
+    return level + gap
+
+
+def _note(level: Floats, stiffness: Floats, damping: Floats, span: list[float] | None) -> str:
+    """In words, from the levels (S,) and what stiffness (S, p) and damping (S,) are multiplied by.
+
+    `span` holds the lowest and the highest level from which the change is known.
+    """
+    mean, share = float(level.mean()), stiffness.mean(axis=0)
+    most = float(share[np.abs(np.log(share)).argmax()])
+    text = (
+        f"The motion has {2.0**mean:.2g} times the level of the record that the stiffness factors "
+        f"were found from: stiffness is taken {most:.3g} times, damping {damping.mean():.3g} times "
+        "as large."
+    )
+    if span and span[1] > span[0] and not span[0] - _BEYOND < mean < span[1] + _BEYOND:
+        text += (
+            f" That is beyond the records ({2.0 ** span[0]:.2g} to {2.0 ** span[1]:.2g} times) "
+            "that show how it changes."
+        )
+    return text
+
+
+__all__ = ["AtOwnLevel", "at_own_level", "changes_with_level", "level_settings", "own_level"]

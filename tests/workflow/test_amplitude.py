@@ -1,0 +1,164 @@
+"""A one-story building that softens, at the level it reaches, against scipy and bisection."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.optimize import bisect
+from scipy.signal import StateSpace, lsim
+
+from femupdate.building.document import from_document
+from femupdate.dynamics.damping import ConstantDamping
+from femupdate.dynamics.effect_reduction import structure_on
+from femupdate.dynamics.effect_response import EffectSystem
+from femupdate.dynamics.level import motion_level
+from femupdate.effects.effect import Placed
+from femupdate.effects.registry import CATALOGUE
+from femupdate.effects.structure import structure_of
+from femupdate.measurement.record import GroundMotion
+from femupdate.workflow.amplitude import at_own_level, changes_with_level, own_level
+
+MASS, SPRING, STEP = 2000.0, 8e5, 0.005
+SOFTER, MORE_DAMPING = -0.12, 0.25
+THETA, ZETA = np.array([[0.9], [1.1]]), np.array([0.03, 0.05])
+SIZES = np.tile([SOFTER, MORE_DAMPING], (2, 1))
+WEAK = 0.4  # m/s2
+
+
+@pytest.fixture(scope="module")
+def house():
+    building = from_document(
+        {
+            "name": "house",
+            "kind": "shear",
+            "stories": [{"name": "S1", "mass": MASS, "stiffness": SPRING}],
+            "frequency_grid": {"start": 0.2, "step": 0.2, "count": 60},
+            "prior": {"theta": {"lower": 0.5, "upper": 2.0}},
+            "damping": {"law": "constant", "ratio": 0.03},
+        }
+    )
+    structure = structure_of(building)
+    reduced = structure_on(structure, np.diag(structure.points.mass**-0.5))
+    placed = (Placed(CATALOGUE["amplitude_softening"], "all"),)
+    terms = tuple(reduced.terms(one) for one in placed)
+    system = EffectSystem(reduced, ConstantDamping(), placed, terms)
+    (floor,) = reduced.model.floors
+    return SimpleNamespace(system=system, settings={"level_m_s2": {floor: WEAK}})
+
+
+@pytest.fixture(scope="module")
+def motion():
+    """Shaking about the building's frequency, between five seconds of silence and ten."""
+    time = np.arange(4000) * STEP
+    swell = np.sin(np.pi * time / time[-1]) ** 2
+    rng = np.random.default_rng(8)
+    waves = sum(
+        np.sin(2.0 * np.pi * f * time + phase)
+        for f, phase in zip(np.linspace(1.0, 6.0, 21), rng.uniform(0, 6, 21), strict=True)
+    )
+    shaking = np.concatenate([np.zeros(1000), 0.4 * swell * waves, np.zeros(2000)])
+    return GroundMotion(shaking, STEP)
+
+
+def strong(acceleration):
+    """Rms between the instants at which 5 and 95 % of the energy have passed."""
+    energy = np.cumsum(acceleration**2) / (acceleration**2).sum()
+    first, last = np.searchsorted(energy, [0.05, 0.95])
+    return np.sqrt((acceleration[first:last] ** 2).mean())
+
+
+def roof(theta, zeta, base):
+    """Absolute acceleration of a mass on a spring by scipy."""
+    omega = np.sqrt(theta * SPRING / MASS)
+    A = np.array([[0.0, 1.0], [-(omega**2), -2.0 * zeta * omega]])
+    system = StateSpace(A, [[0.0], [-1.0]], [[-(omega**2), -2.0 * zeta * omega]], [[0.0]])
+    return lsim(system, base, np.arange(base.size) * STEP)[1]
+
+
+def by_hand(theta, zeta, base):
+    """Level (doublings) at which the response has that level, stiffness and damping there."""
+
+    def at(level):
+        return theta * (1.0 + SOFTER) ** level, zeta * (1.0 + MORE_DAMPING) ** level
+
+    level = bisect(lambda x: np.log2(strong(roof(*at(x), base)) / WEAK) - x, -6.0, 8.0, xtol=1e-3)
+    return level, *at(level)
+
+
+def scaled(motion, factor):
+    return GroundMotion(factor * motion.acceleration, STEP)
+
+
+@pytest.mark.parametrize("factor", [0.3, 1.0, 4.0])
+def test_stiffness_and_damping_are_those_at_the_level_of_the_response(house, motion, factor):
+    own = scaled(motion, factor)
+    found = at_own_level(house.system, (THETA, ZETA, SIZES), own, house.settings)
+    for row in range(2):
+        level, theta, zeta = by_hand(THETA[row, 0], ZETA[row], own.acceleration)
+        # Levels are found to 0.005 doublings; scipy takes the motion as straight between samples.
+        assert found.level[row] == pytest.approx(level, abs=0.02)
+        assert found.theta[row, 0] == pytest.approx(theta, rel=0.003)
+        assert found.zeta[row] == pytest.approx(zeta, rel=0.006)
+
+
+def test_a_stronger_motion_finds_a_softer_building(house, motion):
+    levels = [
+        at_own_level(house.system, (THETA, ZETA, SIZES), scaled(motion, f), house.settings).level
+        for f in (0.5, 1.0, 2.0)
+    ]
+    # Damping grows with the level, so that twice the motion is less than twice the response.
+    assert (np.diff(levels, axis=0) > 0.5).all()
+    assert (np.diff(levels, axis=0) < 1.1).all()
+
+
+def test_a_ratio_that_the_user_chose_stays(house, motion):
+    found = at_own_level(
+        house.system, (THETA, ZETA, SIZES), scaled(motion, 4.0), house.settings, keep_damping=True
+    )
+    np.testing.assert_array_equal(found.zeta, ZETA)
+    assert (found.theta < 0.95 * THETA).all()
+
+
+def test_without_a_known_level_nothing_changes_and_the_user_is_told(house, motion):
+    found = at_own_level(house.system, (THETA, ZETA, SIZES), motion, {})
+    np.testing.assert_array_equal(found.theta, THETA)
+    np.testing.assert_array_equal(found.zeta, ZETA)
+    assert "not known" in found.note
+
+
+def test_the_note_says_how_far_the_motion_is_from_the_records(house, motion):
+    def note(factor):
+        settings = {**house.settings, "level_span": [0.0, 1.0]}
+        return at_own_level(
+            house.system, (THETA, ZETA, SIZES), scaled(motion, factor), settings
+        ).note
+
+    strongest = at_own_level(
+        house.system, (THETA, ZETA, SIZES), scaled(motion, 10.0), house.settings
+    )
+    assert strongest.level.mean() > 1.5
+    times = f"{2.0 ** strongest.level.mean():.2g} times the level"
+    assert times in note(10.0)
+    assert "beyond the records (1 to 2 times)" in note(10.0)
+    inside = WEAK / strong(roof(1.0, 0.04, motion.acceleration))
+    assert "beyond" not in note(1.5 * inside)
+
+
+def test_a_level_is_found_where_repeating_would_run_away():
+    """The answer falls twice as fast as the question rises."""
+    assert own_level(lambda level: 1.8 - 2.0 * level, 0.0) == pytest.approx(0.6, abs=0.01)
+    assert own_level(lambda level: 1.5 - 0.1 * level, 0.0) == pytest.approx(1.5 / 1.1, abs=0.01)
+
+
+def test_only_what_depends_on_the_level_asks_for_it(house):
+    assert changes_with_level(house.system.placed)
+    assert not changes_with_level((Placed(CATALOGUE["added_mass"], "RF"),))
+
+
+def test_silence_does_not_lower_a_level():
+    wave = 3.0 * np.sin(0.1 * np.arange(20_000))
+    padded = np.concatenate([np.zeros(7000), wave, np.zeros(40_000)])
+    both = motion_level(np.stack([padded, 2.0 * padded]))
+    np.testing.assert_allclose(both, 3.0 / np.sqrt(2.0) * np.array([1.0, 2.0]), rtol=2e-3)
+    assert float(motion_level(wave)) == pytest.approx(3.0 / np.sqrt(2.0), rel=2e-3)
+    assert float(motion_level(np.zeros(50))) == 0.0
