@@ -29,6 +29,10 @@ _BENCHMARKS = {
         "benchmark_training",
         "Our network and the published layout, trained side by side.",
     ),
+    "latent-size": (
+        "benchmark_latent_size",
+        "How many latent coordinates a building's data can tell apart.",
+    ),
 }
 
 

@@ -2,6 +2,7 @@
 
 import ast
 import json
+from pathlib import Path
 
 from femupdate.benchmark import solver
 from femupdate.benchmark.score import Score
@@ -54,3 +55,16 @@ def test_benchmark_training(femupdate, tmp_path):
     done = femupdate("benchmark", "training", "--samples", "100", "--output", tmp_path)
     assert done.code == 1
     assert "100 samples are too few for batches of 512" in done.err
+
+
+def test_benchmark_latent_size(femupdate, tmp_path):
+    """Every story's stiffness counts, at the roof of four stories as well."""
+    arguments = ("benchmark", "latent-size", "--draws", "30", "--output", tmp_path)
+    answer = femupdate(*arguments, "--sensors", "RF", "--json").answer
+    assert answer["enough"] == 4
+    assert answer["nats"] == sorted(answer["nats"], reverse=True)
+    text = Path(answer["results"][1]).read_text(encoding="utf-8")
+    assert "Enough: 4 of 4." in text
+    done = femupdate(*arguments, "--sensors", "9F")
+    assert done.code == 1
+    assert "shear_4dof has no floor 9F to observe; it has 2F, 3F, 4F, RF" in done.err
