@@ -19,8 +19,6 @@ from femupdate.inference.laplace import LaplaceStart
 from femupdate.inference.prior import UniformPrior
 from femupdate.inference.smc import LogLikelihood
 
-# Responses whose derivatives are taken at a time: more do not go faster on a processor.
-_ROWS = 8
 # First step, in standard deviations of the Gaussian.
 _FIRST_STEP = 0.1
 # Dual averaging: shrinkage, delay and forgetting, as published.
@@ -36,12 +34,15 @@ class HamiltonianSettings:
         length: mean length of a trajectory, in standard deviations of the Gaussian at the maximum.
         acceptance: aimed at.
         most_steps: of a trajectory.
+        rows: likelihoods whose derivatives are taken at a time; with responses of a building more
+            do not go faster on a processor.
     """
 
     warm_up: int = 40
     length: float = 3.0
     acceptance: float = 0.7
     most_steps: int = 50
+    rows: int = 8
 
 
 @dataclass(frozen=True)
@@ -112,7 +113,7 @@ def hamiltonian_draws(
     """
     chosen = settings or HamiltonianSettings()
     generator = torch.Generator(device=prior.lower.device).manual_seed(seed)
-    target = _Target(prior, log_likelihood, start, chains, generator)
+    target = _Target(prior, log_likelihood, start, chains, chosen.rows, generator)
     state = target(prior.lower.new_zeros(chains, prior.size))
     if not bool(torch.isfinite(state.log_density).any()):
         raise InferenceError("no chain has a finite likelihood near the maxima that were found")
@@ -146,9 +147,10 @@ class _Target:
         log_likelihood: LogLikelihood,
         start: LaplaceStart,
         chains: int,
+        rows: int,
         generator: torch.Generator,
     ) -> None:
-        self._prior, self._log_likelihood = prior, log_likelihood
+        self._prior, self._log_likelihood, self._rows = prior, log_likelihood, rows
         mixture = start.proposal.gaussian
         # Systematic, so that the shares of the maxima are kept to one chain.
         places = torch.rand(1, generator=generator, dtype=torch.float64, device=mixture.mean.device)
@@ -169,7 +171,7 @@ class _Target:
     def __call__(self, u: Tensor) -> _State:
         self.count += len(u)
         xi = self.normal(u)
-        parts = [self._likelihood(rows) for rows in xi.clamp(-8.0, 8.0).split(_ROWS)]
+        parts = [self._likelihood(rows) for rows in xi.clamp(-8.0, 8.0).split(self._rows)]
         value = torch.cat([value for value, _ in parts])
         slope = torch.cat([slope for _, slope in parts]) - xi
         whitened = (self._factor.transpose(1, 2) @ slope[..., None])[..., 0]

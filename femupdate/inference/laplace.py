@@ -110,6 +110,7 @@ def laplace_start(
     seed: int,
     settings: LaplaceSettings | None = None,
     progress: Callable[[int], None] | None = None,
+    near: Tensor | None = None,
 ) -> LaplaceStart:
     """Find maxima of prior times likelihood, and put a Gaussian at each.
 
@@ -119,14 +120,19 @@ def laplace_start(
         seed: of the candidates.
         settings: see `LaplaceSettings`.
         progress: called with the number of residual vectors evaluated since the last call.
+        near: (n, p) parameters known to be near the maxima: candidates in place of the prior's
+            draws, searched from with the whole weight of the data.
 
     Raises:
         InferenceError: no candidate has finite residuals.
     """
     chosen = settings or LaplaceSettings()
     counted = _Counted(prior, residuals, progress)
-    search = _first(prior, counted, seed, chosen)
-    for share in _STAGES:
+    candidates = (
+        _candidates(prior, seed, chosen.candidates) if near is None else _normal(prior, near)
+    )
+    search = _first(counted, candidates, chosen.starts)
+    for share in _STAGES if near is None else _STAGES[-1:]:
         for _ in range(chosen.steps * (2 if share == 1.0 else 1)):
             search = _stepped(counted, search, share)
     mean, factor, log_weight, reached = _maxima(counted, search)
@@ -159,16 +165,24 @@ class _Counted:
         return torch.nan_to_num(slope, nan=0.0, posinf=0.0, neginf=0.0).transpose(1, 2)
 
 
-def _first(prior: UniformPrior, counted: _Counted, seed: int, settings: LaplaceSettings) -> _Search:
+def _candidates(prior: UniformPrior, seed: int, count: int) -> Tensor:
+    """Nearer to the middle of the box than the prior's own draws: its corners are seldom best."""
     generator = torch.Generator(device=prior.lower.device).manual_seed(seed)
-    # Nearer to the middle of the box than the prior's own draws: its corners are seldom the best.
-    xi = 0.7 * prior.to_normal(prior.sample(settings.candidates, generator)).clamp(-3.0, 3.0)
+    return 0.7 * _normal(prior, prior.sample(count, generator))
+
+
+def _normal(prior: UniformPrior, theta: Tensor) -> Tensor:
+    return prior.to_normal(theta).clamp(-3.0, 3.0)
+
+
+def _first(counted: _Counted, xi: Tensor, starts: int) -> _Search:
+    """The best of some candidates (n, p)."""
     residual = counted(xi)
-    order = residual.square().sum(1).argsort()[: settings.starts]
+    order = residual.square().sum(1).argsort()[:starts]
     order = order[torch.isfinite(residual[order].sum(1))]
     if not len(order):
         raise InferenceError(
-            f"none of {settings.candidates} parameter sets has a finite likelihood for this "
+            f"none of {len(xi)} parameter sets has a finite likelihood for this "
             "observation; check that the file and the building belong together"
         )
     return _Search(xi[order], residual[order], xi.new_full((len(order),), 1e-2))

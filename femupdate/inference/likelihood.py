@@ -86,7 +86,7 @@ class LatentLikelihood:
             self.proposal = self._mvae.encode_observation(self.input.log_frf.to(device), visibility)
         # The search is short and the same for an observation whatever the seed of the sampler.
         generator = torch.Generator().manual_seed(_SEARCH_SEED)
-        control = Control(clean, _responses(model, law, observation, clean.log_frf))
+        control = Control(clean, floor_responses(model, law, observation, clean.log_frf))
         self.found = find_latent(
             self._mvae, _with_decoder_error(clean, self._mvae), self.proposal, control, generator
         )
@@ -140,10 +140,13 @@ def _with_decoder_error(data: LatentData, mvae: Mvae) -> LatentData:
     )
 
 
-def _responses(
+def floor_responses(
     model: ReducedModel, law: DampingLaw, observation: Observation, like: Tensor
 ) -> Callable[[Tensor, Tensor], Tensor]:
-    """ln|H| on the surrogate's floors (n, f, k) by the reduced model, zero where not observed."""
+    """The reduced model's ln|H| (n, f, k) at theta (n, p) and damping ratios (n,).
+
+    On the surrogate's floors, as `like` (f, k) has them; zero where not observed.
+    """
     # Differences of these are taken: they must be smooth.
     exact = DataLikelihood(model, law, observation, device=like.device, modes=None)
     rows = list(exact.terms.rows)

@@ -1,0 +1,133 @@
+"""The latent posterior by chains on a decoder that has learned something wrong, by quadrature."""
+
+import numpy as np
+import pytest
+import torch
+
+from femupdate.inference.decoded import DecodedLikelihood, fit_correction
+from femupdate.inference.decoded_chains import DecodedSettings, decoded_posterior
+from femupdate.inference.hamiltonian import HamiltonianSettings
+from femupdate.inference.laplace import LaplaceSettings
+from femupdate.surrogate.gauss_newton import LatentData
+from femupdate.surrogate.network import Mvae
+from femupdate.surrogate.sizes import NetworkSizes
+
+FREQUENCY = torch.arange(1, 61) / 60.0
+LOWER, UPPER, NOISE = 0.3, 3.0, 0.3
+
+
+class TwoSprings(torch.nn.Module):
+    """Stands for a decoder: modes at sums and products of z; the ground floor says little."""
+
+    def __init__(self, scale):
+        super().__init__()
+        self.scale = scale
+
+    def forward(self, z, points=slice(None)):
+        w = FREQUENCY[points].to(z)
+        low = self.scale * (0.35 + 0.05 * (z[:, :1] + z[:, 1:] ** 2 / 2.0))
+        high = 0.8 + 0.03 * z[:, :1] * z[:, 1:]
+        terms = [torch.log((one**2 - w**2) ** 2 + (0.1 * one * w) ** 2) for one in (low, high)]
+        return torch.stack([-0.05 * terms[1], -0.5 * (terms[0] + terms[1])], dim=1)
+
+    def excess_variance(self, points=slice(None)):
+        return torch.full((2, 60), 0.05**2)[:, points]
+
+    def damping(self, z):
+        return z.new_full((len(z),), 0.02)
+
+    def damping_coordinate(self, zeta):
+        return zeta.new_zeros(len(zeta), 0)
+
+
+BUILDING, LEARNED = TwoSprings(1.0), TwoSprings(1.03)
+
+
+@pytest.fixture
+def mvae():
+    torch.manual_seed(0)
+    made = Mvae(NetworkSizes(2, 60, 2, False, 2, width=16, parameter_width=16))
+    made.decoder = LEARNED
+    made.decode = LEARNED
+    made.lower.fill_(LOWER)
+    made.upper.fill_(UPPER)
+    return made.requires_grad_(False)
+
+
+def place(theta):
+    root = (theta.sqrt() - LOWER**0.5) / (UPPER**0.5 - LOWER**0.5)
+    return 3.0**0.5 * (2.0 * root - 1.0)
+
+
+def respond(theta):
+    return BUILDING(place(theta))
+
+
+@pytest.fixture
+def seen():
+    """The roof alone, with a gap; noise of .3."""
+    truth = torch.tensor([[1.4, 0.9]], dtype=torch.float64)
+    noise = torch.randn(2, 60, generator=torch.Generator().manual_seed(2), dtype=torch.float64)
+    weight = torch.zeros(2, 60, dtype=torch.float64)
+    weight[1, :25] = weight[1, 28:] = NOISE**-2
+    return LatentData(respond(truth)[0] + NOISE * noise, weight)
+
+
+def by_quadrature(seen):
+    """Mean and covariance of theta."""
+    axis = torch.linspace(LOWER, UPPER, 301, dtype=torch.float64)
+    theta = torch.cartesian_prod(axis, axis)
+    misfit = torch.cat(
+        [(seen.weight * (seen.log_frf - respond(t)) ** 2).sum((1, 2)) for t in theta.split(5000)]
+    )
+    weight = torch.softmax(-0.5 * misfit, 0)
+    mean = weight @ theta
+    return mean.numpy(), (weight @ (theta - mean) ** 2).sqrt().numpy()
+
+
+def test_the_posterior_is_the_building_s_and_not_the_decoder_s(mvae, seen, box):
+    prior = box([LOWER] * 2, [UPPER] * 2)
+    quick = DecodedSettings(
+        search=LaplaceSettings(starts=6, candidates=200),
+        chains=16,
+        chain=HamiltonianSettings(warm_up=30, rows=64),
+    )
+    likelihood = DecodedLikelihood(mvae, seen)
+    found = decoded_posterior(prior, likelihood, respond, 60, 0, quick)
+    mean, sd = by_quadrature(seen)
+    draws = found.draws.theta.flatten(0, 1).numpy()
+    # 960 draws, a third of them independent at least: .06 sd, and 4 % of a standard deviation.
+    np.testing.assert_allclose((draws.mean(0) - mean) / sd, 0.0, atol=0.25)
+    np.testing.assert_allclose(draws.std(0), sd, rtol=0.2)
+    assert found.error < 0.1 * found.decoder_error
+    assert found.misfit == pytest.approx(1.0, abs=0.5)  # 57 points: sd .19
+    assert 0 < found.responses <= 16 * 20 * quick.corrections
+
+
+def test_without_a_correction_the_decoder_s_own_variance_counts(mvae, seen):
+    theta = torch.tensor([[1.0, 2.0], [0.5, 0.7]], dtype=torch.float64)
+    variance = NOISE**2 + 0.05**2
+    misfit = (seen.log_frf - LEARNED(place(theta)))[:, seen.weight > 0] ** 2 / variance
+    found = DecodedLikelihood(mvae, seen, power=0.5)(theta)
+    np.testing.assert_allclose(found, -0.25 * misfit.sum(1), rtol=1e-3)
+
+
+def test_a_correction_of_the_second_order_is_found_and_its_error_is_told():
+    generator = torch.Generator().manual_seed(4)
+
+    def drawn(*shape):
+        return torch.randn(*shape, generator=generator, dtype=torch.float64)
+
+    spread = torch.tensor([1.0, 0.7, 0.5, 0.1, 0.02, 0.01, 0.01], dtype=torch.float64)
+    straight, bent = drawn(7, 5), drawn(5)
+    noise = 0.05
+
+    def error(z):
+        return 2.0 + z @ straight + (z[:, :1] * z[:, 1:2]) * bent + noise * drawn(len(z), 5)
+
+    z, fresh = 0.4 + spread * drawn(300, 7), 0.4 + spread * drawn(2000, 7)
+    fit = fit_correction(z, error(z))
+    missed = (error(fresh) - fit(fresh)).square().mean(0)
+    # 300 points and some 30 numbers: a tenth of the variance on top.
+    np.testing.assert_allclose(missed, noise**2, rtol=0.35)
+    np.testing.assert_allclose(fit.left, missed, rtol=0.3)
