@@ -90,7 +90,7 @@ class LatentLikelihood:
         self.found = find_latent(
             self._mvae, _with_decoder_error(clean, self._mvae), self.proposal, control, generator
         )
-        self.usual_misfit = _usual_misfit(int((clean.weight > 0).sum()), observation)
+        self.usual_misfit = usual_misfit(observation)
         # theta says where z is, but for the coordinate of the damping.
         sizes = self._mvae.sizes
         spread = torch.diag(torch.arange(sizes.coordinates) >= sizes.parameters)
@@ -126,9 +126,9 @@ def latent_data(
     return LatentData(log_values.to(device), precision.clamp_max(least_noise**-2).to(device))
 
 
-def _usual_misfit(points: int, observation: Observation) -> float:
-    """The chi-square's quantile for so many independent points, a point."""
-    free = max(1.0, points * _independent(observation))
+def usual_misfit(observation: Observation) -> float:
+    """What 199 in 200 observations stay below: the chi-square's quantile, a valid point."""
+    free = max(1.0, int(observation.valid.sum()) * _independent(observation))
     return float(chi2.ppf(_USUAL, free) / free)
 
 

@@ -16,10 +16,11 @@ from femupdate import __version__
 from femupdate.building.schema import Building
 from femupdate.errors import MeasurementError, SurrogateError
 from femupdate.inference.bridge import BridgeResult, as_smc_result
+from femupdate.inference.decoded_chains import DecodedPosterior, DecodedSettings
 from femupdate.inference.hamiltonian import HamiltonianSettings, hamiltonian_draws
 from femupdate.inference.identifiability import Identifiability
 from femupdate.inference.laplace import LaplaceSettings, LaplaceStart, laplace_start
-from femupdate.inference.likelihood import DataLikelihood, LatentLikelihood
+from femupdate.inference.likelihood import DataLikelihood, LatentLikelihood, usual_misfit
 from femupdate.inference.posterior import Posterior, save_posterior
 from femupdate.inference.prior import UniformPrior
 from femupdate.inference.smc import SmcResult, SmcSettings, TemperedSmc
@@ -27,7 +28,8 @@ from femupdate.measurement.frf import observation_for
 from femupdate.measurement.observation import Observation, select_floors
 from femupdate.measurement.observation_file import read_observation_file
 from femupdate.study import Study, file_hash
-from femupdate.surrogate.storage import ANY_FLOORS, SurrogateInfo
+from femupdate.surrogate.storage import ANY_FLOORS, SurrogateInfo, TrainedSurrogate
+from femupdate.workflow.decoded import FEW, sample_decoded
 from femupdate.workflow.model import REDUCED, StudyModel
 from femupdate.workflow.progress import Progress, Silent
 from femupdate.workflow.sampling import ChainRunner
@@ -41,8 +43,6 @@ _CHAINS = 4
 _PREDICTIVE = 200
 _ZETA_GRID = 25
 _ZETA_SAMPLES = 48
-# Parameters up to which particles from the prior find the data-space posterior.
-_FEW = 10
 # Effective share of draws from the Gaussians at the maxima below which chains take over, tried on
 # so many draws.
 _GAUSSIAN_ENOUGH, _TRIED = 0.1, 400
@@ -391,40 +391,116 @@ def _sample_latent(
     run: ChainRunner,
 ) -> tuple[list[SmcResult], tuple[str, ...]]:
     surrogate = require_surrogate(study, model)
+    noise, calibration = (
+        told(surrogate.info, observation) for told in (_noise_notes, _calibration_notes)
+    )
+    if model.prior.size > FEW:
+        results, notes = _sample_decoded(surrogate, model, observation, settings, run)
+        return results, (*noise, *notes, *calibration)
     likelihood = LatentLikelihood(
         surrogate, model.reduced, model.law, observation, device=settings.device
     )
     sampler = TemperedSmc(model.prior.to(settings.device), likelihood, settings=settings.smc)
     results = run(sampler, "Sampling (latent likelihood)")
-    notes = list(likelihood.input.notes)
-    typical = float(np.median(observation.noise_sd[observation.valid]))
-    least = surrogate.info.noise_sd
-    if typical < 0.7 * least:
+    notes = (*likelihood.input.notes, *noise, *_latent_notes(likelihood), *calibration)
+    return results, notes
+
+
+def _sample_decoded(
+    surrogate: TrainedSurrogate,
+    model: StudyModel,
+    observation: Observation,
+    settings: CalibrationSettings,
+    run: ChainRunner,
+) -> tuple[list[SmcResult], tuple[str, ...]]:
+    """Many parameters: chains on the decoder, with zeta as one more where it is a nuisance."""
+    found = _decoded(surrogate, model, observation, settings, run)
+    each = found.draws.gradients // len(found.draws.theta)
+    results = [
+        SmcResult(theta, value, np.nan, (), each, 0)
+        for theta, value in zip(found.draws.theta, found.draws.log_likelihood, strict=True)
+    ]
+    usual = usual_misfit(observation)
+    return results, (*_decoded_notes(found), *_misfit_notes(found.misfit, usual))
+
+
+def _decoded(
+    surrogate: TrainedSurrogate,
+    model: StudyModel,
+    observation: Observation,
+    settings: CalibrationSettings,
+    run: ChainRunner,
+) -> DecodedPosterior:
+    chosen = DecodedSettings()
+    draws = max(-(-run.particles // chosen.chains), 2)
+    run.show.start("Sampling (latent likelihood)", chosen.trajectories(draws))
+    return sample_decoded(
+        surrogate,
+        model,
+        observation,
+        draws,
+        settings.seed,
+        chosen,
+        device=settings.device,
+        progress=run.show.advance,
+    )
+
+
+def _decoded_notes(found: DecodedPosterior) -> tuple[str, ...]:
+    """How chains on the decoder have gone."""
+    draws, maxima = found.draws, len(found.reached)
+    notes = [
+        f"{len(draws.theta)} chains of Hamiltonian Monte Carlo drew the decoder's posterior "
+        f"({draws.acceptance:.0%} of their moves accepted); {found.responses:,} responses of the "
+        f"reduced model corrected the decoder, from {found.decoder_error:.2g} to "
+        f"{found.error:.2g} in ln|H| (rms)."
+    ]
+    if maxima > 1:
         notes.append(
-            f"The latent likelihood allows ln|H| an error of {least:g} (noise and idealisation), "
-            f"the file shows a noise of {typical:.2g}: this posterior is wider than the data "
-            "allow; --exact uses the file's noise."
+            f"The searches that the chains start from ended in {maxima} maxima that count; a chain "
+            "seldom goes from one to another, and their shares are those of Gaussians there."
         )
-    return results, (*notes, *_latent_notes(surrogate.info, likelihood, observation.floors))
+    return tuple(notes)
 
 
-def _latent_notes(
-    info: SurrogateInfo, likelihood: LatentLikelihood, floors: tuple[str, ...]
-) -> tuple[str, ...]:
-    """How the latent posterior was found, and what simulations say about such posteriors."""
+def _noise_notes(info: SurrogateInfo, observation: Observation) -> tuple[str, ...]:
+    """Where the data are better than the surrogate believes."""
+    typical = float(np.median(observation.noise_sd[observation.valid]))
+    if typical >= 0.7 * info.noise_sd:
+        return ()
+    return (
+        f"The latent likelihood allows ln|H| an error of {info.noise_sd:g} (noise and "
+        f"idealisation), the file shows a noise of {typical:.2g}: this posterior is wider than the "
+        "data allow; --exact uses the file's noise.",
+    )
+
+
+def _latent_notes(likelihood: LatentLikelihood) -> tuple[str, ...]:
+    """How the latent likelihood was found."""
     found = likelihood.found
     count = len(found.posterior.log_weight)
-    notes = [
+    return (
         f"The surrogate proposed, {found.responses:,} responses of the reduced model led to "
-        + ("one solution." if count == 1 else f"{count} solutions.")
-    ]
-    if found.misfit > likelihood.usual_misfit:
-        notes.append(
-            "The observation is unlike anything that this building can do: its best response "
-            f"misses it by {np.sqrt(found.misfit):.2f} times the noise (rms), where 99.5 % of "
-            f"simulations are missed by less than {np.sqrt(likelihood.usual_misfit):.2f}; do not "
-            "trust this posterior, use `femupdate diagnose`."
-        )
+        + ("one solution." if count == 1 else f"{count} solutions."),
+        *_misfit_notes(found.misfit, likelihood.usual_misfit),
+    )
+
+
+def _misfit_notes(misfit: float, usual: float) -> tuple[str, ...]:
+    """Where the best response does not explain the data."""
+    if misfit <= usual:
+        return ()
+    return (
+        "The observation is unlike anything that this building can do: its best response "
+        f"misses it by {np.sqrt(misfit):.2f} times the noise (rms), where 99.5 % of "
+        f"simulations are missed by less than {np.sqrt(usual):.2f}; do not "
+        "trust this posterior, use `femupdate diagnose`.",
+    )
+
+
+def _calibration_notes(info: SurrogateInfo, observation: Observation) -> tuple[str, ...]:
+    """What simulations say about the posteriors of a surrogate."""
+    notes, floors = [], observation.floors
     kept = info.calibration
     if kept:
         power = info.likelihood_power
@@ -469,8 +545,11 @@ def _sample_exact(
         precision=torch.float32,
     )
     found, base = find_surrogate(study, model), None
-    if found is None and prior.size > _FEW:
-        return _sample_from_maxima(model, observation, settings, run, prior, target)
+    if prior.size > FEW:
+        near = None
+        if found is not None:
+            near = _decoded(found[0], model, observation, settings, run).draws.theta[:, -1]
+        return _sample_from_maxima(model, observation, settings, run, prior, target, near)
     if found is None:
         starts = run(
             TemperedSmc(prior, target, settings=settings.smc), "Sampling (data-space likelihood)"
@@ -500,14 +579,15 @@ def _sample_from_maxima(
     run: ChainRunner,
     prior: UniformPrior,
     target: DataLikelihood,
+    near: Tensor | None,
 ) -> tuple[list[SmcResult], tuple[str, ...]]:
-    """Many parameters and no surrogate: from Gaussians at the maxima of the posterior density,
-    by chains where those are too crude."""
+    """Many parameters: from Gaussians at the maxima of the posterior density, by chains where
+    those are too crude. The maxima are looked for near draws of the latent posterior, if any."""
     fixed = model.building.damping.ratio if prior.size == model.prior.size else None
     exact = DataLikelihood(model.reduced, model.law, observation, fixed, device=settings.device)
     chosen = LaplaceSettings()
     run.show.start("Searching for maxima", chosen.evaluations(prior.size))
-    start = laplace_start(prior, exact.residuals, settings.seed, chosen, run.show.advance)
+    start = laplace_start(prior, exact.residuals, settings.seed, chosen, run.show.advance, near)
     count = len(start.reached)
     found = (
         f"{sum(start.reached)} of {chosen.starts} searches ended in the one maximum that counts"
@@ -518,6 +598,8 @@ def _sample_from_maxima(
         results, how = _hamiltonian(run, prior, target, start)
     else:
         results, how = _around_maxima(run, prior, target, start, settings.smc)
+    if near is not None:
+        found += " (all from draws of the latent posterior)"
     return results, (
         f"The posterior was found by its maxima: {found}, after "
         f"{start.evaluations + _TRIED:,} responses; {how} A maximum that no search led to is "
