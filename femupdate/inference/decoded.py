@@ -3,11 +3,12 @@
 Where q(z|theta) is all at one place the latent likelihood is q(z|x) / p(z) there, which by Bayes'
 theorem is p(x|z) but for a constant. A mixture of Gaussians stands for q(z|x) where the data leave
 little open; with dozens of parameters what they know well bends along what they leave open, and
-p(x|z) is asked itself. It is differentiable and costs a tenth of a response of the building.
+p(x|z) is asked itself. It is differentiable, and a gradient of it costs a fourteenth of one of the
+building's own likelihood.
 
 What the decoder has learned wrongly would move a narrow posterior by several of its widths. It is
 put right for each observation: the difference between the building's own responses and the
-decoder's, at draws of the posterior, is fitted linearly in z and added.
+decoder's, at draws of the posterior, is fitted to the second order in z and added.
 """
 
 import copy

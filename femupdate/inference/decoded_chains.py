@@ -6,7 +6,7 @@ then again, from where the chains are, until the last correction gives the poste
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import torch
 from torch import Tensor
@@ -29,19 +29,19 @@ class DecodedSettings:
     """How the posterior is found.
 
     Attributes:
-        search: of the maxima; more starts than with responses, as the decoder is cheap.
+        search: of the maxima.
         chains: that run side by side.
-        corrections: of the decoder.
+        corrections: of the decoder, at least one.
         between: states of each chain before a correction, at each of which the building answers; a
             correction is fitted to those of the last two turns.
         chain: of the chains; those between corrections warm up for half as long.
     """
 
-    search: LaplaceSettings = LaplaceSettings()
+    search: LaplaceSettings = field(default_factory=LaplaceSettings)
     chains: int = 16
     corrections: int = 3
     between: int = 16
-    chain: HamiltonianSettings = HamiltonianSettings(rows=64)
+    chain: HamiltonianSettings = field(default_factory=lambda: HamiltonianSettings(rows=64))
 
     def trajectories(self, draws: int) -> int:
         """In all, for progress."""
@@ -97,47 +97,73 @@ def decoded_posterior(
         InferenceError: no candidate has a finite likelihood.
     """
     chosen = settings or DecodedSettings()
-    tuning = replace(chosen.chain, warm_up=chosen.chain.warm_up // 2)
-    start = laplace_start(prior, likelihood.precise().residuals, seed, chosen.search)
-    plain, reached = likelihood, start.reached
-    states: list[Tensor] = []
-    answers: list[Tensor] = []
-    for turn in range(chosen.corrections):
-        found = hamiltonian_draws(
-            prior, likelihood, start, chosen.chains, chosen.between, seed + turn, tuning, progress
-        )
-        states.append(found.theta.flatten(0, 1))
-        answers.append(respond(states[-1]))
-        error = _rms(likelihood.missed(states[-1], answers[-1]))
-        likelihood = plain.corrected(torch.cat(states[-2:]), torch.cat(answers[-2:]))
-        start = _again(prior, likelihood, found, seed, chosen.search)
-    seed += chosen.corrections
+    first = laplace_start(prior, likelihood.precise().residuals, seed, chosen.search)
+    tuned = _tuned(prior, likelihood, respond, first, chosen, seed, progress)
     final = hamiltonian_draws(
-        prior, likelihood, start, chosen.chains, draws, seed, chosen.chain, progress
+        prior,
+        tuned.likelihood,
+        tuned.start,
+        chosen.chains,
+        draws,
+        seed + chosen.corrections,
+        chosen.chain,
+        progress,
     )
     return DecodedPosterior(
         final,
-        likelihood,
-        reached,
-        sum(len(some) for some in states),
-        float(plain.misfit(answers[-1]).min()),
-        _rms(plain.missed(states[-1], answers[-1])),
-        error,
+        tuned.likelihood,
+        first.reached,
+        chosen.corrections * chosen.chains * chosen.between,
+        float(likelihood.misfit(tuned.answers).min()),
+        _rms(likelihood.missed(tuned.states, tuned.answers)),
+        tuned.error,
     )
+
+
+@dataclass(frozen=True)
+class _Tuned:
+    """A corrected likelihood, its maxima, the last states (n, p), the building's ln|H| there, and
+    the rms by which the likelihood before missed it."""
+
+    likelihood: DecodedLikelihood
+    start: LaplaceStart
+    states: Tensor
+    answers: Tensor
+    error: float
+
+
+def _tuned(
+    prior: UniformPrior,
+    plain: DecodedLikelihood,
+    respond: Respond,
+    start: LaplaceStart,
+    settings: DecodedSettings,
+    seed: int,
+    progress: Callable[[int], None] | None,
+) -> _Tuned:
+    """Correct the decoder as often as the settings say."""
+    short = replace(settings.chain, warm_up=settings.chain.warm_up // 2)
+    chains, between = settings.chains, settings.between
+    likelihood, turns = plain, list[tuple[Tensor, Tensor]]()
+    error = float("nan")
+    for turn in range(settings.corrections):
+        found = hamiltonian_draws(
+            prior, likelihood, start, chains, between, seed + turn, short, progress
+        )
+        states = found.theta.flatten(0, 1)
+        turns.append((states, respond(states)))
+        error = _rms(likelihood.missed(*turns[-1]))
+        likelihood = plain.corrected(*(torch.cat(parts) for parts in zip(*turns[-2:], strict=True)))
+        # Maxima have moved: the chains are near them.
+        start = laplace_start(
+            prior,
+            likelihood.precise().residuals,
+            seed,
+            settings.search,
+            near=found.theta[:, -1],
+        )
+    return _Tuned(likelihood, start, *turns[-1], error)
 
 
 def _rms(values: Tensor) -> float:
     return float(values.square().mean().sqrt())
-
-
-def _again(
-    prior: UniformPrior,
-    likelihood: DecodedLikelihood,
-    found: HamiltonianResult,
-    seed: int,
-    search: LaplaceSettings,
-) -> LaplaceStart:
-    """Maxima of a corrected likelihood, from where the chains have ended."""
-    return laplace_start(
-        prior, likelihood.precise().residuals, seed, search, near=found.theta[:, -1]
-    )

@@ -3,7 +3,6 @@
 import copy
 from collections.abc import Callable
 
-import torch
 from torch import Tensor
 
 from femupdate.inference.decoded import DecodedLikelihood
@@ -16,7 +15,6 @@ from femupdate.inference.decoded_chains import (
 from femupdate.inference.likelihood import floor_responses, latent_data
 from femupdate.measurement.observation import Observation
 from femupdate.surrogate.gauss_newton import LatentData
-from femupdate.surrogate.network import Mvae
 from femupdate.surrogate.storage import TrainedSurrogate
 from femupdate.workflow.model import StudyModel
 
@@ -60,25 +58,17 @@ def sample_decoded(
     likelihood = DecodedLikelihood(mvae, data, power=raised)
     bounds = model.zeta_bounds
     prior = model.prior if bounds is None else model.prior.joined("zeta", *bounds)
-    respond = _responses(model, observation, mvae, data)
+    respond = _responses(model, observation, data)
     return decoded_posterior(prior.to(device), likelihood, respond, draws, seed, settings, progress)
 
 
-def _responses(
-    model: StudyModel, observation: Observation, mvae: Mvae, data: LatentData
-) -> Respond:
+def _responses(model: StudyModel, observation: Observation, data: LatentData) -> Respond:
     """The building's own, at parameters with the damping ratio last where it is unknown."""
     respond = floor_responses(model.reduced, model.law, observation, data.log_frf)
-    size = model.prior.size
+    size, ratio = model.prior.size, model.building.damping.ratio
 
     def answer(parameters: Tensor) -> Tensor:
-        fixed = parameters.new_full((len(parameters),), float(mvae.decoder.damping_bounds[0]))
-        zeta = parameters[:, size] if parameters.shape[1] > size else fixed
-        return torch.cat(
-            [
-                respond(*part)
-                for part in zip(parameters[:, :size].split(64), zeta.split(64), strict=True)
-            ]
-        )
+        theta, zeta = parameters[:, :size], parameters[:, size:].flatten()
+        return respond(theta, zeta if len(zeta) else theta.new_full((len(theta),), ratio))
 
     return answer
