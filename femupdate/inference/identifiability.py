@@ -22,6 +22,8 @@ UNDETERMINED = 0.5
 _LEFT_ALONE = 0.1
 # Parameters with less than this share of a combination's largest weight are not named.
 _NAMED = 0.35
+# A parameter that is left alone and keeps this share of its prior standard deviation is as before.
+_AS_BEFORE = 0.85
 _MOST_NAMES, _MOST_TOLD = 6, 3
 
 
@@ -81,11 +83,7 @@ class Identifiability:
     def sentences(self) -> tuple[str, ...]:
         """What an engineer should know; nothing where all is determined."""
         told = [*self._about_modes()]
-        if self.left_alone:
-            names = ", ".join(self.left_alone)
-            told.append(
-                f"The data say next to nothing about {names}: the posterior there is the prior."
-            )
+        told.extend(self._about_left_alone())
         loose = [part for part in self.among_others if part.kept > UNDETERMINED]
         if loose:
             listed = "; ".join(
@@ -95,6 +93,13 @@ class Identifiability:
             more = f"; and {len(loose) - _MOST_TOLD} more" if len(loose) > _MOST_TOLD else ""
             told.append(f"The data hardly determine {listed}{more}.")
         return tuple(told)
+
+    def kept(self, name: str) -> float:
+        """Posterior over prior standard deviation of one parameter, inside the modes."""
+        place = self.names.index(name)
+        return (
+            sum((part.kept * float(part.weight[place])) ** 2 for part in self.combinations) ** 0.5
+        )
 
     def describe(self, part: Combination) -> str:
         """Words for a combination, such as "theta_4 up with theta_5 down"."""
@@ -109,6 +114,24 @@ class Identifiability:
         if len(shown) == 1:
             return f"{up} by itself"
         return f"{up} up with {down} down{rest}" if down else f"{up} up together{rest}"
+
+    def _about_left_alone(self) -> list[str]:
+        kept = {name: self.kept(name) for name in self.left_alone}
+        nothing = ", ".join(name for name, share in kept.items() if share >= _AS_BEFORE)
+        little = ", ".join(
+            f"{name} ({share:.0%})" for name, share in kept.items() if share < _AS_BEFORE
+        )
+        told = []
+        if nothing:
+            told.append(
+                f"The data say next to nothing about {nothing}: the posterior there is the prior."
+            )
+        if little:
+            told.append(
+                f"The data say little about {little}: so much of the prior's standard deviation is "
+                "left."
+            )
+        return told
 
     def _about_modes(self) -> list[str]:
         if len(self.modes) == 1:

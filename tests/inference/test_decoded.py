@@ -88,20 +88,21 @@ def by_quadrature(seen):
 def test_the_posterior_is_the_building_s_and_not_the_decoder_s(mvae, seen, box):
     prior = box([LOWER] * 2, [UPPER] * 2)
     quick = DecodedSettings(
-        search=LaplaceSettings(starts=6, candidates=200),
-        chains=16,
-        chain=HamiltonianSettings(warm_up=30, rows=64),
+        search=LaplaceSettings(starts=4, candidates=100, steps=4),
+        corrections=2,
+        between=12,
+        chain=HamiltonianSettings(warm_up=20, rows=64),
     )
     likelihood = DecodedLikelihood(mvae, seen)
-    found = decoded_posterior(prior, likelihood, respond, 60, 0, quick)
+    found = decoded_posterior(prior, likelihood, respond, 40, 0, quick)
     mean, sd = by_quadrature(seen)
     draws = found.draws.theta.flatten(0, 1).numpy()
-    # 960 draws, a third of them independent at least: .06 sd, and 4 % of a standard deviation.
+    # 640 draws, a third of them independent at least: .07 sd, and 5 % of a standard deviation.
     np.testing.assert_allclose((draws.mean(0) - mean) / sd, 0.0, atol=0.25)
     np.testing.assert_allclose(draws.std(0), sd, rtol=0.2)
     assert found.error < 0.1 * found.decoder_error
     assert found.misfit == pytest.approx(1.0, abs=0.5)  # 57 points: sd .19
-    assert 0 < found.responses <= 16 * 20 * quick.corrections
+    assert found.responses == 16 * 12 * 2
 
 
 def test_without_a_correction_the_decoder_s_own_variance_counts(mvae, seen):

@@ -56,6 +56,17 @@ def test_a_parameter_that_the_data_leave_alone_is_named_by_itself():
     assert "next to nothing about theta_1" in sentence
 
 
+def test_of_a_parameter_that_lost_something_the_share_that_is_left_is_told():
+    covariance = np.diag([0.95**2, 0.62**2, 0.2**2])
+    found = identifiability(draws_of(covariance), LOWER, UPPER, NAMES)
+    assert found.left_alone == ("theta_1", "theta_2")
+    for name, sd in zip(NAMES, (0.95, 0.62, 0.2), strict=True):
+        assert found.kept(name) == pytest.approx(sd, rel=0.02)
+    nothing, little = found.sentences()
+    assert "next to nothing about theta_1: the" in nothing
+    assert "little about theta_2 (62%): so" in little
+
+
 def test_nothing_is_said_where_all_is_determined():
     found = identifiability(draws_of(np.diag([0.1, 0.2, 0.05]) ** 2), LOWER, UPPER, NAMES)
     assert found.undetermined == 0
