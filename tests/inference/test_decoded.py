@@ -25,7 +25,7 @@ class TwoSprings(torch.nn.Module):
 
     def forward(self, z, points=slice(None)):
         w = FREQUENCY[points].to(z)
-        low = self.scale * (0.35 + 0.05 * (z[:, :1] + z[:, 1:] ** 2 / 2.0))
+        low = self.scale * (0.35 + 0.05 * (z[:, :1] + z[:, 1:] + z[:, 1:] ** 2 / 4.0))
         high = 0.8 + 0.03 * z[:, :1] * z[:, 1:]
         terms = [torch.log((one**2 - w**2) ** 2 + (0.1 * one * w) ** 2) for one in (low, high)]
         return torch.stack([-0.05 * terms[1], -0.5 * (terms[0] + terms[1])], dim=1)
@@ -88,19 +88,19 @@ def by_quadrature(seen):
 def test_the_posterior_is_the_building_s_and_not_the_decoder_s(mvae, seen, box):
     prior = box([LOWER] * 2, [UPPER] * 2)
     quick = DecodedSettings(
-        search=LaplaceSettings(starts=4, candidates=100, steps=4),
+        search=LaplaceSettings(starts=4, candidates=200),
         corrections=2,
         between=12,
-        chain=HamiltonianSettings(warm_up=20, rows=64),
+        chain=HamiltonianSettings(warm_up=30, rows=64),
     )
     likelihood = DecodedLikelihood(mvae, seen)
-    found = decoded_posterior(prior, likelihood, respond, 40, 0, quick)
+    found = decoded_posterior(prior, likelihood, respond, 80, 0, quick)
     mean, sd = by_quadrature(seen)
     draws = found.draws.theta.flatten(0, 1).numpy()
-    # 640 draws, a third of them independent at least: .07 sd, and 5 % of a standard deviation.
+    # 1,280 draws, a quarter of them independent at least: .06 sd, and 4 % of a standard deviation.
     np.testing.assert_allclose((draws.mean(0) - mean) / sd, 0.0, atol=0.25)
     np.testing.assert_allclose(draws.std(0), sd, rtol=0.2)
-    assert found.error < 0.1 * found.decoder_error
+    assert found.error < 0.2 * found.decoder_error
     assert found.misfit == pytest.approx(1.0, abs=0.5)  # 57 points: sd .19
     assert found.responses == 16 * 12 * 2
 
