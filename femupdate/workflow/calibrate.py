@@ -48,6 +48,9 @@ _ZETA_SAMPLES = 48
 _GAUSSIAN_ENOUGH, _TRIED = 0.1, 400
 # Chains that run side by side: they share batches, and differ where they have not mixed.
 _SIDE_BY_SIDE = 16
+# Share of the noise that a decoder, corrected, may miss the building by where its chains are: more,
+# and the corrections have not led to the posterior.
+_DECODER_MAY_MISS = 0.25
 
 
 @dataclass(frozen=True)
@@ -421,7 +424,8 @@ def _sample_decoded(
         for theta, value in zip(found.draws.theta, found.draws.log_likelihood, strict=True)
     ]
     usual = usual_misfit(observation)
-    return results, (*_decoded_notes(found), *_misfit_notes(found.misfit, usual))
+    noise = max(float(np.median(observation.noise_sd[observation.valid])), surrogate.info.noise_sd)
+    return results, (*_decoded_notes(found, noise), *_misfit_notes(found.misfit, usual))
 
 
 def _decoded(
@@ -446,8 +450,8 @@ def _decoded(
     )
 
 
-def _decoded_notes(found: DecodedPosterior) -> tuple[str, ...]:
-    """How chains on the decoder have gone."""
+def _decoded_notes(found: DecodedPosterior, noise: float) -> tuple[str, ...]:
+    """How chains on the decoder have gone, for a noise on ln|H|."""
     draws, maxima = found.draws, len(found.reached)
     notes = [
         f"{len(draws.theta)} chains of Hamiltonian Monte Carlo drew the decoder's posterior "
@@ -455,6 +459,11 @@ def _decoded_notes(found: DecodedPosterior) -> tuple[str, ...]:
         f"reduced model corrected the decoder, from {found.decoder_error:.2g} to "
         f"{found.error:.2g} in ln|H| (rms)."
     ]
+    if found.error > _DECODER_MAY_MISS * noise:
+        notes.append(
+            f"That is too much beside a noise of {noise:.2g}: do not trust this posterior; train "
+            "on more samples, or use --exact."
+        )
     if maxima > 1:
         notes.append(
             f"The searches that the chains start from ended in {maxima} maxima that count; a chain "
