@@ -1,9 +1,9 @@
 """How many latent coordinates the data need: what is lost where some directions are left out.
 
 A latent space of d coordinates that is linear in the parameters' places keeps a subspace of them;
-the best such subspaces are spanned by the leading eigenvectors of the mean outer product of the
+the one looked at is spanned by the leading eigenvectors of the mean outer product of the
 response's derivatives (active subspaces: Constantine, Dow & Wang 2014, SIAM J. Sci. Comput. 36,
-A1500). Whatever a decoder does with those coordinates, what ln|H| varies by while they stay the
+A1500). Whatever a decoder does with its coordinates, what ln|H| varies by while they stay the
 same it cannot follow: that conditional variance is the least mean square error of any decoder, and
 needs none to be trained.
 """
