@@ -39,6 +39,8 @@ def command(
 ) -> None:
     """Train the surrogate of the study's building.
 
+    Effects that the building lists are learned as well, over the range of their prior.
+
     Killed half-way, the same command goes on where it stopped. Skipped when a trained surrogate
     (the study's own or a shipped one) fits the building.
     """
@@ -48,7 +50,7 @@ def command(
     from femupdate.workflow.train import default_settings, train_study
 
     study = Study(study_folder)
-    check_training(study, samples, batch, start)
+    check_training(study, samples, batch, start, building)
     with Bars() as bars:
         model = open_study(study, building, bars)
         default = default_settings(model, epochs, seed)

@@ -6,6 +6,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from femupdate.dynamics.effect_modal import effect_log_frf
 from femupdate.dynamics.frf import log_frf
 from femupdate.dynamics.modal import modal_data
 from femupdate.inference.bridge import Start, bridge
@@ -95,10 +96,7 @@ def simulate(
     theta = model.prior.from_unit(unit)
     low, high = model.zeta_bounds or (model.building.damping.ratio,) * 2
     zeta = torch.tensor([rng.uniform(low, high)], dtype=torch.float64)
-    modal = modal_data(
-        model.reduced, theta, modes=_MODES, top_frequency_hz=float(model.frequency_hz[-1])
-    )
-    clean = log_frf(modal, model.frequency_hz, model.law, zeta)[0].numpy()
+    clean = _response(model, theta, zeta)[0].numpy()
     rows = [model.building.floors.index(name) for name in floors]
     shape = (len(rows), clean.shape[1])
     observation = Observation(
@@ -110,6 +108,15 @@ def simulate(
         source="simulation",
     )
     return SimulatedBuilding(theta[0].numpy(), float(zeta[0]), observation)
+
+
+def _response(model: StudyModel, theta: torch.Tensor, zeta: torch.Tensor) -> torch.Tensor:
+    """ln|H| (n, f, k) of all floors without noise."""
+    if model.system is not None:
+        return effect_log_frf(model.system, theta, model.frequency_hz, zeta)
+    top = float(model.frequency_hz[-1])
+    modal = modal_data(model.reduced, theta, modes=_MODES, top_frequency_hz=top)
+    return log_frf(modal, model.frequency_hz, model.law, zeta)
 
 
 @dataclass(frozen=True)
@@ -150,7 +157,7 @@ def calibration_case(
     centre, seed = rng.random(model.prior.size), 1009 * settings.seed + number
     latent = LatentLikelihood(
         surrogate,
-        model.reduced,
+        model.responder,
         model.law,
         building.observation,
         power=settings.power,
@@ -195,7 +202,7 @@ def _exact(
     bounds, size = model.zeta_bounds, model.prior.size
     fixed = model.building.damping.ratio if bounds is None else None
     target = DataLikelihood(
-        model.reduced, model.law, building.observation, fixed, precision=torch.float32
+        model.responder, model.law, building.observation, fixed, precision=torch.float32
     )
     truth, prior = building.theta, model.prior
     if bounds is not None:

@@ -16,11 +16,13 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
+from torch import Tensor
 
 from femupdate.discrepancy.fit import Fit
 from femupdate.discrepancy.problem import Problem
+from femupdate.dynamics.effect_modal import effect_log_frf
 from femupdate.dynamics.effect_reduction import structure_on
-from femupdate.dynamics.effect_response import ReducedStructure
+from femupdate.dynamics.effect_response import EffectSystem, ReducedStructure
 from femupdate.effects.effect import UNSCALED, Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import TRANSLATION, Structure
@@ -130,6 +132,62 @@ def corrected(reduced: ReducedStructure, mesh: MeshError) -> ReducedStructure:
     return replace(reduced, model=replace(reduced.model, stiffness_terms=terms))
 
 
+@dataclass(frozen=True, eq=False)
+class MeshScatter:
+    """What the correction of a mesh leaves open, as changes of ln|H| that all points share.
+
+    Attributes:
+        system: the corrected model with its effects and, behind them, those of the mesh error.
+        steps: (c, q) one standard deviation of every error, as sizes of the latter.
+    """
+
+    system: EffectSystem
+    steps: Tensor
+
+    def __call__(
+        self,
+        parameters: Tensor,
+        frequency_hz: Tensor,
+        zeta: Tensor,
+        seen: Callable[[Tensor], Tensor] | None = None,
+    ) -> Tensor:
+        """Changes of ln|H| (N, c, f, k) at parameters (N, p + q) of the building with its effects.
+
+        Args:
+            parameters: stiffness factors, then sizes.
+            frequency_hz: (k,).
+            zeta: (N,) damping ratios.
+            seen: what an estimate makes of FRFs.
+        """
+        count = len(self.steps)
+        steps = torch.cat([torch.zeros_like(self.steps[:1]), self.steps])
+        both = torch.cat(
+            [
+                parameters.repeat_interleave(count + 1, 0),
+                steps.repeat(len(parameters), 1).to(parameters),
+            ],
+            dim=1,
+        )
+        ratio = zeta.repeat_interleave(count + 1)
+        values = effect_log_frf(self.system, both, frequency_hz, ratio, seen)
+        values = values.reshape(len(parameters), count + 1, *values.shape[1:])
+        return values[:, 1:] - values[:, :1]
+
+
+def mesh_scatter(system: EffectSystem, mesh: MeshError) -> MeshScatter:
+    """What the correction leaves open of a system whose structure is `corrected`."""
+    placed = (*system.placed, *mesh.placed)
+    terms = tuple(system.reduced.terms(one) for one in placed)
+    return MeshScatter(
+        EffectSystem(system.reduced, system.law, placed, terms), torch.from_numpy(_steps(mesh))
+    )
+
+
+def _steps(mesh: MeshError) -> Floats:
+    """(c, q) one standard deviation of every error of the corrected model, as sizes."""
+    return np.vstack([np.diag(mesh.sd), _SHARE_SD * np.asarray(mesh.mean)])
+
+
 def with_mesh_error(problem: Problem, mesh: MeshError, base: Fit) -> Problem:
     """The problem with what the correction leaves open as errors that its residuals share.
 
@@ -139,8 +197,7 @@ def with_mesh_error(problem: Problem, mesh: MeshError, base: Fit) -> Problem:
         base: fit about which it is linear.
     """
     system = problem.system((*base.placed, *mesh.placed))
-    steps = np.vstack([np.zeros(len(mesh.mean)), np.diag(mesh.sd)])
-    steps = np.vstack([steps, _SHARE_SD * np.asarray(mesh.mean)])
+    steps = np.vstack([np.zeros(len(mesh.mean)), _steps(mesh)])
     count = len(steps)
     theta, zeta, known = base.coordinates.split(base.z.expand(count, -1), problem.fixed_zeta)
     sizes = torch.cat([known, torch.from_numpy(steps)], dim=1)

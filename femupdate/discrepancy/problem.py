@@ -120,7 +120,7 @@ class Problem:
             first += block.points
             own = system.at_level(theta, zeta, sizes, block.level)
             frf = system.frf(*own, sizes, frequency)
-            parts.append(_seen(frf, block.segment_s, frequency))
+            parts.append(as_estimated(frf, block.segment_s, frequency))
         return torch.cat(parts, dim=2)
 
     def residuals(self, system: EffectSystem, theta: Tensor, zeta: Tensor, sizes: Tensor) -> Tensor:
@@ -145,7 +145,15 @@ class Problem:
         return torch.cat(parts, dim=1)
 
 
-def _seen(frf: Tensor, segment_s: float | None, frequency_hz: Tensor) -> Tensor:
+def segment_of(observation: Observation) -> float | None:
+    """Length of the Hann segments from which H1 estimated FRFs, s; None for a table."""
+    if observation.coherence is None:
+        return None
+    frequency = observation.frequency_hz
+    return _HANN / (observation.resolution_hz or float(np.median(np.diff(frequency))))
+
+
+def as_estimated(frf: Tensor, segment_s: float | None, frequency_hz: Tensor) -> Tensor:
     """FRFs (N, f, k) as Welch's method shows them: averaged over the spectrum of its window.
 
     Of white noise H1 shows H averaged with the weight |W|^2, W = sinc(x) / (1 - x^2) with
@@ -257,7 +265,7 @@ def make_problem(
             Block(
                 observation.frequency_hz.size,
                 min(1.0, spacing / (resolution * (1.0 if table else _CORRELATED))),
-                None if table else _HANN / resolution,
+                segment_of(observation),
             ),
         ),
         mimicked=mimicked,

@@ -107,6 +107,21 @@ def reduce_terms(reduced: ReducedStructure, terms: Terms) -> ReducedTerms:
     )
 
 
+def split_sizes(placed: Sequence[Placed], sizes: Tensor) -> list[Tensor]:
+    """The parameters (N, q) of all effects, one after the other, each effect's by themselves."""
+    counts = [len(one.effect.parameters) for one in placed]
+    return list(sizes.split(counts, dim=1)) if counts else []
+
+
+def observed(
+    placed: Sequence[Placed], floors: tuple[str, ...], frf: Tensor, omega: Tensor, sizes: Tensor
+) -> Tensor:
+    """FRFs (N, f, k) of the floors at omega (k,), rad/s, as instruments with effects give them."""
+    for one, own in zip(placed, split_sizes(placed, sizes), strict=True):
+        frf = one.effect.observe(frf, omega, own, one.effect.place_rows(one.place, floors))
+    return frf
+
+
 @dataclass(frozen=True, eq=False)
 class EffectSystem:
     """A reduced structure with effects at their places.
@@ -130,6 +145,16 @@ class EffectSystem:
         """Number of parameters of all effects together."""
         return sum(len(one.effect.parameters) for one in self.placed)
 
+    @property
+    def parameters(self) -> int:
+        """Number of stiffness factors and of parameters of effects together."""
+        return self.reduced.model.parameters + self.sizes
+
+    @property
+    def floors(self) -> tuple[str, ...]:
+        """Names of the floors, bottom to top."""
+        return self.reduced.model.floors
+
     def frf(self, theta: Tensor, zeta: Tensor, sizes: Tensor, frequency_hz: Tensor) -> Tensor:
         """Complex FRFs (N, f, k) of all floors as their sensors give them.
 
@@ -149,6 +174,14 @@ class EffectSystem:
         """Undamped modes with the effects, lowest first."""
         return self._modes(theta, zeta, self._split(sizes))
 
+    def ratio(self, omega: Tensor, zeta: Tensor, sizes: Tensor) -> Tensor:
+        """Damping ratios (N, m) of modes omega (N, m), rad/s, with the effects."""
+        return self._ratio(omega, zeta, self._split(sizes))
+
+    def observe(self, frf: Tensor, omega: Tensor, sizes: Tensor) -> Tensor:
+        """FRFs (N, f, k) at omega (k,), rad/s, as their sensors give them."""
+        return observed(self.placed, self.floors, frf, omega, sizes)
+
     def at_level(
         self, theta: Tensor, zeta: Tensor, sizes: Tensor, level: float
     ) -> tuple[Tensor, Tensor]:
@@ -162,18 +195,14 @@ class EffectSystem:
         return theta, zeta
 
     def _split(self, sizes: Tensor) -> list[Tensor]:
-        counts = [len(one.effect.parameters) for one in self.placed]
-        return list(sizes.split(counts, dim=1)) if counts else []
+        return split_sizes(self.placed, sizes)
 
     def _batch(self, theta: Tensor, zeta: Tensor, sizes: Tensor, frequency_hz: Tensor) -> Tensor:
         own = self._split(sizes)
         modes = self._modes(theta, zeta, own)
         omega = 2.0 * torch.pi * frequency_hz.to(torch.float64)
         frf = response(modes, omega, self._port_stiffness(own, omega))
-        floors = self.reduced.model.floors
-        for one, size in zip(self.placed, own, strict=True):
-            frf = one.effect.observe(frf, omega, size, one.effect.place_rows(one.place, floors))
-        return frf
+        return self.observe(frf, omega, sizes)
 
     def _port_stiffness(self, own: Sequence[Tensor], omega: Tensor) -> list[Tensor]:
         return [
@@ -200,13 +229,16 @@ class EffectSystem:
             load = torch.cat([load, on_base], dim=1)
             outputs = torch.cat([outputs, rigid * root[:, None, :]], dim=2)
         seen, inverse = normal_modes(stiffness, mass, torch.cat([outputs, load[:, None]], dim=1))
-        omega = natural(inverse)
-        ratio = self.law.ratio(omega, zeta)
-        for one, terms, size in zip(self.placed, self.terms, own, strict=True):
-            ratio = one.effect.damping(ratio, omega, size, terms.constants)
+        ratio = self._ratio(natural(inverse), zeta, own)
         direct = torch.einsum("ob,nb->no", rigid, base)
         floors = len(self.reduced.model.floors)
         return Modes(inverse, ratio, seen[:, :-1], seen[:, -1], direct, floors)
+
+    def _ratio(self, omega: Tensor, zeta: Tensor, own: Sequence[Tensor]) -> Tensor:
+        ratio = self.law.ratio(omega, zeta)
+        for one, terms, size in zip(self.placed, self.terms, own, strict=True):
+            ratio = one.effect.damping(ratio, omega, size, terms.constants)
+        return ratio
 
     def _matrices(
         self, theta: Tensor, own: Sequence[Tensor]

@@ -115,7 +115,7 @@ def modal_data(
         participation = torch.einsum("nrj,r->nj", vectors, tensors.excitation)
         shapes = torch.einsum("fr,nrj->nfj", tensors.floor_shapes, vectors)
         effect = shapes * participation[:, None, :]
-        parts.append(_keep(omega, effect, modes, top_frequency_hz).to("cpu"))
+        parts.append(keep_modes(omega, effect, modes, top_frequency_hz).to("cpu"))
         if progress is not None:
             progress(len(rows))
     return ModalData(
@@ -125,10 +125,17 @@ def modal_data(
     )
 
 
-def _keep(
+def keep_modes(
     omega: Tensor, effect: Tensor, modes: int | None, top_frequency_hz: float | None
 ) -> ModalData:
-    """Keep the modes that matter most; the others, taken as stiff, go to the power series."""
+    """Keep the modes that matter most; the others, taken as stiff, go to the power series.
+
+    Args:
+        omega: (N, r) rad/s.
+        effect: (N, f, r) floor shape times participation factor.
+        modes: how many are kept; all where None.
+        top_frequency_hz: top of the frequency grid.
+    """
     if modes is None or modes >= omega.shape[1]:
         return ModalData(omega, effect, effect.new_zeros(*effect.shape[:2], SERIES_TERMS))
     if top_frequency_hz is None:

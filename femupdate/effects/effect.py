@@ -15,6 +15,7 @@ from femupdate.effects.structure import Structure
 Floats = NDArray[np.float64]
 ALL_STORIES = -1
 UNSCALED = -2
+_REACH = 5.0  # standard deviations of the prior, beyond which nothing is looked for
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,12 @@ class Parameter:
     lower: float = -float("inf")
     upper: float = float("inf")
     text: str = ""
+
+    @property
+    def likely(self) -> tuple[float, float]:
+        """Lowest and highest value that the prior takes seriously, within the limits."""
+        reach = _REACH * self.scale
+        return max(self.lower, self.neutral - reach), min(self.upper, self.neutral + reach)
 
 
 @dataclass(frozen=True, eq=False)

@@ -63,10 +63,13 @@ class Control:
         data: the observation with the variance of its noise alone.
         respond: theta (n, p) and damping ratios (n,) to ln|H| (n, f, k) of the decoder's floors;
             what it gives for floors that are not observed does not matter.
+        shared: likewise to changes of ln|H| (n, c, f, k), one standard deviation of every error of
+            the model that all points share; None where there is no such thing.
     """
 
     data: LatentData
     respond: Callable[[Tensor, Tensor], Tensor]
+    shared: Callable[[Tensor, Tensor], Tensor] | None = None
 
 
 @dataclass(frozen=True)
@@ -115,13 +118,41 @@ def find_latent(
     log_weight = log_mass(found)
     best = int(log_weight.argmax())
     squares = 2.0 * float(found.nats[best]) - float(found.z[best].square().sum())
+    mean, information = found.z.double(), found.information.double()
+    if control.shared is not None:
+        reached = _nearest_reached(precise, found.z.to(precise.lower))
+        parts = precise.parameters_at(reached), precise.decoder.damping(reached)
+        changes = (control.data.weight.sqrt() * control.shared(*parts)).flatten(2)
+        slopes = misfit.derivative(reached, misfit(reached))
+        mean, information = widened(mean, information, torch.bmm(changes, slopes).cpu())
     return FoundLatent(
-        ObservedLatent(
-            log_weight.log_softmax(0), found.z.double().cpu(), found.information.double().cpu()
-        ),
+        ObservedLatent(log_weight.log_softmax(0), mean.cpu(), information.cpu()),
         squares / int((control.data.weight > 0).sum()),
         misfit.responses,
     )
+
+
+def widened(mean: Tensor, information: Tensor, shared: Tensor) -> tuple[Tensor, Tensor]:
+    """Means and information of Gaussians that allow for errors that the data's points share.
+
+    The search weighs the points as if all erred alone; the covariance F^-1 of what the data say
+    then becomes F^-1 (F + A) F^-1, A = S^T S (White, Econometrica 48, 1980), about the same place;
+    the prior of z draws what is less certain a little nearer.
+
+    Args:
+        mean: (s, z), the prior of z included.
+        information: (s, z, z) F.
+        shared: (s, c, z) S, gradients by z of the log likelihood that one standard deviation of
+            every error brings.
+    """
+    identity = torch.eye(mean.shape[1]).to(information)
+    both = information + torch.bmm(shared.transpose(1, 2), shared)
+    # What the data say nothing of they say nothing of with errors either: a pseudo-inverse.
+    weaker = information @ torch.linalg.pinv(both, hermitian=True)
+    less = weaker @ information
+    less = 0.5 * (less + less.transpose(1, 2))
+    pull = weaker @ (information + identity) @ mean[:, :, None]
+    return torch.linalg.solve(less + identity, pull)[..., 0], less
 
 
 def _decoder_misfit(mvae: Mvae, data: LatentData) -> Misfit:

@@ -3,6 +3,8 @@
 import copy
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
+from typing import Protocol
 
 import numpy as np
 import torch
@@ -10,7 +12,10 @@ from scipy.stats import chi2
 from torch import Tensor
 from torch.nn.functional import pad
 
+from femupdate.discrepancy.problem import as_estimated, segment_of
 from femupdate.dynamics.damping import DampingLaw
+from femupdate.dynamics.effect_modal import effect_log_frf
+from femupdate.dynamics.effect_response import EffectSystem
 from femupdate.dynamics.frf import log_frf_batches
 from femupdate.dynamics.modal import ModalData, modal_data
 from femupdate.dynamics.reduced import ReducedModel
@@ -28,9 +33,24 @@ from femupdate.surrogate.visibility import Visibility
 # lowest damping of its prior, far below any measured noise.
 _MODES = 40
 _CPU_ROWS = 4096
+_EFFECT_ROWS = 256
 _SEARCH_SEED = 0
 # Share of observations whose misfit is usual.
 _USUAL = 0.995
+
+
+class SharedErrors(Protocol):
+    """Errors of a model that many points of an observation share."""
+
+    def __call__(
+        self,
+        parameters: Tensor,
+        frequency_hz: Tensor,
+        zeta: Tensor,
+        seen: Callable[[Tensor], Tensor] | None = None,
+    ) -> Tensor:
+        """Changes of ln|H| (n, c, f, k) by one standard deviation of every error."""
+        ...
 
 
 class LatentLikelihood:
@@ -38,13 +58,15 @@ class LatentLikelihood:
 
     Args:
         surrogate: trained for the building.
-        model: the building's reduced model, of which some hundreds of responses are asked.
+        model: the building's reduced model, with its effects if it lists any, of which some
+            hundreds of responses are asked.
         law: its damping law.
         observation: on the surrogate's frequency grid.
         device: where to evaluate.
         power: that the likelihood is raised to; default the surrogate's own, from its calibration.
         least_noise: standard deviation of ln|H| below which the file's noise is not believed:
             idealisation errs as well; default that of the surrogate's training.
+        shared: errors of the model that all points share.
 
     Attributes:
         input: the observation as the encoder sees it.
@@ -61,13 +83,14 @@ class LatentLikelihood:
     def __init__(
         self,
         surrogate: TrainedSurrogate,
-        model: ReducedModel,
+        model: ReducedModel | EffectSystem,
         law: DampingLaw,
         observation: Observation,
         *,
         device: torch.device | str = "cpu",
         power: float | None = None,
         least_noise: float | None = None,
+        shared: SharedErrors | None = None,
     ) -> None:
         if observation.frequency_hz.size != surrogate.mvae.sizes.points:
             raise SurrogateError(
@@ -86,7 +109,11 @@ class LatentLikelihood:
             self.proposal = self._mvae.encode_observation(self.input.log_frf.to(device), visibility)
         # The search is short and the same for an observation whatever the seed of the sampler.
         generator = torch.Generator().manual_seed(_SEARCH_SEED)
-        control = Control(clean, floor_responses(model, law, observation, clean.log_frf))
+        control = Control(
+            clean,
+            floor_responses(model, law, observation, clean.log_frf),
+            None if shared is None else _shared_changes(shared, observation),
+        )
         self.found = find_latent(
             self._mvae, _with_decoder_error(clean, self._mvae), self.proposal, control, generator
         )
@@ -141,7 +168,7 @@ def _with_decoder_error(data: LatentData, mvae: Mvae) -> LatentData:
 
 
 def floor_responses(
-    model: ReducedModel, law: DampingLaw, observation: Observation, like: Tensor
+    model: ReducedModel | EffectSystem, law: DampingLaw, observation: Observation, like: Tensor
 ) -> Callable[[Tensor, Tensor], Tensor]:
     """The reduced model's ln|H| (n, f, k) at theta (n, p) and damping ratios (n,).
 
@@ -157,6 +184,27 @@ def floor_responses(
         return values
 
     return respond
+
+
+def _shared_changes(
+    shared: SharedErrors, observation: Observation
+) -> Callable[[Tensor, Tensor], Tensor]:
+    """What shared errors do to ln|H| (n, c, f, k) as this observation would show it."""
+    frequency, seen = torch.from_numpy(observation.frequency_hz), _estimate(observation)
+
+    def changes(theta: Tensor, zeta: Tensor) -> Tensor:
+        return shared(theta.cpu(), frequency, zeta.cpu(), seen).to(theta)
+
+    return changes
+
+
+def _estimate(observation: Observation) -> Callable[[Tensor], Tensor]:
+    """What the estimate behind an observation makes of complex FRFs (n, f, k)."""
+    return partial(
+        as_estimated,
+        segment_s=segment_of(observation),
+        frequency_hz=torch.from_numpy(observation.frequency_hz),
+    )
 
 
 @dataclass(frozen=True)
@@ -210,7 +258,8 @@ class DataLikelihood:
     Where the damping ratio is a nuisance it is the last column of the parameters.
 
     Args:
-        model: reduced model.
+        model: reduced model, or reduced structure with effects, whose sizes follow theta; its
+            responses keep all modes and are blunted as the estimate of an observation is.
         law: damping law.
         observation: on `observation.frequency_hz`.
         zeta: fixed damping ratio, or None where it is the last parameter.
@@ -224,7 +273,7 @@ class DataLikelihood:
 
     def __init__(
         self,
-        model: ReducedModel,
+        model: ReducedModel | EffectSystem,
         law: DampingLaw,
         observation: Observation,
         zeta: float | None = None,
@@ -242,6 +291,7 @@ class DataLikelihood:
         self._device = device
         self._precision = precision
         self._frequency = torch.from_numpy(observation.frequency_hz).to(device)
+        self._seen = _estimate(observation)
         self.terms = data_terms(observation, model.floors)
 
     def __call__(self, parameters: Tensor) -> Tensor:
@@ -274,6 +324,8 @@ class DataLikelihood:
         return self._batches(theta, theta.new_full((len(theta),), self._zeta))
 
     def _batches(self, theta: Tensor, zeta: Tensor) -> Iterator[Tensor]:
+        if isinstance(self._model, EffectSystem):
+            return self._with_effects(self._model, theta, zeta)
         modal = modal_data(
             self._model,
             theta,
@@ -290,6 +342,15 @@ class DataLikelihood:
             zeta,
             batch=self._batch,
         )
+
+    def _with_effects(
+        self, system: EffectSystem, parameters: Tensor, zeta: Tensor
+    ) -> Iterator[Tensor]:
+        rows, frequency = list(self.terms.rows), self._frequency.cpu()
+        known = parameters.cpu().to(torch.float64), zeta.cpu().to(torch.float64)
+        for some, ratio in zip(*(part.split(_EFFECT_ROWS) for part in known), strict=True):
+            values = effect_log_frf(system, some, frequency, ratio, self._seen)
+            yield values[:, rows].to(self._device)
 
     def _misfit(self, predicted: Tensor) -> Tensor:
         residual = (predicted - self.terms.log_frf.to(predicted)) ** 2

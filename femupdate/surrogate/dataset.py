@@ -16,6 +16,8 @@ from torch import Tensor
 
 from femupdate.atomic import atomic_path
 from femupdate.dynamics.damping import DampingLaw
+from femupdate.dynamics.effect_modal import effect_log_frf_batches, effect_modal_data
+from femupdate.dynamics.effect_response import EffectSystem
 from femupdate.dynamics.frf import log_frf_batches
 from femupdate.dynamics.modal import ModalData, modal_data
 from femupdate.dynamics.reduced import ReducedModel
@@ -35,7 +37,7 @@ class ModalDataset:
     """Parameter samples and their modes.
 
     Attributes:
-        theta: (N, p) float64.
+        theta: (N, p) float64; sizes of effects come last.
         modal: float32 modal data of the N samples.
     """
 
@@ -64,7 +66,7 @@ class DatasetPlan:
 
 
 def compute_dataset(
-    model: ReducedModel,
+    model: ReducedModel | EffectSystem,
     prior: UniformPrior,
     plan: DatasetPlan,
     folder: Path,
@@ -77,7 +79,7 @@ def compute_dataset(
     The caller chooses a folder that belongs to this model, prior and plan alone.
 
     Args:
-        model: the reduced model.
+        model: the reduced model, or the reduced structure with effects.
         prior: box of the parameters.
         plan: what to compute.
         folder: of the shards; made where it is missing.
@@ -95,7 +97,7 @@ def compute_dataset(
 
     def solve(k: int) -> ModalDataset:
         rows = theta[k * SHARD : (k + 1) * SHARD]
-        shard = _kept_shard(paths[k], rows, min(plan.modes, model.size))
+        shard = _kept_shard(paths[k], rows, modes_kept(model, plan.modes))
         if shard is None:
             _write_shard(paths[k], rows, _solve_shard(model, rows, plan))
             shard = _read_shard(paths[k])
@@ -145,12 +147,22 @@ def log_frf_pool(
     zeta: Tensor,
     progress: Callable[[int], None] | None = None,
     batch: int | None = None,
+    system: EffectSystem | None = None,
 ) -> Tensor:
-    """ln|H| of all samples, (N, f, k), as float16: its rounding, .002, is far below the noise."""
-    floors = dataset.modal.effect.shape[1]
-    pool = torch.empty(len(dataset), floors, len(frequency_hz), dtype=torch.float16)
+    """ln|H| of all samples, (N, f, k), as float16: its rounding, .002, is far below the noise.
+
+    With effects the damping is as their `system` says.
+    """
+    modal = dataset.modal
+    pool = torch.empty(len(dataset), modal.effect.shape[1], len(frequency_hz), dtype=torch.float16)
+    if system is None:
+        parts = log_frf_batches(modal, frequency_hz, law, zeta, batch=batch)
+    else:
+        parts = effect_log_frf_batches(
+            system, modal, dataset.theta, frequency_hz, zeta, batch=batch
+        )
     start = 0
-    for part in log_frf_batches(dataset.modal, frequency_hz, law, zeta, batch=batch):
+    for part in parts:
         pool[start : start + len(part)] = part.to(torch.float16)
         start += len(part)
         if progress is not None:
@@ -158,14 +170,19 @@ def log_frf_pool(
     return pool
 
 
-def _solve_shard(model: ReducedModel, theta: Tensor, plan: DatasetPlan) -> ModalData:
-    return modal_data(
-        model,
-        theta,
-        modes=plan.modes,
-        top_frequency_hz=plan.top_frequency_hz,
-        batch=64,
-    ).to("cpu", torch.float32)
+def modes_kept(model: ReducedModel | EffectSystem, most: int) -> int:
+    """Modes kept a sample: `most`, or as many as the structure on a rigid base has."""
+    reduced = model.reduced.model if isinstance(model, EffectSystem) else model
+    return min(most, reduced.size)
+
+
+def _solve_shard(model: ReducedModel | EffectSystem, theta: Tensor, plan: DatasetPlan) -> ModalData:
+    count, top = modes_kept(model, plan.modes), plan.top_frequency_hz
+    if isinstance(model, EffectSystem):
+        solved = effect_modal_data(model, theta, modes=count, top_frequency_hz=top, batch=32)
+    else:
+        solved = modal_data(model, theta, modes=count, top_frequency_hz=top, batch=64)
+    return solved.to("cpu", torch.float32)
 
 
 def _kept_shard(path: Path, theta: Tensor, modes: int) -> ModalDataset | None:

@@ -11,7 +11,7 @@ from femupdate.surrogate.sizes import NetworkSizes
 # Terms of the power series that stands for the modes above the grid, as in `ModalData`.
 _SERIES = 3
 # |H|^2 below this is rounding; its logarithm would be all that the loss sees.
-_LEAST_SQUARE = 1e-8
+LEAST_SQUARE = 1e-8
 
 
 @dataclass(frozen=True)
@@ -65,6 +65,11 @@ class ModalDecoder(nn.Module):
 
     def forward(self, z: Tensor, points: Tensor | slice = slice(None)) -> Tensor:
         """Mean of ln|H| (B, f, k) at z (B, z); `points` chooses some of the k frequencies."""
+        real, imaginary = self.frf_parts(z, points)
+        return 0.5 * torch.log(real**2 + imaginary**2 + LEAST_SQUARE)
+
+    def frf_parts(self, z: Tensor, points: Tensor | slice = slice(None)) -> tuple[Tensor, Tensor]:
+        """Real part and minus the imaginary part of H (B, f, k)."""
         modes = self.decode_modes(z)
         w = self.frequency[points]
         stiffness = modes.omega[:, :, None] ** 2 - w**2
@@ -73,7 +78,7 @@ class ModalDecoder(nn.Module):
         powers = torch.stack([w ** (2 * k + 2) for k in range(_SERIES)])
         real = 1.0 + torch.bmm(modes.effect, stiffness * gain) + modes.series @ powers
         imaginary = torch.bmm(modes.effect, damping * gain)
-        return 0.5 * torch.log(real**2 + imaginary**2 + _LEAST_SQUARE)
+        return real, imaginary
 
     def excess_variance(self, points: Tensor | slice = slice(None)) -> Tensor:
         """Variance of ln|H| (f, k) that the decoder leaves unexplained, beside the noise."""

@@ -6,16 +6,18 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
+from femupdate.dynamics.effect_modal import ClosedForm, log_size
 from femupdate.surrogate.layers import FloorLinear, residual_blocks
-from femupdate.surrogate.modal_decoder import ModalDecoder
+from femupdate.surrogate.modal_decoder import LEAST_SQUARE, ModalDecoder
+from femupdate.surrogate.places import from_place, parameter_features, to_place
 from femupdate.surrogate.sizes import NetworkSizes
 from femupdate.surrogate.visibility import Visibility
 
 # Variances stay above this: finite in float32, far below any posterior's.
 _LEAST_LOG_VARIANCE = -18.0
-# z over the place by root from -1 to 1: a uniform place has a variance of 1/3, z one of about one.
+# z over the place from -1 to 1: a uniform place has a variance of 1/3, z one of about one.
 _ROOT_SPREAD = 3.0**0.5
-# Beyond the box, in shares of its half width by root, no theta is looked for.
+# Beyond the box, in shares of its half width, no theta is looked for.
 _BEYOND = 0.3
 
 
@@ -98,19 +100,14 @@ class ObservationEncoder(nn.Module):
         )
 
 
-def parameter_features(theta: Tensor, lower: Tensor, upper: Tensor) -> Tensor:
-    """Features (B, 3 p) of theta: position in the prior box by root, by value and by logarithm.
-
-    All from -1 to 1.
-    """
-    root = 2.0 * (theta.sqrt() - lower.sqrt()) / (upper.sqrt() - lower.sqrt()) - 1.0
-    linear = 2.0 * (theta - lower) / (upper - lower) - 1.0
-    logarithmic = 2.0 * torch.log(theta / lower) / torch.log(upper / lower) - 1.0
-    return torch.cat([root, linear, logarithmic], dim=-1)
-
-
 class Mvae(nn.Module):
     """Multimodal variational autoencoder of FRFs x and stiffness factors theta.
+
+    Where the building lists effects their sizes are the last parameters in theta.
+
+    Args:
+        sizes: of the networks.
+        form: what the building's effects do in closed form, after the modes; None without effects.
 
     Buffers hold the prior box and the mean and scale (f, k) that standardise ln|H| for the
     observation encoder, so that a weights file is complete.
@@ -121,9 +118,10 @@ class Mvae(nn.Module):
     x_mean: Tensor
     x_scale: Tensor
 
-    def __init__(self, sizes: NetworkSizes) -> None:
+    def __init__(self, sizes: NetworkSizes, form: ClosedForm | None = None) -> None:
         super().__init__()
         self.sizes = sizes
+        self.form = form
         self.observation_encoder = ObservationEncoder(sizes)
         self.bend = Bend(sizes)
         self.decoder = ModalDecoder(sizes)
@@ -140,20 +138,18 @@ class Mvae(nn.Module):
         )
 
     def encode_parameters(self, theta: Tensor) -> Tensor:
-        """Coordinates z (..., p) of theta (..., p): its place in the prior's box by square root.
+        """Coordinates z (..., p) of theta (..., p): its place in the prior's box (`to_place`).
 
         q(z|theta) is all there; the coordinate of an unknown damping ratio, of which theta says
         nothing, has its prior.
         """
-        low, high = self.lower.sqrt(), self.upper.sqrt()
-        return _ROOT_SPREAD * (2.0 * (theta.sqrt() - low) / (high - low) - 1.0)
+        return _ROOT_SPREAD * to_place(theta, self.lower, self.upper, self.sizes.effect_sizes)
 
     def parameters_at(self, z: Tensor) -> Tensor:
         """theta (B, p) at z (B, z), within little more than the prior's box."""
         reach = 1.0 + _BEYOND
-        root = (z[:, : self.sizes.parameters] / _ROOT_SPREAD).clamp(-reach, reach)
-        low, high = self.lower.sqrt(), self.upper.sqrt()
-        return (low + 0.5 * (root + 1.0) * (high - low)).square()
+        place = (z[:, : self.sizes.parameters] / _ROOT_SPREAD).clamp(-reach, reach)
+        return from_place(place, self.lower, self.upper, self.sizes.effect_sizes)
 
     def reach(self) -> Tensor:
         """Largest coordinates (z,), of either sign, for which there is a theta."""
@@ -164,7 +160,11 @@ class Mvae(nn.Module):
     def decode(self, z: Tensor, points: Tensor | slice = slice(None)) -> Tensor:
         """Mean of ln|H| (B, f, k) at z (B, z); `points` chooses some of the k frequencies."""
         theta = self.parameters_at(z)
-        bent = self.bend(parameter_features(theta, self.lower, self.upper))
-        free = z[:, self.sizes.parameters :]
-        values: Tensor = self.decoder(torch.cat([bent, free], dim=1), points)
-        return values
+        features = parameter_features(theta, self.lower, self.upper, self.sizes.effect_sizes)
+        inner = torch.cat([self.bend(features), z[:, self.sizes.parameters :]], dim=1)
+        if self.form is None:
+            values: Tensor = self.decoder(inner, points)
+            return values
+        real, imaginary = self.decoder.frf_parts(inner, points)
+        omega = 2.0 * math.pi * self.form.top_hz * self.decoder.frequency[points]
+        return log_size(self.form.frf((real, -imaginary), omega, theta), LEAST_SQUARE)

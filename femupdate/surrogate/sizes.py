@@ -10,7 +10,7 @@ class NetworkSizes:
     Attributes:
         floors: observed floors f.
         points: frequencies k.
-        parameters: stiffness parameters p.
+        parameters: stiffness factors and sizes of effects p.
         free_damping: whether the damping ratio is unknown; it is then one more coordinate of z.
         modes: of the decoder.
         floor_features: features that the observation encoder first reduces each floor's FRF to.
@@ -21,6 +21,7 @@ class NetworkSizes:
         parameter_blocks: the same for the bend.
         decoder_blocks: the same for the decoder.
         components: of the observation encoder's mixture.
+        effect_sizes: how many of the parameters, the last ones, are sizes of effects.
     """
 
     floors: int
@@ -36,6 +37,7 @@ class NetworkSizes:
     parameter_blocks: int = 2
     decoder_blocks: int = 3
     components: int = 8
+    effect_sizes: int = 0
 
     @property
     def coordinates(self) -> int:

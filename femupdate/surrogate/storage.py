@@ -12,6 +12,9 @@ from safetensors.torch import save_file
 from torch import Tensor
 
 from femupdate.atomic import atomic_path
+from femupdate.dynamics.effect_modal import ClosedForm
+from femupdate.effects.effect import Placed
+from femupdate.effects.registry import CATALOGUE
 from femupdate.errors import SurrogateError
 from femupdate.surrogate.network import Mvae
 from femupdate.surrogate.sizes import NetworkSizes
@@ -75,6 +78,8 @@ def save_surrogate(surrogate: TrainedSurrogate, path: Path) -> None:
         "settings": dict(info.settings),
         "metrics": dict(info.metrics),
     }
+    if surrogate.mvae.form is not None:
+        header["effects"] = _form_entry(surrogate.mvae.form)
     if info.calibration:
         header |= {
             "likelihood_power": info.likelihood_power,
@@ -94,7 +99,8 @@ def load_surrogate(path: Path) -> TrainedSurrogate:
         with safe_open(path, framework="pt") as file:
             header = json.loads((file.metadata() or {})["femupdate"])
             state = {name: file.get_tensor(name).float() for name in file.keys()}  # noqa: SIM118
-        return TrainedSurrogate(_filled(header.pop("sizes"), state), _info(header))
+        form = _form(header.pop("effects", None))
+        return TrainedSurrogate(_filled(header.pop("sizes"), state, form), _info(header))
     except (OSError, SafetensorError, KeyError, TypeError, ValueError, RuntimeError) as error:
         reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise SurrogateError(
@@ -102,11 +108,32 @@ def load_surrogate(path: Path) -> TrainedSurrogate:
         ) from error
 
 
-def _filled(sizes: Mapping[str, Any], state: Mapping[str, Tensor]) -> Mvae:
+def _form_entry(form: ClosedForm) -> dict[str, Any]:
+    """What effects do in closed form, for a header."""
+    return {
+        "placed": [[one.effect.name, one.place] for one in form.placed],
+        "pitch": form.pitch,
+        "floors": form.floors,
+        "levels": form.levels,
+        "stories": form.stories,
+        "top_hz": form.top_hz,
+    }
+
+
+def _form(entry: Mapping[str, Any] | None) -> ClosedForm | None:
+    """Inverse of `_form_entry`."""
+    if entry is None:
+        return None
+    lists = {name: tuple(entry[name]) for name in ("pitch", "floors", "levels")}
+    placed = tuple(Placed(CATALOGUE[name], place) for name, place in entry["placed"])
+    return ClosedForm(placed, **lists, stories=entry["stories"], top_hz=entry["top_hz"])
+
+
+def _filled(sizes: Mapping[str, Any], state: Mapping[str, Tensor], form: ClosedForm | None) -> Mvae:
     """Networks with these weights."""
     # The weights that they start from are drawn at random: leave the caller's random state alone.
     with torch.random.fork_rng(devices=[]):
-        mvae = Mvae(NetworkSizes(**sizes))
+        mvae = Mvae(NetworkSizes(**sizes), form)
     mvae.load_state_dict(state)
     return mvae.eval()
 

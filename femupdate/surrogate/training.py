@@ -13,6 +13,8 @@ import torch
 from torch import Tensor
 
 from femupdate.dynamics.damping import DampingLaw
+from femupdate.dynamics.effect_modal import closed_form
+from femupdate.dynamics.effect_response import EffectSystem
 from femupdate.errors import SurrogateError
 from femupdate.inference.prior import UniformPrior
 from femupdate.surrogate.checkpoint import TrainingRun, load_checkpoint, save_checkpoint
@@ -83,6 +85,7 @@ class TrainingTask:
         zeta_bounds: range of the damping ratio, a nuisance.
         prior: box of the parameters.
         sizes: of the networks.
+        system: of the data set, where the building lists effects.
     """
 
     dataset: ModalDataset
@@ -91,6 +94,14 @@ class TrainingTask:
     zeta_bounds: tuple[float, float]
     prior: UniformPrior
     sizes: NetworkSizes
+    system: EffectSystem | None = None
+
+    def ratio(self, omega: Tensor, zeta: Tensor, theta: Tensor) -> Tensor:
+        """Damping ratios (N, m) of modes omega (N, m), rad/s, at parameters theta (N, p)."""
+        if self.system is None:
+            return self.law.ratio(omega, zeta)
+        first = self.sizes.parameters - self.sizes.effect_sizes
+        return self.system.ratio(omega, zeta, theta[:, first:])
 
 
 @dataclass(frozen=True)
@@ -236,9 +247,11 @@ def draw_visibility(
 def _start(
     task: TrainingTask, settings: TrainingSettings, initial: Mvae | None = None
 ) -> TrainingRun:
+    top_hz = float(task.frequency_hz[-1])
+    form = None if task.system is None else closed_form(task.system, top_hz)
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(settings.seed)
-        mvae = Mvae(task.sizes)
+        mvae = Mvae(task.sizes, form)
     first = torch.arange(min(_STANDARDISING, len(task.dataset)))
     pool = _draw_samples(task, settings, 0, first).log_frf.float()
     mvae.x_mean.copy_(pool.mean(0))
@@ -259,11 +272,12 @@ def _set_decoder(mvae: Mvae, task: TrainingTask) -> None:
     frequency = task.frequency_hz.float()
     mvae.decoder.frequency.copy_(frequency / frequency[-1])
     mvae.decoder.damping_bounds.copy_(torch.tensor(task.zeta_bounds))
-    modal = task.dataset.modal[: min(_STANDARDISING, len(task.dataset))]
+    some = slice(min(_STANDARDISING, len(task.dataset)))
+    modal, theta = task.dataset.modal[some], task.dataset.theta[some].float()
     zeta = torch.full((len(modal),), sum(task.zeta_bounds) / 2.0)
     mvae.decoder.standardise(
         modal.omega.float(),
-        task.law.ratio(modal.omega.float(), zeta) / zeta[:, None],
+        task.ratio(modal.omega.float(), zeta, theta) / zeta[:, None],
         modal.effect.float(),
         modal.residual.float(),
         2.0 * math.pi * float(frequency[-1]),
@@ -312,7 +326,7 @@ def _draw_samples(
     generator = _generator(settings.seed, 1_000_000 + draw)
     zeta = sample_zeta(len(task.dataset), task.zeta_bounds, generator)[rows]
     some = ModalDataset(task.dataset.theta[rows], task.dataset.modal[rows])
-    pool = log_frf_pool(some, task.frequency_hz, task.law, zeta)
+    pool = log_frf_pool(some, task.frequency_hz, task.law, zeta, system=task.system)
     return _Samples(some.theta.to(torch.float32), zeta.to(torch.float32), pool)
 
 

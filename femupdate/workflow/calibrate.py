@@ -10,16 +10,18 @@ from pathlib import Path
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.special import ndtr
 from torch import Tensor
 
 from femupdate import __version__
 from femupdate.building.schema import Building
-from femupdate.errors import MeasurementError, SurrogateError
+from femupdate.errors import MeasurementError
 from femupdate.inference.bridge import BridgeResult, as_smc_result
 from femupdate.inference.decoded_chains import DecodedPosterior, DecodedSettings
 from femupdate.inference.hamiltonian import HamiltonianSettings, hamiltonian_draws
 from femupdate.inference.identifiability import Identifiability
 from femupdate.inference.laplace import LaplaceSettings, LaplaceStart, laplace_start
+from femupdate.inference.latent_search import FoundLatent
 from femupdate.inference.likelihood import DataLikelihood, LatentLikelihood, usual_misfit
 from femupdate.inference.posterior import Posterior, save_posterior
 from femupdate.inference.prior import UniformPrior
@@ -209,11 +211,15 @@ def calibrate_study(
         InferenceError: the sampler cannot go on.
     """
     show, settings = progress or Silent(), settings or CalibrationSettings()
-    if model.building.effects:
+    if model.building.effects and settings.exact:
         from femupdate.workflow.calibrate_effects import calibrate_with_effects
 
-        require_exact(model.building, settings.exact)
         return calibrate_with_effects(study, model, source, settings, show)
+    if model.building.effects:
+        from femupdate.workflow.effect_surrogate import with_effects
+
+        require_surrogate(study, model)
+        model = with_effects(study, model, show)
     started = time.monotonic()
     observation = read_observation(model, source)
     origin = {**model.made_from(), "observation": file_hash(source.path)}
@@ -227,12 +233,15 @@ def calibrate_study(
         json.dumps([origin, settled, _judged(study, observation)], sort_keys=True),
     )
     notes: tuple[str, ...] = ()
+    latent: FoundLatent | None = None
     if settings.exact:
         results, notes = _sample_exact(study, model, observation, settings, run)
     else:
-        results, notes = _sample_latent(study, model, observation, settings, run)
-    posterior = _posterior(model, observation, settings, results)
-    misfit = _best_misfit(model, posterior, settings.seed)
+        results, latent, notes = _sample_latent(study, model, observation, settings, run)
+    if model.shared is None:
+        latent = None
+    posterior = _posterior(model, observation, settings, results, latent)
+    misfit = _best_misfit(model, posterior, settings.seed) if latent is None else latent.misfit
     path = study.path("posterior.nc")
     save_posterior(posterior, path)
     study.record(
@@ -255,20 +264,6 @@ def calibrate_study(
         sum(result.evaluations for result in results),
         sum(result.invalid for result in results),
     )
-
-
-def require_exact(building: Building, exact: bool) -> None:
-    """Refuse the latent likelihood for a building with effects, of which no surrogate knows.
-
-    Raises:
-        SurrogateError: the building lists effects and `exact` is False.
-    """
-    if building.effects and not exact:
-        names = ", ".join(f"{one.name} at {one.place}" for one in building.effects)
-        raise SurrogateError(
-            f"{building.name} lists effects ({names}), which no trained surrogate knows; add "
-            "--exact"
-        )
 
 
 def r_hat(theta: Floats) -> Floats:
@@ -295,7 +290,7 @@ def draw_zeta(
     rng = np.random.default_rng(seed)
     some = torch.from_numpy(theta[rng.permutation(len(theta))[:_ZETA_SAMPLES]])
     grid = torch.linspace(*model.zeta_bounds, _ZETA_GRID, dtype=torch.float64)
-    likelihood = DataLikelihood(model.reduced, model.law, observation)
+    likelihood = DataLikelihood(model.responder, model.law, observation)
     both = torch.cat([some.repeat_interleave(len(grid), 0), grid.repeat(len(some))[:, None]], dim=1)
     misfit = likelihood.misfit(both).reshape(len(some), len(grid))
     inflation = max(1.0, float(misfit.min()) / likelihood.terms.count)
@@ -306,6 +301,16 @@ def draw_zeta(
     drawn = grid.numpy()[rng.choice(_ZETA_GRID, size=len(theta), p=density)]
     spread = drawn + width * (rng.random(len(theta)) - 0.5)
     return np.clip(spread, *model.zeta_bounds)
+
+
+def latent_zeta(latent: FoundLatent, bounds: tuple[float, float], count: int, seed: int) -> Floats:
+    """Damping ratios (n,) by the last coordinate of q(z|x)."""
+    rng = np.random.default_rng(seed)
+    found = latent.posterior
+    which = rng.choice(len(found.log_weight), count, p=found.log_weight.exp().numpy())
+    variance = torch.linalg.inv(found.precision)[:, -1, -1].numpy()
+    z = found.mean[:, -1].numpy()[which] + np.sqrt(variance)[which] * rng.standard_normal(count)
+    return bounds[0] + (bounds[1] - bounds[0]) * ndtr(z)
 
 
 def predictive_log_frf(
@@ -334,7 +339,8 @@ def _predictive(study: Study, model: StudyModel, posterior: Posterior) -> Floats
     from femupdate.workflow.calibrate_effects import open_effects, predictive_with_effects
 
     ratio, grid = model.building.damping.ratio, model.frequency_hz.numpy()
-    return predictive_with_effects(open_effects(study, model), posterior, ratio, grid, _PREDICTIVE)
+    system = model.system or open_effects(study, model)
+    return predictive_with_effects(system, posterior, ratio, grid, _PREDICTIVE)
 
 
 def draw_posterior(
@@ -392,21 +398,27 @@ def _sample_latent(
     observation: Observation,
     settings: CalibrationSettings,
     run: ChainRunner,
-) -> tuple[list[SmcResult], tuple[str, ...]]:
+) -> tuple[list[SmcResult], FoundLatent | None, tuple[str, ...]]:
     surrogate = require_surrogate(study, model)
     noise, calibration = (
         told(surrogate.info, observation) for told in (_noise_notes, _calibration_notes)
     )
-    if model.prior.size > FEW:
+    # The chains on the decoder know no effects.
+    if model.prior.size > FEW and model.system is None:
         results, notes = _sample_decoded(surrogate, model, observation, settings, run)
-        return results, (*noise, *notes, *calibration)
+        return results, None, (*noise, *notes, *calibration)
     likelihood = LatentLikelihood(
-        surrogate, model.reduced, model.law, observation, device=settings.device
+        surrogate,
+        model.responder,
+        model.law,
+        observation,
+        device=settings.device,
+        shared=model.shared,
     )
     sampler = TemperedSmc(model.prior.to(settings.device), likelihood, settings=settings.smc)
     results = run(sampler, "Sampling (latent likelihood)")
     notes = (*likelihood.input.notes, *noise, *_latent_notes(likelihood), *calibration)
-    return results, notes
+    return results, likelihood.found, notes
 
 
 def _sample_decoded(
@@ -701,14 +713,24 @@ def _posterior(
     observation: Observation,
     settings: CalibrationSettings,
     results: list[SmcResult],
+    latent: FoundLatent | None,
 ) -> Posterior:
+    """The draws, with damping ratios.
+
+    Where theta carries errors of the model no draw of it meets the data, and the damping ratio
+    cannot be found from there: then it is the latent posterior's, `latent`.
+    """
     drawn = np.stack([_numpy(result.theta) for result in results])
     size = model.prior.size
     theta, rest = drawn[..., :size], drawn[..., size:]
     if rest.shape[-1]:
         zeta: Floats | None = rest[..., 0]
     else:
-        flat = draw_zeta(model, observation, theta.reshape(-1, size), settings.seed)
+        flat = (
+            draw_zeta(model, observation, theta.reshape(-1, size), settings.seed)
+            if latent is None or model.zeta_bounds is None
+            else latent_zeta(latent, model.zeta_bounds, theta[..., 0].size, settings.seed)
+        )
         zeta = None if flat is None else flat.reshape(theta.shape[:2])
     evidence = np.array([result.log_evidence for result in results])
     return Posterior(
@@ -729,7 +751,7 @@ def _best_misfit(model: StudyModel, posterior: Posterior, seed: int) -> float:
     """Smallest mean squared whitened residual over some posterior draws."""
     theta, zeta = posterior.thinned(100, seed)
     fixed = model.building.damping.ratio if zeta is None else None
-    likelihood = DataLikelihood(model.reduced, model.law, posterior.observation, fixed)
+    likelihood = DataLikelihood(model.responder, model.law, posterior.observation, fixed)
     parameters = theta if zeta is None else np.column_stack([theta, zeta])
     return float(likelihood.misfit(torch.from_numpy(parameters)).min()) / likelihood.terms.count
 

@@ -24,6 +24,7 @@ from femupdate.workflow.calibrate import (
     r_hat,
 )
 from femupdate.workflow.diagnose import model_parts, prepared
+from femupdate.workflow.effect_surrogate import kept_structure
 from femupdate.workflow.effects import (
     building_effects,
     check_places,
@@ -107,12 +108,12 @@ def _notes(problem: Problem, fitted: Fit, effective: float, count: int) -> tuple
 
 def open_effects(study: Study, model: StudyModel, progress: Progress | None = None) -> EffectSystem:
     """The study's structure with the effects that its building lists."""
-    reduced = open_structure(study, model.building, progress)
+    reduced = kept_structure(study, model) or open_structure(study, model.building, progress)
     mesh = kept_mesh_error(study, model.building)
     if mesh is not None:
         reduced = corrected(reduced, mesh)
     effects = building_effects(model.building)
-    check_places(reduced, effects)
+    check_places(reduced.structure, effects)
     terms = tuple(
         reduce_terms(reduced, one.effect.terms(reduced.structure, one.place))
         for one in effects.placed

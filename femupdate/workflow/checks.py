@@ -16,8 +16,8 @@ from femupdate.workflow.calibrate import (
     ObservationSource,
     check_readable,
     observation_of,
-    require_exact,
 )
+from femupdate.workflow.effect_surrogate import check_amortisable
 from femupdate.workflow.model import StudyModel, choose_building, open_study
 from femupdate.workflow.progress import Progress
 from femupdate.workflow.train import check_samples, needed_surrogate
@@ -49,14 +49,20 @@ def check_calibration(
     check_readable(source)
     chosen = choose_building(study, building)
     observation = observation_of(chosen, source)
-    require_exact(chosen, settings.exact)
     if not settings.exact:
+        check_amortisable(chosen)
         known = study.path("building.toml").exists()
         surrogate = needed_surrogate(study, chosen, None if known else building)
         encoder_input(observation, surrogate.info.floors)
 
 
-def check_training(study: Study, samples: int, batch: int, start: Path | None = None) -> None:
+def check_training(
+    study: Study,
+    samples: int,
+    batch: int,
+    start: Path | None = None,
+    building: str | None = None,
+) -> None:
     """Tell what can be told of a training before anything is built or written.
 
     Args:
@@ -64,13 +70,17 @@ def check_training(study: Study, samples: int, batch: int, start: Path | None = 
         samples: size of the data set.
         batch: samples a step.
         start: weights to start from.
+        building: name or path, for a new study.
 
     Raises:
-        SurrogateError: too few samples, or no weights to start from.
-        StudyError: the study cannot be written.
+        SurrogateError: too few samples, no weights to start from, or the building lists an effect
+            that no surrogate can know.
+        BuildingError: the building cannot be read.
+        StudyError: the study is of another building, or cannot be written.
     """
     check_writable(study)
     check_samples(samples, TrainingSettings(batch=batch))
+    check_amortisable(choose_building(study, building))
     if start is not None:
         load_surrogate(start)
 

@@ -190,7 +190,7 @@ def prepared(
     seed = settings.seed if settings is not None else 0
     effects = building_effects(model.building)
     plain = parts.plain
-    check_places(plain, effects)
+    check_places(plain.structure, effects)
     show.start("Fitting the model as it is", 1)
     problem = problem_of(plain, model.building, observation, use_phase, parts.mesh)
     if second is not None:

@@ -1,12 +1,13 @@
 """A study's building as the effect finder needs it: a reduced structure, its effects, its data."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch import Tensor
 
 from femupdate.atomic import atomic_path
 from femupdate.building.effect_entry import EffectEntry
@@ -15,6 +16,7 @@ from femupdate.building.schema import Building, FrameBuilding
 from femupdate.discrepancy.mesh_error import FINER, MeshError
 from femupdate.discrepancy.problem import Problem, make_problem
 from femupdate.dynamics.effect_local import local_structure
+from femupdate.dynamics.effect_modal import parameters_of
 from femupdate.dynamics.effect_reduction import reduce_structure, structure_on
 from femupdate.dynamics.effect_response import ReducedStructure
 from femupdate.dynamics.reduction import ReductionTarget
@@ -22,6 +24,7 @@ from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import Structure, structure_of
 from femupdate.errors import BuildingError
+from femupdate.inference.prior import TruncatedPrior, UniformPrior
 from femupdate.measurement.observation import Observation
 from femupdate.study import Study
 from femupdate.workflow.model import StudyModel, damping_law, theta_prior, zeta_bounds
@@ -76,7 +79,7 @@ def open_structure(
     if kept is not None:
         with np.load(kept) as data:
             return structure_on(structure, data["basis"])
-    reduced = reduce_structure(structure, target, _teller(progress or Silent()))
+    reduced = reduce_structure(structure, target, teller(progress or Silent()))
     keep_basis(study, reduced, plain)
     return reduced
 
@@ -142,16 +145,19 @@ def structure_near(
     """
     whole = reduction_target(building)
     target = replace(whole, zeta=max(zeta, whole.zeta))
-    return local_structure(structure, theta, target, _teller(progress or Silent()))
+    return local_structure(structure, theta, target, teller(progress or Silent()))
 
 
-def _teller(show: Progress) -> Callable[[int, int], None]:
+def teller(
+    show: Progress, text: str = "Reducing the model for effects"
+) -> Callable[[int, int], None]:
+    """A function that is told (done, total), and shows a bar from the first call on."""
     started = False
 
     def tell(done: int, total: int) -> None:
         nonlocal started
         if not started:
-            show.start("Reducing the model for effects", total)
+            show.start(text, total)
             started = True
         show.advance()
 
@@ -210,17 +216,38 @@ def building_effects(building: Building) -> BuildingEffects:
     return BuildingEffects(tuple(placed), tuple(values))
 
 
-def check_places(reduced: ReducedStructure, effects: BuildingEffects) -> None:
+def size_names(placed: Sequence[Placed]) -> tuple[str, ...]:
+    """Names of the parameters of effects, such as `added_mass@3F.size`."""
+    return tuple(f"{one.label}.{p.name}" for one in placed for p in one.effect.parameters)
+
+
+def with_sizes(prior: UniformPrior, placed: Sequence[Placed]) -> TruncatedPrior:
+    """A prior of stiffness factors, and that of the catalogue of the effects' parameters."""
+    sizes = parameters_of(placed)
+
+    def joined(first: Tensor, values: list[float]) -> Tensor:
+        return torch.cat([first, first.new_tensor(values)])
+
+    return TruncatedPrior(
+        (*prior.names, *size_names(placed)),
+        joined(prior.lower, [one.likely[0] for one in sizes]),
+        joined(prior.upper, [one.likely[1] for one in sizes]),
+        joined(torch.zeros_like(prior.lower), [one.neutral for one in sizes]),
+        joined(torch.full_like(prior.lower, torch.inf), [one.scale for one in sizes]),
+    )
+
+
+def check_places(structure: Structure, effects: BuildingEffects) -> None:
     """Make sure that every effect of a building can sit where its file says.
 
     Raises:
         BuildingError: it cannot.
     """
     for number, one in enumerate(effects.placed):
-        places = one.effect.places(reduced.structure)
+        places = one.effect.places(structure)
         if one.place not in places:
             raise BuildingError(
-                f"{reduced.structure.building.name}: effects[{number}].place: {one.effect.name} "
+                f"{structure.building.name}: effects[{number}].place: {one.effect.name} "
                 f"cannot sit at {one.place!r}; it can at {', '.join(places) or 'no place here'}"
             )
 

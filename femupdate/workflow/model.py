@@ -20,6 +20,7 @@ from femupdate.building.parameters import stiffness_factors
 from femupdate.building.schema import Building
 from femupdate.building.shear import shear_operators
 from femupdate.dynamics.damping import ConstantDamping, DampingLaw, RayleighDamping
+from femupdate.dynamics.effect_response import EffectSystem
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.dynamics.reduction import (
     Reduction,
@@ -29,6 +30,7 @@ from femupdate.dynamics.reduction import (
 )
 from femupdate.errors import StudyError
 from femupdate.fe.assembly import AffineOperators, assemble
+from femupdate.inference.likelihood import SharedErrors
 from femupdate.inference.prior import UniformPrior
 from femupdate.study import Study, atomic_path
 from femupdate.workflow.progress import Progress, Silent
@@ -61,6 +63,9 @@ class StudyModel:
         prior: of the stiffness factors.
         zeta_bounds: range of the damping ratio where it is a nuisance, else None.
         reduction_error: rms difference of ln|H| from the full model; 0 for lumped buildings.
+        system: with the effects that the building lists, where a surrogate of them is at work; the
+            prior is then of their sizes as well.
+        shared: what the mesh of that system leaves open; None for a stick.
     """
 
     building: Building
@@ -69,6 +74,13 @@ class StudyModel:
     prior: UniformPrior
     zeta_bounds: tuple[float, float] | None
     reduction_error: float
+    system: EffectSystem | None = None
+    shared: SharedErrors | None = None
+
+    @property
+    def responder(self) -> ReducedModel | EffectSystem:
+        """What responses are asked of."""
+        return self.system or self.reduced
 
     @property
     def frequency_hz(self) -> Tensor:

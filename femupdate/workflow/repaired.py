@@ -82,8 +82,7 @@ def effect_posterior(
     effects = building_effects(model.building)
     parameters = [(one, p) for one in effects.placed for p in one.effect.parameters]
     names = [f"{one.label}.{p.name}" for one, p in parameters]
-    low = [max(p.lower, p.neutral - 5.0 * p.scale) for _, p in parameters]
-    high = [min(p.upper, p.neutral + 5.0 * p.scale) for _, p in parameters]
+    low, high = zip(*(p.likely for _, p in parameters), strict=True)
     both = np.column_stack([draws.theta, draws.sizes])
     each = len(both) // _CHAINS
     # Resampled draws come in the order of their proposals: dealt out, every chain sees all.

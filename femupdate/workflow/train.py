@@ -11,8 +11,9 @@ from femupdate import __version__
 from femupdate.building.files import mechanics_hash
 from femupdate.building.schema import Building
 from femupdate.errors import SurrogateError
+from femupdate.inference.prior import UniformPrior
 from femupdate.study import Study, file_hash
-from femupdate.surrogate.dataset import DatasetPlan, ModalDataset, compute_dataset
+from femupdate.surrogate.dataset import DatasetPlan, ModalDataset, compute_dataset, modes_kept
 from femupdate.surrogate.loss import LossSettings
 from femupdate.surrogate.sizes import NetworkSizes
 from femupdate.surrogate.storage import (
@@ -160,6 +161,10 @@ def train_study(
     settings = settings or default_settings(model)
     check_samples(samples, settings)
     initial = None if start is None else load_surrogate(start).mvae
+    if model.building.effects and model.system is None:
+        from femupdate.workflow.effect_surrogate import with_effects
+
+        model = with_effects(study, model, show)
     started = time.monotonic()
     dataset, folder = _dataset(study, model, samples, settings.seed, show)
     between = time.monotonic()
@@ -203,10 +208,11 @@ def network_sizes(model: StudyModel) -> NetworkSizes:
     return NetworkSizes(
         floors=floors,
         points=len(model.frequency_hz),
-        parameters=model.reduced.parameters,
+        parameters=model.prior.size,
         free_damping=model.zeta_bounds is not None,
-        modes=min(_MODES_DECODED, model.reduced.size),
+        modes=modes_kept(model.responder, _MODES_DECODED),
         floor_features=max(24, 384 // floors),
+        effect_sizes=0 if model.system is None else model.system.sizes,
     )
 
 
@@ -215,14 +221,21 @@ def _dataset(
 ) -> tuple[ModalDataset, Path]:
     plan = DatasetPlan(
         samples,
-        min(_MODES_KEPT, model.reduced.size),
+        modes_kept(model.responder, _MODES_KEPT),
         float(model.frequency_hz[-1]),
         seed + 1,
     )
     # Shards of another building, plan or reduction are never mixed in: the folder's name says.
-    folder = study.path("dataset", f"{model.hash[:12]}-{samples}-{model.reduced.size}-{seed}")
+    folder = study.path("dataset", f"{model.hash[:12]}-{samples}-{_shapes(model)}-{seed}")
     show.start("Solving modes of parameter samples", samples)
-    return compute_dataset(model.reduced, model.prior, plan, folder, show.advance), folder
+    # All over the box alike: sizes that their prior thinks unlikely are learned as well.
+    box = UniformPrior(model.prior.names, model.prior.lower, model.prior.upper)
+    return compute_dataset(model.responder, box, plan, folder, show.advance), folder
+
+
+def _shapes(model: StudyModel) -> int:
+    reduced = model.reduced if model.system is None else model.system.reduced.model
+    return reduced.size
 
 
 def training_task(model: StudyModel, dataset: ModalDataset) -> TrainingTask:
@@ -235,6 +248,7 @@ def training_task(model: StudyModel, dataset: ModalDataset) -> TrainingTask:
         model.zeta_bounds or (ratio, ratio),
         model.prior,
         network_sizes(model),
+        model.system,
     )
 
 

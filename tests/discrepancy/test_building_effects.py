@@ -64,7 +64,7 @@ def test_an_impossible_effect_is_refused_in_one_sentence_with_its_key(listed, ch
 def test_an_impossible_place_is_refused_in_one_sentence_with_its_key(listed, reduced_of, effect):
     building = listed(MASS, effect)
     with pytest.raises(BuildingError, match=r"^chain: effects\[1\]\.place: ") as refused:
-        check_places(reduced_of(building), building_effects(building))
+        check_places(reduced_of(building).structure, building_effects(building))
     assert effect["place"] in str(refused.value)
     assert "\n" not in str(refused.value)
 

@@ -6,7 +6,12 @@ import torch
 
 from femupdate.building.document import from_document
 from femupdate.discrepancy.fit import fit_baseline
-from femupdate.discrepancy.mesh_error import corrected, learn_mesh_error, with_mesh_error
+from femupdate.discrepancy.mesh_error import (
+    corrected,
+    learn_mesh_error,
+    mesh_scatter,
+    with_mesh_error,
+)
 from femupdate.discrepancy.problem import make_problem
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.effect_reduction import structure_on
@@ -125,3 +130,25 @@ def test_what_is_left_open_widens_the_intervals(coarse, learned):
     errors = rng.standard_normal((20000, len(J))) + rng.standard_normal((20000, U.shape[1])) @ U.T
     estimates = np.linalg.lstsq(J, errors.T, rcond=None)[0]
     np.testing.assert_allclose(estimates.std(axis=1), open_.theta()[1] / theta, rtol=0.03)
+
+
+def test_what_is_left_open_is_the_same_in_ln_h(coarse, learned):
+    """As the finder's problem has it, whitened."""
+    theta = np.array([1.0, 1.0])
+    reduced = corrected(near(coarse)(theta), learned)
+    measured = np.abs(frf(reduced, theta))
+    noise = np.full(measured.shape, 0.1)
+    seen = Observation(GRID, reduced.model.floors, np.log(measured), noise, noise > 0)
+    box = torch.full((2,), 0.5, dtype=torch.float64), torch.full((2,), 2.0, dtype=torch.float64)
+    problem = make_problem(reduced, ConstantDamping(), box, 0.05, seen, model_error=0.0)
+    base = fit_baseline(problem)[0]
+    whitened = with_mesh_error(problem, learned, base).shared.T.reshape(-1, *measured.shape)
+    scatter = mesh_scatter(EffectSystem(reduced, ConstantDamping(), (), ()), learned)
+    here = torch.from_numpy(base.theta()[0][None])
+    zeta = torch.full((1,), 0.05, dtype=torch.float64)
+    change = scatter(here, torch.from_numpy(GRID), zeta)[0]
+    # Beyond the limit of what can only crack the one goes on, the other is reflected.
+    inside = [k for k, one in enumerate(learned.placed) if one.effect.parameters[0].upper > 0.0]
+    assert len(inside) >= 2
+    assert np.abs(change[inside]).max() > 3e-4
+    np.testing.assert_allclose(-change[inside] / 0.1, whitened[inside], atol=1e-6)

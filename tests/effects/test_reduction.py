@@ -1,5 +1,7 @@
 """A reduced frame with effects against the same frame with nothing left out."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -7,6 +9,7 @@ from scipy.linalg import eigh
 
 from femupdate.building.document import from_document
 from femupdate.dynamics.damping import ConstantDamping
+from femupdate.dynamics.effect_box import reduce_over_box
 from femupdate.dynamics.effect_local import local_structure
 from femupdate.dynamics.effect_reduction import reduce_structure, structure_on
 from femupdate.dynamics.effect_response import EffectSystem, reduce_terms
@@ -14,6 +17,7 @@ from femupdate.dynamics.reduction import ReductionTarget
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import structure_of
+from femupdate.errors import ModelError
 
 GRID = np.linspace(0.2, 30.0, 150)
 ZETA = 0.02
@@ -105,3 +109,42 @@ def test_a_basis_serves_its_neighbourhood_alone(local, exact):
 
     assert error(HERE) < 0.01
     assert error(HERE[::-1].copy()) > 2.0 * error(HERE)
+
+
+@pytest.mark.parametrize(
+    "labels", [("cracked_beams@low",), ("foundation_rocking@base", "added_mass@2F")]
+)
+def test_basis_over_a_box_follows_the_full_model(structure, exact, target, labels):
+    """At story factors and sizes, up to the ends of their priors, that the basis has not seen."""
+    placed = tuple(
+        Placed(CATALOGUE[name], place) for name, place in (one.split("@") for one in labels)
+    )
+    likely = np.array([p.likely for one in placed for p in one.effect.parameters])
+    lower = np.concatenate([target.lower, likely[:, 0]])
+    upper = np.concatenate([target.upper, likely[:, 1]])
+    box = replace(target, lower=lower, upper=upper)
+    found = reduce_over_box(structure, placed, box)
+    assert found.reduced.model.size < 0.5 * exact.model.size
+    assert found.checks == 29
+    assert found.rms_error <= target.tolerance
+    samples = torch.from_numpy(
+        lower + (upper - lower) * np.random.default_rng(5).random((4, len(lower)))
+    )
+    zeta, grid = torch.full((4,), ZETA, dtype=torch.float64), torch.from_numpy(GRID)
+    frf = [
+        EffectSystem(one, ConstantDamping(), placed, tuple(one.terms(p) for p in placed)).frf(
+            samples[:, :2], zeta, samples[:, 2:], grid
+        )
+        for one in (found.reduced, exact)
+    ]
+    error = (frf[0].abs().log() - frf[1].abs().log()).numpy()
+    # Certified rms over the box, at the worst of four samples.
+    assert np.sqrt((error**2).mean(axis=(1, 2))).max() < 3.0 * target.tolerance
+
+
+def test_a_box_that_no_basis_serves_is_refused_in_a_sentence(structure, target):
+    placed = (Placed(CATALOGUE["cracked_beams"], "low"),)
+    lower, upper = np.append(target.lower, -0.9), np.append(target.upper, 0.0)
+    few = replace(target, lower=lower, upper=upper, tolerance=1e-14, samples=1)
+    with pytest.raises(ModelError, match=r"cracked_beams@low .* calibrate with --exact"):
+        reduce_over_box(structure, placed, few)

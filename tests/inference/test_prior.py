@@ -5,7 +5,9 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.stats import kstest, norm, uniform
+from scipy.stats import kstest, norm, truncnorm, uniform
+
+from femupdate.inference.prior import TruncatedPrior
 
 lower = st.floats(-50.0, 50.0)
 width = st.floats(1e-3, 100.0)
@@ -82,3 +84,47 @@ def test_a_box_upside_down_is_refused(box):
 def test_as_many_names_as_bounds(box):
     assert box([0.0] * 3, [1.0] * 3).size == 3
     assert box([0.0], [1.0]).to("cpu").names == ("theta_1",)
+
+
+def mixed():
+    """A uniform parameter, a normal one within wide limits, and half of one."""
+    columns = ([0.3, -0.5, 0.0], [3.0, 0.5, 2.0], [0.0, 0.1, 0.0], [np.inf, 0.2, 0.4])
+    tensors = (torch.tensor(values, dtype=torch.float64) for values in columns)
+    return TruncatedPrior(("theta_1", "a.size", "b.size"), *tensors)
+
+
+def expected(column):
+    if column == 0:
+        return uniform(0.3, 2.7)
+    low, high, centre, scale = ((-0.5, 0.5, 0.1, 0.2), (0.0, 2.0, 0.0, 0.4))[column - 1]
+    return truncnorm((low - centre) / scale, (high - centre) / scale, centre, scale)
+
+
+def test_normal_parameters_within_limits_are_those_of_scipy():
+    prior, unit = mixed(), np.linspace(0.001, 0.999, 41)
+    theta = prior.from_unit(torch.from_numpy(np.tile(unit[:, None], 3)))
+    for column in range(3):
+        np.testing.assert_allclose(theta[:, column], expected(column).ppf(unit), rtol=1e-9)
+    np.testing.assert_allclose(prior.to_unit(theta), np.tile(unit[:, None], 3), rtol=1e-9)
+    normal = prior.to_normal(theta)
+    np.testing.assert_allclose(prior.from_normal(normal), theta, rtol=1e-8)
+    drawn = prior.sample(4000, torch.Generator().manual_seed(1))
+    # One test in a thousand fails by chance; the seed does not.
+    assert all(kstest(drawn[:, k], expected(k).cdf).pvalue > 1e-3 for k in range(3))
+
+
+def test_far_out_is_still_inside():
+    prior = mixed()
+    ends = prior.from_normal(torch.tensor([[-40.0] * 3, [40.0] * 3], dtype=torch.float64))
+    np.testing.assert_allclose(ends[0], prior.lower, atol=1e-9)
+    np.testing.assert_allclose(ends[1, :2], prior.upper[:2], atol=1e-9)
+    assert bool(torch.isfinite(ends).all())
+    assert bool((ends <= prior.upper).all())
+
+
+def test_a_damping_ratio_joins_as_uniform():
+    wide, unit = mixed().joined("zeta", 0.01, 0.05), torch.full((1, 4), 0.25).double()
+    assert wide.names[-1] == "zeta"
+    assert float(wide.from_unit(unit)[0, 3]) == pytest.approx(0.02)
+    np.testing.assert_allclose(wide.from_unit(unit)[:, :3], mixed().from_unit(unit[:, :3]))
+    assert torch.equal(wide.to("cpu").scale, wide.scale)

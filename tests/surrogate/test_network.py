@@ -5,11 +5,8 @@ import pytest
 import torch
 
 from femupdate.surrogate.layers import FloorLinear
-from femupdate.surrogate.network import (
-    LatentMixture,
-    Mvae,
-    parameter_features,
-)
+from femupdate.surrogate.network import LatentMixture, Mvae
+from femupdate.surrogate.places import parameter_features
 from femupdate.surrogate.sizes import NetworkSizes
 from femupdate.surrogate.visibility import Visibility
 

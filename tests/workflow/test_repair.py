@@ -19,12 +19,12 @@ from femupdate.workflow.calibrate import (
     CalibrationSettings,
     ObservationSource,
     calibrate_study,
-    require_exact,
 )
 from femupdate.workflow.model import open_study
 from femupdate.workflow.predict import PredictionSettings, RecordSource, predict_study
 from femupdate.workflow.render import render_study
 from femupdate.workflow.repair import repair_study
+from femupdate.workflow.train import needed_surrogate
 
 MASSES, SPRINGS = np.array([3.0, 2.0, 1.5]), np.array([9e3, 5e3, 4e3])
 THETA, ZETA, STEP = np.array([0.8, 1.4, 1.1]), 0.04, 0.01
@@ -234,11 +234,11 @@ def test_calibrate_exact_takes_the_repaired_building(repaired, home, tmp_path):
     np.testing.assert_allclose(draws.mean(axis=0), [*THETA, 0.12], atol=0.015)
 
 
-def test_a_trained_surrogate_is_not_used_for_a_building_with_effects(repaired):
+def test_a_repaired_building_without_a_surrogate_is_told_what_to_do(repaired):
     with pytest.raises(SurrogateError) as refused:
-        require_exact(load_building(repaired[0].building_path), exact=False)
+        needed_surrogate(repaired[0].study, load_building(repaired[0].building_path))
     sentence = str(refused.value)
-    assert "added_mass at 3F" in sentence
+    assert "femupdate train --study" in sentence
     assert "--exact" in sentence
     assert "\n" not in sentence
 

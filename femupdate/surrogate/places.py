@@ -1,0 +1,58 @@
+"""Where parameters lie in the box of their prior, the coordinate that the networks work in.
+
+A stiffness factor goes by its square root, as frequencies do: from a third to three that makes
+even steps. The size of an effect may be zero or negative and moves the response in proportion: it
+goes by itself.
+"""
+
+import torch
+from torch import Tensor
+
+
+def to_place(theta: Tensor, lower: Tensor, upper: Tensor, sizes: int) -> Tensor:
+    """Places (..., p) from -1 to 1 of theta (..., p) in a box (p,).
+
+    Args:
+        theta: stiffness factors and, after them, sizes of effects.
+        lower, upper: of the box.
+        sizes: how many sizes there are.
+    """
+    return 2.0 * (_bent(theta, sizes) - _bent(lower, sizes)) / _width(lower, upper, sizes) - 1.0
+
+
+def from_place(place: Tensor, lower: Tensor, upper: Tensor, sizes: int) -> Tensor:
+    """Inverse of `to_place`."""
+    bent = _bent(lower, sizes) + 0.5 * (place + 1.0) * _width(lower, upper, sizes)
+    if not sizes:
+        return bent.square()
+    factors, rest = _split(bent, sizes)
+    return torch.cat([factors.square(), rest], dim=-1)
+
+
+def parameter_features(theta: Tensor, lower: Tensor, upper: Tensor, sizes: int = 0) -> Tensor:
+    """Features (B, 3 p) of theta: place by root, by value and by logarithm, all from -1 to 1.
+
+    A size has its place by value three times.
+    """
+    linear = 2.0 * (theta - lower) / (upper - lower) - 1.0
+    own, low, high = (_split(one, sizes)[0] for one in (theta, lower, upper))
+    logarithmic = 2.0 * torch.log(own / low) / torch.log(high / low) - 1.0
+    root = to_place(theta, lower, upper, sizes)
+    return torch.cat([root, linear, logarithmic, _split(linear, sizes)[1]], dim=-1)
+
+
+def _bent(values: Tensor, sizes: int) -> Tensor:
+    if not sizes:
+        return values.sqrt()
+    factors, rest = _split(values, sizes)
+    return torch.cat([factors.sqrt(), rest], dim=-1)
+
+
+def _width(lower: Tensor, upper: Tensor, sizes: int) -> Tensor:
+    return _bent(upper, sizes) - _bent(lower, sizes)
+
+
+def _split(values: Tensor, sizes: int) -> tuple[Tensor, Tensor]:
+    """Stiffness factors and sizes."""
+    factors = values.shape[-1] - sizes
+    return values[..., :factors], values[..., factors:]

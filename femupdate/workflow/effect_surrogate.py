@@ -1,0 +1,117 @@
+"""The model behind a surrogate of a building that lists effects."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from femupdate.atomic import atomic_path
+from femupdate.building.schema import Building
+from femupdate.discrepancy.mesh_error import corrected, mesh_scatter
+from femupdate.dynamics.effect_box import reduce_over_box
+from femupdate.dynamics.effect_modal import makes_modes_complex
+from femupdate.dynamics.effect_reduction import structure_on
+from femupdate.dynamics.effect_response import EffectSystem, ReducedStructure
+from femupdate.effects.effect import Placed
+from femupdate.effects.structure import Structure
+from femupdate.errors import SurrogateError
+from femupdate.inference.prior import UniformPrior
+from femupdate.study import Study
+from femupdate.workflow.effects import (
+    building_effects,
+    check_places,
+    finder_structure,
+    reduction_target,
+    teller,
+    with_sizes,
+)
+from femupdate.workflow.mesh_error import open_mesh_error
+from femupdate.workflow.model import StudyModel
+from femupdate.workflow.progress import Progress, Silent
+
+BASIS = "surrogate's basis"
+_FILE = "surrogate_basis.npz"
+
+
+def check_amortisable(building: Building) -> None:
+    """Make sure that a surrogate can know the effects that a building lists.
+
+    Raises:
+        BuildingError: an effect is unknown or impossible.
+        SurrogateError: one makes modes complex.
+    """
+    for one in building_effects(building).placed:
+        if makes_modes_complex(one.effect):
+            raise SurrogateError(
+                f"{building.name}: {one.effect.name} at {one.place} makes the modes complex, which "
+                "no surrogate follows; calibrate with --exact"
+            )
+
+
+def with_effects(study: Study, model: StudyModel, progress: Progress | None = None) -> StudyModel:
+    """A study's model with the effects that its building lists and a prior of their sizes.
+
+    Raises:
+        BuildingError: an effect cannot be.
+        SurrogateError: one makes modes complex.
+    """
+    check_amortisable(model.building)
+    effects = building_effects(model.building)
+    prior = with_sizes(model.prior, effects.placed)
+    structure = finder_structure(model.building)
+    check_places(structure, effects)
+    reduced = _reduced(study, model, structure, (effects.placed, prior), progress)
+    mesh = open_mesh_error(study, model.building, structure, progress)
+    reduced = reduced if mesh is None else corrected(reduced, mesh)
+    terms = tuple(reduced.terms(one) for one in effects.placed)
+    system = EffectSystem(reduced, model.law, effects.placed, terms)
+    shared = None if mesh is None else mesh_scatter(system, mesh)
+    return replace(model, system=system, shared=shared, prior=prior)
+
+
+def kept_structure(
+    study: Study, model: StudyModel, structure: Structure | None = None
+) -> ReducedStructure | None:
+    """A frame on the basis that its surrogate was made with, or None where there is none.
+
+    Args:
+        study: that keeps it.
+        model: of the study.
+        structure: the full model, if it is at hand.
+    """
+    kept = study.find(BASIS, model.made_from())
+    if kept is None:
+        return None
+    with np.load(kept) as data:
+        basis = data["basis"]
+    return structure_on(structure or finder_structure(model.building), basis)
+
+
+def _reduced(
+    study: Study,
+    model: StudyModel,
+    structure: Structure,
+    acting: tuple[tuple[Placed, ...], UniformPrior],
+    progress: Progress | None,
+) -> ReducedStructure:
+    """The structure on a basis for the prior's whole box; that of a frame is made once and kept."""
+    placed, prior = acting
+    kept = kept_structure(study, model, structure)
+    if kept is not None:
+        return kept
+    lower, upper = prior.lower.numpy(), prior.upper.numpy()
+    target = replace(reduction_target(model.building), lower=lower, upper=upper)
+    show, text = progress or Silent(), "Reducing the model with its effects"
+    found = reduce_over_box(structure, placed, target, teller(show, text))
+    if structure.operators is None:
+        return found.reduced
+    path = study.path(_FILE)
+    with atomic_path(path) as temporary, open(temporary, "wb") as file:
+        np.savez(file, basis=found.reduced.basis)
+    settings = {
+        "size": found.reduced.model.size,
+        "rms_error": found.rms_error,
+        "worst_error": found.worst_error,
+        "checks": found.checks,
+    }
+    study.record(BASIS, _FILE, "train", model.made_from(), settings)
+    return found.reduced
