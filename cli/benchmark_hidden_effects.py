@@ -13,7 +13,7 @@ from .common import Bars, benchmark_options, print_json, print_pictures
 @click.option("--one", type=click.IntRange(min=0), default=150, show_default=True)
 @click.option("--two", type=click.IntRange(min=0), default=30, show_default=True)
 @click.option("--outside", type=click.IntRange(min=0), default=30, show_default=True)
-@click.option("--mesh-size", type=float, help="Of the truth of a frame, m; default half.")
+@click.option("--mesh-size", type=float, help="Of the truth of a frame, m; default .4 of its own.")
 @click.option("--no-phase", is_flag=True, help="Use |H| alone.")
 @click.option("--minutes", type=click.FloatRange(min=0), help="Start no trial after so many.")
 @click.option("--quick", is_flag=True, help="A dozen trials, to see it work.")

@@ -32,6 +32,9 @@ CLEAN, ONE, TWO, FOREIGN = "clean", "one", "two", "outside"
 KINDS = (CLEAN, ONE, TWO, FOREIGN)
 # Sampled in their own step of the pipeline, or not to be made in a time history.
 _NOT_HIDDEN = ("noise_floor",)
+_TRUTH_MESH = (
+    0.4  # of the building's mesh size: finer than the finder's, and than what it learns of
+)
 _SIZES = (0.3, 2.5)  # times the prior's standard deviation
 
 
@@ -43,7 +46,7 @@ class TrialSettings:
         duration_s, sampling_hz, rms_m_s2: of the base motion, white over the grid.
         sensor_noise_m_s2: rms on every channel.
         quantisation_m_s2: step of the recorder.
-        mesh_size: m, of the truth of a frame.
+        mesh_size: m, of the truth of a frame; two fifths of the building's own where None.
         use_phase: whether phases are compared.
     """
 
@@ -75,8 +78,10 @@ def kept_models(
     """Mesh the truth, and open the finder's model."""
     parts = model_parts(study, model, progress)
     building = model.building
-    points = building.sensors.points if isinstance(building, FrameBuilding) else None
-    return KeptModels(parts, fine_model(building, settings.mesh_size, points))
+    if not isinstance(building, FrameBuilding):
+        return KeptModels(parts, fine_model(building, settings.mesh_size))
+    size = settings.mesh_size or _TRUTH_MESH * building.mesh.size
+    return KeptModels(parts, fine_model(building, size, building.sensors.points))
 
 
 @dataclass(frozen=True)
