@@ -42,8 +42,8 @@ _FRAME_ERROR, _STICK_ERROR = 0.14, 0.01
 # A coarser mesh is above all a stiffer one: on clean truths of a 0.15 m mesh cracked beams or
 # stiffer walls of one story had a log evidence of 11 to 30.
 _MIMICKED = 40.0
-# The same where the mesh error was learned: with a wide margin, as only two frames without
-# effects have been tried (log evidence -1 to 2).
+# The same where the mesh error was learned: with a wide margin, as only a few frames without
+# effects have been tried (log evidence -1 to 2.3).
 _MIMICKED_LEARNED = 15.0
 _LEFT = 2.0  # times what a learned mesh error leaves: neighbouring points err alike
 _PEAK = 0.5  # change of ln|H| beside a peak by a shift of its frequency, times the damping ratio
