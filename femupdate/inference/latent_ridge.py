@@ -31,6 +31,7 @@ _FALLEN, _STEPS = 8.0, 40
 # by more is halved, one that changes them by less than a quarter of that makes the next longer.
 _FIRST, _SHORTEST, _LONGEST, _CHANGE = 0.5, 2e-3, 0.15, 1.2
 _PULL_BACKS = 2  # Gauss-Newton steps across the ridge
+_FEWEST = 3  # points of a ridge; with less there was no room to follow it
 # Gaussians for each nat that the ridge rises or falls by: one of them for a quarter of a standard
 # deviation at most.
 _KERNELS, _MOST_KERNELS = 2.0, 128
@@ -91,7 +92,8 @@ def along_ridges(misfit: Misfit, points: Descent, solutions: Descent, reach: Ten
     for row in range(len(points.z)):
         if not _belongs(kept, points.z[row : row + 1])[0]:
             ridge = _followed(misfit, points[[row]], kept, reach)
-            kept = _joined(kept, _kernels(ridge, kept))
+            short = len(ridge.z) < _FEWEST
+            kept = _joined(kept, points[[row]] if short else _kernels(ridge))
     return kept
 
 
@@ -171,11 +173,9 @@ def _widest(point: Descent) -> tuple[Tensor, float]:
     return vectors[:, 0], float(values[0]) ** -0.5
 
 
-def _kernels(ridge: _Ridge, solutions: Descent) -> Descent:
+def _kernels(ridge: _Ridge) -> Descent:
     """Gaussians side by side along a ridge, from splines through its points."""
     place = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(ridge.z, axis=0), axis=1))])
-    if len(place) < 3:
-        return solutions[[]]
     curve = CubicSpline(place, ridge.z.numpy())
     height = CubicSpline(place, ridge.nats.numpy())
     ups_and_downs = float(np.abs(np.diff(ridge.nats)).sum())
