@@ -279,7 +279,7 @@ _WIDTH_HEAD = (
     "cases",
     "sd ratio, median",
     "5 to 95 %",
-    "|shift| in sd",
+    "shift of the mean, exact sd",
 )
 
 
