@@ -26,6 +26,7 @@ from femupdate.dynamics.effect_response import EffectSystem, ReducedStructure
 from femupdate.effects.effect import UNSCALED, Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import TRANSLATION, Structure
+from femupdate.errors import ModelError
 from femupdate.fe.driven import driven_shapes
 from femupdate.fe.factorization import factorize
 
@@ -110,6 +111,9 @@ def learn_mesh_error(
         thetas: (n, p) at which they are compared.
         top_hz: frequency up to which modes are compared.
         progress: told (done, total).
+
+    Raises:
+        ModelError: no mode is the same on both meshes.
     """
     placed = _members(fine)
     lessons = []
@@ -117,6 +121,11 @@ def learn_mesh_error(
         lessons.append(_lesson(fine, near(theta), placed, theta, top_hz))
         if progress is not None:
             progress(number + 1, len(thetas))
+    if not any(len(one.sought) for one in lessons):
+        raise ModelError(
+            f"{fine.building.name}: no mode below {top_hz:g} Hz can be followed from the mesh to a "
+            "finer one, so the error of the mesh is unknown; write a smaller mesh.size"
+        )
     kinds = [one.effect.name for one in placed]
     mean, sd, left = _estimate(lessons, kinds)
     labels = tuple(one.label for one in placed)
@@ -234,7 +243,7 @@ def _lesson(
     shares = _energy_shares(coarse, placed, theta, ours, rows)
     # What the floors show most of must be right above all.
     size = np.linalg.norm(ours.effect[:, rows], axis=0)
-    return _Lesson(shares, sought, size / size.max())
+    return _Lesson(shares, sought, size / size.max(initial=1e-300))
 
 
 @dataclass(frozen=True, eq=False)
@@ -328,4 +337,12 @@ def _estimate(lessons: list[_Lesson], kinds: list[str]) -> tuple[Floats, Floats,
     return mean, np.sqrt(variance), 0.5 * float(np.sqrt((left**2).mean()))
 
 
-__all__ = ["FINER", "MeshError", "corrected", "learn_mesh_error", "with_mesh_error"]
+__all__ = [
+    "FINER",
+    "MeshError",
+    "MeshScatter",
+    "corrected",
+    "learn_mesh_error",
+    "mesh_scatter",
+    "with_mesh_error",
+]

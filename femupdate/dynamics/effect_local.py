@@ -69,7 +69,7 @@ def local_structure(
     """
     if structure.operators is None or structure.mesh is None:
         return structure_on(structure, np.diag(structure.points.mass**-0.5))
-    asked = questions(structure)
+    asked = _questions(structure)
     sensors = floor_sensors(structure.operators, structure.mesh.floor_nodes, structure.direction)
     draws = _draws(theta, len(asked), spread)
     known = modes_below(structure.operators, theta, TOP * float(target.frequency_hz[-1]))
@@ -80,15 +80,15 @@ def local_structure(
     return structure_on(structure, basis)
 
 
-def questions(structure: Structure) -> tuple[Question, ...]:
+def _questions(structure: Structure) -> tuple[Question, ...]:
     """No effect, and every effect of stiffness or mass in its widest places, to both sides."""
     asked = [Question()]
-    for placed, size in asked_places(structure):
+    for placed, size in _asked_places(structure):
         asked.append(_question(placed.effect.terms(structure, placed.place), size))
     return tuple(asked)
 
 
-def asked_places(structure: Structure) -> list[tuple[Placed, float]]:
+def _asked_places(structure: Structure) -> list[tuple[Placed, float]]:
     """Every effect of stiffness or mass in its widest places, with sizes to both sides."""
     found = []
     for effect in CATALOGUE.values():
@@ -122,7 +122,7 @@ def _question(terms: Terms, size: float) -> Question:
     return Question(terms.stiffness, mass, size)
 
 
-def neighbours(theta: Floats, spread: float) -> Floats:
+def _neighbours(theta: Floats, spread: float) -> Floats:
     """Some theta (n, p) around one, evenly within the half width in ln theta."""
     sobol = qmc.Sobol(len(theta), seed=np.random.default_rng(3)).random(_NEIGHBOURS)
     return np.asarray(theta * np.exp(spread * (2.0 * sobol - 1.0)))
@@ -131,7 +131,7 @@ def neighbours(theta: Floats, spread: float) -> Floats:
 def _draws(theta: Floats, asked: int, spread: float) -> Floats:
     """(n, 1 + p) the number of a question, and theta; the neighbours ask none."""
     numbers = np.concatenate([np.arange(asked), np.zeros(_NEIGHBOURS)])
-    thetas = np.concatenate([np.tile(theta, (asked, 1)), neighbours(theta, spread)])
+    thetas = np.concatenate([np.tile(theta, (asked, 1)), _neighbours(theta, spread)])
     return np.column_stack([numbers, thetas])
 
 

@@ -12,7 +12,6 @@ from scipy.stats import chi2
 from torch import Tensor
 from torch.nn.functional import pad
 
-from femupdate.discrepancy.problem import as_estimated, segment_of
 from femupdate.dynamics.damping import DampingLaw
 from femupdate.dynamics.effect_modal import effect_log_frf
 from femupdate.dynamics.effect_response import EffectSystem
@@ -22,6 +21,7 @@ from femupdate.dynamics.reduced import ReducedModel
 from femupdate.errors import SurrogateError
 from femupdate.inference.encoder_input import encoder_input
 from femupdate.inference.latent_search import Control, find_latent
+from femupdate.measurement.estimated import as_estimated, segment_of
 from femupdate.measurement.observation import Observation
 from femupdate.surrogate.gauss_newton import LatentData
 from femupdate.surrogate.latent import LatentQuadratics

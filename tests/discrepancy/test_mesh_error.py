@@ -17,6 +17,7 @@ from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.effect_reduction import structure_on
 from femupdate.dynamics.effect_response import EffectSystem
 from femupdate.effects.structure import structure_of
+from femupdate.errors import ModelError
 from femupdate.fe.driven import driven_shapes
 from femupdate.fe.factorization import factorize
 from femupdate.measurement.observation import Observation
@@ -98,6 +99,11 @@ def test_a_coarse_mesh_is_a_stiff_one(learned):
     slab = [m for name, m in zip(learned.labels, learned.mean, strict=True) if "slab" in name]
     assert max(slab) < 0.0
     assert min(learned.sd) > 0.0
+
+
+def test_meshes_without_a_common_mode_are_refused(coarse):
+    with pytest.raises(ModelError, match=r"no mode below 0\.1 Hz .* write a smaller mesh\.size"):
+        learn_mesh_error(structure_of(frame(1.5), 1.0), near(coarse), THETAS[:1], 0.1)
 
 
 def test_what_is_left_open_widens_the_intervals(coarse, learned):
