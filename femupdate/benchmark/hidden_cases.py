@@ -311,7 +311,7 @@ def _true_strength(
             return float(np.sqrt(max(gain, 0.0))), one.score.absorbed
     test = score(problem, found.base, placed)
     start = values if values else starts(problem, placed)[0]
-    known = np.concatenate([found.base.sizes()[0], start])
+    known = np.concatenate([found.base.known, start])
     together = (*found.base.placed, placed)
     fitted = fit(problem, together, extended(problem, found.base, together, known))
     gain = found.base.chi2 - fitted.chi2

@@ -230,7 +230,7 @@ def _fit_candidate(problem: Problem, base: Fit, one: Score) -> Fit:
     start = list(one.start)
     if start:
         start[0] = one.size
-    own = np.concatenate([base.sizes()[0], start])
+    own = np.concatenate([base.known, start])
     return fit(problem, placed, extended(problem, base, placed, own))
 
 
@@ -277,12 +277,8 @@ def _weigh(
 
 
 def _gain(problem: Problem, base: Fit, fitted: Fit, inflation: float) -> float:
-    """Log evidence over the model without the effect.
-
-    Errors that the points share are noise along the effect, too.
-    """
-    noise = inflation * fitted.mimicry()
-    with_it, without = laplace(problem, fitted, noise), laplace(problem, base, noise)
+    """Log evidence over the model without the effect."""
+    with_it, without = laplace(problem, fitted, inflation), laplace(problem, base, inflation)
     return with_it.log_evidence - without.log_evidence
 
 

@@ -12,7 +12,7 @@ import torch
 from scipy.special import log_ndtr
 from torch import Tensor
 
-from femupdate.discrepancy.fit import Fit, evaluate
+from femupdate.discrepancy.fit import Fit, weighed_residuals
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.proposal import student_draws
 
@@ -43,6 +43,7 @@ def laplace(problem: Problem, fitted: Fit, inflation: float = 1.0) -> Evidence:
         inflation: by how much the variance of the noise is larger than stated; what no model
             explains makes all evidence weaker.
     """
+    fitted = fitted.weighed
     hessian = fitted.hessian(inflation)
     log_det = torch.linalg.slogdet(hessian).logabsdet
     size = fitted.coordinates.size
@@ -77,7 +78,7 @@ def _within_limits(fitted: Fit, inflation: float) -> float:
     One unknown after the other; where the most probable value sits at its limit, half or less.
     """
     where = fitted.coordinates
-    sd = fitted.alone(inflation).diagonal().clamp_min(1e-30).sqrt()
+    sd = fitted.covariance(inflation).diagonal().clamp_min(1e-30).sqrt()
     low = ((where.lower - fitted.z) / sd).numpy()
     high = ((where.upper - fitted.z) / sd).numpy()
     lower_tail, upper_tail = np.exp(log_ndtr(low)), np.exp(log_ndtr(-high))
@@ -90,12 +91,12 @@ def sampled(
     """Evidence from an importance sample about the most probable parameters."""
     where = fitted.coordinates
     generator = torch.Generator().manual_seed(seed)
-    covariance = 1.2 * fitted.alone(inflation)
-    z, log_proposal = student_draws(fitted.z, covariance, _FREEDOM, draws, generator)
+    covariance = 1.2 * fitted.covariance(inflation)
+    z, log_proposal = student_draws(fitted.weighed.z, covariance, _FREEDOM, draws, generator)
     inside = ((z >= where.lower) & (z <= where.upper)).all(dim=1)
     log_weight = torch.full((draws,), -torch.inf, dtype=torch.float64)
     if inside.any():
-        residual = evaluate(problem, fitted.system, where, z[inside])
+        residual = weighed_residuals(problem, fitted, z[inside])
         log_target = -0.5 * (residual**2).sum(dim=1) / inflation
         log_target = log_target + log_prior(problem, fitted, z[inside])
         log_weight[inside] = log_target - log_proposal[inside]

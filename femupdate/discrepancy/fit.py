@@ -5,12 +5,14 @@ units of their prior's standard deviation.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from femupdate.discrepancy.common_errors import CommonErrors
 from femupdate.discrepancy.problem import Problem
 from femupdate.dynamics.effect_response import EffectSystem
 from femupdate.effects.effect import Placed
@@ -96,7 +98,11 @@ def coordinates(problem: Problem, placed: tuple[Placed, ...]) -> Coordinates:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A model at its most probable parameters.
+    """A model at its most probable parameters, as if every point erred alone.
+
+    What is said of it (`chi2`, `theta` and all below them) is of the fit with `common` as part of
+    the noise, one step of generalised least squares from here. Not more than a step: where errors
+    are as large as a peak is wide, a search would go wherever straight lines best hide a misfit.
 
     Attributes:
         placed: its effects.
@@ -105,7 +111,7 @@ class Fit:
         residual: (n,) whitened.
         jacobian: (n, d) of the prediction by the unknowns, whitened.
         system: the model.
-        shared: (n, c) errors that many points share, as `Problem` has them, or None.
+        common: errors that many points share, about here; or None.
     """
 
     placed: tuple[Placed, ...]
@@ -114,86 +120,82 @@ class Fit:
     residual: Tensor
     jacobian: Tensor
     system: EffectSystem
-    shared: Tensor | None = None
+    common: CommonErrors | None = None
+
+    @cached_property
+    def weighed(self) -> "Fit":
+        """The fit with the common errors as part of the noise."""
+        if self.common is None:
+            return self
+        where = self.coordinates
+        residual = self.common.whiten(self.residual[None])[0]
+        jacobian = self.common.whiten(self.jacobian.T).T
+        step = _step(where, self.z, residual, jacobian, 0.0)
+        z = torch.minimum(torch.maximum(self.z + step, where.lower), where.upper)
+        left = residual - jacobian @ (z - self.z)
+        return replace(self, z=z, residual=left, jacobian=jacobian, common=None)
+
+    @property
+    def known(self) -> Floats:
+        """(q,) parameters of the effects at z."""
+        c = self.coordinates
+        return (c.neutral + c.scales * self.z[c.first_size :]).numpy()
 
     @property
     def chi2(self) -> float:
         """Sum of squared residuals, of independent points."""
-        return float(self.residual @ self.residual)
+        return float(self.weighed.residual @ self.weighed.residual)
 
     @property
     def penalty(self) -> float:
         """Squared distance from the normal priors' means, in their standard deviations."""
         c = self.coordinates
-        return float((c.precision * (self.z - c.mean) ** 2).sum())
+        return float((c.precision * (self.weighed.z - c.mean) ** 2).sum())
 
     def hessian(self, inflation: float = 1.0) -> Tensor:
         """(d, d) curvature of minus the log posterior, Gauss and Newton's."""
-        prior = torch.diag(self.coordinates.precision)
-        return self.jacobian.T @ self.jacobian / inflation + prior
+        jacobian = self.weighed.jacobian
+        return jacobian.T @ jacobian / inflation + torch.diag(self.coordinates.precision)
 
     def covariance(self, inflation: float = 1.0) -> Tensor:
-        """(d, d) of the unknowns, for a noise of `inflation` times the stated variance.
-
-        The fit weighs the points as if all erred alone; what they share is carried on to the
-        unknowns (White, Econometrica 48, 1980).
-        """
-        alone, carried = self.alone(inflation), self.carried(inflation)
-        return alone if carried is None else alone + carried @ carried.T
-
-    def alone(self, inflation: float = 1.0) -> Tensor:
-        """(d, d) as if every point erred alone."""
+        """(d, d) of the unknowns, for a noise of `inflation` times the stated variance."""
         return torch.linalg.pinv(self.hessian(inflation), hermitian=True)
-
-    def carried(self, inflation: float = 1.0) -> Tensor | None:
-        """(d, c) what one standard deviation of every shared error moves the unknowns by."""
-        if self.shared is None:
-            return None
-        return self.alone(inflation) @ (self.jacobian.T @ self.shared) / inflation
-
-    def mimicry(self) -> float:
-        """Variance of the residuals along what only the last unknown effect does, noise being 1.
-
-        More than one where errors that the points share can pass for the effect.
-        """
-        count = len(self.placed[-1].effect.parameters) if self.placed else 0
-        if self.shared is None or not count:
-            return 1.0
-        others = torch.cat([self.jacobian[:, :-count], self.jacobian[:, self.size_column + 1 :]], 1)
-        column = self.jacobian[:, self.size_column]
-        own = column - others @ torch.linalg.lstsq(others, column[:, None]).solution[:, 0]
-        unit = own / own.norm().clamp_min(1e-12)
-        return 1.0 + float((unit @ self.shared).square().sum())
-
-    @property
-    def size_column(self) -> int:
-        """Which unknown is the size of the last effect."""
-        return self.coordinates.size - len(self.placed[-1].effect.parameters)
 
     def theta(self, inflation: float = 1.0) -> tuple[Floats, Floats]:
         """Stiffness factors and their standard deviations, (p,) each."""
         count = self.coordinates.stories
-        theta = self.z[:count].exp()
+        theta = self.weighed.z[:count].exp()
         sd = theta * self.covariance(inflation).diagonal()[:count].clamp_min(0.0).sqrt()
         return theta.numpy(), sd.numpy()
 
     def sizes(self, inflation: float = 1.0) -> tuple[Floats, Floats]:
         """Parameters of the effects and their standard deviations, (q,) each."""
         c = self.coordinates
-        place = slice(c.first_size, c.first_size + len(c.scales))
-        sd = c.scales * self.covariance(inflation).diagonal()[place].clamp_min(0.0).sqrt()
-        return (c.neutral + c.scales * self.z[place]).numpy(), sd.numpy()
+        sd = c.scales * self.covariance(inflation).diagonal()[c.first_size :].clamp_min(0.0).sqrt()
+        return self.weighed.known, sd.numpy()
 
     def zeta(self, fixed: float) -> float:
         """Damping ratio."""
         if not self.coordinates.has_zeta:
             return fixed
-        return float(self.z[self.coordinates.stories].exp())
+        return float(self.weighed.z[self.coordinates.stories].exp())
 
 
 def evaluate(problem: Problem, system: EffectSystem, where: Coordinates, z: Tensor) -> Tensor:
     """Whitened residuals (N, n) at the unknowns z (N, d)."""
     return problem.residuals(system, *where.split(z, problem.fixed_zeta))
+
+
+def weighed_residuals(problem: Problem, fitted: Fit, z: Tensor) -> Tensor:
+    """Residuals (N, n) about a fit, at the unknowns z (N, d), of unit covariance.
+
+    With common errors along straight lines: over the tenths of a percent by which those of a mesh
+    move the unknowns, responses are straight.
+    """
+    if fitted.common is None:
+        return evaluate(problem, fitted.system, fitted.coordinates, z)
+    centre = fitted.weighed
+    return centre.residual - (z - centre.z) @ centre.jacobian.T
 
 
 def fit(
@@ -232,7 +234,11 @@ def fit(
         residual, jacobian = _linearise(problem, model, where, z)
         if gain < _SMALLEST:
             break
-    return Fit(placed, where, z, residual, jacobian, model, problem.shared)
+    common = None
+    if problem.left_open is not None:
+        at = where.split(z[None], problem.fixed_zeta)
+        common = CommonErrors.of(problem.left_open(problem, placed, *at).T)
+    return Fit(placed, where, z, residual, jacobian, model, common)
 
 
 def _objective(where: Coordinates, z: Tensor, residual: Tensor) -> float:
@@ -313,7 +319,7 @@ def prior_draws(
 
 def coarse(problem: Problem) -> Problem:
     """The problem as if its noise were coarse, and every point erred alone."""
-    return replace(problem, sd=(problem.sd**2 + _COARSE**2).sqrt(), shared=None)
+    return replace(problem, sd=(problem.sd**2 + _COARSE**2).sqrt(), left_open=None)
 
 
 def extended(problem: Problem, base: Fit, placed: tuple[Placed, ...], sizes: Floats) -> Tensor:

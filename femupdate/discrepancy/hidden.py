@@ -91,6 +91,6 @@ def _change(problem: Problem, base: Fit, one: Score) -> Tensor:
     together = (*base.placed, one.placed)
     neutral = one.placed.effect.parameters[0].neutral
     size = neutral + _STEP * (one.start[0] - neutral)
-    z = extended(problem, base, together, np.array([*base.sizes()[0], size, *one.start[1:]]))
+    z = extended(problem, base, together, np.array([*base.known, size, *one.start[1:]]))
     changed = evaluate(problem, problem.system(together), coordinates(problem, together), z[None])
     return base.residual - changed[0]

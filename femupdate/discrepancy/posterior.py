@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from femupdate.discrepancy.evidence import log_prior
-from femupdate.discrepancy.fit import Fit, evaluate
+from femupdate.discrepancy.fit import Fit, weighed_residuals
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.proposal import student_draws
 
@@ -56,12 +56,12 @@ def draw(problem: Problem, fitted: Fit, count: int, inflation: float = 1.0, seed
     """
     generator = torch.Generator().manual_seed(seed)
     where = fitted.coordinates
-    centre, covariance = fitted.z, 1.3 * fitted.alone(inflation)
+    centre, covariance = fitted.weighed.z, 1.3 * fitted.covariance(inflation)
     for _ in range(_ROUNDS):
         z, log_proposal = student_draws(centre, covariance, _FREEDOM, count, generator)
         inside = ((z >= where.lower) & (z <= where.upper)).all(dim=1)
         log_likelihood = torch.full((count,), -torch.inf, dtype=torch.float64)
-        residual = evaluate(problem, fitted.system, where, z[inside])
+        residual = weighed_residuals(problem, fitted, z[inside])
         log_likelihood[inside] = -0.5 * (residual**2).sum(dim=1) / inflation
         log_weight = log_likelihood - log_proposal
         log_weight[inside] += log_prior(problem, fitted, z[inside])
@@ -73,8 +73,7 @@ def draw(problem: Problem, fitted: Fit, count: int, inflation: float = 1.0, seed
         spread = z - centre
         covariance = 1.3 * (spread.T * weight) @ spread + 0.05 * covariance
     chosen = _systematic(weight, count, generator)
-    moved = _with_shared(fitted, z[chosen], inflation, generator)
-    theta, zeta, sizes = where.split(moved, problem.fixed_zeta)
+    theta, zeta, sizes = where.split(z[chosen], problem.fixed_zeta)
     evidence = float(torch.logsumexp(log_weight, dim=0)) - np.log(count)
     return Draws(
         theta.numpy(),
@@ -84,17 +83,6 @@ def draw(problem: Problem, fitted: Fit, count: int, inflation: float = 1.0, seed
         evidence,
         effective,
     )
-
-
-def _with_shared(fitted: Fit, z: Tensor, inflation: float, generator: torch.Generator) -> Tensor:
-    """Draws (n, d), moved by what the errors that the points share may do, within the limits."""
-    carried = fitted.carried(inflation)
-    if carried is None:
-        return z
-    shape = (len(z), carried.shape[1])
-    moved = z + torch.randn(shape, generator=generator, dtype=torch.float64) @ carried.T
-    where = fitted.coordinates
-    return torch.minimum(torch.maximum(moved, where.lower), where.upper)
 
 
 def _systematic(weight: Tensor, count: int, generator: torch.Generator) -> Tensor:

@@ -1,5 +1,6 @@
 """The data as the effect finder judges them: whitened residuals of ln|H| and of the phase."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +15,7 @@ from femupdate.measurement.estimated import HANN, as_estimated, segment_of
 from femupdate.measurement.observation import Observation
 
 Floats = NDArray[np.float64]
+Effects = tuple[Placed, ...]
 # What no model of a building resolves and no mesh estimate sees, in ln|H|: it keeps a very quiet
 # record from deciding on details of the model.
 MODEL_ERROR = 0.02
@@ -53,8 +55,9 @@ class Problem:
         phase: (f, k) observed, rad, or None.
         sd: (f, k) of ln|H| and phase; infinite where not valid.
         blocks: the records.
-        shared: (n, c) errors that many points share, one standard deviation of each, in the unit
-            of the whitened residuals; or None.
+        left_open: gives one standard deviation (c, n) of every error of the model that many points
+            share, in the unit of the residuals, of this problem with some effects at theta (1, p),
+            zeta (1,) and sizes (1, q); None where there is none.
         mimicked: log evidence that errors of the model itself may bring to an effect.
         search: the structure on a basis for the whole prior, on which only instruments and damping
             may have effects; None where `reduced` serves there.
@@ -72,13 +75,13 @@ class Problem:
     phase: Tensor | None
     sd: Tensor
     blocks: tuple[Block, ...]
-    shared: Tensor | None = None
+    left_open: "Callable[[Problem, Effects, Tensor, Tensor, Tensor], Tensor] | None" = None
     mimicked: float = 0.0
     search: ReducedStructure | None = None
 
     def for_search(self) -> "Problem":
         """The same on the basis that serves over the whole prior."""
-        return self if self.search is None else replace(self, reduced=self.search, shared=None)
+        return self if self.search is None else replace(self, reduced=self.search, left_open=None)
 
     @property
     def points(self) -> int:
@@ -143,6 +146,16 @@ class Problem:
         if self.phase is not None:
             turn = torch.remainder(self.phase - frf.angle() + torch.pi, 2.0 * torch.pi) - torch.pi
             parts.append((turn * weight).clamp(-_WILD, _WILD).flatten(1))
+        return torch.cat(parts, dim=1)
+
+    def moved(self, from_: Tensor, to: Tensor) -> Tensor:
+        """Change (N, n) of predictions, (1, f, k) and (N, f, k), in the unit of the residuals."""
+        rows = list(self.rows)
+        weight = (1.0 / self.sd) * self.independent**0.5
+        ratio = to[:, rows] / from_[:, rows]
+        parts = [(ratio.abs().log() * weight).flatten(1)]
+        if self.phase is not None:
+            parts.append((ratio.angle() * weight).flatten(1))
         return torch.cat(parts, dim=1)
 
 

@@ -100,20 +100,23 @@ def _tunings(problem: Problem) -> list[float]:
 
 def _score_at(problem: Problem, base: Fit, placed: Placed, start: tuple[float, ...]) -> Score:
     together = (*base.placed, placed)
-    known = base.sizes()[0]
-    z = extended(problem, base, together, np.concatenate([known, start]))
+    z = extended(problem, base, together, np.concatenate([base.known, start]))
     changed = evaluate(problem, problem.system(together), coordinates(problem, together), z[None])
     effect = base.residual - changed[0]  # change of the prediction
-    along = torch.linalg.lstsq(base.jacobian, effect[:, None]).solution
-    own = effect - (base.jacobian @ along)[:, 0]
+    if base.common is not None:
+        effect = base.common.whiten(effect[None])[0]
+    residual, jacobian = base.weighed.residual, base.weighed.jacobian
+    along = torch.linalg.lstsq(jacobian, effect[:, None]).solution
+    own = effect - (jacobian @ along)[:, 0]
     whole, left = float(effect @ effect), float(own @ own)
     absorbed = 1.0 - left / whole if whole > _NOTHING else 1.0
     if left <= _NOTHING or absorbed > 1.0 - 1e-6:
         return Score(placed, start, 0.0, 0.0, 0.0, 1.0, None)
     unit = own / left**0.5
-    statistic = float(unit @ base.residual)
+    statistic = float(unit @ residual)
     if not start:  # an exchange is there or not
-        gain = base.chi2 - float(changed[0] @ changed[0])
+        rest = residual - effect
+        gain = base.chi2 - float(rest @ rest)
         worth = float(np.sqrt(max(gain, 0.0)))
         return Score(placed, start, worth, 1.0, left**0.5, absorbed, unit)
     size = placed.effect.parameters[0]

@@ -71,5 +71,5 @@ def p_value(problem: Problem, fitted: Fit, inflation: float = 1.0) -> float:
 def _squared(problem: Problem, fitted: Fit) -> tuple[Floats, NDArray[np.bool_]]:
     """Squared residuals (f, k), amplitude and phase together, and which points are valid."""
     floors, points = problem.log_frf.shape
-    residual = fitted.residual.reshape(-1, floors, points).numpy()
+    residual = fitted.weighed.residual.reshape(-1, floors, points).numpy()
     return (residual**2).sum(axis=0), np.isfinite(problem.sd.numpy())

@@ -15,7 +15,8 @@ from femupdate.discrepancy.diagnose import Diagnosis, DiagnosisSettings, Finding
 from femupdate.discrepancy.diagnose import diagnose as find
 from femupdate.discrepancy.exchange import promising
 from femupdate.discrepancy.fit import Fit, extended, fit, fit_baseline
-from femupdate.discrepancy.mesh_error import MeshError, corrected, with_mesh_error
+from femupdate.discrepancy.mesh_error import MeshError, corrected
+from femupdate.discrepancy.mesh_scatter import with_mesh_error
 from femupdate.discrepancy.problem import Problem, together
 from femupdate.discrepancy.score import candidates
 from femupdate.discrepancy.screen import screen_channels
@@ -267,12 +268,10 @@ def _around(
     near = structure_near(parts.structure, model.building, theta, zeta, show)
     if parts.mesh is not None:
         near = corrected(near, parts.mesh)
-    problem = replace(problem, reduced=near, shared=None)
-    base = fit(problem, *start)
-    if parts.mesh is None:
-        return problem, base
-    problem = with_mesh_error(problem, parts.mesh, base)
-    return problem, fit(problem, base.placed, base.z)
+    problem = replace(problem, reduced=near)
+    if parts.mesh is not None:
+        problem = with_mesh_error(problem, parts.mesh)
+    return problem, fit(problem, *start)
 
 
 def _screen(observation: Observation, found: Diagnosis) -> tuple[str, ...]:

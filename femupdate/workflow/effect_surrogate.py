@@ -6,7 +6,8 @@ import numpy as np
 
 from femupdate.atomic import atomic_path
 from femupdate.building.schema import Building
-from femupdate.discrepancy.mesh_error import corrected, mesh_scatter
+from femupdate.discrepancy.mesh_error import corrected
+from femupdate.discrepancy.mesh_scatter import mesh_scatter
 from femupdate.dynamics.effect_box import reduce_over_box
 from femupdate.dynamics.effect_modal import makes_modes_complex
 from femupdate.dynamics.effect_reduction import structure_on

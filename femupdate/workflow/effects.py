@@ -33,20 +33,18 @@ from femupdate.workflow.progress import Progress, Silent
 Floats = NDArray[np.float64]
 BASIS = "effect basis"
 _FILE = "effect_basis.npz"
-# What mesh and reduction leave in ln|H|. A stick has neither. For a frame whose mesh error was not
-# learned (a mesh that was read) it is some .03 rms (0.2 m
-# against 0.1 m mesh: .044 before the fit, .024 after), but neighbouring points err alike, over
-# peaks some ten to twenty points wide: it weighs as noise of independent points four to five
-# times as large does.
-_FRAME_ERROR, _STICK_ERROR = 0.14, 0.01
+# What mesh and reduction leave in ln|H|. A stick has neither, and of a frame whose mesh error was
+# learned they are known as errors that points share. Of another frame (a mesh that was read) it is
+# some .03 rms (0.2 m against 0.1 m mesh: .044 before the fit, .024 after), but neighbouring points
+# err alike, over peaks some ten to twenty points wide: it weighs as noise of independent points
+# four to five times as large does.
+_FRAME_ERROR, _MODEL_ERROR = 0.14, 0.01
 # A coarser mesh is above all a stiffer one: on clean truths of a 0.15 m mesh cracked beams or
 # stiffer walls of one story had a log evidence of 11 to 30.
 _MIMICKED = 40.0
 # The same where the mesh error was learned: with a wide margin, as only a few frames without
 # effects have been tried (log evidence -1 to 2.3).
 _MIMICKED_LEARNED = 15.0
-_LEFT = 2.0  # times what a learned mesh error leaves: neighbouring points err alike
-_PEAK = 0.5  # change of ln|H| beside a peak by a shift of its frequency, times the damping ratio
 
 
 @dataclass(frozen=True)
@@ -324,11 +322,7 @@ def _mimicked(building: Building, mesh: MeshError | None) -> float:
 
 def _model_error(building: Building, mesh: MeshError | None) -> float:
     """What mesh and reduction leave in ln|H|, as noise of independent points."""
-    if building.kind == "shear":
-        return _STICK_ERROR
-    if mesh is None:
-        return _FRAME_ERROR
-    return max(_STICK_ERROR, _LEFT * _PEAK * mesh.left / building.damping.ratio)
+    return _FRAME_ERROR if building.kind != "shear" and mesh is None else _MODEL_ERROR
 
 
 def _measured(observation: Observation) -> NDArray[np.bool_]:

@@ -89,7 +89,7 @@ def draw_repair(
 
 
 def _log_frf(problem: Problem, fitted: Fit) -> Floats:
-    theta, zeta, sizes = fitted.coordinates.split(fitted.z[None], problem.fixed_zeta)
+    theta, zeta, sizes = fitted.coordinates.split(fitted.weighed.z[None], problem.fixed_zeta)
     frequency = problem.frequency_hz[: problem.blocks[0].points]
     frf = fitted.system.frf(theta, zeta, sizes, frequency)[0, list(problem.rows)]
     return np.asarray(frf.abs().log().numpy())
