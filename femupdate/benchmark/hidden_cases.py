@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from femupdate.benchmark.outside import OUTSIDE
 from femupdate.building.schema import Building, FrameBuilding
-from femupdate.discrepancy.diagnose import Diagnosis, DiagnosisSettings, diagnose
+from femupdate.discrepancy.diagnose import Diagnosis, DiagnosisSettings
 from femupdate.discrepancy.fit import Fit, extended, fit
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.score import score, starts
@@ -21,7 +21,7 @@ from femupdate.measurement.frf import estimate_frf
 from femupdate.measurement.observation import Observation
 from femupdate.measurement.observation_file import Histories
 from femupdate.study import Study
-from femupdate.workflow.diagnose import ModelParts, model_parts, prepared, refined
+from femupdate.workflow.diagnose import ModelParts, model_parts, prepared, refined, sought
 from femupdate.workflow.effect_truth import FineModel, Truth, effect_truth, fine_model
 from femupdate.workflow.model import StudyModel, damping_law, theta_prior, zeta_bounds
 from femupdate.workflow.progress import Progress
@@ -169,7 +169,7 @@ def run_trial(
     started = time.monotonic()
     chosen = DiagnosisSettings(seed=trial.number)
     problem, base = prepared(model, kept.parts, observation, settings.use_phase, chosen)
-    found = diagnose(problem, chosen, base)
+    problem, base, found = sought(model, kept.parts, problem, base, chosen)
     hidden = tuple(placed.label for placed, _ in effects)
     strength, absorbed = _true_strength(problem, found, effects)
     named = found.leading.placed.label if found.leading and found.verdict != "none" else ""

@@ -29,6 +29,8 @@ class DiagnosisSettings:
         draws: of each importance sample.
         over_none: log evidence over the model without effects that a name needs.
         over_next: log evidence over the runner-up that a name needs.
+        own_error: share of its own log evidence that it needs beyond that: what an effect does is
+            known no better than the model is, and the more there is of it the more that counts.
         alike: cosine from which two effects count as the same to these sensors.
         least_strength: D per prior standard deviation below which an effect cannot be seen.
         smallest_gain: share of the residual sum of squares that a name must explain.
@@ -43,6 +45,7 @@ class DiagnosisSettings:
     draws: int = 200
     over_none: float = 6.0
     over_next: float = 3.0
+    own_error: float = 0.01
     alike: float = 0.97
     least_strength: float = 1.0
     smallest_gain: float = 0.002
@@ -114,6 +117,7 @@ def diagnose(
     settings: DiagnosisSettings | None = None,
     base: Fit | None = None,
     progress: Callable[[str], None] | None = None,
+    far: Fit | None = None,
 ) -> Diagnosis:
     """Find where a model fails, and rank what could be missing.
 
@@ -122,6 +126,7 @@ def diagnose(
         settings: thresholds.
         base: the model so far, fitted; by default that without effects.
         progress: told what is being done.
+        far: with one effect more, at a theta from where all are fitted as well.
     """
     chosen = settings or DiagnosisSettings()
     tell = progress or (lambda text: None)
@@ -135,7 +140,10 @@ def diagnose(
     )
     hidden = hidden_effects(problem, base, scores, chosen.least_strength)
     tell("fitting the leading effects")
-    fits = [_fit_candidate(problem, base, one) for one in _leading(scores, chosen.fitted)]
+    leading = _leading(scores, chosen.fitted)
+    if far is not None:
+        leading = _with(leading, scores, far.placed[-1])
+    fits = [_fit_candidate(problem, base, one, far) for one in leading]
     freedom = max(problem.effective - base.coordinates.size, 1.0)
     best = min([base.chi2, *(one.chi2 for one in fits)])
     if _too_much_left(problem, base, best, chosen):
@@ -225,13 +233,26 @@ def _leading(scores: list[Score], count: int) -> list[Score]:
     return chosen
 
 
-def _fit_candidate(problem: Problem, base: Fit, one: Score) -> Fit:
+def _with(leading: list[Score], scores: list[Score], placed: Placed) -> list[Score]:
+    """The leading tests, that of one effect among them."""
+    if any(one.placed.label == placed.label for one in leading):
+        return leading
+    return [*leading, *(one for one in scores if one.placed.label == placed.label)]
+
+
+def _fit_candidate(problem: Problem, base: Fit, one: Score, far: Fit | None = None) -> Fit:
     placed = (*base.placed, one.placed)
     start = list(one.start)
     if start:
         start[0] = one.size
     own = np.concatenate([base.known, start])
-    return fit(problem, placed, extended(problem, base, placed, own))
+    near = fit(problem, placed, extended(problem, base, placed, own))
+    if far is None:
+        return near
+    if far.placed[-1].label == one.placed.label:
+        own = far.known
+    other = fit(problem, placed, extended(problem, far, placed, own), 25)
+    return min(near, other, key=lambda fitted: fitted.chi2 + fitted.penalty)
 
 
 def _weigh(
@@ -309,11 +330,9 @@ def _verdict(
         return (UNKNOWN if significant else NONE), ()
     if _too_much_left(problem, base, best, settings):
         return UNKNOWN, ()
-    near = [
-        other
-        for other in findings[1:]
-        if first.evidence.log_evidence - other.evidence.log_evidence < settings.over_next
-    ]
+    value = first.evidence.log_evidence
+    least = value - settings.over_next - settings.own_error * max(value, 0.0)
+    near = [other for other in findings[1:] if other.evidence.log_evidence > least]
     twins = tuple(other.placed.label for other in near)
     if not near:
         return NAMED, ()

@@ -30,8 +30,9 @@ FINER = 2.0 / 3.0  # mesh size of the finer mesh, of the model's own
 # The mean error is between what the finer mesh shows and Richardson's limit, which for errors of
 # second order is 9/5 of it: the middle, and 0.6 of the distance to both sides as its deviation.
 _SHARE, _SHARE_SD = 1.4, 0.25
-# How much further than learned from a few theta a finer mesh may be off: without it stiffness factors
-# of buildings without effects, made on a mesh of 3/5 the size, missed by 1.5 standard deviations.
+# How much further than learned from a few theta a finer mesh may be off: without it stiffness
+# factors of buildings without effects, made on a mesh of 3/5 the size, were off by 1.5 standard
+# deviations (rms).
 _OPEN = 1.5
 _MEMBERS = (
     "wall_stiffness",

@@ -61,6 +61,7 @@ def repair(
     settings: DiagnosisSettings | None = None,
     progress: Callable[[str], None] | None = None,
     renewed: Callable[[Problem, Fit], tuple[Problem, Fit]] | None = None,
+    found: Diagnosis | None = None,
 ) -> Repair:
     """Diagnose and add, at most three times, while an effect is named and something is left.
 
@@ -74,17 +75,18 @@ def repair(
         progress: told what is being done.
         renewed: makes the problem and the fit anew where an exchange of channels was added, which
             moves theta far; by default they stay.
+        found: of the model as it is, where it was diagnosed already.
     """
     rounds: list[Round] = []
     now, current = problem, base
     while True:
-        found = diagnose(now, settings, current, progress)
+        found = found or diagnose(now, settings, current, progress)
         leading = found.leading
         enough = p_value(now, current) > _GOOD or len(rounds) == MOST_ROUNDS
         if found.verdict != NAMED or leading is None or (rounds and enough):
             break
         rounds.append(Round(found, leading, current.chi2, leading.fitted.chi2))
-        current = leading.fitted
+        current, found = leading.fitted, None
         if renewed is not None and leading.placed.exchange:
             now, current = renewed(now, current)
     before, after = p_value(problem, base), p_value(now, current)

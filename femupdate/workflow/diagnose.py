@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from femupdate.discrepancy.diagnose import Diagnosis, DiagnosisSettings, Finding
+from femupdate.discrepancy.diagnose import UNKNOWN, Diagnosis, DiagnosisSettings, Finding
 from femupdate.discrepancy.diagnose import diagnose as find
 from femupdate.discrepancy.exchange import promising
+from femupdate.discrepancy.far import far_fit
 from femupdate.discrepancy.fit import Fit, extended, fit, fit_baseline
 from femupdate.discrepancy.mesh_error import MeshError, corrected
 from femupdate.discrepancy.mesh_scatter import with_mesh_error
@@ -129,7 +130,7 @@ def diagnose_study(
     parts = model_parts(study, model, show)
     problem, base = prepared(model, parts, observation, use_phase, settings, show, other)
     show.start("Looking for what is missing", 3)
-    found = find(problem, settings, base, lambda text: show.advance(1, text))
+    problem, base, found = sought(model, parts, problem, base, settings, show)
     needed = (settings or DiagnosisSettings()).over_none + problem.mimicked
     pictures = draw_diagnosis(study, found, needed)
     report = DiagnosisReport(
@@ -210,6 +211,48 @@ def prepared(
     known = middle if listed else rough
     start = extended(problem, known, effects.placed, np.array(effects.values))
     return _around(parts, model, problem, middle, (effects.placed, start), show)
+
+
+def sought(
+    model: StudyModel,
+    parts: ModelParts,
+    problem: Problem,
+    base: Fit,
+    settings: DiagnosisSettings | None = None,
+    progress: Progress | None = None,
+) -> tuple[Problem, Fit, Diagnosis]:
+    """What a model lacks; far from its most probable theta, too, where nothing near it explains.
+
+    Args:
+        model: of the study.
+        parts: of the model.
+        problem: structure and data.
+        base: the model as it is, fitted.
+        settings: of the diagnosis.
+        progress: told about the steps.
+
+    Returns:
+        Problem, base and diagnosis; the first two anew where something was found far off.
+    """
+    show, chosen = progress or Silent(), settings or DiagnosisSettings()
+
+    def tell(text: str) -> None:
+        show.advance(1, text)
+
+    found = find(problem, chosen, base, tell)
+    if found.verdict != UNKNOWN:
+        return problem, base, found
+    tell("searching far from the model as it is")
+    leading = [one.placed for one in found.findings]
+    far = far_fit(problem, base, found.scores, leading, chosen.seed)
+    if far is None:
+        return problem, base, found
+    there, far = refined(model, parts, problem, far, show)
+    moved = fit(there, base.placed, base.z)
+    again = find(there, chosen, moved, tell, far)
+    if again.verdict == UNKNOWN:
+        return problem, base, found
+    return there, moved, again
 
 
 def _rightly_named(problem: Problem, rough: Fit, seed: int) -> Fit:
@@ -351,4 +394,5 @@ __all__ = [
     "model_parts",
     "prepared",
     "refined",
+    "sought",
 ]

@@ -20,7 +20,7 @@ from femupdate.discrepancy.where import p_value
 from femupdate.study import Study, file_hash, write_text
 from femupdate.workflow.amplitude import level_settings
 from femupdate.workflow.calibrate import ObservationSource, observation_of
-from femupdate.workflow.diagnose import model_parts, prepared, refined
+from femupdate.workflow.diagnose import model_parts, prepared, refined, sought
 from femupdate.workflow.held_out import Held, hold
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.progress import Progress, Silent
@@ -140,11 +140,12 @@ def repair_study(
     parts = model_parts(study, model, show)
     problem, base = prepared(model, parts, observation, use_phase, chosen, show, more)
     show.start("Looking for what is missing", 3)
+    problem, base, found = sought(model, parts, problem, base, chosen, show)
 
     def renewed(now: Problem, fitted: Fit) -> tuple[Problem, Fit]:
         return refined(model, parts, now, fitted, show)
 
-    done = mend(problem, base, chosen, lambda text: show.advance(1, text), renewed)
+    done = mend(problem, base, chosen, lambda text: show.advance(1, text), renewed, found)
     mended = done.problem
     if done.rounds and not done.rounds[-1].finding.placed.exchange:
         mended, last = renewed(done.problem, done.after)
