@@ -3,8 +3,7 @@
 import hashlib
 import json
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +13,6 @@ from scipy.special import ndtr
 from torch import Tensor
 
 from femupdate import __version__
-from femupdate.building.schema import Building
-from femupdate.errors import MeasurementError
 from femupdate.inference.bridge import BridgeResult, as_smc_result
 from femupdate.inference.decoded_chains import DecodedPosterior, DecodedSettings
 from femupdate.inference.hamiltonian import HamiltonianSettings, hamiltonian_draws
@@ -26,13 +23,12 @@ from femupdate.inference.likelihood import DataLikelihood, LatentLikelihood, usu
 from femupdate.inference.posterior import Posterior, save_posterior
 from femupdate.inference.prior import UniformPrior
 from femupdate.inference.smc import SmcResult, SmcSettings, TemperedSmc
-from femupdate.measurement.frf import observation_for
-from femupdate.measurement.observation import Observation, select_floors
-from femupdate.measurement.observation_file import read_observation_file
-from femupdate.study import Study, file_hash
+from femupdate.measurement.observation import Observation, on_all_floors
+from femupdate.study import Study
 from femupdate.surrogate.storage import ANY_FLOORS, SurrogateInfo, TrainedSurrogate
 from femupdate.workflow.decoded import FEW, sample_decoded
 from femupdate.workflow.model import REDUCED, StudyModel
+from femupdate.workflow.observed import ObservationSource, read_observation
 from femupdate.workflow.progress import Progress, Silent
 from femupdate.workflow.sampling import ChainRunner
 from femupdate.workflow.summary import identified, write_summary
@@ -53,25 +49,9 @@ _SIDE_BY_SIDE = 16
 # Share of the noise that a decoder, corrected, may miss the building by where its chains are: more,
 # and the corrections have not led to the posterior.
 _DECODER_MAY_MISS = 0.25
-
-
-@dataclass(frozen=True)
-class ObservationSource:
-    """Where an observation comes from and how to read it.
-
-    Attributes:
-        path: the file.
-        unit: of the accelerations where the file does not say.
-        columns: our column name to the file's.
-        sensors: floors to use; all of the file's where empty.
-        band_hz: lowest and highest frequency to use, or None for all.
-    """
-
-    path: Path
-    unit: str | None = None
-    columns: Mapping[str, str] | None = None
-    sensors: tuple[str, ...] = ()
-    band_hz: tuple[float, float] | None = None
+# Noise of the data over that which a surrogate allows, below which it is worth a word: that of two
+# runs together is.
+_MUCH_LESS = 0.75
 
 
 @dataclass(frozen=True)
@@ -125,77 +105,6 @@ class CalibrationReport:
     invalid: int
 
 
-def read_observation(model: StudyModel, source: ObservationSource) -> Observation:
-    """Read an observation file on the building's floors and frequency grid.
-
-    Raises:
-        MeasurementError: the file cannot be used, or belongs to another building.
-    """
-    return observation_of(model.building, source)
-
-
-def observation_of(building: Building, source: ObservationSource) -> Observation:
-    """Like `read_observation`, for a building that has no model yet."""
-    data = read_observation_file(source.path, source.unit, source.columns)
-    observation = observation_for(
-        building.floors,
-        data,
-        building.frequency_grid.frequencies_hz(),
-        direction=_direction(building),
-        default_noise=building.observation.noise_sd,
-    )
-    if source.sensors:
-        missing = [name for name in source.sensors if name not in observation.floors]
-        if missing:
-            raise MeasurementError(
-                f"{source.path}: there is no {', '.join(missing)} to use; the file has "
-                f"{', '.join(observation.floors)}"
-            )
-        # Bottom to top and each once, however they were asked for.
-        wanted = [name for name in observation.floors if name in source.sensors]
-        observation = select_floors(observation, wanted)
-    return observation if source.band_hz is None else _within(observation, source.band_hz)
-
-
-def _within(observation: Observation, band_hz: tuple[float, float]) -> Observation:
-    """The same observation, valid only within a band."""
-    low, high = band_hz
-    slack = 1e-9  # grids are sums of rounded steps
-    frequency = observation.frequency_hz
-    inside = (frequency >= low * (1.0 - slack)) & (frequency <= high * (1.0 + slack))
-    valid = observation.valid & inside
-    if valid.any(axis=0).sum() < 10:
-        raise MeasurementError(
-            f"{observation.source}: fewer than ten frequencies lie between {low:g} and {high:g} Hz "
-            "and can be used; widen --band"
-        )
-    return replace(
-        observation,
-        valid=valid,
-        log_frf=np.where(inside, observation.log_frf, np.nan),
-        noise_sd=np.where(inside, observation.noise_sd, np.nan),
-    )
-
-
-def check_readable(source: ObservationSource) -> None:
-    """Read the file once, so that a bad one is told before anything is built or written.
-
-    Raises:
-        MeasurementError: the file cannot be used.
-    """
-    read_observation_file(source.path, source.unit, source.columns)
-
-
-def observed_direction(model: StudyModel) -> str:
-    """Direction of the measured motion; lumped buildings have one only."""
-    return _direction(model.building)
-
-
-def _direction(building: Building) -> str:
-    sensors = getattr(building, "sensors", None)
-    return sensors.direction if sensors is not None else "x"
-
-
 def calibrate_study(
     study: Study,
     model: StudyModel,
@@ -222,7 +131,7 @@ def calibrate_study(
         model = with_effects(study, model, show)
     started = time.monotonic()
     observation = read_observation(model, source)
-    origin = {**model.made_from(), "observation": file_hash(source.path)}
+    origin = {**model.made_from(), **source.made_from()}
     settled = {"sensors": list(observation.floors), "band_hz": source.band_hz, **_plain(settings)}
     run = ChainRunner(
         settings.particles,
@@ -245,7 +154,7 @@ def calibrate_study(
     path = study.path("posterior.nc")
     save_posterior(posterior, path)
     study.record(
-        POSTERIOR, "posterior.nc", "calibrate", origin, {"file": str(source.path), **settled}
+        POSTERIOR, "posterior.nc", "calibrate", origin, {**source.files_as_settings(), **settled}
     )
     run.clear()
     found = identified(posterior)
@@ -377,21 +286,6 @@ def draw_posterior(
     return tuple(paths)
 
 
-def on_all_floors(observation: Observation, floors: Sequence[str]) -> Observation:
-    """The same observation with rows of NaN for the floors that were not measured."""
-    shape = (len(floors), observation.frequency_hz.size)
-    log_values, noise = np.full(shape, np.nan), np.full(shape, np.nan)
-    valid = np.zeros(shape, dtype=bool)
-    for row, name in enumerate(observation.floors):
-        place = list(floors).index(name)
-        log_values[place] = observation.log_frf[row]
-        noise[place] = observation.noise_sd[row]
-        valid[place] = observation.valid[row]
-    return Observation(
-        observation.frequency_hz, tuple(floors), log_values, noise, valid, source=observation.source
-    )
-
-
 def _sample_latent(
     study: Study,
     model: StudyModel,
@@ -487,11 +381,11 @@ def _decoded_notes(found: DecodedPosterior, noise: float) -> tuple[str, ...]:
 def _noise_notes(info: SurrogateInfo, observation: Observation) -> tuple[str, ...]:
     """Where the data are better than the surrogate believes."""
     typical = float(np.median(observation.noise_sd[observation.valid]))
-    if typical >= 0.7 * info.noise_sd:
+    if typical >= _MUCH_LESS * info.noise_sd:
         return ()
     return (
         f"The latent likelihood allows ln|H| an error of {info.noise_sd:g} (noise and "
-        f"idealisation), the file shows a noise of {typical:.2g}: this posterior is wider than the "
+        f"idealisation), the data show a noise of {typical:.2g}: this posterior is wider than the "
         "data allow; --exact uses the file's noise.",
     )
 

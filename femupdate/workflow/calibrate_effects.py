@@ -1,6 +1,7 @@
 """calibrate --exact for a building whose file lists effects, and what its posterior predicts."""
 
 import time
+from collections.abc import Sequence
 
 import numpy as np
 import torch
@@ -12,15 +13,14 @@ from femupdate.discrepancy.posterior import draw
 from femupdate.discrepancy.problem import Problem
 from femupdate.dynamics.effect_response import EffectSystem, reduce_terms
 from femupdate.inference.posterior import Posterior, save_posterior
-from femupdate.study import Study, file_hash
-from femupdate.workflow.amplitude import level_settings
+from femupdate.measurement.observation import Observation
+from femupdate.study import Study
+from femupdate.workflow.amplitude import changes_with_level, level_settings
 from femupdate.workflow.calibrate import (
     POSTERIOR,
     CalibrationReport,
     CalibrationSettings,
-    ObservationSource,
     draw_posterior,
-    observation_of,
     r_hat,
 )
 from femupdate.workflow.diagnose import model_parts, prepared
@@ -33,8 +33,10 @@ from femupdate.workflow.effects import (
 )
 from femupdate.workflow.mesh_error import kept_mesh_error
 from femupdate.workflow.model import StudyModel
+from femupdate.workflow.observed import ObservationSource, as_one, runs_of
 from femupdate.workflow.progress import Progress, Silent
 from femupdate.workflow.repaired import effect_posterior
+from femupdate.workflow.second_record import SecondRecord, level_between
 from femupdate.workflow.summary import identified, write_summary
 
 Floats = NDArray[np.float64]
@@ -54,9 +56,11 @@ def calibrate_with_effects(
         BuildingError: an effect cannot be.
     """
     show, started = progress or Silent(), time.monotonic()
-    observation = observation_of(model.building, source)
+    runs = runs_of(model.building, source)
+    observation = as_one(model.building, runs)
+    first, *others = _records(model, source, runs)
     parts = model_parts(study, model, show)
-    problem, fitted = prepared(model, parts, observation, False, progress=show)
+    problem, fitted = prepared(model, parts, first.observation, False, None, show, others)
     if problem.reduced.structure.operators is not None:
         keep_basis(study, problem.reduced, model.building)
     show.start("Drawing the posterior", 1)
@@ -67,8 +71,8 @@ def calibrate_with_effects(
     posterior = effect_posterior(model, observation, draws, kept)
     path = study.path("posterior.nc")
     save_posterior(posterior, path)
-    origin = {**model.made_from(), "observation": file_hash(source.path)}
-    study.record(POSTERIOR, "posterior.nc", "calibrate", origin, {"file": str(source.path)})
+    origin = {**model.made_from(), **source.made_from()}
+    study.record(POSTERIOR, "posterior.nc", "calibrate", origin, source.files_as_settings())
     misfit = fitted.chi2 / max(problem.effective, 1.0)
     found = identified(posterior)
     notes = (
@@ -89,6 +93,18 @@ def calibrate_with_effects(
         3 * settings.particles,
         0,
     )
+
+
+def _records(
+    model: StudyModel, source: ObservationSource, runs: Sequence[Observation]
+) -> list[SecondRecord]:
+    """Every run, with its level above the first where an effect of the building depends on it."""
+    changes = changes_with_level(building_effects(model.building).placed)
+    first, *_ = source.runs
+    return [
+        SecondRecord(run, level_between(model, first, one) if changes and one != first else 0.0)
+        for run, one in zip(runs, source.runs, strict=True)
+    ]
 
 
 def _notes(problem: Problem, fitted: Fit, effective: float, count: int) -> tuple[str, ...]:

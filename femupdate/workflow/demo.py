@@ -12,13 +12,9 @@ from femupdate.report.figure import save_figure
 from femupdate.report.plot_posterior import SampleSet, posterior_pairs
 from femupdate.study import Study
 from femupdate.workflow.build import BuildReport, build_study
-from femupdate.workflow.calibrate import (
-    CalibrationReport,
-    CalibrationSettings,
-    ObservationSource,
-    calibrate_study,
-)
+from femupdate.workflow.calibrate import CalibrationReport, CalibrationSettings, calibrate_study
 from femupdate.workflow.model import DEFAULT_BUILDING
+from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.predict import PredictionReport, RecordSource, predict_study
 from femupdate.workflow.progress import Progress, Silent
 from femupdate.workflow.render import RenderedMode, render_study

@@ -23,7 +23,6 @@ from femupdate.measurement.observation_file import read_observation_file
 from femupdate.measurement.record import GroundMotion, read_record
 from femupdate.netcdf import write_tree
 from femupdate.study import Study, file_hash
-from femupdate.workflow.calibrate import observed_direction
 from femupdate.workflow.members import (
     ChosenMembers,
     MemberForces,
@@ -33,6 +32,7 @@ from femupdate.workflow.members import (
     write_member_forces,
 )
 from femupdate.workflow.model import StudyModel
+from femupdate.workflow.observed import observed_direction
 from femupdate.workflow.progress import Progress, Silent
 
 if TYPE_CHECKING:

@@ -14,20 +14,19 @@ from femupdate.inference.hamiltonian import HamiltonianSettings
 from femupdate.inference.laplace import LaplaceSettings
 from femupdate.inference.posterior import load_posterior
 from femupdate.inference.smc import SmcSettings
+from femupdate.measurement.observation import on_all_floors
 from femupdate.study import Study
 from femupdate.surrogate.storage import TrainedSurrogate
 from femupdate.surrogate.training import TrainingSettings
 from femupdate.workflow.calibrate import (
     CalibrationSettings,
-    ObservationSource,
     calibrate_study,
-    on_all_floors,
     predictive_log_frf,
     r_hat,
-    read_observation,
 )
 from femupdate.workflow.model import open_study
 from femupdate.workflow.modes import reduced_modes
+from femupdate.workflow.observed import ObservationSource, read_observation
 from femupdate.workflow.simulate import (
     SimulationSettings,
     simulate_observation,

@@ -12,8 +12,9 @@ from femupdate.errors import BuildingError, MeasurementError, StudyError
 from femupdate.inference.posterior import load_posterior
 from femupdate.measurement.record import GroundMotion
 from femupdate.measurement.write import write_record
-from femupdate.workflow.calibrate import CalibrationSettings, ObservationSource, calibrate_study
+from femupdate.workflow.calibrate import CalibrationSettings, calibrate_study
 from femupdate.workflow.model import open_study
+from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.predict import PredictionSettings, RecordSource, predict_study
 
 MASSES, SPRINGS = np.array([3000.0, 2000.0]), np.array([4e6, 2.5e6])

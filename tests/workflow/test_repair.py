@@ -15,12 +15,9 @@ from femupdate.inference.posterior import load_posterior
 from femupdate.measurement.record import GroundMotion
 from femupdate.measurement.write import write_record
 from femupdate.study import Study
-from femupdate.workflow.calibrate import (
-    CalibrationSettings,
-    ObservationSource,
-    calibrate_study,
-)
+from femupdate.workflow.calibrate import CalibrationSettings, calibrate_study
 from femupdate.workflow.model import open_study
+from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.predict import PredictionSettings, RecordSource, predict_study
 from femupdate.workflow.render import render_study
 from femupdate.workflow.repair import repair_study

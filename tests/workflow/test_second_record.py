@@ -11,9 +11,9 @@ from femupdate.errors import BuildingError, MeasurementError
 from femupdate.measurement.record import GroundMotion
 from femupdate.measurement.write import write_record
 from femupdate.study import Study
-from femupdate.workflow.calibrate import ObservationSource
 from femupdate.workflow.diagnose import diagnose_study
 from femupdate.workflow.model import open_study
+from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.predict import PredictionSettings, RecordSource, predict_study
 from femupdate.workflow.repair import repair_study
 from femupdate.workflow.second_record import level_between
