@@ -117,9 +117,14 @@ def on_all_floors(observation: Observation, floors: Sequence[str]) -> Observatio
 
 
 def independent_share(observation: Observation) -> float:
-    """Share of the points that do not repeat a neighbour: spacing over resolution."""
-    spacing = float(np.median(np.diff(observation.frequency_hz)))
-    return min(1.0, spacing / (observation.resolution_hz or spacing))
+    """Share of the points that do not repeat a neighbour."""
+    return resolved_share(observation.frequency_hz, observation.resolution_hz)
+
+
+def resolved_share(frequency_hz: Floats, resolution_hz: float | None) -> float:
+    """Spacing of a grid (m,) over a resolution, one at most."""
+    spacing = float(np.median(np.diff(frequency_hz)))
+    return min(1.0, spacing / (resolution_hz or spacing))
 
 
 def require_floors_of_building(

@@ -9,13 +9,17 @@ The last sum is the same for all models; the observation keeps it as `scatter`, 
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.observation import Observation, independent_share, on_all_floors
+from femupdate.measurement.observation import (
+    Observation,
+    independent_share,
+    on_all_floors,
+    resolved_share,
+)
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -47,25 +51,22 @@ def pooled(runs: Sequence[Observation], floors: Sequence[str]) -> Observation:
     names = [name for name in floors if any(name in run.floors for run in runs)]
     wide = [on_all_floors(run, names) for run in runs]
     weight = _weights(wide)
-    whole = replace(
-        wide[0],
-        valid=np.asarray(np.stack([run.valid for run in wide]).any(axis=0)),
-        phase=None,
-        coherence=None,
-        resolution_hz=_resolution(wide, weight.sum(axis=(1, 2))),
-        source=", ".join(run.source for run in runs),
-        notes=(),
-    )
-    precision = weight / independent_share(whole)
+    resolution = _resolution(wide, weight.sum(axis=(1, 2)))
+    precision = weight / resolved_share(wide[0].frequency_hz, resolution)
     total, values = precision.sum(axis=0), np.stack([run.log_frf for run in wide])
     mean = _mean(values, precision)
-    return replace(
-        whole,
+    deviation = np.where(precision > 0.0, values - mean, 0.0)
+    return Observation(
+        frequency_hz=wide[0].frequency_hz,
+        floors=tuple(names),
         log_frf=mean,
         noise_sd=np.where(total > 0.0, np.maximum(total, _TINY) ** -0.5, np.nan),
+        valid=np.asarray(np.stack([run.valid for run in wide]).any(axis=0)),
         phase=_phase(wide, precision),
         coherence=_coherence(wide, precision),
-        scatter=(precision * np.where(precision > 0.0, values - mean, 0.0) ** 2).sum(axis=0),
+        resolution_hz=resolution,
+        source=", ".join(run.source for run in runs),
+        scatter=(precision * deviation**2).sum(axis=0),
     )
 
 
