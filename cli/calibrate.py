@@ -79,6 +79,7 @@ def command(
             "q95": quantiles[0.95],
             "r_hat": report.r_hat,
             "misfit": report.misfit,
+            "posterior_predictive_p": None if report.check is None else report.check.as_dict(),
             "identifiability": identifiability_record(report.identified),
             "particles": len(draws),
             "evaluations": report.evaluations,
@@ -121,6 +122,8 @@ def command(
     if posterior.log_evidence is not None:
         evidence = posterior.log_evidence
         click.echo(f"  log evidence {evidence.mean():.2f} +- {evidence.std():.2f} (runs)")
+    if report.check is not None:
+        click.echo(f"  {report.check.sentence()}")
     print_notes(report.notes)
     print_pictures((report.path, *report.pictures))
 

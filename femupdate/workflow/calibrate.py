@@ -21,9 +21,15 @@ from femupdate.inference.laplace import LaplaceSettings, LaplaceStart, laplace_s
 from femupdate.inference.latent_search import FoundLatent
 from femupdate.inference.likelihood import DataLikelihood, LatentLikelihood, usual_misfit
 from femupdate.inference.posterior import Posterior, save_posterior
+from femupdate.inference.predictive_check import (
+    PredictiveCheck,
+    check_predictions,
+    floor_squares,
+    with_least_noise,
+)
 from femupdate.inference.prior import UniformPrior
 from femupdate.inference.smc import SmcResult, SmcSettings, TemperedSmc
-from femupdate.measurement.observation import Observation, on_all_floors
+from femupdate.measurement.observation import Observation, independent_share, on_all_floors
 from femupdate.study import Study
 from femupdate.surrogate.storage import ANY_FLOORS, SurrogateInfo, TrainedSurrogate
 from femupdate.workflow.decoded import FEW, sample_decoded
@@ -39,6 +45,9 @@ Floats = NDArray[np.float64]
 POSTERIOR = "posterior"
 _CHAINS = 4
 _PREDICTIVE = 200
+_CHECKED = 100
+# Posterior predictive p-value below which it is worth a word.
+_UNUSUAL = 0.01
 _ZETA_GRID = 25
 _ZETA_SAMPLES = 48
 # Effective share of draws from the Gaussians at the maxima below which chains take over, tried on
@@ -86,6 +95,8 @@ class CalibrationReport:
         identified: which combinations of the parameters the data have determined.
         misfit: mean squared whitened residual of ln|H| at the posterior draw that fits best; 1
             when the model explains the data to within their noise.
+        check: posterior predictive p-values; None where theta carries errors of the model, with
+            which no draw of it meets the data.
         notes: what the user should know, in sentences.
         pictures: files drawn.
         seconds: all the time taken.
@@ -98,6 +109,7 @@ class CalibrationReport:
     r_hat: Floats
     identified: Identifiability
     misfit: float
+    check: PredictiveCheck | None
     notes: tuple[str, ...]
     pictures: tuple[Path, ...]
     seconds: float
@@ -141,16 +153,16 @@ def calibrate_study(
         study.path("sampling"),
         json.dumps([origin, settled, _judged(study, observation)], sort_keys=True),
     )
-    notes: tuple[str, ...] = ()
-    latent: FoundLatent | None = None
-    if settings.exact:
-        results, notes = _sample_exact(study, model, observation, settings, run)
-    else:
-        results, latent, notes = _sample_latent(study, model, observation, settings, run)
-    if model.shared is None:
-        latent = None
+    sample = _sample_exact if settings.exact else _sample_latent
+    sampled = sample(study, model, observation, settings, run)
+    results = sampled.results
+    latent = None if model.shared is None else sampled.latent
     posterior = _posterior(model, observation, settings, results, latent)
-    misfit = _best_misfit(model, posterior, settings.seed) if latent is None else latent.misfit
+    misfit, check = (
+        _against_data(model, posterior, sampled.least_noise, settings.seed)
+        if latent is None
+        else (latent.misfit, None)
+    )
     path = study.path("posterior.nc")
     save_posterior(posterior, path)
     study.record(
@@ -158,8 +170,13 @@ def calibrate_study(
     )
     run.clear()
     found = identified(posterior)
-    notes = (*observation.notes, *notes, *_judgement(posterior, misfit), *found.sentences())
-    write_summary(study, posterior, found, misfit, notes)
+    notes = (
+        *observation.notes,
+        *sampled.notes,
+        *_judgement(posterior, misfit, check),
+        *found.sentences(),
+    )
+    write_summary(study, posterior, found, misfit, notes, check)
     pictures = draw_posterior(study, model, posterior, show)
     return CalibrationReport(
         posterior,
@@ -167,6 +184,7 @@ def calibrate_study(
         r_hat(posterior.theta),
         found,
         misfit,
+        check,
         notes,
         pictures,
         time.monotonic() - started,
@@ -286,21 +304,40 @@ def draw_posterior(
     return tuple(paths)
 
 
+@dataclass(frozen=True)
+class Sampled:
+    """What a sampler has drawn.
+
+    Attributes:
+        results: of the independent runs.
+        notes: how it went, in sentences.
+        latent: of the latent likelihood, where it was found by a search.
+        least_noise: standard deviation of ln|H| below which the likelihood does not believe the
+            file's noise.
+    """
+
+    results: list[SmcResult]
+    notes: tuple[str, ...]
+    latent: FoundLatent | None = None
+    least_noise: float = 0.0
+
+
 def _sample_latent(
     study: Study,
     model: StudyModel,
     observation: Observation,
     settings: CalibrationSettings,
     run: ChainRunner,
-) -> tuple[list[SmcResult], FoundLatent | None, tuple[str, ...]]:
+) -> Sampled:
     surrogate = require_surrogate(study, model)
+    least = surrogate.info.noise_sd
     noise, calibration = (
         told(surrogate.info, observation) for told in (_noise_notes, _calibration_notes)
     )
     # The chains on the decoder know no effects.
     if model.prior.size > FEW and model.system is None:
         results, notes = _sample_decoded(surrogate, model, observation, settings, run)
-        return results, None, (*noise, *notes, *calibration)
+        return Sampled(results, (*noise, *notes, *calibration), None, least)
     likelihood = LatentLikelihood(
         surrogate,
         model.responder,
@@ -312,7 +349,7 @@ def _sample_latent(
     sampler = TemperedSmc(model.prior.to(settings.device), likelihood, settings=settings.smc)
     results = run(sampler, "Sampling (latent likelihood)")
     notes = (*likelihood.input.notes, *noise, *_latent_notes(likelihood), *calibration)
-    return results, likelihood.found, notes
+    return Sampled(results, notes, likelihood.found, least)
 
 
 def _sample_decoded(
@@ -443,7 +480,7 @@ def _sample_exact(
     observation: Observation,
     settings: CalibrationSettings,
     run: ChainRunner,
-) -> tuple[list[SmcResult], tuple[str, ...]]:
+) -> Sampled:
     """Data-space likelihood, with zeta as one more parameter where it is a nuisance.
 
     A building with a surrogate starts from the latent posterior, which saves most of the responses.
@@ -464,7 +501,7 @@ def _sample_exact(
         near = None
         if found is not None:
             near = _decoded(found[0], model, observation, settings, run).draws.theta[:, -1]
-        return _sample_from_maxima(model, observation, settings, run, prior, target, near)
+        return Sampled(*_sample_from_maxima(model, observation, settings, run, prior, target, near))
     if found is None:
         starts = run(
             TemperedSmc(prior, target, settings=settings.smc), "Sampling (data-space likelihood)"
@@ -482,9 +519,10 @@ def _sample_exact(
             TemperedSmc(prior, base, settings=settings.smc), "Sampling (latent likelihood)"
         )
     results = run.bridge(prior, target, base, starts, settings.smc)
-    return [
-        as_smc_result(result, start) for result, start in zip(results, starts, strict=True)
-    ], _cost(results, starts, base is not None)
+    return Sampled(
+        [as_smc_result(result, start) for result, start in zip(results, starts, strict=True)],
+        _cost(results, starts, base is not None),
+    )
 
 
 def _sample_from_maxima(
@@ -641,16 +679,25 @@ def _posterior(
     )
 
 
-def _best_misfit(model: StudyModel, posterior: Posterior, seed: int) -> float:
-    """Smallest mean squared whitened residual over some posterior draws."""
-    theta, zeta = posterior.thinned(100, seed)
-    fixed = model.building.damping.ratio if zeta is None else None
-    likelihood = DataLikelihood(model.responder, model.law, posterior.observation, fixed)
-    parameters = theta if zeta is None else np.column_stack([theta, zeta])
-    return float(likelihood.misfit(torch.from_numpy(parameters)).min()) / likelihood.terms.count
+def _against_data(
+    model: StudyModel, posterior: Posterior, least_noise: float, seed: int
+) -> tuple[float, PredictiveCheck]:
+    """Some posterior draws against the data: the smallest mean squared whitened residual, and the
+    posterior predictive check, with the noise that the likelihood allows."""
+    observation = posterior.observation
+    theta, zeta = posterior.thinned(_CHECKED, seed)
+    ratio = zeta if zeta is not None else np.full(len(theta), model.building.damping.ratio)
+    likelihood = DataLikelihood(model.responder, model.law, observation)
+    predicted = likelihood.predict(torch.from_numpy(theta), torch.from_numpy(ratio)).numpy()
+    squares = floor_squares(observation, predicted).sum(axis=1)
+    points = independent_share(observation) * np.count_nonzero(observation.valid)
+    allowed = with_least_noise(observation, least_noise)
+    return float(squares.min() / points), check_predictions(allowed, predicted)
 
 
-def _judgement(posterior: Posterior, misfit: float) -> tuple[str, ...]:
+def _judgement(
+    posterior: Posterior, misfit: float, check: PredictiveCheck | None
+) -> tuple[str, ...]:
     notes = []
     factor = np.sqrt(misfit)
     if misfit > 2.0:
@@ -661,6 +708,11 @@ def _judgement(posterior: Posterior, misfit: float) -> tuple[str, ...]:
         if posterior.likelihood == "exact":
             text += ", and the standard deviations given are too small by about that factor"
         notes.append(text + ".")
+    elif check is not None and check.whole < _UNUSUAL:
+        notes.append(
+            f"Of data drawn from the posterior {check.whole:.1%} miss the model by as much as the "
+            "measured do: something small is missing, or the noise is larger than stated."
+        )
     worst = r_hat(posterior.theta)
     if np.isfinite(worst).all() and worst.max() > 1.05:
         notes.append(

@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from femupdate.discrepancy.fit import Fit
 from femupdate.discrepancy.mesh_error import corrected
-from femupdate.discrepancy.posterior import draw
+from femupdate.discrepancy.posterior import Draws, draw
 from femupdate.discrepancy.problem import Problem
 from femupdate.dynamics.effect_response import EffectSystem, reduce_terms
 from femupdate.inference.posterior import Posterior, save_posterior
+from femupdate.inference.predictive_check import PredictiveCheck, predictive_check
 from femupdate.measurement.observation import Observation
 from femupdate.study import Study
 from femupdate.workflow.amplitude import changes_with_level, level_settings
@@ -40,6 +41,7 @@ from femupdate.workflow.second_record import SecondRecord, level_between
 from femupdate.workflow.summary import identified, write_summary
 
 Floats = NDArray[np.float64]
+_CHECKED = 100
 
 
 def calibrate_with_effects(
@@ -80,13 +82,15 @@ def calibrate_with_effects(
         *_notes(problem, fitted, draws.effective, settings.particles),
         *found.sentences(),
     )
-    write_summary(study, posterior, found, misfit, notes)
+    check = _check(problem, fitted, draws)
+    write_summary(study, posterior, found, misfit, notes, check)
     return CalibrationReport(
         posterior,
         path,
         r_hat(posterior.theta),
         found,
         misfit,
+        check,
         notes,
         draw_posterior(study, model, posterior, show),
         time.monotonic() - started,
@@ -105,6 +109,21 @@ def _records(
         SecondRecord(run, level_between(model, first, one) if changes and one != first else 0.0)
         for run, one in zip(runs, source.runs, strict=True)
     ]
+
+
+def _check(problem: Problem, fitted: Fit, draws: Draws) -> PredictiveCheck | None:
+    """Posterior predictive check with the noise as stated; None where points share errors, which
+    draws follow and data do not."""
+    if problem.shared is not None:
+        return None
+    some = slice(None, None, max(1, len(draws.theta) // _CHECKED))
+    parts = (torch.from_numpy(values[some]) for values in (draws.theta, draws.zeta, draws.sizes))
+    residual = problem.residuals(fitted.system, *parts)
+    floors, points = problem.log_frf.shape
+    squares = residual.reshape(len(residual), -1, floors, points).square().sum((1, 3))
+    freedom = (torch.isfinite(problem.sd) * problem.independent).sum(1)
+    names = tuple(problem.reduced.model.floors[row] for row in problem.rows)
+    return predictive_check(squares.numpy(), freedom.numpy(), names)
 
 
 def _notes(problem: Problem, fitted: Fit, effective: float, count: int) -> tuple[str, ...]:

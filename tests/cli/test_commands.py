@@ -126,6 +126,10 @@ def test_calibrate(exact, tower_observation):
     assert set(told["combinations"][0]["weight"]) == {"theta_1", "theta_2"}
     summary = json.loads((study / "posterior_summary.json").read_text())
     assert summary["identifiability"] == told
+    p_values = answer["posterior_predictive_p"]
+    assert summary["posterior_predictive_p"] == pytest.approx(p_values)
+    assert list(p_values["floors"]) == ["2F", "RF"]
+    assert 0.0 < p_values["whole"] <= 1.0
     assert [p["mean"] for p in summary["parameters"]] == pytest.approx(answer["mean"])
 
 
@@ -136,7 +140,15 @@ def test_calibrate_in_words(femupdate, calibrated, tower_observation):
     assert done.code == 0
     name = tower_observation.path.name
     assert done.out.startswith(f"Exact posterior of tower from 2F, RF of {name}: 200 draws, ")
-    for word in ("theta_1", "theta_2", "r-hat", "damping ratio 0.0", "log evidence", "Welch H1"):
+    for word in (
+        "theta_1",
+        "theta_2",
+        "r-hat",
+        "damping ratio 0.0",
+        "log evidence",
+        "Welch H1",
+        "posterior predictive p-value",
+    ):
         assert word in done.out
     assert str(calibrated / "posterior.nc") in done.out
 

@@ -146,6 +146,7 @@ def test_two_runs_know_by_the_root_of_two_more(tmp_path):
     middle = np.mean([draws.mean(axis=0) for draws in alone], axis=0)
     np.testing.assert_allclose((both.mean(axis=0) - middle) / both.std(axis=0), 0.0, atol=0.3)
     assert reports[0].misfit == pytest.approx(1.0, abs=0.1)
+    assert 0.001 < reports[0].check.whole < 0.999
     assert any("They agree" in note for note in reports[0].notes)
 
 
@@ -297,6 +298,8 @@ def test_a_building_with_effects_takes_several_runs(tmp_path, tower_file, tables
     # Noise of .1 and .15 together is .083 and not .1.
     assert (both.std(axis=0) / one.std(axis=0))[:2].mean() == pytest.approx(0.83, abs=0.12)
     assert (np.abs(both.mean(axis=0) - [*TRUTH, 0.0]) < 4 * both.std(axis=0)).all()
+    assert reports[1].check.names == ("2F", "RF")
+    assert 0.01 < reports[1].check.whole < 0.99
     assert reports[1].posterior.observation.source == "one.csv, two.csv"
     assert "observation 2" in study.artefacts()["posterior"].made_from
     assert any("They agree" in note for note in reports[1].notes)
