@@ -709,9 +709,10 @@ def _judgement(
             text += ", and the standard deviations given are too small by about that factor"
         notes.append(text + ".")
     elif check is not None and check.whole < _UNUSUAL:
+        share = f"{check.whole:.1%}" if check.whole >= 1e-3 else "Less than 0.1%"
         notes.append(
-            f"Of data drawn from the posterior {check.whole:.1%} miss the model by as much as the "
-            "measured do: something small is missing, or the noise is larger than stated."
+            f"{share} of data drawn from the posterior miss the model by as much as the measured "
+            "ones do: something small is missing, or the noise is larger than stated."
         )
     worst = r_hat(posterior.theta)
     if np.isfinite(worst).all() and worst.max() > 1.05:
