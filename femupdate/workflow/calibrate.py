@@ -144,7 +144,8 @@ def calibrate_study(
     started = time.monotonic()
     observation = read_observation(model, source)
     origin = {**model.made_from(), **source.made_from()}
-    settled = {"sensors": list(observation.floors), "band_hz": source.band_hz, **_plain(settings)}
+    used = {"sensors": list(observation.floors), "band_hz": source.band_hz}
+    settled = {**used, **_plain(settings)}
     run = ChainRunner(
         settings.particles,
         settings.chains,
@@ -329,6 +330,7 @@ def _sample_latent(
     settings: CalibrationSettings,
     run: ChainRunner,
 ) -> Sampled:
+    """Latent likelihood; by chains on the decoder where there are many parameters."""
     surrogate = require_surrogate(study, model)
     least = surrogate.info.noise_sd
     noise, calibration = (
@@ -378,6 +380,7 @@ def _decoded(
     settings: CalibrationSettings,
     run: ChainRunner,
 ) -> DecodedPosterior:
+    """The decoder's posterior by chains, with zeta as one more parameter where it is unknown."""
     chosen = DecodedSettings()
     draws = max(-(-run.particles // chosen.chains), 2)
     run.show.start("Sampling (latent likelihood)", chosen.trajectories(draws))
@@ -698,6 +701,7 @@ def _against_data(
 def _judgement(
     posterior: Posterior, misfit: float, check: PredictiveCheck | None
 ) -> tuple[str, ...]:
+    """How well the data are met, and whether the independent runs agree."""
     notes = []
     factor = np.sqrt(misfit)
     if misfit > 2.0:
@@ -723,6 +727,7 @@ def _judgement(
 
 
 def _plain(settings: CalibrationSettings) -> dict[str, object]:
+    """Settings as the study's record and the posterior keep them."""
     return {
         "particles": settings.particles,
         "chains": settings.chains,
