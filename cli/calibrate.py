@@ -51,7 +51,8 @@ def command(
     posterior explains together; options hold for all of them.
     """
     from femupdate.study import Study
-    from femupdate.workflow.calibrate import CalibrationSettings, calibrate_study
+    from femupdate.workflow.calibrate import calibrate_study
+    from femupdate.workflow.calibrate_settings import CalibrationSettings
     from femupdate.workflow.checks import check_calibration
     from femupdate.workflow.model import open_study
     from femupdate.workflow.observed import ObservationSource

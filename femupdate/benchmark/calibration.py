@@ -17,7 +17,7 @@ from femupdate.inference.predictive_check import PredictiveCheck, check_predicti
 from femupdate.inference.smc import SmcResult, TemperedSmc
 from femupdate.measurement.observation import Observation
 from femupdate.surrogate.storage import ANY_FLOORS, TrainedSurrogate
-from femupdate.workflow.calibrate import latent_zeta
+from femupdate.workflow.calibrate_draws import latent_zeta
 from femupdate.workflow.model import StudyModel
 
 Floats = NDArray[np.float64]

@@ -17,13 +17,10 @@ from femupdate.inference.predictive_check import PredictiveCheck, predictive_che
 from femupdate.measurement.observation import Observation
 from femupdate.study import Study
 from femupdate.workflow.amplitude import changes_with_level, level_settings
-from femupdate.workflow.calibrate import (
-    POSTERIOR,
-    CalibrationReport,
-    CalibrationSettings,
-    draw_posterior,
-    r_hat,
-)
+from femupdate.workflow.calibrate import POSTERIOR, CalibrationReport
+from femupdate.workflow.calibrate_draws import r_hat
+from femupdate.workflow.calibrate_pictures import draw_posterior
+from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.diagnose import model_parts, prepared
 from femupdate.workflow.effect_surrogate import kept_structure
 from femupdate.workflow.effects import (

@@ -12,7 +12,8 @@ from femupdate.report.figure import save_figure
 from femupdate.report.plot_posterior import SampleSet, posterior_pairs
 from femupdate.study import Study
 from femupdate.workflow.build import BuildReport, build_study
-from femupdate.workflow.calibrate import CalibrationReport, CalibrationSettings, calibrate_study
+from femupdate.workflow.calibrate import CalibrationReport, calibrate_study
+from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.model import DEFAULT_BUILDING
 from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.predict import PredictionReport, RecordSource, predict_study

@@ -13,7 +13,8 @@ from femupdate.inference.posterior import load_posterior
 from femupdate.study import Study
 from femupdate.surrogate.storage import load_surrogate
 from femupdate.surrogate.training import TrainingSettings
-from femupdate.workflow.calibrate import CalibrationSettings, calibrate_study
+from femupdate.workflow.calibrate import calibrate_study
+from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.checks import check_calibration, check_training
 from femupdate.workflow.effect_surrogate import with_effects
 from femupdate.workflow.model import open_study

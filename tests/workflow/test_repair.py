@@ -15,7 +15,8 @@ from femupdate.inference.posterior import load_posterior
 from femupdate.measurement.record import GroundMotion
 from femupdate.measurement.write import write_record
 from femupdate.study import Study
-from femupdate.workflow.calibrate import CalibrationSettings, calibrate_study
+from femupdate.workflow.calibrate import calibrate_study
+from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.predict import PredictionSettings, RecordSource, predict_study

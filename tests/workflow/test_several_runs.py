@@ -15,7 +15,8 @@ from femupdate.inference.posterior import load_posterior
 from femupdate.inference.smc import SmcSettings
 from femupdate.measurement.pooled import pooled
 from femupdate.study import Study, file_hash
-from femupdate.workflow.calibrate import CalibrationSettings, calibrate_study
+from femupdate.workflow.calibrate import calibrate_study
+from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource, read_observation, runs_of
 from femupdate.workflow.simulate import (
