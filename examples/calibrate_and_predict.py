@@ -12,7 +12,8 @@ from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
-from femupdate.workflow.predict import RecordSource, predict_study
+from femupdate.workflow.predict import predict_study
+from femupdate.workflow.predict_settings import RecordSource
 
 EXAMPLES = files("femupdate.examples")
 
