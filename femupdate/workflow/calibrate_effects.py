@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from femupdate.discrepancy.fit import Fit
+from femupdate.discrepancy.fit import Fit, weighed_residuals
 from femupdate.discrepancy.mesh_error import corrected
 from femupdate.discrepancy.posterior import Draws, draw
 from femupdate.discrepancy.problem import Problem
@@ -108,14 +108,12 @@ def _records(
     ]
 
 
-def _check(problem: Problem, fitted: Fit, draws: Draws) -> PredictiveCheck | None:
-    """Posterior predictive check with the noise as stated; None where points share errors, which
-    draws follow and data do not."""
-    if problem.shared is not None:
-        return None
+def _check(problem: Problem, fitted: Fit, draws: Draws) -> PredictiveCheck:
+    """Posterior predictive check with the noise as stated; errors that points share are part of it,
+    as they are of the likelihood."""
     some = slice(None, None, max(1, len(draws.theta) // _CHECKED))
     parts = (torch.from_numpy(values[some]) for values in (draws.theta, draws.zeta, draws.sizes))
-    residual = problem.residuals(fitted.system, *parts)
+    residual = weighed_residuals(problem, fitted, fitted.coordinates.joined(*parts))
     floors, points = problem.log_frf.shape
     squares = residual.reshape(len(residual), -1, floors, points).square().sum((1, 3))
     freedom = (torch.isfinite(problem.sd) * problem.independent).sum(1)
