@@ -18,7 +18,7 @@ from .common import (
 
 
 @click.command("calibrate")
-@click.argument("observation", type=click.Path(path_type=Path))
+@click.argument("observations", type=click.Path(path_type=Path), nargs=-1, required=True)
 @click.option("--building", help="Shipped name or TOML file, for a new study.")
 @click.option("--sensors", callback=parse_names, help="Floors to use, such as RF or 2F,RF.")
 @click.option("--band", callback=parse_band, help="Frequencies to use, such as 0.5,18 (Hz).")
@@ -30,7 +30,7 @@ from .common import (
 @click.option("--device", default="cpu", show_default=True, help="cpu, cuda, ...")
 @shared_options
 def command(
-    observation: Path,
+    observations: tuple[Path, ...],
     building: str | None,
     sensors: tuple[str, ...],
     band: tuple[float, float] | None,
@@ -44,23 +44,23 @@ def command(
     seed: int,
     as_json: bool,
 ) -> None:
-    """Draw the posterior of the stiffness factors from the measured file OBSERVATION.
+    """Draw the posterior of the stiffness factors from the measured files OBSERVATIONS.
 
-    OBSERVATION is a CSV file of histories (time_s, base, 2F, ..., RF, several sensors a floor as
-    2F:1, 2F:2) or of FRFs (frequency_hz, 2F, ..., RF).
+    Each is a CSV file of histories (time_s, base, 2F, ..., RF, several sensors a floor as 2F:1,
+    2F:2) or of FRFs (frequency_hz, 2F, ..., RF). Several are runs of the same building, which one
+    posterior explains together; options hold for all of them.
     """
     from femupdate.study import Study
-    from femupdate.workflow.calibrate import (
-        CalibrationSettings,
-        ObservationSource,
-        calibrate_study,
-    )
+    from femupdate.workflow.calibrate import calibrate_study
+    from femupdate.workflow.calibrate_settings import CalibrationSettings
     from femupdate.workflow.checks import check_calibration
     from femupdate.workflow.model import open_study
+    from femupdate.workflow.observed import ObservationSource
     from femupdate.workflow.summary import identifiability_record
 
     study = Study(study_folder)
-    source = ObservationSource(observation, unit, columns, sensors, band)
+    first, *further = observations
+    source = ObservationSource(first, unit, columns, sensors, band, tuple(further))
     settings = CalibrationSettings(particles, exact, chains, seed, device)
     with Bars() as bars:
         check_calibration(study, source, settings, building)
@@ -80,10 +80,12 @@ def command(
             "q95": quantiles[0.95],
             "r_hat": report.r_hat,
             "misfit": report.misfit,
+            "posterior_predictive_p": None if report.check is None else report.check.as_dict(),
             "identifiability": identifiability_record(report.identified),
             "particles": len(draws),
             "evaluations": report.evaluations,
             "invalid": report.invalid,
+            "files": source.paths,
             "floors": posterior.observation.floors,
             "notes": report.notes,
             "pictures": report.pictures,
@@ -99,7 +101,8 @@ def command(
         return
     click.echo(
         f"{posterior.likelihood.capitalize()} posterior of {model.building.name} from "
-        f"{', '.join(posterior.observation.floors)}: {len(draws)} draws, {report.seconds:.1f} s"
+        f"{', '.join(posterior.observation.floors)} of {posterior.observation.source}: "
+        f"{len(draws)} draws, {report.seconds:.1f} s"
     )
     rows = [
         (name, *(f"{v:.4f}" for v in (mean, sd, low, high)), f"{hat:.3f}")
@@ -120,6 +123,8 @@ def command(
     if posterior.log_evidence is not None:
         evidence = posterior.log_evidence
         click.echo(f"  log evidence {evidence.mean():.2f} +- {evidence.std():.2f} (runs)")
+    if report.check is not None:
+        click.echo(f"  {report.check.sentence()}")
     print_notes(report.notes)
     print_pictures((report.path, *report.pictures))
 

@@ -70,9 +70,9 @@ def command(
     """
     from femupdate.discrepancy.diagnose import DiagnosisSettings
     from femupdate.study import Study
-    from femupdate.workflow.calibrate import ObservationSource, check_readable
     from femupdate.workflow.diagnose import diagnose_study
     from femupdate.workflow.model import open_study
+    from femupdate.workflow.observed import ObservationSource, check_readable
 
     study = Study(study_folder)
     source = ObservationSource(observation, unit, columns, sensors, band)

@@ -78,11 +78,8 @@ def command(
     """
     from femupdate.study import Study
     from femupdate.workflow.checks import check_writable, open_calibrated
-    from femupdate.workflow.predict import (
-        PredictionSettings,
-        RecordSource,
-        predict_study,
-    )
+    from femupdate.workflow.predict import predict_study
+    from femupdate.workflow.predict_settings import PredictionSettings, RecordSource
 
     study = Study(study_folder)
     check_writable(study)

@@ -51,8 +51,8 @@ def command(
     """
     from femupdate.discrepancy.diagnose import DiagnosisSettings
     from femupdate.study import Study
-    from femupdate.workflow.calibrate import ObservationSource, check_readable
     from femupdate.workflow.model import open_study
+    from femupdate.workflow.observed import ObservationSource, check_readable
     from femupdate.workflow.repair import repair_study
 
     study = Study(study_folder)

@@ -8,9 +8,12 @@ from importlib.resources import as_file, files
 from pathlib import Path
 
 from femupdate.study import Study
-from femupdate.workflow.calibrate import CalibrationSettings, ObservationSource, calibrate_study
+from femupdate.workflow.calibrate import calibrate_study
+from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.model import open_study
-from femupdate.workflow.predict import RecordSource, predict_study
+from femupdate.workflow.observed import ObservationSource
+from femupdate.workflow.predict import predict_study
+from femupdate.workflow.predict_settings import RecordSource
 
 EXAMPLES = files("femupdate.examples")
 

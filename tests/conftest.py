@@ -180,12 +180,10 @@ def tower_study(
 ) -> Path:
     """The folder of a study of the tower with a posterior; tests work on copies of it."""
     from femupdate.study import Study
-    from femupdate.workflow.calibrate import (
-        CalibrationSettings,
-        ObservationSource,
-        calibrate_study,
-    )
+    from femupdate.workflow.calibrate import calibrate_study
+    from femupdate.workflow.calibrate_settings import CalibrationSettings
     from femupdate.workflow.model import open_study
+    from femupdate.workflow.observed import ObservationSource
 
     study = Study(tmp_path_factory.mktemp("tower") / "study")
     settings = CalibrationSettings(particles=400, exact=True)

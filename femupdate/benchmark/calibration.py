@@ -13,14 +13,17 @@ from femupdate.inference.bridge import Start, bridge
 from femupdate.inference.coverage import density_level, ranks, tarp_level
 from femupdate.inference.likelihood import DataLikelihood, LatentLikelihood
 from femupdate.inference.power import SimulatedCase
+from femupdate.inference.predictive_check import PredictiveCheck, check_predictions
 from femupdate.inference.smc import SmcResult, TemperedSmc
 from femupdate.measurement.observation import Observation
 from femupdate.surrogate.storage import ANY_FLOORS, TrainedSurrogate
+from femupdate.workflow.calibrate_draws import latent_zeta
 from femupdate.workflow.model import StudyModel
 
 Floats = NDArray[np.float64]
 
 _MODES = 40
+_CHECKED = 100
 
 
 @dataclass(frozen=True)
@@ -46,11 +49,13 @@ class Judged:
         density: level of the highest-density region that just holds it.
         rank: (p,) share of draws below it.
         tarp: share of draws nearer to a random point.
+        check: posterior predictive p-values; None where they were not asked for.
     """
 
     density: float
     rank: Floats
     tarp: float
+    check: PredictiveCheck | None = None
 
 
 @dataclass(frozen=True)
@@ -169,11 +174,16 @@ def calibration_case(
     )
     judged, share, widths = None, float("nan"), None
     if number < settings.beside:
-        theta, of_target, share = _exact(model, building, latent, start, settings.particles, seed)
-        judged = _judge(model, building, theta, of_target, centre)
+        draws, of_target, share = _exact(model, building, latent, start, settings.particles, seed)
+        theta = draws[:, : model.prior.size]
+        check = _check(model, building.observation, theta, draws[:, model.prior.size :], seed)
+        judged = replace(_judge(model, building, theta, of_target, centre), check=check)
         widths = _widths(start.theta, theta)
+    check = _check(
+        model, building.observation, start.theta, _zeta(model, latent, start, seed), seed
+    )
     return CalibrationCase(
-        _judge(model, building, start.theta, known, centre),
+        replace(_judge(model, building, start.theta, known, centre), check=check),
         judged,
         known,
         latent.found.misfit,
@@ -198,7 +208,10 @@ def _exact(
     particles: int,
     seed: int,
 ) -> tuple[torch.Tensor, SimulatedCase, float]:
-    """Draws of theta (n, p) from the data-space posterior, its likelihoods, effective share."""
+    """Draws from the data-space posterior, its likelihoods and effective share.
+
+    The draws are of theta (n, p), with the damping ratio as one more column where it is unknown.
+    """
     bounds, size = model.zeta_bounds, model.prior.size
     fixed = model.building.damping.ratio if bounds is None else None
     target = DataLikelihood(
@@ -221,7 +234,30 @@ def _exact(
     known = SimulatedCase(
         found.log_likelihood.numpy(), float(target(torch.from_numpy(truth)[None])[0])
     )
-    return found.theta[:, :size], known, found.effective_share
+    return found.theta, known, found.effective_share
+
+
+def _zeta(model: StudyModel, latent: LatentLikelihood, start: SmcResult, seed: int) -> torch.Tensor:
+    """Damping ratios (n, 1) that the latent posterior has beside theta; (n, 0) where known."""
+    if model.zeta_bounds is None:
+        return start.theta[:, :0]
+    drawn = latent_zeta(latent.found, model.zeta_bounds, len(start.theta), seed)
+    return torch.from_numpy(drawn)[:, None]
+
+
+def _check(
+    model: StudyModel,
+    observation: Observation,
+    theta: torch.Tensor,
+    zeta: torch.Tensor,
+    seed: int,
+) -> PredictiveCheck:
+    """Posterior predictive check by some of the draws theta (n, p) and zeta (n, 1 or 0)."""
+    some = torch.from_numpy(np.random.default_rng(seed).permutation(len(theta))[:_CHECKED])
+    ratio = theta.new_full((len(some),), model.building.damping.ratio)
+    rows = [model.building.floors.index(name) for name in observation.floors]
+    predicted = _response(model, theta[some], zeta[some, 0] if zeta.shape[1] else ratio)
+    return check_predictions(observation, predicted[:, rows].numpy())
 
 
 def _widths(latent: torch.Tensor, exact: torch.Tensor) -> Widths:

@@ -11,6 +11,7 @@ import numpy as np
 from femupdate.benchmark.calibration import CalibrationCase, Judged, Widths
 from femupdate.benchmark.result import plain
 from femupdate.inference.power import SimulatedCase
+from femupdate.inference.predictive_check import PredictiveCheck
 from femupdate.surrogate.storage import TrainedSurrogate
 
 
@@ -78,7 +79,12 @@ def _case(line: str) -> tuple[int, CalibrationCase] | None:
 
 
 def _judged(content: dict[str, Any]) -> Judged:
-    return Judged(content["density"], np.array(content["rank"]), content["tarp"])
+    kept = content.get("check")  # files of before have none
+    check = None
+    if kept is not None:
+        floors = tuple(_number(value, np.nan) for value in kept["floors"])
+        check = PredictiveCheck(kept["whole"], floors, tuple(kept["names"]))
+    return Judged(content["density"], np.array(content["rank"]), content["tarp"], check)
 
 
 def _number(value: float | None, otherwise: float) -> float:

@@ -143,6 +143,8 @@ def run_calibration(
         "responses": [case.responses for case in cases],
         "density_levels": [case.latent.density for case in cases],
         "ranks": [case.latent.rank for case in cases],
+        "posterior_predictive_p": [case.latent.check for case in cases],
+        "posterior_predictive_p_exact": [judged.check for judged in both],
         "widths": [case.widths for case in cases if case.widths is not None],
     }
     files = write_result(folder, name, machine, seed, content, text)
@@ -260,6 +262,12 @@ def _text(
     if plan.noise_sd is not None:
         floors += f", noise {plan.noise_sd:g} on ln|H|"
     beside = [markdown_table(_WIDTH_HEAD, widths)] if widths else []
+    checks = [
+        *predictive_rows("latent", [case.latent for case in cases]),
+        *predictive_rows("data-space", [c.exact for c in cases if c.exact is not None]),
+    ]
+    if checks:
+        beside += [markdown_table(_CHECK_HEAD, checks), _CHECK_NOTE]
     return "\n\n".join(
         (
             f"{plan.building}, {floors}: {plan.cases} simulated buildings, {plan.particles} "
@@ -272,6 +280,35 @@ def _text(
             f"took: {np.median([case.responses for case in cases]):.0f} (median).",
         )
     )
+
+
+_CHECK_HEAD = (
+    "posterior predictive p-values",
+    "number",
+    *("5 %", "25 %", "median", "75 %", "95 %"),
+    "below .05",
+)
+_CHECK_NOTE = (
+    "Replicated data miss the response of a posterior draw by more than the data do, in chi-square "
+    "(Gelman, Meng & Stern 1996). The data judge a posterior that they have moved: of a right one "
+    "the p-values gather about a half, and at most .1 of them lie below .05 (Meng 1994)."
+)
+
+
+def predictive_rows(name: str, judged: Sequence[Judged]) -> list[tuple[str, ...]]:
+    """Quantiles of the predictive p-values of a kind of posterior, whole and floor by floor."""
+    checks = [one.check for one in judged if one.check is not None]
+    kinds = [("all floors together", [check.whole for check in checks])]
+    if any(len(check.floors) > 1 for check in checks):
+        each = [value for check in checks for value in check.floors if np.isfinite(value)]
+        kinds.append(("floor by floor", each))
+    rows = []
+    for what, values in kinds:
+        if values:
+            quantiles = np.quantile(values, [0.05, 0.25, 0.5, 0.75, 0.95])
+            numbers = (f"{value:.2f}" for value in (*quantiles, np.mean(np.less(values, 0.05))))
+            rows.append((f"{name}, {what}", str(len(values)), *numbers))
+    return rows
 
 
 _WIDTH_HEAD = (

@@ -25,6 +25,7 @@ from femupdate.effects.effect import Placed
 
 _DRAWS = 192
 _LEADING = 4  # of the effects that were fitted from the base, tried whatever their place
+_CHEAP = 60  # shapes up to which every place is tried
 _SEARCHED = 6  # effects and places that are fitted
 _STARTS = 2  # draws from which each of them is
 _BETTER = 0.5  # share of the coarse residuals, squared, that an effect may leave
@@ -48,7 +49,7 @@ def far_fit(
     rough = coarse(problem)
     alone = fit(rough, base.placed, base.z, 10)
     screened = []
-    for placed in _tried(scores, leading):
+    for placed in _tried(problem, scores, leading):
         together = (*base.placed, placed)
         z = _draws(rough, alone, together, seed)
         where = coordinates(rough, together)
@@ -65,15 +66,18 @@ def far_fit(
     return best if best is not None and best.chi2 < _BETTER * alone.chi2 else None
 
 
-def _tried(scores: Sequence[Score], leading: Sequence[Placed]) -> list[Placed]:
-    """What leads, and the strongest place of every effect; exchanges are looked for elsewhere."""
-    chosen = {one.label: one for one in leading[:_LEADING] if not one.exchange}
-    known = {one.effect.name for one in chosen.values()}
-    for one in scores:
-        if not one.placed.exchange and one.placed.effect.name not in known:
-            known.add(one.placed.effect.name)
-            chosen.setdefault(one.placed.label, one.placed)
-    return list(chosen.values())
+def _tried(problem: Problem, scores: Sequence[Score], leading: Sequence[Placed]) -> list[Placed]:
+    """What leads, and the strongest place of every effect, or all; exchanges are sought elsewhere."""
+    single = [one.placed for one in scores if not one.placed.exchange]
+    if problem.reduced.model.size <= _CHEAP:
+        return single
+    chosen = [one for one in leading[:_LEADING] if not one.exchange]
+    known = {one.effect.name for one in chosen}
+    for one in single:
+        if one.effect.name not in known:
+            known.add(one.effect.name)
+            chosen.append(one)
+    return chosen
 
 
 def _draws(problem: Problem, alone: Fit, together: tuple[Placed, ...], seed: int) -> Tensor:

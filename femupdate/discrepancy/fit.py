@@ -64,6 +64,13 @@ class Coordinates:
         sizes = self.neutral + self.scales * z[:, self.first_size : self.first_size + count]
         return theta, zeta, sizes
 
+    def joined(self, theta: Tensor, zeta: Tensor, sizes: Tensor) -> Tensor:
+        """z (N, d) of theta (N, p), zeta (N,) and sizes (N, q)."""
+        parts = [theta.log(), (sizes - self.neutral) / self.scales]
+        if self.has_zeta:
+            parts.insert(1, zeta.log()[:, None])
+        return torch.cat(parts, dim=1)
+
 
 def coordinates(problem: Problem, placed: tuple[Placed, ...]) -> Coordinates:
     """The unknowns of a problem with effects."""

@@ -9,9 +9,9 @@ from scipy.stats import chi2
 
 from femupdate.discrepancy.fit import Fit
 from femupdate.discrepancy.problem import Problem
+from femupdate.measurement.bands import band_edges
 
 Floats = NDArray[np.float64]
-_BANDS = 10
 _FEWEST = 3.0  # independent points of a cell
 
 
@@ -52,14 +52,6 @@ def residual_cells(problem: Problem, fitted: Fit) -> tuple[Cell, ...]:
             floor = problem.reduced.model.floors[number]
             cells.append(Cell(floor, (float(low), float(high)), mean - 1.0, tail))
     return tuple(cells)
-
-
-def band_edges(frequency_hz: Floats) -> Floats:
-    """Edges (bands + 1,) Hz, a third of an octave or wider, over the upper part of the grid."""
-    bottom, top = float(frequency_hz.min()), float(frequency_hz.max())
-    edges = np.geomspace(max(bottom, top / 64.0), top * 1.0001, _BANDS + 1)
-    edges[0] = bottom
-    return edges
 
 
 def p_value(problem: Problem, fitted: Fit, inflation: float = 1.0) -> float:

@@ -22,7 +22,7 @@ from femupdate.errors import SurrogateError
 from femupdate.inference.encoder_input import encoder_input
 from femupdate.inference.latent_search import Control, find_latent
 from femupdate.measurement.estimated import as_estimated, segment_of
-from femupdate.measurement.observation import Observation
+from femupdate.measurement.observation import Observation, independent_share
 from femupdate.surrogate.gauss_newton import LatentData
 from femupdate.surrogate.latent import LatentQuadratics
 from femupdate.surrogate.network import Mvae
@@ -155,7 +155,7 @@ def latent_data(
 
 def usual_misfit(observation: Observation) -> float:
     """What 199 in 200 observations stay below: the chi-square's quantile, a valid point."""
-    free = max(1.0, int(observation.valid.sum()) * _independent(observation))
+    free = max(1.0, int(observation.valid.sum()) * independent_share(observation))
     return float(chi2.ppf(_USUAL, free) / free)
 
 
@@ -216,12 +216,14 @@ class DataTerms:
         log_frf: (f, k); zero where not valid.
         weight: (f, k) 1 / sd^2, zero where not valid.
         independent: share of the points that err independently of their neighbours.
+        scatter: of several runs about what they were pooled into, see `Observation`.
     """
 
     rows: tuple[int, ...]
     log_frf: Tensor
     weight: Tensor
     independent: float
+    scatter: float = 0.0
 
     @property
     def count(self) -> int:
@@ -238,22 +240,21 @@ def data_terms(observation: Observation, floors: tuple[str, ...]) -> DataTerms:
     valid = torch.from_numpy(observation.valid)
     values = torch.from_numpy(np.nan_to_num(observation.log_frf))
     noise = torch.from_numpy(np.nan_to_num(observation.noise_sd, nan=1.0))
+    scatter = observation.scatter
     return DataTerms(
         tuple(floors.index(name) for name in observation.floors),
         torch.where(valid, values, 0.0),
         torch.where(valid, noise**-2, 0.0),
-        _independent(observation),
+        independent_share(observation),
+        0.0 if scatter is None else float(scatter[observation.valid].sum()),
     )
-
-
-def _independent(observation: Observation) -> float:
-    """Share of the points that do not repeat a neighbour."""
-    spacing = float(np.median(np.diff(observation.frequency_hz)))
-    return min(1.0, spacing / (observation.resolution_hz or spacing))
 
 
 class DataLikelihood:
     """ln exp(-|r|^2 / 2) of the whitened residuals r of ln|H|, by the reduced model.
+
+    Of several runs pooled into one observation it is the sum over the runs: the residuals of what
+    was pooled, and the scatter about it, which is the same for all parameters.
 
     Where the damping ratio is a nuisance it is the last column of the parameters.
 
@@ -296,7 +297,8 @@ class DataLikelihood:
 
     def __call__(self, parameters: Tensor) -> Tensor:
         """Log likelihood (n,) of parameters (n, p) or, with zeta last, (n, p + 1)."""
-        return -0.5 * self.terms.independent * self.misfit(parameters)
+        squares = self.misfit(parameters) + self.terms.scatter
+        return -0.5 * self.terms.independent * squares
 
     def misfit(self, parameters: Tensor) -> Tensor:
         """Sum of squared whitened residuals (n,), over all valid points."""

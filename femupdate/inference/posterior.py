@@ -88,6 +88,8 @@ def save_posterior(posterior: Posterior, path: Path) -> None:
         measured["phase"] = (floor_frequency, observation.phase)
     if observation.coherence is not None:
         measured["coherence"] = (floor_frequency, observation.coherence)
+    if observation.scatter is not None:
+        measured["scatter"] = (floor_frequency, observation.scatter)
     tree = xr.DataTree.from_dict(
         {
             "/posterior": xr.Dataset(
@@ -173,6 +175,7 @@ def _observation(group: Any) -> Observation:
         phase=group["phase"].values if "phase" in group else None,
         coherence=group["coherence"].values if "coherence" in group else None,
         resolution_hz=float(group.attrs["resolution_hz"]) or None,
+        scatter=group["scatter"].values if "scatter" in group else None,
         source=str(group.attrs["source"]),
         notes=tuple(json.loads(group.attrs["notes"])),
     )

@@ -30,6 +30,8 @@ class Observation:
             err independently. None where it is not known.
         source: where it comes from.
         notes: sentences on how it was made and what is missing.
+        scatter: (f, m) of several runs pooled into one (see `pooled`): sum of their squared
+            deviations from what is pooled, each over the noise of its own run; None for one run.
     """
 
     frequency_hz: Floats
@@ -42,10 +44,14 @@ class Observation:
     resolution_hz: float | None = None
     source: str = "observation"
     notes: tuple[str, ...] = ()
+    scatter: Floats | None = None
 
     def __post_init__(self) -> None:
         shape = (len(self.floors), self.frequency_hz.size)
-        arrays = (self.log_frf, self.noise_sd, self.valid, self.phase, self.coherence)
+        arrays = (
+            *(self.log_frf, self.noise_sd, self.valid),
+            *(self.phase, self.coherence, self.scatter),
+        )
         if any(array is not None and array.shape != shape for array in arrays):
             raise MeasurementError(
                 f"{self.source}: every array must be floors by frequencies, {shape}"
@@ -72,7 +78,7 @@ def select_floors(observation: Observation, floors: Sequence[str]) -> Observatio
             f" {', '.join(observation.floors)}, each once"
         )
     rows = [observation.floors.index(floor) for floor in floors]
-    phase, coherence = observation.phase, observation.coherence
+    phase, coherence, scatter = observation.phase, observation.coherence, observation.scatter
     return replace(
         observation,
         floors=tuple(floors),
@@ -81,7 +87,44 @@ def select_floors(observation: Observation, floors: Sequence[str]) -> Observatio
         valid=observation.valid[rows],
         phase=None if phase is None else phase[rows],
         coherence=None if coherence is None else coherence[rows],
+        scatter=None if scatter is None else scatter[rows],
     )
+
+
+def on_all_floors(observation: Observation, floors: Sequence[str]) -> Observation:
+    """The same observation with rows of NaN for the floors that were not measured."""
+    shape = (len(floors), observation.frequency_hz.size)
+    places = [list(floors).index(name) for name in observation.floors]
+
+    def spread(values: Floats) -> Floats:
+        rows = np.full(shape, np.nan)
+        rows[places] = values
+        return rows
+
+    valid = np.zeros(shape, dtype=bool)
+    valid[places] = observation.valid
+    phase, coherence, scatter = observation.phase, observation.coherence, observation.scatter
+    return replace(
+        observation,
+        floors=tuple(floors),
+        log_frf=spread(observation.log_frf),
+        noise_sd=spread(observation.noise_sd),
+        valid=valid,
+        phase=None if phase is None else spread(phase),
+        coherence=None if coherence is None else spread(coherence),
+        scatter=None if scatter is None else spread(scatter),
+    )
+
+
+def independent_share(observation: Observation) -> float:
+    """Share of the points that do not repeat a neighbour."""
+    return resolved_share(observation.frequency_hz, observation.resolution_hz)
+
+
+def resolved_share(frequency_hz: Floats, resolution_hz: float | None) -> float:
+    """Spacing of a grid (m,) over a resolution, one at most."""
+    spacing = float(np.median(np.diff(frequency_hz)))
+    return min(1.0, spacing / (resolution_hz or spacing))
 
 
 def require_floors_of_building(

@@ -21,8 +21,8 @@ from femupdate.dynamics.level import motion_level
 from femupdate.effects.effect import Placed
 from femupdate.errors import MeasurementError
 from femupdate.measurement.record import GroundMotion
-from femupdate.workflow.calibrate import ObservationSource
 from femupdate.workflow.model import StudyModel
+from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.second_record import doublings, record_levels
 
 Floats = NDArray[np.float64]

@@ -1,28 +1,26 @@
 """calibrate --exact for a building whose file lists effects, and what its posterior predicts."""
 
 import time
+from collections.abc import Sequence
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from femupdate.discrepancy.fit import Fit
+from femupdate.discrepancy.fit import Fit, weighed_residuals
 from femupdate.discrepancy.mesh_error import corrected
-from femupdate.discrepancy.posterior import draw
+from femupdate.discrepancy.posterior import Draws, draw
 from femupdate.discrepancy.problem import Problem
 from femupdate.dynamics.effect_response import EffectSystem, reduce_terms
 from femupdate.inference.posterior import Posterior, save_posterior
-from femupdate.study import Study, file_hash
-from femupdate.workflow.amplitude import level_settings
-from femupdate.workflow.calibrate import (
-    POSTERIOR,
-    CalibrationReport,
-    CalibrationSettings,
-    ObservationSource,
-    draw_posterior,
-    observation_of,
-    r_hat,
-)
+from femupdate.inference.predictive_check import PredictiveCheck, predictive_check
+from femupdate.measurement.observation import Observation
+from femupdate.study import Study
+from femupdate.workflow.amplitude import changes_with_level, level_settings
+from femupdate.workflow.calibrate import POSTERIOR, CalibrationReport
+from femupdate.workflow.calibrate_draws import r_hat
+from femupdate.workflow.calibrate_pictures import draw_posterior
+from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.diagnose import model_parts, prepared
 from femupdate.workflow.effect_surrogate import kept_structure
 from femupdate.workflow.effects import (
@@ -33,11 +31,14 @@ from femupdate.workflow.effects import (
 )
 from femupdate.workflow.mesh_error import kept_mesh_error
 from femupdate.workflow.model import StudyModel
+from femupdate.workflow.observed import ObservationSource, as_one, runs_of
 from femupdate.workflow.progress import Progress, Silent
 from femupdate.workflow.repaired import effect_posterior
+from femupdate.workflow.second_record import SecondRecord, level_between
 from femupdate.workflow.summary import identified, write_summary
 
 Floats = NDArray[np.float64]
+_CHECKED = 100
 
 
 def calibrate_with_effects(
@@ -54,9 +55,11 @@ def calibrate_with_effects(
         BuildingError: an effect cannot be.
     """
     show, started = progress or Silent(), time.monotonic()
-    observation = observation_of(model.building, source)
+    runs = runs_of(model.building, source)
+    observation = as_one(model.building, runs)
+    first, *others = _records(model, source, runs)
     parts = model_parts(study, model, show)
-    problem, fitted = prepared(model, parts, observation, False, progress=show)
+    problem, fitted = prepared(model, parts, first.observation, False, None, show, others)
     if problem.reduced.structure.operators is not None:
         keep_basis(study, problem.reduced, model.building)
     show.start("Drawing the posterior", 1)
@@ -67,8 +70,8 @@ def calibrate_with_effects(
     posterior = effect_posterior(model, observation, draws, kept)
     path = study.path("posterior.nc")
     save_posterior(posterior, path)
-    origin = {**model.made_from(), "observation": file_hash(source.path)}
-    study.record(POSTERIOR, "posterior.nc", "calibrate", origin, {"file": str(source.path)})
+    origin = {**model.made_from(), **source.made_from()}
+    study.record(POSTERIOR, "posterior.nc", "calibrate", origin, source.files_as_settings())
     misfit = fitted.chi2 / max(problem.effective, 1.0)
     found = identified(posterior)
     notes = (
@@ -76,19 +79,46 @@ def calibrate_with_effects(
         *_notes(problem, fitted, draws.effective, settings.particles),
         *found.sentences(),
     )
-    write_summary(study, posterior, found, misfit, notes)
+    check = _check(problem, fitted, draws)
+    write_summary(study, posterior, found, misfit, notes, check)
     return CalibrationReport(
         posterior,
         path,
         r_hat(posterior.theta),
         found,
         misfit,
+        check,
         notes,
         draw_posterior(study, model, posterior, show),
         time.monotonic() - started,
         3 * settings.particles,
         0,
     )
+
+
+def _records(
+    model: StudyModel, source: ObservationSource, runs: Sequence[Observation]
+) -> list[SecondRecord]:
+    """Every run, with its level above the first where an effect of the building depends on it."""
+    changes = changes_with_level(building_effects(model.building).placed)
+    first, *_ = source.runs
+    return [
+        SecondRecord(run, level_between(model, first, one) if changes and one != first else 0.0)
+        for run, one in zip(runs, source.runs, strict=True)
+    ]
+
+
+def _check(problem: Problem, fitted: Fit, draws: Draws) -> PredictiveCheck:
+    """Posterior predictive check with the noise as stated; errors that points share are part of it,
+    as they are of the likelihood."""
+    some = slice(None, None, max(1, len(draws.theta) // _CHECKED))
+    parts = (torch.from_numpy(values[some]) for values in (draws.theta, draws.zeta, draws.sizes))
+    residual = weighed_residuals(problem, fitted, fitted.coordinates.joined(*parts))
+    floors, points = problem.log_frf.shape
+    squares = residual.reshape(len(residual), -1, floors, points).square().sum((1, 3))
+    freedom = (torch.isfinite(problem.sd) * problem.independent).sum(1)
+    names = tuple(problem.reduced.model.floors[row] for row in problem.rows)
+    return predictive_check(squares.numpy(), freedom.numpy(), names)
 
 
 def _notes(problem: Problem, fitted: Fit, effective: float, count: int) -> tuple[str, ...]:

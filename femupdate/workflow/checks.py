@@ -10,15 +10,11 @@ from femupdate.inference.encoder_input import encoder_input
 from femupdate.study import Study
 from femupdate.surrogate.storage import load_surrogate
 from femupdate.surrogate.training import TrainingSettings
-from femupdate.workflow.calibrate import (
-    POSTERIOR,
-    CalibrationSettings,
-    ObservationSource,
-    check_readable,
-    observation_of,
-)
+from femupdate.workflow.calibrate import POSTERIOR
+from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.effect_surrogate import check_amortisable
 from femupdate.workflow.model import StudyModel, choose_building, open_study
+from femupdate.workflow.observed import ObservationSource, check_readable, observation_of
 from femupdate.workflow.progress import Progress
 from femupdate.workflow.train import check_samples, needed_surrogate
 

@@ -12,14 +12,12 @@ from femupdate.report.figure import save_figure
 from femupdate.report.plot_posterior import SampleSet, posterior_pairs
 from femupdate.study import Study
 from femupdate.workflow.build import BuildReport, build_study
-from femupdate.workflow.calibrate import (
-    CalibrationReport,
-    CalibrationSettings,
-    ObservationSource,
-    calibrate_study,
-)
+from femupdate.workflow.calibrate import CalibrationReport, calibrate_study
+from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.model import DEFAULT_BUILDING
-from femupdate.workflow.predict import PredictionReport, RecordSource, predict_study
+from femupdate.workflow.observed import ObservationSource
+from femupdate.workflow.predict import PredictionReport, predict_study
+from femupdate.workflow.predict_settings import RecordSource
 from femupdate.workflow.progress import Progress, Silent
 from femupdate.workflow.render import RenderedMode, render_study
 

@@ -3,6 +3,7 @@
 import json
 import textwrap
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -21,14 +22,13 @@ from femupdate.discrepancy.mesh_scatter import with_mesh_error
 from femupdate.discrepancy.problem import Problem, together
 from femupdate.discrepancy.score import candidates
 from femupdate.discrepancy.screen import screen_channels
-from femupdate.discrepancy.where import Cell, band_edges
+from femupdate.discrepancy.where import Cell
 from femupdate.dynamics.effect_local import SPREAD
 from femupdate.dynamics.effect_response import ReducedStructure
 from femupdate.effects.effect import Placed
 from femupdate.effects.structure import Structure
 from femupdate.measurement.observation import Observation
 from femupdate.study import Study, file_hash, write_text
-from femupdate.workflow.calibrate import ObservationSource, observation_of
 from femupdate.workflow.effects import (
     building_effects,
     check_places,
@@ -40,6 +40,7 @@ from femupdate.workflow.effects import (
 )
 from femupdate.workflow.mesh_error import open_mesh_error
 from femupdate.workflow.model import StudyModel
+from femupdate.workflow.observed import ObservationSource, observation_of
 from femupdate.workflow.progress import Progress, Silent
 from femupdate.workflow.second_record import SecondRecord, second_record
 
@@ -128,7 +129,8 @@ def diagnose_study(
     observation = observation_of(model.building, source)
     other = None if second is None else second_record(model, source, second)
     parts = model_parts(study, model, show)
-    problem, base = prepared(model, parts, observation, use_phase, settings, show, other)
+    others = () if other is None else (other,)
+    problem, base = prepared(model, parts, observation, use_phase, settings, show, others)
     show.start("Looking for what is missing", 3)
     problem, base, found = sought(model, parts, problem, base, settings, show)
     needed = (settings or DiagnosisSettings()).over_none + problem.mimicked
@@ -181,7 +183,7 @@ def prepared(
     use_phase: bool,
     settings: DiagnosisSettings | None = None,
     progress: Progress | None = None,
-    second: SecondRecord | None = None,
+    others: Sequence[SecondRecord] = (),
 ) -> tuple[Problem, Fit]:
     """The problem with its mesh error, and the model as it is fitted to it.
 
@@ -195,9 +197,9 @@ def prepared(
     check_places(plain.structure, effects)
     show.start("Fitting the model as it is", 1)
     problem = problem_of(plain, model.building, observation, use_phase, parts.mesh)
-    if second is not None:
-        other = problem_of(plain, model.building, second.observation, use_phase, parts.mesh)
-        problem = together(problem, other, second.level)
+    for other in others:
+        own = problem_of(plain, model.building, other.observation, use_phase, parts.mesh)
+        problem = together(problem, own, other.level)
     if plain.structure.operators is None:
         base = fit_baseline(problem, effects.placed, effects.values, seed)[0]
         show.advance()
@@ -387,7 +389,6 @@ __all__ = [
     "DIAGNOSIS",
     "DiagnosisReport",
     "ModelParts",
-    "band_edges",
     "cells_as_grid",
     "diagnose_study",
     "draw_diagnosis",

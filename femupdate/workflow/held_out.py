@@ -14,9 +14,9 @@ from femupdate.errors import MeasurementError
 from femupdate.measurement.columns import BASE
 from femupdate.measurement.observation import Observation
 from femupdate.measurement.observation_file import Histories, read_observation_file
-from femupdate.workflow.calibrate import ObservationSource, observed_direction
 from femupdate.workflow.effects import problem_of
 from femupdate.workflow.model import StudyModel
+from femupdate.workflow.observed import ObservationSource, observed_direction
 
 Floats = NDArray[np.float64]
 

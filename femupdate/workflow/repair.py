@@ -19,10 +19,10 @@ from femupdate.discrepancy.repair import repair as mend
 from femupdate.discrepancy.where import p_value
 from femupdate.study import Study, file_hash, write_text
 from femupdate.workflow.amplitude import level_settings
-from femupdate.workflow.calibrate import ObservationSource, observation_of
 from femupdate.workflow.diagnose import model_parts, prepared, refined, sought
 from femupdate.workflow.held_out import Held, hold
 from femupdate.workflow.model import StudyModel
+from femupdate.workflow.observed import ObservationSource, observation_of
 from femupdate.workflow.progress import Progress, Silent
 from femupdate.workflow.repair_pictures import draw_repair
 from femupdate.workflow.repaired import keep_repaired, repaired_building
@@ -138,7 +138,8 @@ def repair_study(
     other = None if holdout is None else observation_of(model.building, holdout)
     more = None if second is None else second_record(model, source, second)
     parts = model_parts(study, model, show)
-    problem, base = prepared(model, parts, observation, use_phase, chosen, show, more)
+    others = () if more is None else (more,)
+    problem, base = prepared(model, parts, observation, use_phase, chosen, show, others)
     show.start("Looking for what is missing", 3)
     problem, base, found = sought(model, parts, problem, base, chosen, show)
 

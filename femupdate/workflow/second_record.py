@@ -11,8 +11,8 @@ from femupdate.errors import MeasurementError
 from femupdate.measurement.columns import BASE
 from femupdate.measurement.observation import Observation
 from femupdate.measurement.observation_file import Histories, read_observation_file
-from femupdate.workflow.calibrate import ObservationSource, observation_of, observed_direction
 from femupdate.workflow.model import StudyModel
+from femupdate.workflow.observed import ObservationSource, observation_of, observed_direction
 
 Floats = NDArray[np.float64]
 _ALIKE = 0.25  # doublings: two records of one level

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from femupdate.inference.identifiability import Identifiability, identifiability
 from femupdate.inference.posterior import Posterior
+from femupdate.inference.predictive_check import PredictiveCheck
 from femupdate.study import Study, write_text
 
 SUMMARY = "posterior_summary.json"
@@ -24,7 +25,12 @@ def identified(posterior: Posterior) -> Identifiability:
 
 
 def write_summary(
-    study: Study, posterior: Posterior, found: Identifiability, misfit: float, notes: Sequence[str]
+    study: Study,
+    posterior: Posterior,
+    found: Identifiability,
+    misfit: float,
+    notes: Sequence[str],
+    check: PredictiveCheck | None = None,
 ) -> Path:
     """Write means, standard deviations, quantiles, combinations and modes as JSON."""
     draws = posterior.samples
@@ -46,6 +52,7 @@ def write_summary(
             dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)
         ],
         "misfit": misfit,
+        "posterior_predictive_p": None if check is None else check.as_dict(),
         "identifiability": identifiability_record(found),
         "notes": list(notes),
     }

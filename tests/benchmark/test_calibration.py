@@ -14,10 +14,12 @@ from femupdate.benchmark.calibration_log import surrogate_mark
 from femupdate.benchmark.calibration_run import (
     CalibrationPlan,
     calibrated,
+    predictive_rows,
     run_calibration,
     scores,
 )
 from femupdate.benchmark.shear4dof import benchmark_model, roof_log_frf
+from femupdate.inference.predictive_check import PredictiveCheck
 from femupdate.surrogate.storage import TrainedSurrogate, load_surrogate, save_surrogate
 from femupdate.workflow.train import shipped_surrogate
 
@@ -66,6 +68,22 @@ def test_scores_of_uniform_and_of_narrow_levels():
     assert right.central.cases == 400
 
 
+def test_predictive_p_values_are_told_by_their_quantiles():
+    def judged(whole, *floors):
+        check = PredictiveCheck(whole, floors, ("2F", "RF")[: len(floors)])
+        return Judged(0.5, np.zeros(2), 0.5, check)
+
+    rows = predictive_rows("latent", [judged(p, p / 2, np.nan) for p in np.arange(0.0, 1.01, 0.1)])
+    assert rows[0] == (
+        *("latent, all floors together", "11", "0.05", "0.25", "0.50"),
+        *("0.75", "0.95", "0.09"),
+    )
+    assert rows[1][:5] == ("latent, floor by floor", "11", "0.03", "0.12", "0.25")
+    assert len(predictive_rows("latent", [judged(0.5, 0.5)])) == 1
+    # Cases of before have none.
+    assert predictive_rows("latent", [Judged(0.5, np.zeros(2), 0.5)]) == []
+
+
 @pytest.mark.slow
 def test_small_run(tmp_path):
     plan = CalibrationPlan(cases=10, particles=300)
@@ -88,6 +106,14 @@ def test_unknown_damping_is_integrated_over_and_a_run_goes_on(tmp_path, monkeypa
     assert len(widths["ratio"]) == 3
     assert all(0.3 < ratio < 10.0 for ratio in widths["ratio"])
     assert "| theta_3 | 1 |" in report.text
+    checks = content["posterior_predictive_p"]
+    assert [check["names"] for check in checks] == [["2F", "RF"]] * 3
+    values = [value for check in checks for value in (check["whole"], *check["floors"])]
+    assert all(1e-4 < value < 1.0 for value in values)
+    assert len(content["posterior_predictive_p_exact"]) == 1
+    for row in ("latent, all floors together | 3", "latent, floor by floor | 6"):
+        assert row in report.text
+    assert "data-space, all floors together | 1" in report.text
     log = tmp_path / "calibration_shear_3dof_2F_RF_cases.jsonl"
     lines = log.read_text().splitlines()
     # Cut off in the middle of the last case: that one alone is made again, and is the same.

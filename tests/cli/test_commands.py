@@ -126,6 +126,10 @@ def test_calibrate(exact, tower_observation):
     assert set(told["combinations"][0]["weight"]) == {"theta_1", "theta_2"}
     summary = json.loads((study / "posterior_summary.json").read_text())
     assert summary["identifiability"] == told
+    p_values = answer["posterior_predictive_p"]
+    assert summary["posterior_predictive_p"] == p_values
+    assert list(p_values["floors"]) == ["2F", "RF"]
+    assert 0.0 < p_values["whole"] <= 1.0
     assert [p["mean"] for p in summary["parameters"]] == pytest.approx(answer["mean"])
 
 
@@ -134,10 +138,43 @@ def test_calibrate_in_words(femupdate, calibrated, tower_observation):
         "calibrate", tower_observation.path, "--exact", *FEW, "--study", calibrated, "--chains", 1
     )
     assert done.code == 0
-    assert done.out.startswith("Exact posterior of tower from 2F, RF: 200 draws, ")
-    for word in ("theta_1", "theta_2", "r-hat", "damping ratio 0.0", "log evidence", "Welch H1"):
+    name = tower_observation.path.name
+    assert done.out.startswith(f"Exact posterior of tower from 2F, RF of {name}: 200 draws, ")
+    for word in (
+        "theta_1",
+        "theta_2",
+        "r-hat",
+        "damping ratio 0.0",
+        "log evidence",
+        "Welch H1",
+        "posterior predictive p-value",
+    ):
         assert word in done.out
     assert str(calibrated / "posterior.nc") in done.out
+
+
+def test_calibrate_several_files(femupdate, tmp_path, calibrated, tower_observation, record):
+    """Both are named, one posterior explains them, and what follows goes on from it."""
+    other = tmp_path / "other.csv"
+    made = femupdate(
+        *("simulate", "-o", other, "--study", calibrated, "--theta", "0.8,1.3", "--zeta", 0.05),
+        *("--duration", 60, "--sampling", 50, "--band", "0.3,20", "--seed", 9),
+    )
+    assert made.code == 0
+    files = (tower_observation.path, other)
+    done = femupdate("calibrate", *files, "--exact", *FEW, "--study", calibrated, "--json")
+    assert done.answer["files"] == [str(path) for path in files]
+    assert done.answer["mean"] == pytest.approx(tower_observation.theta, rel=0.01)
+    text = femupdate("calibrate", *files, "--exact", *FEW, "--study", calibrated).out
+    names = f"{tower_observation.path.name}, other.csv"
+    assert text.startswith(f"Exact posterior of tower from 2F, RF of {names}: 200 draws, ")
+    assert "2 runs are explained together" in text
+    assert "They agree" in text
+    assert "other.csv: Welch H1" in text
+    predicted = femupdate("predict", "--record", record, "--samples", 10, "--study", calibrated)
+    assert predicted.code == 0
+    again = femupdate("calibrate", *files, other, "--exact", "--study", calibrated)
+    assert "other.csv is given twice" in again.complaint
 
 
 @pytest.fixture(scope="module")

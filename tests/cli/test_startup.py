@@ -112,7 +112,7 @@ def test_no_command_shows_the_help(script):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["calibrate"], "Missing argument 'OBSERVATION'"),
+        (["calibrate"], "Missing argument 'OBSERVATIONS...'"),
         (["predict"], "Missing option '--record'"),
         (["simulate"], "Missing option '-o'"),
         (["calibrate", "o.csv", "--particles", "10"], "--particles"),

@@ -135,3 +135,15 @@ def test_an_extended_model_starts_where_the_smaller_one_stands(
     more = fit(problem, placed, z, iterations=0)
     np.testing.assert_allclose(more.residual, base.residual, atol=1e-8)
     assert fit(problem, placed, z).chi2 <= base.chi2 + 1e-6
+
+
+@pytest.mark.parametrize("has_zeta", [False, True])
+def test_unknowns_are_joined_as_they_are_split(has_zeta):
+    rng = np.random.default_rng(8)
+    problem = Linear(np.zeros((1, STORIES + 1)), np.zeros(1), parameter())
+    problem.zeta = (0.01, 0.1) if has_zeta else None
+    one = parameter()
+    one.scale, one.neutral = 0.3, 0.1
+    where = coordinates(problem, (SimpleNamespace(effect=SimpleNamespace(parameters=(one, one))),))
+    z = torch.from_numpy(rng.normal(size=(4, STORIES + has_zeta + 2)))
+    torch.testing.assert_close(where.joined(*where.split(z, 0.02)), z)

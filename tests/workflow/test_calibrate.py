@@ -14,20 +14,16 @@ from femupdate.inference.hamiltonian import HamiltonianSettings
 from femupdate.inference.laplace import LaplaceSettings
 from femupdate.inference.posterior import load_posterior
 from femupdate.inference.smc import SmcSettings
+from femupdate.measurement.observation import on_all_floors
 from femupdate.study import Study
 from femupdate.surrogate.storage import TrainedSurrogate
 from femupdate.surrogate.training import TrainingSettings
-from femupdate.workflow.calibrate import (
-    CalibrationSettings,
-    ObservationSource,
-    calibrate_study,
-    on_all_floors,
-    predictive_log_frf,
-    r_hat,
-    read_observation,
-)
+from femupdate.workflow.calibrate import calibrate_study
+from femupdate.workflow.calibrate_draws import predictive_log_frf, r_hat
+from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.model import open_study
 from femupdate.workflow.modes import reduced_modes
+from femupdate.workflow.observed import ObservationSource, read_observation
 from femupdate.workflow.simulate import (
     SimulationSettings,
     simulate_observation,
@@ -90,8 +86,8 @@ def quadrature(log_frf, tower_frf, around):
 def test_the_exact_posterior_is_that_of_quadrature(
     tmp_path, tower_file, tower_frf, frf_table, few, enough, monkeypatch
 ):
-    monkeypatch.setattr("femupdate.workflow.calibrate.FEW", few)
-    monkeypatch.setattr("femupdate.workflow.calibrate._GAUSSIAN_ENOUGH", enough)
+    monkeypatch.setattr("femupdate.workflow.calibrate_exact.FEW", few)
+    monkeypatch.setattr("femupdate.workflow.calibrate_exact._GAUSSIAN_ENOUGH", enough)
     path, log_frf = frf_table
     study = Study(tmp_path)
     settings = CalibrationSettings(particles=2000, exact=True)
@@ -503,8 +499,9 @@ def many(learned, monkeypatch):
         between=12,
         chain=HamiltonianSettings(warm_up=20, rows=64),
     )
-    monkeypatch.setattr("femupdate.workflow.calibrate.FEW", 1)
-    monkeypatch.setattr("femupdate.workflow.calibrate.DecodedSettings", lambda: short)
+    monkeypatch.setattr("femupdate.workflow.calibrate_latent.FEW", 1)
+    monkeypatch.setattr("femupdate.workflow.calibrate_exact.FEW", 1)
+    monkeypatch.setattr("femupdate.workflow.calibrate_latent.DecodedSettings", lambda: short)
     return learned
 
 
@@ -548,7 +545,7 @@ def marked(learned, monkeypatch):
     }
     info = replace(surrogate.info, likelihood_power=0.5, calibration=kept)
     monkeypatch.setattr(
-        "femupdate.workflow.calibrate.require_surrogate",
+        "femupdate.workflow.calibrate_latent.require_surrogate",
         lambda *_: TrainedSurrogate(surrogate.mvae, info),
     )
     return learned
@@ -558,7 +555,7 @@ def test_the_calibrating_power_widens_and_is_told(marked, tower_observation, mon
     study, model = marked
     settings = CalibrationSettings(particles=1200)
     wide = calibrated(study, model, tower_observation.path, settings)
-    monkeypatch.setattr("femupdate.workflow.calibrate.require_surrogate", require_surrogate)
+    monkeypatch.setattr("femupdate.workflow.calibrate_latent.require_surrogate", require_surrogate)
     plain = calibrated(study, model, tower_observation.path, settings)
     # Half the log likelihood is twice the variance, where the prior's box leaves room.
     assert (wide.posterior.samples.std(0) > 1.15 * plain.posterior.samples.std(0)).all()

@@ -18,7 +18,7 @@ from femupdate.measurement.write import write_record
 from femupdate.study import Study
 from femupdate.surrogate.training import TrainingSettings
 from femupdate.workflow import demo
-from femupdate.workflow.calibrate import CalibrationSettings
+from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.model import DEFAULT_BUILDING, open_study
 from femupdate.workflow.train import train_study
 

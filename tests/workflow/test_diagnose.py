@@ -15,9 +15,9 @@ import pytest
 from femupdate.building.files import load_building
 from femupdate.discrepancy.diagnose import DiagnosisSettings
 from femupdate.study import Study
-from femupdate.workflow.calibrate import ObservationSource
 from femupdate.workflow.diagnose import diagnose_study
 from femupdate.workflow.model import open_study
+from femupdate.workflow.observed import ObservationSource
 
 SHARED = Path(__file__).parents[3] / "shared" / "data"
 GRID = np.arange(0.1, 20.5, 0.1)

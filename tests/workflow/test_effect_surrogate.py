@@ -13,10 +13,12 @@ from femupdate.inference.posterior import load_posterior
 from femupdate.study import Study
 from femupdate.surrogate.storage import load_surrogate
 from femupdate.surrogate.training import TrainingSettings
-from femupdate.workflow.calibrate import CalibrationSettings, ObservationSource, calibrate_study
+from femupdate.workflow.calibrate import calibrate_study
+from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.checks import check_calibration, check_training
 from femupdate.workflow.effect_surrogate import with_effects
 from femupdate.workflow.model import open_study
+from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.train import train_study
 
 BUILDING = """\

@@ -12,9 +12,12 @@ from femupdate.errors import BuildingError, MeasurementError, StudyError
 from femupdate.inference.posterior import load_posterior
 from femupdate.measurement.record import GroundMotion
 from femupdate.measurement.write import write_record
-from femupdate.workflow.calibrate import CalibrationSettings, ObservationSource, calibrate_study
+from femupdate.workflow.calibrate import calibrate_study
+from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.model import open_study
-from femupdate.workflow.predict import PredictionSettings, RecordSource, predict_study
+from femupdate.workflow.observed import ObservationSource
+from femupdate.workflow.predict import predict_study
+from femupdate.workflow.predict_settings import PredictionSettings, RecordSource
 
 MASSES, SPRINGS = np.array([3000.0, 2000.0]), np.array([4e6, 2.5e6])
 SHIPPED = Path(__file__).parents[2] / "examples" / "records" / "ridgecrest_2019_clc_90.csv"
@@ -26,7 +29,7 @@ FEW = PredictionSettings(samples=20)
 def _without_pictures(request, monkeypatch):
     """Most of the time of a prediction goes into its pictures; one test looks at them."""
     if "pictures" not in request.node.name:
-        monkeypatch.setattr("femupdate.workflow.predict._draw", lambda *_: ())
+        monkeypatch.setattr("femupdate.workflow.predict.draw_prediction", lambda *_: ())
 
 
 @pytest.fixture(scope="module")

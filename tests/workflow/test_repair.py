@@ -15,13 +15,12 @@ from femupdate.inference.posterior import load_posterior
 from femupdate.measurement.record import GroundMotion
 from femupdate.measurement.write import write_record
 from femupdate.study import Study
-from femupdate.workflow.calibrate import (
-    CalibrationSettings,
-    ObservationSource,
-    calibrate_study,
-)
+from femupdate.workflow.calibrate import calibrate_study
+from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.model import open_study
-from femupdate.workflow.predict import PredictionSettings, RecordSource, predict_study
+from femupdate.workflow.observed import ObservationSource
+from femupdate.workflow.predict import predict_study
+from femupdate.workflow.predict_settings import PredictionSettings, RecordSource
 from femupdate.workflow.render import render_study
 from femupdate.workflow.repair import repair_study
 from femupdate.workflow.train import needed_surrogate
@@ -89,7 +88,7 @@ def write_histories(path, chain, seed, factor=(1.0, 1.0, 1.0), seconds=120.0):
 @pytest.fixture(autouse=True)
 def _without_pictures(request, monkeypatch):
     if "pictures" not in request.node.name:
-        monkeypatch.setattr("femupdate.workflow.predict._draw", lambda *_: ())
+        monkeypatch.setattr("femupdate.workflow.predict.draw_prediction", lambda *_: ())
         monkeypatch.setattr("femupdate.workflow.calibrate.draw_posterior", lambda *_: ())
         monkeypatch.setattr("femupdate.workflow.calibrate_effects.draw_posterior", lambda *_: ())
 

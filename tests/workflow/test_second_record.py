@@ -11,10 +11,11 @@ from femupdate.errors import BuildingError, MeasurementError
 from femupdate.measurement.record import GroundMotion
 from femupdate.measurement.write import write_record
 from femupdate.study import Study
-from femupdate.workflow.calibrate import ObservationSource
 from femupdate.workflow.diagnose import diagnose_study
 from femupdate.workflow.model import open_study
-from femupdate.workflow.predict import PredictionSettings, RecordSource, predict_study
+from femupdate.workflow.observed import ObservationSource
+from femupdate.workflow.predict import predict_study
+from femupdate.workflow.predict_settings import PredictionSettings, RecordSource
 from femupdate.workflow.repair import repair_study
 from femupdate.workflow.second_record import level_between
 from femupdate.workflow.simulate import parse_effect
@@ -152,7 +153,7 @@ def test_another_strong_motion_is_predicted_with_the_stiffness_at_its_level(
     study, home, monkeypatch
 ):
     """A record kept out, of the softened chain: the factors alone hold for weak motion."""
-    monkeypatch.setattr("femupdate.workflow.predict._draw", lambda *_: ())
+    monkeypatch.setattr("femupdate.workflow.predict.draw_prediction", lambda *_: ())
     model = _open(study, home)
     weak, strong = (ObservationSource(home / name) for name in ("weak.csv", "strong.csv"))
     repaired = repair_study(study, model, weak, second=strong).study

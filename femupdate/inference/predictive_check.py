@@ -1,0 +1,108 @@
+"""Posterior predictive checks: would data drawn from the posterior miss it by as much as these do?
+
+The discrepancy of data x and parameters theta is the chi-square of the whitened residuals,
+T(x, theta) = sum of ((x - h(theta)) / sd)^2 over the independent points. At every posterior draw it
+is compared with that of replicated data, the response of that draw with the noise of the file; the
+posterior predictive p-value is the share in which the replicate misses by more (Gelman, Meng &
+Stern 1996, Statistica Sinica 6). Of replicates T is chi-square with as many degrees of freedom as
+there are points, whatever theta, so that the share is the mean of its tail.
+
+Such p-values are conservative: the same data have moved the posterior and are judged by it. Over
+data of the model itself they gather about a half, and at most 2 alpha of them lie below alpha (Meng
+1994, Annals of Statistics 22); where parameters are few beside the points they are nearly uniform.
+The effect finder's p-value (`femupdate.discrepancy.where`) takes the fitted parameters off the
+degrees of freedom and is uniform instead.
+
+Of several runs pooled into one observation it is their mean that is judged; whether they agree with
+one another is another question (`femupdate.measurement.agreement`).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.stats import chi2
+
+from femupdate.measurement.observation import Observation, independent_share
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PredictiveCheck:
+    """Posterior predictive p-values.
+
+    Attributes:
+        whole: of all floors together.
+        floors: of each floor alone; NaN where it has no valid point.
+        names: of the floors.
+    """
+
+    whole: float
+    floors: tuple[float, ...]
+    names: tuple[str, ...]
+
+    def sentence(self) -> str:
+        """For the user."""
+        floors = ", ".join(
+            f"{name} {value:.2g}" for name, value in zip(self.names, self.floors, strict=True)
+        )
+        return f"posterior predictive p-value {self.whole:.2g} ({floors})"
+
+    def as_dict(self) -> dict[str, object]:
+        """Plain numbers for JSON."""
+        return {"whole": self.whole, "floors": dict(zip(self.names, self.floors, strict=True))}
+
+
+def predictive_check(
+    squares: ArrayLike, freedom: ArrayLike, names: tuple[str, ...]
+) -> PredictiveCheck:
+    """p-values of the squares that posterior draws leave.
+
+    Args:
+        squares: (n, f) sum of squared whitened residuals of every floor at every draw, counted so
+            that each independent point has the expectation of one.
+        freedom: (f,) independent points of every floor.
+        names: of the floors.
+    """
+    left, points = np.asarray(squares, dtype=float), np.asarray(freedom, dtype=float)
+    seen = points > 0.0
+    tails = chi2.sf(left, np.where(seen, points, 1.0)).mean(axis=0)
+    floors = np.where(seen, tails, np.nan)
+    whole = chi2.sf(left.sum(axis=1), points.sum()).mean()
+    return PredictiveCheck(float(whole), tuple(floors.tolist()), names)
+
+
+def check_predictions(observation: Observation, predicted: Floats) -> PredictiveCheck:
+    """p-values of an observation from ln|H| (n, f, k) of its floors at posterior draws."""
+    points = independent_share(observation) * observation.valid.sum(axis=1)
+    return predictive_check(floor_squares(observation, predicted), points, observation.floors)
+
+
+def floor_squares(observation: Observation, predicted: Floats) -> Floats:
+    """Squared whitened residuals (n, f) of ln|H| (n, f, k), summed over independent points."""
+    valid = observation.valid
+    missed = np.where(valid, observation.log_frf, 0.0) - np.where(valid, predicted, 0.0)
+    whitened = missed / np.where(valid, observation.noise_sd, 1.0)
+    return np.asarray(independent_share(observation) * (whitened**2).sum(axis=2))
+
+
+def with_least_noise(observation: Observation, least: float) -> Observation:
+    """The same observation with the noise that the latent likelihood allows it at least.
+
+    Args:
+        observation: as the file has it.
+        least: standard deviation of ln|H| that the precision of a point, times its share that errs
+            independently, does not go below.
+    """
+    share = independent_share(observation)
+    return replace(observation, noise_sd=np.maximum(observation.noise_sd, least * share**0.5))
+
+
+__all__ = [
+    "PredictiveCheck",
+    "check_predictions",
+    "floor_squares",
+    "predictive_check",
+    "with_least_noise",
+]

@@ -1,0 +1,15 @@
+"""Bands of a frequency grid in which floors are compared."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+_BANDS = 10
+
+
+def band_edges(frequency_hz: Floats) -> Floats:
+    """Edges (bands + 1,) Hz, a third of an octave or wider, over the upper part of the grid."""
+    bottom, top = float(frequency_hz.min()), float(frequency_hz.max())
+    edges = np.geomspace(max(bottom, top / 64.0), top * 1.0001, _BANDS + 1)
+    edges[0] = bottom
+    return edges

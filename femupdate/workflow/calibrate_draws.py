@@ -1,0 +1,153 @@
+"""Posterior draws with their damping ratios, and what they say of the data."""
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy.special import ndtr
+from torch import Tensor
+
+from femupdate.inference.latent_search import FoundLatent
+from femupdate.inference.likelihood import DataLikelihood
+from femupdate.inference.posterior import Posterior
+from femupdate.inference.predictive_check import (
+    PredictiveCheck,
+    check_predictions,
+    floor_squares,
+    with_least_noise,
+)
+from femupdate.inference.smc import SmcResult
+from femupdate.measurement.observation import Observation, independent_share
+from femupdate.workflow.calibrate_settings import CalibrationSettings, plain_settings
+from femupdate.workflow.model import StudyModel
+
+Floats = NDArray[np.float64]
+PREDICTIVE = 200
+_CHECKED = 100
+_ZETA_GRID = 25
+_ZETA_SAMPLES = 48
+
+
+def posterior_of(
+    model: StudyModel,
+    observation: Observation,
+    settings: CalibrationSettings,
+    results: list[SmcResult],
+    latent: FoundLatent | None,
+) -> Posterior:
+    """The draws, with damping ratios.
+
+    Where theta carries errors of the model no draw of it meets the data, and the damping ratio
+    cannot be found from there: then it is the latent posterior's, `latent`.
+    """
+    drawn = np.stack([_numpy(result.theta) for result in results])
+    size = model.prior.size
+    theta, rest = drawn[..., :size], drawn[..., size:]
+    if rest.shape[-1]:
+        zeta: Floats | None = rest[..., 0]
+    else:
+        flat = (
+            draw_zeta(model, observation, theta.reshape(-1, size), settings.seed)
+            if latent is None or model.zeta_bounds is None
+            else latent_zeta(latent, model.zeta_bounds, theta[..., 0].size, settings.seed)
+        )
+        zeta = None if flat is None else flat.reshape(theta.shape[:2])
+    evidence = np.array([result.log_evidence for result in results])
+    return Posterior(
+        model.prior.names,
+        theta,
+        zeta,
+        np.stack([_numpy(result.log_likelihood) for result in results]),
+        model.prior.lower.numpy(),
+        model.prior.upper.numpy(),
+        "exact" if settings.exact else "latent",
+        evidence if settings.exact and np.isfinite(evidence).all() else None,
+        observation,
+        plain_settings(settings),
+    )
+
+
+def r_hat(theta: Floats) -> Floats:
+    """Potential scale reduction (p,) of chains (c, n, p) (Gelman & Rubin 1992); NaN for one."""
+    chains, draws = theta.shape[:2]
+    if chains < 2:
+        return np.full(theta.shape[-1], np.nan)
+    within = theta.var(axis=1, ddof=1).mean(axis=0)
+    between = theta.mean(axis=1).var(axis=0, ddof=1)
+    return np.sqrt((draws - 1) / draws + between / within)
+
+
+def draw_zeta(
+    model: StudyModel, observation: Observation, theta: Floats, seed: int
+) -> Floats | None:
+    """Damping ratios (n,) for posterior draws theta (n, p), or None where the law is fixed.
+
+    p(zeta | theta, x) by the data-space likelihood on a grid, averaged over some draws of theta:
+    the height of the resonance peaks tells zeta almost regardless of theta. Where the model does
+    not reach the data, the noise is taken as large as the misfit, so that zeta stays uncertain.
+    """
+    if model.zeta_bounds is None:
+        return None
+    rng = np.random.default_rng(seed)
+    some = torch.from_numpy(theta[rng.permutation(len(theta))[:_ZETA_SAMPLES]])
+    grid = torch.linspace(*model.zeta_bounds, _ZETA_GRID, dtype=torch.float64)
+    likelihood = DataLikelihood(model.responder, model.law, observation)
+    both = torch.cat([some.repeat_interleave(len(grid), 0), grid.repeat(len(some))[:, None]], dim=1)
+    misfit = likelihood.misfit(both).reshape(len(some), len(grid))
+    inflation = max(1.0, float(misfit.min()) / likelihood.terms.count)
+    log_density = -0.5 * likelihood.terms.independent * misfit / inflation
+    density = torch.softmax(log_density, dim=1).mean(dim=0).numpy()
+    # Within a cell of the grid zeta is uniform.
+    width = (model.zeta_bounds[1] - model.zeta_bounds[0]) / (_ZETA_GRID - 1)
+    drawn = grid.numpy()[rng.choice(_ZETA_GRID, size=len(theta), p=density)]
+    spread = drawn + width * (rng.random(len(theta)) - 0.5)
+    return np.clip(spread, *model.zeta_bounds)
+
+
+def latent_zeta(latent: FoundLatent, bounds: tuple[float, float], count: int, seed: int) -> Floats:
+    """Damping ratios (n,) by the last coordinate of q(z|x)."""
+    rng = np.random.default_rng(seed)
+    found = latent.posterior
+    which = rng.choice(len(found.log_weight), count, p=found.log_weight.exp().numpy())
+    variance = torch.linalg.inv(found.precision)[:, -1, -1].numpy()
+    z = found.mean[:, -1].numpy()[which] + np.sqrt(variance)[which] * rng.standard_normal(count)
+    return bounds[0] + (bounds[1] - bounds[0]) * ndtr(z)
+
+
+def predictive_log_frf(
+    model: StudyModel, posterior: Posterior, count: int = PREDICTIVE, seed: int = 0
+) -> Floats:
+    """ln|H| (n, f, k) of all floors at n posterior draws, measured or not."""
+    from femupdate.dynamics.frf import log_frf
+    from femupdate.dynamics.modal import modal_data
+
+    theta, zeta = posterior.thinned(count, seed)
+    ratio = zeta if zeta is not None else np.full(len(theta), model.building.damping.ratio)
+    frequency = model.frequency_hz
+    modal = modal_data(
+        model.reduced, torch.from_numpy(theta), modes=40, top_frequency_hz=float(frequency[-1])
+    )
+    parts = [
+        log_frf(modal[rows], frequency, model.law, torch.from_numpy(ratio[rows]))
+        for rows in (slice(k, k + 50) for k in range(0, len(theta), 50))
+    ]
+    return torch.cat(parts).numpy()
+
+
+def against_data(
+    model: StudyModel, posterior: Posterior, least_noise: float, seed: int
+) -> tuple[float, PredictiveCheck]:
+    """Some posterior draws against the data: the smallest mean squared whitened residual, and the
+    posterior predictive check, with the noise that the likelihood allows."""
+    observation = posterior.observation
+    theta, zeta = posterior.thinned(_CHECKED, seed)
+    ratio = zeta if zeta is not None else np.full(len(theta), model.building.damping.ratio)
+    likelihood = DataLikelihood(model.responder, model.law, observation)
+    predicted = likelihood.predict(torch.from_numpy(theta), torch.from_numpy(ratio)).numpy()
+    squares = floor_squares(observation, predicted).sum(axis=1)
+    points = independent_share(observation) * np.count_nonzero(observation.valid)
+    allowed = with_least_noise(observation, least_noise)
+    return float(squares.min() / points), check_predictions(allowed, predicted)
+
+
+def _numpy(tensor: Tensor) -> Floats:
+    return tensor.detach().cpu().to(torch.float64).numpy()

@@ -1,0 +1,160 @@
+"""What calibrate tells the user of a posterior, in sentences."""
+
+import numpy as np
+
+from femupdate.inference.bridge import BridgeResult
+from femupdate.inference.decoded_chains import DecodedPosterior
+from femupdate.inference.likelihood import LatentLikelihood
+from femupdate.inference.posterior import Posterior
+from femupdate.inference.predictive_check import PredictiveCheck
+from femupdate.inference.smc import SmcResult
+from femupdate.measurement.observation import Observation
+from femupdate.surrogate.storage import ANY_FLOORS, SurrogateInfo
+from femupdate.workflow.calibrate_draws import r_hat
+
+# Share of the noise that a decoder, corrected, may miss the building by where its chains are: more,
+# and the corrections have not led to the posterior.
+_DECODER_MAY_MISS = 0.25
+# Noise of the data over that which a surrogate allows, below which it is worth a word: that of two
+# runs together is.
+_MUCH_LESS = 0.75
+# Posterior predictive p-value below which it is worth a word.
+_UNUSUAL = 0.01
+
+
+def decoded_notes(found: DecodedPosterior, noise: float) -> tuple[str, ...]:
+    """How chains on the decoder have gone, for a noise on ln|H|."""
+    draws, maxima = found.draws, len(found.reached)
+    notes = [
+        f"{len(draws.theta)} chains of Hamiltonian Monte Carlo drew the decoder's posterior "
+        f"({draws.acceptance:.0%} of their moves accepted); {found.responses:,} responses of the "
+        f"reduced model corrected the decoder, from {found.decoder_error:.2g} to "
+        f"{found.error:.2g} in ln|H| (rms)."
+    ]
+    if found.error > _DECODER_MAY_MISS * noise:
+        notes.append(
+            f"That is too much beside a noise of {noise:.2g}: do not trust this posterior; train "
+            "on more samples, or use --exact."
+        )
+    if maxima > 1:
+        notes.append(
+            f"The searches that the chains start from ended in {maxima} maxima that count; a chain "
+            "seldom goes from one to another, and their shares are those of Gaussians there."
+        )
+    return tuple(notes)
+
+
+def noise_notes(info: SurrogateInfo, observation: Observation) -> tuple[str, ...]:
+    """Where the data are better than the surrogate believes."""
+    typical = float(np.median(observation.noise_sd[observation.valid]))
+    if typical >= _MUCH_LESS * info.noise_sd:
+        return ()
+    return (
+        f"The latent likelihood allows ln|H| an error of {info.noise_sd:g} (noise and "
+        f"idealisation), the data show a noise of {typical:.2g}: this posterior is wider than the "
+        "data allow; --exact uses the file's noise.",
+    )
+
+
+def latent_notes(likelihood: LatentLikelihood) -> tuple[str, ...]:
+    """How the latent likelihood was found."""
+    found = likelihood.found
+    count = len(found.posterior.log_weight)
+    return (
+        f"The surrogate proposed, {found.responses:,} responses of the reduced model led to "
+        + ("one solution." if count == 1 else f"{count} solutions."),
+        *misfit_notes(found.misfit, likelihood.usual_misfit),
+    )
+
+
+def misfit_notes(misfit: float, usual: float) -> tuple[str, ...]:
+    """Where the best response does not explain the data."""
+    if misfit <= usual:
+        return ()
+    return (
+        "The observation is unlike anything that this building can do: its best response "
+        f"misses it by {np.sqrt(misfit):.2f} times the noise (rms), where 99.5 % of "
+        f"simulations are missed by less than {np.sqrt(usual):.2f}; do not "
+        "trust this posterior, use `femupdate diagnose`.",
+    )
+
+
+def calibration_notes(info: SurrogateInfo, observation: Observation) -> tuple[str, ...]:
+    """What simulations say about the posteriors of a surrogate."""
+    notes, floors = [], observation.floors
+    kept = info.calibration
+    if kept:
+        power = info.likelihood_power
+        notes.append(
+            f"On {kept['cases']} fresh simulations the 90 % region held "
+            f"{kept['coverage_90_after']:.0%} of the truths"
+            + (
+                "."
+                if power == 1.0
+                else f", after the latent likelihood was raised to the power {power:.2f} "
+                f"({kept['coverage_90_before']:.0%} before)."
+            )
+        )
+    if kept and kept["floors"] != [ANY_FLOORS] and set(floors) != set(kept["floors"]):
+        notes.append(
+            f"That was checked for {', '.join(kept['floors'])}, not for {', '.join(floors)}; "
+            "--exact needs no such check."
+        )
+    return tuple(notes)
+
+
+TEMPERED = (
+    "Importance sampling did not reach this posterior: its draws are the tempered particles, "
+    "and the spread of the runs is the only measure of their error."
+)
+
+
+def cost_notes(
+    results: list[BridgeResult], starts: list[SmcResult], from_latent: bool
+) -> tuple[str, ...]:
+    """What the exact posterior took, beside what it would have taken without a surrogate."""
+    responses = sum(result.evaluations for result in results)
+    least = min(result.effective_share for result in results)
+    sampled = sum(start.evaluations for start in starts)
+    if not from_latent:
+        text = f"The sampler took {sampled:,} responses, importance sampling {responses:,} more"
+    else:
+        text = (
+            f"From the latent to the data-space posterior took {responses:,} responses; the "
+            f"sampler, from the prior, evaluated the latent likelihood {sampled:,} times and would "
+            "have needed more responses than that"
+        )
+    if least > 0.0:
+        return (f"{text}; {least:.0%} of the importance draws are effective.",)
+    return (
+        f"{text}.",
+        TEMPERED,
+    )
+
+
+def judgement(
+    posterior: Posterior, misfit: float, check: PredictiveCheck | None
+) -> tuple[str, ...]:
+    """How well the data are met, and whether the independent runs agree."""
+    notes = []
+    factor = np.sqrt(misfit)
+    if misfit > 2.0:
+        text = (
+            f"The model misses the measured ln|H| by {factor:.1f} times its noise (rms, best "
+            "draw): something is missing in the model"
+        )
+        if posterior.likelihood == "exact":
+            text += ", and the standard deviations given are too small by about that factor"
+        notes.append(text + ".")
+    elif check is not None and check.whole < _UNUSUAL:
+        share = f"{check.whole:.1%}" if check.whole >= 1e-3 else "Less than 0.1%"
+        notes.append(
+            f"{share} of data drawn from the posterior miss the model by as much as the measured "
+            "ones do: something small is missing, or the noise is larger than stated."
+        )
+    worst = r_hat(posterior.theta)
+    if np.isfinite(worst).all() and worst.max() > 1.05:
+        notes.append(
+            f"The independent runs differ (r-hat up to {worst.max():.2f}): use more particles."
+        )
+    return tuple(notes)

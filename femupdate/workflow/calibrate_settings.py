@@ -1,0 +1,61 @@
+"""How a posterior is sampled, and what a sampler gives."""
+
+from dataclasses import dataclass, field
+
+from femupdate.inference.latent_search import FoundLatent
+from femupdate.inference.smc import SmcResult, SmcSettings
+
+_CHAINS = 4
+
+
+@dataclass(frozen=True)
+class CalibrationSettings:
+    """How to sample.
+
+    Attributes:
+        particles: in all; shared among independent runs.
+        exact: data-space likelihood instead of the latent one.
+        chains: independent runs, so that their agreement can be judged.
+        seed: of the sampler.
+        device: where the likelihood is evaluated.
+        smc: settings of the sampler.
+    """
+
+    particles: int = 5000
+    exact: bool = False
+    chains: int = _CHAINS
+    seed: int = 0
+    device: str = "cpu"
+    smc: SmcSettings = field(default_factory=SmcSettings)
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """What a sampler has drawn.
+
+    Attributes:
+        results: of the independent runs.
+        notes: how it went, in sentences.
+        latent: of the latent likelihood, where it was found by a search.
+        least_noise: standard deviation of ln|H| below which the likelihood does not believe the
+            file's noise.
+    """
+
+    results: list[SmcResult]
+    notes: tuple[str, ...]
+    latent: FoundLatent | None = None
+    least_noise: float = 0.0
+
+
+def plain_settings(settings: CalibrationSettings) -> dict[str, object]:
+    """Settings as the study's record and the posterior keep them."""
+    return {
+        "particles": settings.particles,
+        "chains": settings.chains,
+        "seed": settings.seed,
+        "exact": settings.exact,
+        "ess_target": settings.smc.ess_target,
+        "moves": settings.smc.moves,
+        "walk_scale": settings.smc.walk_scale,
+        "independence_moves": settings.smc.independence_moves,
+    }

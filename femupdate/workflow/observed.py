@@ -1,0 +1,208 @@
+"""Observation files on a building's floors and frequency grid; several runs as one observation."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from femupdate.building.schema import Building
+from femupdate.errors import MeasurementError
+from femupdate.measurement.agreement import agreement
+from femupdate.measurement.frf import observation_for
+from femupdate.measurement.observation import Observation, select_floors
+from femupdate.measurement.observation_file import read_observation_file
+from femupdate.measurement.pooled import pooled
+from femupdate.study import file_hash
+from femupdate.workflow.model import StudyModel
+
+_LEAST_FREQUENCIES = 10
+
+
+@dataclass(frozen=True)
+class ObservationSource:
+    """Where an observation comes from and how to read it.
+
+    Attributes:
+        path: the file.
+        unit: of the accelerations where the file does not say.
+        columns: our column name to the file's.
+        sensors: floors to use; all of the file's where empty.
+        band_hz: lowest and highest frequency to use, or None for all.
+        further: files of other runs, read in the same way, to be explained together.
+    """
+
+    path: Path
+    unit: str | None = None
+    columns: Mapping[str, str] | None = None
+    sensors: tuple[str, ...] = ()
+    band_hz: tuple[float, float] | None = None
+    further: tuple[Path, ...] = ()
+
+    @property
+    def paths(self) -> tuple[Path, ...]:
+        """All files."""
+        return (self.path, *self.further)
+
+    @property
+    def runs(self) -> "tuple[ObservationSource, ...]":
+        """Every file as a source of its own."""
+        return tuple(replace(self, path=path, further=()) for path in self.paths)
+
+    def made_from(self) -> dict[str, str]:
+        """Hash of every file, for the record of what is made from them."""
+        names = ("observation", *(f"observation {k}" for k in range(2, len(self.paths) + 1)))
+        return {name: file_hash(path) for name, path in zip(names, self.paths, strict=True)}
+
+    def files_as_settings(self) -> dict[str, Any]:
+        """The files as the study's record of settings names them."""
+        if not self.further:
+            return {"file": str(self.path)}
+        return {"file": str(self.path), "further": [str(path) for path in self.further]}
+
+
+def read_observation(model: StudyModel, source: ObservationSource) -> Observation:
+    """Read the files of a source on the building's floors and frequency grid, as one observation.
+
+    Raises:
+        MeasurementError: a file cannot be used, or belongs to another building.
+    """
+    return observation_of(model.building, source)
+
+
+def observation_of(building: Building, source: ObservationSource) -> Observation:
+    """Like `read_observation`, for a building that has no model yet."""
+    return as_one(building, runs_of(building, source))
+
+
+def as_one(building: Building, runs: Sequence[Observation]) -> Observation:
+    """Runs of a building as one observation, whose notes say whether they agree."""
+    if len(runs) == 1:
+        return runs[0]
+    together = f"{len(runs)} runs are explained together: {', '.join(r.source for r in runs)}."
+    said = agreement(runs, building.floors).sentence()
+    notes = [f"{run.source}: {note}" for run in runs for note in run.notes]
+    return replace(pooled(runs, building.floors), notes=(f"{together} {said}", *notes))
+
+
+def runs_of(building: Building, source: ObservationSource) -> tuple[Observation, ...]:
+    """Every file of a source as an observation of its own, under a name that no other has.
+
+    Raises:
+        MeasurementError: a file cannot be used, belongs to another building, or two are the same.
+    """
+    runs: Sequence[Observation] = [_whole(building, one) for one in source.runs]
+    if len({run.source for run in runs}) < len(runs):
+        named = zip(runs, source.paths, strict=True)
+        runs = [replace(run, source=str(path)) for run, path in named]
+    _require_different(runs)
+    runs = _with_sensors(runs, source)
+    if source.band_hz is not None:
+        runs = [_within(run, source.band_hz) for run in runs]
+        _require_frequencies(runs, source.band_hz)
+    return tuple(runs)
+
+
+def _whole(building: Building, source: ObservationSource) -> Observation:
+    """All floors of one file, over the whole grid."""
+    return observation_for(
+        building.floors,
+        read_observation_file(source.path, source.unit, source.columns),
+        building.frequency_grid.frequencies_hz(),
+        direction=_direction(building),
+        default_noise=building.observation.noise_sd,
+    )
+
+
+def _require_different(runs: Sequence[Observation]) -> None:
+    """Refuse a run that is given twice: counted twice it would make a posterior too narrow."""
+    for one, other in combinations(runs, 2):
+        if one.floors == other.floors and np.array_equal(
+            one.log_frf, other.log_frf, equal_nan=True
+        ):
+            same = one.source == other.source
+            files = f"{one.source} is given twice" if same else f"{other.source} holds the same"
+            rest = "" if same else f" measurement as {one.source}"
+            raise MeasurementError(
+                f"{files}{rest}; give every run once, or it counts as if it were two"
+            )
+
+
+def _with_sensors(runs: Sequence[Observation], source: ObservationSource) -> Sequence[Observation]:
+    """The floors asked for of every run, bottom to top and each once, however they were named."""
+    if not source.sensors:
+        return runs
+    measured = dict.fromkeys(name for run in runs for name in run.floors)
+    missing = [name for name in source.sensors if name not in measured]
+    if missing:
+        files = ", ".join(str(path) for path in source.paths)
+        have = "the file has" if len(runs) == 1 else "the files have"
+        raise MeasurementError(
+            f"{files}: there is no {', '.join(missing)} to use; {have} {', '.join(measured)}"
+        )
+    chosen = []
+    for run, path in zip(runs, source.paths, strict=True):
+        wanted = [name for name in run.floors if name in source.sensors]
+        if not wanted:
+            raise MeasurementError(
+                f"{path}: it has none of the floors asked for, only {', '.join(run.floors)}; leave "
+                "the file out or widen --sensors"
+            )
+        chosen.append(select_floors(run, wanted))
+    return chosen
+
+
+def _within(observation: Observation, band_hz: tuple[float, float]) -> Observation:
+    """The same observation, valid only within a band."""
+    low, high = band_hz
+    slack = 1e-9  # grids are sums of rounded steps
+    frequency = observation.frequency_hz
+    inside = (frequency >= low * (1.0 - slack)) & (frequency <= high * (1.0 + slack))
+    return replace(
+        observation,
+        valid=observation.valid & inside,
+        log_frf=np.where(inside, observation.log_frf, np.nan),
+        noise_sd=np.where(inside, observation.noise_sd, np.nan),
+    )
+
+
+def _require_frequencies(runs: Sequence[Observation], band_hz: tuple[float, float]) -> None:
+    for run in runs:
+        if run.valid.any(axis=0).sum() < _LEAST_FREQUENCIES:
+            raise MeasurementError(
+                f"{run.source}: fewer than ten frequencies lie between {band_hz[0]:g} and "
+                f"{band_hz[1]:g} Hz and can be used; widen --band"
+            )
+
+
+def check_readable(source: ObservationSource) -> None:
+    """Read the files once, so that a bad one is told before anything is built or written.
+
+    Raises:
+        MeasurementError: a file cannot be used.
+    """
+    for path in source.paths:
+        read_observation_file(path, source.unit, source.columns)
+
+
+def observed_direction(model: StudyModel) -> str:
+    """Direction of the measured motion; lumped buildings have one only."""
+    return _direction(model.building)
+
+
+def _direction(building: Building) -> str:
+    sensors = getattr(building, "sensors", None)
+    return sensors.direction if sensors is not None else "x"
+
+
+__all__ = [
+    "ObservationSource",
+    "as_one",
+    "check_readable",
+    "observation_of",
+    "observed_direction",
+    "read_observation",
+    "runs_of",
+]

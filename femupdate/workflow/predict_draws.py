@@ -1,0 +1,116 @@
+"""Posterior draws that a prediction follows, and their response histories."""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+
+from femupdate.building.analysis import RayleighDamping
+from femupdate.dynamics.history import Histories, HistorySettings, history_batches
+from femupdate.errors import BuildingError
+from femupdate.inference.posterior import Posterior
+from femupdate.measurement.record import GroundMotion
+from femupdate.study import Study
+from femupdate.workflow.model import StudyModel
+from femupdate.workflow.predict_settings import PredictionSettings
+from femupdate.workflow.progress import Progress
+
+if TYPE_CHECKING:
+    from femupdate.dynamics.effect_response import EffectSystem
+
+
+def prediction_draws(
+    model: StudyModel, posterior: Posterior, settings: PredictionSettings
+) -> tuple[torch.Tensor, torch.Tensor, str]:
+    """Parameters (n, p) and damping ratios (n,) of some draws, and in words whose ratios.
+
+    Raises:
+        BuildingError: a ratio is asked for, but the building's law gives every mode its own.
+    """
+    theta, zeta = posterior.thinned(settings.samples, settings.seed)
+    if isinstance(model.building.damping, RayleighDamping):
+        if settings.damping is not None:
+            raise BuildingError(
+                f"{model.building.name}: damping.law is rayleigh, which gives every mode its own "
+                "ratio; leave --damping out"
+            )
+        ratio, text = np.full(len(theta), model.building.damping.ratio), "the building's law"
+    elif settings.damping is not None:
+        ratio, text = np.full(len(theta), settings.damping), f"{settings.damping:g} in all modes"
+    elif zeta is not None:
+        ratio, text = zeta, f"{zeta.mean():.4f} +- {zeta.std():.4f}, from the posterior"
+    else:
+        ratio = np.full(len(theta), model.building.damping.ratio)
+        text = f"{model.building.damping.ratio:g} in all modes, the building file's"
+    return torch.from_numpy(theta), torch.from_numpy(ratio), text
+
+
+def effects_of(study: Study, model: StudyModel) -> "EffectSystem | None":
+    """The structure with the effects that the building lists, if any."""
+    if not model.building.effects:
+        return None
+    from femupdate.workflow.calibrate_effects import open_effects
+
+    return open_effects(study, model)
+
+
+def at_reached_level(
+    system: "EffectSystem | None",
+    posterior: Posterior,
+    parameters: torch.Tensor,
+    zeta: torch.Tensor,
+    motion: GroundMotion,
+    settings: PredictionSettings,
+    show: Progress,
+) -> tuple[torch.Tensor, torch.Tensor, tuple[str, ...]]:
+    """Draws at the level of motion that they reach, and what is to be said of it."""
+    from femupdate.workflow.amplitude import at_own_level, changes_with_level
+
+    if system is None or not changes_with_level(system.placed):
+        return parameters, zeta, ()
+    stories = system.reduced.model.parameters
+    show.start("Finding the level of the motion", len(parameters))
+    found = at_own_level(
+        system,
+        (parameters[:, :stories].numpy(), zeta.numpy(), parameters[:, stories:].numpy()),
+        motion,
+        posterior.settings,
+        keep_damping=settings.damping is not None,
+        progress=show.advance,
+    )
+    moved = torch.cat([torch.from_numpy(found.theta), parameters[:, stories:]], dim=1)
+    return moved, torch.from_numpy(found.zeta), (found.note,)
+
+
+def response_histories(
+    system: "EffectSystem | None",
+    model: StudyModel,
+    parameters: torch.Tensor,
+    zeta: torch.Tensor,
+    motion: GroundMotion,
+    show: Progress,
+) -> Iterator[Histories]:
+    """Response histories; a building with effects has their parameters behind its factors."""
+    if system is None:
+        return history_batches(
+            model.reduced,
+            parameters,
+            zeta,
+            motion.acceleration,
+            motion.time_step,
+            settings=HistorySettings(law=model.law),
+            progress=show.advance,
+        )
+    from femupdate.dynamics.effect_history import effect_histories
+
+    stories = model.reduced.parameters
+    return effect_histories(
+        system,
+        parameters[:, :stories].numpy(),
+        zeta.numpy(),
+        parameters[:, stories:].numpy(),
+        motion.acceleration,
+        motion.time_step,
+        show.advance,
+    )

@@ -1,0 +1,75 @@
+"""Pictures of a prediction."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femupdate.dynamics.summary import HistorySummary
+from femupdate.measurement.record import GroundMotion
+from femupdate.study import Study
+from femupdate.workflow.members import MemberForces
+from femupdate.workflow.predict_output import FloorSpectra
+from femupdate.workflow.progress import Progress
+
+Floats = NDArray[np.float64]
+
+
+def draw_prediction(
+    study: Study,
+    summary: HistorySummary,
+    motion: GroundMotion,
+    measured: Floats | None,
+    show: Progress,
+    spectra: FloorSpectra | None,
+    members: tuple[MemberForces, ...],
+) -> tuple[Path, ...]:
+    """Histories and stories; floor spectra and members where they were asked for."""
+    from femupdate.report.figure import save_figure
+    from femupdate.report.plot_history import floor_history_bands, story_shear_drift
+    from femupdate.report.plot_members import member_force_bands
+    from femupdate.report.plot_spectra import floor_spectra_bands
+
+    show.start("Drawing", 2)
+    title = f"Floor acceleration, mean ± 2 sd: {motion.name} (peak {motion.peak:.2f} m/s²)"
+    bands = floor_history_bands(
+        summary.time,
+        summary.acceleration_mean,
+        summary.acceleration_sd,
+        summary.floors,
+        measured=measured,
+        title=title,
+    )
+    paths = [save_figure(bands, study.path("pictures", "floor_histories.png"))]
+    show.advance()
+    lines = story_shear_drift(
+        summary.examples.story_shear, summary.examples.story_drift, summary.story_stiffness
+    )
+    paths.append(save_figure(lines, study.path("pictures", "story_shear_drift.png")))
+    show.advance()
+    if spectra is not None:
+        figure = floor_spectra_bands(
+            spectra.frequency_hz,
+            spectra.acceleration.mean,
+            spectra.acceleration.sd,
+            summary.floors,
+            base=spectra.base,
+            title=f"Floor spectra at {spectra.damping:.0%} damping, mean ± 2 sd: {motion.name}",
+        )
+        paths.append(save_figure(figure, study.path("pictures", "floor_spectra.png")))
+    if members:
+        figure = member_force_bands(
+            summary.time,
+            [(f"{m.member.kind} {m.member.name}", *_main_forces(m)) for m in members],
+            title=f"Forces of members, mean ± 2 sd: {motion.name}",
+        )
+        paths.append(save_figure(figure, study.path("pictures", "member_forces.png")))
+    return tuple(paths)
+
+
+def _main_forces(member: MemberForces) -> tuple[tuple[str, ...], Floats, Floats]:
+    """Name, mean and sd of the largest normal force, shear and moment of a member."""
+    names = member.member.forces
+    kinds = [[k for k, name in enumerate(names) if name[0] == first] for first in "NVM"]
+    largest = [max(kind, key=lambda k: float(member.peak.mean[k])) for kind in kinds]
+    return tuple(names[k] for k in largest), member.mean[largest], member.sd[largest]

@@ -1,0 +1,122 @@
+"""Posterior predictive p-values against a linear-Gaussian model, where all is known."""
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from femupdate.inference.predictive_check import (
+    check_predictions,
+    floor_squares,
+    predictive_check,
+    with_least_noise,
+)
+from femupdate.measurement.observation import Observation
+
+POINTS, PARAMETERS, SD = 40, 5, 0.3
+FREQUENCY = 0.1 * np.arange(1, POINTS + 1)
+
+
+def observation(values, sd=SD, **others):
+    floors = ("2F", "3F", "RF")[: len(values)]
+    valid = others.pop("valid", np.ones(values.shape, dtype=bool))
+    return Observation(FREQUENCY, floors, values, np.full(values.shape, sd), valid, **others)
+
+
+def posterior_draws(rng, design, data, count):
+    """Draws of the linear model's parameters under a flat prior, closed form."""
+    information = design.T @ design / SD**2
+    mean = np.linalg.solve(information, design.T @ data / SD**2)
+    root = np.linalg.cholesky(np.linalg.inv(information))
+    return mean + rng.standard_normal((count, design.shape[1])) @ root.T
+
+
+def linear_p_value(rng, design, count=400):
+    """One data set of the model itself, and its p-value by the check."""
+    truth = rng.standard_normal(design.shape[1])
+    data = design @ truth + SD * rng.standard_normal(len(design))
+    draws = posterior_draws(rng, design, data, count)
+    return check_predictions(observation(data[None]), (draws @ design.T)[:, None]).whole
+
+
+def test_the_p_value_is_that_of_replicated_data():
+    """Drawn one by one, as the definition says."""
+    rng = np.random.default_rng(0)
+    design = rng.standard_normal((POINTS, PARAMETERS))
+    data = design @ np.ones(PARAMETERS) + SD * rng.standard_normal(POINTS)
+    draws = posterior_draws(rng, design, data, 20_000)
+    response = draws @ design.T
+    replicated = response + SD * rng.standard_normal(response.shape)
+    worse = ((replicated - response) ** 2).sum(axis=1) >= ((data - response) ** 2).sum(axis=1)
+    found = check_predictions(observation(data[None]), response[:, None]).whole
+    # 20,000 replicates: a share to .0035.
+    assert found == pytest.approx(worse.mean(), abs=0.014)
+    assert 0.05 < found < 0.95
+
+
+def test_over_data_of_the_model_they_have_the_known_distribution():
+    """T = S + Q: what no parameters explain, chi-square of n - p, and the draw's own way from the
+    best fit, chi-square of p: p = E_Q[P(chi2_n > S + Q)], drawn from that formula alone."""
+    rng = np.random.default_rng(1)
+    design = rng.standard_normal((POINTS, PARAMETERS))
+    found = [linear_p_value(rng, design) for _ in range(1000)]
+    rest = chi2.rvs(POINTS - PARAMETERS, size=4000, random_state=rng)
+    moved = chi2.rvs(PARAMETERS, size=400, random_state=rng)
+    known = chi2.sf(rest[:, None] + moved, POINTS).mean(axis=1)
+    quantiles = [0.05, 0.25, 0.5, 0.75, 0.95]
+    # 1,000 cases: a quantile near a half of a nearly uniform distribution to .016.
+    np.testing.assert_allclose(
+        np.quantile(found, quantiles), np.quantile(known, quantiles), atol=0.06
+    )
+    # Conservative: nearer to a half than a uniform one, and Meng's bound.
+    assert np.std(found) < 12**-0.5
+    assert np.mean(np.less(found, 0.05)) < 0.05 + 0.02
+    assert abs(np.mean(found) - 0.5) < 0.05
+
+
+def test_many_parameters_make_it_gather_about_a_half():
+    rng = np.random.default_rng(2)
+    many, few = rng.standard_normal((POINTS, 36)), rng.standard_normal((POINTS, 1))
+    spread = [np.std([linear_p_value(rng, d, 200) for _ in range(200)]) for d in (many, few)]
+    assert spread[0] < 0.6 * spread[1]
+
+
+def test_a_response_that_is_missing_something_is_seen_at_its_floor():
+    rng = np.random.default_rng(3)
+    response = rng.standard_normal((50, 3, POINTS)) * 1e-3
+    data = SD * rng.standard_normal((3, POINTS))
+    data[1] += 2.0 * SD
+    found = check_predictions(observation(data), response)
+    assert found.whole < 1e-6
+    values = dict(zip(found.names, found.floors, strict=True))
+    assert values["3F"] < 1e-6
+    assert min(values["2F"], values["RF"]) > 0.01
+    assert found.as_dict()["floors"] == values
+    assert "(2F " in found.sentence()
+
+
+def test_points_that_repeat_one_another_count_by_their_share():
+    """A resolution of four points: the squares and the freedom, both a quarter."""
+    rng = np.random.default_rng(4)
+    data, response = SD * rng.standard_normal((2, POINTS)), np.zeros((1, 2, POINTS))
+    valid = rng.random((2, POINTS)) < 0.7
+    measured = observation(np.where(valid, data, np.nan), valid=valid, resolution_hz=0.4)
+    squares = ((data / SD) ** 2 * valid).sum(axis=1) / 4.0
+    np.testing.assert_allclose(floor_squares(measured, response)[0], squares)
+    found = check_predictions(measured, response)
+    np.testing.assert_allclose(found.floors, chi2.sf(squares, valid.sum(axis=1) / 4.0))
+    assert found.whole == pytest.approx(chi2.sf(squares.sum(), valid.sum() / 4.0))
+
+
+def test_a_floor_without_points_has_no_p_value():
+    found = predictive_check(np.array([[3.0, 0.0]]), np.array([4.0, 0.0]), ("2F", "RF"))
+    assert np.isnan(found.floors[1])
+    assert found.whole == pytest.approx(chi2.sf(3.0, 4.0))
+    assert found.floors[0] == found.whole
+
+
+def test_the_noise_that_the_latent_likelihood_allows():
+    """Precision times the share that errs alone is at most that of the least noise."""
+    measured = observation(np.zeros((1, POINTS)), resolution_hz=0.4)
+    np.testing.assert_array_equal(with_least_noise(measured, 0.2).noise_sd, SD)
+    wide = with_least_noise(measured, 0.8)
+    np.testing.assert_allclose(0.25 / wide.noise_sd**2, 0.8**-2)

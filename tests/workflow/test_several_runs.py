@@ -1,0 +1,306 @@
+"""Several runs of one building explained by one posterior."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from femupdate.building.files import load_building
+from femupdate.errors import MeasurementError
+from femupdate.inference.likelihood import DataLikelihood
+from femupdate.inference.posterior import load_posterior
+from femupdate.inference.smc import SmcSettings
+from femupdate.measurement.pooled import pooled
+from femupdate.study import Study, file_hash
+from femupdate.workflow.calibrate import calibrate_study
+from femupdate.workflow.calibrate_settings import CalibrationSettings
+from femupdate.workflow.model import open_study
+from femupdate.workflow.observed import ObservationSource, read_observation, runs_of
+from femupdate.workflow.simulate import (
+    SimulationSettings,
+    simulate_observation,
+    write_simulation,
+)
+
+QUICK = CalibrationSettings(
+    particles=200, exact=True, chains=2, smc=SmcSettings(moves=4, independence_moves=2)
+)
+GRID = 0.2 * np.arange(1, 61)
+TRUTH, ZETA = np.array([0.8, 1.3]), 0.05
+
+
+@pytest.fixture(autouse=True)
+def _without_pictures(monkeypatch):
+    """Most of the time of a small calibration goes into its pictures."""
+    monkeypatch.setattr("femupdate.workflow.calibrate.draw_posterior", lambda *_: ())
+    monkeypatch.setattr("femupdate.workflow.calibrate_effects.draw_posterior", lambda *_: ())
+
+
+def write_table(path, log_frf, sd, floors=("2F", "RF"), grid=GRID):
+    """|H| of some floors with the noise of every point."""
+    head = ",".join(["frequency_hz", *floors, *(f"{name}_sd" for name in floors)])
+    noise = np.broadcast_to(sd, log_frf.shape)
+    rows = np.column_stack([grid, np.exp(log_frf).T, noise.T])
+    np.savetxt(path, rows, delimiter=",", header=head, comments="", fmt="%.12g")
+    return path
+
+
+@pytest.fixture(scope="module")
+def tables(tmp_path_factory, tower_frf):
+    """Two runs of the tower with noise of .1 and .15, and a third of a softer one."""
+    folder, rng = tmp_path_factory.mktemp("runs"), np.random.default_rng(5)
+    paths = []
+    for name, theta, sd in (
+        ("one", TRUTH, 0.1),
+        ("two", TRUTH, 0.15),
+        ("softer", 0.9 * TRUTH, 0.1),
+    ):
+        clean = np.log(np.abs(tower_frf(theta, ZETA, GRID)))
+        noisy = clean + sd * rng.standard_normal(clean.shape)
+        paths.append(write_table(folder / f"{name}.csv", noisy, sd))
+    return paths
+
+
+def source_of(*paths, **options):
+    first, *further = paths
+    return ObservationSource(first, further=tuple(further), **options)
+
+
+def test_log_likelihood_and_evidence_are_those_of_both_runs(tmp_path, tower_file, tables):
+    """Against the likelihoods of the runs one by one: at the draws, and summed over a grid."""
+    study = Study(tmp_path)
+    model = open_study(study, str(tower_file))
+    source = source_of(*tables[:2])
+    apart = [
+        DataLikelihood(model.reduced, model.law, run) for run in runs_of(model.building, source)
+    ]
+    settings = CalibrationSettings(particles=2000, exact=True)
+    posterior = calibrate_study(study, model, source, settings).posterior
+    draws = np.column_stack([posterior.samples, posterior.zeta_samples])
+    expected = sum(one(torch.from_numpy(draws)) for one in apart).numpy()
+    # Draws are weighed in single precision: some thousandths.
+    np.testing.assert_allclose(posterior.log_likelihood.ravel(), expected, atol=0.05)
+    axes = [
+        np.linspace(m - 6 * s, m + 6 * s, 41)
+        for m, s in zip(draws.mean(axis=0), draws.std(axis=0), strict=True)
+    ]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    both = sum(one(torch.from_numpy(points)) for one in apart)
+    cell = np.prod([axis[1] - axis[0] for axis in axes])
+    log_evidence = float(torch.logsumexp(both, 0)) + np.log(cell / (1.5 * 1.5 * 0.09))
+    # Four runs: their own spread says how well their mean is known.
+    spread = posterior.log_evidence.std(ddof=1) / 2
+    assert posterior.log_evidence.mean() == pytest.approx(log_evidence, abs=max(4 * spread, 0.2))
+    # Without what pooling leaves out it would be off by dozens.
+    assert posterior.observation.scatter.sum() > 50.0
+
+
+def test_pooled_runs_have_the_likelihood_of_each_other_s_product_at_any_theta(tower_model, tables):
+    """At random places of the prior, with gaps, other floors and a band."""
+    source = source_of(*tables, band_hz=(0.5, 8.0))
+    runs = list(runs_of(tower_model.building, source))
+    rng = np.random.default_rng(0)
+    runs = [replace(run, valid=run.valid & (rng.random(run.valid.shape) < 0.7)) for run in runs]
+    runs[1] = replace(runs[1], resolution_hz=0.5)
+    unit = torch.from_numpy(rng.random((50, 2)))
+    theta = tower_model.prior.from_unit(unit)
+    both, *apart = (
+        DataLikelihood(tower_model.reduced, tower_model.law, run, ZETA)(theta)
+        for run in (pooled(runs, tower_model.building.floors), *runs)
+    )
+    torch.testing.assert_close(both, sum(apart), rtol=1e-10, atol=1e-8)
+
+
+def test_two_runs_know_by_the_root_of_two_more(tmp_path):
+    """Four stories, all floors, noise of .2: every factor's standard deviation."""
+    study = Study(tmp_path / "study")
+    model = open_study(study, "shear_4dof")
+    rng, floors = np.random.default_rng(1), model.building.floors
+    theta = torch.tensor([[0.8, 1.1, 1.3, 0.9]], dtype=torch.float64)
+    blank = np.zeros((4, model.frequency_hz.numel()))
+    path = write_table(tmp_path / "clean.csv", blank, 0.2, floors, model.frequency_hz.numpy())
+    shape = read_observation(model, ObservationSource(path))
+    zeta = torch.tensor([model.building.damping.ratio], dtype=torch.float64)
+    clean = DataLikelihood(model.reduced, model.law, shape, 0.02).predict(theta, zeta)[0].numpy()
+    paths = [
+        write_table(
+            tmp_path / f"{k}.csv",
+            clean + 0.2 * rng.normal(size=clean.shape),
+            0.2,
+            floors,
+            model.frequency_hz.numpy(),
+        )
+        for k in range(2)
+    ]
+    settings = CalibrationSettings(particles=1000, exact=True, chains=2)
+    sources = (source_of(*paths), *map(ObservationSource, paths))
+    reports = [calibrate_study(study, model, source, settings) for source in sources]
+    both, *alone = (report.posterior.samples for report in reports)
+    one = np.sqrt(np.prod([draws.std(axis=0) for draws in alone], axis=0))
+    # 1,000 draws each: an sd to 2.5 %, the ratio to 3 %; three times that.
+    np.testing.assert_allclose(one / both.std(axis=0), np.sqrt(2.0), rtol=0.1)
+    error = (both.mean(axis=0) - theta[0].numpy()) / both.std(axis=0)
+    assert np.abs(error).max() < 4.0
+    middle = np.mean([draws.mean(axis=0) for draws in alone], axis=0)
+    np.testing.assert_allclose((both.mean(axis=0) - middle) / both.std(axis=0), 0.0, atol=0.3)
+    assert reports[0].misfit == pytest.approx(1.0, abs=0.1)
+    assert 0.001 < reports[0].check.whole < 0.999
+    assert any("They agree" in note for note in reports[0].notes)
+
+
+def test_what_is_kept_names_every_file(tmp_path, tower_model, tables):
+    study = Study(tmp_path)
+    report = calibrate_study(study, tower_model, source_of(*tables[:2]), QUICK)
+    kept = study.artefacts()["posterior"]
+    assert kept.made_from["observation"] == file_hash(tables[0])
+    assert kept.made_from["observation 2"] == file_hash(tables[1])
+    assert kept.settings["further"] == [str(tables[1])]
+    stored = load_posterior(report.path).observation
+    assert stored.source == "one.csv, two.csv"
+    np.testing.assert_array_equal(stored.scatter, report.posterior.observation.scatter)
+    summary = json.loads((tmp_path / "posterior_summary.json").read_text())
+    assert summary["source"] == "one.csv, two.csv"
+    alone = calibrate_study(study, tower_model, source_of(tables[0]), QUICK)
+    assert "observation 2" not in study.artefacts()["posterior"].made_from
+    assert alone.posterior.observation.scatter is None
+
+
+class Stopped(Exception):  # noqa: N818 - it stands for a kill
+    pass
+
+
+class Stopper:
+    """Lets some steps pass."""
+
+    def start(self, label, total):
+        self.left = 20
+
+    def advance(self, count=1, note=""):
+        self.left -= 1
+        if not self.left:
+            raise Stopped
+
+    def say(self, text):
+        pass
+
+
+def test_chains_of_another_second_file_are_not_gone_on_from(
+    tmp_path, tower_model, tables, monkeypatch
+):
+    """The same name with other content: what was kept of the killed run belongs to the old one."""
+    monkeypatch.setattr("femupdate.workflow.sampling._SAVE_EVERY_S", -1.0)
+    study, second = Study(tmp_path / "study"), tmp_path / "second.csv"
+    source = source_of(tables[0], second)
+    second.write_bytes(tables[2].read_bytes())
+    with pytest.raises(Stopped):
+        calibrate_study(study, tower_model, source, QUICK, Stopper())
+    assert list(study.path("sampling").iterdir())
+    second.write_bytes(tables[1].read_bytes())
+    after = calibrate_study(study, tower_model, source, QUICK)
+    fresh = calibrate_study(Study(tmp_path / "other"), tower_model, source, QUICK)
+    np.testing.assert_array_equal(after.posterior.theta, fresh.posterior.theta)
+
+
+def test_runs_that_do_not_agree_are_told_and_gone_on_with(tmp_path, tower_model, tables):
+    report = calibrate_study(Study(tmp_path), tower_model, source_of(tables[0], tables[2]), QUICK)
+    told = report.notes[0]
+    assert "2 runs are explained together: one.csv, softer.csv." in told
+    assert "They do not agree: softer.csv differs from one.csv at " in told
+    assert "femupdate diagnose" in told
+    mean = report.posterior.samples.mean(axis=0)
+    assert ((mean > 0.9 * TRUTH) & (mean < TRUTH)).all()
+
+
+def test_floors_may_be_of_one_run_only(tower_model, tables, tower_frf, tmp_path):
+    clean = np.log(np.abs(tower_frf(TRUTH, ZETA, GRID)))
+    roof = write_table(tmp_path / "roof.csv", clean[1:], 0.1, ("RF",))
+    low = write_table(tmp_path / "low.csv", clean[:1], 0.1, ("2F",))
+    both = read_observation(tower_model, source_of(roof, low))
+    assert both.floors == ("2F", "RF")
+    np.testing.assert_allclose(both.log_frf, clean, atol=1e-9)
+    assert "cannot be told" in both.notes[0]
+    more = read_observation(tower_model, source_of(tables[0], roof, sensors=("RF",)))
+    assert more.floors == ("RF",)
+
+
+def test_names_that_repeat_are_told_apart_by_their_folders(tmp_path, tower_model, tables):
+    paths = []
+    for number, table in enumerate(tables[:2]):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        paths.append(folder / "run.csv")
+        paths[-1].write_bytes(table.read_bytes())
+    both = read_observation(tower_model, source_of(*paths))
+    assert both.source == f"{paths[0]}, {paths[1]}"
+
+
+def test_runs_that_cannot_be_taken_together(tmp_path, tower_model, tables):
+    copy = tmp_path / "copy.csv"
+    copy.write_text("# The same under another name.\n" + tables[0].read_text())
+    other = write_table(tmp_path / "other.csv", np.zeros((1, 60)), 0.1, ("3F",))
+    low = write_table(tmp_path / "low.csv", np.zeros((1, 60)), 0.1, ("2F",))
+    cases = (
+        ((tables[0], tables[0]), {}, "one.csv is given twice; give every run once"),
+        ((tables[0], copy), {}, "copy.csv holds the same measurement as one.csv"),
+        ((tables[0], other), {}, "other.csv: this is the file of another building"),
+        ((*tables[:2],), {"sensors": ("7F",)}, "there is no 7F to use; the files have 2F, RF"),
+        ((tables[0], low), {"sensors": ("RF",)}, "low.csv: it has none of the floors asked for"),
+        ((*tables[:2],), {"band_hz": (11, 12)}, "one.csv: fewer than ten frequencies"),
+    )
+    for paths, options, words in cases:
+        with pytest.raises(MeasurementError, match=words):
+            read_observation(tower_model, source_of(*paths, **options))
+
+
+def test_histories_of_two_earthquakes(tmp_path, tower_file):
+    """Of unequal length: resolutions differ, and the truth is found."""
+    building, paths = load_building(tower_file), []
+    for seed, seconds in ((1, 60.0), (2, 12.0)):
+        chosen = SimulationSettings(
+            theta=tuple(TRUTH),
+            zeta=ZETA,
+            duration_s=seconds,
+            sampling_hz=50.0,
+            band_hz=(0.3, 20.0),
+            seed=seed,
+        )
+        made = simulate_observation(building, chosen)
+        paths.append(write_simulation(made, tmp_path / f"{seed}.csv")[0])
+    study = Study(tmp_path / "study")
+    model = open_study(study, str(tower_file))
+    runs = runs_of(building, source_of(*paths))
+    assert runs[0].resolution_hz < runs[1].resolution_hz
+    report = calibrate_study(study, model, source_of(*paths), QUICK)
+    observation = report.posterior.observation
+    assert runs[0].resolution_hz < observation.resolution_hz < runs[1].resolution_hz
+    assert observation.coherence is not None
+    assert (np.abs(report.posterior.samples.mean(axis=0) - TRUTH) < 0.01).all()
+    assert report.notes[1].startswith("1.csv: Welch H1")
+
+
+EFFECT = '\n[[effects]]\nname = "added_mass"\nplace = "RF"\n'
+
+
+def test_a_building_with_effects_takes_several_runs(tmp_path, tower_file, tables):
+    path = Path(tmp_path / "heavy.toml")
+    path.write_text(tower_file.read_text() + EFFECT)
+    study = Study(tmp_path / "study")
+    model = open_study(study, str(path))
+    settings = replace(QUICK, particles=400)
+    reports = [
+        calibrate_study(study, model, source, settings)
+        for source in (source_of(tables[0]), source_of(*tables[:2]))
+    ]
+    one, both = (report.posterior.samples for report in reports)
+    assert reports[1].posterior.names[-1] == "added_mass@RF.size"
+    # Noise of .1 and .15 together is .083 and not .1.
+    assert (both.std(axis=0) / one.std(axis=0))[:2].mean() == pytest.approx(0.83, abs=0.12)
+    assert (np.abs(both.mean(axis=0) - [*TRUTH, 0.0]) < 4 * both.std(axis=0)).all()
+    assert reports[1].check.names == ("2F", "RF")
+    assert 0.01 < reports[1].check.whole < 0.99
+    assert reports[1].posterior.observation.source == "one.csv, two.csv"
+    assert "observation 2" in study.artefacts()["posterior"].made_from
+    assert any("They agree" in note for note in reports[1].notes)
