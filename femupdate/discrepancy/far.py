@@ -67,7 +67,7 @@ def far_fit(
 
 
 def _tried(problem: Problem, scores: Sequence[Score], leading: Sequence[Placed]) -> list[Placed]:
-    """What leads, and the strongest place of every effect, or all; exchanges are sought elsewhere."""
+    """What leads, and the strongest place of every effect, or all; exchanges are sought apart."""
     single = [one.placed for one in scores if not one.placed.exchange]
     if problem.reduced.model.size <= _CHEAP:
         return single
