@@ -1,0 +1,63 @@
+"""Effects so large that nothing near the model without them explains the data.
+
+The data are FRFs of a lightly damped five-story chain with another mass on one floor, solved
+frequency by frequency, with an error of 2 % on |H| and the phase.
+"""
+
+import numpy as np
+import pytest
+
+from femupdate.discrepancy.diagnose import NAMED, UNKNOWN, diagnose
+from femupdate.discrepancy.far import far_fit
+from femupdate.discrepancy.fit import fit_baseline
+
+GRID = 0.1 * np.arange(1, 121)
+FLOORS = ("2F", "3F", "4F", "5F", "RF")
+MASSES, SPRINGS, SD = np.ones(5), np.full(5, 600.0), 0.02
+
+HIDDEN = {
+    "added_mass@4F": (-0.42, (1.02, 1.61, 0.7, 1.61, 0.83)),
+    "added_mass@RF": (-0.44, (1.27, 1.43, 0.8, 0.75, 1.17)),
+    "added_mass@2F": (-0.38, (1.46, 1.47, 1.49, 0.98, 0.80)),
+}
+
+
+@pytest.fixture(scope="module")
+def posed(chains, building_of, observe, pose):
+    """A function: the problem with another mass on one floor, and its best fit without it."""
+
+    def make(floor, share, theta):
+        masses = MASSES + share * np.array([name == floor for name in FLOORS])
+        frf = chains.Chain(masses, SPRINGS * np.array(theta), zeta=0.01).frf(GRID)
+        grid = {"frequency_grid": {"start": 0.1, "step": 0.1, "count": 120}}
+        seen = observe(FLOORS, GRID, frf, SD, 7)
+        problem = pose(building_of(MASSES, SPRINGS, **grid), seen)
+        return problem, fit_baseline(problem)[0]
+
+    return make
+
+
+def leading(found):
+    return [one.placed for one in found.findings]
+
+
+@pytest.mark.parametrize("label", HIDDEN)
+def test_a_large_effect_is_found_from_afar(posed, label):
+    share, theta = HIDDEN[label]
+    problem, base = posed(label.split("@")[1], share, theta)
+    near = diagnose(problem, base=base)
+    assert near.verdict == UNKNOWN  # or else this test would ask for nothing
+    far = far_fit(problem, base, near.scores, leading(near))
+    assert far.placed[-1].label == label
+    found = diagnose(problem, base=base, far=far)
+    assert (found.verdict, found.leading.placed.label) == (NAMED, label)
+    # One draw of the noise each; 4.5 standard deviations are passed by one in a hundred thousand.
+    assert abs(found.leading.size - share) < 4.5 * found.leading.size_sd
+    mean, sd = found.leading.fitted.theta()
+    assert (np.abs(mean - theta) < 4.5 * sd).all()
+
+
+def test_nothing_is_found_where_nothing_is_missing(posed):
+    problem, base = posed("RF", 0.0, (0.9, 1.2, 1.0, 0.8, 1.1))
+    found = diagnose(problem, base=base)
+    assert far_fit(problem, base, found.scores, leading(found)) is None
