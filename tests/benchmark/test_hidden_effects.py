@@ -14,7 +14,8 @@ from femupdate.benchmark.hidden_cases import (
     kept_models,
     run_trial,
 )
-from femupdate.benchmark.hidden_effects import Plan, run_hidden_effects, summary
+from femupdate.benchmark.hidden_effects import Plan, run_hidden_effects
+from femupdate.benchmark.hidden_summary import summary, summary_text
 from femupdate.study import Study
 from femupdate.workflow.model import open_study
 
@@ -57,6 +58,33 @@ def test_the_summary_counts(outcomes):
     rows = {row.what: row for row in summary(alarmed)}
     assert rows["false alarms on clean cases"].found.startswith("33.3%")
     assert rows["false alarms on clean cases"].of == 3
+
+
+def test_effects_named_together_count_apart_from_the_first_name(outcomes):
+    one = next(one for one in outcomes[ONE] if one.strength >= 6.0)
+    other = {"named": "roll_off@floors", "ranking": ("roll_off@floors", one.hidden[0])}
+    together = replace(one, **other, verdict="indistinguishable", twins=(one.hidden[0],))
+    wrong = replace(one, **other, verdict="named", twins=())
+    rows = {row.what: row.found for row in summary([one, together, wrong, one])}
+    assert rows["first name and place right, D >= 6"].startswith("50.0%")
+    same = next(what for what in rows if "named together" in what)
+    assert rows[same].startswith("75.0%")
+    assert rows["among the first three, D >= 5"].startswith("100.0%")
+
+
+def test_names_are_counted_by_strength(outcomes):
+    one = next(one for one in outcomes[ONE] if one.strength >= 6.0)
+    cases = [
+        replace(one, strength=3.0, verdict="none", named="", ranking=()),
+        replace(one, strength=12.0, absorbed=0.2),
+        replace(one, strength=12.0, absorbed=0.2, named="roll_off@floors"),
+        replace(one, strength=12.0, absorbed=1.0),  # theta itself
+        replace(one, strength=400.0),
+    ]
+    text = summary_text("shear_4dof", TrialSettings(), cases, summary(cases))
+    assert "| 0 to 5 | 1 | 0 | 0 | 0 |" in text
+    assert "| 10 to 20 | 2 | 2 | 1 | 2 |" in text
+    assert "| from 100 | 1 | 1 | 1 | 1 |" in text
 
 
 def test_the_result_is_written_with_machine_and_seed(tmp_path):
