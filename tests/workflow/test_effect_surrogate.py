@@ -7,9 +7,12 @@ import pytest
 import torch
 
 from femupdate.building.files import load_building
+from femupdate.dynamics.effect_history import effect_histories
 from femupdate.dynamics.effect_modal import effect_log_frf
 from femupdate.errors import SurrogateError
 from femupdate.inference.posterior import load_posterior
+from femupdate.measurement.record import GroundMotion
+from femupdate.measurement.write import write_record
 from femupdate.study import Study
 from femupdate.surrogate.storage import load_surrogate
 from femupdate.surrogate.training import TrainingSettings
@@ -19,6 +22,8 @@ from femupdate.workflow.checks import check_calibration, check_training
 from femupdate.workflow.effect_surrogate import with_effects
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
+from femupdate.workflow.predict import predict_study
+from femupdate.workflow.predict_settings import PredictionSettings, RecordSource
 from femupdate.workflow.train import train_study
 
 BUILDING = """\
@@ -127,6 +132,23 @@ def test_the_latent_posterior_is_the_exact_one(trained, observation):
     assert (np.abs(fast.samples.mean(axis=0) - truth) < 4.0 * fast.samples.std(axis=0)).all()
     assert latent.misfit == pytest.approx(1.0, abs=0.2)
     assert {path.name for path in latent.pictures} >= {"frf_fit.png", "posterior.png"}
+
+
+def test_predict_takes_the_latent_posterior_of_effects(trained, observation, tmp_path):
+    """Floors move as in the building that was observed, whatever one of their sensors reads."""
+    study, time = trained[0], 0.01 * np.arange(1500)
+    calibrated(study, observation, exact=False)
+    wave = np.exp(-(((time - 4.0) / 1.2) ** 2)) * np.sin(2 * np.pi * 5.0 * time + 0.3)
+    record = write_record(tmp_path / "wave.csv", GroundMotion(wave, 0.01))
+    model = open_study(study)
+    report = predict_study(study, model, RecordSource(record), PredictionSettings(samples=100))
+    system = with_effects(study, model).system
+    theta, sizes = np.array([THETA]), np.array([SIZES])
+    truth = next(effect_histories(system, theta, np.array([ZETA]), sizes, wave, 0.01))
+    peak = np.abs(truth.floor_acceleration[0]).max(axis=1)
+    found = report.peak_acceleration
+    assert (np.abs(found.mean - peak) < 4.0 * found.sd).all()
+    np.testing.assert_allclose(found.mean, peak, rtol=0.1)
 
 
 def test_without_training_the_sentence_says_what_to_do(home, observation):
