@@ -170,6 +170,15 @@ def test_a_hidden_effect_is_named_with_its_place_and_size(diagnosed, label):
     assert report.as_dict()["where"]
 
 
+def test_an_effect_that_draws_theta_far_off_is_looked_for_from_afar(diagnosed, monkeypatch):
+    light = with_mass(-0.41, 1, NOMINAL.but(springs=1000.0 * np.array([1.11, 0.85, 0.9, 1.52])))
+    found = diagnosed(light.frf(GRID)).diagnosis
+    assert (found.verdict, found.leading.placed.label) == ("named", "added_mass@3F")
+    assert abs(found.leading.size + 0.41) < 4.0 * found.leading.size_sd
+    monkeypatch.setattr("femupdate.workflow.diagnose.far_fit", lambda *_: None)
+    assert diagnosed(light.frf(GRID)).diagnosis.verdict == "unknown"
+
+
 def test_the_damping_law_is_named_where_the_model_has_another(diagnosed, tmp_path):
     """Constant in the model, Rayleigh in truth, anchored at f1 and 6 f1 of the nominal chain."""
     constant = '[prior.zeta]\nlower = 0.005\nupper = 0.1\n\n[damping]\nlaw = "constant"\n'
