@@ -110,5 +110,5 @@ def command(
         click.echo(table(head, rows))
     if found.hidden:
         click.echo(f"  cannot be seen with these sensors: {', '.join(found.hidden)}")
-    print_notes(report.screen)
+    print_notes((*report.would_decide, *report.screen))
     print_pictures((report.path, *report.pictures))

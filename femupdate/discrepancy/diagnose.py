@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from femupdate.discrepancy.deciding import Worth, deciding
 from femupdate.discrepancy.evidence import Evidence, laplace, sampled
 from femupdate.discrepancy.exchange import exchange_fits
 from femupdate.discrepancy.fit import Fit, extended, fit, fit_baseline
@@ -17,6 +18,7 @@ from femupdate.effects.effect import Placed
 NONE, NAMED, AMBIGUOUS = "none", "named", "ambiguous"
 _FEWEST = 3.0  # independent points an unknown, below which nothing can be told
 INDISTINGUISHABLE, UNKNOWN = "indistinguishable", "unknown"
+_COMPARED, _SHOWN = 3, 3  # twins of the first finding; further measurements that are named
 
 
 @dataclass(frozen=True)
@@ -91,6 +93,7 @@ class Diagnosis:
         where: residuals of the model as it is, by floor and band.
         twins: labels that the leading finding cannot be told from.
         partner: label of a second effect, with which the first explains what it does not alone.
+        worth: of further measurements, the best first, where the first is not told from its twins.
         sentence: the verdict for an engineer.
     """
 
@@ -104,12 +107,36 @@ class Diagnosis:
     where: tuple[Cell, ...]
     twins: tuple[str, ...]
     partner: str
+    worth: tuple[Worth, ...]
     sentence: str
 
     @property
     def leading(self) -> Finding | None:
         """The most probable finding."""
         return self.findings[0] if self.findings else None
+
+    def deciding(self, needed: float) -> tuple[str, ...]:
+        """Sentences on what would decide, where the first is not told from its twins.
+
+        Args:
+            needed: log evidence between two of them that decides.
+        """
+        if not self.twins or self.leading is None:
+            return ()
+        found = []
+        enough = [one for one in self.worth if one.log_evidence >= needed]
+        if enough:
+            best = "; ".join(f"{one.what} ({one.log_evidence:.0f})" for one in enough[:_SHOWN])
+            found.append(f"Measured as well, it would decide (log evidence to expect): {best}.")
+        elif self.worth:
+            found.append(
+                "No further floor would decide, measured as well as these: the most to expect is a "
+                f"log evidence of {self.worth[0].log_evidence:.1f}, from {self.worth[0].what}."
+            )
+        placed = [one.placed for one in self.findings if one.placed.label in self.twins]
+        for one in [self.leading.placed, *placed[:_COMPARED]]:
+            found.append(f"Without the model, {one.label} is settled by {one.effect.settled_by}.")
+        return tuple(found)
 
 
 def diagnose(
@@ -170,6 +197,7 @@ def diagnose(
         residual_cells(problem, base),
         twins,
         partner if verdict != UNKNOWN else "",
+        _worth(problem, findings, twins),
         _few_points(problem, base)
         if verdict == NONE and problem.effective < _FEWEST * base.coordinates.size
         else _sentence(verdict, findings, twins, partner, inflation),
@@ -339,6 +367,14 @@ def _verdict(
     tests = [first.score, *(other.score for other in near)]
     same = same_to_sensors(problem, base, tests, settings.alike)
     return (INDISTINGUISHABLE if same else AMBIGUOUS), twins
+
+
+def _worth(
+    problem: Problem, findings: tuple[Finding, ...], twins: tuple[str, ...]
+) -> tuple[Worth, ...]:
+    """What would tell the first finding from the first few of its twins."""
+    others = [one.fitted for one in findings[1:] if one.placed.label in twins[:_COMPARED]]
+    return deciding(problem, findings[0].fitted, others) if others else ()
 
 
 def _few_points(problem: Problem, base: Fit) -> str:

@@ -19,6 +19,7 @@ Effects = tuple[Placed, ...]
 # What no model of a building resolves and no mesh estimate sees, in ln|H|: it keeps a very quiet
 # record from deciding on details of the model.
 MODEL_ERROR = 0.02
+WILD = 8.0  # residuals, in standard deviations, that count no more than this
 
 
 @dataclass(frozen=True)
@@ -142,10 +143,10 @@ class Problem:
         weight = (1.0 / self.sd) * self.independent**0.5
         size = frf.abs().clamp_min(1e-12).log()
         # One wild point, where an anti-resonance is a sample off, must not decide anything.
-        parts = [((self.log_frf - size) * weight).clamp(-_WILD, _WILD).flatten(1)]
+        parts = [((self.log_frf - size) * weight).clamp(-WILD, WILD).flatten(1)]
         if self.phase is not None:
             turn = torch.remainder(self.phase - frf.angle() + torch.pi, 2.0 * torch.pi) - torch.pi
-            parts.append((turn * weight).clamp(-_WILD, _WILD).flatten(1))
+            parts.append((turn * weight).clamp(-WILD, WILD).flatten(1))
         return torch.cat(parts, dim=1)
 
     def moved(self, from_: Tensor, to: Tensor) -> Tensor:
@@ -189,7 +190,6 @@ def _on_rows(values: Tensor, own: tuple[int, ...], rows: tuple[int, ...], missin
     return wide
 
 
-_WILD = 8.0
 _NOISY = 0.15  # sd of ln|H|
 # Errors of H1 at frequencies x / T apart are correlated by 1, 4/9, 1/36, 0 at x = 0, 1, 2, 3: the
 # spectrum of the squared window, squared, as base and noise both have it. What changes slowly with

@@ -104,6 +104,7 @@ class Effect(ABC):
         title: a few words for figures.
         sentence: what it is and does, for an engineer.
         confused_with: names of effects that look alike.
+        settled_by: a look or a measurement that tells whether it is there, without any model.
         parameters: the size first.
         instrument: it lies in the measurement, not in the structure.
         needs_phase: |H| does not show it.
@@ -115,6 +116,7 @@ class Effect(ABC):
     title: ClassVar[str]
     sentence: ClassVar[str]
     confused_with: ClassVar[tuple[str, ...]] = ()
+    settled_by: ClassVar[str]
     parameters: ClassVar[tuple[Parameter, ...]]
     instrument: ClassVar[bool] = False
     needs_phase: ClassVar[bool] = False

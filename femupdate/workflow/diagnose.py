@@ -62,6 +62,7 @@ class DiagnosisReport:
         reduced: the structure with its basis.
         observation: the data.
         screen: what the channels themselves say, in sentences.
+        settings: of the diagnosis.
         path: of the JSON file.
         pictures: files drawn.
         seconds: all the time taken.
@@ -72,9 +73,15 @@ class DiagnosisReport:
     reduced: ReducedStructure
     observation: Observation
     screen: tuple[str, ...]
+    settings: DiagnosisSettings
     path: Path
     pictures: tuple[Path, ...]
     seconds: float
+
+    @property
+    def would_decide(self) -> tuple[str, ...]:
+        """Sentences on what would tell the first effect from others, where the data do not."""
+        return self.diagnosis.deciding(self.settings.over_next)
 
     def as_dict(self) -> dict[str, Any]:
         """What the JSON file and `--json` hold."""
@@ -87,6 +94,7 @@ class DiagnosisReport:
             "partner_of_the_first": found.partner or None,
             "cannot_be_seen": list(found.hidden),
             "cannot_be_told_from_the_first": list(found.twins),
+            "would_decide": list(self.would_decide),
             "where": [
                 {"floor": cell.floor, "band_hz": list(cell.band_hz), "excess": cell.excess}
                 for cell in found.where
@@ -126,21 +134,22 @@ def diagnose_study(
         BuildingError: an effect of the building's file cannot be.
     """
     show, started = progress or Silent(), time.monotonic()
+    chosen = settings or DiagnosisSettings()
     observation = observation_of(model.building, source)
     other = None if second is None else second_record(model, source, second)
     parts = model_parts(study, model, show)
     others = () if other is None else (other,)
-    problem, base = prepared(model, parts, observation, use_phase, settings, show, others)
+    problem, base = prepared(model, parts, observation, use_phase, chosen, show, others)
     show.start("Looking for what is missing", 3)
-    problem, base, found = sought(model, parts, problem, base, settings, show)
-    needed = (settings or DiagnosisSettings()).over_none + problem.mimicked
-    pictures = draw_diagnosis(study, found, needed)
+    problem, base, found = sought(model, parts, problem, base, chosen, show)
+    pictures = draw_diagnosis(study, found, chosen.over_none + problem.mimicked)
     report = DiagnosisReport(
         found,
         problem,
         problem.reduced,
         observation,
         (*(() if other is None else (other.note,)), *_screen(observation, found)),
+        chosen,
         study.path("diagnosis.json"),
         pictures,
         time.monotonic() - started,

@@ -23,13 +23,14 @@ def test_every_effect_has_its_row(rows):
 
 @pytest.mark.parametrize("name", CATALOGUE)
 def test_a_row_says_what_the_catalogue_says(rows, name):
-    effect, (_, _, parameters, sentence, confused) = CATALOGUE[name], rows[name]
+    effect, (_, _, parameters, sentence, confused, settled) = CATALOGUE[name], rows[name]
     assert sentence.startswith(effect.sentence.replace("|", "/"))
     for one in effect.parameters:
         assert f"{one.text} ({one.unit}): {one.scale:g}, {one.lower:g} to {one.upper:g}" in (
             parameters
         )
     assert all(f"`{other}`" in confused for other in effect.confused_with)
+    assert settled == effect.settled_by
 
 
 def test_pictures_are_there_and_small():

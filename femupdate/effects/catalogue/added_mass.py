@@ -16,6 +16,7 @@ class AddedMass(Effect):
         "a water tank, or a wrong unit weight."
     )
     confused_with = ("tuned_appendage", "base_sway", "foundation_rocking")
+    settled_by = "a look at what stands on the floor, and its weight"
     parameters = (
         Parameter("size", "1", 0.1, lower=-0.5, upper=1.0, text="share of the floor's mass"),
     )

@@ -18,6 +18,7 @@ class AmplitudeSoftening(Effect):
         "joints and partitions that slip); two observations at different levels show it."
     )
     confused_with = ()
+    settled_by = "a third record at another level"
     parameters = (
         Parameter(
             "size",

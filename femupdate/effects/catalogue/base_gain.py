@@ -13,6 +13,7 @@ class BaseGain(Effect):
     title = "Gain of the base channel"
     sentence = "The base sensor is off by a constant factor, which shifts all floors alike."
     confused_with = ("base_sway",)
+    settled_by = "two sensors side by side on the base in one run: their readings must agree"
     parameters = (
         Parameter("size", "1", 0.05, lower=-0.5, upper=1.0, text="relative error of the gain"),
     )

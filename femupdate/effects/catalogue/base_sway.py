@@ -14,6 +14,7 @@ class BaseSway(Effect):
         "anchorage; all floors are amplified by one common factor that grows with frequency."
     )
     confused_with = ("roll_off", "added_mass", "foundation_rocking")
+    settled_by = "a sensor on the foundation beside the one on the ground or the table"
     parameters = (
         Parameter(
             "size", "1", 0.1, lower=0.0, upper=2.0, text="sway over static roof displacement"

@@ -16,6 +16,7 @@ class ChannelGain(Effect):
         "body it does not read what the base does."
     )
     confused_with = ("base_gain",)
+    settled_by = "all sensors side by side on the base in one run: their readings must agree"
     parameters = (
         Parameter("size", "1", 0.05, lower=-0.5, upper=1.0, text="relative error of the gain"),
     )

@@ -14,6 +14,7 @@ class CrackedBeams(MemberStiffness):
         "and columns have not."
     )
     confused_with = ("cracked_columns",)
+    settled_by = "the beams' cracks and joints, or the rotation of their ends"
     parameters = (
         Parameter(
             "size", "1", 0.4, lower=-0.9, upper=0.0, text="change of the beams' bending stiffness"

@@ -13,6 +13,7 @@ class CrackedColumns(MemberStiffness):
         "The columns have lost bending stiffness by cracking, while walls and beams have not."
     )
     confused_with = ("cracked_beams",)
+    settled_by = "the columns' cracks, or the rotation of their ends"
     parameters = (
         Parameter(
             "size", "1", 0.4, lower=-0.9, upper=0.0, text="change of the columns' bending stiffness"

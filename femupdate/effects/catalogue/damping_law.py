@@ -19,6 +19,7 @@ class DampingLaw(Effect):
         "high and low modes cannot both be right."
     )
     confused_with = ("story_damper", "roll_off")
+    settled_by = "the decay of free vibration in each mode"
     parameters = (
         Parameter("size", "1", 0.5, lower=-0.9, upper=3.0, text="share of the other law"),
     )

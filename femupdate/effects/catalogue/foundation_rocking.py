@@ -14,6 +14,7 @@ class FoundationRocking(Effect):
         "in proportion to their height on top of their own deformation."
     )
     confused_with = ("wall_stiffness", "added_mass", "table_pitch")
+    settled_by = "two vertical sensors at opposite edges of the foundation"
     parameters = (
         Parameter(
             "size", "1", 0.1, lower=0.0, upper=2.0, text="rocking over static roof displacement"

@@ -15,6 +15,7 @@ class NoiseFloor(Effect):
         "|H| was taken as a ratio of amplitudes, in which the noise of the floor sensors fills "
         "the anti-resonances."
     )
+    settled_by = "FRFs estimated from the histories instead of a ratio of amplitudes"
     parameters = (
         Parameter("size", "1", 0.05, lower=0.0, upper=1.0, text="noise over base amplitude"),
     )

@@ -17,6 +17,7 @@ class NonStructuralWalls(Effect):
         "the frame and stiffen the stories in which they stand."
     )
     confused_with = ("wall_stiffness", "cracked_beams", "eccentricity")
+    settled_by = "the gaps around these walls, or sensors at both sides of the plan"
     parameters = (
         Parameter(
             "size", "1", 0.2, lower=0.0, upper=2.0, text="share of the walls' elastic stiffness"

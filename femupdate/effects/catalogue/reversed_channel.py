@@ -13,6 +13,7 @@ class ReversedChannel(Effect):
     name = "reversed_channel"
     title = "Reversed channel"
     sentence = "The sensor of one floor points the other way: its phase is off by half a turn."
+    settled_by = "the arrow on the sensor, or its sign when it is tilted by hand"
     parameters = ()
     instrument = True
     needs_phase = True

@@ -18,6 +18,7 @@ class RollOff(Effect):
         "filter: a smooth droop, with a phase lag."
     )
     confused_with = ("base_sway", "damping_law")
+    settled_by = "the sensors' data sheets, or floor and base sensors side by side in one run"
     parameters = (
         Parameter(
             "size", "1", 0.03, lower=0.0, upper=4.0, text="(10 Hz over the corner frequency)^2"

@@ -14,6 +14,7 @@ class SlabParticipation(MemberStiffness):
         "another effective width."
     )
     confused_with = ("cracked_beams",)
+    settled_by = "the slab's cracks, or strains of the slab beside a beam"
     parameters = (
         Parameter("size", "1", 0.3, lower=-0.9, upper=3.0, text="change of the slabs' stiffness"),
     )

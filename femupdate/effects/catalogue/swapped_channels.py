@@ -14,6 +14,7 @@ class SwappedChannels(Effect):
     name = "swapped_channels"
     title = "Swapped channels"
     sentence = "The channels of two floors are exchanged: cables or column names were mixed up."
+    settled_by = "the labels of the cables, or a tap beside each sensor"
     parameters = ()
     instrument = True
 

@@ -14,6 +14,7 @@ class TablePitch(Effect):
         "proportion to height; natural frequencies stay, anti-resonances move."
     )
     confused_with = ("foundation_rocking",)
+    settled_by = "two vertical sensors at opposite ends of the table"
     parameters = (
         Parameter("size", "rad/m", 0.02, lower=-0.2, upper=0.2, text="rotation per translation"),
     )

@@ -18,6 +18,7 @@ class TunedAppendage(Effect):
         "(a tank, a mast, a machine on springs) and splits a peak in two."
     )
     confused_with = ("added_mass",)
+    settled_by = "a sensor on the thing itself (tank, mast, machine)"
     parameters = (
         Parameter("size", "1", 0.02, lower=0.0, upper=0.3, text="share of the floor's mass"),
         Parameter(

@@ -14,6 +14,7 @@ class WallStiffness(MemberStiffness):
         "frame: cracking, openings, another thickness or effective width."
     )
     confused_with = ("foundation_rocking",)
+    settled_by = "the walls' cracks, or strains at their feet"
     parameters = (
         Parameter("size", "1", 0.25, lower=-0.9, upper=3.0, text="change of the walls' stiffness"),
     )

@@ -1,0 +1,120 @@
+"""Which further measurement would tell effects apart that these data do not.
+
+Two fitted models differ in what they predict elsewhere. A sensor on another floor (or the phase,
+where only |H| was measured) is worth the part of that difference which the parameters of the second
+model could not make up for, given all that was measured already: D standard deviations of the noise
+are a log evidence of D^2 / 2.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from femupdate.discrepancy.fit import Fit
+from femupdate.discrepancy.problem import WILD, Problem
+
+_STEP, _ROUNDS = 1e-3, 6
+PHASE = "the phase of the floors measured"
+
+
+@dataclass(frozen=True)
+class Worth:
+    """What one further measurement is worth.
+
+    Attributes:
+        what: a floor that was not measured, or `PHASE`.
+        log_evidence: to be expected with it, between the two models that are hardest to tell apart.
+    """
+
+    what: str
+    log_evidence: float
+
+
+def deciding(problem: Problem, first: Fit, others: Sequence[Fit]) -> tuple[Worth, ...]:
+    """What further measurements would tell a model from others, the best first.
+
+    A floor's noise is taken to be that of the floors measured.
+
+    Args:
+        problem: structure and data.
+        first: the leading model, fitted.
+        others: those that it is not told from, fitted.
+    """
+    options = _options(problem)
+    if not options or not others:
+        return ()
+    whole = _everywhere(problem)
+    worth = np.array([_expected(whole, first, one, options) for one in others]).min(axis=0)
+    found = [Worth(what, float(value)) for what, value in zip(options, worth, strict=True)]
+    return tuple(sorted(found, key=lambda one: -one.log_evidence))
+
+
+def _everywhere(problem: Problem) -> Problem:
+    """The problem as if every floor had been measured, with its phase."""
+    count = len(problem.reduced.model.floors)
+    precision = torch.where(torch.isfinite(problem.sd), problem.sd**-2, 0.0)
+    seen = (precision > 0.0).sum(dim=0)
+    typical = (precision.sum(dim=0) / seen.clamp_min(1)) ** -0.5  # infinite where nothing is valid
+    sd = typical.expand(count, -1).clone()
+    sd[list(problem.rows)] = problem.sd
+    zero = torch.zeros_like(sd)
+    return replace(problem, rows=tuple(range(count)), sd=sd, log_frf=zero, phase=zero)
+
+
+def _options(problem: Problem) -> dict[str, NDArray[np.bool_]]:
+    """What (amplitude and phase, by floor) is there with each further measurement."""
+    floors = problem.reduced.model.floors
+    has = np.zeros((2, len(floors)), dtype=bool)
+    has[0, list(problem.rows)] = True
+    has[1] = has[0] & (problem.phase is not None)
+    found = {}
+    for row, floor in enumerate(floors):
+        if row not in problem.rows:
+            more = has.copy()
+            more[:, row] = has.any(axis=1)
+            found[floor] = more
+    if problem.phase is None:
+        found[PHASE] = np.stack([has[0], has[0]])
+    return found
+
+
+def _expected(
+    problem: Problem, first: Fit, other: Fit, options: Mapping[str, NDArray[np.bool_]]
+) -> list[float]:
+    """Log evidence (o,) with each further measurement, as if the first model were the truth.
+
+    The other model follows by steps of Gauss and Newton with the derivatives where it is.
+    """
+    where = other.coordinates
+    here, there = (_predicted(problem, one, one.z[None]) for one in (other, first))
+    steps = torch.where(other.z + _STEP <= where.upper, _STEP, -_STEP)
+    stepped = _predicted(problem, other, other.z + torch.diag(steps))
+    shape = (-1, 2, len(problem.rows), len(problem.frequency_hz))
+    jacobian = (problem.moved(here, stepped) / steps[:, None]).reshape(shape)
+    prior = torch.diag(where.precision.sqrt())
+    found = []
+    for has in options.values():
+        seen = torch.from_numpy(has)
+        columns = torch.cat([jacobian[:, seen].flatten(1).T, prior])
+        z, least = other.z, np.inf
+        for _ in range(_ROUNDS):
+            missed = problem.moved(_predicted(problem, other, z[None]), there).reshape(shape)[0]
+            # As among the residuals, one point where an anti-resonance is off must not decide.
+            rest = missed[seen].flatten().clamp(-WILD, WILD)
+            left = torch.cat([rest, prior @ (other.z - z)])
+            least = min(least, 0.5 * float(left @ left))
+            step = torch.linalg.lstsq(columns, left[:, None]).solution[:, 0]
+            z = torch.minimum(torch.maximum(z + step, where.lower), where.upper)
+        found.append(least)
+    return found
+
+
+def _predicted(problem: Problem, fitted: Fit, z: Tensor) -> Tensor:
+    return problem.predicted(fitted.system, *fitted.coordinates.split(z, problem.fixed_zeta))
+
+
+__all__ = ["PHASE", "Worth", "deciding"]
