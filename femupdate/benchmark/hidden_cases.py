@@ -175,7 +175,7 @@ def run_trial(
     named = found.leading.placed.label if found.leading and found.verdict != "none" else ""
     after = base
     if found.leading and found.verdict == "named":
-        after = refined(model, kept.parts, problem, found.leading.fitted)[1]
+        after = refined(model, kept.parts, problem, found.leading.fitted, alone=True)[1]
     seconds = time.monotonic() - started
     held = _held_out(truth, zeta, building, settings, (base, after), problem, streams[3])
     right = bool(hidden) and named == hidden[0] and found.leading is not None

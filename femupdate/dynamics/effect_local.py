@@ -28,21 +28,35 @@ Floats = NDArray[np.float64]
 SPREAD = 0.2  # of ln theta to both sides
 _SIZE = 260
 _NEIGHBOURS = 8
+_CHANGED = 0.2  # share of its size by which an effect that is present is changed
+
+
+Sized = tuple[tuple[Placed, float], ...]
 
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """One effect alone, of one size: its stiffness by story and its mass.
+    """What effects of some sizes add: stiffness by story and mass.
 
     Attributes:
-        stiffness: (story, matrix), of unit size.
-        mass: matrix and force per unit base acceleration, of unit size, or None.
-        size: of the effect.
+        stiffness: (story, matrix).
+        mass: matrix and force per unit base acceleration.
     """
 
     stiffness: tuple[tuple[int, csc_matrix], ...] = ()
-    mass: tuple[csc_matrix, Floats] | None = None
-    size: float = 0.0
+    mass: tuple[tuple[csc_matrix, Floats], ...] = ()
+
+    def changed(
+        self, operators: AffineOperators, sensors: FloorSensors, theta: Floats
+    ) -> tuple[AffineOperators, FloorSensors]:
+        """The full model at theta with the effects, as one without stiffness factors."""
+        stiffness, mass, force = operators.stiffness(theta), operators.mass, sensors.excitation
+        for story, matrix in self.stiffness:
+            stiffness = stiffness + _factor(theta, story) * matrix
+        for matrix, own in self.mass:
+            mass, force = mass + matrix, force + own
+        own_operators = replace(operators, stiffness_constant=csc_matrix(stiffness), mass=mass)
+        return with_terms(own_operators, ()), replace(sensors, excitation=force)
 
 
 def local_structure(
@@ -53,11 +67,13 @@ def local_structure(
     *,
     spread: float = SPREAD,
     size: int = _SIZE,
+    present: Sized | None = None,
 ) -> ReducedStructure:
     """A frame on a basis for the neighbourhood of theta, from its full model.
 
-    One full eigenproblem, and for some twenty questions one step each from there. A stick is its
-    own reduction and comes back as it is.
+    One full eigenproblem, and for some questions one step each from there: some thirty where every
+    effect of the catalogue may act, each alone; ten where only those that are present do, all
+    together. A stick is its own reduction and comes back as it is.
 
     Args:
         structure: the full model.
@@ -66,13 +82,16 @@ def local_structure(
         progress: told (done, total).
         spread: half width of the neighbourhood in ln theta.
         size: number of shapes.
+        present: effects that the model has, and the first parameter of each, where no others need
+            act; None for the catalogue.
     """
     if structure.operators is None or structure.mesh is None:
         return structure_on(structure, np.diag(structure.points.mass**-0.5))
-    asked = _questions(structure)
+    asked = _questions(structure) if present is None else _about(structure, present)
     sensors = floor_sensors(structure.operators, structure.mesh.floor_nodes, structure.direction)
     draws = _draws(theta, len(asked), spread)
-    known = modes_below(structure.operators, theta, TOP * float(target.frequency_hz[-1]))
+    middle = asked[0].changed(structure.operators, sensors, theta)[0]
+    known = modes_below(middle, np.zeros(0), TOP * float(target.frequency_hz[-1]))
     task = _NearbyShapes(asked, known.shapes)
     basis = response_basis(
         structure.operators, sensors, draws, target, progress, task=task, size=size
@@ -82,9 +101,21 @@ def local_structure(
 
 def _questions(structure: Structure) -> tuple[Question, ...]:
     """No effect, and every effect of stiffness or mass in its widest places, to both sides."""
-    asked = [Question()]
-    for placed, size in _asked_places(structure):
-        asked.append(_question(placed.effect.terms(structure, placed.place), size))
+    return (Question(), *(_question(structure, (one,)) for one in _asked_places(structure)))
+
+
+def _about(structure: Structure, present: Sized) -> tuple[Question, ...]:
+    """All effects as they are, and with the size of one after the other changed."""
+    asked = [_question(structure, present)]
+    for number, (placed, size) in enumerate(present):
+        own = placed.effect.parameters[0] if placed.effect.parameters else None
+        if own is None or not _acts(placed.effect.terms(structure, placed.place)):
+            continue
+        step = max(_CHANGED * abs(size), 0.5 * own.scale)
+        for other in (size - step, size + step):
+            if own.lower <= other <= own.upper:
+                moved = (*present[:number], (placed, other), *present[number + 1 :])
+                asked.append(_question(structure, moved))
     return tuple(asked)
 
 
@@ -94,10 +125,14 @@ def _asked_places(structure: Structure) -> list[tuple[Placed, float]]:
     for effect in CATALOGUE.values():
         for place in _wide(effect, structure):
             placed = Placed(effect, place)
-            terms = placed.effect.terms(structure, placed.place)
-            if terms.stiffness or terms.mass is not None:
+            if _acts(placed.effect.terms(structure, place)):
                 found += [(placed, size) for size in _sizes(effect)]
     return found
+
+
+def _acts(terms: Terms) -> bool:
+    """Whether an effect changes the shapes that a basis must hold."""
+    return bool(terms.stiffness) or terms.mass is not None
 
 
 def _wide(effect: Effect, structure: Structure) -> tuple[str, ...]:
@@ -115,11 +150,15 @@ def _sizes(effect: Effect) -> tuple[float, ...]:
     return tuple(size for size in both if one.lower <= size <= one.upper)
 
 
-def _question(terms: Terms, size: float) -> Question:
-    mass = None
-    if terms.mass is not None:
-        mass = (terms.mass.matrix, terms.mass.force[:, TRANSLATION])
-    return Question(terms.stiffness, mass, size)
+def _question(structure: Structure, sized: Sized) -> Question:
+    stiffness: list[tuple[int, csc_matrix]] = []
+    mass: list[tuple[csc_matrix, Floats]] = []
+    for placed, size in sized:
+        terms = placed.effect.terms(structure, placed.place)
+        stiffness += [(story, size * matrix) for story, matrix in terms.stiffness]
+        if terms.mass is not None:
+            mass.append((size * terms.mass.matrix, size * terms.mass.force[:, TRANSLATION]))
+    return Question(tuple(stiffness), tuple(mass))
 
 
 def _neighbours(theta: Floats, spread: float) -> Floats:
@@ -129,7 +168,7 @@ def _neighbours(theta: Floats, spread: float) -> Floats:
 
 
 def _draws(theta: Floats, asked: int, spread: float) -> Floats:
-    """(n, 1 + p) the number of a question, and theta; the neighbours ask none."""
+    """(n, 1 + p) the number of a question, and theta; the neighbours ask the first."""
     numbers = np.concatenate([np.arange(asked), np.zeros(_NEIGHBOURS)])
     thetas = np.concatenate([np.tile(theta, (asked, 1)), _neighbours(theta, spread)])
     return np.column_stack([numbers, thetas])
@@ -154,19 +193,8 @@ class _NearbyShapes:
         draw: Floats,
         target: ReductionTarget,
     ) -> Floats:
-        asked, theta = self.questions[int(draw[0])], draw[1:]
-        stiffness, mass = operators.stiffness(theta), operators.mass
-        for story, matrix in asked.stiffness:
-            stiffness = stiffness + asked.size * _factor(theta, story) * matrix
-        if asked.mass is not None:
-            mass = mass + asked.size * asked.mass[0]
-            force = sensors.excitation + asked.size * asked.mass[1]
-            sensors = replace(sensors, excitation=force)
-        changed = replace(
-            operators, stiffness_constant=csc_matrix(stiffness), mass=csc_matrix(mass)
-        )
-        modes = nearby_modes(with_terms(changed, ()), sensors, np.zeros(0), self.known)
-        return snapshots(modes, target)
+        own, seen = self.questions[int(draw[0])].changed(operators, sensors, draw[1:])
+        return snapshots(nearby_modes(own, seen, np.zeros(0), self.known), target)
 
 
 def _factor(theta: Floats, story: int) -> float:

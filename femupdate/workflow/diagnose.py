@@ -23,7 +23,7 @@ from femupdate.discrepancy.problem import Problem, together
 from femupdate.discrepancy.score import candidates
 from femupdate.discrepancy.screen import screen_channels
 from femupdate.discrepancy.where import Cell
-from femupdate.dynamics.effect_local import SPREAD
+from femupdate.dynamics.effect_local import SPREAD, Sized
 from femupdate.dynamics.effect_response import ReducedStructure
 from femupdate.effects.effect import Placed
 from femupdate.effects.structure import Structure
@@ -285,6 +285,8 @@ def refined(
     problem: Problem,
     fitted: Fit,
     progress: Progress | None = None,
+    *,
+    alone: bool = False,
 ) -> tuple[Problem, Fit]:
     """The problem around a fit with effects, whose theta may be far from the first one's.
 
@@ -296,6 +298,7 @@ def refined(
         problem: as the effects were found.
         fitted: with the effects.
         progress: told about the steps.
+        alone: no other effects need act in it; then it serves these better, and costs a third.
     """
     if problem.reduced.structure.operators is None:
         return problem, fitted
@@ -303,7 +306,7 @@ def refined(
     for _ in range(_MOVES):
         middle = fitted
         start = (fitted.placed, fitted.z)
-        problem, fitted = _around(parts, model, problem, middle, start, show)
+        problem, fitted = _around(parts, model, problem, middle, start, show, alone)
         if np.abs(np.log(fitted.theta()[0] / middle.theta()[0])).max() < SPREAD:
             break
     return problem, fitted
@@ -316,16 +319,28 @@ def _around(
     middle: Fit,
     start: tuple[tuple[Placed, ...], Tensor],
     show: Progress,
+    alone: bool = False,
 ) -> tuple[Problem, Fit]:
     """A frame's problem on a basis about a fit, with its mesh error there, and a fit from there."""
     theta, zeta = middle.theta()[0], middle.zeta(problem.fixed_zeta)
-    near = structure_near(parts.structure, model.building, theta, zeta, show)
+    present = _sized(middle) if alone else None
+    near = structure_near(parts.structure, model.building, theta, zeta, show, present)
     if parts.mesh is not None:
         near = corrected(near, parts.mesh)
     problem = replace(problem, reduced=near)
     if parts.mesh is not None:
         problem = with_mesh_error(problem, parts.mesh)
     return problem, fit(problem, *start)
+
+
+def _sized(fitted: Fit) -> Sized:
+    """The effects of a fit, each with its first parameter."""
+    values, found, first = fitted.sizes()[0], [], 0
+    for placed in fitted.placed:
+        count = len(placed.effect.parameters)
+        found.append((placed, float(values[first]) if count else 1.0))
+        first += count
+    return tuple(found)
 
 
 def _screen(observation: Observation, found: Diagnosis) -> tuple[str, ...]:

@@ -15,7 +15,7 @@ from femupdate.building.files import mechanics_hash
 from femupdate.building.schema import Building, FrameBuilding
 from femupdate.discrepancy.mesh_error import FINER, MeshError
 from femupdate.discrepancy.problem import Problem, make_problem
-from femupdate.dynamics.effect_local import local_structure
+from femupdate.dynamics.effect_local import Sized, local_structure
 from femupdate.dynamics.effect_modal import parameters_of
 from femupdate.dynamics.effect_reduction import reduce_structure, structure_on
 from femupdate.dynamics.effect_response import ReducedStructure
@@ -135,15 +135,18 @@ def structure_near(
     theta: Floats,
     zeta: float,
     progress: Progress | None = None,
+    present: Sized | None = None,
 ) -> ReducedStructure:
     """The structure on a basis for the neighbourhood of theta, in which effects may act.
 
     A basis for the whole prior, members and torsion apart, needs some nine hundred shapes; near one
-    theta two hundred do, from some twenty solutions of the full model.
+    theta two hundred do, from some thirty solutions of the full model, or from ten where only the
+    effects that are present need act.
     """
     whole = reduction_target(building)
     target = replace(whole, zeta=max(zeta, whole.zeta))
-    return local_structure(structure, theta, target, teller(progress or Silent()))
+    tell = teller(progress or Silent())
+    return local_structure(structure, theta, target, tell, present=present)
 
 
 def teller(

@@ -149,7 +149,7 @@ def repair_study(
     done = mend(problem, base, chosen, lambda text: show.advance(1, text), renewed, found)
     mended = done.problem
     if done.rounds and not done.rounds[-1].finding.placed.exchange:
-        mended, last = renewed(done.problem, done.after)
+        mended, last = refined(model, parts, done.problem, done.after, show, alone=True)
         done = replace(done, after=last, p_after=p_value(mended, last))
     show.start("Updating the posterior", 2)
     inflation = done.last.inflation

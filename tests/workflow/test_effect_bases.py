@@ -102,7 +102,7 @@ def test_refined_follows_theta_out_of_the_neighbourhood(cabin, observation, monk
     """A basis about where the first fit stood is not the last where theta then leaves it."""
     parts, about = ModelParts(cabin.plain, cabin.plain.structure), []
 
-    def near(structure, building, theta, zeta, show=None):
+    def near(structure, building, theta, zeta, show=None, present=None):
         about.append(theta)
         return structure_near(structure, building, theta, zeta)
 
