@@ -185,6 +185,10 @@ class DecodedLikelihood:
         weight, target = self._data.weight[self._seen], self._data.log_frf[self._seen]
         return (weight * (log_frf.to(target)[:, self._seen] - target).square()).mean(1)
 
+    def by_responses(self, log_frf: Tensor) -> Tensor:
+        """Log likelihood (n,) of the building's responses, which the decoder has no part in."""
+        return -0.5 * self._power * self.misfit(log_frf) * len(self._target)
+
     def precise(self) -> "DecodedLikelihood":
         """The same in double precision, for differences."""
         mvae = copy.deepcopy(self._mvae).double()

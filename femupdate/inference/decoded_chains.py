@@ -1,24 +1,28 @@
-"""The latent posterior of dozens of factors: chains on the decoder, put right as they go.
+"""The latent posterior of dozens of factors: a population on the decoder, put right as it goes.
 
-Maxima of the decoder's posterior are searched for, chains of Hamiltonian Monte Carlo run from
-them, the building answers at some of their states, and the decoder is corrected by what it says;
-then again, from where the chains are, until the last correction gives the posterior.
+A population goes from the prior to the decoder's posterior, the building answers at some of its
+states, and the decoder is corrected by what it says; then again, from where the population is.
+Last it moves along the decoder and the building judges every move.
 """
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import torch
 from torch import Tensor
 
-from femupdate.inference.decoded import DecodedLikelihood
-from femupdate.inference.hamiltonian import (
-    HamiltonianResult,
-    HamiltonianSettings,
-    hamiltonian_draws,
+from femupdate.inference.annealed import (
+    AnnealedSettings,
+    CorrectedDraws,
+    Population,
+    annealed,
+    annealed_draws,
+    corrected_draws,
 )
-from femupdate.inference.laplace import LaplaceSettings, LaplaceStart, laplace_start
+from femupdate.inference.decoded import DecodedLikelihood
 from femupdate.inference.prior import UniformPrior
+from femupdate.inference.smc import LogLikelihood
 
 Respond = Callable[[Tensor], Tensor]
 """The building's ln|H| (n, f, k), of all floors of the decoder, at parameters (n, p)."""
@@ -29,24 +33,20 @@ class DecodedSettings:
     """How the posterior is found.
 
     Attributes:
-        search: of the maxima.
-        chains: that run side by side.
+        population: that is carried from the prior.
         corrections: of the decoder, at least one.
-        between: states of each chain before a correction, at each of which the building answers; a
-            correction is fitted to those of the last two turns.
-        chain: of the chains; those between corrections warm up for half as long.
+        between: states of each particle before a correction, at each of which the building answers;
+            a correction is fitted to those of the last two turns.
     """
 
-    search: LaplaceSettings = field(default_factory=LaplaceSettings)
-    chains: int = 16
+    population: AnnealedSettings = field(default_factory=AnnealedSettings)
     corrections: int = 3
-    between: int = 16
-    chain: HamiltonianSettings = field(default_factory=lambda: HamiltonianSettings(rows=64))
+    between: int = 2
 
-    def trajectories(self, draws: int) -> int:
-        """In all, for progress."""
-        tuning = self.corrections * (self.chain.warm_up // 2 + self.between)
-        return tuning + self.chain.warm_up + draws
+    @property
+    def stages(self) -> int:
+        """Whose progress is told: every posterior on the way, and the draws."""
+        return self.corrections + 2
 
 
 @dataclass(frozen=True)
@@ -54,19 +54,19 @@ class DecodedPosterior:
     """Draws of the latent posterior, and what they took.
 
     Attributes:
-        draws: of chains.
-        likelihood: that they were drawn for.
-        reached: searches that ended at each maximum that counted at first.
+        draws: of the building's own likelihood, at the noise of the latent one.
+        likelihood: of the decoder as it was corrected last.
+        population: that it has drawn.
         responses: of the building.
         misfit: mean squared misfit of the building's responses, whitened by the noise, at the state
             that fits best: about one.
         decoder_error: rms by which the decoder, not corrected, missed the last responses.
-        error: the same for what was drawn from last, which had not seen them.
+        error: the same, corrected by the responses before them.
     """
 
-    draws: HamiltonianResult
+    draws: CorrectedDraws
     likelihood: DecodedLikelihood
-    reached: tuple[int, ...]
+    population: Population
     responses: int
     misfit: float
     decoder_error: float
@@ -82,87 +82,141 @@ def decoded_posterior(
     settings: DecodedSettings | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> DecodedPosterior:
-    """Draw the latent posterior with so many states of each chain.
+    """Draw the latent posterior, at least so many states in all.
 
     Args:
         prior: of the parameters, with the damping ratio last where it is unknown.
         likelihood: of the decoder as it was trained.
         respond: see `Respond`.
-        draws: kept states of each chain.
+        draws: states to keep.
         seed: of everything random.
         settings: see `DecodedSettings`.
-        progress: called with the number of trajectories done since the last call.
+        progress: called with the per cent of a stage done since the last call.
 
     Raises:
-        InferenceError: no candidate has a finite likelihood.
+        InferenceError: no particle has a finite likelihood.
     """
     chosen = settings or DecodedSettings()
-    first = laplace_start(prior, likelihood.precise().residuals, seed, chosen.search)
-    tuned = _tuned(prior, likelihood, respond, first, chosen, seed, progress)
-    final = hamiltonian_draws(
-        prior,
-        tuned.likelihood,
-        tuned.start,
-        chosen.chains,
-        draws,
-        seed + chosen.corrections,
-        chosen.chain,
-        progress,
-    )
+    run = _Run(prior, chosen.population, seed, progress)
+    tuned = _tuned(run, likelihood, respond, chosen)
+
+    def dear(parameters: Tensor) -> Tensor:
+        return likelihood.by_responses(respond(parameters))
+
+    found = run.draws(tuned.likelihood, dear, tuned.population, draws)
     return DecodedPosterior(
-        final,
+        found,
         tuned.likelihood,
-        first.reached,
-        chosen.corrections * chosen.chains * chosen.between,
+        tuned.population,
+        chosen.corrections * len(tuned.states) + found.dear,
         float(likelihood.misfit(tuned.answers).min()),
         _rms(likelihood.missed(tuned.states, tuned.answers)),
         tuned.error,
     )
 
 
+class _Run:
+    """Carries populations, each with a seed of its own, and tells progress."""
+
+    def __init__(
+        self,
+        prior: UniformPrior,
+        settings: AnnealedSettings,
+        seed: int,
+        progress: Callable[[int], None] | None,
+    ) -> None:
+        self._prior, self._settings, self._seed, self._progress = prior, settings, seed, progress
+        self._stages = 0
+
+    def to(
+        self,
+        likelihood: DecodedLikelihood,
+        start: Population | None = None,
+        base: DecodedLikelihood | None = None,
+    ) -> Population:
+        """From prior times base to prior times likelihood: a stage."""
+        told = StageProgress(self._progress)
+        return annealed(
+            self._prior,
+            likelihood,
+            self._next_seed(),
+            self._settings,
+            start=start,
+            base=base,
+            told=told.power,
+        )
+
+    def draws(
+        self, cheap: DecodedLikelihood, dear: LogLikelihood, start: Population, count: int
+    ) -> CorrectedDraws:
+        """So many states: a stage."""
+        told = StageProgress(self._progress)
+        seed = self._next_seed()
+        return corrected_draws(
+            self._prior, cheap, dear, start, count, seed, self._settings, told.share
+        )
+
+    def states(
+        self, likelihood: DecodedLikelihood, start: Population, count: int
+    ) -> tuple[Tensor, Population]:
+        """Parameters (n, p) for the building to answer at, and where the population is then."""
+        seed = self._next_seed()
+        found = annealed_draws(self._prior, likelihood, start, count, seed, self._settings)
+        return found.theta.flatten(0, 1), found.population
+
+    def _next_seed(self) -> int:
+        self._stages += 1
+        return self._seed * 1009 + self._stages
+
+
+class StageProgress:
+    """Tells the per cent done of a stage."""
+
+    # Powers grow by about two thirds at a time, from some ten-thousandth.
+    _DECADES = 4.0
+
+    def __init__(self, progress: Callable[[int], None] | None) -> None:
+        self._progress, self._done = progress, 0
+
+    def power(self, beta: float) -> None:
+        """The likelihood is raised to beta."""
+        self.share(1.0 + max(math.log10(beta) / self._DECADES, -1.0))
+
+    def share(self, done: float) -> None:
+        """So much of it is done."""
+        percent = round(100.0 * done)
+        if self._progress is not None and percent > self._done:
+            self._progress(percent - self._done)
+        self._done = max(self._done, percent)
+
+
 @dataclass(frozen=True)
 class _Tuned:
-    """A corrected likelihood, its maxima, the last states (n, p), the building's ln|H| there, and
-    the rms by which the likelihood before missed it."""
+    """A corrected likelihood, a population that it has drawn, the last states (n, p) before, the
+    building's ln|H| there, and the rms by which the likelihood before missed it."""
 
     likelihood: DecodedLikelihood
-    start: LaplaceStart
+    population: Population
     states: Tensor
     answers: Tensor
     error: float
 
 
 def _tuned(
-    prior: UniformPrior,
-    plain: DecodedLikelihood,
-    respond: Respond,
-    start: LaplaceStart,
-    settings: DecodedSettings,
-    seed: int,
-    progress: Callable[[int], None] | None,
+    run: _Run, plain: DecodedLikelihood, respond: Respond, settings: DecodedSettings
 ) -> _Tuned:
     """Correct the decoder as often as the settings say."""
-    short = replace(settings.chain, warm_up=settings.chain.warm_up // 2)
-    chains, between = settings.chains, settings.between
     likelihood, turns = plain, list[tuple[Tensor, Tensor]]()
-    error = float("nan")
-    for turn in range(settings.corrections):
-        found = hamiltonian_draws(
-            prior, likelihood, start, chains, between, seed + turn, short, progress
-        )
-        states = found.theta.flatten(0, 1)
+    population, error = run.to(plain), float("nan")
+    for _ in range(settings.corrections):
+        count = settings.between * len(population.xi)
+        states, population = run.states(likelihood, population, count)
         turns.append((states, respond(states)))
         error = _rms(likelihood.missed(*turns[-1]))
+        before = likelihood
         likelihood = plain.corrected(*(torch.cat(parts) for parts in zip(*turns[-2:], strict=True)))
-        # Maxima have moved: the chains are near them.
-        start = laplace_start(
-            prior,
-            likelihood.precise().residuals,
-            seed,
-            settings.search,
-            near=found.theta[:, -1],
-        )
-    return _Tuned(likelihood, start, *turns[-1], error)
+        population = run.to(likelihood, population, before)
+    return _Tuned(likelihood, population, *turns[-1], error)
 
 
 def _rms(values: Tensor) -> float:

@@ -25,6 +25,8 @@ _NAMED = 0.35
 # A parameter that is left alone and keeps this share of its prior standard deviation is as before.
 _AS_BEFORE = 0.85
 _MOST_NAMES, _MOST_TOLD = 6, 3
+# Modes of more parameters than this are told by those that differ most.
+_ALL_TOLD = 10
 
 
 @dataclass(frozen=True)
@@ -136,18 +138,28 @@ class Identifiability:
     def _about_modes(self) -> list[str]:
         if len(self.modes) == 1:
             return []
+        shown = self._telling()
         listed = "; ".join(
             f"{mode.weight:.0%} near "
-            + ", ".join(
-                f"{name} {value:.3g}" for name, value in zip(self.names, mode.mean, strict=True)
-            )
+            + ", ".join(f"{self.names[k]} {mode.mean[k]:.3g}" for k in shown)
             for mode in self.modes[:_MOST_NAMES]
         )
+        if len(shown) < len(self.names):
+            listed += " (the others differ less)"
         return [
             f"The posterior has {len(self.modes)} separate modes, between which the data cannot "
             f"decide: {listed}. Means and standard deviations over all of them describe none; "
             "those of each are in the summary."
         ]
+
+    def _telling(self) -> list[int]:
+        """The parameters that tell the modes apart: all of a few, else those that differ most."""
+        if len(self.names) <= _ALL_TOLD:
+            return list(range(len(self.names)))
+        means = np.stack([mode.mean for mode in self.modes])
+        inside = np.mean([mode.sd for mode in self.modes], axis=0)
+        apart = np.ptp(means, axis=0) / np.maximum(inside, 1e-300)
+        return sorted(np.argsort(-apart)[:_MOST_NAMES].tolist())
 
 
 def identifiability(

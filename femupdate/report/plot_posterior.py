@@ -1,7 +1,7 @@
 """Posterior samples of the parameters: pairs, and the way from prior to posterior."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,6 +19,7 @@ from femupdate.report.style import INK, SERIES, styled
 
 POINTS = 250  # drawn under the contours; more hide each other
 SHARES = (0.9, 0.5)
+MOST = 12  # parameters in one figure; more cannot be read
 
 
 @dataclass(frozen=True)
@@ -49,6 +50,8 @@ def posterior_pairs(
 ) -> Figure:
     """Draw each parameter on the diagonal, pairs below it, correlations above.
 
+    Of more than `MOST` parameters those are drawn that are correlated most with another one.
+
     Args:
         sets: one to six posteriors of the same parameters.
         names: p names.
@@ -62,6 +65,12 @@ def posterior_pairs(
     cases = checked_cases(sets, len(names))
     limits = checked("bounds", bounds, len(names), 2)
     true = None if truth is None else checked("truth", truth, len(names))
+    total = len(names)
+    if total > MOST:
+        shown = most_correlated(cases[0].samples, MOST)
+        names, limits = [names[k] for k in shown], limits[shown]
+        cases = [replace(case, samples=case.samples[:, shown]) for case in cases]
+        true = None if true is None else true[shown]
     views = _views(cases, limits, true)
     size = len(names)
     side = max(1.25, min(2.1, 9.5 / size))
@@ -78,7 +87,7 @@ def posterior_pairs(
             else:
                 _draw_correlation(panel, cases, column, row)
             _label(panel, row, column, names)
-    _head(figure, title, cases, true, size)
+    _head(figure, title, cases, true, size, total)
     return figure
 
 
@@ -193,6 +202,15 @@ def _draw_correlation(panel: Axes, cases: list[Case], first: int, second: int) -
         )
 
 
+def most_correlated(samples: Floats, count: int) -> list[int]:
+    """So many columns of samples (S, p), in their order: those with the strongest correlations."""
+    varied = np.where(samples.std(axis=0) > 0.0, samples.std(axis=0), np.inf)
+    standard = (samples - samples.mean(axis=0)) / varied
+    size = np.abs(standard.T @ standard) / len(samples)
+    np.fill_diagonal(size, 0.0)
+    return sorted(np.argsort(-size.max(axis=0), kind="stable")[:count].tolist())
+
+
 def correlation(x: Floats, y: Floats) -> float:
     """Correlation of two rows of samples, 0 where one of them does not vary."""
     spread = x.std() * y.std()
@@ -218,10 +236,17 @@ def _label(panel: Axes, row: int, column: int, names: Sequence[str]) -> None:
 
 
 def _head(
-    figure: Figure, title: str, cases: list[Case], truth: Floats | None, parameters: int
+    figure: Figure,
+    title: str,
+    cases: list[Case],
+    truth: Floats | None,
+    parameters: int,
+    total: int,
 ) -> None:
     handles = [Line2D([], [], color=case.color, linewidth=3.0, label=case.label) for case in cases]
     if truth is not None:
         handles.append(Line2D([], [], color=INK, linestyle="--", linewidth=0.9, label="Truth"))
     note = "Contours hold 50 and 90 %; on the diagonal mean ± sd; above it correlations"
+    if parameters < total:
+        note = f"The {parameters} of {total} with the strongest correlations. {note}"
     add_head(figure, title, handles, note=note if parameters > 1 else "")

@@ -1,7 +1,8 @@
-"""Sampling by the latent likelihood: particles, or chains on the decoder."""
+"""Sampling by the latent likelihood: particles, or populations on the decoder."""
 
 import numpy as np
 
+from femupdate.inference.annealed import in_groups
 from femupdate.inference.decoded_chains import DecodedPosterior, DecodedSettings
 from femupdate.inference.likelihood import LatentLikelihood, usual_misfit
 from femupdate.inference.smc import SmcResult, TemperedSmc
@@ -16,7 +17,7 @@ from femupdate.workflow.calibrate_notes import (
     noise_notes,
 )
 from femupdate.workflow.calibrate_settings import CalibrationSettings, Sampled
-from femupdate.workflow.decoded import FEW, sample_decoded
+from femupdate.workflow.decoded import FEW, sample_decoded, sampled_groups
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.sampling import ChainRunner
 from femupdate.workflow.train import require_surrogate
@@ -29,13 +30,13 @@ def sample_latent(
     settings: CalibrationSettings,
     run: ChainRunner,
 ) -> Sampled:
-    """Latent likelihood; by chains on the decoder where there are many parameters."""
+    """Latent likelihood; by a population on the decoder where there are many parameters."""
     surrogate = require_surrogate(study, model)
     least = surrogate.info.noise_sd
     noise, calibration = (
         told(surrogate.info, observation) for told in (noise_notes, calibration_notes)
     )
-    # The chains on the decoder know no effects.
+    # Draws on the decoder know no effects.
     if model.prior.size > FEW and model.system is None:
         results, notes = _sample_decoded(surrogate, model, observation, settings, run)
         return Sampled(results, (*noise, *notes, *calibration), None, least)
@@ -60,16 +61,12 @@ def _sample_decoded(
     settings: CalibrationSettings,
     run: ChainRunner,
 ) -> tuple[list[SmcResult], tuple[str, ...]]:
-    """Many parameters: chains on the decoder, with zeta as one more where it is a nuisance."""
-    found = decoded(surrogate, model, observation, settings, run)
-    each = found.draws.gradients // len(found.draws.theta)
-    results = [
-        SmcResult(theta, value, np.nan, (), each, 0)
-        for theta, value in zip(found.draws.theta, found.draws.log_likelihood, strict=True)
-    ]
+    """Many parameters: draws on the decoder, with zeta as one more where it is a nuisance."""
+    found = decoded(surrogate, model, observation, settings, run, run.particles)
     usual = usual_misfit(observation)
     noise = max(float(np.median(observation.noise_sd[observation.valid])), surrogate.info.noise_sd)
-    return results, (*decoded_notes(found, noise), *misfit_notes(found.misfit, usual))
+    notes = (*decoded_notes(found, noise), *misfit_notes(found.misfit, usual))
+    return sampled_groups(found.draws), notes
 
 
 def decoded(
@@ -78,11 +75,11 @@ def decoded(
     observation: Observation,
     settings: CalibrationSettings,
     run: ChainRunner,
+    draws: int,
 ) -> DecodedPosterior:
-    """The decoder's posterior by chains, with zeta as one more parameter where it is unknown."""
-    chosen = DecodedSettings()
-    draws = max(-(-run.particles // chosen.chains), 2)
-    run.show.start("Sampling (latent likelihood)", chosen.trajectories(draws))
+    """So many draws along the decoder, with zeta as one more parameter where it is unknown."""
+    chosen = DecodedSettings(in_groups(run.chains))
+    run.show.start("Sampling (latent likelihood)", 100 * chosen.stages)
     return sample_decoded(
         surrogate,
         model,

@@ -11,8 +11,10 @@ from femupdate.inference.smc import SmcResult
 from femupdate.measurement.observation import Observation
 from femupdate.surrogate.storage import ANY_FLOORS, SurrogateInfo
 from femupdate.workflow.calibrate_draws import r_hat
+from femupdate.workflow.decoded import tempered_words
+from femupdate.workflow.model import StudyModel
 
-# Share of the noise that a decoder, corrected, may miss the building by where its chains are: more,
+# Share of the noise that a decoder, corrected, may miss the building by where its draws are: more,
 # and the corrections have not led to the posterior.
 _DECODER_MAY_MISS = 0.25
 # Noise of the data over that which a surrogate allows, below which it is worth a word: that of two
@@ -23,25 +25,31 @@ _UNUSUAL = 0.01
 
 
 def decoded_notes(found: DecodedPosterior, noise: float) -> tuple[str, ...]:
-    """How chains on the decoder have gone, for a noise on ln|H|."""
-    draws, maxima = found.draws, len(found.reached)
+    """How draws along the decoder have gone, for a noise on ln|H|."""
     notes = [
-        f"{len(draws.theta)} chains of Hamiltonian Monte Carlo drew the decoder's posterior "
-        f"({draws.acceptance:.0%} of their moves accepted); {found.responses:,} responses of the "
-        f"reduced model corrected the decoder, from {found.decoder_error:.2g} to "
-        f"{found.error:.2g} in ln|H| (rms)."
+        f"{tempered_words(found.population, len(found.draws.theta))} followed the decoder; "
+        f"{found.responses:,} responses of the reduced model corrected it, from "
+        f"{found.decoder_error:.2g} to {found.error:.2g} in ln|H| (rms), and judged the moves "
+        f"({found.draws.acceptance:.0%} accepted)."
     ]
     if found.error > _DECODER_MAY_MISS * noise:
         notes.append(
             f"That is too much beside a noise of {noise:.2g}: do not trust this posterior; train "
             "on more samples, or use --exact."
         )
-    if maxima > 1:
-        notes.append(
-            f"The searches that the chains start from ended in {maxima} maxima that count; a chain "
-            "seldom goes from one to another, and their shares are those of Gaussians there."
-        )
     return tuple(notes)
+
+
+def reduction_notes(model: StudyModel, observation: Observation) -> tuple[str, ...]:
+    """Where the data are better than the reduced model."""
+    typical = float(np.median(observation.noise_sd[observation.valid]))
+    if model.reduction_error <= typical:
+        return ()
+    return (
+        f"The reduced model misses the full one by {model.reduction_error:.2g} in ln|H| (rms, at "
+        f"the lowest damping), the data show a noise of {typical:.2g}: this posterior is narrower "
+        "than the model deserves.",
+    )
 
 
 def noise_notes(info: SurrogateInfo, observation: Observation) -> tuple[str, ...]:

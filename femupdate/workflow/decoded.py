@@ -1,25 +1,40 @@
-"""The latent posterior of a study's building with many stiffness factors."""
+"""The posterior of a study's building with many stiffness factors, latent and data-space."""
 
 import copy
 from collections.abc import Callable
 
+import numpy as np
 from torch import Tensor
 
+from femupdate.inference.annealed import (
+    AnnealedDraws,
+    CorrectedDraws,
+    Population,
+    annealed,
+    annealed_draws,
+    in_groups,
+)
 from femupdate.inference.decoded import DecodedLikelihood
 from femupdate.inference.decoded_chains import (
     DecodedPosterior,
     DecodedSettings,
     Respond,
+    StageProgress,
     decoded_posterior,
 )
-from femupdate.inference.likelihood import floor_responses, latent_data
+from femupdate.inference.likelihood import DataLikelihood, floor_responses, latent_data
+from femupdate.inference.prior import UniformPrior
+from femupdate.inference.smc import SmcResult
 from femupdate.measurement.observation import Observation
 from femupdate.surrogate.gauss_newton import LatentData
 from femupdate.surrogate.storage import TrainedSurrogate
 from femupdate.workflow.model import StudyModel
+from femupdate.workflow.sampling import ChainRunner
 
 # Parameters up to which particles from the prior find a posterior, and Gaussians describe it.
 FEW = 10
+# Responses of a building do not go faster by the hundred on a processor.
+_ROWS = 8
 
 
 def sample_decoded(
@@ -41,14 +56,14 @@ def sample_decoded(
         surrogate: of the building.
         model: the building.
         observation: on the building's grid.
-        draws: kept states of each chain.
+        draws: states to keep, at least.
         seed: of everything random.
         settings: see `DecodedSettings`.
         device: where to evaluate.
         power: of the likelihood; default the surrogate's own.
         least_noise: standard deviation of ln|H| below which the file's noise is not believed;
             default that of the surrogate's training.
-        progress: called with the number of trajectories done since the last call.
+        progress: called with the per cent of a stage done since the last call.
     """
     info = surrogate.info
     noise = info.noise_sd if least_noise is None else least_noise
@@ -72,3 +87,61 @@ def _responses(model: StudyModel, observation: Observation, data: LatentData) ->
         return respond(theta, zeta if len(zeta) else theta.new_full((len(theta),), ratio))
 
     return answer
+
+
+def sample_annealed(
+    prior: UniformPrior,
+    target: DataLikelihood,
+    run: ChainRunner,
+    latent: DecodedPosterior | None,
+) -> tuple[list[SmcResult], tuple[str, ...]]:
+    """Draw the data-space posterior, from the latent one or from the prior: groups, and how.
+
+    Args:
+        prior: of the parameters, with the damping ratio last where it is unknown.
+        target: data-space likelihood.
+        run: says how many draws in how many groups.
+        latent: posterior of the same data.
+    """
+    settings, show = in_groups(run.chains, _ROWS), run.show
+    start, base, spent, origin = None, None, 0, "the prior"
+    if latent is not None:
+        start, base, origin = latent.population, latent.likelihood, "the latent posterior"
+        spent = start.gradients
+    show.start("Sampling (data-space likelihood)", 200)
+    population = annealed(
+        prior,
+        target,
+        run.seed,
+        settings,
+        start=start,
+        base=base,
+        told=StageProgress(show.advance).power,
+    )
+    told = StageProgress(show.advance).share
+    found = annealed_draws(prior, target, population, run.particles, run.seed + 1, settings, told)
+    return sampled_groups(found, found.log_evidence.tolist()), (
+        f"{tempered_words(found.population, len(found.theta))} drew the data-space posterior from "
+        f"{origin}, with {found.gradients - spent:,} gradients of responses "
+        f"({found.acceptance:.0%} of the moves accepted).",
+    )
+
+
+def sampled_groups(
+    draws: AnnealedDraws | CorrectedDraws, log_evidence: list[float] | None = None
+) -> list[SmcResult]:
+    """The groups as independent runs; without an evidence where none is given."""
+    each = draws.gradients // len(draws.theta)
+    told = log_evidence or [np.nan] * len(draws.theta)
+    return [
+        SmcResult(theta, value, evidence, (), each, 0)
+        for theta, value, evidence in zip(draws.theta, draws.log_likelihood, told, strict=True)
+    ]
+
+
+def tempered_words(population: Population, groups: int) -> str:
+    """What a population is and how it came about: the subject of a sentence."""
+    return (
+        f"{len(population.xi)} particles in {groups} groups, tempered over {population.levels} "
+        "powers of the likelihood with Hamiltonian moves,"
+    )

@@ -133,3 +133,31 @@ def test_the_four_modes_of_the_four_story_roof():
         assert np.abs(case.solutions - mode.mean).max(axis=1).min() < 0.02
     assert found.undetermined == 0
     assert "4 separate modes" in found.sentences()[0]
+
+
+def bent_sheet(rng, count):
+    """Twelve free coordinates, and twelve that follow their squares and products closely."""
+    free = rng.normal(size=(count, 12))
+    bent = 0.4 * free**2 + 0.4 * free * np.roll(free, 1, axis=1)
+    return np.column_stack([free, bent + 0.05 * rng.normal(size=(count, 12))])
+
+
+def test_a_sheet_that_bends_in_many_dimensions_is_one_mode():
+    x = bent_sheet(np.random.default_rng(6), 5000)
+    assert int(separate_modes(torch.from_numpy(x)).max()) == 0
+
+
+def test_two_modes_of_many_factors_are_told_by_those_that_differ():
+    rng = np.random.default_rng(7)
+    theta = np.clip(1.5 + 0.1 * rng.normal(size=(4000, 24)), 0.4, 2.9)
+    side = rng.random(4000) < 0.3
+    theta[side, 3] += 0.8
+    theta[side, 17] -= 0.8
+    names = [f"F{k + 1}" for k in range(24)]
+    found = identifiability(theta, [1 / 3] * 24, [3.0] * 24, names)
+    told = found.sentences()[0]
+    assert "2 separate modes" in told
+    assert "(the others differ less)" in told
+    assert told.count("F4 ") == told.count("F18 ") == 2
+    assert told.count("F") == 12
+    np.testing.assert_allclose([m.mean[3] for m in found.modes], [1.5, 2.3], atol=0.02)

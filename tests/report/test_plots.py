@@ -19,7 +19,7 @@ from femupdate.report.plot_frf import Observation, Prediction, frf_fit
 from femupdate.report.plot_history import floor_history_bands, story_shear_drift, strong_part
 from femupdate.report.plot_intervals import mode_frequencies, theta_intervals
 from femupdate.report.plot_members import member_force_bands
-from femupdate.report.plot_posterior import SampleSet, correlation, posterior_pairs
+from femupdate.report.plot_posterior import SampleSet, correlation, most_correlated, posterior_pairs
 from femupdate.report.plot_sticks import stick_mode_shapes
 
 FLOORS = ("2F", "3F", "4F", "5F", "6F", "RF")
@@ -328,3 +328,18 @@ def test_forces_of_members_and_their_units(tmp_path):
     assert imread(save_figure(figure, tmp_path / "members.png"))[..., :3].std() > 0.01
     with pytest.raises(ReportError, match="mean has the shape"):
         member_force_bands(TIME, [("wall", names, rows[:, 1:], rows)])
+
+
+def test_of_many_parameters_the_most_correlated_are_paired():
+    free = RNG.normal(size=(2000, 24))
+    free[:, 20] += free[:, 3]
+    free[:, 9] -= 2.0 * free[:, 14]
+    free[:, 5] = 1.0  # one that does not vary
+    assert most_correlated(free, 4) == [3, 9, 14, 20]
+    limits = np.tile([-9.0, 9.0], (24, 1))
+    figure = posterior_pairs([SampleSet("A", free)], names(24), limits, np.zeros(24))
+    assert len(figure.axes) == 12 * 12
+    shown = [axes.get_xlabel() for axes in figure.axes[-12:]]
+    assert {names(24)[k] for k in (3, 9, 14, 20)} <= set(shown)
+    assert shown == sorted(shown, key=list(names(24)).index)
+    assert any("12 of 24" in text.get_text() for text in figure.texts)
