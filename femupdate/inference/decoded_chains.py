@@ -12,15 +12,10 @@ from dataclasses import dataclass, field
 import torch
 from torch import Tensor
 
-from femupdate.inference.annealed import (
-    AnnealedSettings,
-    CorrectedDraws,
-    Population,
-    annealed,
-    annealed_draws,
-    corrected_draws,
-)
+from femupdate.inference.annealed import annealed, annealed_draws
 from femupdate.inference.decoded import DecodedLikelihood
+from femupdate.inference.delayed_acceptance import CorrectedDraws, corrected_draws
+from femupdate.inference.population import AnnealedSettings, Population
 from femupdate.inference.prior import UniformPrior
 from femupdate.inference.smc import LogLikelihood
 

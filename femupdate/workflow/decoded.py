@@ -6,14 +6,7 @@ from collections.abc import Callable
 import numpy as np
 from torch import Tensor
 
-from femupdate.inference.annealed import (
-    AnnealedDraws,
-    CorrectedDraws,
-    Population,
-    annealed,
-    annealed_draws,
-    in_groups,
-)
+from femupdate.inference.annealed import AnnealedDraws, annealed, annealed_draws, in_groups
 from femupdate.inference.decoded import DecodedLikelihood
 from femupdate.inference.decoded_chains import (
     DecodedPosterior,
@@ -22,7 +15,9 @@ from femupdate.inference.decoded_chains import (
     StageProgress,
     decoded_posterior,
 )
+from femupdate.inference.delayed_acceptance import CorrectedDraws
 from femupdate.inference.likelihood import DataLikelihood, floor_responses, latent_data
+from femupdate.inference.population import Population
 from femupdate.inference.prior import UniformPrior
 from femupdate.inference.smc import SmcResult
 from femupdate.measurement.observation import Observation

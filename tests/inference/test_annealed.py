@@ -7,7 +7,9 @@ import pytest
 import torch
 
 from femupdate.errors import InferenceError
-from femupdate.inference.annealed import AnnealedSettings, annealed, annealed_draws, corrected_draws
+from femupdate.inference.annealed import annealed, annealed_draws
+from femupdate.inference.delayed_acceptance import corrected_draws
+from femupdate.inference.population import AnnealedSettings
 
 LINEAR = (
     np.array([[1.0, 0.4, 0.0], [-0.3, 2.0, 0.7], [0.0, 0.5, 1.5], [0.2, -1.0, 0.6]]),
