@@ -30,6 +30,7 @@ from femupdate.effects.structure import Structure
 from femupdate.measurement.observation import Observation
 from femupdate.study import Study, file_hash, write_text
 from femupdate.workflow.effects import (
+    BuildingEffects,
     building_effects,
     check_places,
     finder_structure,
@@ -49,6 +50,8 @@ DIAGNOSIS = "diagnosis"
 _SHOWN = 8
 _ROUGH = 100  # shapes with which the stiffness factors are searched for
 _MOVES = 4  # bases, one after the other, at most
+_TRIED, _STARTS = 192, 4  # draws of theta with the listed effects, and searches from them
+_CLEARLY = 0.9  # share of what a fit leaves that another one may leave to take its place
 _OBVIOUS = 0.5  # share of the coarse residuals, squared, that a wrong name leaves when mended
 
 
@@ -221,7 +224,29 @@ def prepared(
     listed = set(middle.placed) <= set(effects.placed)
     known = middle if listed else rough
     start = extended(problem, known, effects.placed, np.array(effects.values))
-    return _around(parts, model, problem, middle, (effects.placed, start), show)
+    problem, base = _around(parts, model, problem, middle, (effects.placed, start), show)
+    if not effects.placed:
+        return problem, base
+    return _as_listed(model, parts, problem, base, effects, show, seed)
+
+
+def _as_listed(
+    model: StudyModel,
+    parts: ModelParts,
+    problem: Problem,
+    base: Fit,
+    effects: BuildingEffects,
+    show: Progress,
+    seed: int,
+) -> tuple[Problem, Fit]:
+    """Theta where it lies with the listed effects, as large as the file says.
+
+    The search without them may have ended far from there.
+    """
+    tried = fit_baseline(problem, effects.placed, effects.values, seed, _TRIED, _STARTS)[0]
+    if tried.chi2 + tried.penalty > _CLEARLY * (base.chi2 + base.penalty):
+        return problem, base
+    return refined(model, parts, problem, tried, show)
 
 
 def sought(

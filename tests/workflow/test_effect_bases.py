@@ -18,12 +18,13 @@ from femupdate.dynamics.effect_response import EffectSystem
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.measurement.observation import Observation
-from femupdate.workflow.diagnose import ModelParts, refined
+from femupdate.workflow.diagnose import ModelParts, prepared, refined
 from femupdate.workflow.effects import (
     plain_structure,
     problem_of,
     reduction_target,
     structure_near,
+    with_effect,
 )
 from femupdate.workflow.model import open_study
 
@@ -117,3 +118,39 @@ def test_refined_follows_theta_out_of_the_neighbourhood(cabin, observation, monk
     np.testing.assert_allclose(about[-1], THETA, rtol=0.02)
     assert len(about) <= 4
     np.testing.assert_allclose(after.theta()[0], THETA, rtol=0.01)
+
+
+@pytest.mark.parametrize("away", [(2.9, 2.9), (0.35, 0.35)])
+def test_theta_is_found_with_the_effects_that_the_building_lists(cabin, monkeypatch, away):
+    """Wherever the search without them has ended."""
+    mass = 0.6
+    seen = frf(cabin, cabin.exact, THETA, HEAVY, [mass])
+    noise = NOISE * np.random.default_rng(5).standard_normal((2, *seen.shape))
+    observed = Observation(
+        cabin.grid,
+        cabin.exact.model.floors,
+        np.log(np.abs(seen)) + noise[0],
+        np.full(seen.shape, NOISE),
+        np.ones(seen.shape, dtype=bool),
+        np.angle(seen) + noise[1],
+        None,
+        float(cabin.grid[1] - cabin.grid[0]),
+    )
+    heavier = with_effect(cabin.building, HEAVY[0], np.array([0.9 * mass]))
+    model = replace(cabin.model, building=heavier)
+    parts = ModelParts(cabin.plain, cabin.plain.structure)
+
+    def ended(_, rough, __):
+        z = rough.z.clone()
+        z[:2] = torch.tensor(away, dtype=torch.float64).log()
+        return replace(rough, z=z)
+
+    monkeypatch.setattr("femupdate.workflow.diagnose._rightly_named", ended)
+    problem, base = prepared(model, parts, observed, True)
+    np.testing.assert_allclose(base.theta()[0], THETA, rtol=0.02)
+    assert base.sizes()[0][0] == pytest.approx(mass, rel=0.03)
+    assert base.chi2 < 2.0 * problem.effective
+    # Or else this test would ask for nothing.
+    monkeypatch.setattr("femupdate.workflow.diagnose._CLEARLY", 0.0)
+    problem, stuck = prepared(model, parts, observed, True)
+    assert stuck.chi2 > 5.0 * problem.effective
