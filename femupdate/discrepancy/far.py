@@ -11,7 +11,6 @@ import torch
 from torch import Tensor
 
 from femupdate.discrepancy.fit import (
-    Coordinates,
     Fit,
     coarse,
     coordinates,
@@ -24,10 +23,12 @@ from femupdate.discrepancy.score import Score
 from femupdate.effects.effect import Placed
 
 _DRAWS = 192
-_LEADING = 4  # of the effects that were fitted from the base, tried whatever their place
-_CHEAP = 60  # shapes up to which every place is tried
+_FEW = 32  # draws for the other places of an effect, of the place's own story
+_LEADING = 4  # of the effects that were fitted from the base, with all draws whatever their place
+_CHEAP = 60  # shapes up to which every place gets all draws
 _SEARCHED = 6  # effects and places that are fitted
 _STARTS = 2  # draws from which each of them is
+_WIDER = 1.5  # prior standard deviations of a size that is drawn
 _BETTER = 0.5  # share of the coarse residuals, squared, that an effect may leave
 
 
@@ -49,9 +50,11 @@ def far_fit(
     rough = coarse(problem)
     alone = fit(rough, base.placed, base.z, 10)
     screened = []
-    for placed in _tried(problem, scores, leading):
+    most = _most(problem, scores, leading)
+    for placed in (one.placed for one in scores if not one.placed.exchange):
         together = (*base.placed, placed)
-        z = _draws(rough, alone, together, seed)
+        widely = placed.label in most
+        z = _draws(rough, alone, together, seed) if widely else _own(rough, alone, together, seed)
         where = coordinates(rough, together)
         misfit = evaluate(rough, rough.system(together), where, z).square().sum(dim=1)
         nearest = misfit.sort()
@@ -66,42 +69,59 @@ def far_fit(
     return best if best is not None and best.chi2 < _BETTER * alone.chi2 else None
 
 
-def _tried(problem: Problem, scores: Sequence[Score], leading: Sequence[Placed]) -> list[Placed]:
-    """What leads, and the strongest place of every effect, or all; exchanges are sought apart."""
-    single = [one.placed for one in scores if not one.placed.exchange]
+def _most(problem: Problem, scores: Sequence[Score], leading: Sequence[Placed]) -> set[str]:
+    """Labels of what gets all draws: what leads, and the strongest place of every effect."""
     if problem.reduced.model.size <= _CHEAP:
-        return single
-    chosen = [one for one in leading[:_LEADING] if not one.exchange]
-    known = {one.effect.name for one in chosen}
-    for one in single:
-        if one.effect.name not in known:
-            known.add(one.effect.name)
-            chosen.append(one)
-    return chosen
+        return {one.placed.label for one in scores}
+    chosen = {one.effect.name: one.label for one in reversed([one.placed for one in scores])}
+    return {*chosen.values(), *(one.label for one in leading[:_LEADING])}
 
 
 def _draws(problem: Problem, alone: Fit, together: tuple[Placed, ...], seed: int) -> Tensor:
     """Unknowns (n, d) with the last effect: half from the prior, half of theta as it is but for one
     story, the effect's parameters from their prior."""
+    drawn, half = _from_prior(problem, alone, together, _DRAWS, seed), _DRAWS // 2
+    stories = torch.arange(half) % alone.coordinates.stories
+    return torch.cat([_one_story(alone, drawn[:half], stories), drawn[half:]])
+
+
+def _own(problem: Problem, alone: Fit, together: tuple[Placed, ...], seed: int) -> Tensor:
+    """Unknowns (n, d) with theta as it is but for the story in which the last effect sits."""
+    drawn = _from_prior(problem, alone, together, _FEW, seed)
+    story = _story(problem, together[-1].place)
+    stories = torch.arange(_FEW) % alone.coordinates.stories
+    return _one_story(alone, drawn, stories if story is None else torch.full((_FEW,), story))
+
+
+def _story(problem: Problem, place: str) -> int | None:
+    """The story that a place, such as "S2", "X1/S2" or "3F", lies in; None for another place."""
+    structure, last = problem.reduced.structure, place.split("/")[-1]
+    for names in (structure.building.story_names, structure.floors):
+        if last in names:
+            return names.index(last)
+    return None
+
+
+def _from_prior(
+    problem: Problem, alone: Fit, together: tuple[Placed, ...], count: int, seed: int
+) -> Tensor:
+    """Unknowns (count, d) with theta, zeta and the last effect from their priors."""
     where = coordinates(problem, together)
     known = alone.z[alone.coordinates.first_size :]
     own = len(together[-1].effect.parameters)
-    drawn = prior_draws(problem, where, torch.cat([known, known.new_zeros(own)]), _DRAWS, seed)
-    half = _DRAWS // 2
-    drawn[:half] = _one_story(alone, drawn[:half], where)
+    drawn = prior_draws(problem, where, torch.cat([known, known.new_zeros(own)]), count, seed)
     generator = torch.Generator().manual_seed(seed + 1)
-    size = torch.randn(_DRAWS, own, generator=generator, dtype=torch.float64)
-    drawn[:, -own:] = 1.5 * size
+    size = torch.randn(count, own, generator=generator, dtype=torch.float64)
+    drawn[:, -own:] = _WIDER * size
     return torch.minimum(torch.maximum(drawn, where.lower), where.upper)
 
 
-def _one_story(alone: Fit, drawn: Tensor, where: Coordinates) -> Tensor:
-    """Draws whose stiffness factors, all but one, and damping ratio are those of a fit."""
-    rows = torch.arange(len(drawn))
+def _one_story(alone: Fit, drawn: Tensor, stories: Tensor) -> Tensor:
+    """Draws whose stiffness factors, but for one story each, and damping are those of a fit."""
+    rows, first = torch.arange(len(drawn)), alone.coordinates.first_size
     near = drawn.clone()
-    near[:, : where.first_size] = alone.z[: where.first_size]
-    story = rows % where.stories
-    near[rows, story] = drawn[rows, story]
+    near[:, :first] = alone.z[:first]
+    near[rows, stories] = drawn[rows, stories]
     return near
 
 

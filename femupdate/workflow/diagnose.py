@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from femupdate.discrepancy.diagnose import UNKNOWN, Diagnosis, DiagnosisSettings, Finding
+from femupdate.discrepancy.diagnose import AMBIGUOUS, UNKNOWN, Diagnosis, DiagnosisSettings, Finding
 from femupdate.discrepancy.diagnose import diagnose as find
 from femupdate.discrepancy.exchange import promising
 from femupdate.discrepancy.far import far_fit
@@ -257,7 +257,8 @@ def sought(
     settings: DiagnosisSettings | None = None,
     progress: Progress | None = None,
 ) -> tuple[Problem, Fit, Diagnosis]:
-    """What a model lacks; far from its most probable theta, too, where nothing near it explains.
+    """What a model lacks; far from its most probable theta, too, where nothing near it explains
+    the data, or several things do about equally well.
 
     Args:
         model: of the study.
@@ -276,7 +277,7 @@ def sought(
         show.advance(1, text)
 
     found = find(problem, chosen, base, tell)
-    if found.verdict != UNKNOWN:
+    if found.verdict not in (UNKNOWN, AMBIGUOUS):
         return problem, base, found
     tell("searching far from the model as it is")
     leading = [one.placed for one in found.findings]
@@ -286,9 +287,14 @@ def sought(
     there, far = refined(model, parts, problem, far, show)
     moved = fit(there, base.placed, base.z)
     again = find(there, chosen, moved, tell, far)
-    if again.verdict == UNKNOWN:
+    if again.verdict == UNKNOWN or _least(again) > _CLEARLY * _least(found):
         return problem, base, found
     return there, moved, again
+
+
+def _least(found: Diagnosis) -> float:
+    """Sum of squares that the best of the fits leaves."""
+    return min([found.base.chi2, *(one.fitted.chi2 for one in found.findings)])
 
 
 def _rightly_named(problem: Problem, rough: Fit, seed: int) -> Fit:
