@@ -119,6 +119,7 @@ class Fit:
         jacobian: (n, d) of the prediction by the unknowns, whitened.
         system: the model.
         common: errors that many points share, about here; or None.
+        own_error: share of an effect's size by which the model of the effect may err.
     """
 
     placed: tuple[Placed, ...]
@@ -128,6 +129,7 @@ class Fit:
     jacobian: Tensor
     system: EffectSystem
     common: CommonErrors | None = None
+    own_error: float = 0.0
 
     @cached_property
     def weighed(self) -> "Fit":
@@ -178,8 +180,13 @@ class Fit:
     def sizes(self, inflation: float = 1.0) -> tuple[Floats, Floats]:
         """Parameters of the effects and their standard deviations, (q,) each."""
         c = self.coordinates
-        sd = c.scales * self.covariance(inflation).diagonal()[c.first_size :].clamp_min(0.0).sqrt()
-        return self.weighed.known, sd.numpy()
+        known = self.weighed.known
+        variance = c.scales**2 * self.covariance(inflation).diagonal()[c.first_size :].clamp_min(
+            0.0
+        )
+        return known, np.hypot(
+            variance.sqrt().numpy(), self.own_error * (known - c.neutral.numpy())
+        )
 
     def zeta(self, fixed: float) -> float:
         """Damping ratio."""
@@ -245,7 +252,7 @@ def fit(
     if problem.left_open is not None:
         at = where.split(z[None], problem.fixed_zeta)
         common = CommonErrors.of(problem.left_open(problem, placed, *at).T)
-    return Fit(placed, where, z, residual, jacobian, model, common)
+    return Fit(placed, where, z, residual, jacobian, model, common, problem.own_error)
 
 
 def _objective(where: Coordinates, z: Tensor, residual: Tensor) -> float:

@@ -73,7 +73,9 @@ def draw(problem: Problem, fitted: Fit, count: int, inflation: float = 1.0, seed
         spread = z - centre
         covariance = 1.3 * (spread.T * weight) @ spread + 0.05 * covariance
     chosen = _systematic(weight, count, generator)
-    theta, zeta, sizes = where.split(z[chosen], problem.fixed_zeta)
+    theta, zeta, sizes = where.split(
+        _errant(problem, fitted, z[chosen], generator), problem.fixed_zeta
+    )
     evidence = float(torch.logsumexp(log_weight, dim=0)) - np.log(count)
     return Draws(
         theta.numpy(),
@@ -83,6 +85,16 @@ def draw(problem: Problem, fitted: Fit, count: int, inflation: float = 1.0, seed
         evidence,
         effective,
     )
+
+
+def _errant(problem: Problem, fitted: Fit, z: Tensor, generator: torch.Generator) -> Tensor:
+    """Draws (n, d) with sizes off by as much as the model of an effect may err, within limits."""
+    where, moved = fitted.coordinates, z.clone()
+    sizes = moved[:, where.first_size :]
+    sizes *= 1.0 + problem.own_error * torch.randn(
+        sizes.shape, generator=generator, dtype=torch.float64
+    )
+    return torch.minimum(torch.maximum(moved, where.lower), where.upper)
 
 
 def _systematic(weight: Tensor, count: int, generator: torch.Generator) -> Tensor:

@@ -60,6 +60,7 @@ class Problem:
             share, in the unit of the residuals, of this problem with some effects at theta (1, p),
             zeta (1,) and sizes (1, q); None where there is none.
         mimicked: log evidence that errors of the model itself may bring to an effect.
+        own_error: share of an effect's size by which the model of the effect may err.
         search: the structure on a basis for the whole prior, on which only instruments and damping
             may have effects; None where `reduced` serves there.
     """
@@ -78,6 +79,7 @@ class Problem:
     blocks: tuple[Block, ...]
     left_open: "Callable[[Problem, Effects, Tensor, Tensor, Tensor], Tensor] | None" = None
     mimicked: float = 0.0
+    own_error: float = 0.0
     search: ReducedStructure | None = None
 
     def for_search(self) -> "Problem":
@@ -207,6 +209,7 @@ def make_problem(
     use_phase: bool = True,
     model_error: float = MODEL_ERROR,
     mimicked: float = 0.0,
+    own_error: float = 0.0,
 ) -> Problem:
     """Bring an observation and a structure together.
 
@@ -219,6 +222,7 @@ def make_problem(
         use_phase: compare phases where they were measured.
         model_error: added to the noise of ln|H|.
         mimicked: log evidence that errors of the model itself may bring to an effect.
+        own_error: share of an effect's size by which the model of the effect may err.
     """
     table = observation.coherence is None
     valid = torch.from_numpy(observation.valid)
@@ -252,4 +256,5 @@ def make_problem(
             ),
         ),
         mimicked=mimicked,
+        own_error=own_error,
     )

@@ -1,0 +1,44 @@
+"""Sizes are known no better than the model of an effect."""
+
+import numpy as np
+import pytest
+
+from femupdate.discrepancy.fit import extended, fit, fit_baseline
+from femupdate.discrepancy.posterior import draw
+from femupdate.discrepancy.problem import make_problem
+from femupdate.effects.effect import Placed
+from femupdate.effects.registry import CATALOGUE
+from femupdate.workflow.model import damping_law, theta_prior, zeta_bounds
+
+GRID = 0.2 * np.arange(1, 61)
+FLOORS, THETA, SD = ("2F", "3F", "RF"), np.array([0.7, 1.4, 0.9]), 0.02
+MASSES, SPRINGS, SHARE = np.ones(3), np.full(3, 600.0), 0.2
+HEAVY = (Placed(CATALOGUE["added_mass"], "3F"),)
+
+
+@pytest.mark.parametrize("error", [0.0, 0.05])
+def test_the_error_of_an_effect_s_own_model_is_part_of_its_size(
+    chains, building_of, observe, reduced_of, error
+):
+    frf = chains.Chain(MASSES + np.array([0.0, SHARE, 0.0]), SPRINGS * THETA, zeta=0.03).frf(GRID)
+    building, seen = building_of(MASSES, SPRINGS), observe(FLOORS, GRID, frf, SD, 5)
+    prior = theta_prior(building)
+    box = prior.lower.double(), prior.upper.double()
+    problem = make_problem(
+        reduced_of(building),
+        damping_law(building),
+        box,
+        zeta_bounds(building),
+        seen,
+        model_error=0.0,
+        own_error=error,
+    )
+    base = fit_baseline(problem)[0]
+    fitted = fit(problem, HEAVY, extended(problem, base, HEAVY, [0.1]), 25)
+    (size,), (sd,) = fitted.sizes()
+    noise = float(fitted.covariance().diagonal()[-1]) ** 0.5 * 0.1  # the prior's scale
+    assert sd == pytest.approx(np.hypot(noise, error * size), rel=1e-6)
+    drawn = draw(problem, fitted, 4000, seed=1).sizes[:, 0]
+    # Four thousand draws, some of them alike: 3 %.
+    assert drawn.std() == pytest.approx(sd, rel=0.1)
+    assert drawn.mean() == pytest.approx(size, abs=0.1 * sd)
