@@ -1,7 +1,7 @@
 """Adding what is missing, one effect a round, as long as the evidence carries it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from femupdate.discrepancy.diagnose import NAMED, Diagnosis, DiagnosisSettings, Finding, diagnose
 from femupdate.discrepancy.fit import Fit
@@ -91,3 +91,22 @@ def repair(
             now, current = renewed(now, current)
     before, after = p_value(problem, base), p_value(now, current)
     return Repair(base, current, tuple(rounds), found, before, after, now)
+
+
+def as_fitted(done: Repair) -> Repair:
+    """The rounds with the sizes, and the last with the squares, of the model after all of them.
+
+    A model that was fitted anew at the end has moved the sizes on from where they were named.
+    """
+    values, sd = done.after.sizes(done.last.inflation)
+    first = len(done.before.sizes()[0])
+    rounds = []
+    for one in done.rounds:
+        finding, count = one.finding, len(one.finding.placed.effect.parameters)
+        if count:
+            size, error = float(values[first]), float(sd[first])
+            finding = replace(finding, size=size, size_sd=error)
+        first += count
+        rounds.append(replace(one, finding=finding))
+    rounds[-1:] = [replace(one, chi2_after=done.after.chi2) for one in rounds[-1:]]
+    return replace(done, rounds=tuple(rounds))

@@ -14,7 +14,7 @@ from femupdate.discrepancy.diagnose import DiagnosisSettings
 from femupdate.discrepancy.fit import Fit
 from femupdate.discrepancy.posterior import draw
 from femupdate.discrepancy.problem import Problem
-from femupdate.discrepancy.repair import Repair
+from femupdate.discrepancy.repair import Repair, as_fitted
 from femupdate.discrepancy.repair import repair as mend
 from femupdate.discrepancy.where import p_value
 from femupdate.study import Study, file_hash, write_text
@@ -150,7 +150,7 @@ def repair_study(
     mended = done.problem
     if done.rounds and not done.rounds[-1].finding.placed.exchange:
         mended, last = refined(model, parts, done.problem, done.after, show, alone=True)
-        done = replace(done, after=last, p_after=p_value(mended, last))
+        done = as_fitted(replace(done, after=last, p_after=p_value(mended, last)))
     show.start("Updating the posterior", 2)
     inflation = done.last.inflation
     before = draw(problem, done.before, _DRAWS, inflation, chosen.seed)

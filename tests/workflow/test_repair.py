@@ -3,12 +3,14 @@
 import importlib.util
 import json
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from femupdate.building.files import load_building
+from femupdate.discrepancy.repair import as_fitted
 from femupdate.dynamics.history import floor_histories
 from femupdate.errors import MeasurementError, SurrogateError
 from femupdate.inference.posterior import load_posterior
@@ -174,6 +176,17 @@ def test_the_repaired_building_is_an_ordinary_file(repaired):
     assert (entry.name, entry.place) == ("added_mass", "3F")
     written = tomllib.loads(path.read_text())["effects"][0]["parameters"]["size"]
     assert written == pytest.approx(0.12, abs=0.01)
+
+
+def test_the_sizes_told_are_those_of_the_repaired_building(repaired):
+    """Where the model is fitted anew after the last round, too."""
+    done = repaired[0].repair
+    (entry,) = repaired[0].building.effects
+    assert done.rounds[0].finding.size == pytest.approx(entry.parameters["size"], rel=1e-5)
+    stale = replace(done.rounds[0], finding=replace(done.rounds[0].finding, size=9.9))
+    told = as_fitted(replace(done, rounds=(stale,))).rounds[0]
+    assert told.finding.size == pytest.approx(entry.parameters["size"], rel=1e-5)
+    assert told.chi2_after == pytest.approx(done.after.chi2)
 
 
 def test_the_repaired_posterior_has_the_effect_as_a_parameter(repaired):
