@@ -21,7 +21,7 @@ from femupdate.workflow.calibrate import POSTERIOR, CalibrationReport
 from femupdate.workflow.calibrate_draws import r_hat
 from femupdate.workflow.calibrate_pictures import draw_posterior
 from femupdate.workflow.calibrate_settings import CalibrationSettings
-from femupdate.workflow.diagnose import model_parts, prepared
+from femupdate.workflow.diagnose import model_parts, prepared, refined
 from femupdate.workflow.effect_surrogate import kept_structure
 from femupdate.workflow.effects import (
     building_effects,
@@ -60,6 +60,7 @@ def calibrate_with_effects(
     first, *others = _records(model, source, runs)
     parts = model_parts(study, model, show)
     problem, fitted = prepared(model, parts, first.observation, False, None, show, others)
+    problem, fitted = refined(model, parts, problem, fitted, show, alone=True)
     if problem.reduced.structure.operators is not None:
         keep_basis(study, problem.reduced, model.building)
     show.start("Drawing the posterior", 1)
