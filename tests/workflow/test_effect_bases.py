@@ -64,11 +64,10 @@ def error(cabin, reduced, theta, placed=(), sizes=()):
     return float(np.sqrt((np.log(both[0] / both[1]) ** 2).mean()))
 
 
-@pytest.fixture(scope="module")
-def observation(cabin):
+def observed(cabin, mass, seed):
     """The full model with mass on its roof, with errors of a hundredth of |H| and the phase."""
-    seen = frf(cabin, cabin.exact, THETA, HEAVY, [MASS])
-    noise = NOISE * np.random.default_rng(4).standard_normal((2, *seen.shape))
+    seen = frf(cabin, cabin.exact, THETA, HEAVY, [mass])
+    noise = NOISE * np.random.default_rng(seed).standard_normal((2, *seen.shape))
     return Observation(
         cabin.grid,
         cabin.exact.model.floors,
@@ -79,6 +78,11 @@ def observation(cabin):
         None,
         float(cabin.grid[1] - cabin.grid[0]),
     )
+
+
+@pytest.fixture(scope="module")
+def observation(cabin):
+    return observed(cabin, MASS, 4)
 
 
 def test_refined_moves_the_basis_to_where_theta_ended(cabin, observation):
@@ -124,18 +128,7 @@ def test_refined_follows_theta_out_of_the_neighbourhood(cabin, observation, monk
 def test_theta_is_found_with_the_effects_that_the_building_lists(cabin, monkeypatch, away):
     """Wherever the search without them has ended."""
     mass = 0.6
-    seen = frf(cabin, cabin.exact, THETA, HEAVY, [mass])
-    noise = NOISE * np.random.default_rng(5).standard_normal((2, *seen.shape))
-    observed = Observation(
-        cabin.grid,
-        cabin.exact.model.floors,
-        np.log(np.abs(seen)) + noise[0],
-        np.full(seen.shape, NOISE),
-        np.ones(seen.shape, dtype=bool),
-        np.angle(seen) + noise[1],
-        None,
-        float(cabin.grid[1] - cabin.grid[0]),
-    )
+    seen = observed(cabin, mass, 5)
     heavier = with_effect(cabin.building, HEAVY[0], np.array([0.9 * mass]))
     model = replace(cabin.model, building=heavier)
     parts = ModelParts(cabin.plain, cabin.plain.structure)
@@ -146,11 +139,11 @@ def test_theta_is_found_with_the_effects_that_the_building_lists(cabin, monkeypa
         return replace(rough, z=z)
 
     monkeypatch.setattr("femupdate.workflow.diagnose._rightly_named", ended)
-    problem, base = prepared(model, parts, observed, True)
+    problem, base = prepared(model, parts, seen, True)
     np.testing.assert_allclose(base.theta()[0], THETA, rtol=0.02)
     assert base.sizes()[0][0] == pytest.approx(mass, rel=0.03)
     assert base.chi2 < 2.0 * problem.effective
     # Or else this test would ask for nothing.
     monkeypatch.setattr("femupdate.workflow.diagnose._CLEARLY", 0.0)
-    problem, stuck = prepared(model, parts, observed, True)
+    problem, stuck = prepared(model, parts, seen, True)
     assert stuck.chi2 > 5.0 * problem.effective
