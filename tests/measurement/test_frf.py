@@ -88,7 +88,7 @@ def test_stated_noise_covers_the_error(sensor_noise):
 @given(
     f0=st.floats(2, 30), zeta=st.floats(0.03, 0.2), gain=st.floats(0.3, 3), seed=st.integers(0, 99)
 )
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15, deadline=None, derandomize=True)
 def test_any_resonator_is_found_within_the_noise(f0, zeta, gain, seed):
     base = coloured(80, seed)
     system = sdof_filter(f0, zeta)
