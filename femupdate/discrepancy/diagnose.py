@@ -55,6 +55,10 @@ class DiagnosisSettings:
     paired: int = 2
     seed: int = 0
 
+    def margin(self, log_evidence: float) -> float:
+        """Log evidence over the runner-up that a name of so much of it needs."""
+        return self.over_next + self.own_error * max(log_evidence, 0.0)
+
 
 @dataclass(frozen=True, eq=False)
 class Finding:
@@ -115,15 +119,15 @@ class Diagnosis:
         """The most probable finding."""
         return self.findings[0] if self.findings else None
 
-    def deciding(self, needed: float) -> tuple[str, ...]:
+    def deciding(self, settings: DiagnosisSettings) -> tuple[str, ...]:
         """Sentences on what would decide, where the first is not told from its twins.
 
         Args:
-            needed: log evidence between two of them that decides.
+            settings: of the diagnosis, with what a name needs over the runner-up.
         """
         if not self.twins or self.leading is None:
             return ()
-        found = []
+        found, needed = [], settings.margin(self.leading.evidence.log_evidence)
         enough = [one for one in self.worth if one.log_evidence >= needed]
         if enough:
             best = "; ".join(f"{one.what} ({one.log_evidence:.0f})" for one in enough[:_SHOWN])
@@ -359,7 +363,7 @@ def _verdict(
     if _too_much_left(problem, base, best, settings):
         return UNKNOWN, ()
     value = first.evidence.log_evidence
-    least = value - settings.over_next - settings.own_error * max(value, 0.0)
+    least = value - settings.margin(value)
     near = [other for other in findings[1:] if other.evidence.log_evidence > least]
     twins = tuple(other.placed.label for other in near)
     if not near:

@@ -84,7 +84,7 @@ class DiagnosisReport:
     @property
     def would_decide(self) -> tuple[str, ...]:
         """Sentences on what would tell the first effect from others, where the data do not."""
-        return self.diagnosis.deciding(self.settings.over_next)
+        return self.diagnosis.deciding(self.settings)
 
     def as_dict(self) -> dict[str, Any]:
         """What the JSON file and `--json` hold."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from femupdate.discrepancy.deciding import PHASE, deciding
-from femupdate.discrepancy.diagnose import diagnose
+from femupdate.discrepancy.diagnose import DiagnosisSettings, diagnose
 from femupdate.discrepancy.fit import extended, fit, fit_baseline
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
@@ -63,6 +63,6 @@ def test_a_diagnosis_says_what_would_decide(chains, building_of, observe, pose):
     found = diagnose(pose(building_of(np.ones(2), np.full(2, 800.0)), seen))
     labels = {found.leading.placed.label, *found.twins}
     assert {"base_gain@base", "channel_gain@RF"} <= labels
-    said = " ".join(found.deciding(3.0))
+    said = " ".join(found.deciding(DiagnosisSettings()))
     assert "2F" in said
     assert "base_gain@base is settled by two sensors side by side" in said

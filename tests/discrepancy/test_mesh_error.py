@@ -76,6 +76,19 @@ def errors_left_open(problem, learned, fitted):
     return problem.left_open(problem, fitted.placed, *at)
 
 
+def amplitudes_at_one(coarse, learned):
+    """The corrected model at theta = 1, the problem of its own |H| with a noise of .1, its fit."""
+    theta = np.array([1.0, 1.0])
+    reduced = corrected(near(coarse)(theta), learned)
+    measured = np.abs(frf(reduced, theta))
+    noise = np.full(measured.shape, 0.1)
+    seen = Observation(GRID, reduced.model.floors, np.log(measured), noise, noise > 0)
+    box = torch.full((2,), 0.5, dtype=torch.float64), torch.full((2,), 2.0, dtype=torch.float64)
+    problem = make_problem(reduced, ConstantDamping(), box, 0.05, seen, model_error=0.0)
+    base = fit_baseline(problem)[0]
+    return reduced, theta, problem, base
+
+
 @pytest.fixture(scope="module")
 def coarse():
     return structure_of(frame(1.5))
@@ -150,14 +163,7 @@ def test_what_is_left_open_widens_the_intervals(coarse, learned):
 
 def test_every_natural_frequency_may_be_off_by_itself(coarse, learned):
     """The errors behind those of the members, one a mode that the floors show."""
-    theta = np.array([1.0, 1.0])
-    reduced = corrected(near(coarse)(theta), learned)
-    measured = np.abs(frf(reduced, theta))
-    noise = np.full(measured.shape, 0.1)
-    seen = Observation(GRID, reduced.model.floors, np.log(measured), noise, noise > 0)
-    box = torch.full((2,), 0.5, dtype=torch.float64), torch.full((2,), 2.0, dtype=torch.float64)
-    problem = make_problem(reduced, ConstantDamping(), box, 0.05, seen, model_error=0.0)
-    base = fit_baseline(problem)[0]
+    reduced, theta, problem, base = amplitudes_at_one(coarse, learned)
     shown = modes_shown(reduced, theta, GRID[-1])
     own = errors_left_open(problem, learned, base)[len(learned.steps) :].numpy() * 0.1
     assert len(own) == len(shown.squared) >= 2
@@ -178,15 +184,8 @@ def test_every_natural_frequency_may_be_off_by_itself(coarse, learned):
 
 def test_what_is_left_open_is_the_same_in_ln_h(coarse, learned):
     """As the finder's problem has it, whitened."""
-    theta = np.array([1.0, 1.0])
-    reduced = corrected(near(coarse)(theta), learned)
-    measured = np.abs(frf(reduced, theta))
-    noise = np.full(measured.shape, 0.1)
-    seen = Observation(GRID, reduced.model.floors, np.log(measured), noise, noise > 0)
-    box = torch.full((2,), 0.5, dtype=torch.float64), torch.full((2,), 2.0, dtype=torch.float64)
-    problem = make_problem(reduced, ConstantDamping(), box, 0.05, seen, model_error=0.0)
-    base = fit_baseline(problem)[0]
-    whitened = errors_left_open(problem, learned, base).numpy().reshape(-1, *measured.shape)
+    reduced, _, problem, base = amplitudes_at_one(coarse, learned)
+    whitened = errors_left_open(problem, learned, base).numpy().reshape(-1, 2, GRID.size)
     scatter = mesh_scatter(EffectSystem(reduced, ConstantDamping(), (), ()), learned)
     here = torch.from_numpy(base.theta()[0][None])
     zeta = torch.full((1,), 0.05, dtype=torch.float64)
