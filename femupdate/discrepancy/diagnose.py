@@ -18,6 +18,9 @@ from femupdate.effects.effect import Placed
 NONE, NAMED, AMBIGUOUS = "none", "named", "ambiguous"
 _FEWEST = 3.0  # independent points an unknown, below which nothing can be told
 INDISTINGUISHABLE, UNKNOWN = "indistinguishable", "unknown"
+_FIRST_STEPS, _STEPS = 6, 15  # of the fit of a candidate
+# A candidate that leaves so many times what the best leaves, and so much more, is out of the race.
+_FAR_BEHIND, _BEHIND = 2.0, 200.0
 _COMPARED, _SHOWN = 3, 3  # twins of the first finding; further measurements that are named
 
 
@@ -174,7 +177,7 @@ def diagnose(
     leading = _leading(scores, chosen.fitted)
     if far is not None:
         leading = _with(leading, scores, far.placed[-1])
-    fits = [_fit_candidate(problem, base, one, far) for one in leading]
+    fits = _fit_candidates(problem, base, leading, far)
     freedom = max(problem.effective - base.coordinates.size, 1.0)
     best = min([base.chi2, *(one.chi2 for one in fits)])
     if _too_much_left(problem, base, best, chosen):
@@ -244,7 +247,7 @@ def _with_partner(
         tests = [score(problem, one.fitted, p) for p in candidates(problem, one.fitted.placed)]
         strongest = sorted(tests, key=lambda test: -abs(test.statistic))[:2]
         for test in strongest:
-            both = _fit_candidate(problem, one.fitted, test)
+            both = _fit_candidates(problem, one.fitted, [test])[0]
             if both.chi2 < 0.98 * best:
                 best, chosen, partner = both.chi2, number, test.placed.label
     if not partner:
@@ -272,19 +275,43 @@ def _with(leading: list[Score], scores: list[Score], placed: Placed) -> list[Sco
     return [*leading, *(one for one in scores if one.placed.label == placed.label)]
 
 
-def _fit_candidate(problem: Problem, base: Fit, one: Score, far: Fit | None = None) -> Fit:
+def _fit_candidates(
+    problem: Problem, base: Fit, tests: list[Score], far: Fit | None = None
+) -> list[Fit]:
+    """Fits with one effect more each; those that fall far behind are not followed to their end."""
+    small = problem.on_fewer()
+    begun = [_begun(small, base, one, far) for one in tests]
+    enough = _FAR_BEHIND * min((_objective(one) for one in begun), default=0.0) + _BEHIND
+    followed = [one if _objective(one) > enough else _further(small, one) for one in begun]
+    fits = []
+    for one in followed:
+        steps = 0 if _objective(one) > enough else _STEPS
+        fits.append(fit(problem, one.placed, one.z, steps))
+    return fits
+
+
+def _begun(problem: Problem, base: Fit, one: Score, far: Fit | None) -> Fit:
+    """The first steps of a fit with an effect, from the base or from far off."""
     placed = (*base.placed, one.placed)
     start = list(one.start)
     if start:
         start[0] = one.size
     own = np.concatenate([base.known, start])
-    near = fit(problem, placed, extended(problem, base, placed, own))
+    near = fit(problem, placed, extended(problem, base, placed, own), _FIRST_STEPS)
     if far is None:
         return near
     if far.placed[-1].label == one.placed.label:
         own = far.known
-    other = fit(problem, placed, extended(problem, far, placed, own), 25)
-    return min(near, other, key=lambda fitted: fitted.chi2 + fitted.penalty)
+    other = fit(problem, placed, extended(problem, far, placed, own), _FIRST_STEPS)
+    return min(near, other, key=_objective)
+
+
+def _further(problem: Problem, begun: Fit) -> Fit:
+    return fit(problem, begun.placed, begun.z, _STEPS)
+
+
+def _objective(fitted: Fit) -> float:
+    return fitted.chi2 + fitted.penalty
 
 
 def _weigh(

@@ -333,7 +333,7 @@ def prior_draws(
 
 def coarse(problem: Problem) -> Problem:
     """The problem as if its noise were coarse, and every point erred alone."""
-    return replace(problem, sd=(problem.sd**2 + _COARSE**2).sqrt(), left_open=None)
+    return replace(problem.on_fewer(), sd=(problem.sd**2 + _COARSE**2).sqrt())
 
 
 def extended(problem: Problem, base: Fit, placed: tuple[Placed, ...], sizes: Floats) -> Tensor:

@@ -16,8 +16,9 @@ from scipy.stats import qmc
 
 from femupdate.dynamics.effect_reduction import structure_on
 from femupdate.dynamics.effect_response import ReducedStructure
-from femupdate.dynamics.full_response import FloorSensors, floor_sensors, nearby_modes
-from femupdate.dynamics.reduction import TOP, ReductionTarget, response_basis, snapshots
+from femupdate.dynamics.full_response import FloorSensors, floor_sensors
+from femupdate.dynamics.nearby import nearby_shapes
+from femupdate.dynamics.reduction import TOP, ReductionTarget, response_basis
 from femupdate.effects.effect import UNSCALED, Effect, Placed, Terms
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import TRANSLATION, Structure
@@ -26,7 +27,7 @@ from femupdate.fe.solve import modes_below
 
 Floats = NDArray[np.float64]
 SPREAD = 0.2  # of ln theta to both sides
-_SIZE = 260
+_SIZE = 220
 _NEIGHBOURS = 8
 _CHANGED = 0.2  # share of its size by which an effect that is present is changed
 
@@ -194,7 +195,7 @@ class _NearbyShapes:
         target: ReductionTarget,
     ) -> Floats:
         own, seen = self.questions[int(draw[0])].changed(operators, sensors, draw[1:])
-        return snapshots(nearby_modes(own, seen, np.zeros(0), self.known), target)
+        return nearby_shapes(own, seen, self.known, target)
 
 
 def _factor(theta: Floats, story: int) -> float:

@@ -7,7 +7,7 @@ Morrison's formula, frequency by frequency); what the instruments do last of all
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import torch
@@ -37,6 +37,7 @@ class ReducedStructure:
         rigid_rows: (f, 2) motion of what the model's rows observe per unit base translation and
             rotation; that of the floors where None.
         known: what effects add, by label, once it was asked for.
+        whole: the structure on more shapes whose first these are, or None.
     """
 
     structure: Structure
@@ -45,13 +46,41 @@ class ReducedStructure:
     rigid_force: Floats
     rigid_rows: Floats | None = None
     known: dict[str, "ReducedTerms"] = field(default_factory=dict, repr=False)
+    whole: "ReducedStructure | None" = None
 
     def terms(self, placed: Placed) -> "ReducedTerms":
         """What an effect adds."""
         if placed.label not in self.known:
-            terms = placed.effect.terms(self.structure, placed.place)
-            self.known[placed.label] = reduce_terms(self, terms)
+            if self.whole is not None:
+                added = self.whole.terms(placed).first(self.model.size)
+            else:
+                added = reduce_terms(self, placed.effect.terms(self.structure, placed.place))
+            self.known[placed.label] = added
         return self.known[placed.label]
+
+    def first(self, count: int) -> "ReducedStructure":
+        """The structure on the first shapes of its basis, which count most."""
+        if count >= self.model.size:
+            return self
+        model, own = self.model, slice(count)
+        fewer = replace(
+            model,
+            stiffness_terms=model.stiffness_terms[:, own, own],
+            stiffness_constant=model.stiffness_constant[own, own],
+            excitation=model.excitation[own],
+            floor_shapes=model.floor_shapes[:, own],
+            story_inertia=model.story_inertia[:, own],
+            story_drift=model.story_drift[:, own],
+            node_shapes=None,
+        )
+        return replace(
+            self,
+            model=fewer,
+            basis=self.basis[:, own],
+            rigid_force=self.rigid_force[own],
+            known={},
+            whole=self,
+        )
 
     @property
     def rigid(self) -> Floats:
@@ -72,6 +101,16 @@ class ReducedTerms:
     pitch: float
     port: tuple[Tensor, Tensor] | None
     constants: tuple[float, ...]
+
+    def first(self, count: int) -> "ReducedTerms":
+        """The same in the first coordinates."""
+        mass, port, own = self.mass, self.port, slice(count)
+        return replace(
+            self,
+            stiffness=tuple((story, matrix[own, own]) for story, matrix in self.stiffness),
+            mass=None if mass is None else (mass[0][own, own], mass[1][own], mass[2]),
+            port=None if port is None else (port[0][own], port[1]),
+        )
 
 
 def projected(basis: Floats, matrix: csc_matrix) -> Floats:

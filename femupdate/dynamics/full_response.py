@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femupdate.fe.assembly import AffineOperators
-from femupdate.fe.factorization import Factorization, factorize
+from femupdate.fe.factorization import Factorization
 from femupdate.fe.mechanism import factorize_held
 from femupdate.fe.model import DOF_PER_NODE
 from femupdate.fe.solve import modes_below
@@ -105,35 +105,6 @@ def full_modes(
     modes = modes_below(operators, theta, top_hz, factorization)
     omega = 2.0 * np.pi * modes.frequency_hz
     return _seen(operators, sensors, omega, modes.shapes, factorization, terms)
-
-
-def nearby_modes(
-    operators: AffineOperators, sensors: FloorSensors, theta: Floats, known: Floats
-) -> FullModes:
-    """Modes of a model that differs little from one whose modes are known.
-
-    One step of subspace iteration, with what it started from (Bathe 2014, section 11.6): a
-    factorisation and one solution a mode, a third of what finding them afresh costs. The lower
-    half of the modes is good to a thousandth where stiffnesses change by a fifth.
-
-    Args:
-        operators: of the model.
-        sensors: where the floors are observed.
-        theta: (p,) stiffness factors.
-        known: (n_free, m) modes of the other model.
-    """
-    factorization = factorize(operators.stiffness(theta))
-    fresh = factorization.apply(operators.mass @ known)
-    basis = np.column_stack([known, fresh])
-    image = operators.mass @ basis
-    scale = np.sqrt(np.einsum("ij,ij->j", basis, image))
-    energy, directions = np.linalg.eigh(basis.T @ image / np.outer(scale, scale))
-    kept = energy > 1e-10 * energy[-1]
-    onto = (directions[:, kept] / np.sqrt(energy[kept])) / scale[:, None]
-    stiffness = onto.T @ (basis.T @ (factorization.matrix @ basis)) @ onto
-    squared, vectors = np.linalg.eigh(0.5 * (stiffness + stiffness.T))
-    shapes = basis @ (onto @ vectors)
-    return _seen(operators, sensors, np.sqrt(squared), shapes, factorization, 1)
 
 
 def _seen(

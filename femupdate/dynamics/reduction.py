@@ -40,6 +40,7 @@ _CERTIFY = 29  # others by which the choice is judged: 90 % of the box with a co
 _ROUNDS = 3
 _JOIN = 8  # of them whose responses join the basis where it fails
 CONFIDENCE = 0.95
+STATIC_WEIGHT = 1e-2  # of the static response among the snapshots
 T = TypeVar("T")
 Snapshots = Callable[[AffineOperators, FloorSensors, Floats, "ReductionTarget"], Floats]
 
@@ -300,22 +301,41 @@ def response_shapes(
 
 def snapshots(modes: FullModes, target: ReductionTarget) -> Floats:
     """Weighted shapes (n_free, c) that span the responses of these modes over the grid."""
-    omega = modes.felt.omega[:, None]
+    combined = combinations(modes.felt, modes.participation, modes.floors, target)
+    return np.column_stack([modes.shapes @ combined, STATIC_WEIGHT * modes.static])
+
+
+def combinations(
+    felt: FloorModes,
+    participation: Floats,
+    floors: Floats,
+    target: ReductionTarget,
+    least: float = 1e-9,
+) -> Floats:
+    """Weighted combinations (m, c) of modes that span their responses over the grid.
+
+    Args:
+        felt: the modes as the floors feel them.
+        participation: (m,) participation factors.
+        floors: (f, m) floor shapes.
+        target: grid and damping.
+        least: energy of a combination, of the largest, that is kept.
+    """
+    omega = felt.omega[:, None]
     grid = target.frequency_hz[::2]
     w = 2.0 * np.pi * grid
-    size = np.exp(modes.felt.log_frf(grid, target.zeta)).clip(1e-3)
+    size = np.exp(felt.log_frf(grid, target.zeta)).clip(1e-3)
     response = 1.0 / (omega**2 - w**2 + 2j * target.zeta * omega * w)
-    primal = modes.participation[:, None] * response * (w**2 / size.min(axis=0))
+    primal = participation[:, None] * response * (w**2 / size.min(axis=0))
     # Duals matter less than the motion itself: a twentieth of its weight was best of those tried.
     dual = [
         0.05**0.5 * shape[:, None] * response * (w**2 / one)
-        for shape, one in zip(modes.floors, size, strict=True)
+        for shape, one in zip(floors, size, strict=True)
     ]
     gram = sum((c @ c.conj().T).real for c in (primal, *dual))
     energy, directions = np.linalg.eigh(gram)
-    kept = energy > 1e-9 * energy[-1]
-    shapes = modes.shapes @ (directions[:, kept] * np.sqrt(energy[kept] / energy[-1]))
-    return np.column_stack([shapes, 1e-2 * modes.static])
+    kept = energy > least * energy[-1]
+    return directions[:, kept] * np.sqrt(energy[kept] / energy[-1])
 
 
 def _compress(operators: AffineOperators, snapshots: Floats, size: int) -> Floats:

@@ -34,7 +34,6 @@ from femupdate.workflow.effects import (
     building_effects,
     check_places,
     finder_structure,
-    first_shapes,
     plain_structure,
     problem_of,
     structure_near,
@@ -216,7 +215,7 @@ def prepared(
         base = fit_baseline(problem, effects.placed, effects.values, seed)[0]
         show.advance()
         return problem, base
-    problem = replace(problem, search=first_shapes(plain, _ROUGH))
+    problem = replace(problem, search=plain.first(_ROUGH))
     rough = fit_baseline(problem.for_search(), seed=seed)[0]
     middle = _rightly_named(problem, rough, seed)
     show.advance()

@@ -113,23 +113,6 @@ def plain_structure(model: StudyModel) -> ReducedStructure:
     return ReducedStructure(structure, model.reduced, np.zeros((len(structure.axis), 0)), force)
 
 
-def first_shapes(reduced: ReducedStructure, count: int) -> ReducedStructure:
-    """A structure on the first shapes of its basis, which count most."""
-    model, own = reduced.model, slice(count)
-    fewer = replace(
-        model,
-        stiffness_terms=model.stiffness_terms[:, own, own],
-        stiffness_constant=model.stiffness_constant[own, own],
-        excitation=model.excitation[own],
-        floor_shapes=model.floor_shapes[:, own],
-        story_inertia=model.story_inertia[:, own],
-        story_drift=model.story_drift[:, own],
-        node_shapes=None,
-    )
-    basis, force = reduced.basis[:, own], reduced.rigid_force[own]
-    return ReducedStructure(reduced.structure, fewer, basis, force)
-
-
 def structure_near(
     structure: Structure,
     building: Building,
