@@ -18,9 +18,15 @@ from femupdate.effects.effect import Placed
 NONE, NAMED, AMBIGUOUS = "none", "named", "ambiguous"
 _FEWEST = 3.0  # independent points an unknown, below which nothing can be told
 INDISTINGUISHABLE, UNKNOWN = "indistinguishable", "unknown"
-_FIRST_STEPS, _STEPS = 6, 15  # of the fit of a candidate
+_FIRST_STEPS, _STEPS = 5, 15  # of the fit of a candidate
+_OTHERS, _MORE = (
+    4,
+    0.9,
+)  # other effects that are fitted, and the share of the least misfit they leave
 # A candidate that leaves so many times what the best leaves, and so much more, is out of the race.
 _FAR_BEHIND, _BEHIND = 2.0, 200.0
+# Findings less than a twentieth of the log evidence (or six) behind the first are close to it.
+_CLOSE, _CLOSE_BY, _CLOSEST = 0.05, 6.0, 4
 _COMPARED, _SHOWN = 3, 3  # twins of the first finding; further measurements that are named
 
 
@@ -122,6 +128,16 @@ class Diagnosis:
         """The most probable finding."""
         return self.findings[0] if self.findings else None
 
+    @property
+    def close(self) -> tuple[Finding, ...]:
+        """The leading findings between which the error of a basis for all effects may decide."""
+        if self.leading is None or self.verdict in (NONE, UNKNOWN):
+            return ()
+        value = self.leading.evidence.log_evidence
+        least = value - max(_CLOSE * value, _CLOSE_BY)
+        near = [one for one in self.findings if one.evidence.log_evidence > least]
+        return tuple(near[:_CLOSEST])
+
     def deciding(self, settings: DiagnosisSettings) -> tuple[str, ...]:
         """Sentences on what would decide, where the first is not told from its twins.
 
@@ -152,6 +168,7 @@ def diagnose(
     base: Fit | None = None,
     progress: Callable[[str], None] | None = None,
     far: Fit | None = None,
+    among: frozenset[str] | None = None,
 ) -> Diagnosis:
     """Find where a model fails, and rank what could be missing.
 
@@ -161,6 +178,7 @@ def diagnose(
         base: the model so far, fitted; by default that without effects.
         progress: told what is being done.
         far: with one effect more, at a theta from where all are fitted as well.
+        among: labels of the only candidates that are fitted; None for the leading ones.
     """
     chosen = settings or DiagnosisSettings()
     tell = progress or (lambda text: None)
@@ -177,21 +195,26 @@ def diagnose(
     leading = _leading(scores, chosen.fitted)
     if far is not None:
         leading = _with(leading, scores, far.placed[-1])
+    if among is not None:
+        leading = [one for one in scores if one.placed.label in among]
     fits = _fit_candidates(problem, base, leading, far)
+    if among is None and _poor(problem, min([base, *fits], key=lambda one: one.misfit)):
+        tell("fitting every effect")
+        fits += _others(problem, base, scores, fits, far)
     freedom = max(problem.effective - base.coordinates.size, 1.0)
-    best = min([base.chi2, *(one.chi2 for one in fits)])
+    best = _best(problem, [base, *fits])
     if _too_much_left(problem, base, best, chosen):
         tell("trying exchanged channels")
-        again = _exchanges(problem, base, scores, best, chosen.seed)
+        again = _exchanges(problem, base, scores, best.chi2, chosen.seed)
         redone = {one.placed[-1] for one in again}
         fits = [*(one for one in fits if one.placed[-1] not in redone), *again]
-        best = min([base.chi2, *(one.chi2 for one in fits)])
-    findings = _weigh(problem, base, fits, scores, max(1.0, best / freedom), chosen)
+        best = _best(problem, [base, *fits])
+    findings = _weigh(problem, base, fits, scores, max(1.0, best.chi2 / freedom), chosen)
     partner = ""
     if findings and _too_much_left(problem, base, best, chosen):
         tell("trying pairs of effects")
         findings, partner, best = _with_partner(problem, findings, best, chosen)
-    inflation = max(1.0, best / freedom)
+    inflation = max(1.0, best.chi2 / freedom)
     verdict, twins = _verdict(problem, base, findings, best, chosen)
     return Diagnosis(
         base,
@@ -227,20 +250,41 @@ def _excess(problem: Problem, base: Fit, chi2: float) -> tuple[float, bool]:
     return excess, excess > 5.0 * np.sqrt(2.0 * freedom)
 
 
-def _too_much_left(problem: Problem, base: Fit, best: float, settings: DiagnosisSettings) -> bool:
+def _left(problem: Problem, fitted: Fit) -> float:
+    """What a fit leaves unexplained, as a sum of squares.
+
+    Errors that many points share could hide a good part of what a wrong effect leaves, each moved a
+    little further than it should: where there are such, every point is taken to err alone.
+    """
+    return fitted.chi2 if problem.left_open is None else fitted.misfit
+
+
+def _best(problem: Problem, fits: list[Fit]) -> Fit:
+    """The fit that leaves least."""
+    return min(fits, key=lambda one: _left(problem, one))
+
+
+def _too_much_left(problem: Problem, base: Fit, best: Fit, settings: DiagnosisSettings) -> bool:
     """Whether even the best fit leaves, beyond chance, a part of what there is to explain.
 
     Mass takes the place of a tie or a brace for most of their effect; what it cannot explain says
     that it is not mass.
     """
-    excess = _excess(problem, base, base.chi2)[0]
-    left, significant = _excess(problem, base, best)
-    return significant and left > settings.unknown_left * excess
+    if problem.left_open is None:
+        excess = _excess(problem, base, base.chi2)[0]
+        left, significant = _excess(problem, base, best.chi2)
+        return significant and left > settings.unknown_left * excess
+    return _poor(problem, best) and best.misfit > settings.unknown_left * base.misfit
+
+
+def _poor(problem: Problem, best: Fit) -> bool:
+    """Whether a fit leaves more than noise and the usual error of a right model do."""
+    return best.misfit > problem.expected + 5.0 * np.sqrt(2.0 * problem.effective)
 
 
 def _with_partner(
-    problem: Problem, findings: tuple[Finding, ...], best: float, settings: DiagnosisSettings
-) -> tuple[tuple[Finding, ...], str, float]:
+    problem: Problem, findings: tuple[Finding, ...], best: Fit, settings: DiagnosisSettings
+) -> tuple[tuple[Finding, ...], str, Fit]:
     """Put first the effect that explains most together with a second one."""
     chosen, partner = 0, ""
     for number, one in enumerate(findings[: settings.paired]):
@@ -248,8 +292,8 @@ def _with_partner(
         strongest = sorted(tests, key=lambda test: -abs(test.statistic))[:2]
         for test in strongest:
             both = _fit_candidates(problem, one.fitted, [test])[0]
-            if both.chi2 < 0.98 * best:
-                best, chosen, partner = both.chi2, number, test.placed.label
+            if _left(problem, both) < 0.98 * _left(problem, best):
+                best, chosen, partner = both, number, test.placed.label
     if not partner:
         return findings, "", best
     others = (one for k, one in enumerate(findings) if k != chosen)
@@ -281,13 +325,36 @@ def _fit_candidates(
     """Fits with one effect more each; those that fall far behind are not followed to their end."""
     small = problem.on_fewer()
     begun = [_begun(small, base, one, far) for one in tests]
-    enough = _FAR_BEHIND * min((_objective(one) for one in begun), default=0.0) + _BEHIND
-    followed = [one if _objective(one) > enough else _further(small, one) for one in begun]
-    fits = []
-    for one in followed:
-        steps = 0 if _objective(one) > enough else _STEPS
-        fits.append(fit(problem, one.placed, one.z, steps))
-    return fits
+    enough = _enough(begun)
+    followed = [one if one.misfit > enough else _further(small, one) for one in begun]
+    enough = _enough(followed)
+    return [
+        fit(problem, one.placed, one.z, 0 if one.misfit > enough else _STEPS) for one in followed
+    ]
+
+
+def _others(
+    problem: Problem, base: Fit, scores: list[Score], fits: list[Fit], far: Fit | None
+) -> list[Fit]:
+    """Fits of those among all other effects that explain more than the leading ones.
+
+    Where theta has made up for most of an effect, a test at that theta does not see it; the first
+    steps of a fit do.
+    """
+    known, small = {one.placed[-1].label for one in fits}, problem.on_fewer()
+    best = min([base.misfit, *(one.misfit for one in fits)])
+    tests = [one for one in scores if one.placed.label not in known]
+    begun = sorted((_begun(small, base, one, far) for one in tests), key=lambda one: one.misfit)
+    return [
+        fit(problem, one.placed, _further(small, one).z, _STEPS)
+        for one in begun[:_OTHERS]
+        if one.misfit < _MORE * best
+    ]
+
+
+def _enough(fits: list[Fit]) -> float:
+    """The misfit from which a candidate is out of the race."""
+    return _FAR_BEHIND * min((one.misfit for one in fits), default=0.0) + _BEHIND
 
 
 def _begun(problem: Problem, base: Fit, one: Score, far: Fit | None) -> Fit:
@@ -303,15 +370,11 @@ def _begun(problem: Problem, base: Fit, one: Score, far: Fit | None) -> Fit:
     if far.placed[-1].label == one.placed.label:
         own = far.known
     other = fit(problem, placed, extended(problem, far, placed, own), _FIRST_STEPS)
-    return min(near, other, key=_objective)
+    return min(near, other, key=lambda fitted: fitted.misfit)
 
 
 def _further(problem: Problem, begun: Fit) -> Fit:
     return fit(problem, begun.placed, begun.z, _STEPS)
-
-
-def _objective(fitted: Fit) -> float:
-    return fitted.chi2 + fitted.penalty
 
 
 def _weigh(
@@ -375,7 +438,7 @@ def _verdict(
     problem: Problem,
     base: Fit,
     findings: tuple[Finding, ...],
-    best: float,
+    best: Fit,
     settings: DiagnosisSettings,
 ) -> tuple[str, tuple[str, ...]]:
     """The verdict and what the leading finding cannot be told from."""

@@ -28,6 +28,7 @@ _LEADING = 4  # of the effects that were fitted from the base, with all draws wh
 _CHEAP = 60  # shapes up to which every place gets all draws
 _SEARCHED = 6  # effects and places that are fitted
 _STARTS = 2  # draws from which each of them is
+_MANY, _FROM = 512, 6  # draws of theta with the effect that explains most, and starts among them
 _WIDER = 1.5  # prior standard deviations of a size that is drawn
 _BETTER = 0.5  # share of the coarse residuals, squared, that an effect may leave
 
@@ -65,8 +66,19 @@ def far_fit(
         for _, together, starts in screened[:_SEARCHED]
         for start in starts
     ]
-    best = min(fits, key=lambda one: one.chi2 + one.penalty, default=None)
-    return best if best is not None and best.chi2 < _BETTER * alone.chi2 else None
+    best = min(fits, key=lambda one: one.misfit, default=None)
+    if best is None or best.chi2 > _BETTER * alone.chi2:
+        return None
+    return min(best, *_everywhere(rough, best, seed), key=lambda one: one.misfit)
+
+
+def _everywhere(problem: Problem, found: Fit, seed: int) -> list[Fit]:
+    """Fits with the effect that was found, from the best of many draws of theta."""
+    where = found.coordinates
+    z = prior_draws(problem, where, found.z[where.first_size :], _MANY, seed + 2)
+    misfit = evaluate(problem, found.system, where, z).square().sum(dim=1)
+    nearest = misfit.argsort()[:_FROM]
+    return [fit(problem, found.placed, z[k], 15, found.system) for k in nearest.tolist()]
 
 
 def _most(problem: Problem, scores: Sequence[Score], leading: Sequence[Placed]) -> set[str]:

@@ -151,6 +151,12 @@ class Fit:
         return (c.neutral + c.scales * self.z[c.first_size :]).numpy()
 
     @property
+    def misfit(self) -> float:
+        """What a search lessens: as if every point erred alone, with the distance from priors."""
+        c = self.coordinates
+        return float(self.residual @ self.residual + (c.precision * (self.z - c.mean) ** 2).sum())
+
+    @property
     def chi2(self) -> float:
         """Sum of squared residuals, of independent points."""
         return float(self.weighed.residual @ self.weighed.residual)

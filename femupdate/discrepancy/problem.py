@@ -22,6 +22,7 @@ MODEL_ERROR = 0.02
 _FEWER = (
     140  # shapes of a search: a frame's responses err by .01 (rms) on them, a third of the time
 )
+_USUAL = 0.5  # of the squared error of a model at the worst: a sixth to a half was seen
 WILD = 8.0  # residuals, in standard deviations, that count no more than this
 
 
@@ -64,6 +65,7 @@ class Problem:
             zeta (1,) and sizes (1, q); None where there is none.
         mimicked: log evidence that errors of the model itself may bring to an effect.
         own_error: share of an effect's size by which the model of the effect may err.
+        model_error: what of `sd` is not the data's noise but what the model errs at the worst.
         search: the structure on a basis for the whole prior, on which only instruments and damping
             may have effects; None where `reduced` serves there.
     """
@@ -83,6 +85,7 @@ class Problem:
     left_open: "Callable[[Problem, Effects, Tensor, Tensor, Tensor], Tensor] | None" = None
     mimicked: float = 0.0
     own_error: float = 0.0
+    model_error: float = 0.0
     search: ReducedStructure | None = None
 
     def for_search(self) -> "Problem":
@@ -104,6 +107,13 @@ class Problem:
         """Number of them that err independently."""
         valid = float((torch.isfinite(self.sd) * self.independent).sum())
         return valid if self.phase is None else 2.0 * valid
+
+    @property
+    def expected(self) -> float:
+        """Sum of squares that noise and the usual error of a right model leave."""
+        usual = 1.0 - (1.0 - _USUAL) * (self.model_error / self.sd) ** 2
+        left = float((torch.isfinite(self.sd) * self.independent * usual).sum())
+        return left if self.phase is None else 2.0 * left
 
     @property
     def independent(self) -> Tensor:
@@ -264,4 +274,5 @@ def make_problem(
         ),
         mimicked=mimicked,
         own_error=own_error,
+        model_error=model_error,
     )

@@ -6,7 +6,7 @@ do, when the responses they are taken from are those of the finder's own questio
 itself, its neighbours, and each effect alone.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -68,7 +68,7 @@ def local_structure(
     *,
     spread: float = SPREAD,
     size: int = _SIZE,
-    present: Sized | None = None,
+    present: Sequence[Sized] | None = None,
 ) -> ReducedStructure:
     """A frame on a basis for the neighbourhood of theta, from its full model.
 
@@ -84,7 +84,7 @@ def local_structure(
         spread: half width of the neighbourhood in ln theta.
         size: number of shapes.
         present: effects that the model has, and the first parameter of each, where no others need
-            act; None for the catalogue.
+            act; several such sets where it may have one or another; None for the catalogue.
     """
     if structure.operators is None or structure.mesh is None:
         return structure_on(structure, np.diag(structure.points.mass**-0.5))
@@ -105,8 +105,12 @@ def _questions(structure: Structure) -> tuple[Question, ...]:
     return (Question(), *(_question(structure, (one,)) for one in _asked_places(structure)))
 
 
-def _about(structure: Structure, present: Sized) -> tuple[Question, ...]:
-    """All effects as they are, and with the size of one after the other changed."""
+def _about(structure: Structure, sets: Sequence[Sized]) -> tuple[Question, ...]:
+    """All effects of each set as they are, and with the size of one after the other changed."""
+    return tuple(one for present in sets for one in _changes(structure, present))
+
+
+def _changes(structure: Structure, present: Sized) -> list[Question]:
     asked = [_question(structure, present)]
     for number, (placed, size) in enumerate(present):
         own = placed.effect.parameters[0] if placed.effect.parameters else None
@@ -117,7 +121,7 @@ def _about(structure: Structure, present: Sized) -> tuple[Question, ...]:
             if own.lower <= other <= own.upper:
                 moved = (*present[:number], (placed, other), *present[number + 1 :])
                 asked.append(_question(structure, moved))
-    return tuple(asked)
+    return asked
 
 
 def _asked_places(structure: Structure) -> list[tuple[Placed, float]]:

@@ -67,7 +67,8 @@ def _responses(
         target: grid and damping.
     """
     scale = np.sqrt(mass.diagonal())
-    energy, directions = np.linalg.eigh(mass / np.outer(scale, scale))
+    # Not NumPy's: the method of divide and conquer has failed on such matrices.
+    energy, directions = eigh(mass / np.outer(scale, scale))
     kept = energy > _NOTHING * energy[-1]
     onto = (directions[:, kept] / np.sqrt(energy[kept])) / scale[:, None]
     squared, vectors = eigh(onto.T @ stiffness @ onto)

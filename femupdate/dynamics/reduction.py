@@ -15,7 +15,7 @@ from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
+from scipy.linalg import eigh, solve_triangular
 from scipy.stats import qmc
 
 from femupdate.dynamics.full_response import (
@@ -333,7 +333,7 @@ def combinations(
         for shape, one in zip(floors, size, strict=True)
     ]
     gram = sum((c @ c.conj().T).real for c in (primal, *dual))
-    energy, directions = np.linalg.eigh(gram)
+    energy, directions = eigh(gram)
     kept = energy > least * energy[-1]
     return directions[:, kept] * np.sqrt(energy[kept] / energy[-1])
 
@@ -341,7 +341,7 @@ def combinations(
 def _compress(operators: AffineOperators, snapshots: Floats, size: int) -> Floats:
     """M-orthonormal basis (n_free, r) of the snapshots, most energetic first."""
     gram = snapshots.T @ (operators.mass @ snapshots)
-    energy, directions = np.linalg.eigh(gram)
+    energy, directions = eigh(gram)
     kept = np.flatnonzero(energy > 1e-14 * energy[-1])[::-1][:size]
     basis = snapshots @ (directions[:, kept] / np.sqrt(energy[kept]))
     # Once more: the energies span many decades and the first pass loses orthogonality with them.

@@ -119,7 +119,7 @@ def structure_near(
     theta: Floats,
     zeta: float,
     progress: Progress | None = None,
-    present: Sized | None = None,
+    present: Sequence[Sized] | None = None,
 ) -> ReducedStructure:
     """The structure on a basis for the neighbourhood of theta, in which effects may act.
 
