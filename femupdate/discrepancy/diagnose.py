@@ -19,10 +19,9 @@ NONE, NAMED, AMBIGUOUS = "none", "named", "ambiguous"
 _FEWEST = 3.0  # independent points an unknown, below which nothing can be told
 INDISTINGUISHABLE, UNKNOWN = "indistinguishable", "unknown"
 _FIRST_STEPS, _STEPS = 5, 15  # of the fit of a candidate
-_OTHERS, _MORE = (
-    4,
-    0.9,
-)  # other effects that are fitted, and the share of the least misfit they leave
+# Of all other effects the first steps are taken of a fit; those ahead are followed, and the few
+# that leave not much more than the best are fitted.
+_GLANCE, _AHEAD, _OTHERS, _MORE = 2, 12, 4, 1.5
 # A candidate that leaves so many times what the best leaves, and so much more, is out of the race.
 _FAR_BEHIND, _BEHIND = 2.0, 200.0
 # Findings less than a twentieth of the log evidence (or six) behind the first are close to it.
@@ -198,7 +197,7 @@ def diagnose(
     if among is not None:
         leading = [one for one in scores if one.placed.label in among]
     fits = _fit_candidates(problem, base, leading, far)
-    if among is None and _poor(problem, min([base, *fits], key=lambda one: one.misfit)):
+    if among is None and _worth_all(problem, base, fits, chosen):
         tell("fitting every effect")
         fits += _others(problem, base, scores, fits, far)
     freedom = max(problem.effective - base.coordinates.size, 1.0)
@@ -344,12 +343,23 @@ def _others(
     known, small = {one.placed[-1].label for one in fits}, problem.on_fewer()
     best = min([base.misfit, *(one.misfit for one in fits)])
     tests = [one for one in scores if one.placed.label not in known]
-    begun = sorted((_begun(small, base, one, far) for one in tests), key=lambda one: one.misfit)
+    begun = (_begun(small, base, one, far, _GLANCE) for one in tests)
+    ahead = sorted(begun, key=lambda one: one.misfit)[:_AHEAD]
+    ahead = sorted(
+        (_further(small, one, _FIRST_STEPS) for one in ahead), key=lambda one: one.misfit
+    )
     return [
         fit(problem, one.placed, _further(small, one).z, _STEPS)
-        for one in begun[:_OTHERS]
+        for one in ahead[:_OTHERS]
         if one.misfit < _MORE * best
     ]
+
+
+def _worth_all(problem: Problem, base: Fit, fits: list[Fit], settings: DiagnosisSettings) -> bool:
+    """Whether something may be named, so that every effect is due its chance; or nothing fits."""
+    best = min([base, *fits], key=lambda one: one.misfit)
+    gain = 0.5 * (base.chi2 - min([base.chi2, *(one.chi2 for one in fits)]))
+    return gain > settings.over_none + problem.mimicked or _poor(problem, best)
 
 
 def _enough(fits: list[Fit]) -> float:
@@ -357,24 +367,26 @@ def _enough(fits: list[Fit]) -> float:
     return _FAR_BEHIND * min((one.misfit for one in fits), default=0.0) + _BEHIND
 
 
-def _begun(problem: Problem, base: Fit, one: Score, far: Fit | None) -> Fit:
+def _begun(
+    problem: Problem, base: Fit, one: Score, far: Fit | None, steps: int = _FIRST_STEPS
+) -> Fit:
     """The first steps of a fit with an effect, from the base or from far off."""
     placed = (*base.placed, one.placed)
     start = list(one.start)
     if start:
         start[0] = one.size
     own = np.concatenate([base.known, start])
-    near = fit(problem, placed, extended(problem, base, placed, own), _FIRST_STEPS)
+    near = fit(problem, placed, extended(problem, base, placed, own), steps)
     if far is None:
         return near
     if far.placed[-1].label == one.placed.label:
         own = far.known
-    other = fit(problem, placed, extended(problem, far, placed, own), _FIRST_STEPS)
+    other = fit(problem, placed, extended(problem, far, placed, own), steps)
     return min(near, other, key=lambda fitted: fitted.misfit)
 
 
-def _further(problem: Problem, begun: Fit) -> Fit:
-    return fit(problem, begun.placed, begun.z, _STEPS)
+def _further(problem: Problem, begun: Fit, steps: int = _STEPS) -> Fit:
+    return fit(problem, begun.placed, begun.z, steps)
 
 
 def _weigh(

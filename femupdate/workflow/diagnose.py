@@ -275,21 +275,21 @@ def sought(
     def tell(text: str) -> None:
         show.advance(1, text)
 
-    found = find(problem, chosen, base, tell)
-    problem, base, found = _run_off(model, parts, problem, base, found, chosen, show)
-    if found.verdict not in (UNKNOWN, AMBIGUOUS):
-        return problem, base, found
+    first = find(problem, chosen, base, tell)
+    near = _run_off(model, parts, problem, base, first, chosen, show)
+    if near[2].verdict not in (UNKNOWN, AMBIGUOUS):
+        return near
     tell("searching far from the model as it is")
-    leading = [one.placed for one in found.findings]
-    far = far_fit(problem, base, found.scores, leading, chosen.seed)
+    leading = [one.placed for one in first.findings]
+    far = far_fit(problem, base, first.scores, leading, chosen.seed)
     if far is None:
-        return problem, base, found
+        return near
     there, far = refined(model, parts, problem, far, show)
     moved = fit(there, base.placed, base.z)
     again = find(there, chosen, moved, tell, far)
-    if again.verdict == UNKNOWN or _least(again) > _CLEARLY * _least(found):
-        return problem, base, found
-    return there, moved, again
+    if again.verdict == UNKNOWN or _least(again) > _CLEARLY * _least(near[2]):
+        return near
+    return _run_off(model, parts, there, moved, again, chosen, show)
 
 
 def _run_off(

@@ -7,7 +7,7 @@ frequency by frequency, with an error of 2 % on |H| and the phase.
 import numpy as np
 import pytest
 
-from femupdate.discrepancy.diagnose import NAMED, UNKNOWN, diagnose
+from femupdate.discrepancy.diagnose import NAMED, UNKNOWN, DiagnosisSettings, diagnose
 from femupdate.discrepancy.far import far_fit
 from femupdate.discrepancy.fit import fit_baseline
 
@@ -17,8 +17,13 @@ MASSES, SPRINGS, SD = np.ones(5), np.full(5, 600.0), 0.02
 
 HIDDEN = {
     "added_mass@4F": (-0.42, (1.02, 1.61, 0.7, 1.61, 0.83)),
+    "added_mass@RF": (-0.44, (1.37, 1.11, 0.97, 1.4, 1.01)),
+    "added_mass@2F": (-0.45, (1.43, 0.81, 1.09, 1.22, 1.13)),
+}
+# Theta has made up for so much of these that other effects score higher.
+OVERSHADOWED = {
     "added_mass@RF": (-0.44, (1.27, 1.43, 0.8, 0.75, 1.17)),
-    "added_mass@2F": (-0.38, (1.46, 1.47, 1.49, 0.98, 0.80)),
+    "added_mass@3F": (-0.34, (1.49, 0.75, 1.07, 0.78, 0.89)),
 }
 
 
@@ -55,6 +60,17 @@ def test_a_large_effect_is_found_from_afar(posed, label):
     assert abs(found.leading.size - share) < 4.5 * found.leading.size_sd
     mean, sd = found.leading.fitted.theta()
     assert (np.abs(mean - theta) < 4.5 * sd).all()
+
+
+@pytest.mark.parametrize("label", OVERSHADOWED)
+def test_an_effect_that_scores_low_is_fitted_where_no_other_explains_the_data(posed, label):
+    share, theta = OVERSHADOWED[label]
+    problem, base = posed(label.split("@")[1], share, theta)
+    found = diagnose(problem, base=base)
+    strongest = found.scores[: DiagnosisSettings().fitted]
+    assert label not in [one.placed.label for one in strongest]
+    assert (found.verdict, found.leading.placed.label) == (NAMED, label)
+    assert abs(found.leading.size - share) < 4.5 * found.leading.size_sd
 
 
 def test_nothing_is_found_where_nothing_is_missing(posed):
