@@ -60,12 +60,15 @@ class MeshError:
         mean: (q,) what the finer mesh does, as sizes of those effects.
         sd: (q,) scatter of it from theta to theta.
         left: rms of the relative error of frequencies that the mean change leaves.
+        effect: rms of the relative error of the size with which the floors show a mode, of what
+            is shown most above all.
     """
 
     labels: tuple[str, ...]
     mean: tuple[float, ...]
     sd: tuple[float, ...]
     left: float
+    effect: float
 
     @property
     def placed(self) -> tuple[Placed, ...]:
@@ -120,9 +123,11 @@ def learn_mesh_error(
         ModelError: no mode is the same on both meshes.
     """
     placed = _members(fine)
-    lessons = []
+    lessons, pairs = [], []
     for number, theta in enumerate(thetas):
-        lessons.append(_lesson(fine, near(theta), placed, theta, top_hz))
+        coarse, theirs = near(theta), _fine_modes(fine, theta, top_hz)
+        lessons.append(_lesson(coarse, theirs, placed, theta, top_hz))
+        pairs.append((replace(coarse, basis=coarse.basis[:0]), theirs))  # its terms are known now
         if progress is not None:
             progress(number + 1, len(thetas))
     if not any(len(one.sought) for one in lessons):
@@ -133,15 +138,28 @@ def learn_mesh_error(
     kinds = [one.effect.name for one in placed]
     mean, sd, left = _estimate(lessons, kinds)
     labels = tuple(one.label for one in placed)
-    return MeshError(labels, tuple(mean.tolist()), tuple(sd.tolist()), left)
+    found = MeshError(labels, tuple(mean.tolist()), tuple(sd.tolist()), left, 0.0)
+    squares = weights = 0.0
+    for (coarse, theirs), theta in zip(pairs, thetas, strict=True):
+        errors, size = _effect_errors(corrected(coarse, found, 1.0), theirs, theta, top_hz)
+        squares, weights = squares + float(size @ errors**2), weights + float(size.sum())
+    return replace(found, effect=float(np.sqrt(squares / weights)))
 
 
-def corrected(reduced: ReducedStructure, mesh: MeshError) -> ReducedStructure:
-    """The reduced structure with the stiffness that a fine mesh would give it."""
+def corrected(
+    reduced: ReducedStructure, mesh: MeshError, share: float = _SHARE
+) -> ReducedStructure:
+    """The reduced structure with the stiffness that a fine mesh would give it.
+
+    Args:
+        reduced: the structure.
+        mesh: its error.
+        share: of what the finer mesh showed.
+    """
     terms = reduced.model.stiffness_terms.copy()
     for placed, value in zip(mesh.placed, mesh.mean, strict=True):
         for story, matrix in reduced.terms(placed).stiffness:
-            terms[story] += _SHARE * value * matrix.numpy()
+            terms[story] += share * value * matrix.numpy()
     return replace(reduced, model=replace(reduced.model, stiffness_terms=terms))
 
 
@@ -157,17 +175,32 @@ def _members(structure: Structure) -> tuple[Placed, ...]:
     )
 
 
+def _fine_modes(fine: Structure, theta: Floats, top_hz: float) -> "ShownModes":
+    """Modes of the finer mesh."""
+    force = fine.rigid_force[:, [TRANSLATION]]
+    factors = factorize(fine.stiffness(theta))
+    found = driven_shapes(factors, fine.mass, force, fine.floor_rows, top_hz)
+    return modes_shown(structure_on(fine, found.shapes), theta, top_hz)
+
+
+def _effect_errors(
+    ours_on: ReducedStructure, theirs: "ShownModes", theta: Floats, top_hz: float
+) -> tuple[Floats, Floats]:
+    """Relative errors (m,) of the size with which the floors show the modes, and their weights."""
+    ours = modes_shown(ours_on, theta, top_hz)
+    rows, columns = _matched(ours, theirs)
+    mine, right = ours.effect[:, rows], theirs.effect[:, columns]
+    size = np.linalg.norm(right, axis=0)
+    return (mine * right).sum(axis=0) / (mine**2).sum(axis=0) - 1.0, size / size.max(initial=1e-300)
+
+
 def _lesson(
-    fine: Structure,
     coarse: ReducedStructure,
+    theirs: "ShownModes",
     placed: tuple[Placed, ...],
     theta: Floats,
     top_hz: float,
 ) -> _Lesson:
-    force = fine.rigid_force[:, [TRANSLATION]]
-    factors = factorize(fine.stiffness(theta))
-    found = driven_shapes(factors, fine.mass, force, fine.floor_rows, top_hz)
-    theirs = modes_shown(structure_on(fine, found.shapes), theta, top_hz)
     ours = modes_shown(coarse, theta, top_hz)
     rows, columns = _matched(ours, theirs)
     sought = theirs.squared[columns] / ours.squared[rows] - 1.0

@@ -89,7 +89,7 @@ def with_mesh_error(problem: Problem, mesh: MeshError) -> Problem:
         here = now.predicted(now.system(placed), theta, zeta, sizes)
         both = _member_by_member(now, mesh, placed, theta, zeta, sizes)
         alone = _mode_by_mode(now, mesh, placed, theta, zeta, sizes)
-        return now.moved(here, torch.cat([both, alone]))
+        return now.moved(here, torch.cat([both, *alone]))
 
     return replace(problem, left_open=left_open)
 
@@ -115,21 +115,30 @@ def _mode_by_mode(
     theta: Tensor,
     zeta: Tensor,
     sizes: Tensor,
-) -> Tensor:
-    """FRFs (m, f, k) with one natural frequency after the other moved by what is left of it."""
-    modes = modes_shown(problem.reduced, theta[0].numpy(), float(problem.frequency_hz.max()))
-    share = 2.0 * _LEFT * mesh.left
-    parts = []
+) -> list[Tensor]:
+    """FRFs (1, f, k) with one mode's frequency or effect after the other off by what is left."""
+    reduced, parts = problem.reduced, []
+    modes = modes_shown(reduced, theta[0].numpy(), float(problem.frequency_hz.max()))
     for squared, vector in zip(modes.squared, modes.vectors.T, strict=True):
-        stiffer = _with_stiffness(problem.reduced, share * squared * np.outer(vector, vector))
-        system = replace(problem, reduced=stiffer).system(placed)
-        parts.append(problem.predicted(system, theta, zeta, sizes))
-    return torch.cat(parts)
+        unit = np.outer(vector, vector)
+        for changed in (
+            _with_stiffness(reduced, 2.0 * _LEFT * mesh.left * squared * unit),
+            _with_effect(reduced, _LEFT * mesh.effect * unit),
+        ):
+            system = replace(problem, reduced=changed).system(placed)
+            parts.append(problem.predicted(system, theta, zeta, sizes))
+    return parts
 
 
 def _with_stiffness(reduced: ReducedStructure, more: Floats) -> ReducedStructure:
     constant = reduced.model.stiffness_constant + more
     return replace(reduced, model=replace(reduced.model, stiffness_constant=constant))
+
+
+def _with_effect(reduced: ReducedStructure, more: Floats) -> ReducedStructure:
+    """The structure whose floors show more of a mode."""
+    rows = reduced.model.floor_shapes
+    return replace(reduced, model=replace(reduced.model, floor_shapes=rows + rows @ more))
 
 
 __all__ = ["MeshScatter", "mesh_scatter", "with_mesh_error"]

@@ -65,8 +65,14 @@ def kept_mesh_error(study: Study, building: Building) -> MeshError | None:
     if kept is None:
         return None
     content = json.loads(kept.read_text(encoding="utf-8"))
+    if "effect" not in content:  # learned before modes were asked for their size
+        return None
     return MeshError(
-        tuple(content["labels"]), tuple(content["mean"]), tuple(content["sd"]), content["left"]
+        tuple(content["labels"]),
+        tuple(content["mean"]),
+        tuple(content["sd"]),
+        content["left"],
+        content["effect"],
     )
 
 
