@@ -16,9 +16,11 @@ FLOORS = ("2F", "3F", "4F", "5F", "RF")
 MASSES, SPRINGS, SD = np.ones(5), np.full(5, 600.0), 0.02
 
 HIDDEN = {
-    "added_mass@4F": (-0.42, (1.02, 1.61, 0.7, 1.61, 0.83)),
-    "added_mass@RF": (-0.44, (1.37, 1.11, 0.97, 1.4, 1.01)),
-    "added_mass@2F": (-0.45, (1.43, 0.81, 1.09, 1.22, 1.13)),
+    "added_mass@4F": [
+        (-0.37, (1.28, 0.8, 1.14, 1.09, 1.41)),
+        (-0.48, (1.36, 1.03, 0.84, 0.84, 1.49)),
+    ],
+    "added_mass@3F": [(-0.43, (1.57, 1.0, 1.26, 1.1, 1.31))],
 }
 # Theta has made up for so much of these that other effects score higher.
 OVERSHADOWED = {
@@ -46,9 +48,10 @@ def leading(found):
     return [one.placed for one in found.findings]
 
 
-@pytest.mark.parametrize("label", HIDDEN)
-def test_a_large_effect_is_found_from_afar(posed, label):
-    share, theta = HIDDEN[label]
+@pytest.mark.parametrize(
+    ("label", "share", "theta"), [(name, *one) for name, all_ in HIDDEN.items() for one in all_]
+)
+def test_a_large_effect_is_found_from_afar(posed, label, share, theta):
     problem, base = posed(label.split("@")[1], share, theta)
     near = diagnose(problem, base=base)
     assert near.verdict == UNKNOWN  # or else this test would ask for nothing

@@ -119,6 +119,21 @@ def test_a_coarse_mesh_is_a_stiff_one(learned):
     assert min(learned.sd) > 0.0
 
 
+def test_how_much_modes_are_shown_is_learned(coarse, learned):
+    """At a theta of its own, against the mesh that it was learned from."""
+    theta = np.array([1.2, 0.8])
+    shown = [
+        modes_shown(one, theta, GRID[-1])
+        for one in (
+            corrected(near(coarse)(theta), learned, 1.0),
+            near(structure_of(frame(1.5), 1.0))(theta),
+        )
+    ]
+    sizes = [np.linalg.norm(one.effect[:, :3], axis=0) for one in shown]
+    error = np.abs(sizes[1] / sizes[0] - 1.0).max()
+    assert 0.2 * learned.effect < error < 4.0 * learned.effect
+
+
 def test_meshes_without_a_common_mode_are_refused(coarse):
     with pytest.raises(ModelError, match=r"no mode below 0\.1 Hz .* write a smaller mesh\.size"):
         learn_mesh_error(structure_of(frame(1.5), 1.0), near(coarse), THETAS[:1], 0.1)
@@ -161,13 +176,14 @@ def test_what_is_left_open_widens_the_intervals(coarse, learned):
     assert (estimates.std(axis=0) < plain.std(axis=1)).all()
 
 
-def test_every_natural_frequency_may_be_off_by_itself(coarse, learned):
-    """The errors behind those of the members, one a mode that the floors show."""
+def test_every_mode_may_be_off_by_itself(coarse, learned):
+    """The errors behind those of the members, two a mode that the floors show."""
     reduced, theta, problem, base = amplitudes_at_one(coarse, learned)
     shown = modes_shown(reduced, theta, GRID[-1])
     own = errors_left_open(problem, learned, base)[len(learned.steps) :].numpy() * 0.1
-    assert len(own) == len(shown.squared) >= 2
-    # H is that of the base and one term a mode; a mode alone is moved along its own frequency.
+    assert len(own) == 2 * len(shown.squared) >= 4
+    # H is that of the base and one term a mode; a mode alone is moved along its own frequency, or
+    # shown a little larger.
     omega = 2.0 * np.pi * GRID
     for number, squared in enumerate(shown.squared):
         share = 1.0 + 4.0 * learned.left
@@ -179,7 +195,10 @@ def test_every_natural_frequency_may_be_off_by_itself(coarse, learned):
             for value in (squared, squared * share)
         ]
         expected = np.log(np.abs((whole - terms[0] + terms[1]) / whole))
-        np.testing.assert_allclose(own[number].reshape(expected.shape), expected, atol=1e-6)
+        frequency, size = own[2 * number : 2 * number + 2]
+        np.testing.assert_allclose(frequency.reshape(expected.shape), expected, atol=1e-6)
+        larger = np.log(np.abs((whole + 2.0 * learned.effect * terms[0]) / whole))
+        np.testing.assert_allclose(size.reshape(larger.shape), larger, atol=1e-6)
 
 
 def test_what_is_left_open_is_the_same_in_ln_h(coarse, learned):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 from scipy.linalg import eigh
+from scipy.sparse import csc_matrix
 
 from femupdate.building.document import from_document
 from femupdate.dynamics.damping import ConstantDamping
@@ -13,11 +14,15 @@ from femupdate.dynamics.effect_box import reduce_over_box
 from femupdate.dynamics.effect_local import local_structure
 from femupdate.dynamics.effect_reduction import reduce_structure, structure_on
 from femupdate.dynamics.effect_response import EffectSystem, reduce_terms
-from femupdate.dynamics.reduction import ReductionTarget
+from femupdate.dynamics.full_response import floor_sensors
+from femupdate.dynamics.nearby import nearby_shapes
+from femupdate.dynamics.reduction import TOP, ReductionTarget
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import structure_of
 from femupdate.errors import ModelError
+from femupdate.fe.assembly import with_terms
+from femupdate.fe.solve import modes_below
 
 GRID = np.linspace(0.2, 30.0, 150)
 ZETA = 0.02
@@ -97,6 +102,45 @@ def test_local_basis_follows_the_full_model_nearby(local, exact, name):
         error = log_frf(local, placed, values, theta) - log_frf(exact, placed, values, theta)
         assert np.sqrt((error**2).mean()) < 0.015
         assert np.abs(error).max() < 0.2
+
+
+def test_shapes_of_a_changed_model_come_from_the_modes_of_another(structure, exact, target):
+    """They hold its responses, which the modes themselves do not."""
+    operators, nodes = structure.operators, structure.mesh.floor_nodes
+    sensors = floor_sensors(operators, nodes, structure.direction)
+    known = modes_below(operators, HERE, TOP * GRID[-1]).shapes
+    theta = HERE * np.array([0.8, 1.25])
+    changed = replace(operators, stiffness_constant=csc_matrix(operators.stiffness(theta)))
+    shapes = nearby_shapes(with_terms(changed, ()), sensors, known, target)
+    assert shapes.shape[1] < known.shape[1]
+    placed, none = Placed(CATALOGUE["added_mass"], "RF"), np.zeros(1)
+
+    def error(basis):
+        root = np.linalg.cholesky(basis.T @ (structure.mass @ basis))
+        reduced = structure_on(structure, np.linalg.solve(root, basis.T).T)
+        both = [log_frf(one, placed, none, theta) for one in (reduced, exact)]
+        return np.sqrt(((both[0] - both[1]) ** 2).mean())
+
+    assert error(shapes / np.linalg.norm(shapes, axis=0)) < min(0.03, 0.2 * error(known))
+
+
+@pytest.mark.parametrize("name", ["added_mass", "cracked_beams", "story_damper", "base_sway"])
+def test_the_first_shapes_are_a_basis_of_their_own(local, name):
+    effect = CATALOGUE[name]
+    placed = Placed(effect, effect.places(local.structure)[-1])
+    first = effect.parameters[0]
+    size = first.neutral + 0.5 * (first.scale if first.upper > first.neutral else -first.scale)
+    values = np.array([size, *(p.neutral for p in effect.parameters[1:])])
+    fewer, again = local.first(60), structure_on(local.structure, local.basis[:, :60])
+    terms = fewer.terms(placed)
+    system = EffectSystem(fewer, ConstantDamping(), (placed,), (terms,))
+    zeta = torch.full((1,), ZETA, dtype=torch.float64)
+    frf = system.frf(
+        torch.from_numpy(HERE[None]), zeta, torch.from_numpy(values[None]), torch.from_numpy(GRID)
+    )
+    expected = log_frf(again, placed, values, HERE)
+    np.testing.assert_allclose(frf.abs().log().numpy(), expected, atol=1e-9)
+    assert local.first(10_000) is local
 
 
 def test_a_basis_serves_its_neighbourhood_alone(local, exact):

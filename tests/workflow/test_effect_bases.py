@@ -18,7 +18,7 @@ from femupdate.dynamics.effect_response import EffectSystem
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.measurement.observation import Observation
-from femupdate.workflow.diagnose import ModelParts, prepared, refined
+from femupdate.workflow.diagnose import ModelParts, prepared, refined, sought
 from femupdate.workflow.effects import (
     plain_structure,
     problem_of,
@@ -122,6 +122,31 @@ def test_refined_follows_theta_out_of_the_neighbourhood(cabin, observation, monk
     np.testing.assert_allclose(about[-1], THETA, rtol=0.02)
     assert len(about) <= 4
     np.testing.assert_allclose(after.theta()[0], THETA, rtol=0.01)
+
+
+def test_close_effects_are_run_off_on_a_basis_for_them(cabin, monkeypatch):
+    """And what was not close keeps its place behind them."""
+    parts, served = ModelParts(cabin.plain, cabin.plain.structure), []
+
+    def near(structure, building, theta, zeta, show=None, present=None):
+        reduced = structure_near(structure, building, theta, zeta, show, present)
+        served.append((present, reduced))
+        return reduced
+
+    monkeypatch.setattr("femupdate.workflow.diagnose.structure_near", near)
+    monkeypatch.setattr("femupdate.discrepancy.diagnose._CLOSE", 0.995)
+    seen = observed(cabin, MASS, 6)
+    problem, base = prepared(cabin.model, parts, seen, True)
+    problem, _, found = sought(cabin.model, parts, problem, base)
+    assert [present is None for present, _ in served] == [True, False]
+    labels = [one[0][0].label for one in served[1][0]]
+    assert labels[0] == HEAVY[0].label
+    assert len(labels) > 1
+    assert found.leading.placed == HEAVY[0]
+    assert found.leading.size == pytest.approx(MASS, abs=4.0 * found.leading.size_sd)
+    assert problem.reduced is served[1][1]
+    assert {one.placed.label for one in found.findings} > set(labels)
+    assert error(cabin, problem.reduced, THETA, HEAVY, [MASS]) < 0.01
 
 
 @pytest.mark.parametrize("away", [(2.9, 2.9), (0.35, 0.35)])
