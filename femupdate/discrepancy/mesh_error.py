@@ -144,7 +144,7 @@ def learn_mesh_error(
     for (coarse, theirs), theta in zip(pairs, thetas, strict=True):
         errors, size = _effect_errors(corrected(coarse, found, 1.0), theirs, theta, top_hz)
         squares, weights = squares + float(size @ errors**2), weights + float(size.sum())
-    return replace(found, effect=float(np.sqrt(squares / weights)))
+    return replace(found, effect=float(np.sqrt(squares / max(weights, 1e-300))))
 
 
 def corrected(

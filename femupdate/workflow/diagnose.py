@@ -320,7 +320,14 @@ def _run_off(
     labels = frozenset(one.placed.label for one in close)
     again = find(problem, settings, first, tell, close[0].fitted, among=labels)
     others = (one for one in found.findings if one.placed.label not in labels)
-    return problem, first, replace(again, findings=(*again.findings, *others))
+    # What all effects show is told by the basis that serves them all.
+    told = replace(
+        again,
+        findings=(*again.findings, *others),
+        scores=found.scores,
+        hidden=found.hidden,
+    )
+    return problem, first, told
 
 
 def _least(found: Diagnosis) -> float:

@@ -11,6 +11,7 @@ import pytest
 import torch
 from scipy.linalg import eigh
 
+from femupdate.discrepancy.diagnose import diagnose
 from femupdate.discrepancy.fit import extended, fit, fit_baseline
 from femupdate.dynamics.effect_local import local_structure
 from femupdate.dynamics.effect_reduction import structure_on
@@ -137,7 +138,11 @@ def test_close_effects_are_run_off_on_a_basis_for_them(cabin, monkeypatch):
     monkeypatch.setattr("femupdate.discrepancy.diagnose._CLOSE", 0.995)
     seen = observed(cabin, MASS, 6)
     problem, base = prepared(cabin.model, parts, seen, True)
+    everything = diagnose(problem, base=base)
     problem, _, found = sought(cabin.model, parts, problem, base)
+    assert found.hidden == everything.hidden
+    tests = [[one.statistic for one in each.scores] for each in (found, everything)]
+    np.testing.assert_allclose(*tests)
     assert [present is None for present, _ in served] == [True, False]
     labels = [one[0][0].label for one in served[1][0]]
     assert labels[0] == HEAVY[0].label
