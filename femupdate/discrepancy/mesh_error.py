@@ -63,6 +63,8 @@ class MeshError:
             over theta).
         effect: rms of the relative error of the size with which the floors show a mode, of what
             is shown most above all.
+        shape: what is left then on each floor, as a share of what all of them show (mean of the
+            modes' rms: two near ones that mix differently must not decide).
     """
 
     labels: tuple[str, ...]
@@ -70,6 +72,7 @@ class MeshError:
     sd: tuple[float, ...]
     left: float
     effect: float
+    shape: float
 
     @property
     def placed(self) -> tuple[Placed, ...]:
@@ -139,12 +142,15 @@ def learn_mesh_error(
     kinds = [one.effect.name for one in placed]
     mean, sd, left = _estimate(lessons, kinds)
     labels = tuple(one.label for one in placed)
-    found = MeshError(labels, tuple(mean.tolist()), tuple(sd.tolist()), left, 0.0)
-    squares = weights = 0.0
-    for (coarse, theirs), theta in zip(pairs, thetas, strict=True):
-        errors, size = _effect_errors(corrected(coarse, found, 1.0), theirs, theta, top_hz)
-        squares, weights = squares + float(size @ errors**2), weights + float(size.sum())
-    return replace(found, effect=float(np.sqrt(squares / max(weights, 1e-300))))
+    found = MeshError(labels, tuple(mean.tolist()), tuple(sd.tolist()), left, 0.0, 0.0)
+    shown = [
+        _effect_errors(corrected(coarse, found, 1.0), theirs, theta, top_hz)
+        for (coarse, theirs), theta in zip(pairs, thetas, strict=True)
+    ]
+    sizes, shapes, weights = (np.concatenate(parts) for parts in zip(*shown, strict=True))
+    total = max(float(weights.sum()), 1e-300)
+    effect = float(np.sqrt(weights @ sizes**2 / total))
+    return replace(found, effect=effect, shape=float(weights @ shapes / total))
 
 
 def corrected(
@@ -186,13 +192,21 @@ def _fine_modes(fine: Structure, theta: Floats, top_hz: float) -> "ShownModes":
 
 def _effect_errors(
     ours_on: ReducedStructure, theirs: "ShownModes", theta: Floats, top_hz: float
-) -> tuple[Floats, Floats]:
-    """Relative errors (m,) of the size with which the floors show the modes, and their weights."""
+) -> tuple[Floats, Floats, Floats]:
+    """How differently the floors show the modes, (m,) each.
+
+    Returns:
+        Relative errors of the size; rms over the floors of what is left then, as shares of the
+        size; and weights.
+    """
     ours = modes_shown(ours_on, theta, top_hz)
     rows, columns = _matched(ours, theirs)
     mine, right = ours.effect[:, rows], theirs.effect[:, columns]
+    square = (mine**2).sum(axis=0)
+    ratio = (mine * right).sum(axis=0) / square
+    left = np.sqrt(((right - ratio * mine) ** 2).mean(axis=0) / square)
     size = np.linalg.norm(right, axis=0)
-    return (mine * right).sum(axis=0) / (mine**2).sum(axis=0) - 1.0, size / size.max(initial=1e-300)
+    return ratio - 1.0, left, size / size.max(initial=1e-300)
 
 
 def _lesson(

@@ -65,7 +65,7 @@ def kept_mesh_error(study: Study, building: Building) -> MeshError | None:
     if kept is None:
         return None
     content = json.loads(kept.read_text(encoding="utf-8"))
-    if "effect" not in content:  # learned before modes were asked for their size
+    if "shape" not in content:  # learned before modes were asked for what floors show of them
         return None
     return MeshError(
         tuple(content["labels"]),
@@ -73,6 +73,7 @@ def kept_mesh_error(study: Study, building: Building) -> MeshError | None:
         tuple(content["sd"]),
         content["left"],
         content["effect"],
+        content["shape"],
     )
 
 

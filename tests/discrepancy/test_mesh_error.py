@@ -132,6 +132,10 @@ def test_how_much_modes_are_shown_is_learned(coarse, learned):
     sizes = [np.linalg.norm(one.effect[:, :3], axis=0) for one in shown]
     error = np.abs(sizes[1] / sizes[0] - 1.0).max()
     assert 0.2 * learned.effect < error < 4.0 * learned.effect
+    alone = [one.effect[:, :3] / size for one, size in zip(shown, sizes, strict=True)]
+    alone[1] = alone[1] * np.sign((alone[0] * alone[1]).sum(axis=0))
+    left = np.sqrt(((alone[1] - alone[0]) ** 2).mean(axis=0)).max()
+    assert 0.2 * learned.shape < left < 4.0 * learned.shape
 
 
 def test_meshes_without_a_common_mode_are_refused(coarse):
@@ -177,28 +181,35 @@ def test_what_is_left_open_widens_the_intervals(coarse, learned):
 
 
 def test_every_mode_may_be_off_by_itself(coarse, learned):
-    """The errors behind those of the members, two a mode that the floors show."""
+    """The errors behind those of the members: a frequency a mode, then what floors show of each."""
     reduced, theta, problem, base = amplitudes_at_one(coarse, learned)
-    shown = modes_shown(reduced, theta, GRID[-1])
+    shown = modes_shown(reduced, theta, 1.25 * GRID[-1])
     own = errors_left_open(problem, learned, base)[len(learned.steps) :].numpy() * 0.1
-    assert len(own) == 2 * len(shown.squared) >= 4
+    modes, floors = len(shown.squared), len(reduced.model.floors)
+    assert modes >= 2
+    frequencies, parts = np.split(own.reshape(-1, floors, GRID.size), [modes])
+    parts = parts.reshape(modes, 1 + floors, floors, GRID.size)
     # H is that of the base and one term a mode; a mode alone is moved along its own frequency, or
-    # shown a little larger.
-    omega = 2.0 * np.pi * GRID
+    # shown a little more.
+    omega, whole = 2.0 * np.pi * GRID, frf(reduced, theta)
     for number, squared in enumerate(shown.squared):
+        effect = shown.effect[:, number, None]
         share = 1.0 + 4.0 * learned.left
-        whole = frf(reduced, theta)
         terms = [
-            shown.effect[:, number, None]
-            * omega**2
-            / (value - omega**2 + 2j * 0.05 * np.sqrt(value) * omega)
+            omega**2 / (value - omega**2 + 2j * 0.05 * np.sqrt(value) * omega)
             for value in (squared, squared * share)
         ]
-        expected = np.log(np.abs((whole - terms[0] + terms[1]) / whole))
-        frequency, size = own[2 * number : 2 * number + 2]
-        np.testing.assert_allclose(frequency.reshape(expected.shape), expected, atol=1e-6)
-        larger = np.log(np.abs((whole + 2.0 * learned.effect * terms[0]) / whole))
-        np.testing.assert_allclose(size.reshape(larger.shape), larger, atol=1e-6)
+        expected = np.log(np.abs((whole + effect * (terms[1] - terms[0])) / whole))
+        np.testing.assert_allclose(frequencies[number], expected, atol=1e-6)
+        # All floors show more by the same hundredth; errors are along straight lines from there.
+        floor_shapes = reduced.model.floor_shapes @ shown.vectors[:, number]
+        size = np.linalg.norm(floor_shapes)
+        hundredth = 0.01 * size * (reduced.model.excitation @ shown.vectors[:, number])
+        moved = 200.0 * np.log(np.abs((whole + hundredth * terms[0]) / whole))
+        together = learned.effect * (floor_shapes / size)[:, None] * moved
+        np.testing.assert_allclose(parts[number, 0], together, atol=1e-6)
+        alone = learned.shape * np.eye(floors)[:, :, None] * moved
+        np.testing.assert_allclose(parts[number, 1:], alone, atol=1e-6)
 
 
 def test_what_is_left_open_is_the_same_in_ln_h(coarse, learned):
