@@ -278,7 +278,8 @@ def _too_much_left(problem: Problem, base: Fit, best: Fit, settings: DiagnosisSe
 
 def _poor(problem: Problem, best: Fit) -> bool:
     """Whether a fit leaves more than noise and the usual error of a right model do."""
-    return best.misfit > problem.expected + 5.0 * np.sqrt(2.0 * problem.effective)
+    expected = problem.expected(best.zeta(problem.fixed_zeta))
+    return best.misfit > expected + 5.0 * np.sqrt(2.0 * problem.effective)
 
 
 def _with_partner(

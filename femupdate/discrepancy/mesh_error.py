@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from femupdate.discrepancy.mesh_points import error_of_points
 from femupdate.dynamics.effect_reduction import structure_on
 from femupdate.dynamics.effect_response import ReducedStructure
 from femupdate.effects.effect import UNSCALED, Placed
@@ -65,6 +66,8 @@ class MeshError:
             is shown most above all.
         shape: what is left then on each floor, as a share of what all of them show (mean of the
             modes' rms: two near ones that mix differently must not decide).
+        points: rms of ln|H| and phase (rad) that is left, point by point, when stiffness factors
+            and damping ratio are fitted; at a damping ratio of 1 %.
     """
 
     labels: tuple[str, ...]
@@ -73,6 +76,7 @@ class MeshError:
     left: float
     effect: float
     shape: float
+    points: float
 
     @property
     def placed(self) -> tuple[Placed, ...]:
@@ -111,7 +115,7 @@ def learn_mesh_error(
     fine: Structure,
     near: Callable[[Floats], ReducedStructure],
     thetas: Floats,
-    top_hz: float,
+    frequency_hz: Floats,
     progress: Callable[[int, int], None] | None = None,
 ) -> MeshError:
     """Compare a model with that of a finer mesh.
@@ -120,17 +124,17 @@ def learn_mesh_error(
         fine: the building on the finer mesh.
         near: the model on a basis for the neighbourhood of a theta.
         thetas: (n, p) at which they are compared.
-        top_hz: frequency up to which modes are compared.
+        frequency_hz: (k,) at which responses are compared, and up to which modes are.
         progress: told (done, total).
 
     Raises:
         ModelError: no mode is the same on both meshes.
     """
-    placed = _members(fine)
+    placed, top_hz = _members(fine), float(frequency_hz[-1])
     lessons, pairs = [], []
     for number, theta in enumerate(thetas):
-        coarse, theirs = near(theta), _fine_modes(fine, theta, top_hz)
-        lessons.append(_lesson(coarse, theirs, placed, theta, top_hz))
+        coarse, theirs = near(theta), _on_driven_shapes(fine, theta, top_hz)
+        lessons.append(_lesson(coarse, modes_shown(theirs, theta, top_hz), placed, theta, top_hz))
         pairs.append((replace(coarse, basis=coarse.basis[:0]), theirs))  # its terms are known now
         if progress is not None:
             progress(number + 1, len(thetas))
@@ -142,15 +146,25 @@ def learn_mesh_error(
     kinds = [one.effect.name for one in placed]
     mean, sd, left = _estimate(lessons, kinds)
     labels = tuple(one.label for one in placed)
-    found = MeshError(labels, tuple(mean.tolist()), tuple(sd.tolist()), left, 0.0, 0.0)
+    found = MeshError(labels, tuple(mean.tolist()), tuple(sd.tolist()), left, 0.0, 0.0, 0.0)
+    pairs = [(corrected(coarse, found, 1.0), theirs) for coarse, theirs in pairs]
     shown = [
-        _effect_errors(corrected(coarse, found, 1.0), theirs, theta, top_hz)
-        for (coarse, theirs), theta in zip(pairs, thetas, strict=True)
+        _effect_errors(*(modes_shown(one, theta, top_hz) for one in pair))
+        for pair, theta in zip(pairs, thetas, strict=True)
+    ]
+    points = [
+        error_of_points(*pair, theta, frequency_hz)
+        for pair, theta in zip(pairs, thetas, strict=True)
     ]
     sizes, shapes, weights = (np.concatenate(parts) for parts in zip(*shown, strict=True))
     total = max(float(weights.sum()), 1e-300)
     effect = float(np.sqrt(weights @ sizes**2 / total))
-    return replace(found, effect=effect, shape=float(weights @ shapes / total))
+    return replace(
+        found,
+        effect=effect,
+        shape=float(weights @ shapes / total),
+        points=float(np.sqrt(np.mean(np.square(points)))),
+    )
 
 
 def corrected(
@@ -182,24 +196,21 @@ def _members(structure: Structure) -> tuple[Placed, ...]:
     )
 
 
-def _fine_modes(fine: Structure, theta: Floats, top_hz: float) -> "ShownModes":
-    """Modes of the finer mesh."""
+def _on_driven_shapes(fine: Structure, theta: Floats, top_hz: float) -> ReducedStructure:
+    """The structure on the shapes that motion of the base drives at a theta."""
     force = fine.rigid_force[:, [TRANSLATION]]
     factors = factorize(fine.stiffness(theta))
     found = driven_shapes(factors, fine.mass, force, fine.floor_rows, top_hz)
-    return modes_shown(structure_on(fine, found.shapes), theta, top_hz)
+    return structure_on(fine, found.shapes)
 
 
-def _effect_errors(
-    ours_on: ReducedStructure, theirs: "ShownModes", theta: Floats, top_hz: float
-) -> tuple[Floats, Floats, Floats]:
+def _effect_errors(ours: "ShownModes", theirs: "ShownModes") -> tuple[Floats, Floats, Floats]:
     """How differently the floors show the modes, (m,) each.
 
     Returns:
         Relative errors of the size; rms over the floors of what is left then, as shares of the
         size; and weights.
     """
-    ours = modes_shown(ours_on, theta, top_hz)
     rows, columns = _matched(ours, theirs)
     mine, right = ours.effect[:, rows], theirs.effect[:, columns]
     square = (mine**2).sum(axis=0)

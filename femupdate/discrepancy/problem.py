@@ -8,6 +8,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from femupdate.discrepancy.mesh_points import at_damping
 from femupdate.dynamics.damping import DampingLaw
 from femupdate.dynamics.effect_response import EffectSystem, ReducedStructure
 from femupdate.effects.effect import Placed
@@ -66,6 +67,7 @@ class Problem:
         mimicked: log evidence that errors of the model itself may bring to an effect.
         own_error: share of an effect's size by which the model of the effect may err.
         model_error: what of `sd` is not the data's noise but what the model errs at the worst.
+        usual_error: rms of ln|H| by which a right model is known to err.
         search: the structure on a basis for the whole prior, on which only instruments and damping
             may have effects; None where `reduced` serves there.
     """
@@ -86,6 +88,7 @@ class Problem:
     mimicked: float = 0.0
     own_error: float = 0.0
     model_error: float = 0.0
+    usual_error: float = 0.0
     search: ReducedStructure | None = None
 
     def for_search(self) -> "Problem":
@@ -108,10 +111,14 @@ class Problem:
         valid = float((torch.isfinite(self.sd) * self.independent).sum())
         return valid if self.phase is None else 2.0 * valid
 
-    @property
-    def expected(self) -> float:
-        """Sum of squares that noise and the usual error of a right model leave."""
-        usual = 1.0 - (1.0 - _USUAL) * (self.model_error / self.sd) ** 2
+    def expected(self, zeta: float) -> float:
+        """Sum of squares that noise and the usual error of a right model leave.
+
+        Args:
+            zeta: damping ratio: sharp peaks show more of an error of frequencies.
+        """
+        error = max(_USUAL * self.model_error**2, at_damping(self.usual_error, zeta) ** 2)
+        usual = 1.0 + (error - self.model_error**2) / self.sd**2
         left = float((torch.isfinite(self.sd) * self.independent * usual).sum())
         return left if self.phase is None else 2.0 * left
 
@@ -227,6 +234,7 @@ def make_problem(
     model_error: float = MODEL_ERROR,
     mimicked: float = 0.0,
     own_error: float = 0.0,
+    usual_error: float = 0.0,
 ) -> Problem:
     """Bring an observation and a structure together.
 
@@ -240,6 +248,7 @@ def make_problem(
         model_error: added to the noise of ln|H|.
         mimicked: log evidence that errors of the model itself may bring to an effect.
         own_error: share of an effect's size by which the model of the effect may err.
+        usual_error: rms of ln|H| by which a right model of 1 % damping is known to err.
     """
     table = observation.coherence is None
     valid = torch.from_numpy(observation.valid)
@@ -275,4 +284,5 @@ def make_problem(
         mimicked=mimicked,
         own_error=own_error,
         model_error=model_error,
+        usual_error=usual_error,
     )

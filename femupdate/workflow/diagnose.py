@@ -257,7 +257,7 @@ def sought(
     progress: Progress | None = None,
 ) -> tuple[Problem, Fit, Diagnosis]:
     """What a model lacks; far from its most probable theta, too, where nothing near it explains
-    the data, or several things do about equally well.
+    the data, or it takes two effects, or several do about equally well.
 
     Args:
         model: of the study.
@@ -277,7 +277,8 @@ def sought(
 
     first = find(problem, chosen, base, tell)
     near = _run_off(model, parts, problem, base, first, chosen, show)
-    if near[2].verdict not in (UNKNOWN, AMBIGUOUS):
+    settled = near[2].verdict not in (UNKNOWN, AMBIGUOUS) and not near[2].partner
+    if settled:
         return near
     tell("searching far from the model as it is")
     leading = [one.placed for one in first.findings]

@@ -52,7 +52,7 @@ def open_mesh_error(
         fine,
         near,
         _thetas(plain),
-        plain.frequency_grid.stop,
+        plain.frequency_grid.frequencies_hz(),
         lambda done, total: show.advance(),
     )
     keep_mesh_error(study, plain, found)
@@ -65,7 +65,7 @@ def kept_mesh_error(study: Study, building: Building) -> MeshError | None:
     if kept is None:
         return None
     content = json.loads(kept.read_text(encoding="utf-8"))
-    if "shape" not in content:  # learned before modes were asked for what floors show of them
+    if "points" not in content:  # learned before responses were compared
         return None
     return MeshError(
         tuple(content["labels"]),
@@ -74,6 +74,7 @@ def kept_mesh_error(study: Study, building: Building) -> MeshError | None:
         content["left"],
         content["effect"],
         content["shape"],
+        content["points"],
     )
 
 

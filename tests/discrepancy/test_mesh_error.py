@@ -5,10 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from scipy.optimize import least_squares
 
 from femupdate.building.document import from_document
 from femupdate.discrepancy.fit import fit_baseline
 from femupdate.discrepancy.mesh_error import corrected, learn_mesh_error, modes_shown
+from femupdate.discrepancy.mesh_points import at_damping, error_of_points
 from femupdate.discrepancy.mesh_scatter import mesh_scatter, with_mesh_error
 from femupdate.discrepancy.problem import make_problem
 from femupdate.dynamics.damping import ConstantDamping
@@ -97,7 +99,7 @@ def coarse():
 @pytest.fixture(scope="module")
 def learned(coarse):
     fine = structure_of(frame(1.5), 1.0)
-    return learn_mesh_error(fine, near(coarse), THETAS, GRID[-1])
+    return learn_mesh_error(fine, near(coarse), THETAS, GRID)
 
 
 def test_the_model_comes_nearer_to_a_still_finer_mesh(coarse, learned):
@@ -138,9 +140,37 @@ def test_how_much_modes_are_shown_is_learned(coarse, learned):
     assert 0.2 * learned.shape < left < 4.0 * learned.shape
 
 
+def test_what_the_unknowns_make_up_for_is_no_error_of_points(coarse, learned):
+    """Against a search to the end for the best factors and damping ratio."""
+    theta = np.array([1.2, 0.8])
+    reduced = corrected(near(coarse)(theta), learned, 1.0)
+    finer = near(structure_of(frame(1.5), 1.0))(theta)
+
+    def complex_frf(structure, theta, zeta):
+        system = EffectSystem(structure, ConstantDamping(), (), ())
+        at = torch.tensor(theta[None]), torch.tensor([zeta], dtype=torch.float64)
+        return system.frf(*at, torch.zeros((1, 0)), torch.from_numpy(GRID))[0].numpy()
+
+    target = complex_frf(finer, theta, 0.03)
+
+    def apart(unknowns):
+        ratio = target / complex_frf(reduced, unknowns[:2], unknowns[2])
+        return np.log(ratio).ravel().view(float)
+
+    best = least_squares(apart, [*theta, 0.03], x_scale=[1.0, 1.0, 0.03])
+    rms = np.sqrt(np.mean(best.fun**2))
+    assert rms < 0.9 * np.sqrt(np.mean(apart(np.append(theta, 0.03)) ** 2))
+    found = error_of_points(reduced, finer, theta, GRID, 0.03)
+    assert found == pytest.approx(rms, rel=0.02)
+    assert error_of_points(reduced, reduced, theta, GRID, 0.03) < 1e-9
+    sharp = error_of_points(reduced, finer, theta, GRID)
+    assert 0.3 * learned.points < sharp < 3.0 * learned.points
+    assert at_damping(sharp, 0.03) == pytest.approx(found, rel=0.2)
+
+
 def test_meshes_without_a_common_mode_are_refused(coarse):
     with pytest.raises(ModelError, match=r"no mode below 0\.1 Hz .* write a smaller mesh\.size"):
-        learn_mesh_error(structure_of(frame(1.5), 1.0), near(coarse), THETAS[:1], 0.1)
+        learn_mesh_error(structure_of(frame(1.5), 1.0), near(coarse), THETAS[:1], GRID[:1] / 5)
 
 
 def test_what_is_left_open_widens_the_intervals(coarse, learned):

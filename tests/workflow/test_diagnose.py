@@ -7,6 +7,7 @@ of a fifth of the benchmark's points keeps each diagnosis below a second.
 
 import importlib.util
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ import pytest
 from femupdate.building.files import load_building
 from femupdate.discrepancy.diagnose import DiagnosisSettings
 from femupdate.study import Study
-from femupdate.workflow.diagnose import diagnose_study
+from femupdate.workflow.diagnose import diagnose_study, find
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
 
@@ -170,15 +171,40 @@ def test_a_hidden_effect_is_named_with_its_place_and_size(diagnosed, label):
     assert report.as_dict()["where"]
 
 
-def test_an_effect_that_draws_theta_far_off_is_looked_for_from_afar(diagnosed, monkeypatch):
-    light = with_mass(-0.41, 1, NOMINAL.but(springs=1000.0 * np.array([1.11, 0.85, 0.9, 1.52])))
-    # Or else the first steps of a fit with every effect find it already.
+FAR_OFF = with_mass(-0.41, 1, NOMINAL.but(springs=1000.0 * np.array([1.11, 0.85, 0.9, 1.52])))
+
+
+@pytest.fixture
+def hidden_from_tests(monkeypatch):
+    """The first steps of a fit with every effect would find it otherwise."""
     monkeypatch.setattr("femupdate.discrepancy.diagnose._worth_all", lambda *_: False)
-    found = diagnosed(light.frf(GRID)).diagnosis
+
+
+def test_where_it_takes_two_effects_one_is_looked_for_from_afar(
+    diagnosed, monkeypatch, hidden_from_tests
+):
+    seen = []
+
+    def paired(*given, **options):
+        found = find(*given, **options)
+        seen.append(found)
+        return found if len(seen) > 1 else replace(found, verdict="named", partner="another")
+
+    monkeypatch.setattr("femupdate.workflow.diagnose.find", paired)
+    found = diagnosed(FAR_OFF.frf(GRID)).diagnosis
+    assert [seen[0].verdict, len(seen)] == ["unknown", 2]
+    assert (found.verdict, found.leading.placed.label) == ("named", "added_mass@3F")
+    assert found.partner == ""
+
+
+def test_an_effect_that_draws_theta_far_off_is_looked_for_from_afar(
+    diagnosed, monkeypatch, hidden_from_tests
+):
+    found = diagnosed(FAR_OFF.frf(GRID)).diagnosis
     assert (found.verdict, found.leading.placed.label) == ("named", "added_mass@3F")
     assert abs(found.leading.size + 0.41) < 4.0 * found.leading.size_sd
     monkeypatch.setattr("femupdate.workflow.diagnose.far_fit", lambda *_: None)
-    assert diagnosed(light.frf(GRID)).diagnosis.verdict == "unknown"
+    assert diagnosed(FAR_OFF.frf(GRID)).diagnosis.verdict == "unknown"
 
 
 def test_the_damping_law_is_named_where_the_model_has_another(diagnosed, tmp_path):

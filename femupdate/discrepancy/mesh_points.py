@@ -1,0 +1,67 @@
+"""What a coarse mesh leaves of FRFs, point by point, when the unknowns have made up for it."""
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from femupdate.dynamics.damping import ConstantDamping
+from femupdate.dynamics.effect_response import EffectSystem, ReducedStructure
+
+Floats = NDArray[np.float64]
+_STEP = 1e-3  # relative, of the unknowns
+RATIO = 0.01  # damping ratio at which meshes are compared
+# A mode whose frequency is off errs as 1/zeta on a peak as wide as zeta: between the powers 1/2 and
+# 1. A house erred by .022 (rms of ln|H|) at a damping ratio of .01, .014 at .02 and .010 at .03.
+_POWER = 0.7
+
+
+def error_of_points(
+    coarse: ReducedStructure,
+    fine: ReducedStructure,
+    theta: Floats,
+    frequency_hz: Floats,
+    zeta: float = RATIO,
+) -> float:
+    """rms of ln|H| and phase (rad) by which the coarse model misses the fine one.
+
+    The stiffness factors and the damping ratio of the coarse one are fitted first, by one step of
+    linear least squares.
+
+    Args:
+        coarse, fine: the structure on two meshes.
+        theta: (p,) stiffness factors of the fine one.
+        frequency_hz: (k,).
+        zeta: damping ratio of all modes of the fine one.
+    """
+    size = len(theta) + 1
+    steps = np.vstack([np.zeros(size), _STEP * np.eye(size)])
+    unknowns = np.append(theta, zeta) * np.exp(steps)
+    ours = _frf(coarse, unknowns, frequency_hz)
+    here = ours[0]
+    apart = _ratio(_frf(fine, unknowns[:1], frequency_hz)[0], here)
+    jacobian = np.stack([_ratio(one, here) for one in ours[1:]], axis=1) / _STEP
+    moved = np.linalg.lstsq(jacobian, apart, rcond=None)[0]
+    return float(np.sqrt(np.mean((apart - jacobian @ moved) ** 2)))
+
+
+def at_damping(error: float, zeta: float) -> float:
+    """What an error of points at the ratio of comparison is at another damping ratio."""
+    return error * (RATIO / zeta) ** _POWER
+
+
+def _frf(structure: ReducedStructure, unknowns: Floats, frequency_hz: Floats) -> Floats:
+    """Complex FRFs (N, f, k) at stiffness factors and a damping ratio (N, p + 1)."""
+    system = EffectSystem(structure, ConstantDamping(), (), ())
+    values = torch.from_numpy(unknowns)
+    none = values.new_zeros((len(values), 0))
+    frequency = torch.from_numpy(frequency_hz)
+    return system.frf(values[:, :-1], values[:, -1], none, frequency).numpy()
+
+
+def _ratio(values: Floats, reference: Floats) -> Floats:
+    """Changes (2 f k,) of ln|H| and of the phase, rad."""
+    ratio = values / reference
+    return np.concatenate([np.log(np.abs(ratio)).ravel(), np.angle(ratio).ravel()])
+
+
+__all__ = ["RATIO", "at_damping", "error_of_points"]
