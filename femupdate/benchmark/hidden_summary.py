@@ -33,7 +33,7 @@ def summary(outcomes: Sequence[Outcome]) -> list[Row]:
     strong = [o for o in visible if o.strength >= 5.0]
     clear = [o for o in visible if o.strength >= 6.0]
     unseen = [o for o in one if o.absorbed >= _SEEN]
-    foreign = [o for o in outcomes if o.kind == FOREIGN and o.p_value < 1e-6]
+    foreign = [o for o in outcomes if o.kind == FOREIGN and o.strength >= 10.0]
     right = [o for o in clear if o.verdict == "named" and o.named == o.hidden[0]]
 
     def named_right(o: Outcome) -> bool:
@@ -58,6 +58,18 @@ def summary(outcomes: Sequence[Outcome]) -> list[Row]:
             "",
             *share(clear, lambda o: named_right(o) or _named_together(o)),
         ),
+        Row(
+            "verdict 'named' and the name right, D >= 6",
+            "",
+            "",
+            *share(clear, lambda o: o.verdict == "named" and named_right(o)),
+        ),
+        Row(
+            "right among all names given",
+            "",
+            "",
+            *share([o for o in outcomes if o.verdict == "named"], lambda o: o.named in o.hidden),
+        ),
         Row("among the first three, D >= 5", ">= 95 %", ">= 98 %", *share(strong, first_three)),
         Row(
             "what theta absorbs is not named",
@@ -66,7 +78,7 @@ def summary(outcomes: Sequence[Outcome]) -> list[Row]:
             *share(unseen, lambda o: o.verdict != "named" or named_right(o)),
         ),
         Row(
-            "outside the catalogue: unknown or ambiguous",
+            "outside the catalogue, D >= 10: unknown or ambiguous",
             ">= 70 %",
             ">= 90 %",
             *share(foreign, lambda o: o.verdict in ("unknown", "ambiguous", "indistinguishable")),

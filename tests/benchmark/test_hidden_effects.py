@@ -48,7 +48,8 @@ def test_what_is_hidden_and_visible_is_named_and_the_gap_closes(outcomes):
 
 
 def test_what_the_catalogue_lacks_is_not_called_nothing(outcomes):
-    strong = [one for one in outcomes[FOREIGN] if one.p_value < 1e-6]
+    strong = [one for one in outcomes[FOREIGN] if one.strength >= 10.0]
+    assert strong
     assert all(one.verdict != "none" for one in strong)
 
 
@@ -70,6 +71,24 @@ def test_effects_named_together_count_apart_from_the_first_name(outcomes):
     same = next(what for what in rows if "named together" in what)
     assert rows[same].startswith("75.0%")
     assert rows["among the first three, D >= 5"].startswith("100.0%")
+
+
+def test_names_that_are_wrong_are_counted_whatever_was_hidden(outcomes):
+    one = next(one for one in outcomes[ONE] if one.strength >= 6.0)
+    right = replace(one, verdict="named")
+    cases = [
+        right,
+        replace(one, verdict="unknown"),
+        replace(one, verdict="named", named="roll_off@floors"),
+        replace(right, kind=FOREIGN, hidden=("ground_tie@RF",), strength=30.0),
+        replace(right, kind=FOREIGN, hidden=("ground_tie@RF",), strength=30.0, verdict="none"),
+        replace(right, kind=FOREIGN, hidden=("ground_tie@RF",), strength=30.0, verdict="unknown"),
+        replace(right, kind=FOREIGN, hidden=("ground_tie@RF",), strength=3.0, verdict="none"),
+    ]
+    rows = {row.what: row.found for row in summary(cases)}
+    assert rows["right among all names given"].startswith("33.3%")
+    assert rows["verdict 'named' and the name right, D >= 6"].startswith("33.3%")
+    assert rows["outside the catalogue, D >= 10: unknown or ambiguous"].startswith("33.3%")
 
 
 def test_names_are_counted_by_strength(outcomes):
