@@ -14,7 +14,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from femupdate.discrepancy.mesh_error import MeshError, modes_shown
+from femupdate.discrepancy.mesh_error import MeshError, ShownModes, modes_shown
 from femupdate.discrepancy.problem import Problem
 from femupdate.dynamics.effect_modal import effect_log_frf
 from femupdate.dynamics.effect_response import EffectSystem, ReducedStructure
@@ -89,60 +89,75 @@ def with_mesh_error(problem: Problem, mesh: MeshError) -> Problem:
         now: Problem, placed: tuple[Placed, ...], theta: Tensor, zeta: Tensor, sizes: Tensor
     ) -> Tensor:
         # Of changes this small fewer shapes tell enough.
-        now = now.on_fewer()
-        here = now.predicted(now.system(placed), theta, zeta, sizes)
-        members = _member_by_member(now, mesh, placed, theta, zeta, sizes)
-        top_hz = _BEYOND * float(now.frequency_hz.max())
-        modes = modes_shown(now.reduced, theta[0].numpy(), top_hz)
-
-        def predicted(changed: ReducedStructure) -> Tensor:
-            return now.predicted(replace(now, reduced=changed).system(placed), theta, zeta, sizes)
-
-        more = 2.0 * _LEFT * mesh.left
-        frequencies = [
-            predicted(_with_stiffness(now.reduced, more * squared * np.outer(vector, vector)))
-            for squared, vector in zip(modes.squared, modes.vectors.T, strict=True)
-        ]
-        parts = [now.moved(here, torch.cat([members, *frequencies]))]
-        for vector in modes.vectors.T:
-            shown = now.reduced.model.floor_shapes @ vector
-            step = _STEP * np.linalg.norm(shown)
-            moved = now.moved(here, predicted(_with_shape(now.reduced, step * vector)))
-            parts.append(_as_shown(now, mesh, moved[0], shown))
-        return torch.cat(parts)
+        return _About(now.on_fewer(), mesh, placed, theta, zeta, sizes).errors()
 
     return replace(problem, left_open=left_open)
 
 
-def _member_by_member(
-    problem: Problem,
-    mesh: MeshError,
-    placed: tuple[Placed, ...],
-    theta: Tensor,
-    zeta: Tensor,
-    sizes: Tensor,
-) -> Tensor:
-    """FRFs (c, f, k) with one error of the members' stiffness after the other."""
-    system, count = problem.system((*placed, *mesh.placed)), len(mesh.steps)
-    both = torch.cat([sizes.expand(count, -1), torch.from_numpy(mesh.steps)], dim=1)
-    return problem.predicted(system, theta.expand(count, -1), zeta.expand(count), both)
+@dataclass(frozen=True, eq=False)
+class _About:
+    """A model at given unknowns, about which errors are taken.
 
-
-def _as_shown(problem: Problem, mesh: MeshError, moved: Tensor, shown: Floats) -> Tensor:
-    """Errors (1 + f, n) of what the floors show of a mode: of all alike, and of one by itself.
-
-    Args:
+    Attributes:
         problem: structure and data.
         mesh: the error.
-        moved: (n,) by what all floors show changed by the same amount, `_STEP` of its norm.
-        shown: (floors,) what they show.
+        placed: the model's effects.
+        theta: (1, p); zeta: (1,); sizes: (1, q).
     """
-    rows = list(problem.rows)
-    each = moved.reshape(-1, len(rows), problem.sd.shape[1])
-    alone = torch.eye(len(rows)).to(each)[:, None, :, None] * each
-    alone = alone.flatten(1) * (_LEFT / _STEP)
-    share = torch.from_numpy(shown / np.linalg.norm(shown))[rows]
-    return torch.cat([mesh.effect * (share @ alone)[None], mesh.shape * alone])
+
+    problem: Problem
+    mesh: MeshError
+    placed: tuple[Placed, ...]
+    theta: Tensor
+    zeta: Tensor
+    sizes: Tensor
+
+    def errors(self) -> Tensor:
+        """One standard deviation of each (c, n), in the unit of the residuals."""
+        top_hz = _BEYOND * float(self.problem.frequency_hz.max())
+        modes = modes_shown(self.problem.reduced, self.theta[0].numpy(), top_hz)
+        here = self._predicted(self.problem.reduced)
+        stiffness = torch.cat([self._members(), *self._frequencies(modes)])
+        return torch.cat([self.problem.moved(here, stiffness), *self._shown(modes, here)])
+
+    def _predicted(self, reduced: ReducedStructure) -> Tensor:
+        """FRFs (1, f, k) of a structure in place of the problem's."""
+        system = replace(self.problem, reduced=reduced).system(self.placed)
+        return self.problem.predicted(system, self.theta, self.zeta, self.sizes)
+
+    def _members(self) -> Tensor:
+        """FRFs (c, f, k) with one error of the members' stiffness after the other."""
+        system, count = self.problem.system((*self.placed, *self.mesh.placed)), len(self.mesh.steps)
+        both = torch.cat([self.sizes.expand(count, -1), torch.from_numpy(self.mesh.steps)], dim=1)
+        theta, zeta = self.theta.expand(count, -1), self.zeta.expand(count)
+        return self.problem.predicted(system, theta, zeta, both)
+
+    def _frequencies(self, modes: ShownModes) -> list[Tensor]:
+        """FRFs (1, f, k) with one mode's frequency after the other off by what is left."""
+        reduced, more = self.problem.reduced, 2.0 * _LEFT * self.mesh.left
+        return [
+            self._predicted(_with_stiffness(reduced, more * squared * np.outer(vector, vector)))
+            for squared, vector in zip(modes.squared, modes.vectors.T, strict=True)
+        ]
+
+    def _shown(self, modes: ShownModes, here: Tensor) -> list[Tensor]:
+        """Errors (1 + f, n) of what the floors show of every mode: of all alike, and of each."""
+        reduced, parts = self.problem.reduced, []
+        for vector in modes.vectors.T:
+            shown = reduced.model.floor_shapes @ vector
+            step = _STEP * np.linalg.norm(shown)
+            moved = self.problem.moved(here, self._predicted(_with_shape(reduced, step * vector)))
+            parts.append(self._of_floors(moved[0], shown))
+        return parts
+
+    def _of_floors(self, moved: Tensor, shown: Floats) -> Tensor:
+        """Errors (1 + f, n), from the change (n,) when all floors show `_STEP` more of a mode."""
+        rows = list(self.problem.rows)
+        each = moved.reshape(-1, len(rows), self.problem.sd.shape[1])
+        alone = torch.eye(len(rows)).to(each)[:, None, :, None] * each
+        alone = alone.flatten(1) * (_LEFT / _STEP)
+        share = torch.from_numpy(shown / np.linalg.norm(shown))[rows]
+        return torch.cat([self.mesh.effect * (share @ alone)[None], self.mesh.shape * alone])
 
 
 def _with_stiffness(reduced: ReducedStructure, more: Floats) -> ReducedStructure:
