@@ -13,9 +13,9 @@ from dataclasses import replace
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
+from femupdate.arrays import Floats
 from femupdate.building.files import load_building
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.effect_local import local_structure
@@ -30,7 +30,6 @@ from femupdate.fe.solve import modes_below
 from femupdate.workflow.effects import reduction_target
 from femupdate.workflow.model import theta_prior
 
-Floats = NDArray[np.float64]
 ZETAS = (0.0066, 0.02)  # at the lowest of the prior resonances are sharpest
 _BESIDE = 0.14  # in ln theta
 

@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
+from femupdate.arrays import Floats
 from femupdate.dynamics.effect_modal import effect_log_frf
 from femupdate.dynamics.frf import log_frf
 from femupdate.dynamics.modal import modal_data
@@ -19,8 +19,6 @@ from femupdate.measurement.observation import Observation
 from femupdate.surrogate.storage import ANY_FLOORS, TrainedSurrogate
 from femupdate.workflow.calibrate_draws import latent_zeta
 from femupdate.workflow.model import StudyModel
-
-Floats = NDArray[np.float64]
 
 _MODES = 40
 _CHECKED = 100

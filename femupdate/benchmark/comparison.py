@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femupdate.arrays import Floats
 from femupdate.benchmark.shear4dof import Case, ExactPosterior, case_modes
 from femupdate.inference.metrics import (
     MmdReference,
@@ -12,8 +12,6 @@ from femupdate.inference.metrics import (
     local_coordinates,
     total_variation,
 )
-
-Floats = NDArray[np.float64]
 
 # A mode with a smaller share of the exact posterior holds too few draws to judge its width.
 _LEAST_WEIGHT = 0.05

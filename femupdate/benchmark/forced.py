@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from femupdate.arrays import Floats
 from femupdate.benchmark.meshes import UZ, area_shares
 from femupdate.benchmark.vibrations import square_plate
 from femupdate.fe.assembly import assemble
-from femupdate.fe.model import Floats
 from femupdate.fe.solve import lowest_modes
 from femupdate.fe.stress import shell_forces
 

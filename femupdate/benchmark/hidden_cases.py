@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
+from femupdate.arrays import Floats
 from femupdate.benchmark.outside import OUTSIDE
 from femupdate.building.schema import Building, FrameBuilding
 from femupdate.discrepancy.diagnose import Diagnosis, DiagnosisSettings
@@ -27,7 +27,6 @@ from femupdate.workflow.model import StudyModel, damping_law, theta_prior, zeta_
 from femupdate.workflow.progress import Progress
 from femupdate.workflow.simulate import white_noise
 
-Floats = NDArray[np.float64]
 CLEAN, ONE, TWO, FOREIGN = "clean", "one", "two", "outside"
 KINDS = (CLEAN, ONE, TWO, FOREIGN)
 # Sampled in their own step of the pipeline, or not to be made in a time history.

@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from femupdate.arrays import Floats
 from femupdate.benchmark.meshes import (
     ALL,
     OUT_OF_PLANE,
@@ -22,7 +23,6 @@ from femupdate.benchmark.meshes import (
 )
 from femupdate.fe.assembly import assemble
 from femupdate.fe.factorization import factorize
-from femupdate.fe.model import Floats
 
 Shape = Literal["rect", "trap", "para"]
 CANTILEVER_CASES = ("extension", "in-plane", "out-of-plane", "twist")

@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from femupdate.arrays import Flags, Floats, Integers
 from femupdate.fe.assembly import assemble
-from femupdate.fe.model import Beams, FiniteElementModel, Flags, Floats, Integers, Shells
+from femupdate.fe.model import Beams, FiniteElementModel, Shells
 from femupdate.fe.quadrilateral import GAUSS_POINTS, parent_derivatives, shape_functions
 from femupdate.fe.solve import static_displacement
 

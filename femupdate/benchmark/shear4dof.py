@@ -8,9 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.stats import norm
 
+from femupdate.arrays import Floats
 from femupdate.building.files import load_building
 from femupdate.building.shear import shear_operators
 from femupdate.dynamics.frf import log_frf
@@ -29,8 +30,6 @@ from femupdate.workflow.model import (
     zeta_bounds,
 )
 from femupdate.workflow.progress import Progress
-
-Floats = NDArray[np.float64]
 
 NAME = "shear_4dof"
 ROOF = "RF"

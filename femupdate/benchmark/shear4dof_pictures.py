@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Ellipse
-from numpy.typing import NDArray
 
+from femupdate.arrays import Floats
 from femupdate.benchmark.shear4dof import Case, case_modes, roof_log_frf
 from femupdate.dynamics.modal import modal_data
 from femupdate.inference.likelihood import LatentLikelihood
@@ -21,8 +21,6 @@ from femupdate.report.plot_frf import Prediction, frf_fit
 from femupdate.report.style import INK, MAGNITUDE_MAP, ORANGE, SERIES, styled
 from femupdate.surrogate.storage import TrainedSurrogate
 from femupdate.workflow.model import StudyModel
-
-Floats = NDArray[np.float64]
 
 _MARKERS = "osD^vP*X"
 

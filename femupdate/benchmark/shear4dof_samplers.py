@@ -7,8 +7,8 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femupdate.arrays import Floats
 from femupdate.benchmark.kept_parts import KeptParts
 from femupdate.benchmark.shear4dof import (
     Case,
@@ -20,8 +20,6 @@ from femupdate.inference.importance import WeightedDraws, importance_draws
 from femupdate.inference.metrics import MmdReference, total_variation
 from femupdate.inference.smc import PAPER, LogLikelihood, SmcSettings, TemperedSmc
 from femupdate.workflow.model import StudyModel
-
-Floats = NDArray[np.float64]
 
 SAMPLERS = {"random walk (paper)": PAPER, "mixture": SmcSettings()}
 

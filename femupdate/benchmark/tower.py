@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from femupdate.arrays import Floats, Integers
 from femupdate.benchmark.meshes import ALL, beams, grid, hold, model, shells
-from femupdate.fe.model import FiniteElementModel, Floats, Integers
+from femupdate.fe.model import FiniteElementModel
 
 BAYS_X, BAYS_Y, STORIES = 5, 3, 6
 BAY, STORY = 6.0, 3.5

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from femupdate.arrays import Flags, Floats
 from femupdate.benchmark.meshes import (
     ALL,
     IN_PLANE,
@@ -27,7 +28,7 @@ from femupdate.benchmark.meshes import (
     stack,
 )
 from femupdate.fe.assembly import assemble
-from femupdate.fe.model import FiniteElementModel, Flags, Floats, PointMasses
+from femupdate.fe.model import FiniteElementModel, PointMasses
 from femupdate.fe.solve import lowest_modes
 
 E, NU, DENSITY = 200e9, 0.3, 8000.0

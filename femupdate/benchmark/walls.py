@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from femupdate.arrays import Floats
 from femupdate.benchmark.meshes import (
     ALL,
     RX,
@@ -20,7 +21,7 @@ from femupdate.benchmark.meshes import (
     zeros,
 )
 from femupdate.fe.assembly import assemble
-from femupdate.fe.model import FiniteElementModel, Floats
+from femupdate.fe.model import FiniteElementModel
 from femupdate.fe.solve import lowest_modes
 
 E, NU, THICKNESS, DENSITY = 30e9, 0.2, 0.3, 2500.0

@@ -4,9 +4,10 @@ from collections.abc import Mapping
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
+from femupdate.arrays import Floats
 from femupdate.building.entry import Complaint, Entry
 from femupdate.building.quantities import (
     Frequency,
@@ -15,7 +16,6 @@ from femupdate.building.quantities import (
     Whole,
 )
 
-Floats = NDArray[np.float64]
 _MOST_FREQUENCIES = 1_000_000
 
 

@@ -4,23 +4,21 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from femupdate.building.lattice import ExtraLines, Integers
+from femupdate.arrays import Flags, Floats, Integers
+from femupdate.building.lattice import ExtraLines
 from femupdate.building.members import Supports
 from femupdate.fe.joints import EdgeJoint, edge_joints, joint_links
 from femupdate.fe.model import (
     CONSTANT,
     DOF_PER_NODE,
     FiniteElementModel,
-    Flags,
     RigidLinks,
     Springs,
 )
 
-Floats = NDArray[np.float64]
 _HELD = {"fixed": 6, "pinned": 3, "springs": 0}
 _IN_PLAN = np.array([True, True, False, False, False, True])
 

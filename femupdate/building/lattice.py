@@ -6,15 +6,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femupdate.arrays import Floats, Integers
 from femupdate.building.members import FrameStory, Grid
 from femupdate.building.references import Intersection, Run
 from femupdate.building.schema import BASE, floor_names
 from femupdate.errors import BuildingError
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 Index = Integers | int
 
 _ROUNDING = 1e-6  # of an element: 1.8 m in parts of 0.3 m is six parts, not seven

@@ -3,8 +3,8 @@
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femupdate.arrays import Floats
 from femupdate.building.entry import Complaint
 from femupdate.building.panels import DeadWall
 from femupdate.building.references import resolve
@@ -12,7 +12,6 @@ from femupdate.building.schema import FrameBuilding, MeshBuilding
 from femupdate.fe.model import FiniteElementModel, PointMasses
 from femupdate.fe.triangle import triangle_areas
 
-Floats = NDArray[np.float64]
 Massive = FrameBuilding | MeshBuilding
 _ROUNDING = 1e-9  # of a floor's mass
 

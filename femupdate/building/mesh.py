@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from femupdate.arrays import Floats, Integers
 from femupdate.building.connections import connected, face_lines
 from femupdate.building.entry import Complaint
-from femupdate.building.lattice import CLOSEST_LINES, Integers, Lattice, lattice_of
+from femupdate.building.lattice import CLOSEST_LINES, Lattice, lattice_of
 from femupdate.building.masses import ground_mass, place_masses
 from femupdate.building.panels import (
     Bar,
@@ -35,8 +36,6 @@ from femupdate.building.references import Intersection, intersections
 from femupdate.building.schema import Building, FrameBuilding, MeshBuilding
 from femupdate.errors import BuildingError
 from femupdate.fe.model import DOF_PER_NODE, Beams, FiniteElementModel, Shells
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

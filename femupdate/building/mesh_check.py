@@ -3,15 +3,12 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from femupdate.arrays import Floats, Integers
 from femupdate.building.entry import Complaint
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _SAME = 1e-6  # of the structure's size: nodes nearer than this are in the same place
 _FLAT = 1e-4  # area over the square of the longest diagonal

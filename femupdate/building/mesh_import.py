@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femupdate.arrays import Flags, Floats, Integers, Strings
 from femupdate.building.connections import connected
 from femupdate.building.entry import Complaint, unknown
 from femupdate.building.masses import place_masses
@@ -24,10 +24,6 @@ from femupdate.errors import BuildingError
 from femupdate.fe.model import DOF_PER_NODE, Beams, FiniteElementModel, Shells, Triangles
 from femupdate.units import factor
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Flags = NDArray[np.bool_]
-
 _LEVEL = 1e-3  # m; nodes nearer than this to a floor's level are on it
 _UPRIGHT = 0.9  # vertical component of the axis of what is a column, of the normal of a slab
 
@@ -40,7 +36,7 @@ class _Block:
     cell_type: str
     nodes: Integers
     group: Integers
-    kind: NDArray[np.str_]
+    kind: Strings
 
 
 def import_mesh(building: MeshBuilding) -> BuildingMesh:
@@ -186,7 +182,7 @@ def _block(
     return _Block(number, kind, cells, group.astype(np.int64), names)
 
 
-def _kinds(points: Floats) -> NDArray[np.str_]:
+def _kinds(points: Floats) -> Strings:
     """What cells are by their direction."""
     if points.shape[1] == 2:
         axis = points[:, 1] - points[:, 0]

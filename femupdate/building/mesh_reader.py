@@ -8,13 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femupdate.arrays import Flags, Floats, Integers
 from femupdate.building.entry import Complaint
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Flags = NDArray[np.bool_]
 
 CORNERS = {"line": 2, "triangle": 3, "quad": 4}
 _POINTS = ("vertex",)  # they carry no stiffness and are left out

@@ -3,16 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from femupdate.arrays import Flags, Floats, Integers
 from femupdate.building.entry import Complaint
 from femupdate.building.mesh_entries import Part
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Flags = NDArray[np.bool_]
 
 _STRAIGHT = 0.985  # cosine of the angle by which one span turns at most
 _LEAST = 1e-3  # m; a beam between rigid ends is longer

@@ -4,10 +4,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femupdate.arrays import Flags, Floats, Integers
 from femupdate.building.entry import Complaint
-from femupdate.building.lattice import ExtraLines, Integers, Lattice, quadrilaterals, strips
+from femupdate.building.lattice import ExtraLines, Lattice, quadrilaterals, strips
 from femupdate.building.members import Beams, Columns, Material, Opening, Wall
 from femupdate.building.references import (
     Run,
@@ -61,8 +61,8 @@ class Bar:
     section: SectionFigures
     material: Material
     up: tuple[float, float, float]
-    offset: NDArray[np.float64] | None = None
-    released: NDArray[np.bool_] | None = None
+    offset: Floats | None = None
+    released: Flags | None = None
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class DeadWall:
     group: int
     above: Integers
     below: Integers
-    share: NDArray[np.float64]
+    share: Floats
 
     @property
     def mass(self) -> float:
@@ -137,7 +137,7 @@ def _openings_in(building: FrameBuilding, wall: Wall, group: int) -> Iterator[Op
 
 def _is_open(
     building: FrameBuilding, lattice: Lattice, wall: Wall, run: Run, group: int, nodes: Integers
-) -> NDArray[np.bool_]:
+) -> Flags:
     """Return which elements (n, 4) of a wall lie in an opening."""
     middle = lattice.coordinates(nodes.ravel()).reshape(-1, 4, 3).mean(axis=1)
     along, up = middle[:, run.axis], middle[:, 2]
@@ -221,7 +221,7 @@ def _places(
     return [(lattice.x.at[point.x], lattice.y.at[point.y]) for point in points]
 
 
-def _aside(eccentricity: tuple[float, float] | None, count: int) -> NDArray[np.float64] | None:
+def _aside(eccentricity: tuple[float, float] | None, count: int) -> Floats | None:
     """Return the arms of a column's elements, (count, 2, 3) m, from the point to its axis."""
     if eccentricity is None:
         return None
@@ -263,8 +263,8 @@ class _BeamEnds:
     """Elements of a beam with the arms and releases at its ends."""
 
     nodes: Integers
-    offset: NDArray[np.float64] | None
-    released: NDArray[np.bool_] | None
+    offset: Floats | None
+    released: Flags | None
 
 
 def _beam_ends(lattice: Lattice, beams: Beams, run: Run, points: Integers) -> _BeamEnds:

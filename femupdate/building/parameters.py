@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import model_validator
 
+from femupdate.arrays import Integers, Strings
 from femupdate.building.entry import Complaint, Entry
 from femupdate.building.references import resolve
 from femupdate.fe.model import FiniteElementModel
@@ -15,7 +15,6 @@ from femupdate.fe.model import FiniteElementModel
 if TYPE_CHECKING:
     from femupdate.building.schema import Building, FrameBuilding
 
-Integers = NDArray[np.int64]
 
 # Kind of an element in the model, and what its factor is called.
 _CALLED = {
@@ -90,7 +89,7 @@ def with_factors(
     """
     number = {(one.story, one.kind): k for k, one in enumerate(factors)}
 
-    def of(group: Integers, kind: NDArray[np.str_]) -> Integers:
+    def of(group: Integers, kind: Strings) -> Integers:
         pairs = zip(group.tolist(), kind.tolist(), strict=True)
         found = [number[story, _CALLED[name]] if story >= 0 else story for story, name in pairs]
         return np.array(found, dtype=np.int64)

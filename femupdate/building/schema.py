@@ -8,9 +8,9 @@ columns, beams, walls and slabs, a `MeshBuilding` whose mesh somebody else made,
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from femupdate.arrays import Floats
 from femupdate.building.analysis import (
     Damping,
     FrequencyGrid,
@@ -104,7 +104,7 @@ class FrameBuilding(_Common):
         return self
 
     @property
-    def floor_levels(self) -> NDArray[np.float64]:
+    def floor_levels(self) -> Floats:
         """Heights of the floors above the base, (stories,) m."""
         return np.cumsum([story.height for story in self.stories])
 
@@ -132,7 +132,7 @@ class MeshBuilding(_Common):
         return self
 
     @property
-    def floor_levels(self) -> NDArray[np.float64]:
+    def floor_levels(self) -> Floats:
         """Heights of the floors above the base, (stories,) m."""
         return np.cumsum([story.height for story in self.stories])
 

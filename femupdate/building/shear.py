@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femupdate.arrays import Floats
 from femupdate.building.schema import Building, ShearBuilding
 from femupdate.errors import BuildingError
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -4,18 +4,14 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femupdate.arrays import Flags, Floats, Integers
 from femupdate.building.entry import unknown
 from femupdate.building.mesh import BuildingMesh
 from femupdate.building.references import resolve, wall_run
 from femupdate.building.schema import FrameBuilding, MeshBuilding
 from femupdate.errors import BuildingError
 from femupdate.fe.model import FiniteElementModel, Shells, Triangles
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Flags = NDArray[np.bool_]
 
 _KINDS = ("wall", "non_structural_wall")
 _NEAR = 1e-4  # m

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
+from femupdate.arrays import Flags
 from femupdate.discrepancy.fit import Fit
 from femupdate.discrepancy.problem import WILD, Problem
 
@@ -65,7 +65,7 @@ def _everywhere(problem: Problem) -> Problem:
     return replace(problem, rows=tuple(range(count)), sd=sd, log_frf=zero, phase=zero)
 
 
-def _options(problem: Problem) -> dict[str, NDArray[np.bool_]]:
+def _options(problem: Problem) -> dict[str, Flags]:
     """What (amplitude and phase, by floor) is there with each further measurement."""
     floors = problem.reduced.model.floors
     has = np.zeros((2, len(floors)), dtype=bool)
@@ -83,7 +83,7 @@ def _options(problem: Problem) -> dict[str, NDArray[np.bool_]]:
 
 
 def _expected(
-    problem: Problem, first: Fit, other: Fit, options: Mapping[str, NDArray[np.bool_]]
+    problem: Problem, first: Fit, other: Fit, options: Mapping[str, Flags]
 ) -> list[float]:
     """Log evidence (o,) with each further measurement, as if the first model were the truth.
 

@@ -9,15 +9,14 @@ from functools import cached_property
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
+from femupdate.arrays import Floats
 from femupdate.discrepancy.common_errors import CommonErrors
 from femupdate.discrepancy.problem import Problem
 from femupdate.dynamics.effect_response import EffectSystem
 from femupdate.effects.effect import Placed
 
-Floats = NDArray[np.float64]
 _STEP = 1e-3
 _COARSE = 0.3  # noise on ln|H| in the first steps of a search
 _SMALLEST = 1e-4  # relative decrease of the objective at which the search ends

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from femupdate.arrays import Floats
 from femupdate.discrepancy.mesh_points import error_of_points
 from femupdate.dynamics.effect_reduction import structure_on
 from femupdate.dynamics.effect_response import ReducedStructure
@@ -26,7 +27,6 @@ from femupdate.errors import ModelError
 from femupdate.fe.driven import driven_shapes
 from femupdate.fe.factorization import factorize
 
-Floats = NDArray[np.float64]
 FINER = 2.0 / 3.0  # mesh size of the finer mesh, of the model's own
 # The mean error is between what the finer mesh shows and Richardson's limit, which for errors of
 # second order is 9/5 of it: the middle, and 0.6 of the distance to both sides as its deviation.

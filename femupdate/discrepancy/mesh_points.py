@@ -2,12 +2,11 @@
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
+from femupdate.arrays import Floats
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.effect_response import EffectSystem, ReducedStructure
 
-Floats = NDArray[np.float64]
 _STEP = 1e-3  # relative, of the unknowns
 RATIO = 0.01  # damping ratio at which meshes are compared
 # A mode whose frequency is off errs as 1/zeta on a peak as wide as zeta: between the powers 1/2 and

@@ -11,16 +11,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
+from femupdate.arrays import Floats
 from femupdate.discrepancy.mesh_error import MeshError, ShownModes, modes_shown
 from femupdate.discrepancy.problem import Problem
 from femupdate.dynamics.effect_modal import effect_log_frf
 from femupdate.dynamics.effect_response import EffectSystem, ReducedStructure
 from femupdate.effects.effect import Placed
 
-Floats = NDArray[np.float64]
 _BEYOND = 1.25  # times the highest frequency: modes that far above it show in the responses, too
 _STEP = 0.01  # of what the floors show of a mode, for differences
 _LEFT = 2.0  # times what the mean correction leaves at the theta that it was learned from

@@ -10,15 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
+from femupdate.arrays import Floats
 from femupdate.discrepancy.evidence import log_prior
 from femupdate.discrepancy.fit import Fit, weighed_residuals
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.proposal import student_draws
 
-Floats = NDArray[np.float64]
 _FREEDOM = 6.0
 _ROUNDS = 3
 

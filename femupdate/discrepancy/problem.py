@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
 from femupdate.discrepancy.mesh_points import at_damping
@@ -15,7 +14,6 @@ from femupdate.effects.effect import Placed
 from femupdate.measurement.estimated import HANN, as_estimated, segment_of
 from femupdate.measurement.observation import Observation
 
-Floats = NDArray[np.float64]
 Effects = tuple[Placed, ...]
 # What no model of a building resolves and no mesh estimate sees, in ln|H|: it keeps a very quiet
 # record from deciding on details of the model.

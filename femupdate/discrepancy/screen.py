@@ -2,12 +2,11 @@
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
+from femupdate.arrays import Floats
 from femupdate.dynamics.effect_response import EffectSystem
 from femupdate.measurement.observation import Observation
 
-Floats = NDArray[np.float64]
 _LOW = 0.35  # of the first frequency, below which |H| is that of a rigid body but for (f / f1)^2
 _FEWEST = 4
 _CLEAR = 3.0  # standard deviations

@@ -4,14 +4,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from femupdate.arrays import Flags, Floats
 from femupdate.discrepancy.fit import Fit
 from femupdate.discrepancy.problem import Problem
 from femupdate.measurement.bands import band_edges
 
-Floats = NDArray[np.float64]
 _FEWEST = 3.0  # independent points of a cell
 
 
@@ -60,7 +59,7 @@ def p_value(problem: Problem, fitted: Fit, inflation: float = 1.0) -> float:
     return float(chi2.sf(fitted.chi2 / inflation, freedom))
 
 
-def _squared(problem: Problem, fitted: Fit) -> tuple[Floats, NDArray[np.bool_]]:
+def _squared(problem: Problem, fitted: Fit) -> tuple[Floats, Flags]:
     """Squared residuals (f, k), amplitude and phase together, and which points are valid."""
     floors, points = problem.log_frf.shape
     residual = fitted.weighed.residual.reshape(-1, floors, points).numpy()

@@ -12,11 +12,11 @@ from functools import partial
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.sparse import csc_matrix
 from scipy.stats import qmc
 
+from femupdate.arrays import Floats
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.effect_reduction import structure_on
 from femupdate.dynamics.effect_response import EffectSystem, ReducedStructure, reduce_terms
@@ -29,7 +29,6 @@ from femupdate.fe.driven import driven_shapes
 from femupdate.fe.factorization import factorize
 from femupdate.processors import everywhere
 
-Floats = NDArray[np.float64]
 _SIZES = (40, 60, 80, 100, 120, 140, 160, 180, 200, 230, 260, 300)
 _CHOOSE = 4  # unseen samples by which the number of shapes is chosen
 _CERTIFY = 29  # others by which the choice is judged

@@ -10,13 +10,12 @@ from dataclasses import replace
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
+from femupdate.arrays import Complexes, Floats
 from femupdate.dynamics.effect_response import EffectSystem
 from femupdate.dynamics.history import Histories
 from femupdate.effects.structure import ROTATION, Structure
 
-Floats = NDArray[np.float64]
 _REST = 1e-4  # share to which motion has decayed behind the record
 _SHORTEST_S, _LONGEST_S = 5.0, 300.0
 _BLOCK = 2048
@@ -95,9 +94,7 @@ def _history(
     )
 
 
-def _frf(
-    system: EffectSystem, values: tuple[torch.Tensor, ...], frequency: Floats
-) -> NDArray[np.complex128]:
+def _frf(system: EffectSystem, values: tuple[torch.Tensor, ...], frequency: Floats) -> Complexes:
     theta, zeta, sizes = values
     own = _own_sizes(system, sizes)
     blocks = np.array_split(frequency, max(1, len(frequency) // _BLOCK))

@@ -10,10 +10,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 from scipy.stats import qmc
 
+from femupdate.arrays import Floats
 from femupdate.dynamics.effect_reduction import structure_on
 from femupdate.dynamics.effect_response import ReducedStructure
 from femupdate.dynamics.full_response import FloorSensors, floor_sensors
@@ -25,7 +25,6 @@ from femupdate.effects.structure import TRANSLATION, Structure
 from femupdate.fe.assembly import AffineOperators, with_terms
 from femupdate.fe.solve import modes_below
 
-Floats = NDArray[np.float64]
 SPREAD = 0.2  # of ln theta to both sides
 _SIZE = 220
 _NEIGHBOURS = 8

@@ -3,8 +3,8 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femupdate.arrays import Floats
 from femupdate.dynamics.effect_response import ReducedStructure
 from femupdate.dynamics.effect_samples import VariedShapes, variation_of
 from femupdate.dynamics.full_response import floor_sensors
@@ -18,7 +18,6 @@ from femupdate.dynamics.reduction import (
 from femupdate.effects.structure import Structure
 from femupdate.fe.assembly import with_terms
 
-Floats = NDArray[np.float64]
 _SIZE = 220
 
 

@@ -11,17 +11,16 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 from torch import Tensor
 
+from femupdate.arrays import Floats
 from femupdate.dynamics.damping import DampingLaw
 from femupdate.dynamics.effect_modes import Modes, natural, normal_modes, response
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.effects.effect import UNSCALED, Placed, Terms
 from femupdate.effects.structure import Structure
 
-Floats = NDArray[np.float64]
 _BATCH = 16
 
 

@@ -8,10 +8,10 @@ that they have there.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 from scipy.stats import qmc
 
+from femupdate.arrays import Floats
 from femupdate.dynamics.full_response import FloorSensors
 from femupdate.dynamics.reduction import ReductionTarget, response_shapes
 from femupdate.effects.effect import AddedMass
@@ -19,7 +19,6 @@ from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import TRANSLATION, Structure
 from femupdate.fe.assembly import AffineOperators
 
-Floats = NDArray[np.float64]
 _KINDS = (("wall",), ("beam",), ("column",), ("slab",))
 _MEMBERS = (0.6, 1.35)  # range of the factor on one kind of member
 _INFILL = 0.4  # largest share of the stiffness of walls that only weigh

@@ -4,15 +4,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femupdate.arrays import Floats, Integers
 from femupdate.fe.assembly import AffineOperators
 from femupdate.fe.factorization import Factorization
 from femupdate.fe.mechanism import factorize_held
 from femupdate.fe.model import DOF_PER_NODE
 from femupdate.fe.solve import modes_below
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -70,7 +68,7 @@ class FullModes:
 
 
 def floor_sensors(
-    operators: AffineOperators, floor_nodes: Mapping[str, NDArray[np.int64]], direction: int
+    operators: AffineOperators, floor_nodes: Mapping[str, Integers], direction: int
 ) -> FloorSensors:
     """Sensors of all floors, each the mean over its nodes."""
     rows = np.zeros((len(floor_nodes), operators.dof))

@@ -5,9 +5,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import torch
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from torch import Tensor
 
+from femupdate.arrays import Floats
 from femupdate.dynamics.damping import ConstantDamping, DampingLaw
 from femupdate.dynamics.modal import ReducedTensors, solve_modes
 from femupdate.dynamics.modal_response import keep_dynamic, project, see_modes
@@ -21,7 +22,6 @@ from femupdate.dynamics.story import (
 )
 from femupdate.errors import MeasurementError, ModelError
 
-Floats = NDArray[np.float64]
 Numbers = ArrayLike | Tensor
 Progress = Callable[[int], None]
 

@@ -1,9 +1,9 @@
 """How strong a motion is, in one number that records of any length can be compared by."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from femupdate.arrays import Floats
+
 _STRONG = (0.05, 0.95)  # of the energy
 
 

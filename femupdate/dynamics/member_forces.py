@@ -3,8 +3,8 @@
 from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femupdate.arrays import Floats, Integers
 from femupdate.building.wall_cuts import WallCut
 from femupdate.errors import ModelError
 from femupdate.fe.assembly import AffineOperators
@@ -14,14 +14,12 @@ from femupdate.fe.model import (
     DOF_PER_NODE,
     Beams,
     FiniteElementModel,
-    Integers,
     Shells,
     Triangles,
 )
 from femupdate.fe.shell import shell_matrices
 from femupdate.fe.triangle import triangle_matrices
 
-Floats = NDArray[np.float64]
 BEAM_FORCES = ("N", "Vy", "Vz", "T", "My", "Mz")
 _LEVEL = 1e-6  # m
 CUT_FORCES = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")

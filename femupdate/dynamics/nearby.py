@@ -1,16 +1,15 @@
 """Responses of a model that differs little from one whose modes are known."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.sparse import csc_matrix
 
+from femupdate.arrays import Floats
 from femupdate.dynamics.full_response import FloorModes, FloorSensors
 from femupdate.dynamics.reduction import STATIC_WEIGHT, ReductionTarget, combinations
 from femupdate.fe.assembly import AffineOperators
 from femupdate.fe.factorization import factorize
 
-Floats = NDArray[np.float64]
 _NOTHING = 1e-10  # of the largest energy among shapes: it adds nothing new
 # Of the largest energy among responses: some twenty questions are asked, and their answers are
 # compressed again.

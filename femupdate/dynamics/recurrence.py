@@ -4,10 +4,9 @@ from collections.abc import Iterator
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
-Floats = NDArray[np.float64]
+from femupdate.arrays import Floats
 
 STEPS_AT_A_TIME = 256  # keeps the states of 50 samples x 60 modes inside a few ten megabytes
 HALF_LENGTH = 32  # of the interpolation filter, in samples of the record

@@ -14,10 +14,10 @@ from functools import partial
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import eigh, solve_triangular
 from scipy.stats import qmc
 
+from femupdate.arrays import Floats, Integers
 from femupdate.dynamics.full_response import (
     FloorModes,
     FloorSensors,
@@ -32,7 +32,6 @@ from femupdate.fe.assembly import AffineOperators
 from femupdate.fe.model import DOF_PER_NODE
 from femupdate.processors import everywhere
 
-Floats = NDArray[np.float64]
 TOP = 1.3  # times the top of the grid: modes that shapes are taken from
 _SIZES = (40, 60, 80, 100, 120, 140, 160, 180, 200, 230, 260, 300)
 _CHOOSE = 4  # unseen theta by which the number of shapes is chosen
@@ -100,7 +99,7 @@ class Reduction:
 
 def reduce_operators(
     operators: AffineOperators,
-    floor_nodes: Mapping[str, NDArray[np.int64]],
+    floor_nodes: Mapping[str, Integers],
     story_levels: Floats,
     direction: int,
     target: ReductionTarget,
@@ -352,7 +351,7 @@ def _compress(operators: AffineOperators, snapshots: Floats, size: int) -> Float
 def project(
     operators: AffineOperators,
     basis: Floats,
-    floor_nodes: Mapping[str, NDArray[np.int64]],
+    floor_nodes: Mapping[str, Integers],
     story_levels: Floats,
     sensors: FloorSensors,
 ) -> ReducedModel:

@@ -1,12 +1,12 @@
 """Response spectra of histories, such as the accelerations of floors."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from femupdate.arrays import Floats
 from femupdate.dynamics.recurrence import interpolate_record, step_matrices
 from femupdate.errors import MeasurementError
 
-Floats = NDArray[np.float64]
 _POINTS = 12  # a period: between them the peak is missed by at most 1 - cos(pi / 12), 3.4 %
 _MOST = 16  # finest subdivision of a step
 

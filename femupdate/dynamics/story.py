@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femupdate.arrays import Floats
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.errors import ModelError
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

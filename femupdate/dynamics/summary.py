@@ -4,13 +4,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from femupdate.arrays import Floats
 from femupdate.dynamics.history import Histories, join_histories
 from femupdate.dynamics.story import story_stiffness
 from femupdate.errors import ModelError
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -9,15 +9,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
+from femupdate.arrays import Floats
 from femupdate.dynamics.recurrence import interpolate_record, modal_states
 from femupdate.errors import ModelError
 from femupdate.fe.assembly import AffineOperators
 from femupdate.fe.mechanism import factorize_held
 from femupdate.fe.solve import modes_below
 
-Floats = NDArray[np.float64]
 _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 

@@ -3,12 +3,13 @@
 import numpy as np
 from scipy.sparse import csc_matrix
 
+from femupdate.arrays import Floats, Integers
 from femupdate.effects.infill import onto_free
 from femupdate.fe.assembly import AffineOperators
 from femupdate.fe.element import symmetric
 from femupdate.fe.entries import element_entries, summed
 from femupdate.fe.membrane import membrane_stiffness
-from femupdate.fe.model import FiniteElementModel, Floats, Integers
+from femupdate.fe.model import FiniteElementModel
 from femupdate.fe.shell import IN_PLANE, mean_planes, to_local
 
 

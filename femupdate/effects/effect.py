@@ -6,13 +6,12 @@ from typing import ClassVar
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from scipy.sparse import csc_matrix, diags
 from torch import Tensor
 
+from femupdate.arrays import Floats
 from femupdate.effects.structure import Structure
 
-Floats = NDArray[np.float64]
 ALL_STORIES = -1
 UNSCALED = -2
 _REACH = 5.0  # standard deviations of the prior, beyond which nothing is looked for

@@ -7,16 +7,16 @@ free edges, is condensed statically onto the nodes that they share with the mode
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve
 from scipy.sparse import coo_matrix, csc_matrix
 from scipy.spatial import cKDTree
 
+from femupdate.arrays import Flags, Floats, Integers
 from femupdate.building.mesh import BuildingMesh, mesh_building
 from femupdate.building.references import resolve
 from femupdate.building.schema import FrameBuilding
 from femupdate.fe.assembly import AffineOperators
-from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel, Floats, Integers
+from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel
 from femupdate.fe.shell import shell_matrices
 
 _KIND = "non_structural_wall"
@@ -79,13 +79,13 @@ def _plane(building: FrameBuilding, line: str) -> tuple[int, float]:
     return (1, grid.y[line]) if line in grid.y else (0, grid.x[line])
 
 
-def _in_plane(model: FiniteElementModel, axis: int, place: float) -> NDArray[np.bool_]:
+def _in_plane(model: FiniteElementModel, axis: int, place: float) -> Flags:
     corners = model.nodes[model.shells.nodes]
     near = np.abs(corners[:, :, axis] - place) < _SAME
     return np.asarray(near.all(axis=1))
 
 
-def _is_new(stiff: FiniteElementModel, present: FiniteElementModel) -> NDArray[np.bool_]:
+def _is_new(stiff: FiniteElementModel, present: FiniteElementModel) -> Flags:
     """Which shells (n,) are walls that the present model does not have."""
     walls = stiff.shells.kind == _KIND
     middles = present.nodes[present.shells.nodes[present.shells.kind == _KIND]].mean(axis=1)

@@ -10,9 +10,9 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_matrix, csr_matrix
 
+from femupdate.arrays import Flags, Floats, Integers
 from femupdate.building.mesh import BuildingMesh, mesh_building
 from femupdate.building.parameters import by_kind
 from femupdate.building.schema import Building, FrameBuilding, MeshBuilding, ShearBuilding
@@ -23,8 +23,6 @@ from femupdate.fe.assembly import AffineOperators, assemble
 from femupdate.fe.factorization import Factorization, factorize
 from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 TRANSLATION, ROTATION = 0, 1
 
 
@@ -141,7 +139,7 @@ class Structure:
         here = tall[np.arange(len(near)), near] < 1e-6 * self.levels[-1]
         return np.where(here, near, -1)
 
-    def along_floor(self, floor: int) -> NDArray[np.bool_]:
+    def along_floor(self, floor: int) -> Flags:
         """(m,) which points are translations of a floor along the motion."""
         return (self.level_of == floor) & (self.points.axis == self.direction)
 

@@ -7,6 +7,7 @@ from functools import reduce
 import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix, identity
 
+from femupdate.arrays import Floats, Integers
 from femupdate.errors import ModelError
 from femupdate.fe.beam import beam_matrices
 from femupdate.fe.check import check_model
@@ -22,8 +23,6 @@ from femupdate.fe.links import link_expansion, slave_dof
 from femupdate.fe.model import (
     DOF_PER_NODE,
     FiniteElementModel,
-    Floats,
-    Integers,
 )
 from femupdate.fe.shell import shell_matrices_in_parts
 from femupdate.fe.triangle import triangle_matrices

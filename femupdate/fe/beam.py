@@ -2,10 +2,11 @@
 
 import numpy as np
 
+from femupdate.arrays import Floats
 from femupdate.errors import ModelError
 from femupdate.fe.element import ElementMatrices, symmetric
 from femupdate.fe.links import rigid_arms
-from femupdate.fe.model import Beams, Floats
+from femupdate.fe.model import Beams
 
 _AXIAL = np.array([0, 6])
 _TORSION = np.array([3, 9])

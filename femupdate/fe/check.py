@@ -2,12 +2,12 @@
 
 import numpy as np
 
+from femupdate.arrays import Integers
 from femupdate.errors import ModelError
 from femupdate.fe.model import (
     DOF_NAMES,
     Beams,
     FiniteElementModel,
-    Integers,
     Shells,
     Springs,
     Triangles,

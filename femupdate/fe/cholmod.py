@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csc_matrix, tril
 
-from femupdate.fe.model import Floats, Integers
+from femupdate.arrays import Floats, Integers
 
 
 @cache

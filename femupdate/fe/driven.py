@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csc_matrix
 
+from femupdate.arrays import Floats
 from femupdate.errors import ModelError
 from femupdate.fe.factorization import Factorization
-from femupdate.fe.model import Floats
 
 _LOOK = 24  # shapes between two looks at the response
 _POINTS = 400  # frequencies at which it is looked at

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from femupdate.fe.model import Floats
+from femupdate.arrays import Floats
 
 
 @dataclass(frozen=True)

@@ -4,12 +4,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csc_matrix
 
-from femupdate.fe.model import DOF_PER_NODE, Flags, Floats, Integers, PointMasses, Springs
-
-Indices = NDArray[np.int32]  # half the memory to move; 3e8 nodes are enough
+from femupdate.arrays import Flags, Floats, Indices, Integers
+from femupdate.fe.model import DOF_PER_NODE, PointMasses, Springs
 
 
 @dataclass(frozen=True)

@@ -10,14 +10,13 @@ from typing import Any, Literal
 import numpy as np
 
 from femupdate import __version__
+from femupdate.arrays import Floats, Integers
 from femupdate.errors import ModelError
 from femupdate.fe.check import check_model
 from femupdate.fe.model import (
     DOF_NAMES,
     Beams,
     FiniteElementModel,
-    Floats,
-    Integers,
     RigidLinks,
     Shells,
     Springs,

@@ -13,9 +13,9 @@ import numpy as np
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import SuperLU, splu
 
+from femupdate.arrays import Floats, Integers
 from femupdate.errors import ModelError
 from femupdate.fe.cholmod import CholmodFactors, cholmod_is_there
-from femupdate.fe.model import Floats, Integers
 
 Backend = Literal["superlu", "cholmod"]
 ENVIRONMENT = "FEMUPDATE_SPARSE"

@@ -1,15 +1,12 @@
 """Harmonic response of the full model, solved directly: an oracle for reduced models."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
+from femupdate.arrays import Complexes, Floats
 from femupdate.errors import ModelError
 from femupdate.fe.assembly import AffineOperators
 from femupdate.fe.factorization import SingularMatrixError, factorize
-from femupdate.fe.model import Floats
-
-Complex = NDArray[np.complex128]
 
 
 def harmonic_displacement(
@@ -18,7 +15,7 @@ def harmonic_displacement(
     frequency_hz: Floats,
     load: Floats,
     damping: csc_matrix,
-) -> Complex:
+) -> Complexes:
     """Displacement amplitudes (K + i w C - w^2 M)^-1 f, one factorisation a frequency.
 
     Args:

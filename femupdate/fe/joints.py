@@ -12,12 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from femupdate.arrays import Floats, Integers
 from femupdate.fe.model import (
     DOF_PER_NODE,
     Beams,
     FiniteElementModel,
-    Floats,
-    Integers,
     RigidLinks,
 )
 

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import eigh, solve_triangular
 from scipy.sparse import csc_matrix
 
-from femupdate.fe.model import Floats
+from femupdate.arrays import Floats
 
 _MANY = 30  # values wanted from which blocks pay
 _BLOCK = 4  # vectors; a factor is passed through memory once for all of them

@@ -3,13 +3,12 @@
 import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix, identity
 
+from femupdate.arrays import Floats, Integers
 from femupdate.errors import ModelError
 from femupdate.fe.model import (
     DOF_NAMES,
     DOF_PER_NODE,
     FiniteElementModel,
-    Floats,
-    Integers,
     RigidLinks,
 )
 

@@ -3,10 +3,11 @@
 import numpy as np
 from scipy.sparse import csc_matrix, diags
 
+from femupdate.arrays import Floats
 from femupdate.errors import ModelError
 from femupdate.fe.assembly import AffineOperators
 from femupdate.fe.factorization import Factorization, SingularMatrixError, factorize
-from femupdate.fe.model import DOF_NAMES, DOF_PER_NODE, Floats
+from femupdate.fe.model import DOF_NAMES, DOF_PER_NODE
 
 # Stiffness of the softest pattern over that of single degrees of freedom. Rounding leaves up to
 # 3e-16 to a mechanism; a beam 10 000 times as long as its elements are deep still has 3e-14.

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from femupdate.fe.model import Floats
+from femupdate.arrays import Floats
 from femupdate.fe.quadrilateral import (
     CENTRE,
     GAUSS_POINTS,

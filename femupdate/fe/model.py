@@ -3,11 +3,8 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Flags = NDArray[np.bool_]
+from femupdate.arrays import Flags, Floats, Integers, Strings
 
 DOF_PER_NODE = 6
 DOF_NAMES = ("ux", "uy", "uz", "rx", "ry", "rz")
@@ -42,7 +39,7 @@ class Shells:
     poisson_ratio: Floats = field(default_factory=lambda: _no_rows(0))
     density: Floats = field(default_factory=lambda: _no_rows(0))
     group: Integers = field(default_factory=lambda: _no_indices(0))
-    kind: NDArray[np.str_] = field(default_factory=lambda: np.zeros(0, dtype="<U24"))
+    kind: Strings = field(default_factory=lambda: np.zeros(0, dtype="<U24"))
 
     def __len__(self) -> int:
         return len(self.nodes)
@@ -58,7 +55,7 @@ class Triangles:
     poisson_ratio: Floats = field(default_factory=lambda: _no_rows(0))
     density: Floats = field(default_factory=lambda: _no_rows(0))
     group: Integers = field(default_factory=lambda: _no_indices(0))
-    kind: NDArray[np.str_] = field(default_factory=lambda: np.zeros(0, dtype="<U24"))
+    kind: Strings = field(default_factory=lambda: np.zeros(0, dtype="<U24"))
 
     def __len__(self) -> int:
         return len(self.nodes)
@@ -102,7 +99,7 @@ class Beams:
     density: Floats = field(default_factory=lambda: _no_rows(0))
     up: Floats = field(default_factory=lambda: _no_rows(0, 3))
     group: Integers = field(default_factory=lambda: _no_indices(0))
-    kind: NDArray[np.str_] = field(default_factory=lambda: np.zeros(0, dtype="<U24"))
+    kind: Strings = field(default_factory=lambda: np.zeros(0, dtype="<U24"))
     offset: Floats | None = None
     released: Flags | None = None
 

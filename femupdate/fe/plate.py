@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from femupdate.arrays import Floats
 from femupdate.fe.membrane import integrate, plane_stress
-from femupdate.fe.model import Floats
 from femupdate.fe.quadrilateral import (
     GAUSS_POINTS,
     PlaneSamples,

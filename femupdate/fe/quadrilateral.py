@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from femupdate.fe.model import Floats
+from femupdate.arrays import Floats
 
 CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 GAUSS_POINTS = CORNERS / np.sqrt(3.0)  # 2 x 2, every weight is one

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from femupdate.arrays import Floats, Integers
 from femupdate.errors import ModelError
 from femupdate.fe.element import ElementMatrices, symmetric
 from femupdate.fe.membrane import DRILLING_STABILISATION, membrane_stiffness
-from femupdate.fe.model import Floats, Integers
 from femupdate.fe.plate import plate_mass, plate_stiffness
 from femupdate.fe.quadrilateral import (
     CENTRE,

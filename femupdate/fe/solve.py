@@ -7,12 +7,12 @@ from scipy.linalg import eigh
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
+from femupdate.arrays import Floats, Integers
 from femupdate.errors import ModelError
 from femupdate.fe.assembly import AffineOperators
 from femupdate.fe.factorization import Factorization, factorize
 from femupdate.fe.lanczos import block_size, largest_of_inverse
 from femupdate.fe.mechanism import factorize_held, factorize_supported, refuse_negative
-from femupdate.fe.model import Floats, Integers
 
 __all__ = [
     "Factorization",

@@ -4,9 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from femupdate.arrays import Floats, Integers
 from femupdate.errors import ModelError
 from femupdate.fe.membrane import membrane_strain, plane_stress
-from femupdate.fe.model import FiniteElementModel, Floats, Integers
+from femupdate.fe.model import FiniteElementModel
 from femupdate.fe.plate import plate_curvature
 from femupdate.fe.quadrilateral import CORNERS, shape_functions
 from femupdate.fe.shell import IN_PLANE, OUT_OF_PLANE, mean_planes, to_local

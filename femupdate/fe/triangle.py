@@ -2,10 +2,11 @@
 
 import numpy as np
 
+from femupdate.arrays import Floats
 from femupdate.errors import ModelError
 from femupdate.fe.element import ElementMatrices, symmetric
 from femupdate.fe.membrane import DRILLING_STABILISATION, integrate, plane_stress
-from femupdate.fe.model import Floats, Triangles
+from femupdate.fe.model import Triangles
 from femupdate.fe.plate import SHEAR_CORRECTION
 
 _IN_PLANE = (6 * np.arange(3)[:, None] + [0, 1, 5]).ravel()

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.stats import chi2, kstest
 
-Floats = NDArray[np.float64]
+from femupdate.arrays import Floats
 
 REGIONS = (0.5, 0.68, 0.9, 0.95)
 

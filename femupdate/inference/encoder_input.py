@@ -4,14 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
+from femupdate.arrays import Flags, Floats
 from femupdate.errors import MeasurementError
 from femupdate.measurement.observation import Observation
 from femupdate.surrogate.visibility import EARLIEST_END, LATEST_START, Visibility
-
-Floats = NDArray[np.float64]
 
 # A floor with less of the observed band than this is left to the data-space likelihood.
 _LEAST_SHARE = 0.5
@@ -74,7 +72,7 @@ def encoder_input(observation: Observation, floors: tuple[str, ...]) -> EncoderI
 
 
 def _choose_floors(
-    observation: Observation, floors: tuple[str, ...], usable: NDArray[np.bool_]
+    observation: Observation, floors: tuple[str, ...], usable: Flags
 ) -> tuple[list[str], list[str]]:
     """Floors with enough usable points in the band of most floors, and notes on the others."""
     first, last = _band(_around(usable).mean(axis=0), observation.source)
@@ -92,7 +90,7 @@ def _choose_floors(
     return used, notes
 
 
-def _usable(observation: Observation) -> NDArray[np.bool_]:
+def _usable(observation: Observation) -> Flags:
     """Points (f, m) that the encoder may see: valid, or uncertain but better than a guess."""
     if not observation.valid.any():
         raise MeasurementError(
@@ -107,7 +105,7 @@ def _usable(observation: Observation) -> NDArray[np.bool_]:
     return np.asarray(observation.valid | uncertain)
 
 
-def _around(usable: NDArray[np.bool_]) -> Floats:
+def _around(usable: Flags) -> Floats:
     """Share of usable points near every frequency (f, m); zero where no floor is usable at all."""
     width = max(3, usable.shape[1] // 40)
     window = np.ones(width)

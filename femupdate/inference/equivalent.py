@@ -18,12 +18,9 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femupdate.arrays import Complexes, Flags, Floats, Integers
 from femupdate.errors import InferenceError
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 # n! roots are followed: 24 for four stories take .2 s, 720 for six about twenty.
 MOST_STORIES = 6
@@ -43,9 +40,9 @@ class _System:
         order: (s,) its size.
     """
 
-    members: NDArray[np.bool_]
+    members: Flags
     weight: Floats
-    order: NDArray[np.int64]
+    order: Integers
 
     def value_and_slope(self, k: Complexes) -> tuple[Complexes, Complexes]:
         """f (b, n) and its derivatives (b, n, n) at k (b, n)."""
@@ -149,7 +146,7 @@ class _Homotopy:
     """h(k, t) = (1 - t) factor (k_j^j - 1) + t (f_j(k) - 1)."""
 
     system: _System
-    degrees: NDArray[np.int64]
+    degrees: Integers
     factor: complex
 
     def __call__(self, k: Complexes, t: Floats) -> tuple[Complexes, Complexes, Complexes]:

@@ -10,11 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from femupdate.arrays import Flags, Floats, Integers
 from femupdate.inference.modes import separate_modes
-
-Floats = NDArray[np.float64]
 
 # A combination that keeps more of its prior standard deviation counts as not determined.
 UNDETERMINED = 0.5
@@ -213,7 +212,7 @@ def _log_moments(low: float, high: float) -> tuple[float, float]:
     return float(first), float(np.sqrt(second - first**2))
 
 
-def _combinations(covariance: Floats, chosen: NDArray[np.int64]) -> tuple[Combination, ...]:
+def _combinations(covariance: Floats, chosen: Integers) -> tuple[Combination, ...]:
     """Eigenvectors of the chosen parameters' covariance, as directions of all parameters."""
     value, vector = np.linalg.eigh(covariance[np.ix_(chosen, chosen)])
     found = []
@@ -224,7 +223,7 @@ def _combinations(covariance: Floats, chosen: NDArray[np.int64]) -> tuple[Combin
     return tuple(found)
 
 
-def _left_alone(combinations: Sequence[Combination]) -> NDArray[np.bool_]:
+def _left_alone(combinations: Sequence[Combination]) -> Flags:
     """Parameters (p,) that lie outside of all determined combinations."""
     determined = [part.weight**2 for part in combinations if part.kept <= UNDETERMINED]
     size = len(combinations)

@@ -11,13 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from torch import Tensor
 
 from femupdate.surrogate.gauss_newton import Descent, Misfit, nats_of
-
-Floats = NDArray[np.float64]
 
 # So many standard deviations out along the widest direction the nats must have risen by half the
 # square of it, but for the tolerance; else the ridge is followed.

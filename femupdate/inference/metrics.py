@@ -4,12 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from torch import Tensor
 
+from femupdate.arrays import Floats, Integers
 from femupdate.errors import InferenceError
-
-Floats = NDArray[np.float64]
 
 _ROWS = 1000  # of a kernel matrix at a time
 _MEDIAN_DRAWS = 2000
@@ -103,7 +102,7 @@ class ModeSummary:
         sd: (m, p); NaN for a solution with fewer than two.
     """
 
-    member: NDArray[np.int64]
+    member: Integers
     weight: Floats
     mean: Floats
     sd: Floats

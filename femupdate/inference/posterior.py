@@ -7,13 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femupdate.arrays import Floats
 from femupdate.atomic import atomic_path
 from femupdate.errors import StudyError
 from femupdate.measurement.observation import Observation
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -4,11 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from femupdate.arrays import Floats
 from femupdate.inference.coverage import density_level
-
-Floats = NDArray[np.float64]
 
 _POWERS = np.geomspace(0.25, 4.0, 97)
 _BOOTSTRAPS = 200

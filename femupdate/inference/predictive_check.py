@@ -20,12 +20,11 @@ one another is another question (`femupdate.measurement.agreement`).
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.stats import chi2
 
+from femupdate.arrays import Floats
 from femupdate.measurement.observation import Observation, independent_share
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,14 +5,12 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from femupdate.measurement.bands import band_edges
 from femupdate.measurement.observation import Observation, independent_share, on_all_floors
 from femupdate.measurement.pooled import pooled
 
-Floats = NDArray[np.float64]
 # Among runs that agree, one in so many is said not to.
 _CHANCE = 1e-3
 # Smaller differences, over their noise, are not worth a word: the noise of an estimate is itself

@@ -1,9 +1,9 @@
 """Bands of a frequency grid in which floors are compared."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from femupdate.arrays import Floats
+
 _BANDS = 10
 
 

@@ -8,12 +8,10 @@ import re
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femupdate.arrays import Floats
 from femupdate.measurement.recording import RawChannel, check_count, positive
 from femupdate.measurement.text import TextFile
-
-Floats = NDArray[np.float64]
 
 # "31932 Accelerogram points at 100 pts/sec in units of g.  Format: (8f9.6)"
 _VOLUME_1 = re.compile(

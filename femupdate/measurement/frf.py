@@ -11,8 +11,8 @@ larger there: it covers the bias while zeta f0 T is about 2 or more.
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femupdate.arrays import Flags, Floats
 from femupdate.errors import MeasurementError
 from femupdate.measurement.columns import BASE
 from femupdate.measurement.frf_table import FrfTable
@@ -33,8 +33,6 @@ __all__ = [
     "select_floors",
 ]
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 DEFAULT_NOISE = 0.2  # on ln|H|, where neither the file nor the coherence says
 # Accelerometers are calibrated to about a hundredth, so no estimate is better than that.
@@ -191,7 +189,7 @@ def observation_for(
 class _Interpolator:
     """Straight lines between bins, row by row; NaN where the grid lies outside."""
 
-    def __init__(self, bins: Floats, grid: Floats, inside: Bools) -> None:
+    def __init__(self, bins: Floats, grid: Floats, inside: Flags) -> None:
         upper = np.clip(np.searchsorted(bins, grid), 1, bins.size - 1)
         self._upper, self._inside = upper, inside
         self._share = (grid - bins[upper - 1]) / (bins[upper] - bins[upper - 1])
@@ -234,7 +232,7 @@ def _rows_by_floor(histories: Histories, direction: str) -> dict[str, list[int]]
     return rows
 
 
-def _resolved(grid: Floats, segments: Segments, time_step: float) -> Bools:
+def _resolved(grid: Floats, segments: Segments, time_step: float) -> Flags:
     """Whether a frequency lies between one cycle in a segment and the Nyquist frequency."""
     slack = 1e-9  # grids are sums of rounded steps
     lowest, nyquist = 1.0 / segments.seconds, 0.5 / time_step
@@ -263,7 +261,7 @@ def _noise(spectra: Spectra, coherence: Floats, averages: float) -> Floats:
     return np.maximum(np.sqrt(ratio / (2.0 * averages)), NOISE_FLOOR)
 
 
-def _trusted(spectra: Spectra, coherence: Floats, noise: Floats, averages: float) -> Bools:
+def _trusted(spectra: Spectra, coherence: Floats, noise: Floats, averages: float) -> Flags:
     """Whether an estimate at the bins (f, b) may be used."""
     from scipy.ndimage import maximum_filter1d
 
@@ -282,7 +280,7 @@ def _trusted(spectra: Spectra, coherence: Floats, noise: Floats, averages: float
     return np.asarray(related & (noise <= LARGEST_NOISE) & power)
 
 
-def _require_points(valid: Bools, source: str) -> None:
+def _require_points(valid: Flags, source: str) -> None:
     if not valid.any():
         raise MeasurementError(
             f"{source}: no point of the frequency grid can be used (base without power there, or"
@@ -296,7 +294,7 @@ def _sensor_notes(histories: Histories, direction: str) -> tuple[str, ...]:
     return (f"Sensors averaged in time: {', '.join(several)}.",) if several else ()
 
 
-def _gaps(floors: tuple[str, ...], valid: Bools, inside: Bools) -> tuple[str, ...]:
+def _gaps(floors: tuple[str, ...], valid: Flags, inside: Flags) -> tuple[str, ...]:
     """Sentences on the points that cannot be used."""
     notes: list[str] = []
     if not inside.all():

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from femupdate.arrays import Complexes, Floats
 from femupdate.measurement.columns import (
     FREQUENCY,
     FRF_COLUMNS,
@@ -15,8 +16,6 @@ from femupdate.measurement.columns import (
 )
 from femupdate.measurement.quantity import si_factor
 from femupdate.measurement.table import Table
-
-Floats = NDArray[np.float64]
 
 MINIMUM_FREQUENCIES = 3
 _RATIO_UNITS = ("", "-", "–", "1")
@@ -38,7 +37,7 @@ class FrfTable:
     frequency_hz: Floats
     floors: tuple[str, ...]
     magnitude: Floats
-    complex_frf: NDArray[np.complex128] | None = None
+    complex_frf: Complexes | None = None
     log_sd: Floats | None = None
     source: str = "FRF table"
 

@@ -4,11 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femupdate.arrays import Flags, Floats
 from femupdate.errors import MeasurementError
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +36,7 @@ class Observation:
     floors: tuple[str, ...]
     log_frf: Floats
     noise_sd: Floats
-    valid: NDArray[np.bool_]
+    valid: Flags
     phase: Floats | None = None
     coherence: Floats | None = None
     resolution_hz: float | None = None

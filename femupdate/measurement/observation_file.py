@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femupdate.arrays import Floats
 from femupdate.measurement.columns import (
     BASE,
     FREQUENCY,
@@ -28,7 +28,6 @@ from femupdate.measurement.table import Table, read_table
 from femupdate.measurement.text import TextFile, closest, read_text
 from femupdate.units import STANDARD_GRAVITY
 
-Floats = NDArray[np.float64]
 logger = logging.getLogger(__name__)
 
 MINIMUM_SAMPLES = 64  # four segments of 32 samples: less is no spectrum

@@ -11,8 +11,8 @@ The last sum is the same for all models; the observation keeps it as `scatter`, 
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femupdate.arrays import Floats
 from femupdate.errors import MeasurementError
 from femupdate.measurement.observation import (
     Observation,
@@ -21,8 +21,6 @@ from femupdate.measurement.observation import (
     resolved_share,
 )
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 _TINY = float(np.finfo(np.float64).tiny)
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femupdate.arrays import Floats
 from femupdate.errors import MeasurementError
 from femupdate.measurement.csmip import is_csmip, read_csmip
 from femupdate.measurement.jma import is_jma, read_jma
@@ -21,7 +21,6 @@ from femupdate.measurement.recording import RawChannel
 from femupdate.measurement.text import TextFile, closest, read_text
 from femupdate.units import STANDARD_GRAVITY
 
-Floats = NDArray[np.float64]
 logger = logging.getLogger(__name__)
 
 LARGEST_PEAK = 5.0 * STANDARD_GRAVITY  # m/s2; the largest recorded is about 4 g (2008, Iwate)

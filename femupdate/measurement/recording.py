@@ -4,11 +4,9 @@ import re
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femupdate.arrays import Floats
 from femupdate.measurement.text import TextFile
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

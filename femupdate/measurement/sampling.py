@@ -1,11 +1,9 @@
 """The time step of a column of times, or the row where the sampling breaks."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femupdate.arrays import Floats, Integers
 from femupdate.measurement.text import TextFile
-
-Floats = NDArray[np.float64]
 
 # A jitter of a hundredth of a step turns the phase at half the Nyquist frequency by less than one
 # degree: nothing beside the noise of an accelerometer.
@@ -15,7 +13,7 @@ _COARSEST = 0.3
 _MAXIMUM_DECIMALS = 9
 
 
-def uniform_step(file: TextFile, time: Floats, lines: NDArray[np.int64], title: str) -> float:
+def uniform_step(file: TextFile, time: Floats, lines: Integers, title: str) -> float:
     """Return the time step of uniformly sampled times, s.
 
     Printed times are rounded: a time may differ from the straight line through all of them by
@@ -43,7 +41,7 @@ def uniform_step(file: TextFile, time: Floats, lines: NDArray[np.int64], title: 
     return _rounded_step(step, time.size, digit)
 
 
-def _raise_uneven(file: TextFile, time: Floats, lines: NDArray[np.int64], title: str) -> None:
+def _raise_uneven(file: TextFile, time: Floats, lines: Integers, title: str) -> None:
     steps = np.diff(time)
     usual = float(np.median(steps))
     worst = int(np.argmax(np.abs(steps - usual)))

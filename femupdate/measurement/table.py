@@ -4,12 +4,11 @@ import re
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femupdate.arrays import Floats, Integers
 from femupdate.measurement.quantity import split_unit
 from femupdate.measurement.text import TextFile
 
-Floats = NDArray[np.float64]
 Row = tuple[int, str]  # line number, text
 
 
@@ -29,7 +28,7 @@ class Table:
     names: tuple[str, ...] | None
     units: tuple[str | None, ...]
     values: Floats
-    lines: NDArray[np.int64]
+    lines: Integers
 
     def title(self, column: int) -> str:
         """Return what messages call a column."""
@@ -94,7 +93,7 @@ def drop_trailing_blanks(rows: list[Row], delimiter: str | None) -> list[Row]:
 
 def parse_rows(
     file: TextFile, rows: list[Row], delimiter: str | None, names: tuple[str, ...] | None
-) -> tuple[Floats, NDArray[np.int64]]:
+) -> tuple[Floats, Integers]:
     """Return the values (r, c) of numeric rows and their line numbers (r,).
 
     Raises:

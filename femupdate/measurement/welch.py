@@ -3,12 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femupdate.arrays import Complexes, Floats
 from femupdate.errors import MeasurementError
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 MINIMUM_AVERAGES = 5.0  # effective number of segments that the default length must leave
 FEWEST_AVERAGES = 2.0  # below this the coherence says nothing

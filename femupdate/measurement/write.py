@@ -6,15 +6,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femupdate.arrays import Floats
 from femupdate.atomic import atomic_path
 from femupdate.errors import MeasurementError
 from femupdate.measurement.columns import TIME
 from femupdate.measurement.observation_file import Histories
 from femupdate.measurement.record import GroundMotion
-
-Floats = NDArray[np.float64]
 
 _TIME_FORMAT = "%.10g"
 DIGITS = 9  # significant ones of accelerations

@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from femupdate.arrays import Floats
 
 CELLS = 80
 _QUARTER = 2.0 * 0.31864  # of a normal's sd: the shortest interval with a quarter of its mass

@@ -5,7 +5,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 
-from femupdate.report.geometry import VIEW, Floats, Geometry, outline
+from femupdate.arrays import Floats
+from femupdate.report.geometry import VIEW, Geometry, outline
 from femupdate.report.style import QUIET
 
 

@@ -5,13 +5,11 @@ from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from femupdate.report.geometry import VIEW, Floats, Geometry, mesh_lines, outline
+from femupdate.arrays import Floats, Integers, Pixels
+from femupdate.report.geometry import VIEW, Geometry, mesh_lines, outline
 from femupdate.report.glyphs import Glyphs
 from femupdate.report.style import FAINT, INK, ORANGE, QUIET
-
-Pixels = NDArray[np.uint8]
 
 WINDOW = (1200, 1300)
 TUBE = 0.006  # radius of a beam over the size of the building
@@ -115,7 +113,7 @@ def _meshes(pyvista: Any, geometry: Geometry, moved: Floats, values: Floats) -> 
 
 def _wires(
     geometry: Geometry, moved: Floats
-) -> Iterator[tuple[Floats, NDArray[np.int64], dict[str, float]]]:
+) -> Iterator[tuple[Floats, Integers, dict[str, float]]]:
     """Points, lines and look of the building at rest, of the mesh and of the moved outline."""
     edges = outline(geometry)
     lifted = moved + LIFT * geometry.size * np.asarray(VIEW)
@@ -125,7 +123,7 @@ def _wires(
     yield lifted, edges, {"opacity": 0.6, "line_width": 2.5}
 
 
-def _lines(pyvista: Any, points: Floats, lines: NDArray[np.int64]) -> Any:
+def _lines(pyvista: Any, points: Floats, lines: Integers) -> Any:
     return pyvista.PolyData(points, lines=np.insert(lines, 0, 2, axis=1).ravel())
 
 

@@ -11,11 +11,10 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from numpy.typing import ArrayLike, NDArray
 
+from femupdate.arrays import Floats
 from femupdate.atomic import atomic_path
 from femupdate.errors import ReportError
 from femupdate.report.style import QUIET, styled
-
-Floats = NDArray[np.float64]
 
 DOTS_PER_INCH = 150
 

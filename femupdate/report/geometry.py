@@ -3,14 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from femupdate.arrays import Floats, Integers
 from femupdate.errors import ReportError
 from femupdate.fe.model import FiniteElementModel
 from femupdate.report.figure import checked
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 DEFORMATION = 0.12  # largest displacement as drawn, over the largest side of the building
 VIEW = (-1.0, -1.55, 0.72)  # from the building towards the eye: at a corner, from above

@@ -4,9 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from femupdate.arrays import Floats
 
 _TURNS, _WIDTH = 5, 0.18  # of a spring; width over length
 

@@ -6,9 +6,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 
+from femupdate.arrays import Floats
 from femupdate.report import drawing_pyvista
 from femupdate.report.drawing_matplotlib import project
-from femupdate.report.geometry import Floats, Geometry, outline
+from femupdate.report.geometry import Geometry, outline
 from femupdate.report.glyphs import Glyphs
 from femupdate.report.rendering import rendering
 from femupdate.report.scenes import MARGIN, Renderer

@@ -9,8 +9,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, NullLocator
 
+from femupdate.arrays import Floats
 from femupdate.errors import ReportError
-from femupdate.report.figure import Floats, add_head, checked, label_edges, new_figure
+from femupdate.report.figure import add_head, checked, label_edges, new_figure
 from femupdate.report.style import FAINT, INK, QUIET, SERIES, styled
 
 _COLUMNS = 4

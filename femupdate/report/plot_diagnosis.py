@@ -10,8 +10,9 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
+from femupdate.arrays import Floats
 from femupdate.errors import ReportError
-from femupdate.report.figure import Floats, add_head, checked, new_figure
+from femupdate.report.figure import add_head, checked, new_figure
 from femupdate.report.style import BLUE, FAINT, INK, ORANGE, QUIET, styled
 
 _HIGHEST = 30.0  # times the noise, beyond which a colour says no more

@@ -12,8 +12,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import ArrayLike, NDArray
 
+from femupdate.arrays import Flags, Floats
 from femupdate.report.figure import (
-    Floats,
     add_head,
     checked,
     checked_names,
@@ -112,7 +112,7 @@ class _Measured:
     def of(cls, observation: Observation, shape: tuple[int, int]) -> "_Measured":
         values = checked("observed log_frf", observation.log_frf, *shape)
         noise = observation.noise_sd
-        valid: NDArray[np.bool_] = np.ones(shape, dtype=bool)
+        valid: Flags = np.ones(shape, dtype=bool)
         if observation.valid is not None:
             valid = checked("valid", observation.valid, *shape) > 0.5
         return cls(

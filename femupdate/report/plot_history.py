@@ -11,11 +11,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from femupdate.arrays import Floats
 from femupdate.errors import ReportError
 from femupdate.report.figure import (
-    Floats,
     add_head,
     checked,
     label_edges,
@@ -195,9 +195,7 @@ def _most_drift(drift: Floats) -> slice:
     return _strongest(power.sum(axis=0), POINTS)
 
 
-def _draw_story(
-    panel: Axes, lines: NDArray[np.float64], stiffness: Floats, scales: tuple[Scale, Scale]
-) -> None:
+def _draw_story(panel: Axes, lines: Floats, stiffness: Floats, scales: tuple[Scale, Scale]) -> None:
     """Lines (2, S, n) of drift and shear as shown, and the mean slope across the panel."""
     curves = LineCollection(
         list(np.moveaxis(lines, 0, -1)),

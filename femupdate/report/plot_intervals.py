@@ -9,8 +9,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike
 
+from femupdate.arrays import Floats
 from femupdate.errors import ReportError
-from femupdate.report.figure import Floats, add_head, checked, new_figure
+from femupdate.report.figure import add_head, checked, new_figure
 from femupdate.report.plot_posterior import Case, SampleSet, checked_cases
 from femupdate.report.style import BLUE, FAINT, INK, QUIET, SKY, styled
 

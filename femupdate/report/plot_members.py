@@ -9,7 +9,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import ArrayLike
 
-from femupdate.report.figure import Floats, add_head, checked, new_figure
+from femupdate.arrays import Floats
+from femupdate.report.figure import add_head, checked, new_figure
 from femupdate.report.plot_history import BAND, strong_part
 from femupdate.report.scale import force_scale
 from femupdate.report.style import BLUE, styled

@@ -11,9 +11,10 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 
+from femupdate.arrays import Floats
 from femupdate.errors import ReportError
 from femupdate.report.density import density_1d, density_2d, mass_level
-from femupdate.report.figure import Floats, add_head, checked, new_figure
+from femupdate.report.figure import add_head, checked, new_figure
 from femupdate.report.scale import plus_minus
 from femupdate.report.style import INK, SERIES, styled
 

@@ -7,8 +7,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from femupdate.arrays import Floats
 from femupdate.errors import ReportError
-from femupdate.report.figure import Floats, add_head, checked, new_figure
+from femupdate.report.figure import add_head, checked, new_figure
 from femupdate.report.style import QUIET, SERIES, styled
 
 

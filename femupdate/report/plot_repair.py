@@ -9,7 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from femupdate.report.figure import Floats, add_head, new_figure
+from femupdate.arrays import Floats
+from femupdate.report.figure import add_head, new_figure
 from femupdate.report.geometry import Geometry
 from femupdate.report.glyphs import Glyphs
 from femupdate.report.marked_building import draw_marked

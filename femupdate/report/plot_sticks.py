@@ -10,7 +10,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import ArrayLike
 
-from femupdate.report.figure import Floats, add_head, checked, checked_names, new_figure
+from femupdate.arrays import Floats
+from femupdate.report.figure import add_head, checked, checked_names, new_figure
 from femupdate.report.scale import plus_minus
 from femupdate.report.style import BLUE, QUIET, styled
 

@@ -10,10 +10,11 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from femupdate.arrays import Floats, Pixels
 from femupdate.report import drawing_matplotlib, drawing_pyvista
-from femupdate.report.figure import Floats, add_head, checked, new_figure, save_figure
+from femupdate.report.figure import add_head, checked, new_figure, save_figure
 from femupdate.report.geometry import Geometry, deformed
 from femupdate.report.rendering import rendering
 from femupdate.report.style import MAGNITUDE_MAP, SPREAD_MAP, styled
@@ -105,11 +106,11 @@ def _fields(shape: Floats, sd: Floats | None) -> list[_Field]:
     return fields
 
 
-def _rendered(geometry: Geometry, moved: Floats, field: _Field) -> NDArray[np.uint8]:
+def _rendered(geometry: Geometry, moved: Floats, field: _Field) -> Pixels:
     return drawing_pyvista.render(geometry, moved, field.values, field.color_map, field.top)
 
 
-def _show(panels: Sequence[Axes], pictures: list[NDArray[np.uint8]]) -> None:
+def _show(panels: Sequence[Axes], pictures: list[Pixels]) -> None:
     """Show rendered pictures, all cut to the same window so that they stay comparable."""
     ink = np.any([picture.min(axis=-1) < 250 for picture in pictures], axis=0)
     rows, columns = (np.flatnonzero(ink.any(axis=axis)) for axis in (1, 0))

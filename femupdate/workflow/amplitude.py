@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from femupdate.arrays import Floats
 from femupdate.dynamics.effect_history import effect_histories
 from femupdate.dynamics.effect_response import EffectSystem
 from femupdate.dynamics.level import motion_level
@@ -25,7 +25,6 @@ from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.second_record import doublings, record_levels
 
-Floats = NDArray[np.float64]
 _LEVELS, _SPAN = "level_m_s2", "level_span"  # in the settings of a posterior
 _EXACT = 0.005  # doublings
 _STEPS = 30

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femupdate.arrays import Floats
 from femupdate.building.files import load_building
 from femupdate.building.schema import Building
 from femupdate.dynamics.reduction import CONFIDENCE, Reduction
@@ -23,7 +23,6 @@ from femupdate.workflow.model import (
 from femupdate.workflow.modes import levels_with_base, reduced_modes, with_base
 from femupdate.workflow.progress import Progress, Silent
 
-Floats = NDArray[np.float64]
 _MODES = 12
 _PICTURES = 3
 

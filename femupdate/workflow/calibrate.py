@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from femupdate import __version__
+from femupdate.arrays import Floats
 from femupdate.inference.identifiability import Identifiability
 from femupdate.inference.posterior import Posterior, save_posterior
 from femupdate.inference.predictive_check import PredictiveCheck
@@ -28,7 +28,6 @@ from femupdate.workflow.sampling import ChainRunner
 from femupdate.workflow.summary import identified, write_summary
 from femupdate.workflow.train import SURROGATE, require_surrogate
 
-Floats = NDArray[np.float64]
 POSTERIOR = "posterior"
 
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from scipy.special import ndtr
 from torch import Tensor
 
+from femupdate.arrays import Floats
 from femupdate.inference.latent_search import FoundLatent
 from femupdate.inference.likelihood import DataLikelihood
 from femupdate.inference.posterior import Posterior
@@ -20,7 +20,6 @@ from femupdate.measurement.observation import Observation, independent_share
 from femupdate.workflow.calibrate_settings import CalibrationSettings, plain_settings
 from femupdate.workflow.model import StudyModel
 
-Floats = NDArray[np.float64]
 PREDICTIVE = 200
 _CHECKED = 100
 _ZETA_GRID = 25

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
+from femupdate.arrays import Floats
 from femupdate.discrepancy.fit import Fit, weighed_residuals
 from femupdate.discrepancy.mesh_error import corrected
 from femupdate.discrepancy.posterior import Draws, draw
@@ -37,7 +37,6 @@ from femupdate.workflow.repaired import effect_posterior
 from femupdate.workflow.second_record import SecondRecord, level_between
 from femupdate.workflow.summary import identified, write_summary
 
-Floats = NDArray[np.float64]
 _CHECKED = 100
 
 

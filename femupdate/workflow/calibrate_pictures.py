@@ -3,16 +3,14 @@
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femupdate.arrays import Floats
 from femupdate.inference.posterior import Posterior
 from femupdate.measurement.observation import on_all_floors
 from femupdate.study import Study
 from femupdate.workflow.calibrate_draws import PREDICTIVE, predictive_log_frf
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.progress import Progress
-
-Floats = NDArray[np.float64]
 
 
 def draw_posterior(

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from torch import Tensor
 
+from femupdate.arrays import Floats
 from femupdate.discrepancy.diagnose import AMBIGUOUS, UNKNOWN, Diagnosis, DiagnosisSettings, Finding
 from femupdate.discrepancy.diagnose import diagnose as find
 from femupdate.discrepancy.exchange import promising
@@ -44,7 +44,6 @@ from femupdate.workflow.observed import ObservationSource, observation_of
 from femupdate.workflow.progress import Progress, Silent
 from femupdate.workflow.second_record import SecondRecord, second_record
 
-Floats = NDArray[np.float64]
 DIAGNOSIS = "diagnosis"
 _SHOWN = 8
 _ROUGH = 100  # shapes with which the stiffness factors are searched for

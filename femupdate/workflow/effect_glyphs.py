@@ -1,8 +1,8 @@
 """Where the effects of the catalogue sit in a building, as signs to be drawn on it."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femupdate.arrays import Floats
 from femupdate.building.schema import FrameBuilding
 from femupdate.effects.effect import Placed
 from femupdate.effects.infill import infill_lines
@@ -11,7 +11,6 @@ from femupdate.effects.structure import Structure
 from femupdate.report.geometry import Geometry
 from femupdate.report.glyphs import Glyphs, arrow, ball, dashpot, spring, surfaces
 
-Floats = NDArray[np.float64]
 _PLAN = 0.45  # side of the plan of a shear building as drawn, over its height
 _SENSOR = 0.018  # radius over the building's size
 _HALF = 0.5

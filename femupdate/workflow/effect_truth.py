@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
+from femupdate.arrays import Complexes, Floats
 from femupdate.building.schema import Building, ShearBuilding
 from femupdate.dynamics.damping import DampingLaw
 from femupdate.dynamics.effect_reduction import structure_on
@@ -25,7 +25,6 @@ from femupdate.measurement.columns import Channel
 from femupdate.measurement.record import GroundMotion
 from femupdate.workflow.full_model import SensorModel, SensorPoints, sensor_model, sensor_places
 
-Floats = NDArray[np.float64]
 # Silence behind the record, so that its end does not disturb its beginning: until the slowest
 # motion has decayed to this share, within limits.
 _REST, _SHORTEST_S, _LONGEST_S = 1e-5, 5.0, 600.0
@@ -48,7 +47,7 @@ class Truth:
     theta: Floats
     values: tuple[float, ...]
 
-    def frf(self, frequency_hz: Floats, zeta: float) -> NDArray[np.complex128]:
+    def frf(self, frequency_hz: Floats, zeta: float) -> Complexes:
         """Complex FRFs (c, k) of every sensor."""
         theta = torch.from_numpy(np.atleast_2d(self.theta))
         sizes = torch.tensor([self.values], dtype=torch.float64).reshape(1, -1)

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
+from femupdate.arrays import Flags, Floats
 from femupdate.atomic import atomic_path
 from femupdate.building.effect_entry import EffectEntry
 from femupdate.building.files import mechanics_hash
@@ -30,7 +30,6 @@ from femupdate.study import Study
 from femupdate.workflow.model import StudyModel, damping_law, theta_prior, zeta_bounds
 from femupdate.workflow.progress import Progress, Silent
 
-Floats = NDArray[np.float64]
 BASIS = "effect basis"
 _FILE = "effect_basis.npz"
 # What mesh and reduction leave in ln|H|. A stick has neither, and of a frame whose mesh error was
@@ -314,7 +313,7 @@ def _model_error(building: Building, mesh: MeshError | None) -> float:
     return _FRAME_ERROR if building.kind != "shear" and mesh is None else _MODEL_ERROR
 
 
-def _measured(observation: Observation) -> NDArray[np.bool_]:
+def _measured(observation: Observation) -> Flags:
     """Where a table coarser than the grid has its points: straight lines between are no data."""
     frequency = observation.frequency_hz
     spacing = float(np.median(np.diff(frequency)))
@@ -325,7 +324,7 @@ def _measured(observation: Observation) -> NDArray[np.bool_]:
     return np.asarray(distance < 0.5 * spacing * (1.0 + 1e-9))
 
 
-def _at(observation: Observation, used: NDArray[np.bool_]) -> Observation:
+def _at(observation: Observation, used: Flags) -> Observation:
     """The observation at some of its frequencies; its resolution stays what it is."""
     spacing = float(np.median(np.diff(observation.frequency_hz)))
     return Observation(

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femupdate.arrays import Floats
 from femupdate.building.mesh import BuildingMesh, mesh_building
 from femupdate.building.quantities import ALL
 from femupdate.building.schema import Building, FrameBuilding, MeshBuilding, ShearBuilding
@@ -22,7 +22,6 @@ from femupdate.fe.model import DOF_PER_NODE
 from femupdate.fe.solve import Modes, modes_below, static_displacement
 from femupdate.measurement.columns import Channel, channel_name
 
-Floats = NDArray[np.float64]
 SensorPoints = Mapping[str, tuple[str, ...]] | tuple[str, ...]
 
 _NOTHING_LEFT = 1e-20  # of the static shape's energy: all modes are there

@@ -3,8 +3,8 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femupdate.arrays import Floats
 from femupdate.discrepancy.fit import Fit
 from femupdate.discrepancy.mesh_error import MeshError
 from femupdate.discrepancy.problem import Problem
@@ -17,8 +17,6 @@ from femupdate.measurement.observation_file import Histories, read_observation_f
 from femupdate.workflow.effects import problem_of
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource, observed_direction
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,8 +6,8 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femupdate.arrays import Floats
 from femupdate.building.mesh import mesh_building
 from femupdate.building.schema import Building, FrameBuilding, MeshBuilding, ShearBuilding
 from femupdate.building.wall_cuts import WallCut, wall_cut
@@ -20,7 +20,6 @@ from femupdate.fe.model import FiniteElementModel
 from femupdate.processors import everywhere
 from femupdate.study import write_text
 
-Floats = NDArray[np.float64]
 Place = tuple[float, float, float]
 
 _BEAM_NAMES = tuple(f"{force}_{end}" for end in ("start", "end") for force in BEAM_FORCES)

@@ -6,11 +6,11 @@ from dataclasses import asdict
 import numpy as np
 from scipy.stats import qmc
 
+from femupdate.arrays import Floats
 from femupdate.building.schema import Building, FrameBuilding
 from femupdate.discrepancy.mesh_error import FINER, MeshError, learn_mesh_error
 from femupdate.dynamics.effect_response import ReducedStructure
 from femupdate.effects.structure import Structure, structure_of
-from femupdate.fe.model import Floats
 from femupdate.study import Study, write_text
 from femupdate.workflow.effects import finder_origin, structure_near, without_effects
 from femupdate.workflow.model import theta_prior

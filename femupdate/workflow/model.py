@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
 from femupdate.building import analysis
@@ -34,8 +33,6 @@ from femupdate.inference.likelihood import SharedErrors
 from femupdate.inference.prior import UniformPrior
 from femupdate.study import Study, atomic_path
 from femupdate.workflow.progress import Progress, Silent
-
-Floats = NDArray[np.float64]
 
 DEFAULT_BUILDING = "six_story_wall_frame"
 REDUCED = "reduced model"

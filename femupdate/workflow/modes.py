@@ -4,13 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
+from femupdate.arrays import Floats
 from femupdate.building.schema import Building
 from femupdate.dynamics.modal import ReducedTensors, solve_modes
 from femupdate.dynamics.reduced import ReducedModel
-
-Floats = NDArray[np.float64]
 
 # A mode counts as driven when some floor sees at least this share of the base motion in it.
 _DRIVEN = 0.05

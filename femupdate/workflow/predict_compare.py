@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femupdate.arrays import Floats
 from femupdate.dynamics.summary import HistorySummary
 from femupdate.errors import MeasurementError
 from femupdate.measurement.observation_file import Histories as MeasuredHistories
@@ -15,8 +15,6 @@ from femupdate.measurement.record import GroundMotion
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import observed_direction
 from femupdate.workflow.predict_settings import RecordSource
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

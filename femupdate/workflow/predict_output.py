@@ -5,14 +5,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femupdate.arrays import Floats
 from femupdate.dynamics.spectra import response_spectrum
 from femupdate.dynamics.summary import HistorySummary, Statistics, statistics
 from femupdate.measurement.record import GroundMotion
 from femupdate.netcdf import write_tree
 
-Floats = NDArray[np.float64]
 _SPECTRUM_HZ, _SPECTRUM_POINTS = (0.2, 40.0), 120
 
 

@@ -2,17 +2,13 @@
 
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
+from femupdate.arrays import Floats
 from femupdate.dynamics.summary import HistorySummary
 from femupdate.measurement.record import GroundMotion
 from femupdate.study import Study
 from femupdate.workflow.members import MemberForces
 from femupdate.workflow.predict_output import FloorSpectra
 from femupdate.workflow.progress import Progress
-
-Floats = NDArray[np.float64]
 
 
 def draw_prediction(

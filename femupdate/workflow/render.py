@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from femupdate.inference.posterior import load_posterior
 from femupdate.study import Study
@@ -20,8 +19,6 @@ from femupdate.workflow.modes import (
     with_base,
 )
 from femupdate.workflow.progress import Progress, Silent
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

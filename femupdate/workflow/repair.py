@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femupdate.arrays import Floats
 from femupdate.building.schema import Building
 from femupdate.discrepancy.diagnose import DiagnosisSettings
 from femupdate.discrepancy.fit import Fit
@@ -28,7 +28,6 @@ from femupdate.workflow.repair_pictures import draw_repair
 from femupdate.workflow.repaired import keep_repaired, repaired_building
 from femupdate.workflow.second_record import level_between, second_record
 
-Floats = NDArray[np.float64]
 _DRAWS = 1000
 
 

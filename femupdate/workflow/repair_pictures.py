@@ -3,8 +3,8 @@
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femupdate.arrays import Floats
 from femupdate.discrepancy.fit import Fit
 from femupdate.discrepancy.posterior import Draws
 from femupdate.discrepancy.problem import Problem
@@ -14,8 +14,6 @@ from femupdate.dynamics.effect_response import ReducedStructure
 from femupdate.study import Study
 from femupdate.workflow.diagnose import cells_as_grid
 from femupdate.workflow.held_out import Held
-
-Floats = NDArray[np.float64]
 
 
 def draw_repair(

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from femupdate.dynamics.level import motion_level
 from femupdate.errors import MeasurementError
@@ -14,7 +13,6 @@ from femupdate.measurement.observation_file import Histories, read_observation_f
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource, observation_of, observed_direction
 
-Floats = NDArray[np.float64]
 _ALIKE = 0.25  # doublings: two records of one level
 _SILENT = 1e-300
 

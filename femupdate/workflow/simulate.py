@@ -11,9 +11,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from femupdate import __version__
+from femupdate.arrays import Floats
 from femupdate.building.analysis import RayleighDamping
 from femupdate.building.files import mechanics_hash
 from femupdate.building.schema import Building, FrameBuilding
@@ -43,7 +43,6 @@ __all__ = [
     "write_simulation",
 ]
 
-Floats = NDArray[np.float64]
 logger = logging.getLogger(__name__)
 
 DIGITS = 6  # of the numbers in the file

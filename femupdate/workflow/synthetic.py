@@ -5,14 +5,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from femupdate import __version__
+from femupdate.arrays import Floats
 from femupdate.measurement.observation_file import Histories
 from femupdate.measurement.record import GroundMotion
 from femupdate.workflow.full_model import SensorModel, SensorPoints
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
