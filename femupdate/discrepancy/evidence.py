@@ -15,6 +15,7 @@ from torch import Tensor
 from femupdate.discrepancy.fit import Fit, weighed_residuals
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.proposal import student_draws
+from femupdate.seeds import Seed, torch_generator
 
 _FREEDOM = 5.0  # of the t distribution
 
@@ -86,11 +87,11 @@ def _within_limits(fitted: Fit, inflation: float) -> float:
 
 
 def sampled(
-    problem: Problem, fitted: Fit, inflation: float = 1.0, draws: int = 200, seed: int = 0
+    problem: Problem, fitted: Fit, inflation: float = 1.0, draws: int = 200, seed: Seed = 0
 ) -> Evidence:
     """Evidence from an importance sample about the most probable parameters."""
     where = fitted.coordinates
-    generator = torch.Generator().manual_seed(seed)
+    generator = torch_generator(seed)
     covariance = 1.2 * fitted.covariance(inflation)
     z, log_proposal = student_draws(fitted.weighed.z, covariance, _FREEDOM, draws, generator)
     inside = ((z >= where.lower) & (z <= where.upper)).all(dim=1)

@@ -21,6 +21,7 @@ from femupdate.discrepancy.fit import (
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.score import Score
 from femupdate.effects.effect import Placed
+from femupdate.seeds import spawn, torch_generator
 
 _DRAWS = 192
 _FEW = 32  # draws for the other places of an effect, of the place's own story
@@ -75,7 +76,7 @@ def far_fit(
 def _everywhere(problem: Problem, found: Fit, seed: int) -> list[Fit]:
     """Fits with the effect that was found, from the best of many draws of theta."""
     where = found.coordinates
-    z = prior_draws(problem, where, found.z[where.first_size :], _MANY, seed + 2)
+    z = prior_draws(problem, where, found.z[where.first_size :], _MANY, spawn(seed, 1)[0])
     misfit = evaluate(problem, found.system, where, z).square().sum(dim=1)
     nearest = misfit.argsort()[:_FROM]
     return [fit(problem, found.placed, z[k], 15, found.system) for k in nearest.tolist()]
@@ -121,8 +122,9 @@ def _from_prior(
     where = coordinates(problem, together)
     known = alone.z[alone.coordinates.first_size :]
     own = len(together[-1].effect.parameters)
-    drawn = prior_draws(problem, where, torch.cat([known, known.new_zeros(own)]), count, seed)
-    generator = torch.Generator().manual_seed(seed + 1)
+    stories, sizes = spawn(seed, 3)[1:]
+    drawn = prior_draws(problem, where, torch.cat([known, known.new_zeros(own)]), count, stories)
+    generator = torch_generator(sizes)
     size = torch.randn(count, own, generator=generator, dtype=torch.float64)
     drawn[:, -own:] = _WIDER * size
     return torch.minimum(torch.maximum(drawn, where.lower), where.upper)

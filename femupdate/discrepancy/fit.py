@@ -16,6 +16,7 @@ from femupdate.discrepancy.common_errors import CommonErrors
 from femupdate.discrepancy.problem import Problem
 from femupdate.dynamics.effect_response import EffectSystem
 from femupdate.effects.effect import Placed
+from femupdate.seeds import Seed, torch_generator
 
 _STEP = 1e-3
 _COARSE = 0.3  # noise on ln|H| in the first steps of a search
@@ -321,10 +322,10 @@ def fit_baseline(
 
 
 def prior_draws(
-    problem: Problem, where: Coordinates, known: Tensor, count: int, seed: int
+    problem: Problem, where: Coordinates, known: Tensor, count: int, seed: Seed
 ) -> Tensor:
     """Unknowns (count, d) with theta and zeta drawn from the prior, the others (q,) as known."""
-    generator = torch.Generator().manual_seed(seed)
+    generator = torch_generator(seed)
     unit = torch.rand(count, where.first_size, generator=generator, dtype=torch.float64)
     stories = where.stories
     # The prior is uniform in theta itself.

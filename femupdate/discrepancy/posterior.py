@@ -17,6 +17,7 @@ from femupdate.discrepancy.evidence import log_prior
 from femupdate.discrepancy.fit import Fit, weighed_residuals
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.proposal import student_draws
+from femupdate.seeds import Seed, torch_generator
 
 _FREEDOM = 6.0
 _ROUNDS = 3
@@ -43,7 +44,9 @@ class Draws:
     effective: float
 
 
-def draw(problem: Problem, fitted: Fit, count: int, inflation: float = 1.0, seed: int = 0) -> Draws:
+def draw(
+    problem: Problem, fitted: Fit, count: int, inflation: float = 1.0, seed: Seed = 0
+) -> Draws:
     """Draw from the posterior of a fitted model.
 
     Args:
@@ -53,7 +56,7 @@ def draw(problem: Problem, fitted: Fit, count: int, inflation: float = 1.0, seed
         inflation: variance of the noise over the stated one.
         seed: of everything random.
     """
-    generator = torch.Generator().manual_seed(seed)
+    generator = torch_generator(seed)
     where = fitted.coordinates
     centre, covariance = fitted.weighed.z, 1.3 * fitted.covariance(inflation)
     for _ in range(_ROUNDS):

@@ -20,6 +20,7 @@ from torch import Tensor
 from femupdate.inference.population import AnnealedSettings, Population, Walk, grouped, metric
 from femupdate.inference.prior import UniformPrior
 from femupdate.inference.smc import LogLikelihood
+from femupdate.seeds import Seed
 
 Told = Callable[[float], None]
 """Hears of progress: the power of the likelihood, or the share of the draws, that is reached."""
@@ -56,7 +57,7 @@ class AnnealedDraws:
 def annealed(
     prior: UniformPrior,
     target: LogLikelihood,
-    seed: int,
+    seed: Seed,
     settings: AnnealedSettings | None = None,
     *,
     start: Population | None = None,
@@ -92,7 +93,7 @@ def annealed_draws(
     target: LogLikelihood,
     start: Population,
     draws: int,
-    seed: int,
+    seed: Seed,
     settings: AnnealedSettings | None = None,
     told: Told | None = None,
 ) -> AnnealedDraws:

@@ -14,6 +14,7 @@ from femupdate.errors import InferenceError
 from femupdate.inference.importance import ImportanceSettings, WeightedDraws, importance_draws
 from femupdate.inference.prior import UniformPrior
 from femupdate.inference.smc import LogLikelihood, SmcResult, SmcSettings, TemperedSmc
+from femupdate.seeds import Seed, spawn
 
 # Effective share of the importance draws below which they are not trusted.
 _LEAST_SHARE = 0.1
@@ -59,7 +60,7 @@ def bridge(
     prior: UniformPrior,
     target: LogLikelihood,
     start: Start,
-    seed: int,
+    seed: Seed,
     *,
     draws: int | None = None,
     settings: SmcSettings | None = None,
@@ -82,18 +83,19 @@ def bridge(
         InferenceError: see `TemperedSmc`.
     """
     counted = _Counted(target, progress)
+    first, between, second, chosen = spawn(seed, 4)
     count = len(start.result.theta)
     wanted = draws or 4 * count
-    weighted = _tried(prior, counted, start.result.theta, wanted, seed, importance)
+    weighted = _tried(prior, counted, start.result.theta, wanted, first, importance)
     if weighted is not None:
-        return _resampled(weighted, count, seed, counted.count, tempered=False)
+        return _resampled(weighted, count, chosen, counted.count, tempered=False)
     if start.base is None:
         return _unrefined(start.result, 0.0, counted.count, tempered=False)
     tempering = TemperedSmc(prior, counted, base=start.base, settings=settings)
-    result = tempering.run(count, seed, start=start.result.theta)
-    weighted = _tried(prior, counted, result.theta, wanted, seed + 1, importance)
+    result = tempering.run(count, between, start=start.result.theta)
+    weighted = _tried(prior, counted, result.theta, wanted, second, importance)
     if weighted is not None:
-        return _resampled(weighted, count, seed, counted.count, tempered=True)
+        return _resampled(weighted, count, chosen, counted.count, tempered=True)
     return _unrefined(result, start.result.log_evidence, counted.count, tempered=True)
 
 
@@ -117,7 +119,7 @@ def _tried(
     target: LogLikelihood,
     particles: Tensor,
     draws: int,
-    seed: int,
+    seed: Seed,
     settings: ImportanceSettings | None,
 ) -> WeightedDraws | None:
     """Importance draws, if enough of them count."""
@@ -129,7 +131,7 @@ def _tried(
 
 
 def _resampled(
-    weighted: WeightedDraws, count: int, seed: int, evaluations: int, *, tempered: bool
+    weighted: WeightedDraws, count: int, seed: Seed, evaluations: int, *, tempered: bool
 ) -> BridgeResult:
     theta, value = weighted.resample(count, seed)
     return BridgeResult(

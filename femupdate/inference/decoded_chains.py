@@ -18,6 +18,7 @@ from femupdate.inference.delayed_acceptance import CorrectedDraws, corrected_dra
 from femupdate.inference.population import AnnealedSettings, Population
 from femupdate.inference.prior import UniformPrior
 from femupdate.inference.smc import LogLikelihood
+from femupdate.seeds import Seed, spawn
 
 Respond = Callable[[Tensor], Tensor]
 """The building's ln|H| (n, f, k), of all floors of the decoder, at parameters (n, p)."""
@@ -73,7 +74,7 @@ def decoded_posterior(
     likelihood: DecodedLikelihood,
     respond: Respond,
     draws: int,
-    seed: int,
+    seed: Seed,
     settings: DecodedSettings | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> DecodedPosterior:
@@ -117,7 +118,7 @@ class _Run:
         self,
         prior: UniformPrior,
         settings: AnnealedSettings,
-        seed: int,
+        seed: Seed,
         progress: Callable[[int], None] | None,
     ) -> None:
         self._prior, self._settings, self._seed, self._progress = prior, settings, seed, progress
@@ -159,9 +160,9 @@ class _Run:
         found = annealed_draws(self._prior, likelihood, start, count, seed, self._settings)
         return found.theta.flatten(0, 1), found.population
 
-    def _next_seed(self) -> int:
+    def _next_seed(self) -> Seed:
         self._stages += 1
-        return self._seed * 1009 + self._stages
+        return spawn(self._seed, self._stages)[-1]
 
 
 class StageProgress:

@@ -20,6 +20,7 @@ from femupdate.inference.population import (
 )
 from femupdate.inference.prior import UniformPrior
 from femupdate.inference.smc import LogLikelihood
+from femupdate.seeds import Seed
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ def corrected_draws(
     dear: LogLikelihood,
     start: Population,
     draws: int,
-    seed: int,
+    seed: Seed,
     settings: AnnealedSettings | None = None,
     told: Told | None = None,
 ) -> CorrectedDraws:

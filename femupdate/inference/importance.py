@@ -20,6 +20,7 @@ from femupdate.inference.tempering import (
     next_increment,
     systematic_rows,
 )
+from femupdate.seeds import Seed, torch_generator
 
 # Distinct draws that a component needs, a coordinate and its weight: on fewer it is too narrow.
 _DISTINCT_PER_COORDINATE = 25
@@ -78,23 +79,23 @@ class WeightedDraws:
         count = len(self.log_weight)
         return math.sqrt(max(0.0, 1.0 / self.effective - 1.0 / count))
 
-    def resample(self, count: int, seed: int) -> tuple[Tensor, Tensor]:
+    def resample(self, count: int, seed: Seed) -> tuple[Tensor, Tensor]:
         """Equally weighted draws (count, p) and their log likelihoods.
 
         Systematic, in the order of the first parameter: the shares of well separated modes are
         kept to one draw. Fewer than the effective size repeat few draws.
         """
-        generator = torch.Generator(device=self.theta.device).manual_seed(seed)
+        generator = torch_generator(seed, self.theta.device)
         order = self.theta[:, 0].argsort()
         weight = torch.softmax(self.log_weight[order], dim=0)
         rows = order[systematic_rows(weight, generator, count)]
         rows = rows[torch.randperm(count, generator=generator, device=rows.device)]
         return self.theta[rows], self.log_likelihood[rows]
 
-    def independent(self, seed: int) -> tuple[Tensor, Tensor]:
+    def independent(self, seed: Seed) -> tuple[Tensor, Tensor]:
         """Draws kept by rejection, each once: independent, but for the weight that is taken as
         the largest possible, the largest seen."""
-        generator = torch.Generator(device=self.theta.device).manual_seed(seed)
+        generator = torch_generator(seed, self.theta.device)
         uniform = torch.rand(
             len(self.log_weight),
             generator=generator,
@@ -110,7 +111,7 @@ def importance_draws(
     log_likelihood: LogLikelihood,
     particles: Tensor,
     count: int,
-    seed: int,
+    seed: Seed,
     settings: ImportanceSettings | None = None,
 ) -> WeightedDraws:
     """Draw `count` weighted parameter vectors around particles (n, p) of every posterior mode.
@@ -124,7 +125,7 @@ def importance_draws(
         InferenceError: no draw has a finite likelihood.
     """
     settings = settings or ImportanceSettings()
-    generator = torch.Generator(device=prior.lower.device).manual_seed(seed)
+    generator = torch_generator(seed, prior.lower.device)
     xi = prior.to_normal(particles).clamp(-8.0, 8.0)
     size = max(len(particles), _LEAST_DRAWS, _DRAWS_PER_COORDINATE * prior.size)
     evaluations = 0

@@ -23,6 +23,7 @@ from femupdate.inference.encoder_input import encoder_input
 from femupdate.inference.latent_search import Control, find_latent
 from femupdate.measurement.estimated import as_estimated, segment_of
 from femupdate.measurement.observation import Observation, independent_share
+from femupdate.seeds import torch_generator
 from femupdate.surrogate.gauss_newton import LatentData
 from femupdate.surrogate.latent import LatentQuadratics
 from femupdate.surrogate.network import Mvae
@@ -108,7 +109,7 @@ class LatentLikelihood:
         with torch.no_grad():
             self.proposal = self._mvae.encode_observation(self.input.log_frf.to(device), visibility)
         # The search is short and the same for an observation whatever the seed of the sampler.
-        generator = torch.Generator().manual_seed(_SEARCH_SEED)
+        generator = torch_generator(_SEARCH_SEED)
         control = Control(
             clean,
             floor_responses(model, law, observation, clean.log_frf),

@@ -13,6 +13,7 @@ import torch
 from torch import Tensor
 
 from femupdate.inference.mixture import GaussianMixture, fit_mixture
+from femupdate.seeds import torch_generator
 
 _COMPONENTS = 8
 _FITTED = 4000
@@ -35,7 +36,7 @@ def separate_modes(x: Tensor, seed: int = 0) -> Tensor:
         x: in coordinates of comparable size, float64.
         seed: of the mixture's start.
     """
-    generator = torch.Generator(device=x.device).manual_seed(seed)
+    generator = torch_generator(seed, x.device)
     some = x[torch.randperm(len(x), generator=generator, device=x.device)[:_FITTED]]
     distinct = len(torch.unique(some[:, 0]))
     components = max(1, min(_COMPONENTS, distinct // (_DISTINCT_PER_COORDINATE * (x.shape[1] + 1))))

@@ -14,6 +14,7 @@ from femupdate.errors import InferenceError
 from femupdate.inference.prior import UniformPrior
 from femupdate.inference.smc import LogLikelihood
 from femupdate.inference.tempering import next_increment, systematic_rows
+from femupdate.seeds import Seed, torch_generator
 
 # First step, in the units of the metric.
 _FIRST_STEP = 0.3
@@ -141,11 +142,11 @@ class Walk:
         target: LogLikelihood,
         base: LogLikelihood | None,
         settings: AnnealedSettings,
-        seed: int,
+        seed: Seed,
     ) -> None:
         self._prior, self._target, self._base = prior, target, base
         self.settings = settings
-        self._generator = torch.Generator(device=prior.lower.device).manual_seed(seed)
+        self._generator = torch_generator(seed, prior.lower.device)
         self._step = _FIRST_STEP
         self.gradients = self.levels = 0
 

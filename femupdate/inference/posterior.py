@@ -12,6 +12,7 @@ from femupdate.arrays import Floats
 from femupdate.atomic import atomic_path
 from femupdate.errors import StudyError
 from femupdate.measurement.observation import Observation
+from femupdate.seeds import Seed
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ class Posterior:
         """Damping ratios of all draws."""
         return None if self.zeta is None else self.zeta.reshape(-1)
 
-    def thinned(self, count: int, seed: int) -> tuple[Floats, Floats | None]:
+    def thinned(self, count: int, seed: Seed) -> tuple[Floats, Floats | None]:
         """At most `count` draws of theta (count, p) and zeta (count,), without replacement."""
         rng = np.random.default_rng(seed)
         rows = rng.permutation(len(self.samples))[:count]

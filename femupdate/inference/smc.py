@@ -18,6 +18,7 @@ from femupdate.errors import InferenceError
 from femupdate.inference.mixture import StudentMixture, fit_mixture
 from femupdate.inference.prior import UniformPrior
 from femupdate.inference.tempering import effective_sample_size, next_increment, systematic_rows
+from femupdate.seeds import Seed, torch_generator
 
 logger = logging.getLogger(__name__)
 
@@ -150,7 +151,7 @@ class TemperedSmc:
         self._base = base
         self.settings = settings or SmcSettings()
 
-    def init(self, particles: int, seed: int, start: Tensor | None = None) -> SmcState:
+    def init(self, particles: int, seed: Seed, start: Tensor | None = None) -> SmcState:
         """Draw the first particles, or take them from draws of the base.
 
         Args:
@@ -162,7 +163,7 @@ class TemperedSmc:
             InferenceError: no particle has a finite likelihood, there are fewer than two, or a
                 start lies outside the prior's box.
         """
-        generator = torch.Generator(device=self.prior.lower.device).manual_seed(seed)
+        generator = torch_generator(seed, self.prior.lower.device)
         if start is None:
             xi = torch.randn(
                 particles,
@@ -216,7 +217,7 @@ class TemperedSmc:
     def run(
         self,
         particles: int,
-        seed: int,
+        seed: Seed,
         *,
         start: Tensor | None = None,
         state: SmcState | None = None,

@@ -14,6 +14,7 @@ from femupdate.inference.identifiability import Identifiability
 from femupdate.inference.posterior import Posterior, save_posterior
 from femupdate.inference.predictive_check import PredictiveCheck
 from femupdate.measurement.observation import Observation
+from femupdate.seeds import spawn
 from femupdate.study import Study
 from femupdate.workflow.calibrate_draws import against_data, posterior_of, r_hat
 from femupdate.workflow.calibrate_exact import sample_exact
@@ -93,10 +94,11 @@ def calibrate_study(
     origin = {**model.made_from(), **source.made_from()}
     used = {"sensors": list(observation.floors), "band_hz": source.band_hz}
     settled = {**used, **plain_settings(settings)}
+    sampling, damping, checking = spawn(settings.seed, 3)
     run = ChainRunner(
         settings.particles,
         settings.chains,
-        settings.seed,
+        sampling,
         show,
         study.path("sampling"),
         json.dumps([origin, settled, _judged(study, observation)], sort_keys=True),
@@ -105,9 +107,9 @@ def calibrate_study(
     sampled = sample(study, model, observation, settings, run)
     results = sampled.results
     latent = None if model.shared is None else sampled.latent
-    posterior = posterior_of(model, observation, settings, results, latent)
+    posterior = posterior_of(model, observation, settings, results, latent, damping)
     misfit, check = (
-        against_data(model, posterior, sampled.least_noise, settings.seed)
+        against_data(model, posterior, sampled.least_noise, checking)
         if latent is None
         else (latent.misfit, None)
     )

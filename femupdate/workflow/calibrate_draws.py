@@ -17,6 +17,7 @@ from femupdate.inference.predictive_check import (
 )
 from femupdate.inference.smc import SmcResult
 from femupdate.measurement.observation import Observation, independent_share
+from femupdate.seeds import Seed
 from femupdate.workflow.calibrate_settings import CalibrationSettings, plain_settings
 from femupdate.workflow.model import StudyModel
 
@@ -32,6 +33,7 @@ def posterior_of(
     settings: CalibrationSettings,
     results: list[SmcResult],
     latent: FoundLatent | None,
+    seed: Seed,
 ) -> Posterior:
     """The draws, with damping ratios.
 
@@ -45,9 +47,9 @@ def posterior_of(
         zeta: Floats | None = rest[..., 0]
     else:
         flat = (
-            draw_zeta(model, observation, theta.reshape(-1, size), settings.seed)
+            draw_zeta(model, observation, theta.reshape(-1, size), seed)
             if latent is None or model.zeta_bounds is None
-            else latent_zeta(latent, model.zeta_bounds, theta[..., 0].size, settings.seed)
+            else latent_zeta(latent, model.zeta_bounds, theta[..., 0].size, seed)
         )
         zeta = None if flat is None else flat.reshape(theta.shape[:2])
     evidence = np.array([result.log_evidence for result in results])
@@ -76,7 +78,7 @@ def r_hat(theta: Floats) -> Floats:
 
 
 def draw_zeta(
-    model: StudyModel, observation: Observation, theta: Floats, seed: int
+    model: StudyModel, observation: Observation, theta: Floats, seed: Seed
 ) -> Floats | None:
     """Damping ratios (n,) for posterior draws theta (n, p), or None where the law is fixed.
 
@@ -102,7 +104,7 @@ def draw_zeta(
     return np.clip(spread, *model.zeta_bounds)
 
 
-def latent_zeta(latent: FoundLatent, bounds: tuple[float, float], count: int, seed: int) -> Floats:
+def latent_zeta(latent: FoundLatent, bounds: tuple[float, float], count: int, seed: Seed) -> Floats:
     """Damping ratios (n,) by the last coordinate of q(z|x)."""
     rng = np.random.default_rng(seed)
     found = latent.posterior
@@ -113,7 +115,7 @@ def latent_zeta(latent: FoundLatent, bounds: tuple[float, float], count: int, se
 
 
 def predictive_log_frf(
-    model: StudyModel, posterior: Posterior, count: int = PREDICTIVE, seed: int = 0
+    model: StudyModel, posterior: Posterior, count: int = PREDICTIVE, seed: Seed = 0
 ) -> Floats:
     """ln|H| (n, f, k) of all floors at n posterior draws, measured or not."""
     from femupdate.dynamics.frf import log_frf
@@ -133,7 +135,7 @@ def predictive_log_frf(
 
 
 def against_data(
-    model: StudyModel, posterior: Posterior, least_noise: float, seed: int
+    model: StudyModel, posterior: Posterior, least_noise: float, seed: Seed
 ) -> tuple[float, PredictiveCheck]:
     """Some posterior draws against the data: the smallest mean squared whitened residual, and the
     posterior predictive check, with the noise that the likelihood allows."""

@@ -19,7 +19,7 @@ from femupdate.workflow.calibrate_notes import (
 from femupdate.workflow.calibrate_settings import CalibrationSettings, Sampled
 from femupdate.workflow.decoded import FEW, sample_decoded, sampled_groups
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.sampling import ChainRunner
+from femupdate.workflow.sampling import FIRST, ChainRunner
 from femupdate.workflow.train import require_surrogate
 
 
@@ -85,7 +85,7 @@ def decoded(
         model,
         observation,
         draws,
-        settings.seed,
+        run.stage(FIRST),
         chosen,
         device=settings.device,
         progress=run.show.advance,

@@ -21,10 +21,11 @@ from femupdate.inference.population import Population
 from femupdate.inference.prior import UniformPrior
 from femupdate.inference.smc import SmcResult
 from femupdate.measurement.observation import Observation
+from femupdate.seeds import Seed, spawn
 from femupdate.surrogate.gauss_newton import LatentData
 from femupdate.surrogate.storage import TrainedSurrogate
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.sampling import ChainRunner
+from femupdate.workflow.sampling import BRIDGE, ChainRunner
 
 # Parameters up to which particles from the prior find a posterior, and Gaussians describe it.
 FEW = 10
@@ -37,7 +38,7 @@ def sample_decoded(
     model: StudyModel,
     observation: Observation,
     draws: int,
-    seed: int,
+    seed: Seed,
     settings: DecodedSettings | None = None,
     *,
     device: str = "cpu",
@@ -104,17 +105,18 @@ def sample_annealed(
         start, base, origin = latent.population, latent.likelihood, "the latent posterior"
         spent = start.gradients
     show.start("Sampling (data-space likelihood)", 200)
+    tempering, drawing = spawn(run.stage(BRIDGE), 2)
     population = annealed(
         prior,
         target,
-        run.seed,
+        tempering,
         settings,
         start=start,
         base=base,
         told=StageProgress(show.advance).power,
     )
     told = StageProgress(show.advance).share
-    found = annealed_draws(prior, target, population, run.particles, run.seed + 1, settings, told)
+    found = annealed_draws(prior, target, population, run.particles, drawing, settings, told)
     return sampled_groups(found, found.log_evidence.tolist()), (
         f"{tempered_words(found.population, len(found.theta))} drew the data-space posterior from "
         f"{origin}, with {found.gradients - spent:,} gradients of responses "

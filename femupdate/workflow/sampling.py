@@ -22,8 +22,11 @@ from femupdate.inference.smc import (
     SmcState,
     TemperedSmc,
 )
+from femupdate.seeds import Seed, spawn
 from femupdate.workflow.progress import Progress
 
+FIRST, BRIDGE = 0, 1
+"""Stages of a calibration, each with random streams of its own."""
 _TENSORS = ("xi", "base", "target", "random_state")
 _LEAST_PARTICLES = 50
 # Writing the state takes milliseconds; a run that takes seconds in all need not do it every level.
@@ -45,7 +48,7 @@ class ChainRunner:
 
     particles: int
     chains: int
-    seed: int
+    seed: Seed
     show: Progress
     folder: Path
     fingerprint: str
@@ -55,9 +58,9 @@ class ChainRunner:
         """Particles of one run."""
         return max(self.particles // self.chains, _LEAST_PARTICLES)
 
-    def seed_of(self, chain: int) -> int:
-        """Seed of one run."""
-        return self.seed * 1009 + chain
+    def stage(self, number: int) -> Seed:
+        """The stream of a stage, `FIRST` or `BRIDGE`."""
+        return spawn(self.seed, number + 1)[number]
 
     def __call__(
         self, sampler: TemperedSmc, label: str, starts: list[SmcResult] | None = None
@@ -65,13 +68,13 @@ class ChainRunner:
         """Run all chains of one sampler, named by its label, from the prior or from draws."""
         self.show.start(label, 100 * self.chains)
         results = []
-        for chain in range(self.chains):
+        for chain, seed in enumerate(spawn(self.stage(FIRST), self.chains)):
             start = starts[chain].theta if starts is not None else None
             kept = _Kept(self.folder, json.dumps([self.fingerprint, label, chain]))
             results.append(
                 sampler.run(
                     self.each,
-                    self.seed_of(chain),
+                    seed,
                     start=start,
                     state=kept.load(),
                     progress=_Teller(self.show, kept),
@@ -91,9 +94,16 @@ class ChainRunner:
         # Fitting the proposal usually takes three rounds of as many draws as there are particles.
         expected = 7 * sum(len(start.theta) for start in starts)
         self.show.start("Importance sampling (data-space likelihood)", expected)
-        parts = [(Start(start, base), self.seed_of(k)) for k, start in enumerate(starts)]
+        parts = zip(starts, spawn(self.stage(BRIDGE), len(starts)), strict=True)
         return [
-            bridge(prior, target, start, seed, settings=settings, progress=self.show.advance)
+            bridge(
+                prior,
+                target,
+                Start(start, base),
+                seed,
+                settings=settings,
+                progress=self.show.advance,
+            )
             for start, seed in parts
         ]
 

@@ -1,0 +1,25 @@
+"""Independent random streams from one seed.
+
+Runs, second tries and stages that must not share random numbers each take a spawned stream
+(`numpy.random.SeedSequence`); sums of a seed and a counter would meet the streams of other seeds.
+"""
+
+import numpy as np
+import torch
+from numpy.random import SeedSequence
+
+Seed = int | SeedSequence
+"""A seed as the user gives it, or a stream spawned from one."""
+
+
+def spawn(seed: Seed, count: int) -> list[SeedSequence]:
+    """`count` independent streams; the same ones whenever they are asked for."""
+    parent = SeedSequence(seed) if isinstance(seed, int) else seed
+    # `SeedSequence.spawn` counts its calls; a copy starts at the first stream each time.
+    return SeedSequence(parent.entropy, spawn_key=parent.spawn_key).spawn(count)
+
+
+def torch_generator(seed: Seed, device: torch.device | str = "cpu") -> torch.Generator:
+    """A generator at the start of a stream."""
+    state = seed if isinstance(seed, int) else int(seed.generate_state(1, np.uint64)[0])
+    return torch.Generator(device=device).manual_seed(state)

@@ -1,0 +1,48 @@
+"""Streams of random numbers that share nothing."""
+
+import json
+
+import numpy as np
+import torch
+
+from femupdate.seeds import spawn, torch_generator
+from femupdate.workflow.progress import Silent
+from femupdate.workflow.sampling import BRIDGE, FIRST, ChainRunner
+
+
+def numbers(seed):
+    return tuple(torch.rand(3, generator=torch_generator(seed)).tolist())
+
+
+def test_streams_differ_from_one_another_and_from_those_of_other_seeds():
+    """Seeds up to 1,100 and their first runs: 1009 seed + k met the stream of another seed."""
+    streams = [
+        stream for seed in range(1100) for stream in (seed, *spawn(seed, 3), *spawn(seed + 1, 1))
+    ]
+    drawn = {numbers(stream) for stream in streams}
+    # The first stream of a seed is listed twice, as that of a seed and as its successor's.
+    assert len(drawn) == 1100 * 4 + 1
+
+
+def test_streams_of_streams_differ_too():
+    children = [one for parent in spawn(7, 4) for one in (parent, *spawn(parent, 4))]
+    assert len({numbers(one) for one in children}) == len(children)
+
+
+def test_spawning_again_gives_the_same_streams():
+    parent = spawn(3, 1)[0]
+    first, again = spawn(parent, 2), spawn(parent, 3)[:2]
+    assert [numbers(one) for one in first] == [numbers(one) for one in again]
+    one, other = (np.random.default_rng(part).random(4) for part in (first[0], again[0]))
+    np.testing.assert_array_equal(one, other)
+
+
+def test_an_integer_seeds_as_torch_does():
+    expected = torch.rand(3, generator=torch.Generator().manual_seed(5))
+    assert numbers(5) == tuple(expected.tolist())
+
+
+def test_stages_and_runs_of_a_calibration_have_streams_of_their_own(tmp_path):
+    run = ChainRunner(400, 4, 11, Silent(), tmp_path, json.dumps(1))
+    streams = [one for stage in (FIRST, BRIDGE) for one in spawn(run.stage(stage), run.chains)]
+    assert len({numbers(one) for one in streams}) == 2 * run.chains
