@@ -1,4 +1,4 @@
-"""Observation files: measured histories or frequency response functions of a building, in CSV."""
+"""Observations of a building in files: measured histories or frequency response functions."""
 
 import logging
 from collections.abc import Callable, Mapping
@@ -22,10 +22,12 @@ from femupdate.measurement.columns import (
 )
 from femupdate.measurement.frf_table import FrfTable, frf_table
 from femupdate.measurement.quantity import agreed_unit, si_factor, split_unit
-from femupdate.measurement.record import LARGEST_PEAK
+from femupdate.measurement.record import LARGEST_PEAK, channel_listing
+from femupdate.measurement.recording import RecordedChannel, Recording, chosen_channel
+from femupdate.measurement.registry import read_measured
 from femupdate.measurement.sampling import uniform_step
-from femupdate.measurement.table import Table, read_table
-from femupdate.measurement.text import TextFile, closest, read_text
+from femupdate.measurement.table import Table
+from femupdate.measurement.text import TextFile, closest
 from femupdate.units import STANDARD_GRAVITY
 
 logger = logging.getLogger(__name__)
@@ -61,19 +63,29 @@ class Histories:
 def read_observation_file(
     path: str | Path, unit: str | None = None, columns: Mapping[str, str] | None = None
 ) -> Histories | FrfTable:
-    """Read an observation file: histories (column time_s) or an FRF table (frequency_hz).
+    """Read measured histories or response functions of a building's floors.
 
     Args:
-        path: CSV with comma, semicolon or tab; lines starting with # are skipped.
-        unit: of the accelerations, where no second header row gives units.
-        columns: our column name to the file's, such as `{"2F": "a_1F"}`; once it is given, the
-            file's other columns count only where they bear one of our names.
+        path: a table with the column time_s (histories) or frequency_hz (FRFs), or any other
+            format that is known, whose channels `columns` gives to floors.
+        unit: of the accelerations, where the file does not give it.
+        columns: our column name to the file's column or channel, such as `{"2F": "a_1F"}`; a
+            channel also by its number. Once it is given, the file's other columns count only
+            where they bear one of our names.
 
     Raises:
         MeasurementError: the file, a column or a cell cannot be used; the message names it.
     """
-    file = read_text(path)
-    table = read_table(file)
+    recording = read_measured(path)
+    if recording.table is None:
+        return _from_channels(recording, unit, columns or {})
+    return _from_table(recording.table, unit, columns)
+
+
+def _from_table(
+    table: Table, unit: str | None, columns: Mapping[str, str] | None
+) -> Histories | FrfTable:
+    file = table.file
     if table.names is None:
         raise file.error(f"the first row must name the columns ({HISTORY_COLUMNS})", 1)
     names = _renamed(file, table.names, columns or {})
@@ -90,6 +102,48 @@ def read_observation_file(
         return _histories(table, at, known, unit)
     naming = _Naming(parse_frf_column, FRF_COLUMNS)
     return frf_table(table, at, _known_columns(file, names, at, naming, columns))
+
+
+def _from_channels(recording: Recording, unit: str | None, columns: Mapping[str, str]) -> Histories:
+    file, listing = recording.file, channel_listing(recording.file, recording.channels, unit)
+    if not columns:
+        raise file.error(
+            "the file does not say which floors its channels are; say it by the columns option,"
+            f" such as base=1,RF=2; its channels are {listing}"
+        )
+    chosen: dict[Channel, RecordedChannel] = {}
+    for ours, theirs in columns.items():
+        channel = parse_channel(ours)
+        if channel is None:
+            raise file.error(f"unknown column {ours!r}; columns are {HISTORY_COLUMNS}")
+        taken = chosen_channel(file, recording.channels, theirs, listing)
+        if taken in chosen.values():
+            raise file.error(f"channel {theirs!r} is mapped twice; map it to one name")
+        chosen[channel] = taken
+    _require_base_and_floors(file, tuple(chosen))
+    _require_one_sampling(file, tuple(chosen.values()))
+    rows = [
+        _acceleration(file, _Column(repr(each.name), each.values, each.unit), channel, unit)
+        for channel, each in chosen.items()
+    ]
+    step = next(iter(chosen.values())).time_step
+    return Histories(step, tuple(chosen), np.array(rows), file.path.name)
+
+
+def _require_one_sampling(file: TextFile, channels: tuple[RecordedChannel, ...]) -> None:
+    first = channels[0]
+    if first.values.size < MINIMUM_SAMPLES:
+        raise file.error(
+            f"{first.values.size} values are too short for a spectrum; give at least"
+            f" {MINIMUM_SAMPLES}"
+        )
+    for each in channels[1:]:
+        if (each.time_step, each.values.size) != (first.time_step, first.values.size):
+            raise file.error(
+                f"channel {each.name!r} has {each.values.size} values every {each.time_step:g} s,"
+                f" {first.name!r} {first.values.size} every {first.time_step:g} s; bring them to"
+                " the same times"
+            )
 
 
 @dataclass(frozen=True)
@@ -156,7 +210,10 @@ def _histories(
     step = uniform_step(file, table.values[:, at] * seconds, table.lines, table.title(at))
     channels = {i: channel for i, channel in known.items() if isinstance(channel, Channel)}
     _require_base_and_floors(file, tuple(channels.values()))
-    rows = [_acceleration(table, i, channel, unit) for i, channel in channels.items()]
+    rows = [
+        _acceleration(file, _Column(table.title(i), table.values[:, i], table.units[i]), each, unit)
+        for i, each in channels.items()
+    ]
     return Histories(step, tuple(channels.values()), np.array(rows), file.path.name)
 
 
@@ -171,22 +228,30 @@ def _require_base_and_floors(file: TextFile, channels: tuple[Channel, ...]) -> N
         raise file.error("there is no floor beside the base; add columns 2F ... RF")
 
 
-def _acceleration(table: Table, position: int, channel: Channel, unit: str | None) -> Floats:
+@dataclass(frozen=True, eq=False)
+class _Column:
+    """Numbers of a file, with the title that messages give them and the unit stated."""
+
+    title: str
+    values: Floats
+    unit: str | None
+
+
+def _acceleration(file: TextFile, column: _Column, channel: Channel, unit: str | None) -> Floats:
     """Return a column in m/s2; refuse one that holds no motion, or more than any earthquake."""
-    file, title = table.file, table.title(position)
-    stated = agreed_unit(file, table.units[position], unit, title)
-    values = table.values[:, position] * si_factor(file, stated, "acceleration")
+    stated = agreed_unit(file, column.unit, unit, column.title)
+    values = column.values * si_factor(file, stated, "acceleration")
     if np.ptp(values) == 0.0:
         raise file.error(
-            f"every value is {table.values[0, position]:g}: the channel was dead; "
+            f"every value is {column.values[0]:g}: the channel was dead; "
             + ("a response needs a base that moves" if channel.floor == BASE else "leave it out"),
-            column=title,
+            column=column.title,
         )
     peak = float(np.abs(values).max())
     if channel.floor == BASE and peak > LARGEST_PEAK:
         raise file.error(
             f"the base peaks at {peak / STANDARD_GRAVITY:.3g} g when read in {stated}, which no"
             " strong-motion record has (up to 5 g); is the unit wrong?",
-            column=title,
+            column=column.title,
         )
     return values

@@ -1,24 +1,19 @@
 """Ground-motion records: any of the known formats to one acceleration history in m/s2."""
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.errors import MeasurementError
-from femupdate.measurement.csmip import is_csmip, read_csmip
-from femupdate.measurement.jma import is_jma, read_jma
-from femupdate.measurement.knet import is_knet, read_knet
-from femupdate.measurement.peer import is_peer, read_peer
-from femupdate.measurement.plain import is_plain, read_plain
 from femupdate.measurement.quantity import agreed_unit, plain_unit, si_factor
-from femupdate.measurement.recording import RawChannel
-from femupdate.measurement.text import TextFile, closest, read_text
+from femupdate.measurement.recording import RecordedChannel, chosen_channel
+from femupdate.measurement.registry import read_measured
+from femupdate.measurement.text import TextFile
 from femupdate.units import STANDARD_GRAVITY
 
 logger = logging.getLogger(__name__)
@@ -32,24 +27,6 @@ _FILTER_BETA = 8.0
 _LARGEST_RATIO = 1000
 
 
-@dataclass(frozen=True)
-class _Format:
-    fits: Callable[[TextFile], bool]
-    read: Callable[[TextFile], tuple[RawChannel, ...]]
-
-
-# In the order in which they are tried: the plain table fits nearly everything.
-FORMATS: Mapping[str, _Format] = MappingProxyType(
-    {
-        "jma": _Format(is_jma, read_jma),
-        "knet": _Format(is_knet, read_knet),
-        "peer": _Format(is_peer, read_peer),
-        "csmip": _Format(is_csmip, read_csmip),
-        "plain": _Format(is_plain, read_plain),
-    }
-)
-
-
 @dataclass(frozen=True, eq=False)
 class GroundMotion:
     """One component of ground acceleration, sampled uniformly from time 0.
@@ -59,7 +36,7 @@ class GroundMotion:
         time_step: s.
         name: of the record, the file's name without its ending.
         channel: the component's name in the file.
-        format: of the file it came from, a key of `FORMATS`, or "array".
+        format: name of the reader of its file, or "array".
         unit: that the file's numbers were in.
         channels: names of all channels of that file.
     """
@@ -181,15 +158,14 @@ def read_record(
         path: the file; its format is told from its content.
         unit: of the accelerations, where the file does not say it.
         channel: its name in the file, or its number from 1; needed where there are several.
-        format: a key of `FORMATS`, where the content misleads.
+        format: name of a reader, where the content misleads.
 
     Raises:
         MeasurementError: the file cannot be read as a record, the channel is not in it, or its
             peak is one that no earthquake has, which tells of a wrong unit.
     """
-    file = read_text(path)
-    kind = _format_of(file, format)
-    channels = FORMATS[kind].read(file)
+    recording = read_measured(path, format)
+    file, channels = recording.file, recording.histories()
     chosen = _choose(file, channels, channel, unit)
     stated = agreed_unit(file, chosen.unit, unit, repr(chosen.name))
     motion = GroundMotion(
@@ -197,7 +173,7 @@ def read_record(
         time_step=chosen.time_step,
         name=file.path.stem,
         channel=chosen.name,
-        format=kind,
+        format=recording.format,
         unit=plain_unit(stated).lower(),
         channels=tuple(each.name for each in channels),
     )
@@ -205,46 +181,21 @@ def read_record(
     return motion
 
 
-def _format_of(file: TextFile, format: str | None) -> str:
-    known = ", ".join(FORMATS)
-    if format is not None:
-        if format not in FORMATS:
-            raise file.error(f"unknown format {format!r}{closest(format, FORMATS)}; use {known}")
-        return format
-    for kind, candidate in FORMATS.items():
-        if candidate.fits(file):
-            return kind
-    raise file.error(f"the file is in none of the known formats ({known}); convert it to CSV")
-
-
 def _choose(
-    file: TextFile, channels: tuple[RawChannel, ...], asked: str | int | None, unit: str | None
-) -> RawChannel:
-    if asked is None:
-        if len(channels) == 1:
-            return channels[0]
-        raise file.error(
-            f"the record has {len(channels)} channels; choose one by name or number:"
-            f" {_listing(file, channels, unit)}"
-        )
-    wanted = " ".join(str(asked).casefold().split())
-    names = [" ".join(each.name.casefold().split()) for each in channels]
-    found = [i for i, name in enumerate(names) if name == wanted]
-    if not found and wanted.isdecimal() and 1 <= int(wanted) <= len(channels):
-        found = [int(wanted) - 1]
-    if not found:
-        found = [i for i, name in enumerate(names) if name.split(",")[0] == wanted]
-        found = found or [i for i, name in enumerate(names) if name.split()[:1] == [wanted]]
-    if len(found) == 1:
-        return channels[found[0]]
-    problem = f"{len(found)} channels are called" if found else "there is no channel"
+    file: TextFile, channels: Sequence[RecordedChannel], asked: str | int | None, unit: str | None
+) -> RecordedChannel:
+    if asked is not None:
+        return chosen_channel(file, channels, asked, channel_listing(file, channels, unit))
+    if len(channels) == 1:
+        return channels[0]
     raise file.error(
-        f"{problem} {str(asked)!r}; choose by number: {_listing(file, channels, unit)}"
+        f"the record has {len(channels)} channels; choose one by name or number:"
+        f" {channel_listing(file, channels, unit)}"
     )
 
 
-def _listing(file: TextFile, channels: tuple[RawChannel, ...], unit: str | None) -> str:
-    """`1 = 90 Deg (peak 3.38 m/s2), 2 = ...`"""
+def channel_listing(file: TextFile, channels: Sequence[RecordedChannel], unit: str | None) -> str:
+    """Return `1 = 90 Deg (peak 3.38 m/s2), 2 = ...`; `unit` is that of channels without one."""
     entries = []
     for number, each in enumerate(channels, start=1):
         stated = each.unit or unit

@@ -1,23 +1,28 @@
-"""What every record format delivers, and what several of them share."""
+"""What a measured file holds, whatever its format."""
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from femupdate.arrays import Floats
+from femupdate.errors import MeasurementError
+from femupdate.measurement.quantity import si_factor
+from femupdate.measurement.sampling import uniform_step
+from femupdate.measurement.table import Table
 from femupdate.measurement.text import TextFile
 
+TIME_NAME = re.compile(r"^(t|time)([_ .].*)?$|^sec(ond)?s?$|^時[刻間]", re.IGNORECASE)
 
-@dataclass(frozen=True, eq=False)
-class RawChannel:
-    """One channel of a record as the file gives it.
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RecordedChannel:
+    """One history as the file gives it.
 
     Attributes:
         name: the file's name for it.
-        values: (n,) acceleration in `unit`.
+        values: (n,) in `unit`.
         time_step: s.
-        unit: the unit that the file states, or None.
+        unit: that the file states, or None.
     """
 
     name: str
@@ -26,88 +31,101 @@ class RawChannel:
     unit: str | None
 
 
-def wrapped_numbers(file: TextFile, start: int, count: int, announced_at: int) -> Floats:
-    """Return the numbers that fill the lines from index `start` to the end, row by row.
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """What a measured file holds.
+
+    Attributes:
+        file: where it was read, for messages.
+        channels: its histories, where the format says what is one.
+        table: its columns, where they mean what the user takes them for.
+        format: name of the reader, set by `registry.read_measured`.
+    """
+
+    file: TextFile
+    channels: tuple[RecordedChannel, ...] = ()
+    table: Table | None = None
+    format: str = ""
+
+    def histories(self) -> tuple[RecordedChannel, ...]:
+        """Channels of the file; of a table, every column beside the one of times.
+
+        Raises:
+            MeasurementError: a table has no column of times, fewer than three rows, or its
+                sampling is not uniform.
+        """
+        return self.channels if self.table is None else _columns(self.table)
+
+
+def chosen_channel(
+    file: TextFile, channels: Sequence[RecordedChannel], asked: str | int, listing: str
+) -> RecordedChannel:
+    """Return the channel of a name (whole, before its comma, or its first word) or a number from 1.
 
     Args:
-        file: the record.
-        start: index of the first line of numbers.
-        count: how many the header announces.
-        announced_at: index of the line that announces them.
+        file: where they come from.
+        channels: of the file.
+        asked: name or number.
+        listing: what there is, for the message.
 
     Raises:
-        MeasurementError: a word is not a finite number, or there are fewer or more of them.
+        MeasurementError: no channel, or more than one, is called so.
     """
-    # Full columns of fixed-width output touch where a number is negative: 0.12E-01-0.34E-01.
-    text = re.sub(r"(?<=[\d.])(?=[-+])", " ", " ".join(file.lines[start:]))
-    try:
-        values = np.array(text.split(), dtype=np.float64)
-    except ValueError:
-        values = np.array([np.nan])
-    if not np.isfinite(values).all():
-        _blame_word(file, start)
-    check_count(file, values.size, count, announced_at)
-    return values
+    wanted = _folded(str(asked))
+    names = [_folded(each.name) for each in channels]
+    found = [i for i, name in enumerate(names) if name == wanted]
+    if not found and wanted.isdecimal() and 1 <= int(wanted) <= len(channels):
+        found = [int(wanted) - 1]
+    if not found:
+        found = [i for i, name in enumerate(names) if name.split(",")[0] == wanted]
+        found = found or [i for i, name in enumerate(names) if name.split()[:1] == [wanted]]
+    if len(found) == 1:
+        return channels[found[0]]
+    problem = f"{len(found)} channels are called" if found else "there is no channel"
+    raise file.error(f"{problem} {str(asked)!r}; choose by number: {listing}")
 
 
-def check_count(
-    file: TextFile, found: int, announced: int, announced_at: int, channel: str = ""
-) -> None:
-    """Refuse a file that holds fewer or more values than it announces.
+def _folded(name: str) -> str:
+    return " ".join(name.casefold().split())
 
-    Raises:
-        MeasurementError: the numbers differ.
-    """
-    if found == announced:
-        return
-    where = f" in channel {channel}" if channel else ""
-    reason = "is cut off" if found < announced else "holds something else"
-    raise file.error(
-        f"the header announces {announced} values{where} but {found} follow: the file {reason};"
-        " fetch it again or correct the header",
-        announced_at + 1,
+
+def _columns(table: Table) -> tuple[RecordedChannel, ...]:
+    count, width = table.values.shape
+    if count < 3:
+        raise table.file.error(
+            f"{count} rows are no record; give the whole time history", int(table.lines[-1])
+        )
+    at = _time_column(table)
+    seconds = si_factor(table.file, table.units[at] or "s", "time")
+    step = uniform_step(table.file, table.values[:, at] * seconds, table.lines, table.title(at))
+    names = table.names or tuple(str(column) for column in range(width))
+    return tuple(
+        RecordedChannel(
+            name=names[column],
+            values=table.values[:, column],
+            time_step=step,
+            unit=table.units[column],
+        )
+        for column in range(width)
+        if column != at
     )
 
 
-def header_value(
-    file: TextFile, pattern: str, what: str, lines: int = 60
-) -> tuple[int, re.Match[str]]:
-    """Return the index and the match of the first header line that fits a pattern.
-
-    Raises:
-        MeasurementError: no line does; `what` names what is missing.
-    """
-    for index, line in enumerate(file.lines[:lines]):
-        match = re.search(pattern, line, re.IGNORECASE)
-        if match:
-            return index, match
-    raise file.error(f"the header does not give {what}; restore the header or convert to CSV")
-
-
-def positive(file: TextFile, text: str, what: str, line: int) -> float:
-    """Return a header number that must be finite and greater than zero.
-
-    Raises:
-        MeasurementError: it is not.
-    """
+def _time_column(table: Table) -> int:
+    if table.values.shape[1] == 1:
+        raise table.file.error(
+            "there is one column only; a record needs a column of times and one of acceleration"
+        )
+    named = [i for i, name in enumerate(table.names or ()) if TIME_NAME.match(name)]
+    if named:
+        return named[0]
+    # No acceleration grows by the same step from row to row: such a first column is the time.
     try:
-        value = float(text)
-    except ValueError:
-        value = float("nan")
-    if not (np.isfinite(value) and value > 0):
-        raise file.error(f"{what} is {text!r}; it must be a number above zero", line + 1)
-    return value
-
-
-def _blame_word(file: TextFile, start: int) -> None:
-    for index, line in enumerate(file.lines[start:], start=start):
-        for word in re.sub(r"(?<=[\d.])(?=[-+])", " ", line).split():
-            try:
-                bad = not np.isfinite(float(word))
-            except ValueError:
-                bad = True
-            if bad:
-                raise file.error(
-                    f"{word!r} is not a number; fetch the record again or correct the value",
-                    index + 1,
-                )
+        uniform_step(table.file, table.values[:, 0], table.lines, table.title(0))
+    except MeasurementError:
+        if table.names is None:
+            raise
+        raise table.file.error(
+            f"no column of times among {', '.join(table.names)}; call it time_s"
+        ) from None
+    return 0

@@ -1,5 +1,6 @@
 """Measured files as text: decoding, lines, and errors that say where."""
 
+import codecs
 import difflib
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ _UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 _ZIP_MARK = b"PK\x03\x04"
 # JMA writes station names in Shift-JIS; latin-1 accepts every byte and comes last.
 _ENCODINGS = ("utf-8-sig", "cp932", "latin-1")
+_HEAD_BYTES = 65536
 
 
 @dataclass(frozen=True)
@@ -19,11 +21,11 @@ class TextFile:
 
     Attributes:
         path: where it was read.
-        lines: (n,) its lines without their ends.
+        lines: (n,) its lines without their ends; none of a file that is not text.
     """
 
     path: Path
-    lines: tuple[str, ...]
+    lines: tuple[str, ...] = ()
 
     def error(
         self, message: str, line: int | None = None, column: str | None = None
@@ -48,14 +50,37 @@ def read_text(path: str | Path) -> TextFile:
     Raises:
         MeasurementError: the file is missing, a folder, unreadable, empty or not text.
     """
-    path = Path(path)
-    text = _decode(path, _read_bytes(path))
-    # str.splitlines would also split at form feeds and other marks inside old headers.
-    lines = tuple(text.replace("\r\n", "\n").replace("\r", "\n").split("\n"))
-    file = TextFile(path, lines)
+    return text_of(Path(path), read_bytes(path))
+
+
+def text_of(path: Path, data: bytes) -> TextFile:
+    """Return the text in the bytes of a file, or of a member of an archive.
+
+    Raises:
+        MeasurementError: they are not text, or hold nothing but comments.
+    """
+    if data.startswith(_ZIP_MARK):
+        raise MeasurementError(
+            f"{path}: this is a workbook or an archive, not text; export it as CSV or unpack it"
+        )
+    if b"\0" in data and not data.startswith(_UTF16_MARKS):
+        raise MeasurementError(f"{path}: this is not a text file; export the record as text")
+    file = TextFile(path, tuple(_lines(_decode(data))))
     if not file.rows():
         raise file.error("the file holds no data; write it again from its source")
     return file
+
+
+def read_head(path: str | Path) -> str:
+    """Return the beginning of a file as text, with line ends as \\n; binary ones as latin-1.
+
+    Raises:
+        MeasurementError: the file is missing, a folder, unreadable or empty.
+    """
+    data = read_bytes(path, _HEAD_BYTES)
+    if b"\0" in data and not data.startswith(_UTF16_MARKS):
+        return data.decode("latin-1")
+    return "\n".join(_lines(_decode(data, whole=len(data) < _HEAD_BYTES)))
 
 
 def closest(name: str, known: Iterable[str]) -> str:
@@ -65,11 +90,18 @@ def closest(name: str, known: Iterable[str]) -> str:
     return f" (did you mean {folded[near[0]]!r}?)" if near else ""
 
 
-def _read_bytes(path: Path) -> bytes:
+def read_bytes(path: str | Path, limit: int = -1) -> bytes:
+    """Return the bytes of a file, at most `limit` of them.
+
+    Raises:
+        MeasurementError: the file is missing, a folder, unreadable or empty.
+    """
+    path = Path(path)
     if path.is_dir():
         raise MeasurementError(f"{path} is a folder; name the file in it")
     try:
-        data = path.read_bytes()
+        with path.open("rb") as stream:
+            data = stream.read(limit)
     except FileNotFoundError:
         raise MeasurementError(f"{path}: no such file; check the name and the folder") from None
     except OSError as error:
@@ -81,18 +113,18 @@ def _read_bytes(path: Path) -> bytes:
     return data
 
 
-def _decode(path: Path, data: bytes) -> str:
-    if data.startswith(_ZIP_MARK):
-        raise MeasurementError(
-            f"{path}: this is a workbook or an archive, not text; export it as CSV or unpack it"
-        )
+def _lines(text: str) -> list[str]:
+    # str.splitlines would also split at form feeds and other marks inside old headers.
+    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+
+
+def _decode(data: bytes, whole: bool = True) -> str:
+    """Text of bytes; the last character may be cut where they are not the whole file."""
     if data.startswith(_UTF16_MARKS):
         return data.decode("utf-16", errors="replace")
-    if b"\0" in data:
-        raise MeasurementError(f"{path}: this is not a text file; export the record as text")
     for encoding in _ENCODINGS:
         try:
-            return data.decode(encoding)
+            return codecs.getincrementaldecoder(encoding)().decode(data, whole)
         except UnicodeDecodeError:
             continue
     raise AssertionError("latin-1 decodes every byte")

@@ -6,12 +6,15 @@ displacement blocks are passed over.
 
 import re
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.measurement.recording import RawChannel, check_count, positive
-from femupdate.measurement.text import TextFile
+from femupdate.measurement.header import check_count, finite, positive
+from femupdate.measurement.reader import Reader
+from femupdate.measurement.recording import RecordedChannel, Recording
+from femupdate.measurement.text import TextFile, read_text
 
 # "31932 Accelerogram points at 100 pts/sec in units of g.  Format: (8f9.6)"
 _VOLUME_1 = re.compile(
@@ -49,20 +52,19 @@ class _Block:
         return range(self.at + 1, self.at + 1 - (-self.count // self.per_line))
 
 
-def is_csmip(file: TextFile) -> bool:
-    """Return whether a line of a file announces accelerations as CSMIP does."""
-    return any(
-        _MENTIONED.search(line) for line in file.lines[:_HEADER_LINES] if not line.startswith("#")
-    )
+def _recognises(head: str, suffix: str) -> bool:
+    lines = head.split("\n")[:_HEADER_LINES]
+    return any(_MENTIONED.search(line) for line in lines if not line.startswith("#"))
 
 
-def read_csmip(file: TextFile) -> tuple[RawChannel, ...]:
-    """Read the accelerations of all channels, by the column widths that the file states.
+def _read(path: Path) -> Recording:
+    """Accelerations of all channels, by the column widths that the file states.
 
     Raises:
         MeasurementError: a layout is not understood, a channel holds fewer or more values than
             announced, or a field is not a number.
     """
+    file = read_text(path)
     blocks = _blocks(file)
     if not blocks:
         at = next((i for i, line in enumerate(file.lines) if _MENTIONED.search(line)), 0)
@@ -71,9 +73,17 @@ def read_csmip(file: TextFile) -> tuple[RawChannel, ...]:
             " such as (8f9.6); convert the record to CSV",
             at + 1,
         )
-    return tuple(
-        RawChannel(block.name, _values(file, block), block.time_step, block.unit)
-        for block in blocks
+    return Recording(
+        file,
+        tuple(
+            RecordedChannel(
+                name=block.name,
+                values=_values(file, block),
+                time_step=block.time_step,
+                unit=block.unit,
+            )
+            for block in blocks
+        ),
     )
 
 
@@ -128,7 +138,7 @@ def _checked(file: TextFile, index: int, fields: list[str], block: _Block) -> li
     """Return the fields of a row when each is a finite number with its decimal point."""
     for position, field in enumerate(fields):
         # A field without its point means that the columns are not where the format says.
-        if "." not in field or not _is_finite(field):
+        if "." not in field or finite(field) is None:
             raise file.error(
                 f"{field.strip()!r} is not a number in columns of {block.width} characters, as"
                 " the format says; fetch the record again",
@@ -141,11 +151,7 @@ def _checked(file: TextFile, index: int, fields: list[str], block: _Block) -> li
 def _holds_numbers(line: str, width: int) -> bool:
     row = line.rstrip()
     fields = [row[s : s + width] for s in range(0, len(row), width)]
-    return bool(fields) and all("." in field and _is_finite(field) for field in fields)
+    return bool(fields) and all("." in field and finite(field) is not None for field in fields)
 
 
-def _is_finite(field: str) -> bool:
-    try:
-        return bool(np.isfinite(float(field)))
-    except ValueError:
-        return False
+READER = Reader("csmip", "CSMIP/CESMD Volumes 1 and 2", _recognises, _read)

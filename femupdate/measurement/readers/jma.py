@@ -1,38 +1,40 @@
 """JMA strong-motion CSV: a header of KEY= value lines, then a table of NS, EW and UD."""
 
-from femupdate.measurement.recording import RawChannel, header_value, positive
-from femupdate.measurement.table import (
-    Row,
-    cells_of,
-    drop_trailing_blanks,
-    is_number,
-    parse_rows,
-)
-from femupdate.measurement.text import TextFile
+from pathlib import Path
+
+from femupdate.measurement.header import header_value, positive
+from femupdate.measurement.reader import Reader
+from femupdate.measurement.recording import RecordedChannel, Recording
+from femupdate.measurement.table import Row, cells_of, drop_trailing_blanks, is_number, parse_rows
+from femupdate.measurement.text import TextFile, read_text
 
 _RATE = r"SAMPLING\s*(?:RATE|FREQ\w*)\s*=\s*([^\s,]+?)\s*HZ"
 
 
-def is_jma(file: TextFile) -> bool:
-    """Return whether a file begins with the site code that JMA writes."""
-    return file.rows()[0][1].strip().strip('"').upper().startswith("SITE CODE")
+def _recognises(head: str, suffix: str) -> bool:
+    first = next((line for line in head.split("\n") if line.strip() and line[0] != "#"), "")
+    return first.strip().strip('"').upper().startswith("SITE CODE")
 
 
-def read_jma(file: TextFile) -> tuple[RawChannel, ...]:
-    """Read all channels of a JMA CSV, in the unit that its header states.
+def _read(path: Path) -> Recording:
+    """All channels, in the unit that the header states.
 
     Raises:
         MeasurementError: the sampling rate, the unit or the row of channel names is missing, or a
             cell is not a number.
     """
+    file = read_text(path)
     at, rate = header_value(file, _RATE, "SAMPLING RATE in Hz")
     step = 1.0 / positive(file, rate.group(1), "SAMPLING RATE", at)
     _, unit = header_value(file, r"^\W*UNIT\s*=\s*([^,]+)", "UNIT")
     names, rows = _channels_and_rows(file)
     values, _ = parse_rows(file, rows, ",", names)
-    return tuple(
-        RawChannel(name, values[:, position], step, unit.group(1).strip())
-        for position, name in enumerate(names)
+    return Recording(
+        file,
+        tuple(
+            RecordedChannel(name=name, values=column, time_step=step, unit=unit.group(1).strip())
+            for name, column in zip(names, values.T, strict=True)
+        ),
     )
 
 
@@ -46,3 +48,6 @@ def _channels_and_rows(file: TextFile) -> tuple[tuple[str, ...], list[Row]]:
             rows = drop_trailing_blanks(rows[position:], ",")
             return tuple(cells_of(rows[0][1], ",")), rows[1:]
     raise file.error("the row of channel names (NS,EW,UD) is missing; restore the header")
+
+
+READER = Reader("jma", "JMA strong-motion CSV", _recognises, _read)

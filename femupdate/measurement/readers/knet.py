@@ -1,25 +1,28 @@
 """K-NET and KiK-net ASCII: 17 header lines of one channel, then counts in rows of eight."""
 
 import re
+from pathlib import Path
 
-from femupdate.measurement.recording import RawChannel, header_value, positive, wrapped_numbers
-from femupdate.measurement.text import TextFile
+from femupdate.measurement.header import header_value, positive, wrapped_numbers
+from femupdate.measurement.reader import Reader
+from femupdate.measurement.recording import RecordedChannel, Recording
+from femupdate.measurement.text import read_text
 
 _SCALE = r"^Scale Factor\s+([\d.Ee+-]+)\s*\(gal\)\s*/\s*([\d.Ee+-]+)"
 
 
-def is_knet(file: TextFile) -> bool:
-    """Return whether a file has the scale factor that K-NET headers carry."""
-    return any(re.search(_SCALE, line) for line in file.lines[:20])
+def _recognises(head: str, suffix: str) -> bool:
+    return any(re.search(_SCALE, line) for line in head.split("\n")[:20])
 
 
-def read_knet(file: TextFile) -> tuple[RawChannel, ...]:
-    """Read a K-NET file: acceleration = count times scale factor, gal, the offset included.
+def _read(path: Path) -> Recording:
+    """Acceleration = count times scale factor, gal, the offset included.
 
     Raises:
         MeasurementError: a header line is missing, or duration times sampling frequency is not
             the number of values that follow.
     """
+    file = read_text(path)
     at, rate = header_value(file, r"^Sampling Freq\(Hz\)\s+([^\sH]+)", "Sampling Freq(Hz)")
     frequency = positive(file, rate.group(1), "Sampling Freq(Hz)", at)
     at, lasts = header_value(file, r"^Duration Time\(s\)\s+(\S+)", "Duration Time(s)")
@@ -30,4 +33,10 @@ def read_knet(file: TextFile) -> tuple[RawChannel, ...]:
     _, direction = header_value(file, r"^Dir\.\s+(\S+)", "Dir.")
     memo, _ = header_value(file, r"^Memo\.", "the line 'Memo.' before its data")
     values = wrapped_numbers(file, memo + 1, count, at) * (factor / divisor)
-    return (RawChannel(direction.group(1), values, 1.0 / frequency, "gal"),)
+    channel = RecordedChannel(
+        name=direction.group(1), values=values, time_step=1.0 / frequency, unit="gal"
+    )
+    return Recording(file, (channel,))
+
+
+READER = Reader("knet", "K-NET and KiK-net ASCII", _recognises, _read)

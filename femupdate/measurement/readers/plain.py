@@ -1,0 +1,26 @@
+"""Plain tables: named columns, or a column of times and one or several of acceleration."""
+
+from pathlib import Path
+
+from femupdate.measurement.reader import Reader
+from femupdate.measurement.recording import TIME_NAME, Recording
+from femupdate.measurement.table import cells_of, find_delimiter, is_number, read_table
+from femupdate.measurement.text import TextFile, read_text
+
+_LOOKED_AT = 50
+
+
+def _recognises(head: str, suffix: str) -> bool:
+    """Whether a file begins like a table: with a column of times or rows of numbers."""
+    rows = TextFile(Path(), tuple(head.split("\n"))).rows()[:_LOOKED_AT]
+    cells = [cells_of(text, find_delimiter(text)) for _, text in rows]
+    named = bool(cells) and TIME_NAME.match(cells[0][0]) is not None
+    return named or any(all(map(is_number, row)) for row in cells)
+
+
+def _read(path: Path) -> Recording:
+    file = read_text(path)
+    return Recording(file, table=read_table(file))
+
+
+READER = Reader("plain", "tables in CSV or other text", _recognises, _read, fallback=True)

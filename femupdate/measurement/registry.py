@@ -1,0 +1,61 @@
+"""Finds the readers of measured files, and the one that a file needs."""
+
+import importlib
+import pkgutil
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from types import MappingProxyType
+
+from femupdate.errors import MeasurementError
+from femupdate.measurement import readers as folder
+from femupdate.measurement.reader import Reader
+from femupdate.measurement.recording import Recording
+from femupdate.measurement.text import closest, read_head, read_text
+
+
+@cache
+def readers() -> Mapping[str, Reader]:
+    """Readers by their names, in the order in which they are tried."""
+    names = [info.name for info in pkgutil.iter_modules(folder.__path__)]
+    found: list[Reader] = [
+        importlib.import_module(f"{folder.__name__}.{name}").READER for name in names
+    ]
+    found.sort(key=lambda reader: (reader.fallback, reader.name))
+    return MappingProxyType({reader.name: reader for reader in found})
+
+
+def read_measured(path: str | Path, format: str | None = None) -> Recording:
+    """Read any measured file.
+
+    Args:
+        path: the file; its format is told from its content.
+        format: name of a reader, where the content misleads.
+
+    Raises:
+        MeasurementError: the file is in no known format, or cannot be read as what it is.
+    """
+    path = Path(path)
+    reader = _named(path, format) if format is not None else _recognised(path)
+    return replace(reader.read(path), format=reader.name)
+
+
+def _named(path: Path, format: str) -> Reader:
+    known = readers()
+    if format not in known:
+        raise MeasurementError(
+            f"{path}: unknown format {format!r}{closest(format, known)}; use {', '.join(known)}"
+        )
+    return known[format]
+
+
+def _recognised(path: Path) -> Reader:
+    head = read_head(path)
+    for reader in readers().values():
+        if reader.recognises(head, path.suffix.lower()):
+            return reader
+    file = read_text(path)  # says what it is where it is no text
+    raise file.error(
+        f"the file is in none of the known formats ({', '.join(readers())}); convert it to CSV"
+    )
