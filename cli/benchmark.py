@@ -1,45 +1,45 @@
-"""femupdate benchmark NAME: a group whose benchmarks are imported when they are called.
+"""femupdate benchmark NAME: runs the benchmarks of a checkout; an installed package has none."""
 
-A new benchmark is a line in `_BENCHMARKS` and a module that holds its click command as `command`,
-with `benchmark_options` of `common` for --output, --seed, --json and -v.
-"""
+from importlib import import_module
+from importlib.util import find_spec
 
 import click
 
+from .common import Failure
 from .lazy import LazyGroup
 
-_BENCHMARKS = {
-    "solver": (
-        "benchmark_solver",
-        "Element tests against published values; speed against OpenSees.",
-    ),
-    "shear4dof": (
-        "benchmark_shear4dof",
-        "The posterior with four modes: published tables, and the exact posterior.",
-    ),
-    "calibration": (
-        "benchmark_calibration",
-        "Whether posteriors hold the truth as often as they say.",
-    ),
-    "hidden-effects": (
-        "benchmark_hidden_effects",
-        "What the effect finder makes of effects that were hidden.",
-    ),
-    "training": (
-        "benchmark_training",
-        "Our network and the published layout, trained side by side.",
-    ),
-    "latent-size": (
-        "benchmark_latent_size",
-        "How many latent coordinates a building's data can tell apart.",
-    ),
-}
+_PACKAGE = "femupdate.benchmarks"
+_HELP = """Published tables and other programs, side by side with ours.
+
+Each benchmark prints its table and writes it, with machine and date, as JSON and Markdown
+into the folder --output.
+"""
+_MISSING = (
+    "the benchmarks are no part of the installed package; clone the repository of femupdate and "
+    f"run `python -m {_PACKAGE} NAME` in its root folder"
+)
 
 
-@click.group("benchmark", cls=LazyGroup, commands=_BENCHMARKS)
-def command() -> None:
-    """Published tables and other programs, side by side with ours.
+def _present() -> click.Group:
+    """All benchmarks, each imported when it is called."""
+    return LazyGroup(
+        "benchmark", help=_HELP, commands=import_module(_PACKAGE).COMMANDS, package=_PACKAGE
+    )
 
-    Each benchmark prints its table and writes it, with machine and date, as JSON and Markdown
-    into the folder --output.
-    """
+
+def _absent() -> click.Command:
+    """A command that says how to get the benchmarks, whatever it is asked."""
+
+    @click.command(
+        "benchmark",
+        help=f"{_HELP}\nHere {_MISSING}.",
+        context_settings={"ignore_unknown_options": True},
+    )
+    @click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
+    def command(arguments: tuple[str, ...]) -> None:
+        raise Failure(_MISSING)
+
+    return command
+
+
+command = _absent() if find_spec(_PACKAGE) is None else _present()

@@ -11,13 +11,21 @@ class LazyGroup(click.Group):
     """A group that imports a command only to run it, so that --help is immediate.
 
     Args:
-        commands: name of each command to the module beside this one that holds it as `command`,
-            and its line in the help; in the order of the help.
+        commands: name of each command to the module that holds it as `command`, and its line in
+            the help; in the order of the help.
+        package: that the modules are in.
     """
 
-    def __init__(self, *args: Any, commands: Mapping[str, tuple[str, str]], **kwargs: Any) -> None:
+    def __init__(
+        self,
+        *args: Any,
+        commands: Mapping[str, tuple[str, str]],
+        package: str = __package__,
+        **kwargs: Any,
+    ) -> None:
         super().__init__(*args, **kwargs)
         self.modules = dict(commands)
+        self.package = package
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Names in the order of the help."""
@@ -27,7 +35,7 @@ class LazyGroup(click.Group):
         """Import the command's module."""
         if cmd_name not in self.modules:
             return None
-        module = importlib.import_module(f".{self.modules[cmd_name][0]}", __package__)
+        module = importlib.import_module(f".{self.modules[cmd_name][0]}", self.package)
         command = module.command
         assert isinstance(command, click.Command)
         return command

@@ -1,6 +1,7 @@
 """The `femupdate` command: a group whose commands are imported when they are called."""
 
 import sys
+from collections.abc import Sequence
 
 import click
 
@@ -41,10 +42,13 @@ def group() -> None:
     """
 
 
-def main() -> None:
-    """Run the command; errors meant for the user are one sentence and exit code 1."""
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command with these arguments, by default those of the process.
+
+    Errors meant for the user are one sentence and exit code 1.
+    """
     try:
-        group.main(standalone_mode=False)
+        group.main(arguments, prog_name="femupdate", standalone_mode=False)
     except click.exceptions.Exit as request:
         sys.exit(request.exit_code)
     except click.ClickException as error:

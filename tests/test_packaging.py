@@ -1,6 +1,7 @@
 """What is installed: all of it, nothing else, and nothing heavy on import."""
 
 import ast
+import os
 import re
 import shutil
 import subprocess
@@ -15,6 +16,7 @@ ROOT = Path(__file__).resolve().parent.parent
 FOLDERS = {"femupdate": "femupdate", "cli": "femupdate.cli", "models": "femupdate.models"}
 if (ROOT / "examples").exists():
     FOLDERS["examples"] = "femupdate.examples"
+BENCHMARKS = "tests/benchmarks"
 HEAVY = ("torch", "pyvista", "vtk", "matplotlib", "xarray", "pandas", "scipy", "numpy", "arviz")
 
 
@@ -79,16 +81,16 @@ def test_everything_imported_is_declared():
     brought = {"femupdate", "vtkmodules", "pydantic_core", "sklearn", "pyro"}
     allowed = declared | brought | {re.split(r"[<>=]", one)[0] for one in extras}
     wrong = set()
-    for folder in FOLDERS:
-        for path in (ROOT / folder).rglob("*.py"):
-            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-                names = []
-                if isinstance(node, ast.Import):
-                    names = [alias.name for alias in node.names]
-                elif isinstance(node, ast.ImportFrom) and not node.level:
-                    names = [node.module or ""]
-                tops = {name.split(".")[0] for name in names}
-                wrong |= {(path.name, top) for top in tops - allowed - sys.stdlib_module_names}
+    paths = [path for folder in (*FOLDERS, BENCHMARKS) for path in (ROOT / folder).rglob("*.py")]
+    for path in [path for path in paths if not path.name.startswith("test_")]:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            names = []
+            if isinstance(node, ast.Import):
+                names = [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom) and not node.level:
+                names = [node.module or ""]
+            tops = {name.split(".")[0] for name in names}
+            wrong |= {(path.name, top) for top in tops - allowed - sys.stdlib_module_names}
     assert not wrong
 
 
@@ -119,7 +121,7 @@ def wheel(tmp_path_factory):
         pytest.skip("building a wheel needs setuptools 77 or newer in the environment")
     copy = tmp_path_factory.mktemp("wheel") / "project"
     skipped = shutil.ignore_patterns("__pycache__", "*.egg-info")
-    for folder in FOLDERS:
+    for folder in (*FOLDERS, "tests"):
         shutil.copytree(ROOT / folder, copy / folder, ignore=skipped)
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, copy / name)
@@ -157,3 +159,34 @@ def test_nothing_of_a_plain_name_reaches_the_environment(wheel):
 def test_the_wheel_brings_the_command(wheel):
     (name,) = (name for name in wheel.namelist() if name.endswith("entry_points.txt"))
     assert "femupdate = femupdate.cli.main:main" in wheel.read(name).decode()
+
+
+def test_benchmarks_are_in_a_checkout_alone(wheel, tmp_path):
+    """The installed command says how to get them."""
+    assert (ROOT / BENCHMARKS / "__main__.py").exists()
+    names = [name for name in wheel.namelist() if "benchmark" in name]
+    assert names == ["femupdate/cli/benchmark.py"]
+    wheel.extractall(tmp_path)
+    script = "from femupdate.cli.main import main; main(['benchmark', 'solver', '--sizes', ''])"
+    done = subprocess.run(
+        [sys.executable, "-c", script],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+    )
+    assert done.returncode == 1
+    (sentence,) = done.stderr.splitlines()
+    assert sentence.startswith("Error: the benchmarks are no part of the installed package")
+    assert "clone the repository" in sentence
+
+
+def test_python_m_runs_the_benchmarks_of_a_checkout():
+    done = subprocess.run(
+        [sys.executable, "-m", "femupdate.benchmarks", "solver", "--help"],
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        check=True,
+    )
+    assert "femupdate benchmark solver" in done.stdout

@@ -4,8 +4,8 @@ import ast
 import json
 from pathlib import Path
 
-from femupdate.benchmark import solver
-from femupdate.benchmark.score import Score
+from femupdate.benchmarks.solver import run as solver
+from femupdate.benchmarks.solver.score import Score
 
 
 def test_build_model_exports_a_script(femupdate, tmp_path, cabin_file):

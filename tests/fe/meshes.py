@@ -3,8 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-
-from femupdate.benchmark.meshes import (  # noqa: F401 (tests reach them through the fixture)
+from femupdate.benchmarks.solver.meshes import (  # noqa: F401 (tests reach them through the fixture)
     RX,
     RY,
     RZ,

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from femupdate.benchmarks.solver.vibrations import distorted_cantilever
 
-from femupdate.benchmark.vibrations import distorted_cantilever
 from femupdate.fe.assembly import assemble
 from femupdate.fe.model import PointMasses
 from femupdate.fe.solve import lowest_modes, static_displacement

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from femupdate.benchmarks.solver.vibrations import distorted_cantilever
 
-from femupdate.benchmark.vibrations import distorted_cantilever
 from femupdate.fe.assembly import assemble
 from femupdate.fe.solve import lowest_modes
 

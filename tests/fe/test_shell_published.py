@@ -1,13 +1,12 @@
 """The shell against published static tests: value / target on coarse and fine meshes.
 
 Expected ratios of coarse meshes are those of a QM6 membrane with MITC4 bending, measured with
-independent programs; targets stand beside the tests in `femupdate.benchmark`.
+independent programs; targets stand beside the tests in `tests/benchmarks/solver`.
 """
 
 import pytest
-
-from femupdate.benchmark import membranes, surfaces, walls, z_section
-from femupdate.benchmark.static_scores import (
+from femupdate.benchmarks.solver import membranes, surfaces, walls, z_section
+from femupdate.benchmarks.solver.static_scores import (
     CANTILEVER_TARGETS,
     COOK,
     CURVED_TARGETS,

@@ -6,9 +6,8 @@ more than two elements; those are in the benchmark's table.
 
 import numpy as np
 import pytest
-
-from femupdate.benchmark import forced, vibrations
-from femupdate.benchmark.dynamic_scores import TARGETS
+from femupdate.benchmarks.solver import forced, vibrations
+from femupdate.benchmarks.solver.dynamic_scores import TARGETS
 
 
 def ratios(name, structure, floating=0):

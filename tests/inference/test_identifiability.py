@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 import torch
+from femupdate.benchmarks.shear4dof.case import authors_case, benchmark_model, data_likelihood
 from scipy.stats import loguniform, uniform
 
-from femupdate.benchmark.shear4dof import authors_case, benchmark_model, data_likelihood
 from femupdate.inference.identifiability import _log_moments, identifiability
 from femupdate.inference.modes import separate_modes
 from femupdate.inference.smc import TemperedSmc

@@ -1,1 +1,0 @@
-"""Published tables and other programs, side by side with ours."""

@@ -1,0 +1,37 @@
+"""Published tables, trials and comparisons, beside our own figures.
+
+They are no part of what is installed. In a checkout this folder is `femupdate.benchmarks`: the
+benchmark NAME runs as `femupdate benchmark NAME`, and from the checkout's root folder also as
+`python -m femupdate.benchmarks NAME`.
+
+A new benchmark is a line in `COMMANDS` and a module that holds its click command as `command`,
+with `benchmark_options` of `femupdate.cli.common` for --output, --seed, --json and -v.
+"""
+
+# Name of a benchmark to the module here that holds its command, and its line in the help.
+COMMANDS = {
+    "solver": (
+        "solver.command",
+        "Element tests against published values; speed against OpenSees.",
+    ),
+    "shear4dof": (
+        "shear4dof.command",
+        "The posterior with four modes: published tables, and the exact posterior.",
+    ),
+    "calibration": (
+        "calibration.command",
+        "Whether posteriors hold the truth as often as they say.",
+    ),
+    "hidden-effects": (
+        "hidden_effects.command",
+        "What the effect finder makes of effects that were hidden.",
+    ),
+    "training": (
+        "training.command",
+        "Our network and the published layout, trained side by side.",
+    ),
+    "latent-size": (
+        "latent_size.command",
+        "How many latent coordinates a building's data can tell apart.",
+    ),
+}

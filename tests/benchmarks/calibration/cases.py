@@ -1,0 +1,278 @@
+"""Simulated buildings, their posteriors, and whether those hold the truth as often as they say."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+
+from femupdate.arrays import Floats
+from femupdate.dynamics.effect_modal import effect_log_frf
+from femupdate.dynamics.frf import log_frf
+from femupdate.dynamics.modal import modal_data
+from femupdate.inference.bridge import Start, bridge
+from femupdate.inference.likelihood import DataLikelihood, LatentLikelihood
+from femupdate.inference.predictive_check import PredictiveCheck, check_predictions
+from femupdate.inference.smc import SmcResult, TemperedSmc
+from femupdate.measurement.observation import Observation
+from femupdate.surrogate.storage import ANY_FLOORS, TrainedSurrogate
+from femupdate.workflow.calibrate_draws import latent_zeta
+from femupdate.workflow.model import StudyModel
+
+from .coverage import density_level, ranks, tarp_level
+from .coverage_power import SimulatedCase
+
+_MODES = 40
+_CHECKED = 100
+
+
+@dataclass(frozen=True)
+class SimulatedBuilding:
+    """A draw from the prior with its noisy response.
+
+    Attributes:
+        theta: (p,) stiffness factors.
+        zeta: damping ratio.
+        observation: of the chosen floors.
+    """
+
+    theta: Floats
+    zeta: float
+    observation: Observation
+
+
+@dataclass(frozen=True)
+class Judged:
+    """Where the truth of one case lies in one posterior.
+
+    Attributes:
+        density: level of the highest-density region that just holds it.
+        rank: (p,) share of draws below it.
+        tarp: share of draws nearer to a random point.
+        check: posterior predictive p-values; None where they were not asked for.
+    """
+
+    density: float
+    rank: Floats
+    tarp: float
+    check: PredictiveCheck | None = None
+
+
+@dataclass(frozen=True)
+class Widths:
+    """The latent posterior against the data-space posterior of the same data.
+
+    Attributes:
+        ratio: (p,) standard deviation over the exact one.
+        shift: (p,) of the mean, in exact standard deviations.
+    """
+
+    ratio: Floats
+    shift: Floats
+
+
+@dataclass(frozen=True)
+class CalibrationCase:
+    """One simulated building.
+
+    Attributes:
+        latent, exact: where its truth lies; `exact` is None where it was not asked for.
+        likelihoods: of the latent draws and of the truth.
+        misfit: of the best response, see `FoundLatent`.
+        responses: of the building that the latent likelihood took.
+        effective_share: of the bridge's importance draws; NaN without it.
+        widths: the latent posterior against the data-space one; None without it.
+    """
+
+    latent: Judged
+    exact: Judged | None
+    likelihoods: SimulatedCase
+    misfit: float
+    responses: int
+    effective_share: float
+    widths: Widths | None
+
+
+def simulate(
+    model: StudyModel, floors: tuple[str, ...], noise_sd: float, rng: np.random.Generator
+) -> SimulatedBuilding:
+    """Draw theta and damping from the prior, and the response of some floors with noise."""
+    unit = torch.from_numpy(rng.random((1, model.prior.size)))
+    theta = model.prior.from_unit(unit)
+    low, high = model.zeta_bounds or (model.building.damping.ratio,) * 2
+    zeta = torch.tensor([rng.uniform(low, high)], dtype=torch.float64)
+    clean = _response(model, theta, zeta)[0].numpy()
+    rows = [model.building.floors.index(name) for name in floors]
+    shape = (len(rows), clean.shape[1])
+    observation = Observation(
+        model.frequency_hz.numpy(),
+        floors,
+        clean[rows] + noise_sd * rng.normal(size=shape),
+        np.full(shape, noise_sd),
+        np.ones(shape, dtype=bool),
+        source="simulation",
+    )
+    return SimulatedBuilding(theta[0].numpy(), float(zeta[0]), observation)
+
+
+def _response(model: StudyModel, theta: torch.Tensor, zeta: torch.Tensor) -> torch.Tensor:
+    """ln|H| (n, f, k) of all floors without noise."""
+    if model.system is not None:
+        return effect_log_frf(model.system, theta, model.frequency_hz, zeta)
+    top = float(model.frequency_hz[-1])
+    modal = modal_data(model.reduced, theta, modes=_MODES, top_frequency_hz=top)
+    return log_frf(modal, model.frequency_hz, model.law, zeta)
+
+
+@dataclass(frozen=True)
+class CaseSettings:
+    """What is made of every simulated building.
+
+    Attributes:
+        floors: observed; `ANY_FLOORS` alone for a set drawn at random in every case.
+        particles: of each posterior.
+        beside: the first so many cases also get the data-space posterior.
+        power: of the latent likelihood; default the surrogate's own.
+        seed: of everything random; every case has its own stream.
+        noise_sd: of ln|H|; default that of the surrogate's training.
+    """
+
+    floors: tuple[str, ...]
+    particles: int = 1000
+    beside: int = 0
+    power: float | None = None
+    seed: int = 0
+    noise_sd: float | None = None
+
+
+def calibration_case(
+    model: StudyModel, surrogate: TrainedSurrogate, settings: CaseSettings, number: int
+) -> CalibrationCase:
+    """Simulate one building and sample its posteriors.
+
+    The damping ratio, where it is unknown, is drawn from its prior with theta and integrated over
+    in the data-space posterior.
+    """
+    rng = np.random.default_rng([settings.seed, number])
+    noise_sd = settings.noise_sd or surrogate.info.noise_sd
+    floors = settings.floors
+    if floors == (ANY_FLOORS,):
+        floors = _random_floors(model.building.floors, rng)
+    building = simulate(model, floors, noise_sd, rng)
+    centre, seed = rng.random(model.prior.size), 1009 * settings.seed + number
+    latent = LatentLikelihood(
+        surrogate,
+        model.responder,
+        model.law,
+        building.observation,
+        power=settings.power,
+        least_noise=noise_sd,
+    )
+    start = TemperedSmc(model.prior, latent).run(settings.particles, seed)
+    known = SimulatedCase(
+        start.log_likelihood.numpy(), float(latent(torch.from_numpy(building.theta)[None])[0])
+    )
+    judged, share, widths = None, float("nan"), None
+    if number < settings.beside:
+        draws, of_target, share = _exact(model, building, latent, start, settings.particles, seed)
+        theta = draws[:, : model.prior.size]
+        check = _check(model, building.observation, theta, draws[:, model.prior.size :], seed)
+        judged = replace(_judge(model, building, theta, of_target, centre), check=check)
+        widths = _widths(start.theta, theta)
+    check = _check(
+        model, building.observation, start.theta, _zeta(model, latent, start, seed), seed
+    )
+    return CalibrationCase(
+        replace(_judge(model, building, start.theta, known, centre), check=check),
+        judged,
+        known,
+        latent.found.misfit,
+        latent.found.responses,
+        share,
+        widths,
+    )
+
+
+def _random_floors(floors: tuple[str, ...], rng: np.random.Generator) -> tuple[str, ...]:
+    """One floor at least, each as likely as not."""
+    chosen = rng.random(len(floors)) < 0.5
+    chosen[rng.integers(len(floors))] = True
+    return tuple(name for name, there in zip(floors, chosen, strict=True) if there)
+
+
+def _exact(
+    model: StudyModel,
+    building: SimulatedBuilding,
+    latent: LatentLikelihood,
+    start: SmcResult,
+    particles: int,
+    seed: int,
+) -> tuple[torch.Tensor, SimulatedCase, float]:
+    """Draws from the data-space posterior, its likelihoods and effective share.
+
+    The draws are of theta (n, p), with the damping ratio as one more column where it is unknown.
+    """
+    bounds, size = model.zeta_bounds, model.prior.size
+    fixed = model.building.damping.ratio if bounds is None else None
+    target = DataLikelihood(
+        model.responder, model.law, building.observation, fixed, precision=torch.float32
+    )
+    truth, prior = building.theta, model.prior
+    if bounds is not None:
+        prior = model.prior.joined("zeta", *bounds)
+        truth = np.append(truth, building.zeta)
+        # The latent likelihood does not know zeta: its posterior there is the prior.
+        generator = torch.Generator().manual_seed(seed)
+        zeta = torch.rand(particles, 1, generator=generator, dtype=torch.float64)
+        both = torch.cat([start.theta, bounds[0] + (bounds[1] - bounds[0]) * zeta], dim=1)
+        start = replace(start, theta=both)
+
+    def on_theta(parameters: torch.Tensor) -> torch.Tensor:
+        return latent(parameters[:, :size])
+
+    found = bridge(prior, target, Start(start, on_theta), seed)
+    known = SimulatedCase(
+        found.log_likelihood.numpy(), float(target(torch.from_numpy(truth)[None])[0])
+    )
+    return found.theta, known, found.effective_share
+
+
+def _zeta(model: StudyModel, latent: LatentLikelihood, start: SmcResult, seed: int) -> torch.Tensor:
+    """Damping ratios (n, 1) that the latent posterior has beside theta; (n, 0) where known."""
+    if model.zeta_bounds is None:
+        return start.theta[:, :0]
+    drawn = latent_zeta(latent.found, model.zeta_bounds, len(start.theta), seed)
+    return torch.from_numpy(drawn)[:, None]
+
+
+def _check(
+    model: StudyModel,
+    observation: Observation,
+    theta: torch.Tensor,
+    zeta: torch.Tensor,
+    seed: int,
+) -> PredictiveCheck:
+    """Posterior predictive check by some of the draws theta (n, p) and zeta (n, 1 or 0)."""
+    some = torch.from_numpy(np.random.default_rng(seed).permutation(len(theta))[:_CHECKED])
+    ratio = theta.new_full((len(some),), model.building.damping.ratio)
+    rows = [model.building.floors.index(name) for name in observation.floors]
+    predicted = _response(model, theta[some], zeta[some, 0] if zeta.shape[1] else ratio)
+    return check_predictions(observation, predicted[:, rows].numpy())
+
+
+def _widths(latent: torch.Tensor, exact: torch.Tensor) -> Widths:
+    sd = exact.std(dim=0)
+    ratio, shift = latent.std(dim=0) / sd, (latent.mean(dim=0) - exact.mean(dim=0)) / sd
+    return Widths(ratio.numpy(), shift.numpy())
+
+
+def _judge(
+    model: StudyModel,
+    building: SimulatedBuilding,
+    draws: torch.Tensor,
+    known: SimulatedCase,
+    centre: Floats,
+) -> Judged:
+    unit = model.prior.to_unit(draws).numpy()
+    truth = model.prior.to_unit(torch.from_numpy(building.theta)).numpy()
+    level = density_level(known.log_likelihood, known.log_likelihood_of_truth, np.ones(len(unit)))
+    return Judged(level, ranks(unit, truth), tarp_level(unit, truth, centre))

@@ -1,0 +1,1 @@
+"""What a latent space of fewer coordinates would lose."""

@@ -1,0 +1,1 @@
+"""The four-story posterior with four modes, beside the exact one."""

@@ -1,0 +1,74 @@
+"""Draws against the exact posterior of a case."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from femupdate.arrays import Floats
+
+from .case import Case, ExactPosterior, case_modes
+from .metrics import (
+    MmdReference,
+    classifier_accuracy,
+    local_coordinates,
+    total_variation,
+)
+
+# A mode with a smaller share of the exact posterior holds too few draws to judge its width.
+_LEAST_WEIGHT = 0.05
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """How draws differ from the exact posterior.
+
+    Attributes:
+        weight: (m,) share of each mode.
+        sd_ratio: (m, p) standard deviation inside each mode over the exact one; NaN for modes
+            that hold less than a twentieth of the exact posterior.
+        mean_shift: (m, p) of each mode's mean, in exact standard deviations; NaN likewise.
+        weight_distance: total variation of the mode weights.
+        mmd: to the exact draws.
+        c2st: accuracy of a classifier in coordinates local to the modes; NaN where not asked for.
+    """
+
+    weight: Floats
+    sd_ratio: Floats
+    mean_shift: Floats
+    weight_distance: float
+    mmd: float
+    c2st: float
+
+
+def compare(
+    case: Case,
+    exact: ExactPosterior,
+    reference: MmdReference,
+    theta: Floats,
+    *,
+    classifier: bool = True,
+    seed: int = 0,
+) -> Comparison:
+    """Judge draws (n, p) of a case."""
+    found, true = case_modes(case, theta), exact.modes
+    known = (true.weight >= _LEAST_WEIGHT)[:, None]
+    sd_ratio = np.where(known, found.sd / true.sd, np.nan)
+    mean_shift = np.where(known, (found.mean - true.mean) / true.sd, np.nan)
+    accuracy = np.nan
+    if classifier:
+        safe_sd = np.where(np.isfinite(true.sd), true.sd, case.sd)
+        safe_mean = np.where(np.isfinite(true.mean), true.mean, case.solutions)
+        rows = np.random.default_rng(seed).permutation(len(exact.theta))[: len(theta)]
+        one, other = (
+            local_coordinates(draws, case.solutions, safe_mean, safe_sd)
+            for draws in (exact.theta[rows], theta)
+        )
+        accuracy = classifier_accuracy(one, other, seed=seed)
+    return Comparison(
+        found.weight,
+        sd_ratio,
+        mean_shift,
+        total_variation(found.weight, true.weight),
+        reference(theta),
+        accuracy,
+    )

@@ -1,0 +1,193 @@
+"""Pictures of the four-story benchmark: latent space, posterior, floors nobody measured."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Ellipse
+
+from femupdate.arrays import Floats
+from femupdate.dynamics.modal import modal_data
+from femupdate.inference.likelihood import LatentLikelihood
+from femupdate.report.density import density_1d
+from femupdate.report.figure import add_head, new_figure, save_figure
+from femupdate.report.plot_frf import Observation as Measured
+from femupdate.report.plot_frf import Prediction, frf_fit
+from femupdate.report.style import INK, MAGNITUDE_MAP, ORANGE, SERIES, styled
+from femupdate.surrogate.storage import TrainedSurrogate
+from femupdate.workflow.model import StudyModel
+
+from .case import Case, case_modes, roof_log_frf
+
+_MARKERS = "osD^vP*X"
+
+
+@styled
+def latent_space(
+    model: StudyModel, surrogate: TrainedSurrogate, case: Case, samples: int = 4000
+) -> Figure:
+    """Means of q(z|theta) over the prior in their first two principal axes.
+
+    Coloured by the first natural frequency; the equivalent solutions and the components of q(z|x)
+    of the observation are marked.
+    """
+    theta = model.prior.sample(samples, torch.Generator().manual_seed(0))
+    likelihood = LatentLikelihood(surrogate, model.reduced, model.law, case.observation)
+
+    def means(points: torch.Tensor) -> Floats:
+        with torch.inference_mode():
+            return surrogate.mvae.encode_parameters(points.float()).double().numpy()
+
+    cloud, marked = means(theta), means(torch.from_numpy(case.solutions))
+    centre = cloud.mean(axis=0)
+    _, spread, axes = np.linalg.svd(cloud - centre, full_matrices=False)
+    seen = likelihood.found.posterior
+    places = [(x - centre) @ axes[:2].T for x in (cloud, marked, seen.mean.numpy())]
+    covariance = axes[:2] @ np.linalg.inv(seen.precision.numpy()) @ axes[:2].T
+    frequency = modal_data(model.reduced, theta).omega[:, 0].numpy() / (2.0 * np.pi)
+    figure = new_figure(6.4, 4.9)
+    panel = figure.add_subplot()
+    order = np.argsort(frequency)
+    across, up = places[0][order].T
+    points = panel.scatter(
+        across, up, c=frequency[order], s=5, cmap=MAGNITUDE_MAP, linewidths=0, alpha=0.75
+    )
+    figure.colorbar(points, ax=panel, label="First natural frequency, Hz")
+    handles = []
+    for number, place in enumerate(places[1]):
+        style: dict[str, Any] = {
+            "marker": _MARKERS[number % len(_MARKERS)],
+            "markersize": 13 - 2 * number,
+            "markerfacecolor": "none",
+            "markeredgecolor": INK,
+            "markeredgewidth": 1.6,
+            "linestyle": "none",
+        }
+        panel.plot(*place, **style)
+        label = "(" + ", ".join(f"{value:.3g}" for value in case.solutions[number]) + ")"
+        handles.append(Line2D([], [], label=label, **{**style, "markersize": 7}))
+    for place, spread_there in zip(places[2], covariance, strict=True):
+        panel.plot(*place, "+", color=ORANGE, markersize=15, markeredgewidth=2.2)
+        variance, directions = np.linalg.eigh(spread_there)
+        angle = np.degrees(np.arctan2(directions[1, 1], directions[0, 1]))
+        width, height = 4.0 * np.sqrt(variance[::-1])
+        panel.add_patch(
+            Ellipse(place, width, height, angle=angle, fill=False, edgecolor=ORANGE, lw=1.2)
+        )
+    handles.append(
+        Line2D([], [], marker="+", color=ORANGE, linestyle="none", label="q(z|x), ± 2 sd")
+    )
+    share = spread**2 / (spread**2).sum()
+    panel.set(
+        xlabel=f"First principal axis ({share[0]:.0%} of the variance)",
+        ylabel=f"Second principal axis ({share[1]:.0%})",
+    )
+    note = "Where the prior's buildings lie; open marks have one roof FRF"
+    add_head(figure, "Latent space", handles, note=note, columns=3)
+    return figure
+
+
+@styled
+def posterior_pairs(model: StudyModel, draws: dict[str, Floats]) -> Figure:
+    """Pairs of parameters as points, with histograms on the diagonal.
+
+    Modes are a hundredth of the distance between them: smooth densities would hide their width.
+    """
+    names = [name.replace("theta_", "θ") for name in model.prior.names]
+    size = len(names)
+    every = np.concatenate(list(draws.values()))
+    room = 0.06 * np.ptp(every, axis=0)
+    views = np.column_stack([every.min(axis=0) - room, every.max(axis=0) + room])
+    figure = new_figure(8.4, 8.0)
+    axes = figure.subplots(size, size, squeeze=False, sharex="col")
+    for row, column in np.ndindex(size, size):
+        panel: Axes = axes.item(row, column)
+        panel.set_visible(row >= column)
+        if row == column:
+            bins = np.linspace(views[row, 0], views[row, 1], 90).tolist()
+            for color, theta in zip(SERIES, draws.values(), strict=False):
+                panel.hist(theta[:, row], bins, density=True, histtype="step", color=color)
+            panel.set_yticks([])
+        elif row > column:
+            for color, theta in zip(SERIES, draws.values(), strict=False):
+                few = theta[:: max(1, len(theta) // 700)]
+                panel.plot(*few[:, [column, row]].T, ".", ms=2.2, mew=0, alpha=0.6, color=color)
+            panel.set_ylim(views[row, 0], views[row, 1])
+        panel.set_xlim(views[column, 0], views[column, 1])
+        if row == size - 1:
+            panel.set_xlabel(names[column])
+        if column == 0 and row > 0:
+            panel.set_ylabel(names[row])
+    add_head(figure, "Four-story benchmark, roof alone", _handles(draws))
+    return figure
+
+
+@styled
+def mode_densities(model: StudyModel, case: Case, draws: dict[str, Floats]) -> Figure:
+    """Density of every parameter inside every mode, in units of the exact deviations."""
+    names = [name.replace("theta_", "θ") for name in model.prior.names]
+    shares = {label: case_modes(case, theta) for label, theta in draws.items()}
+    figure = new_figure(8.4, 1.6 * len(case.solutions) + 0.4)
+    axes = figure.subplots(len(case.solutions), len(names), squeeze=False)
+    for mode, column in np.ndindex(*axes.shape):
+        panel: Axes = axes.item(mode, column)
+        centre, sd = float(case.solutions[mode, column]), float(case.sd[mode, column])
+        view = (centre - 6.0 * sd, centre + 6.0 * sd)
+        for color, (label, theta) in zip(SERIES, draws.items(), strict=False):
+            own = theta[shares[label].member == mode, column]
+            if len(own) > 10:
+                density = density_1d(own, view)
+                panel.plot(density.x, density.value, color=color)
+        panel.axvline(centre, color=INK, linewidth=0.8, linestyle="--")
+        panel.set(xlim=view, yticks=[])
+        panel.locator_params(axis="x", nbins=3)
+        if mode == len(case.solutions) - 1:
+            panel.set_xlabel(names[column])
+        if column == 0:
+            weights = ", ".join(f"{share.weight[mode]:.2f}" for share in shares.values())
+            panel.set_ylabel(f"mode {mode + 1}\n{weights}")
+    note = "Dashed: the equivalent solution; at the left the share of each posterior in the mode"
+    add_head(figure, "Inside the modes", _handles(draws), note=note)
+    return figure
+
+
+def _handles(draws: dict[str, Floats]) -> list[Line2D]:
+    return [
+        Line2D([], [], color=color, linewidth=2.5, label=label)
+        for color, label in zip(SERIES, draws, strict=False)
+    ]
+
+
+def draw_benchmark(
+    folder: Path,
+    model: StudyModel,
+    surrogate: TrainedSurrogate,
+    case: Case,
+    draws: dict[str, Floats],
+) -> tuple[Path, ...]:
+    """Write the four pictures; `draws` are posteriors by their labels, the last the best."""
+    best = list(draws.values())[-1]
+    predicted = roof_log_frf(model, best[:: max(1, len(best) // 400)])
+    low, high = np.quantile(predicted, [0.05, 0.95], axis=0)
+    roof = case.observation
+    shape = (len(model.building.floors), roof.frequency_hz.size)
+    measured = np.full(shape, np.nan)
+    measured[-1] = roof.log_frf[0]
+    fit = frf_fit(
+        roof.frequency_hz,
+        model.building.floors,
+        Prediction(predicted.mean(axis=0), low, high),
+        Measured(measured),
+        title="Measured at the roof alone: response of the other floors",
+    )
+    pairs, modes = posterior_pairs(model, draws), mode_densities(model, case, draws)
+    return (
+        save_figure(latent_space(model, surrogate, case), folder / "shear4dof_latent_space.png"),
+        save_figure(pairs, folder / "shear4dof_posterior.png"),
+        save_figure(modes, folder / "shear4dof_modes.png"),
+        save_figure(fit, folder / "shear4dof_predicted.png"),
+    )

@@ -1,0 +1,1 @@
+"""Element tests against published values, and speed against OpenSees."""

@@ -1,0 +1,176 @@
+"""The vibration tests with their targets, scored."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from femupdate.fe.model import FiniteElementModel
+
+from .forced import (
+    Peak,
+    first_mode_only,
+    harmonic_peak,
+    plate_modes,
+    static_value,
+    step_peak,
+)
+from .peers import frequency_peer
+from .score import Score
+from .vibrations import (
+    deep_beam,
+    distorted_cantilever,
+    double_cross,
+    frequencies,
+    off_centre_masses,
+    rhombic_plate,
+    square_plate,
+    tapered_membrane,
+)
+
+FREE = "NAFEMS R0015"
+FORCED = "NAFEMS R0016"
+
+# Distinct frequencies (Hz) with how many modes share each.
+TARGETS: dict[str, tuple[tuple[float, int], ...]] = {
+    "FV2": ((11.336, 1), (17.709, 7), (45.345, 1), (57.390, 7)),
+    "FV4": ((1.723, 1), (1.727, 1), (7.413, 1), (9.972, 1), (18.155, 1), (26.957, 1)),
+    "FV5": ((42.649, 2), (77.542, 1), (125.00, 1), (148.31, 2), (233.10, 1), (284.55, 2)),
+    "FV12": ((1.622, 1), (2.360, 1), (2.922, 1), (4.233, 2), (7.416, 1)),
+    "FV13": ((2.377, 1), (5.942, 2), (9.507, 1), (11.884, 2), (15.449, 2)),
+    "FV15": ((7.938, 1), (12.835, 1), (17.941, 1), (19.133, 1), (24.009, 1), (27.922, 1)),
+    "FV16": ((0.421, 1), (1.029, 1), (2.582, 1), (3.306, 1), (3.753, 1), (6.555, 1)),
+    "FV21": ((45.897, 1), (109.44, 2), (167.89, 1), (204.51, 2), (256.50, 2)),
+    "FV22": ((133.95, 1), (201.41, 1), (265.81, 1), (283.68, 1), (334.45, 1), (386.62, 1)),
+    "FV32": ((44.623, 1), (130.03, 1), (162.70, 1), (246.05, 1), (379.90, 1), (391.44, 1)),
+    "FV52": ((45.897, 1), (109.44, 2), (167.89, 1), (193.59, 1), (206.19, 2)),
+}
+TARGETS["FV16 T2"] = TARGETS["FV16"]
+NAMES = {
+    "FV2": "FV2 pin-ended double cross",
+    "FV4": "FV4 cantilever with off-centre masses",
+    "FV5": "FV5 deep beam",
+    "FV12": "FV12 free thin plate",
+    "FV13": "FV13 simply supported thin plate",
+    "FV15": "FV15 clamped thin rhombic plate",
+    "FV16": "FV16 cantilever thin plate",
+    "FV16 T2": "FV16 Test 2, distorted mesh",
+    "FV21": "FV21 simply supported thick plate",
+    "FV22": "FV22 clamped thick rhombic plate",
+    "FV32": "FV32 tapered membrane",
+    "FV52": "FV52 simply supported solid plate",
+}
+
+_SKEWED = (
+    "MITC4 is stiff in bending on skewed elements whose half wave spans four of them; the error "
+    "falls with h squared"
+)
+_DISTORTED = (
+    "MITC4 is stiff in bending where a wave spans four distorted elements; DKGQ, which has no "
+    "shear, is softer there"
+)
+_SHORT_WAVE = "a half wave over little more than one element"
+_STRESS_13H = (
+    "the published stress does not go with the published displacement: in the first mode "
+    "sigma / w = pi^2 E t / (2 a^2 (1 - nu)) = 0.705 MPa/mm, which makes 32.0 MPa"
+)
+_COARSE_STRESS = "stress on the coarsest mesh, averaged from the four corners that meet"
+_THICK_21H = "16 modes of Mindlin's theory converge to 60.0 mm, 2.8 % above the published value"
+_SOFT = (
+    "the target is the plate whose edges cannot twist; with only the deflection held, as the test "
+    "says, solids find 44.1 Hz too (MathWorks' example of FV52)"
+)
+
+
+def vibration_scores() -> Iterator[Score]:
+    """Free vibration tests on the published mesh, plates on one or two finer meshes too."""
+    yield from _scores("FV2", double_cross(), "4 an arm", True, "")
+    yield from _scores("FV4", off_centre_masses(), "5 + 2 arms", True, _SHORT_WAVE)
+    yield from _scores("FV5", deep_beam(), "5", True, _SHORT_WAVE)
+    for count in (8, 16, 32):
+        mesh, coarse = f"{count}x{count}", count == 8
+        yield from _scores(
+            "FV12", square_plate(count, 0.05, "free"), mesh, coarse, _SKEWED, floating=3
+        )
+        yield from _scores("FV13", square_plate(count, 0.05, "hard"), mesh, coarse, _SKEWED)
+        yield from _scores("FV16", square_plate(count, 0.05, "clamped"), mesh, coarse, _SKEWED)
+        yield from _scores("FV21", square_plate(count, 1.0, "hard"), mesh, coarse, _SKEWED)
+    yield from _scores("FV16 T2", distorted_cantilever(), "4x4 distorted", True, _DISTORTED)
+    for count in (12, 24, 48):
+        mesh = f"{count}x{count}"
+        yield from _scores("FV15", rhombic_plate(count, 0.05), mesh, count == 12, _SKEWED)
+    for count in (10, 20, 40):
+        mesh = f"{count}x{count}"
+        yield from _scores("FV22", rhombic_plate(count, 1.0), mesh, count == 10, _SKEWED)
+    yield from _scores("FV32", tapered_membrane(16, 8), "16x8", True, "")
+    yield from _scores("FV32", tapered_membrane(32, 16), "32x16", False, "")
+    yield from _scores(
+        "FV52", square_plate(16, 1.0, "soft"), "16x16 shells", False, _SOFT, floating=3
+    )
+
+
+def _scores(
+    test: str,
+    structure: FiniteElementModel,
+    mesh: str,
+    published_mesh: bool,
+    reason: str,
+    floating: int = 0,
+) -> Iterator[Score]:
+    """One score a distinct frequency; of modes that share one, the farthest counts."""
+    found = frequencies(structure, sum(count for _, count in TARGETS[test]), floating)
+    start = 0
+    for number, (target, count) in enumerate(TARGETS[test]):
+        group = found[start : start + count]
+        value = float(group[np.abs(group / target - 1.0).argmax()])
+        modes = f"mode {start + 1}" if count == 1 else f"modes {start + 1} to {start + count}"
+        peer = frequency_peer(test, number) if published_mesh else None
+        yield Score(NAMES[test], modes, mesh, target, value, "Hz", FREE, peer, reason)
+        start += count
+
+
+def forced_scores(counts: Sequence[int] = (8, 16, 32)) -> Iterator[Score]:
+    """Forced vibration tests by superposition of 16 modes."""
+    navier = "thin plate theory (Navier)"
+    for count in counts:
+        mesh = f"{count}x{count}"
+        thin = plate_modes(count, 0.05, 100.0)
+        yield from _peak("13H thin plate, harmonic", mesh, harmonic_peak(thin), 45.42, 30.03)
+        first = first_mode_only(thin)
+        step = "13T thin plate, step"
+        yield Score(
+            step, "peak, first mode", mesh, 3.523, 1e3 * step_peak(first).displacement, "mm", FORCED
+        )
+        yield Score(
+            step, "static, first mode", mesh, 1.817, 1e3 * static_value(first), "mm", FORCED
+        )
+        yield Score(step, "static, 16 modes", mesh, 1.774, 1e3 * static_value(thin), "mm", navier)
+        thick = plate_modes(count, 1.0, 1e6)
+        yield from _peak("21H thick plate, harmonic", mesh, harmonic_peak(thick), 58.33, 800.8)
+
+
+def _peak(
+    test: str, mesh: str, peak: Peak, displacement_mm: float, stress_mpa: float
+) -> Iterator[Score]:
+    thin = test.startswith("13H")
+    frequency = 2.377 if thin else 45.90
+    yield Score(test, "frequency of the peak", mesh, frequency, peak.at, "Hz", FORCED)
+    yield Score(
+        test,
+        "peak displacement",
+        mesh,
+        displacement_mm,
+        1e3 * peak.displacement,
+        "mm",
+        FORCED,
+        reason="" if thin else _THICK_21H,
+    )
+    yield Score(
+        test,
+        "peak stress",
+        mesh,
+        stress_mpa,
+        1e-6 * peak.stress,
+        "MPa",
+        FORCED,
+        reason=_STRESS_13H if thin else _COARSE_STRESS,
+    )

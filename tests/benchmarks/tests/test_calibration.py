@@ -1,0 +1,148 @@
+"""The calibration benchmark: what it simulates, and a small run."""
+
+import copy
+import json
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from femupdate.benchmarks.calibration import run as calibration_run
+from femupdate.benchmarks.calibration.cases import Judged, simulate
+from femupdate.benchmarks.calibration.log import surrogate_mark
+from femupdate.benchmarks.calibration.run import (
+    CalibrationPlan,
+    calibrated,
+    predictive_rows,
+    run_calibration,
+    scores,
+)
+from femupdate.benchmarks.shear4dof.case import benchmark_model, roof_log_frf
+
+from femupdate.inference.predictive_check import PredictiveCheck
+from femupdate.surrogate.storage import TrainedSurrogate, load_surrogate, save_surrogate
+from femupdate.workflow.train import shipped_surrogate
+
+
+@pytest.fixture(scope="module")
+def model():
+    return benchmark_model()
+
+
+def test_simulations_are_the_response_with_noise(model):
+    rng = np.random.default_rng(0)
+    made = [simulate(model, ("3F", "RF"), 0.2, rng) for _ in range(4)]
+    theta = np.array([one.theta for one in made])
+    clean = roof_log_frf(model, theta)[:, [1, 3]]
+    noise = np.array([one.observation.log_frf for one in made]) - clean
+    # 8,192 draws: an sd to .8 %.
+    assert noise.std() == pytest.approx(0.2, rel=0.04)
+    assert abs(np.corrcoef(noise[:, 0].ravel(), noise[:, 1].ravel())[0, 1]) < 0.06
+    assert ((theta > 0.33) & (theta < 3.0)).all()
+
+
+def test_cases_of_other_weights_or_another_power_are_told_apart(model):
+    surrogate = shipped_surrogate(model.building)
+    power = replace(surrogate.info, likelihood_power=0.5 * surrogate.info.likelihood_power)
+    weights = copy.deepcopy(surrogate)
+    weights.mvae.lower[0] += 0.01
+    marks = {
+        surrogate_mark(one) for one in (surrogate, TrainedSurrogate(surrogate.mvae, power), weights)
+    }
+    assert len(marks) == 3
+    assert surrogate_mark(shipped_surrogate(model.building)) in marks
+
+
+def test_scores_of_uniform_and_of_narrow_levels():
+    rng = np.random.default_rng(1)
+
+    def judged(power):
+        return [Judged(u**power, rng.random(3), rng.random()) for u in rng.random(400)]
+
+    right, narrow = scores(judged(1.0)), scores(judged(0.3))
+    np.testing.assert_allclose(right.density.found, [0.5, 0.68, 0.9, 0.95], atol=0.06)
+    # P(u^.3 < .9) = .9^(1/.3)
+    assert narrow.density.found[2] == pytest.approx(0.9 ** (1 / 0.3), abs=0.06)
+    assert min(right.rank_p) > 1e-3
+    assert right.tarp_p > 1e-3
+    assert right.central.cases == 400
+
+
+def test_predictive_p_values_are_told_by_their_quantiles():
+    def judged(whole, *floors):
+        check = PredictiveCheck(whole, floors, ("2F", "RF")[: len(floors)])
+        return Judged(0.5, np.zeros(2), 0.5, check)
+
+    rows = predictive_rows("latent", [judged(p, p / 2, np.nan) for p in np.arange(0.0, 1.01, 0.1)])
+    assert rows[0] == (
+        *("latent, all floors together", "11", "0.05", "0.25", "0.50"),
+        *("0.75", "0.95", "0.09"),
+    )
+    assert rows[1][:5] == ("latent, floor by floor", "11", "0.03", "0.12", "0.25")
+    assert len(predictive_rows("latent", [judged(0.5, 0.5)])) == 1
+    # Cases of before have none.
+    assert predictive_rows("latent", [Judged(0.5, np.zeros(2), 0.5)]) == []
+
+
+@pytest.mark.slow
+def test_small_run(tmp_path):
+    plan = CalibrationPlan(cases=10, particles=300)
+    report = run_calibration(tmp_path, plan, seed=3)
+    assert report.exact is not None
+    # Ten cases: seven or more of the truths in the 90 % region but once in a hundred.
+    assert report.exact.density.found[2] >= 0.7
+    content = json.loads(report.files.json.read_text())
+    assert len(content["density_levels"]) == 10
+    assert report.files.json.name == "calibration_shear_4dof_roof.json"
+    assert "data-space, highest density" in report.text
+
+
+def test_unknown_damping_is_integrated_over_and_a_run_goes_on(tmp_path, monkeypatch):
+    plan = CalibrationPlan("shear_3dof", ("2F", "RF"), cases=3, particles=300, beside=1)
+    report = run_calibration(tmp_path, plan, seed=2)
+    content = json.loads(report.files.json.read_text())
+    assert len(content["density_levels"]) == 3
+    (widths,) = content["widths"]
+    assert len(widths["ratio"]) == 3
+    assert all(0.3 < ratio < 10.0 for ratio in widths["ratio"])
+    assert "| theta_3 | 1 |" in report.text
+    checks = content["posterior_predictive_p"]
+    assert [check["names"] for check in checks] == [["2F", "RF"]] * 3
+    values = [value for check in checks for value in (check["whole"], *check["floors"])]
+    assert all(1e-4 < value < 1.0 for value in values)
+    assert len(content["posterior_predictive_p_exact"]) == 1
+    for row in ("latent, all floors together | 3", "latent, floor by floor | 6"):
+        assert row in report.text
+    assert "data-space, all floors together | 1" in report.text
+    log = tmp_path / "calibration_shear_3dof_2F_RF_cases.jsonl"
+    lines = log.read_text().splitlines()
+    # Cut off in the middle of the last case: that one alone is made again, and is the same.
+    log.write_text("\n".join([*lines[:-1], lines[-1][:100]]))
+    made = []
+    real = calibration_run.calibration_case
+
+    def case(*args):
+        made.append(args[-1])
+        return real(*args)
+
+    monkeypatch.setattr(calibration_run, "calibration_case", case)
+    again = run_calibration(tmp_path, plan, seed=2)
+    assert made == [2]
+    assert again.text == report.text
+    # Other particles: none of the cases can be used.
+    run_calibration(tmp_path, replace(plan, particles=200), seed=2)
+    assert made == [2, 0, 1, 2]
+
+
+def test_a_calibrated_surrogate_keeps_its_figures(model, tmp_path):
+    surrogate = shipped_surrogate(model.building)
+    shown = SimpleNamespace(start=lambda *_: None, advance=lambda *_: None, say=print)
+    found = calibrated(surrogate, model, cases=3, seed=1, progress=shown)
+    assert 0.25 <= found.info.likelihood_power <= 4.0
+    assert found.info.calibration["floors"] == ["any"]
+    save_surrogate(found, tmp_path / "again.safetensors")
+    again = load_surrogate(tmp_path / "again.safetensors")
+    assert again.info == found.info
+    before, after = surrogate.mvae.state_dict(), again.mvae.state_dict()
+    # Means of ln|H|, up to 7 in size, are kept in half precision: .004 is far below the noise.
+    assert all(np.allclose(before[name], after[name], atol=4e-3) for name in before)

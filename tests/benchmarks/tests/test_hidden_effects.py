@@ -1,0 +1,129 @@
+"""A short version of the trials in which effects are hidden from the finder."""
+
+import json
+from dataclasses import replace
+
+import pytest
+from femupdate.benchmarks.hidden_effects.cases import (
+    CLEAN,
+    FOREIGN,
+    ONE,
+    Trial,
+    TrialSettings,
+    kept_models,
+    run_trial,
+)
+from femupdate.benchmarks.hidden_effects.run import Plan, run_hidden_effects
+from femupdate.benchmarks.hidden_effects.summary import summary, summary_text
+
+from femupdate.study import Study
+from femupdate.workflow.model import open_study
+
+# Numbers that no published trial has used; every outcome is a function of them.
+_NUMBERS = (9_000_001, 9_000_002, 9_000_003)
+
+
+@pytest.fixture(scope="module")
+def outcomes(tmp_path_factory):
+    study, settings = Study(tmp_path_factory.mktemp("study")), TrialSettings()
+    model = open_study(study, "shear_4dof")
+    kept = kept_models(study, model, settings)
+    return {
+        kind: [run_trial(Trial(number, kind), model, settings, kept) for number in _NUMBERS]
+        for kind in (CLEAN, ONE, FOREIGN)
+    }
+
+
+def test_nothing_is_found_where_nothing_is_hidden(outcomes):
+    assert [one.verdict for one in outcomes[CLEAN]] == ["none"] * len(_NUMBERS)
+
+
+def test_what_is_hidden_and_visible_is_named_and_the_gap_closes(outcomes):
+    seen = [one for one in outcomes[ONE] if one.strength >= 6.0]
+    assert seen
+    for one in seen:
+        assert one.named == one.hidden[0]
+        if one.verdict == "named":
+            assert one.held_after < one.held_before
+
+
+def test_what_the_catalogue_lacks_is_not_called_nothing(outcomes):
+    strong = [one for one in outcomes[FOREIGN] if one.strength >= 10.0]
+    assert strong
+    assert all(one.verdict != "none" for one in strong)
+
+
+def test_the_summary_counts(outcomes):
+    clean = outcomes[CLEAN]
+    alarmed = [replace(clean[0], verdict="named"), *clean[1:]]
+    rows = {row.what: row for row in summary(alarmed)}
+    assert rows["false alarms on clean cases"].found.startswith("33.3%")
+    assert rows["false alarms on clean cases"].of == 3
+
+
+def test_effects_named_together_count_apart_from_the_first_name(outcomes):
+    one = next(one for one in outcomes[ONE] if one.strength >= 6.0)
+    other = {"named": "roll_off@floors", "ranking": ("roll_off@floors", one.hidden[0])}
+    together = replace(one, **other, verdict="indistinguishable", twins=(one.hidden[0],))
+    wrong = replace(one, **other, verdict="named", twins=())
+    rows = {row.what: row.found for row in summary([one, together, wrong, one])}
+    assert rows["first name and place right, D >= 6"].startswith("50.0%")
+    same = next(what for what in rows if "named together" in what)
+    assert rows[same].startswith("75.0%")
+    assert rows["among the first three, D >= 5"].startswith("100.0%")
+
+
+def test_names_that_are_wrong_are_counted_whatever_was_hidden(outcomes):
+    one = next(one for one in outcomes[ONE] if one.strength >= 6.0)
+    right = replace(one, verdict="named")
+    cases = [
+        right,
+        replace(one, verdict="unknown"),
+        replace(one, verdict="named", named="roll_off@floors"),
+        replace(right, kind=FOREIGN, hidden=("ground_tie@RF",), strength=30.0),
+        replace(right, kind=FOREIGN, hidden=("ground_tie@RF",), strength=30.0, verdict="none"),
+        replace(right, kind=FOREIGN, hidden=("ground_tie@RF",), strength=30.0, verdict="unknown"),
+        replace(right, kind=FOREIGN, hidden=("ground_tie@RF",), strength=3.0, verdict="none"),
+    ]
+    rows = {row.what: row.found for row in summary(cases)}
+    assert rows["right among all names given"].startswith("33.3%")
+    assert rows["verdict 'named' and the name right, D >= 6"].startswith("33.3%")
+    assert rows["outside the catalogue, D >= 10: unknown or ambiguous"].startswith("33.3%")
+
+
+def test_names_are_counted_by_strength(outcomes):
+    one = next(one for one in outcomes[ONE] if one.strength >= 6.0)
+    cases = [
+        replace(one, strength=3.0, verdict="none", named="", ranking=()),
+        replace(one, strength=12.0, absorbed=0.2),
+        replace(one, strength=12.0, absorbed=0.2, named="roll_off@floors"),
+        replace(one, strength=12.0, absorbed=1.0),  # theta itself
+        replace(one, strength=400.0),
+    ]
+    text = summary_text("shear_4dof", TrialSettings(), cases, summary(cases))
+    assert "| 0 to 5 | 1 | 0 | 0 | 0 |" in text
+    assert "| 10 to 20 | 2 | 2 | 1 | 2 |" in text
+    assert "| from 100 | 1 | 1 | 1 | 1 |" in text
+
+
+def test_the_result_is_written_with_machine_and_seed(tmp_path):
+    plan = Plan(clean=1, one=1, two=0, outside=0)
+    report = run_hidden_effects(tmp_path, "shear_4dof", plan, TrialSettings(), seed=7)
+    content = json.loads(report.files.json.read_text(encoding="utf-8"))
+    assert content["seed"] == 7
+    assert [one["kind"] for one in content["outcomes"]] == [CLEAN, ONE]
+    assert "false alarms" in report.files.markdown.read_text(encoding="utf-8")
+
+
+def test_trials_that_were_cut_off_go_on(tmp_path):
+    plan, settings = Plan(clean=2, one=0, two=0, outside=0), TrialSettings()
+    none = run_hidden_effects(tmp_path, "shear_4dof", plan, settings, seed=7, minutes=0.0)
+    assert not none.outcomes
+    whole = run_hidden_effects(tmp_path, "shear_4dof", plan, settings, seed=7)
+    log = tmp_path / "hidden_effects_shear_4dof.jsonl"
+    lines = log.read_text(encoding="utf-8").splitlines()
+    marked = json.loads(lines[1]) | {"seconds": 123.0}
+    log.write_text("\n".join([lines[0], json.dumps(marked), lines[2][:40]]), encoding="utf-8")
+    again = run_hidden_effects(tmp_path, "shear_4dof", plan, settings, seed=7)
+    assert [one.number for one in again.outcomes] == [one.number for one in whole.outcomes]
+    assert sorted(one.seconds == 123.0 for one in again.outcomes) == [False, True]

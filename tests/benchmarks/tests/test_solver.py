@@ -1,0 +1,93 @@
+"""The benchmark of the solver: what its tables say, and what it writes."""
+
+import json
+
+import numpy as np
+import pytest
+from femupdate.benchmarks.solver import run as solver
+from femupdate.benchmarks.solver import speed
+from femupdate.benchmarks.solver.elements import score_markdown
+from femupdate.benchmarks.solver.score import Peer, Score
+from femupdate.benchmarks.solver.tower import tower
+
+from femupdate.errors import ModelError
+from femupdate.fe.assembly import assemble
+from femupdate.fe.solve import lowest_modes
+
+
+def score(value, peer=None, target=2.0):
+    other = None if peer is None else Peer("other", peer)
+    return Score("Test", "case", "2x2", target, value, "m", "source", other, "a reason")
+
+
+@pytest.mark.parametrize(
+    ("value", "peer", "verdict"),
+    [
+        (2.03, None, "within 2 %"),
+        (1.95, None, "behind: a reason"),
+        (1.80, 0.9, "best"),
+        (2.20, 0.9, "best"),
+        (1.77, 0.9, "within 2 % of best"),
+        (1.75, 0.9, "behind: a reason"),
+        (2.25, 0.9, "behind: a reason"),
+    ],
+)
+def test_a_score_is_judged_by_the_best_peer_on_either_side(value, peer, verdict):
+    assert score(value, peer).verdict == verdict
+
+
+def test_a_target_of_zero_is_judged_by_the_value_itself():
+    assert score(1e-9, target=0.0).reached
+    assert not score(0.05, target=0.0).reached
+
+
+def test_the_table_names_the_rows_that_are_behind_with_their_reason():
+    text = score_markdown([score(2.0), score(1.5)])
+    assert "1 of 2 rows" in text
+    assert "* Test, case (2x2): a reason." in text
+
+
+def test_the_building_of_the_comparison():
+    """Counts and first frequencies of the same building in OpenSees (ASDShellQ4, this mesh)."""
+    building = tower(4)
+    operators = assemble(building)
+    assert (len(building.shells), len(building.beams)) == (1680, 1008)
+    assert len(operators.free) == 10656
+    found = lowest_modes(operators, np.ones(1), 3).frequency_hz
+    assert found == pytest.approx([2.5547, 3.3246, 3.6510], rel=3e-3)
+
+
+def test_results_are_written_with_machine_and_date(tmp_path, monkeypatch):
+    scores = (score(2.0), score(1.5))
+    monkeypatch.setattr(solver, "element_scores", lambda progress: scores)
+    monkeypatch.setattr(solver, "draw_convergence", lambda scores, path: path)
+    run = speed.Run("program", tuple(np.arange(1.0, 21.0)), 2.0, 3.0, 0.5, {})
+    other = speed.Run("another", tuple(1.01 * np.arange(1.0, 21.0)), 9.0, 12.0, 0.4, {})
+    row = speed.SpeedRow("small", 10, 20, 30, run, None, other)
+    monkeypatch.setattr(solver, "compare_speed", lambda sizes, progress: (row,))
+    report = solver.run_solver_benchmark(tmp_path, ("small",), seed=5)
+    found = json.loads(report.files.json.read_text(encoding="utf-8"))
+    assert found["seed"] == 5
+    assert found["machine"]["packages"]["numpy"] == np.__version__
+    assert found["speed"][0]["ratio"] == 4.5
+    assert found["speed"][0]["largest_difference"] == pytest.approx(0.01)
+    assert [one["reached"] for one in found["elements"]] == [True, False]
+    text = report.files.markdown.read_text(encoding="utf-8")
+    assert text.startswith(found["machine"]["date"][:10])
+    assert "| another |" in text
+
+
+def test_without_opensees_ours_runs_alone(monkeypatch):
+    monkeypatch.setattr(speed, "opensees_is_there", lambda: False)
+    monkeypatch.setattr(speed, "cholmod_is_there", lambda: False)
+    monkeypatch.setattr(speed, "SIZES", {"tiny": 1})
+    (row,) = speed.compare_speed(["tiny"])
+    assert row.theirs is None
+    assert row.ratio is None
+    assert len(row.ours.frequencies_hz) == speed.MODES
+    assert row.ours.cpu_seconds > 0.0
+
+
+def test_an_unknown_size_is_refused():
+    with pytest.raises(ModelError, match="no size 'huge'; choose from small, medium, large"):
+        speed.compare_speed(["huge"])

@@ -1,0 +1,1 @@
+"""Our network and the published layout, trained side by side."""
