@@ -133,6 +133,3 @@ def _differences(run: Observation, others: Observation, floors: Sequence[str]) -
                 )
             )
     return found
-
-
-__all__ = ["Agreement", "Difference", "agreement"]

@@ -24,16 +24,6 @@ from femupdate.measurement.observation import (
 from femupdate.measurement.observation_file import Histories
 from femupdate.measurement.welch import Segments, Spectra, choose_segments, welch_spectra
 
-__all__ = [
-    "DEFAULT_NOISE",
-    "Observation",
-    "estimate_frf",
-    "observation_for",
-    "observation_from_table",
-    "select_floors",
-]
-
-
 DEFAULT_NOISE = 0.2  # on ln|H|, where neither the file nor the coherence says
 # Accelerometers are calibrated to about a hundredth, so no estimate is better than that.
 NOISE_FLOOR = 0.01
@@ -86,8 +76,9 @@ def estimate_frf(
     spectra = welch_spectra(base, floors, histories.time_step, segments.length)
     coherence = np.abs(spectra.cross) ** 2 / np.maximum(spectra.base * spectra.floors, _TINY)
     frf = spectra.cross / np.maximum(spectra.base, _TINY)
-    noise = _noise(spectra, coherence, segments.effective)
-    trusted = _trusted(spectra, coherence, noise, segments.effective)
+    incoherent = _incoherent(spectra, coherence, segments.effective)
+    noise = _noise(spectra, coherence, incoherent, segments.effective)
+    trusted = _trusted(spectra, incoherent, noise, segments.effective)
 
     inside = _resolved(grid, segments, histories.time_step)
     at_grid = _Interpolator(spectra.frequency_hz, grid, inside)
@@ -253,19 +244,17 @@ def _incoherent(spectra: Spectra, coherence: Floats, averages: float) -> Floats:
     return _smooth(share * spectra.floors, spectra)
 
 
-def _noise(spectra: Spectra, coherence: Floats, averages: float) -> Floats:
+def _noise(spectra: Spectra, coherence: Floats, incoherent: Floats, averages: float) -> Floats:
     """sd(ln|H|) at the bins (f, b)."""
     # (1 - g2) / g2 is the ratio of incoherent to coherent power.
-    coherent = np.maximum(coherence * spectra.floors, _TINY)
-    ratio = np.minimum(_incoherent(spectra, coherence, averages) / coherent, 1e6)
+    ratio = np.minimum(incoherent / np.maximum(coherence * spectra.floors, _TINY), 1e6)
     return np.maximum(np.sqrt(ratio / (2.0 * averages)), NOISE_FLOOR)
 
 
-def _trusted(spectra: Spectra, coherence: Floats, noise: Floats, averages: float) -> Flags:
+def _trusted(spectra: Spectra, incoherent: Floats, noise: Floats, averages: float) -> Flags:
     """Whether an estimate at the bins (f, b) may be used."""
     from scipy.ndimage import maximum_filter1d
 
-    incoherent = _incoherent(spectra, coherence, averages)
     around = 1.0 - incoherent / np.maximum(_smooth(spectra.floors, spectra), _TINY)
     # Chance exceeds g2 with probability (1 - g2)^(n - 1) between unrelated signals. The coherence
     # around a frequency rests on about half as many more averages as it has bins (Hann windows

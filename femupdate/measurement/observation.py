@@ -1,12 +1,15 @@
 """What a building was observed to do: FRFs on a frequency grid, with their noise."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from femupdate.arrays import Flags, Floats
 from femupdate.errors import MeasurementError
+
+_OF_FLOORS = ("log_frf", "noise_sd", "valid", "phase", "coherence", "scatter")
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,10 +49,7 @@ class Observation:
 
     def __post_init__(self) -> None:
         shape = (len(self.floors), self.frequency_hz.size)
-        arrays = (
-            *(self.log_frf, self.noise_sd, self.valid),
-            *(self.phase, self.coherence, self.scatter),
-        )
+        arrays = [getattr(self, name) for name in _OF_FLOORS]
         if any(array is not None and array.shape != shape for array in arrays):
             raise MeasurementError(
                 f"{self.source}: every array must be floors by frequencies, {shape}"
@@ -76,42 +76,29 @@ def select_floors(observation: Observation, floors: Sequence[str]) -> Observatio
             f" {', '.join(observation.floors)}, each once"
         )
     rows = [observation.floors.index(floor) for floor in floors]
-    phase, coherence, scatter = observation.phase, observation.coherence, observation.scatter
-    return replace(
-        observation,
-        floors=tuple(floors),
-        log_frf=observation.log_frf[rows],
-        noise_sd=observation.noise_sd[rows],
-        valid=observation.valid[rows],
-        phase=None if phase is None else phase[rows],
-        coherence=None if coherence is None else coherence[rows],
-        scatter=None if scatter is None else scatter[rows],
-    )
+    return _with_rows(observation, floors, lambda values: values[rows])
 
 
 def on_all_floors(observation: Observation, floors: Sequence[str]) -> Observation:
     """The same observation with rows of NaN for the floors that were not measured."""
-    shape = (len(floors), observation.frequency_hz.size)
-    places = [list(floors).index(name) for name in observation.floors]
+    rows = [list(floors).index(name) for name in observation.floors]
 
-    def spread(values: Floats) -> Floats:
-        rows = np.full(shape, np.nan)
-        rows[places] = values
-        return rows
+    def spread(values: Any) -> Any:
+        missing = False if values.dtype == bool else np.nan
+        wide = np.full((len(floors), values.shape[1]), missing, dtype=values.dtype)
+        wide[rows] = values
+        return wide
 
-    valid = np.zeros(shape, dtype=bool)
-    valid[places] = observation.valid
-    phase, coherence, scatter = observation.phase, observation.coherence, observation.scatter
-    return replace(
-        observation,
-        floors=tuple(floors),
-        log_frf=spread(observation.log_frf),
-        noise_sd=spread(observation.noise_sd),
-        valid=valid,
-        phase=None if phase is None else spread(phase),
-        coherence=None if coherence is None else spread(coherence),
-        scatter=None if scatter is None else spread(scatter),
-    )
+    return _with_rows(observation, floors, spread)
+
+
+def _with_rows(
+    observation: Observation, floors: Sequence[str], change: Callable[[Any], Any]
+) -> Observation:
+    """The observation with other floors, every array of theirs changed alike."""
+    arrays = {name: getattr(observation, name) for name in _OF_FLOORS}
+    changed = {name: change(array) for name, array in arrays.items() if array is not None}
+    return replace(observation, floors=tuple(floors), **changed)
 
 
 def independent_share(observation: Observation) -> float:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from femupdate.arrays import Floats
+from femupdate.measurement.channel import RecordedChannel, channel_listing, chosen_channel
 from femupdate.measurement.columns import (
     BASE,
     FREQUENCY,
@@ -22,8 +23,8 @@ from femupdate.measurement.columns import (
 )
 from femupdate.measurement.frf_table import FrfTable, frf_table
 from femupdate.measurement.quantity import agreed_unit, si_factor, split_unit
-from femupdate.measurement.record import LARGEST_PEAK, channel_listing
-from femupdate.measurement.recording import RecordedChannel, Recording, chosen_channel
+from femupdate.measurement.record import LARGEST_PEAK
+from femupdate.measurement.recording import Recording
 from femupdate.measurement.registry import read_measured
 from femupdate.measurement.sampling import uniform_step
 from femupdate.measurement.table import Table
@@ -98,10 +99,9 @@ def _from_table(
         )
     at = names.index(kinds[0])
     if kinds[0].lower() == TIME:
-        known = _known_columns(file, names, at, _Naming(parse_channel, HISTORY_COLUMNS), columns)
-        return _histories(table, at, known, unit)
-    naming = _Naming(parse_frf_column, FRF_COLUMNS)
-    return frf_table(table, at, _known_columns(file, names, at, naming, columns))
+        known = _known_columns(table, names, at, columns)
+        return _histories(file, _columns_as_channels(table, at, known), unit)
+    return frf_table(table, at, _known_columns(table, names, at, columns))
 
 
 def _from_channels(recording: Recording, unit: str | None, columns: Mapping[str, str]) -> Histories:
@@ -117,41 +117,11 @@ def _from_channels(recording: Recording, unit: str | None, columns: Mapping[str,
         if channel is None:
             raise file.error(f"unknown column {ours!r}; columns are {HISTORY_COLUMNS}")
         taken = chosen_channel(file, recording.channels, theirs, listing)
-        if taken in chosen.values():
-            raise file.error(f"channel {theirs!r} is mapped twice; map it to one name")
+        if channel in chosen or taken in chosen.values():
+            name = ours if channel in chosen else theirs
+            raise file.error(f"{name!r} is mapped twice; map every channel to one name")
         chosen[channel] = taken
-    _require_base_and_floors(file, tuple(chosen))
-    _require_one_sampling(file, tuple(chosen.values()))
-    rows = [
-        _acceleration(file, _Column(repr(each.name), each.values, each.unit), channel, unit)
-        for channel, each in chosen.items()
-    ]
-    step = next(iter(chosen.values())).time_step
-    return Histories(step, tuple(chosen), np.array(rows), file.path.name)
-
-
-def _require_one_sampling(file: TextFile, channels: tuple[RecordedChannel, ...]) -> None:
-    first = channels[0]
-    if first.values.size < MINIMUM_SAMPLES:
-        raise file.error(
-            f"{first.values.size} values are too short for a spectrum; give at least"
-            f" {MINIMUM_SAMPLES}"
-        )
-    for each in channels[1:]:
-        if (each.time_step, each.values.size) != (first.time_step, first.values.size):
-            raise file.error(
-                f"channel {each.name!r} has {each.values.size} values every {each.time_step:g} s,"
-                f" {first.name!r} {first.values.size} every {first.time_step:g} s; bring them to"
-                " the same times"
-            )
-
-
-@dataclass(frozen=True)
-class _Naming:
-    """How the columns of a kind of file are named."""
-
-    parse: Callable[[str], Channel | FrfColumn | None]
-    help: str
+    return _histories(file, chosen, unit)
 
 
 def _renamed(file: TextFile, names: tuple[str, ...], columns: Mapping[str, str]) -> tuple[str, ...]:
@@ -171,24 +141,24 @@ def _renamed(file: TextFile, names: tuple[str, ...], columns: Mapping[str, str])
 
 
 def _known_columns(
-    file: TextFile,
-    names: tuple[str, ...],
-    at: int,
-    naming: _Naming,
-    columns: Mapping[str, str] | None,
+    table: Table, names: tuple[str, ...], at: int, columns: Mapping[str, str] | None
 ) -> dict[int, Channel | FrfColumn]:
-    """Return what each column but the one at `at` stands for, by its position."""
+    """Return what each column but the times or frequencies at `at` stands for, by its position."""
+    file, of_histories = table.file, names[at].lower() == TIME
+    parse: Callable[[str], Channel | FrfColumn | None]
+    parse = parse_channel if of_histories else parse_frf_column
     known: dict[int, Channel | FrfColumn] = {}
     for position, name in enumerate(names):
         if position == at:
             continue
-        parsed = naming.parse(name)
+        parsed = parse(name)
         if parsed is None and columns and name not in columns:
             logger.info("%s: column %r is left out", file.path, name)
         elif parsed is None:
             raise file.error(
                 f"unknown column {name!r}{closest(name, _COMMON_NAMES)}; columns are"
-                f" {naming.help}: rename it or map it by the columns option"
+                f" {HISTORY_COLUMNS if of_histories else FRF_COLUMNS}: rename it or map it by the"
+                " columns option"
             )
         elif parsed in known.values():
             raise file.error(f"column {name!r} is there twice; rename or remove one")
@@ -197,24 +167,43 @@ def _known_columns(
     return known
 
 
-def _histories(
-    table: Table, at: int, known: Mapping[int, Channel | FrfColumn], unit: str | None
-) -> Histories:
-    file, count = table.file, table.values.shape[0]
-    if count < MINIMUM_SAMPLES:
-        raise file.error(
-            f"{count} rows are too short for a spectrum; give at least {MINIMUM_SAMPLES}",
-            int(table.lines[-1]),
-        )
+def _columns_as_channels(
+    table: Table, at: int, known: Mapping[int, Channel | FrfColumn]
+) -> dict[Channel, RecordedChannel]:
+    """The columns of a table with their times in the column `at`."""
+    file = table.file
+    _require_spectrum(file, table.values.shape[0], int(table.lines[-1]))
     seconds = si_factor(file, table.units[at] or "s", "time")
     step = uniform_step(file, table.values[:, at] * seconds, table.lines, table.title(at))
-    channels = {i: channel for i, channel in known.items() if isinstance(channel, Channel)}
-    _require_base_and_floors(file, tuple(channels.values()))
-    rows = [
-        _acceleration(file, _Column(table.title(i), table.values[:, i], table.units[i]), each, unit)
-        for i, each in channels.items()
-    ]
-    return Histories(step, tuple(channels.values()), np.array(rows), file.path.name)
+    return {
+        channel: table.channel(i, step)
+        for i, channel in known.items()
+        if isinstance(channel, Channel)
+    }
+
+
+def _histories(
+    file: TextFile, channels: Mapping[Channel, RecordedChannel], unit: str | None
+) -> Histories:
+    _require_base_and_floors(file, tuple(channels))
+    first = next(iter(channels.values()))
+    _require_spectrum(file, first.values.size)
+    for each in channels.values():
+        if (each.time_step, each.values.size) != (first.time_step, first.values.size):
+            raise file.error(
+                f"channel {each.name!r} has {each.values.size} values every {each.time_step:g} s,"
+                f" {first.name!r} {first.values.size} every {first.time_step:g} s; bring them to"
+                " the same times"
+            )
+    rows = [_acceleration(file, each, channel, unit) for channel, each in channels.items()]
+    return Histories(first.time_step, tuple(channels), np.array(rows), file.path.name)
+
+
+def _require_spectrum(file: TextFile, count: int, line: int | None = None) -> None:
+    if count < MINIMUM_SAMPLES:
+        raise file.error(
+            f"{count} rows are too short for a spectrum; give at least {MINIMUM_SAMPLES}", line
+        )
 
 
 def _require_base_and_floors(file: TextFile, channels: tuple[Channel, ...]) -> None:
@@ -228,30 +217,24 @@ def _require_base_and_floors(file: TextFile, channels: tuple[Channel, ...]) -> N
         raise file.error("there is no floor beside the base; add columns 2F ... RF")
 
 
-@dataclass(frozen=True, eq=False)
-class _Column:
-    """Numbers of a file, with the title that messages give them and the unit stated."""
-
-    title: str
-    values: Floats
-    unit: str | None
-
-
-def _acceleration(file: TextFile, column: _Column, channel: Channel, unit: str | None) -> Floats:
-    """Return a column in m/s2; refuse one that holds no motion, or more than any earthquake."""
-    stated = agreed_unit(file, column.unit, unit, column.title)
-    values = column.values * si_factor(file, stated, "acceleration")
+def _acceleration(
+    file: TextFile, recorded: RecordedChannel, channel: Channel, unit: str | None
+) -> Floats:
+    """Return a history in m/s2; refuse one without motion, or with more than any earthquake."""
+    title = repr(recorded.name)
+    stated = agreed_unit(file, recorded.unit, unit, title)
+    values = recorded.values * si_factor(file, stated, "acceleration")
     if np.ptp(values) == 0.0:
         raise file.error(
-            f"every value is {column.values[0]:g}: the channel was dead; "
+            f"every value is {recorded.values[0]:g}: the channel was dead; "
             + ("a response needs a base that moves" if channel.floor == BASE else "leave it out"),
-            column=column.title,
+            column=title,
         )
     peak = float(np.abs(values).max())
     if channel.floor == BASE and peak > LARGEST_PEAK:
         raise file.error(
             f"the base peaks at {peak / STANDARD_GRAVITY:.3g} g when read in {stated}, which no"
             " strong-motion record has (up to 5 g); is the unit wrong?",
-            column=column.title,
+            column=title,
         )
     return values

@@ -127,6 +127,3 @@ def _coherence(runs: Sequence[Observation], precision: Floats) -> Floats | None:
         return None
     rows, values = zip(*known, strict=True)
     return _mean(np.stack(values), precision[list(rows)])
-
-
-__all__ = ["pooled"]

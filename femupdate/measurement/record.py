@@ -10,8 +10,8 @@ import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.errors import MeasurementError
+from femupdate.measurement.channel import RecordedChannel, channel_listing, chosen_channel
 from femupdate.measurement.quantity import agreed_unit, plain_unit, si_factor
-from femupdate.measurement.recording import RecordedChannel, chosen_channel
 from femupdate.measurement.registry import read_measured
 from femupdate.measurement.text import TextFile
 from femupdate.units import STANDARD_GRAVITY
@@ -192,20 +192,6 @@ def _choose(
         f"the record has {len(channels)} channels; choose one by name or number:"
         f" {channel_listing(file, channels, unit)}"
     )
-
-
-def channel_listing(file: TextFile, channels: Sequence[RecordedChannel], unit: str | None) -> str:
-    """Return `1 = 90 Deg (peak 3.38 m/s2), 2 = ...`; `unit` is that of channels without one."""
-    entries = []
-    for number, each in enumerate(channels, start=1):
-        stated = each.unit or unit
-        peak = float(np.abs(each.values).max())
-        if stated is None:
-            shown = f"{peak:.4g} in its own unit"
-        else:
-            shown = f"{peak * si_factor(file, stated, 'acceleration'):.4g} m/s2"
-        entries.append(f"{number} = {each.name} (peak {shown})")
-    return ", ".join(entries)
 
 
 def _check_plausible(file: TextFile, motion: GroundMotion) -> None:

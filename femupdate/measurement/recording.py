@@ -1,34 +1,16 @@
 """What a measured file holds, whatever its format."""
 
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 
-from femupdate.arrays import Floats
 from femupdate.errors import MeasurementError
+from femupdate.measurement.channel import RecordedChannel
 from femupdate.measurement.quantity import si_factor
 from femupdate.measurement.sampling import uniform_step
 from femupdate.measurement.table import Table
 from femupdate.measurement.text import TextFile
 
 TIME_NAME = re.compile(r"^(t|time)([_ .].*)?$|^sec(ond)?s?$|^時[刻間]", re.IGNORECASE)
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class RecordedChannel:
-    """One history as the file gives it.
-
-    Attributes:
-        name: the file's name for it.
-        values: (n,) in `unit`.
-        time_step: s.
-        unit: that the file states, or None.
-    """
-
-    name: str
-    values: Floats
-    time_step: float
-    unit: str | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,38 +39,6 @@ class Recording:
         return self.channels if self.table is None else _columns(self.table)
 
 
-def chosen_channel(
-    file: TextFile, channels: Sequence[RecordedChannel], asked: str | int, listing: str
-) -> RecordedChannel:
-    """Return the channel of a name (whole, before its comma, or its first word) or a number from 1.
-
-    Args:
-        file: where they come from.
-        channels: of the file.
-        asked: name or number.
-        listing: what there is, for the message.
-
-    Raises:
-        MeasurementError: no channel, or more than one, is called so.
-    """
-    wanted = _folded(str(asked))
-    names = [_folded(each.name) for each in channels]
-    found = [i for i, name in enumerate(names) if name == wanted]
-    if not found and wanted.isdecimal() and 1 <= int(wanted) <= len(channels):
-        found = [int(wanted) - 1]
-    if not found:
-        found = [i for i, name in enumerate(names) if name.split(",")[0] == wanted]
-        found = found or [i for i, name in enumerate(names) if name.split()[:1] == [wanted]]
-    if len(found) == 1:
-        return channels[found[0]]
-    problem = f"{len(found)} channels are called" if found else "there is no channel"
-    raise file.error(f"{problem} {str(asked)!r}; choose by number: {listing}")
-
-
-def _folded(name: str) -> str:
-    return " ".join(name.casefold().split())
-
-
 def _columns(table: Table) -> tuple[RecordedChannel, ...]:
     count, width = table.values.shape
     if count < 3:
@@ -98,17 +48,7 @@ def _columns(table: Table) -> tuple[RecordedChannel, ...]:
     at = _time_column(table)
     seconds = si_factor(table.file, table.units[at] or "s", "time")
     step = uniform_step(table.file, table.values[:, at] * seconds, table.lines, table.title(at))
-    names = table.names or tuple(str(column) for column in range(width))
-    return tuple(
-        RecordedChannel(
-            name=names[column],
-            values=table.values[:, column],
-            time_step=step,
-            unit=table.units[column],
-        )
-        for column in range(width)
-        if column != at
-    )
+    return tuple(table.channel(column, step) for column in range(width) if column != at)
 
 
 def _time_column(table: Table) -> int:

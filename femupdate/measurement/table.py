@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from femupdate.arrays import Floats, Integers
+from femupdate.measurement.channel import RecordedChannel
 from femupdate.measurement.quantity import split_unit
 from femupdate.measurement.text import TextFile
 
@@ -33,6 +34,15 @@ class Table:
     def title(self, column: int) -> str:
         """Return what messages call a column."""
         return column_title(self.names, column)
+
+    def channel(self, column: int, time_step: float) -> RecordedChannel:
+        """Return a column as a history."""
+        return RecordedChannel(
+            name=self.names[column] if self.names else str(column),
+            values=self.values[:, column],
+            time_step=time_step,
+            unit=self.units[column],
+        )
 
 
 def column_title(names: tuple[str, ...] | None, column: int) -> str:

@@ -88,16 +88,14 @@ def choose_segments(
     if asked_s is not None:
         return _asked_segments(samples, time_step, asked_s, source)
     length = round(wanted_s / time_step)
-    if length > samples or _cut(samples, length).effective < MINIMUM_AVERAGES:
+    if length > samples or _cut(samples, time_step, length, wanted_s).effective < MINIMUM_AVERAGES:
         # K half-overlapping segments fill (K + 1) / 2 lengths.
-        count = int(np.ceil(MINIMUM_AVERAGES)) + 1
-        length = 2 * samples // (count + 1)
+        length = 2 * samples // (int(np.ceil(MINIMUM_AVERAGES)) + 2)
     if length < MINIMUM_SEGMENT:
         raise MeasurementError(
             f"{source}: {samples} samples are too short for a spectrum; give a longer record"
         )
-    cut = _cut(samples, length)
-    return Segments(length, cut.count, cut.effective, length * time_step, wanted_s)
+    return _cut(samples, time_step, length, wanted_s)
 
 
 def welch_spectra(base: Floats, floors: Floats, time_step: float, length: int) -> Spectra:
@@ -119,29 +117,25 @@ def welch_spectra(base: Floats, floors: Floats, time_step: float, length: int) -
     return Spectra(frequency_hz, base_density, floor_density, cross_density)
 
 
-@dataclass(frozen=True)
-class _Cut:
-    count: int
-    effective: float
-
-
-def _cut(samples: int, length: int) -> _Cut:
+def _cut(samples: int, time_step: float, length: int, wanted_s: float) -> Segments:
     overlap = length // 2
     count = (samples - overlap) // (length - overlap)
-    return _Cut(count, effective_averages(length, count) if count else 0.0)
+    effective = effective_averages(length, count) if count else 0.0
+    return Segments(length, count, effective, length * time_step, wanted_s)
 
 
 def _asked_segments(samples: int, time_step: float, asked_s: float, source: str) -> Segments:
     length = round(asked_s / time_step) if np.isfinite(asked_s) else 0
-    cut = _cut(samples, length) if MINIMUM_SEGMENT <= length <= samples else _Cut(0, 0.0)
-    if cut.effective < FEWEST_AVERAGES:
-        # Three half-overlapping segments fill two lengths.
-        raise MeasurementError(
-            f"{source}: segments of {asked_s:g} s are no use for a record of"
-            f" {samples * time_step:.4g} s; take {MINIMUM_SEGMENT * time_step:.3g} to"
-            f" {samples // 2 * time_step:.4g} s"
-        )
-    return Segments(length, cut.count, cut.effective, length * time_step, asked_s)
+    if MINIMUM_SEGMENT <= length <= samples:
+        cut = _cut(samples, time_step, length, asked_s)
+        if cut.effective >= FEWEST_AVERAGES:
+            return cut
+    # Three half-overlapping segments fill two lengths.
+    raise MeasurementError(
+        f"{source}: segments of {asked_s:g} s are no use for a record of"
+        f" {samples * time_step:.4g} s; take {MINIMUM_SEGMENT * time_step:.3g} to"
+        f" {samples // 2 * time_step:.4g} s"
+    )
 
 
 def _hann(length: int) -> Floats:

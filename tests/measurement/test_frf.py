@@ -10,12 +10,11 @@ from femupdate.errors import MeasurementError
 from femupdate.measurement.columns import Channel, parse_channel
 from femupdate.measurement.frf import (
     NOISE_FLOOR,
-    Observation,
     estimate_frf,
     observation_for,
     observation_from_table,
-    select_floors,
 )
+from femupdate.measurement.observation import Observation, select_floors
 from femupdate.measurement.observation_file import FrfTable, Histories, read_observation_file
 from femupdate.measurement.welch import effective_averages
 

@@ -11,9 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from femupdate.arrays import Floats
+from femupdate.measurement.channel import RecordedChannel
 from femupdate.measurement.header import check_count, finite, positive
 from femupdate.measurement.reader import Reader
-from femupdate.measurement.recording import RecordedChannel, Recording
+from femupdate.measurement.recording import Recording
 from femupdate.measurement.text import TextFile, read_text
 
 # "31932 Accelerogram points at 100 pts/sec in units of g.  Format: (8f9.6)"

@@ -2,9 +2,10 @@
 
 from pathlib import Path
 
+from femupdate.measurement.channel import RecordedChannel
 from femupdate.measurement.header import header_value, positive
 from femupdate.measurement.reader import Reader
-from femupdate.measurement.recording import RecordedChannel, Recording
+from femupdate.measurement.recording import Recording
 from femupdate.measurement.table import Row, cells_of, drop_trailing_blanks, is_number, parse_rows
 from femupdate.measurement.text import TextFile, read_text
 

@@ -3,9 +3,10 @@
 import re
 from pathlib import Path
 
+from femupdate.measurement.channel import RecordedChannel
 from femupdate.measurement.header import header_value, positive, wrapped_numbers
 from femupdate.measurement.reader import Reader
-from femupdate.measurement.recording import RecordedChannel, Recording
+from femupdate.measurement.recording import Recording
 from femupdate.measurement.text import read_text
 
 _SCALE = r"^Scale Factor\s+([\d.Ee+-]+)\s*\(gal\)\s*/\s*([\d.Ee+-]+)"

@@ -1,0 +1,73 @@
+"""One recorded history, and how a user names one among several."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from femupdate.arrays import Floats
+from femupdate.measurement.quantity import si_factor
+from femupdate.measurement.text import TextFile
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RecordedChannel:
+    """One history as the file gives it.
+
+    Attributes:
+        name: the file's name for it.
+        values: (n,) in `unit`.
+        time_step: s.
+        unit: that the file states, or None.
+    """
+
+    name: str
+    values: Floats
+    time_step: float
+    unit: str | None
+
+
+def chosen_channel(
+    file: TextFile, channels: Sequence[RecordedChannel], asked: str | int, listing: str
+) -> RecordedChannel:
+    """Return the channel of a name (whole, before its comma, or its first word) or a number from 1.
+
+    Args:
+        file: where they come from.
+        channels: of the file.
+        asked: name or number.
+        listing: what there is, for the message.
+
+    Raises:
+        MeasurementError: no channel, or more than one, is called so.
+    """
+    wanted = _folded(str(asked))
+    names = [_folded(each.name) for each in channels]
+    found = [i for i, name in enumerate(names) if name == wanted]
+    if not found and wanted.isdecimal() and 1 <= int(wanted) <= len(channels):
+        found = [int(wanted) - 1]
+    if not found:
+        found = [i for i, name in enumerate(names) if name.split(",")[0] == wanted]
+        found = found or [i for i, name in enumerate(names) if name.split()[:1] == [wanted]]
+    if len(found) == 1:
+        return channels[found[0]]
+    problem = f"{len(found)} channels are called" if found else "there is no channel"
+    raise file.error(f"{problem} {str(asked)!r}; choose by number: {listing}")
+
+
+def _folded(name: str) -> str:
+    return " ".join(name.casefold().split())
+
+
+def channel_listing(file: TextFile, channels: Sequence[RecordedChannel], unit: str | None) -> str:
+    """Return `1 = 90 Deg (peak 3.38 m/s2), 2 = ...`; `unit` is that of channels without one."""
+    entries = []
+    for number, each in enumerate(channels, start=1):
+        stated = each.unit or unit
+        peak = float(np.abs(each.values).max())
+        if stated is None:
+            shown = f"{peak:.4g} in its own unit"
+        else:
+            shown = f"{peak * si_factor(file, stated, 'acceleration'):.4g} m/s2"
+        entries.append(f"{number} = {each.name} (peak {shown})")
+    return ", ".join(entries)
