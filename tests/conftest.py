@@ -14,6 +14,29 @@ import pytest
 if "PYTEST_XDIST_WORKER" in os.environ:
     os.environ.setdefault("OMP_NUM_THREADS", "1")
 
+
+class Recorded:
+    """Progress that remembers what it was told."""
+
+    def __init__(self):
+        self.started, self.counts, self.notes, self.said = [], [], [], []
+
+    def start(self, label, total):
+        self.started.append((label, total))
+
+    def advance(self, count=1, note=""):
+        self.counts.append(count)
+        self.notes.append(note)
+
+    def say(self, text):
+        self.said.append(text)
+
+
+@pytest.fixture(scope="session")
+def recorder():
+    return Recorded
+
+
 # No two stories are alike, so that no story can stand for another unnoticed.
 TOWER = """\
 name = "tower"

@@ -5,8 +5,8 @@ import json
 import numpy as np
 import torch
 
+from femupdate.progress import Silent
 from femupdate.seeds import spawn, torch_generator
-from femupdate.workflow.progress import Silent
 from femupdate.workflow.sampling import BRIDGE, FIRST, ChainRunner
 
 

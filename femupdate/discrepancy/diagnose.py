@@ -1,6 +1,5 @@
 """What is missing: every effect tested, the leading ones fitted, their evidence weighed."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +13,7 @@ from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.score import Score, candidates, score
 from femupdate.discrepancy.where import Cell, p_value, residual_cells
 from femupdate.effects.effect import Placed
+from femupdate.progress import SILENT, Progress
 
 NONE, NAMED, AMBIGUOUS = "none", "named", "ambiguous"
 _FEWEST = 3.0  # independent points an unknown, below which nothing can be told
@@ -165,7 +165,7 @@ def diagnose(
     problem: Problem,
     settings: DiagnosisSettings | None = None,
     base: Fit | None = None,
-    progress: Callable[[str], None] | None = None,
+    progress: Progress = SILENT,
     far: Fit | None = None,
     among: frozenset[str] | None = None,
 ) -> Diagnosis:
@@ -175,22 +175,21 @@ def diagnose(
         problem: structure and data.
         settings: thresholds.
         base: the model so far, fitted; by default that without effects.
-        progress: told what is being done.
+        progress: advances by one a step, with a note of what is being done.
         far: with one effect more, at a theta from where all are fitted as well.
         among: labels of the only candidates that are fitted; None for the leading ones.
     """
     chosen = settings or DiagnosisSettings()
-    tell = progress or (lambda text: None)
     if base is None:
-        tell("fitting the model as it is")
+        progress.advance(note="fitting the model as it is")
         base = fit_baseline(problem, seed=chosen.seed)[0]
-    tell("testing every effect")
+    progress.advance(note="testing every effect")
     scores = sorted(
         (score(problem, base, placed) for placed in candidates(problem, base.placed)),
         key=lambda one: -abs(one.statistic),
     )
     hidden = hidden_effects(problem, base, scores, chosen.least_strength)
-    tell("fitting the leading effects")
+    progress.advance(note="fitting the leading effects")
     leading = _leading(scores, chosen.fitted)
     if far is not None:
         leading = _with(leading, scores, far.placed[-1])
@@ -198,12 +197,12 @@ def diagnose(
         leading = [one for one in scores if one.placed.label in among]
     fits = _fit_candidates(problem, base, leading, far)
     if among is None and _worth_all(problem, base, fits, chosen):
-        tell("fitting every effect")
+        progress.advance(note="fitting every effect")
         fits += _others(problem, base, scores, fits, far)
     freedom = max(problem.effective - base.coordinates.size, 1.0)
     best = _best(problem, [base, *fits])
     if _too_much_left(problem, base, best, chosen):
-        tell("trying exchanged channels")
+        progress.advance(note="trying exchanged channels")
         again = _exchanges(problem, base, scores, best.chi2, chosen.seed)
         redone = {one.placed[-1] for one in again}
         fits = [*(one for one in fits if one.placed[-1] not in redone), *again]
@@ -211,7 +210,7 @@ def diagnose(
     findings = _weigh(problem, base, fits, scores, max(1.0, best.chi2 / freedom), chosen)
     partner = ""
     if findings and _too_much_left(problem, base, best, chosen):
-        tell("trying pairs of effects")
+        progress.advance(note="trying pairs of effects")
         findings, partner, best = _with_partner(problem, findings, best, chosen)
     inflation = max(1.0, best.chi2 / freedom)
     verdict, twins = _verdict(problem, base, findings, best, chosen)

@@ -26,6 +26,7 @@ from femupdate.effects.structure import TRANSLATION, Structure
 from femupdate.errors import ModelError
 from femupdate.fe.driven import driven_shapes
 from femupdate.fe.factorization import factorize
+from femupdate.progress import SILENT, Progress
 
 FINER = 2.0 / 3.0  # mesh size of the finer mesh, of the model's own
 # The mean error is between what the finer mesh shows and Richardson's limit, which for errors of
@@ -116,7 +117,7 @@ def learn_mesh_error(
     near: Callable[[Floats], ReducedStructure],
     thetas: Floats,
     frequency_hz: Floats,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress = SILENT,
 ) -> MeshError:
     """Compare a model with that of a finer mesh.
 
@@ -125,19 +126,19 @@ def learn_mesh_error(
         near: the model on a basis for the neighbourhood of a theta.
         thetas: (n, p) at which they are compared.
         frequency_hz: (k,) at which responses are compared, and up to which modes are.
-        progress: told (done, total).
+        progress: a bar of the thetas.
 
     Raises:
         ModelError: no mode is the same on both meshes.
     """
     placed, top_hz = _members(fine), float(frequency_hz[-1])
     lessons, pairs = [], []
-    for number, theta in enumerate(thetas):
+    progress.start("Comparing with a finer mesh", len(thetas))
+    for theta in thetas:
         coarse, theirs = near(theta), _on_driven_shapes(fine, theta, top_hz)
         lessons.append(_lesson(coarse, modes_shown(theirs, theta, top_hz), placed, theta, top_hz))
         pairs.append((replace(coarse, basis=coarse.basis[:0]), theirs))  # its terms are known now
-        if progress is not None:
-            progress(number + 1, len(thetas))
+        progress.advance()
     if not any(len(one.sought) for one in lessons):
         raise ModelError(
             f"{fine.building.name}: no mode below {top_hz:g} Hz can be followed from the mesh to a "

@@ -7,6 +7,7 @@ from femupdate.discrepancy.diagnose import NAMED, Diagnosis, DiagnosisSettings, 
 from femupdate.discrepancy.fit import Fit
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.where import p_value
+from femupdate.progress import SILENT, Progress
 
 MOST_ROUNDS = 3
 _GOOD = 0.05  # p-value at which nothing is left to explain
@@ -59,7 +60,7 @@ def repair(
     problem: Problem,
     base: Fit,
     settings: DiagnosisSettings | None = None,
-    progress: Callable[[str], None] | None = None,
+    progress: Progress = SILENT,
     renewed: Callable[[Problem, Fit], tuple[Problem, Fit]] | None = None,
     found: Diagnosis | None = None,
 ) -> Repair:
@@ -72,7 +73,7 @@ def repair(
         problem: structure and data.
         base: the model as it is, fitted.
         settings: of the diagnosis.
-        progress: told what is being done.
+        progress: see `diagnose`.
         renewed: makes the problem and the fit anew where an exchange of channels was added, which
             moves theta far; by default they stay.
         found: of the model as it is, where it was diagnosed already.

@@ -6,7 +6,6 @@ of stiffness factors and sizes together, as those of `femupdate.dynamics.reducti
 of stiffness factors, and are judged at others by the response with the effects.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -28,6 +27,7 @@ from femupdate.errors import ModelError
 from femupdate.fe.driven import driven_shapes
 from femupdate.fe.factorization import factorize
 from femupdate.processors import everywhere
+from femupdate.progress import SILENT, Progress
 
 _SIZES = (40, 60, 80, 100, 120, 140, 160, 180, 200, 230, 260, 300)
 _CHOOSE = 4  # unseen samples by which the number of shapes is chosen
@@ -70,7 +70,7 @@ def reduce_over_box(
     structure: Structure,
     placed: tuple[Placed, ...],
     target: ReductionTarget,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress = SILENT,
 ) -> BoxReduction:
     """Reduce a structure on which some effects act.
 
@@ -78,7 +78,7 @@ def reduce_over_box(
         structure: the full model.
         placed: the effects; none that makes modes complex.
         target: what must be met; its box holds stiffness factors, then sizes.
-        progress: told (done, total).
+        progress: a bar of full solutions.
 
     Raises:
         ModelError: no basis of up to 300 shapes meets the tolerance.
@@ -88,16 +88,13 @@ def reduce_over_box(
     rng = np.random.default_rng(target.seed + 1)
     first = _samples(target, len(structure.stiffness_terms))
     asked = _Question(structure, tuple(p.effect.terms(structure, p.place) for p in placed), placed)
-    done, total = 0, len(first) + _CHOOSE + _CERTIFY
+    progress.start("Reducing the model with its effects", len(first) + _CHOOSE + _CERTIFY)
 
     def solved(samples: Floats) -> list[_Sample]:
-        nonlocal done
         found = []
         for one in everywhere(partial(_solve, asked, target), list(samples), len(structure.axis)):
             found.append(one)
-            done += 1
-            if progress is not None:
-                progress(done, total)
+            progress.advance()
         return found
 
     shapes = [one.shapes for one in solved(first)]
@@ -105,7 +102,6 @@ def reduce_over_box(
     for last in (*[False] * (_ROUNDS - 1), True):
         basis = _compress(structure, np.concatenate(shapes, axis=1))
         unseen = _unseen(target, rng)
-        total = done + len(unseen)
         full = solved(unseen)
         chosen = _smallest(asked, basis, least, unseen[:_CHOOSE], full[:_CHOOSE], target)
         reduced = structure_on(structure, basis[:, :chosen])
@@ -116,6 +112,8 @@ def reduce_over_box(
         if last:
             break
         least = chosen + 1
+        more = _CHOOSE + _CERTIFY
+        progress.start("Reducing the model with its effects, on more samples", more)
         shapes += [full[_CHOOSE + k].shapes for k in np.argsort(each)[-_JOIN:]]
     names = ", ".join(one.label for one in placed)
     raise ModelError(

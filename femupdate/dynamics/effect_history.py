@@ -5,7 +5,7 @@ hand: the response is the inverse Fourier transform of the FRFs times the record
 silence behind the record until the motion has died down. For a linear structure that is exact.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +15,7 @@ from femupdate.arrays import Complexes, Floats
 from femupdate.dynamics.effect_response import EffectSystem
 from femupdate.dynamics.history import Histories
 from femupdate.effects.structure import ROTATION, Structure
+from femupdate.progress import SILENT, Progress
 
 _REST = 1e-4  # share to which motion has decayed behind the record
 _SHORTEST_S, _LONGEST_S = 5.0, 300.0
@@ -28,7 +29,7 @@ def effect_histories(
     sizes: Floats,
     record: Floats,
     time_step: float,
-    progress: Callable[[int], None] | None = None,
+    progress: Progress = SILENT,
     *,
     instruments: bool = False,
 ) -> Iterator[Histories]:
@@ -39,7 +40,7 @@ def effect_histories(
         theta: (S, p) stiffness factors; zeta: (S,); sizes: (S, q) of the effects.
         record: (n,) base acceleration, m/s2.
         time_step: s.
-        progress: told after every sample.
+        progress: advances by one a sample.
         instruments: whether floors are as the sensors give them, or as they move.
     """
     for one in range(len(theta)):
@@ -52,8 +53,7 @@ def effect_histories(
             time_step,
             instruments,
         )
-        if progress is not None:
-            progress(1)
+        progress.advance()
 
 
 def _history(

@@ -6,7 +6,7 @@ do, when the responses they are taken from are those of the finder's own questio
 itself, its neighbours, and each effect alone.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,6 +24,7 @@ from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import TRANSLATION, Structure
 from femupdate.fe.assembly import AffineOperators, with_terms
 from femupdate.fe.solve import modes_below
+from femupdate.progress import SILENT, Progress
 
 SPREAD = 0.2  # of ln theta to both sides
 _SIZE = 220
@@ -63,7 +64,7 @@ def local_structure(
     structure: Structure,
     theta: Floats,
     target: ReductionTarget,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress = SILENT,
     *,
     spread: float = SPREAD,
     size: int = _SIZE,
@@ -79,7 +80,7 @@ def local_structure(
         structure: the full model.
         theta: (p,) story factors.
         target: grid and damping.
-        progress: told (done, total).
+        progress: a bar of full solutions.
         spread: half width of the neighbourhood in ln theta.
         size: number of shapes.
         present: effects that the model has, and the first parameter of each, where no others need
@@ -92,6 +93,7 @@ def local_structure(
     draws = _draws(theta, len(asked), spread)
     middle = asked[0].changed(structure.operators, sensors, theta)[0]
     known = modes_below(middle, np.zeros(0), TOP * float(target.frequency_hz[-1]))
+    progress.start("Reducing the model for effects", len(draws))
     task = _NearbyShapes(asked, known.shapes)
     basis = response_basis(
         structure.operators, sensors, draws, target, progress, task=task, size=size

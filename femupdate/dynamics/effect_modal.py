@@ -17,6 +17,7 @@ from femupdate.dynamics.effect_response import EffectSystem, observed
 from femupdate.dynamics.frf import fast_batch, frf_parts
 from femupdate.dynamics.modal import ModalData, keep_modes
 from femupdate.effects.effect import Effect, Parameter, Placed
+from femupdate.progress import SILENT, Progress
 
 # |H|^2 below this is rounding; its logarithm would be all that is seen.
 _LEAST_SQUARE = 1e-24
@@ -88,7 +89,7 @@ def effect_modal_data(
     modes: int | None = None,
     top_frequency_hz: float | None = None,
     batch: int = 64,
-    progress: Callable[[int], None] | None = None,
+    progress: Progress = SILENT,
 ) -> ModalData:
     """Solve the modes of every parameter vector and keep those that the floors feel.
 
@@ -100,7 +101,7 @@ def effect_modal_data(
         modes: how many to keep a sample; default all.
         top_frequency_hz: top of the frequency grid; needed when `modes` leaves some out.
         batch: samples solved at a time.
-        progress: called with the number of samples done since the last call.
+        progress: advances by one a sample.
 
     Returns:
         float64 data.
@@ -114,8 +115,7 @@ def effect_modal_data(
         # Shapes are of unit modal stiffness there, of unit modal mass here.
         effect = found.rows * (found.participation * omega.square())[:, None, :]
         parts.append(keep_modes(omega, effect, modes, top_frequency_hz))
-        if progress is not None:
-            progress(len(rows))
+        progress.advance(len(rows))
     return ModalData(
         torch.cat([p.omega for p in parts]),
         torch.cat([p.effect for p in parts]),

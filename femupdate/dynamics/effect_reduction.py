@@ -1,7 +1,5 @@
 """A reduced structure on which effects can act: a basis that knows more than the story factors."""
 
-from collections.abc import Callable
-
 import numpy as np
 
 from femupdate.arrays import Floats
@@ -17,6 +15,7 @@ from femupdate.dynamics.reduction import (
 )
 from femupdate.effects.structure import Structure
 from femupdate.fe.assembly import with_terms
+from femupdate.progress import SILENT, Progress
 
 _SIZE = 220
 
@@ -24,7 +23,7 @@ _SIZE = 220
 def reduce_structure(
     structure: Structure,
     target: ReductionTarget,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress = SILENT,
 ) -> ReducedStructure:
     """Reduce a structure for use with effects.
 
@@ -34,7 +33,7 @@ def reduce_structure(
     Args:
         structure: the full model.
         target: box, grid and damping.
-        progress: told (done, total).
+        progress: a bar of full solutions.
     """
     if structure.operators is None or structure.mesh is None:
         return structure_on(structure, np.diag(structure.points.mass**-0.5))
@@ -42,6 +41,7 @@ def reduce_structure(
     operators = with_terms(structure.operators, varied.terms)
     sensors = floor_sensors(operators, structure.mesh.floor_nodes, structure.direction)
     draws = varied.draw(target.lower, target.upper, target.samples, target.seed)
+    progress.start("Reducing the model for effects", len(draws))
     task = VariedShapes(varied.mass)
     basis = response_basis(operators, sensors, draws, target, progress, task=task, size=_SIZE)
     return structure_on(structure, basis)

@@ -1,6 +1,6 @@
 """Floor accelerations, story shears and story drifts of many parameter samples under one record."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -21,9 +21,9 @@ from femupdate.dynamics.story import (
     story_shear_outputs,
 )
 from femupdate.errors import MeasurementError, ModelError
+from femupdate.progress import SILENT, Progress
 
 Numbers = ArrayLike | Tensor
-Progress = Callable[[int], None]
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ def floor_histories(
     time_step: float,
     *,
     settings: HistorySettings | None = None,
-    progress: Progress | None = None,
+    progress: Progress = SILENT,
 ) -> Histories:
     """Return the response of every sample, from rest, to one record of base acceleration.
 
@@ -100,7 +100,7 @@ def floor_histories(
         acceleration: (n,) base acceleration, m/s2.
         time_step: s.
         settings: damping law, accuracy, batch and device.
-        progress: called with the number of samples done since the last call.
+        progress: advances by one a sample.
 
     Raises:
         MeasurementError: the record is too short, not finite or has no positive time step.
@@ -131,7 +131,7 @@ def history_batches(
     time_step: float,
     *,
     settings: HistorySettings | None = None,
-    progress: Progress | None = None,
+    progress: Progress = SILENT,
 ) -> Iterator[Histories]:
     """Check the input, then yield the histories of `settings.batch` samples at a time.
 
@@ -164,14 +164,11 @@ class _Task:
     settings: HistorySettings
 
 
-def _walk(
-    task: _Task, theta: Tensor, zeta: Tensor, progress: Progress | None
-) -> Iterator[Histories]:
+def _walk(task: _Task, theta: Tensor, zeta: Tensor, progress: Progress) -> Iterator[Histories]:
     for start in range(0, len(theta), task.settings.batch):
         rows = slice(start, start + task.settings.batch)
         yield _named(task, _respond(task, theta[rows], zeta[rows], start))
-        if progress is not None:
-            progress(len(theta[rows]))
+        progress.advance(len(theta[rows]))
 
 
 def _respond(task: _Task, theta: Tensor, zeta: Tensor, first: int) -> Floats:

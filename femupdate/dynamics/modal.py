@@ -1,6 +1,5 @@
 """Modes of the reduced model for many theta at once, and the few numbers that a FRF needs."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,6 +7,7 @@ import torch
 from torch import Tensor
 
 from femupdate.dynamics.reduced import ReducedModel
+from femupdate.progress import SILENT, Progress
 
 # How far above the grid's top a mode must lie to be replaced by its power series.
 _ABOVE = 1.05
@@ -92,7 +92,7 @@ def modal_data(
     top_frequency_hz: float | None = None,
     batch: int = 256,
     device: torch.device | str = "cpu",
-    progress: Callable[[int], None] | None = None,
+    progress: Progress = SILENT,
 ) -> ModalData:
     """Solve the modes of every theta and keep those that the observed floors feel.
 
@@ -103,7 +103,7 @@ def modal_data(
         top_frequency_hz: top of the frequency grid; needed when `modes` leaves some out.
         batch: samples solved at a time.
         device: where to solve.
-        progress: called with the number of samples done since the last call.
+        progress: advances by one a sample.
 
     Returns:
         float64 data on the CPU.
@@ -116,8 +116,7 @@ def modal_data(
         shapes = torch.einsum("fr,nrj->nfj", tensors.floor_shapes, vectors)
         effect = shapes * participation[:, None, :]
         parts.append(keep_modes(omega, effect, modes, top_frequency_hz).to("cpu"))
-        if progress is not None:
-            progress(len(rows))
+        progress.advance(len(rows))
     return ModalData(
         torch.cat([p.omega for p in parts]),
         torch.cat([p.effect for p in parts]),

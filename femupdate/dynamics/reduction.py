@@ -31,6 +31,7 @@ from femupdate.errors import ModelError
 from femupdate.fe.assembly import AffineOperators
 from femupdate.fe.model import DOF_PER_NODE
 from femupdate.processors import everywhere
+from femupdate.progress import SILENT, Progress
 
 TOP = 1.3  # times the top of the grid: modes that shapes are taken from
 _SIZES = (40, 60, 80, 100, 120, 140, 160, 180, 200, 230, 260, 300)
@@ -103,7 +104,7 @@ def reduce_operators(
     story_levels: Floats,
     direction: int,
     target: ReductionTarget,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress = SILENT,
 ) -> Reduction:
     """Reduce a frame's operators; see the module's text for how.
 
@@ -113,7 +114,7 @@ def reduce_operators(
         story_levels: (s + 1,) heights of the base and of every floor, m.
         direction: 0 for motion along x, 1 along y.
         target: what must be met.
-        progress: called with (done, total) full eigenproblems.
+        progress: advances by one a full eigenproblem.
 
     Raises:
         ModelError: no basis of up to 300 shapes meets the tolerance.
@@ -121,24 +122,17 @@ def reduce_operators(
     sensors = floor_sensors(operators, floor_nodes, direction)
     rng = np.random.default_rng(target.seed + 1)
     thetas = _samples(target)
-    done, total = 0, len(thetas) + _CHOOSE + _CERTIFY
-
-    def tick() -> None:
-        nonlocal done
-        done += 1
-        if progress is not None:
-            progress(done, total)
+    progress.start("Reducing the model", len(thetas) + _CHOOSE + _CERTIFY)
 
     def fit(size: int) -> ReducedModel:
         return project(operators, basis[:, :size], floor_nodes, story_levels, sensors)
 
-    shapes = list(_everywhere(response_shapes, operators, sensors, thetas, target, tick))
+    shapes = list(_everywhere(response_shapes, operators, sensors, thetas, target, progress))
     least = 0
     for last in (*[False] * (_ROUNDS - 1), True):
         basis = _compress(operators, np.concatenate(shapes, axis=1), _SIZES[-1])
         unseen = _unseen(target, rng, _CHOOSE + _CERTIFY)
-        total = done + len(unseen)
-        full = list(_everywhere(_reference, operators, sensors, unseen, target, tick))
+        full = list(_everywhere(_reference, operators, sensors, unseen, target, progress))
         model = _smallest(fit, basis.shape[1], least, unseen[:_CHOOSE], full[:_CHOOSE], target)
         errors = _log_errors(model, unseen[_CHOOSE:], full[_CHOOSE:], target)
         each = np.sqrt((errors**2).mean(axis=(1, 2)))
@@ -150,8 +144,8 @@ def reduce_operators(
             break
         least = model.size + 1
         worst = unseen[_CHOOSE:][np.argsort(each)[-_JOIN:]]
-        total = done + len(worst) + _CHOOSE + _CERTIFY
-        shapes += _everywhere(response_shapes, operators, sensors, worst, target, tick)
+        progress.start("Reducing the model, on more samples", len(worst) + _CHOOSE + _CERTIFY)
+        shapes += _everywhere(response_shapes, operators, sensors, worst, target, progress)
     raise ModelError(
         f"a reduced model of {model.size} shapes still differs from the full one by {rms:.2g} rms "
         f"in ln|H|, more than the tolerance {target.tolerance:g}; raise reduction.tolerance or "
@@ -184,7 +178,7 @@ def response_basis(
     sensors: FloorSensors,
     thetas: Floats,
     target: ReductionTarget,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress = SILENT,
     *,
     task: "Snapshots | None" = None,
     size: int = _SIZES[-1],
@@ -196,19 +190,12 @@ def response_basis(
         sensors: what drives it and where it is seen.
         thetas: stiffness factors, one a term of the operators, or what `task` takes.
         target: grid and damping.
-        progress: called with (done, total) full eigenproblems.
+        progress: advances by one a full eigenproblem.
         task: makes the shapes at one theta; `response_shapes` where None.
         size: largest r.
     """
-    done = 0
-
-    def tick() -> None:
-        nonlocal done
-        done += 1
-        if progress is not None:
-            progress(done, len(thetas))
-
-    shapes = list(_everywhere(task or response_shapes, operators, sensors, thetas, target, tick))
+    solved = _everywhere(task or response_shapes, operators, sensors, thetas, target, progress)
+    shapes = list(solved)
     return _compress(operators, np.concatenate(shapes, axis=1), size)
 
 
@@ -243,12 +230,12 @@ def _everywhere(
     sensors: FloorSensors,
     thetas: Floats,
     target: ReductionTarget,
-    tick: Callable[[], None],
+    progress: Progress,
 ) -> Iterator[T]:
     """Do one thing at every theta, on all processors, in order."""
     job = partial(_at_theta, task, operators, sensors, target)
     for result in everywhere(job, list(thetas), operators.mass.shape[0]):
-        tick()
+        progress.advance()
         yield result
 
 

@@ -5,7 +5,6 @@ likelihoods. Where too few of its draws count, the particles are first brought o
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from torch import Tensor
@@ -14,6 +13,7 @@ from femupdate.errors import InferenceError
 from femupdate.inference.importance import ImportanceSettings, WeightedDraws, importance_draws
 from femupdate.inference.prior import UniformPrior
 from femupdate.inference.smc import LogLikelihood, SmcResult, SmcSettings, TemperedSmc
+from femupdate.progress import SILENT, Progress
 from femupdate.seeds import Seed, spawn
 
 # Effective share of the importance draws below which they are not trusted.
@@ -65,7 +65,7 @@ def bridge(
     draws: int | None = None,
     settings: SmcSettings | None = None,
     importance: ImportanceSettings | None = None,
-    progress: Callable[[int], None] | None = None,
+    progress: Progress = SILENT,
 ) -> BridgeResult:
     """Return as many draws from the target as `start` has particles.
 
@@ -77,7 +77,7 @@ def bridge(
         draws: importance draws that the result is resampled from; default four a particle.
         settings: of the tempering, where it is needed.
         importance: how the proposal is fitted.
-        progress: called with the number of target likelihoods evaluated since the last call.
+        progress: advances by one an evaluation of the target's likelihood.
 
     Raises:
         InferenceError: see `TemperedSmc`.
@@ -102,15 +102,14 @@ def bridge(
 class _Counted:
     """A likelihood that counts its evaluations."""
 
-    def __init__(self, target: LogLikelihood, progress: Callable[[int], None] | None) -> None:
+    def __init__(self, target: LogLikelihood, progress: Progress) -> None:
         self._target, self._progress = target, progress
         self.count = 0
 
     def __call__(self, theta: Tensor) -> Tensor:
         values = self._target(theta)
         self.count += len(theta)
-        if self._progress is not None:
-            self._progress(len(theta))
+        self._progress.advance(len(theta))
         return values
 
 

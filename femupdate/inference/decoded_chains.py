@@ -18,6 +18,7 @@ from femupdate.inference.delayed_acceptance import CorrectedDraws, corrected_dra
 from femupdate.inference.population import AnnealedSettings, Population
 from femupdate.inference.prior import UniformPrior
 from femupdate.inference.smc import LogLikelihood
+from femupdate.progress import SILENT, Percent, Progress
 from femupdate.seeds import Seed, spawn
 
 Respond = Callable[[Tensor], Tensor]
@@ -76,7 +77,7 @@ def decoded_posterior(
     draws: int,
     seed: Seed,
     settings: DecodedSettings | None = None,
-    progress: Callable[[int], None] | None = None,
+    progress: Progress = SILENT,
 ) -> DecodedPosterior:
     """Draw the latent posterior, at least so many states in all.
 
@@ -87,7 +88,7 @@ def decoded_posterior(
         draws: states to keep.
         seed: of everything random.
         settings: see `DecodedSettings`.
-        progress: called with the per cent of a stage done since the last call.
+        progress: advances by 100 a stage.
 
     Raises:
         InferenceError: no particle has a finite likelihood.
@@ -119,7 +120,7 @@ class _Run:
         prior: UniformPrior,
         settings: AnnealedSettings,
         seed: Seed,
-        progress: Callable[[int], None] | None,
+        progress: Progress,
     ) -> None:
         self._prior, self._settings, self._seed, self._progress = prior, settings, seed, progress
         self._stages = 0
@@ -171,8 +172,8 @@ class StageProgress:
     # Powers grow by about two thirds at a time, from some ten-thousandth.
     _DECADES = 4.0
 
-    def __init__(self, progress: Callable[[int], None] | None) -> None:
-        self._progress, self._done = progress, 0
+    def __init__(self, progress: Progress) -> None:
+        self._percent = Percent(progress)
 
     def power(self, beta: float) -> None:
         """The likelihood is raised to beta."""
@@ -180,10 +181,7 @@ class StageProgress:
 
     def share(self, done: float) -> None:
         """So much of it is done."""
-        percent = round(100.0 * done)
-        if self._progress is not None and percent > self._done:
-            self._progress(percent - self._done)
-        self._done = max(self._done, percent)
+        self._percent.reached(done)
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,6 @@ Modes are some forty times smaller than FRFs, and give the FRFs for any damping 
 """
 
 import logging
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +23,7 @@ from femupdate.dynamics.reduced import ReducedModel
 from femupdate.errors import SurrogateError
 from femupdate.inference.prior import UniformPrior
 from femupdate.processors import processor_count
+from femupdate.progress import SILENT, Progress
 
 logger = logging.getLogger(__name__)
 
@@ -70,7 +70,7 @@ def compute_dataset(
     prior: UniformPrior,
     plan: DatasetPlan,
     folder: Path,
-    progress: Callable[[int], None] | None = None,
+    progress: Progress = SILENT,
 ) -> ModalDataset:
     """Solve the modes of all samples in shards; sound shards already in `folder` are kept.
 
@@ -83,7 +83,7 @@ def compute_dataset(
         prior: box of the parameters.
         plan: what to compute.
         folder: of the shards; made where it is missing.
-        progress: called, by several threads, with the number of samples done since the last call.
+        progress: advances by one a sample, from several threads.
 
     Raises:
         StudyError: the folder cannot be written.
@@ -101,8 +101,7 @@ def compute_dataset(
         if shard is None:
             _write_shard(paths[k], rows, _solve_shard(model, rows, plan))
             shard = _read_shard(paths[k])
-        if progress is not None:
-            progress(len(rows))
+        progress.advance(len(rows))
         return shard
 
     threads = torch.get_num_threads()
@@ -145,7 +144,7 @@ def log_frf_pool(
     frequency_hz: Tensor,
     law: DampingLaw,
     zeta: Tensor,
-    progress: Callable[[int], None] | None = None,
+    progress: Progress = SILENT,
     batch: int | None = None,
     system: EffectSystem | None = None,
 ) -> Tensor:
@@ -165,8 +164,7 @@ def log_frf_pool(
     for part in parts:
         pool[start : start + len(part)] = part.to(torch.float16)
         start += len(part)
-        if progress is not None:
-            progress(len(part))
+        progress.advance(len(part))
     return pool
 
 

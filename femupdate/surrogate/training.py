@@ -5,7 +5,7 @@ import json
 import logging
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from femupdate.dynamics.effect_modal import closed_form
 from femupdate.dynamics.effect_response import EffectSystem
 from femupdate.errors import SurrogateError
 from femupdate.inference.prior import UniformPrior
+from femupdate.progress import SILENT, Percent, Progress
 from femupdate.surrogate.checkpoint import TrainingRun, load_checkpoint, save_checkpoint
 from femupdate.surrogate.dataset import ModalDataset, log_frf_pool, sample_zeta
 from femupdate.surrogate.loss import LossSettings, LossTerms, loss_terms
@@ -105,25 +106,6 @@ class TrainingTask:
 
 
 @dataclass(frozen=True)
-class Progress:
-    """Where the training is, for a progress bar.
-
-    Attributes:
-        epoch: epochs done.
-        epochs: most epochs.
-        step: steps done in this epoch.
-        steps: steps an epoch.
-        validation_loss: of the last epoch, NaN before the first has ended.
-    """
-
-    epoch: int
-    epochs: int
-    step: int
-    steps: int
-    validation_loss: float
-
-
-@dataclass(frozen=True)
 class TrainingResult:
     """The trained networks and how it went."""
 
@@ -147,7 +129,7 @@ def train_mvae(
     task: TrainingTask,
     settings: TrainingSettings,
     checkpoint: Path | None = None,
-    progress: Callable[[Progress], None] | None = None,
+    progress: Progress = SILENT,
     initial: Mvae | None = None,
 ) -> TrainingResult:
     """Train from scratch or from `initial` weights; go on from the checkpoint of a killed training.
@@ -175,14 +157,16 @@ def train_mvae(
     validation = _draw_samples(task, settings, 0, order[:held_out])
     training: _Samples | None = None
     validation_loss = run.best_loss if run.epoch else math.nan
+    progress.start("Training the MVAE", 100 * settings.epochs)
+    shown = Percent(progress)
     while run.epoch < settings.epochs and run.epoch - run.best_epoch < settings.patience:
         started = time.monotonic()
         if training is None or run.epoch % settings.redraw_zeta_every == 0:
             draw = run.epoch // settings.redraw_zeta_every
             training = _draw_samples(task, settings, draw, order[held_out:])
-        tell = _teller(progress, run, settings, len(training), validation_loss)
-        for step in _epoch(run, settings, training):
-            tell(step)
+        note = f"epoch {run.epoch + 1}, validation loss {validation_loss:.1f}"
+        for share in _epoch(run, settings, training):
+            shown.reached(run.epoch + share, note)
         validation_loss = _validate(run.average, settings, validation)
         run.epoch += 1
         run.seconds += time.monotonic() - started
@@ -330,8 +314,8 @@ def _draw_samples(
     return _Samples(some.theta.to(torch.float32), zeta.to(torch.float32), pool)
 
 
-def _epoch(run: TrainingRun, settings: TrainingSettings, samples: _Samples) -> Iterator[int]:
-    """Train for an epoch; the number of steps done, after each."""
+def _epoch(run: TrainingRun, settings: TrainingSettings, samples: _Samples) -> Iterator[float]:
+    """Train for an epoch; yield the share of it that is done after each step."""
     generator = _generator(settings.seed, 1 + run.epoch)
     shuffled = torch.randperm(len(samples), generator=generator)
     steps = len(samples) // settings.batch
@@ -350,7 +334,7 @@ def _epoch(run: TrainingRun, settings: TrainingSettings, samples: _Samples) -> I
         run.optimizer.step()
         run.step += 1
         _update_average(run, settings)
-        yield step + 1
+        yield (step + 1) / steps
 
 
 def _terms(
@@ -409,20 +393,3 @@ def _update_average(run: TrainingRun, settings: TrainingSettings) -> None:
 
 def _generator(seed: int, stream: int) -> torch.Generator:
     return torch.Generator().manual_seed(seed * 10_000_019 + stream)
-
-
-def _teller(
-    progress: Callable[[Progress], None] | None,
-    run: TrainingRun,
-    settings: TrainingSettings,
-    rows: int,
-    validation_loss: float,
-) -> Callable[[int], None]:
-    steps = rows // settings.batch
-    epoch = run.epoch
-
-    def tell(step: int) -> None:
-        if progress is not None:
-            progress(Progress(epoch, settings.epochs, step, steps, validation_loss))
-
-    return tell

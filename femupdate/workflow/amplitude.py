@@ -21,6 +21,7 @@ from femupdate.dynamics.level import motion_level
 from femupdate.effects.effect import Placed
 from femupdate.errors import MeasurementError
 from femupdate.measurement.record import GroundMotion
+from femupdate.progress import SILENT, Progress
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.second_record import doublings, record_levels
@@ -83,7 +84,7 @@ def at_own_level(
     settings: Mapping[str, Any],
     *,
     keep_damping: bool = False,
-    progress: Callable[[int], None] | None = None,
+    progress: Progress = SILENT,
 ) -> AtOwnLevel:
     """Put posterior draws at the level that their own response to a motion has.
 
@@ -93,7 +94,7 @@ def at_own_level(
         motion: of the base.
         settings: of the posterior, with the level that theta holds at; without it all stays.
         keep_damping: leave the damping ratios as they are.
-        progress: told after every draw.
+        progress: advances by one a draw.
     """
     theta, zeta, sizes = draws
     reference = settings.get(_LEVELS)
@@ -110,8 +111,7 @@ def at_own_level(
         start = own_level(partial(one.reached, motion, reference), start)
         softer[row], damped[row] = one.at(start)
         found.append(start)
-        if progress is not None:
-            progress(1)
+        progress.advance()
     level = np.array(found)
     note = _note(level, softer / theta, damped / zeta, settings.get(_SPAN))
     return AtOwnLevel(softer, damped, level, note)

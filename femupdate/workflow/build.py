@@ -11,6 +11,7 @@ from femupdate.building.schema import Building
 from femupdate.dynamics.reduction import CONFIDENCE, Reduction
 from femupdate.errors import StudyError
 from femupdate.fe.solve import Modes, lowest_modes
+from femupdate.progress import Progress, Silent
 from femupdate.study import Study, atomic_path
 from femupdate.workflow.model import (
     FrameParts,
@@ -21,7 +22,6 @@ from femupdate.workflow.model import (
     reduce_building,
 )
 from femupdate.workflow.modes import levels_with_base, reduced_modes, with_base
-from femupdate.workflow.progress import Progress, Silent
 
 _MODES = 12
 _PICTURES = 3

@@ -14,6 +14,7 @@ from femupdate.inference.identifiability import Identifiability
 from femupdate.inference.posterior import Posterior, save_posterior
 from femupdate.inference.predictive_check import PredictiveCheck
 from femupdate.measurement.observation import Observation
+from femupdate.progress import Progress, Silent
 from femupdate.seeds import spawn
 from femupdate.study import Study
 from femupdate.workflow.calibrate_draws import against_data, posterior_of, r_hat
@@ -24,7 +25,6 @@ from femupdate.workflow.calibrate_pictures import draw_posterior
 from femupdate.workflow.calibrate_settings import CalibrationSettings, plain_settings
 from femupdate.workflow.model import REDUCED, StudyModel
 from femupdate.workflow.observed import ObservationSource, read_observation
-from femupdate.workflow.progress import Progress, Silent
 from femupdate.workflow.sampling import ChainRunner
 from femupdate.workflow.summary import identified, write_summary
 from femupdate.workflow.train import SURROGATE, require_surrogate

@@ -15,6 +15,7 @@ from femupdate.dynamics.effect_response import EffectSystem, reduce_terms
 from femupdate.inference.posterior import Posterior, save_posterior
 from femupdate.inference.predictive_check import PredictiveCheck, predictive_check
 from femupdate.measurement.observation import Observation
+from femupdate.progress import Progress, Silent
 from femupdate.study import Study
 from femupdate.workflow.amplitude import changes_with_level, level_settings
 from femupdate.workflow.calibrate import POSTERIOR, CalibrationReport
@@ -32,7 +33,6 @@ from femupdate.workflow.effects import (
 from femupdate.workflow.mesh_error import kept_mesh_error
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource, as_one, runs_of
-from femupdate.workflow.progress import Progress, Silent
 from femupdate.workflow.repaired import effect_posterior
 from femupdate.workflow.second_record import SecondRecord, level_between
 from femupdate.workflow.summary import identified, write_summary

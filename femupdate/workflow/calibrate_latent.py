@@ -88,5 +88,5 @@ def decoded(
         run.stage(FIRST),
         chosen,
         device=settings.device,
-        progress=run.show.advance,
+        progress=run.show,
     )

@@ -7,10 +7,10 @@ import numpy as np
 from femupdate.arrays import Floats
 from femupdate.inference.posterior import Posterior
 from femupdate.measurement.observation import on_all_floors
+from femupdate.progress import Progress
 from femupdate.study import Study
 from femupdate.workflow.calibrate_draws import PREDICTIVE, predictive_log_frf
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.progress import Progress
 
 
 def draw_posterior(

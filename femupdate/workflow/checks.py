@@ -7,6 +7,7 @@ from pathlib import Path
 from femupdate.building.files import mechanics_hash
 from femupdate.errors import InferenceError, StudyError
 from femupdate.inference.encoder_input import encoder_input
+from femupdate.progress import Progress
 from femupdate.study import Study
 from femupdate.surrogate.storage import load_surrogate
 from femupdate.surrogate.training import TrainingSettings
@@ -15,7 +16,6 @@ from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.effect_surrogate import check_amortisable
 from femupdate.workflow.model import StudyModel, choose_building, open_study
 from femupdate.workflow.observed import ObservationSource, check_readable, observation_of
-from femupdate.workflow.progress import Progress
 from femupdate.workflow.train import check_samples, needed_surrogate
 
 

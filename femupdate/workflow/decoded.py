@@ -1,7 +1,6 @@
 """The posterior of a study's building with many stiffness factors, latent and data-space."""
 
 import copy
-from collections.abc import Callable
 
 import numpy as np
 from torch import Tensor
@@ -21,6 +20,7 @@ from femupdate.inference.population import Population
 from femupdate.inference.prior import UniformPrior
 from femupdate.inference.smc import SmcResult
 from femupdate.measurement.observation import Observation
+from femupdate.progress import SILENT, Progress
 from femupdate.seeds import Seed, spawn
 from femupdate.surrogate.gauss_newton import LatentData
 from femupdate.surrogate.storage import TrainedSurrogate
@@ -44,7 +44,7 @@ def sample_decoded(
     device: str = "cpu",
     power: float | None = None,
     least_noise: float | None = None,
-    progress: Callable[[int], None] | None = None,
+    progress: Progress = SILENT,
 ) -> DecodedPosterior:
     """Draw theta, and the damping ratio behind it where it is unknown.
 
@@ -59,7 +59,7 @@ def sample_decoded(
         power: of the likelihood; default the surrogate's own.
         least_noise: standard deviation of ln|H| below which the file's noise is not believed;
             default that of the surrogate's training.
-        progress: called with the per cent of a stage done since the last call.
+        progress: advances by 100 a stage.
     """
     info = surrogate.info
     noise = info.noise_sd if least_noise is None else least_noise
@@ -113,9 +113,9 @@ def sample_annealed(
         settings,
         start=start,
         base=base,
-        told=StageProgress(show.advance).power,
+        told=StageProgress(show).power,
     )
-    told = StageProgress(show.advance).share
+    told = StageProgress(show).share
     found = annealed_draws(prior, target, population, run.particles, drawing, settings, told)
     return sampled_groups(found, found.log_evidence.tolist()), (
         f"{tempered_words(found.population, len(found.theta))} drew the data-space posterior from "

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from femupdate.progress import Progress, Silent
 from femupdate.report.figure import save_figure
 from femupdate.report.plot_posterior import SampleSet, posterior_pairs
 from femupdate.study import Study
@@ -18,7 +19,6 @@ from femupdate.workflow.model import DEFAULT_BUILDING
 from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.predict import PredictionReport, predict_study
 from femupdate.workflow.predict_settings import RecordSource
-from femupdate.workflow.progress import Progress, Silent
 from femupdate.workflow.render import RenderedMode, render_study
 
 _OBSERVATION = "six_story_white_noise.csv"

@@ -28,6 +28,7 @@ from femupdate.dynamics.effect_response import ReducedStructure
 from femupdate.effects.effect import Placed
 from femupdate.effects.structure import Structure
 from femupdate.measurement.observation import Observation
+from femupdate.progress import Progress, Silent
 from femupdate.study import Study, file_hash, write_text
 from femupdate.workflow.effects import (
     BuildingEffects,
@@ -41,7 +42,6 @@ from femupdate.workflow.effects import (
 from femupdate.workflow.mesh_error import open_mesh_error
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource, observation_of
-from femupdate.workflow.progress import Progress, Silent
 from femupdate.workflow.second_record import SecondRecord, second_record
 
 DIAGNOSIS = "diagnosis"
@@ -271,22 +271,19 @@ def sought(
     """
     show, chosen = progress or Silent(), settings or DiagnosisSettings()
 
-    def tell(text: str) -> None:
-        show.advance(1, text)
-
-    first = find(problem, chosen, base, tell)
+    first = find(problem, chosen, base, show)
     near = _run_off(model, parts, problem, base, first, chosen, show)
     settled = near[2].verdict not in (UNKNOWN, AMBIGUOUS) and not near[2].partner
     if settled:
         return near
-    tell("searching far from the model as it is")
+    show.advance(note="searching far from the model as it is")
     leading = [one.placed for one in first.findings]
     far = far_fit(problem, base, first.scores, leading, chosen.seed)
     if far is None:
         return near
     there, far = refined(model, parts, problem, far, show)
     moved = fit(there, base.placed, base.z)
-    again = find(there, chosen, moved, tell, far)
+    again = find(there, chosen, moved, show, far)
     if again.verdict == UNKNOWN or _least(again) > _CLEARLY * _least(near[2]):
         return near
     return _run_off(model, parts, there, moved, again, chosen, show)
@@ -310,15 +307,12 @@ def _run_off(
     if problem.reduced.structure.operators is None or len(close) < 2:
         return problem, base, found
 
-    def tell(text: str) -> None:
-        show.advance(1, text)
-
     sets = [_sized(one.fitted) for one in close]
     problem, first = _around(
         parts, model, problem, close[0].fitted, (base.placed, base.z), show, sets
     )
     labels = frozenset(one.placed.label for one in close)
-    again = find(problem, settings, first, tell, close[0].fitted, among=labels)
+    again = find(problem, settings, first, show, close[0].fitted, among=labels)
     others = (one for one in found.findings if one.placed.label not in labels)
     # What all effects show is told by the basis that serves them all.
     told = replace(

@@ -16,18 +16,17 @@ from femupdate.effects.effect import Placed
 from femupdate.effects.structure import Structure
 from femupdate.errors import SurrogateError
 from femupdate.inference.prior import UniformPrior
+from femupdate.progress import Progress, Silent
 from femupdate.study import Study
 from femupdate.workflow.effects import (
     building_effects,
     check_places,
     finder_structure,
     reduction_target,
-    teller,
     with_sizes,
 )
 from femupdate.workflow.mesh_error import open_mesh_error
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.progress import Progress, Silent
 
 BASIS = "surrogate's basis"
 _FILE = "surrogate_basis.npz"
@@ -101,8 +100,7 @@ def _reduced(
         return kept
     lower, upper = prior.lower.numpy(), prior.upper.numpy()
     target = replace(reduction_target(model.building), lower=lower, upper=upper)
-    show, text = progress or Silent(), "Reducing the model with its effects"
-    found = reduce_over_box(structure, placed, target, teller(show, text))
+    found = reduce_over_box(structure, placed, target, progress or Silent())
     if structure.operators is None:
         return found.reduced
     path = study.path(_FILE)

@@ -1,6 +1,6 @@
 """A study's building as the effect finder needs it: a reduced structure, its effects, its data."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -26,9 +26,9 @@ from femupdate.effects.structure import Structure, structure_of
 from femupdate.errors import BuildingError
 from femupdate.inference.prior import TruncatedPrior, UniformPrior
 from femupdate.measurement.observation import Observation
+from femupdate.progress import Progress, Silent
 from femupdate.study import Study
 from femupdate.workflow.model import StudyModel, damping_law, theta_prior, zeta_bounds
-from femupdate.workflow.progress import Progress, Silent
 
 BASIS = "effect basis"
 _FILE = "effect_basis.npz"
@@ -77,7 +77,7 @@ def open_structure(
     if kept is not None:
         with np.load(kept) as data:
             return structure_on(structure, data["basis"])
-    reduced = reduce_structure(structure, target, teller(progress or Silent()))
+    reduced = reduce_structure(structure, target, progress or Silent())
     keep_basis(study, reduced, plain)
     return reduced
 
@@ -128,24 +128,7 @@ def structure_near(
     """
     whole = reduction_target(building)
     target = replace(whole, zeta=max(zeta, whole.zeta))
-    tell = teller(progress or Silent())
-    return local_structure(structure, theta, target, tell, present=present)
-
-
-def teller(
-    show: Progress, text: str = "Reducing the model for effects"
-) -> Callable[[int, int], None]:
-    """A function that is told (done, total), and shows a bar from the first call on."""
-    started = False
-
-    def tell(done: int, total: int) -> None:
-        nonlocal started
-        if not started:
-            show.start(text, total)
-            started = True
-        show.advance()
-
-    return tell
+    return local_structure(structure, theta, target, progress or Silent(), present=present)
 
 
 def keep_basis(study: Study, reduced: ReducedStructure, building: Building) -> Path:

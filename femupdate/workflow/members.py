@@ -1,6 +1,6 @@
 """Forces of members in a ground motion: the full model at draws of the posterior, mode by mode."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -18,6 +18,7 @@ from femupdate.errors import BuildingError
 from femupdate.fe.assembly import AffineOperators, assemble
 from femupdate.fe.model import FiniteElementModel
 from femupdate.processors import everywhere
+from femupdate.progress import SILENT, Progress
 from femupdate.study import write_text
 
 Place = tuple[float, float, float]
@@ -132,7 +133,7 @@ def member_forces(
     zeta: Floats | None,
     motion: BaseMotion,
     top_hz: float,
-    tick: Callable[[], None] = lambda: None,
+    progress: Progress = SILENT,
 ) -> tuple[MemberForces, ...]:
     """Forces of members at draws of the posterior.
 
@@ -145,7 +146,7 @@ def member_forces(
         zeta: (S,) damping ratios of all modes; None for the building's own law.
         motion: of the base, along the direction of the sensors.
         top_hz: modes below it are followed in time, the others statically.
-        tick: called after each draw.
+        progress: advances by one a draw.
 
     Raises:
         ModelError: the structure is a mechanism.
@@ -157,7 +158,7 @@ def member_forces(
         task, list(zip(theta, ratios, strict=True)), chosen.operators.mass.shape[0]
     ):
         found.append(history)
-        tick()
+        progress.advance()
     histories = np.stack(found)
     starts = np.cumsum([len(member.forces) for member in chosen.members])[:-1]
     return tuple(

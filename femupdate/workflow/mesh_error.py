@@ -11,10 +11,10 @@ from femupdate.building.schema import Building, FrameBuilding
 from femupdate.discrepancy.mesh_error import FINER, MeshError, learn_mesh_error
 from femupdate.dynamics.effect_response import ReducedStructure
 from femupdate.effects.structure import Structure, structure_of
+from femupdate.progress import Progress, Silent
 from femupdate.study import Study, write_text
 from femupdate.workflow.effects import finder_origin, structure_near, without_effects
 from femupdate.workflow.model import theta_prior
-from femupdate.workflow.progress import Progress, Silent
 
 MESH_ERROR = "mesh error"
 _FILE = "mesh_error.json"
@@ -41,9 +41,7 @@ def open_mesh_error(
     kept = kept_mesh_error(study, plain)
     if kept is not None:
         return kept
-    show = progress or Silent()
     fine = structure_of(plain, FINER**2 * plain.mesh.size)
-    show.start("Comparing with a finer mesh", _THETAS)
 
     def near(theta: Floats) -> ReducedStructure:
         return structure_near(structure, plain, theta, plain.damping.ratio)
@@ -53,7 +51,7 @@ def open_mesh_error(
         near,
         _thetas(plain),
         plain.frequency_grid.frequencies_hz(),
-        lambda done, total: show.advance(),
+        progress or Silent(),
     )
     keep_mesh_error(study, plain, found)
     return found

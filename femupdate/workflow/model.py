@@ -31,8 +31,8 @@ from femupdate.errors import StudyError
 from femupdate.fe.assembly import AffineOperators, assemble
 from femupdate.inference.likelihood import SharedErrors
 from femupdate.inference.prior import UniformPrior
+from femupdate.progress import SILENT, Progress
 from femupdate.study import Study, atomic_path
-from femupdate.workflow.progress import Progress, Silent
 
 DEFAULT_BUILDING = "six_story_wall_frame"
 REDUCED = "reduced model"
@@ -154,7 +154,7 @@ def open_study(
     if kept is not None:
         reduced, error = load_reduced(kept)
         return _study_model(chosen, reduced, error)
-    reduction = reduce_building(chosen, progress=progress)
+    reduction = reduce_building(chosen, progress=progress or SILENT)
     return keep_model(study, chosen, reduction)
 
 
@@ -181,10 +181,9 @@ def keep_model(study: Study, building: Building, reduction: Reduction) -> StudyM
 
 
 def reduce_building(
-    building: Building, parts: FrameParts | None = None, progress: Progress | None = None
+    building: Building, parts: FrameParts | None = None, progress: Progress = SILENT
 ) -> Reduction:
     """Make the reduced model of any building."""
-    show = progress or Silent()
     if building.kind == "shear":
         lumped = shear_operators(building)
         model = reduce_lumped(lumped.stiffness_terms, lumped.mass, lumped.floors)
@@ -198,22 +197,13 @@ def reduce_building(
         bounds[0] if bounds else building.damping.ratio,
         building.reduction.tolerance,
     )
-    started = False
-
-    def tell(done: int, total: int) -> None:
-        nonlocal started
-        if not started:
-            show.start("Reducing the model", total)
-            started = True
-        show.advance()
-
     return reduce_operators(
         parts.operators,
         parts.mesh.floor_nodes,
         np.concatenate([[0.0], parts.mesh.floor_level]),
         parts.mesh.direction,
         target,
-        tell,
+        progress,
     )
 
 

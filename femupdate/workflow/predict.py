@@ -13,6 +13,7 @@ from femupdate.dynamics.summary import HistorySummary, Statistics, statistics, s
 from femupdate.dynamics.superposition import BaseMotion
 from femupdate.inference.posterior import load_posterior
 from femupdate.measurement.record import GroundMotion, read_record
+from femupdate.progress import Progress, Silent
 from femupdate.study import Study, file_hash
 from femupdate.workflow.members import (
     ChosenMembers,
@@ -32,7 +33,6 @@ from femupdate.workflow.predict_draws import (
 from femupdate.workflow.predict_output import FloorSpectra, floor_spectra, save_prediction
 from femupdate.workflow.predict_pictures import draw_prediction
 from femupdate.workflow.predict_settings import PredictionSettings, RecordSource
-from femupdate.workflow.progress import Progress, Silent
 
 PREDICTION = "prediction"
 _EXAMPLES = 100
@@ -160,7 +160,7 @@ def _members(
         None if isinstance(model.building.damping, RayleighDamping) else zeta.numpy(),
         BaseMotion(motion.acceleration, motion.time_step),
         1.3 * float(model.frequency_hz[-1]),
-        show.advance,
+        show,
     )
     write_member_forces(members, motion.time_step, study.path("member_forces.csv"))
     return members

@@ -11,10 +11,10 @@ from femupdate.dynamics.history import Histories, HistorySettings, history_batch
 from femupdate.errors import BuildingError
 from femupdate.inference.posterior import Posterior
 from femupdate.measurement.record import GroundMotion
+from femupdate.progress import Progress
 from femupdate.study import Study
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.predict_settings import PredictionSettings
-from femupdate.workflow.progress import Progress
 
 if TYPE_CHECKING:
     from femupdate.dynamics.effect_response import EffectSystem
@@ -77,7 +77,7 @@ def at_reached_level(
         motion,
         posterior.settings,
         keep_damping=settings.damping is not None,
-        progress=show.advance,
+        progress=show,
     )
     moved = torch.cat([torch.from_numpy(found.theta), parameters[:, stories:]], dim=1)
     return moved, torch.from_numpy(found.zeta), (found.note,)
@@ -100,7 +100,7 @@ def response_histories(
             motion.acceleration,
             motion.time_step,
             settings=HistorySettings(law=model.law),
-            progress=show.advance,
+            progress=show,
         )
     from femupdate.dynamics.effect_history import effect_histories
 
@@ -112,5 +112,5 @@ def response_histories(
         parameters[:, stories:].numpy(),
         motion.acceleration,
         motion.time_step,
-        show.advance,
+        show,
     )

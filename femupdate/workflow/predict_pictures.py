@@ -5,10 +5,10 @@ from pathlib import Path
 from femupdate.arrays import Floats
 from femupdate.dynamics.summary import HistorySummary
 from femupdate.measurement.record import GroundMotion
+from femupdate.progress import Progress
 from femupdate.study import Study
 from femupdate.workflow.members import MemberForces
 from femupdate.workflow.predict_output import FloorSpectra
-from femupdate.workflow.progress import Progress
 
 
 def draw_prediction(

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from femupdate.inference.posterior import load_posterior
+from femupdate.progress import Progress, Silent
 from femupdate.study import Study
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.modes import (
@@ -18,7 +19,6 @@ from femupdate.workflow.modes import (
     track_mode,
     with_base,
 )
-from femupdate.workflow.progress import Progress, Silent
 
 
 @dataclass(frozen=True)

@@ -17,13 +17,13 @@ from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.repair import Repair, as_fitted
 from femupdate.discrepancy.repair import repair as mend
 from femupdate.discrepancy.where import p_value
+from femupdate.progress import Progress, Silent
 from femupdate.study import Study, file_hash, write_text
 from femupdate.workflow.amplitude import level_settings
 from femupdate.workflow.diagnose import model_parts, prepared, refined, sought
 from femupdate.workflow.held_out import Held, hold
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource, observation_of
-from femupdate.workflow.progress import Progress, Silent
 from femupdate.workflow.repair_pictures import draw_repair
 from femupdate.workflow.repaired import keep_repaired, repaired_building
 from femupdate.workflow.second_record import level_between, second_record
@@ -145,7 +145,7 @@ def repair_study(
     def renewed(now: Problem, fitted: Fit) -> tuple[Problem, Fit]:
         return refined(model, parts, now, fitted, show)
 
-    done = mend(problem, base, chosen, lambda text: show.advance(1, text), renewed, found)
+    done = mend(problem, base, chosen, show, renewed, found)
     mended = done.problem
     if done.rounds and not done.rounds[-1].finding.placed.exchange:
         mended, last = refined(model, parts, done.problem, done.after, show, alone=True)

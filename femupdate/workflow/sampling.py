@@ -22,8 +22,8 @@ from femupdate.inference.smc import (
     SmcState,
     TemperedSmc,
 )
+from femupdate.progress import Percent, Progress
 from femupdate.seeds import Seed, spawn
-from femupdate.workflow.progress import Progress
 
 FIRST, BRIDGE = 0, 1
 """Stages of a calibration, each with random streams of its own."""
@@ -102,7 +102,7 @@ class ChainRunner:
                 Start(start, base),
                 seed,
                 settings=settings,
-                progress=self.show.advance,
+                progress=self.show,
             )
             for start, seed in parts
         ]
@@ -165,15 +165,13 @@ class _Teller:
     """Moves the bar evenly in the logarithm of beta, and saves the state now and then."""
 
     def __init__(self, show: Progress, kept: _Kept) -> None:
-        self._show, self._kept = show, kept
-        self._shown = 0
+        self._percent, self._kept = Percent(show), kept
         self._started = self._saved = time.monotonic()
 
     def __call__(self, state: SmcState) -> None:
         # beta runs from about 1e-5 to 1.
-        done = int(100 * min(1.0, max(0.0, 1.0 + np.log10(state.beta) / 5.0)))
-        self._show.advance(done - self._shown, f"power {state.beta:.2g}")
-        self._shown = done
+        done = 1.0 + np.log10(state.beta) / 5.0
+        self._percent.reached(done, f"power {state.beta:.2g}")
         now = time.monotonic()
         last = state.done and now - self._started > _SAVE_EVERY_S
         if last or now - self._saved > _SAVE_EVERY_S:

@@ -26,11 +26,11 @@ from femupdate.measurement.columns import BASE, Channel, channel_name
 from femupdate.measurement.observation_file import Histories
 from femupdate.measurement.record import GroundMotion
 from femupdate.measurement.write import write_observation_histories
+from femupdate.progress import Progress, Silent
 from femupdate.study import file_hash, write_text
 from femupdate.workflow.effect_truth import effect_truth, fine_model
 from femupdate.workflow.full_model import SensorModel, sensor_model
 from femupdate.workflow.model import damping_law, theta_prior
-from femupdate.workflow.progress import Progress, Silent
 from femupdate.workflow.synthetic import Simulation, SimulationSettings, Truth, label
 
 __all__ = [

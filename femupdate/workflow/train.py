@@ -12,6 +12,7 @@ from femupdate.building.files import mechanics_hash
 from femupdate.building.schema import Building
 from femupdate.errors import SurrogateError
 from femupdate.inference.prior import UniformPrior
+from femupdate.progress import Progress, Silent
 from femupdate.study import Study, file_hash
 from femupdate.surrogate.dataset import DatasetPlan, ModalDataset, compute_dataset, modes_kept
 from femupdate.surrogate.loss import LossSettings
@@ -23,15 +24,11 @@ from femupdate.surrogate.storage import (
     save_surrogate,
 )
 from femupdate.surrogate.training import (
-    Progress as TrainingProgress,
-)
-from femupdate.surrogate.training import (
     TrainingSettings,
     TrainingTask,
     train_mvae,
 )
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.progress import Progress, Silent
 
 SURROGATE = "surrogate"
 _SURROGATE_FILE = "surrogate.safetensors"
@@ -169,7 +166,7 @@ def train_study(
     dataset, folder = _dataset(study, model, samples, settings.seed, show)
     between = time.monotonic()
     checkpoint = study.path(_CHECKPOINT)
-    result = train_mvae(training_task(model, dataset), settings, checkpoint, _bar(show), initial)
+    result = train_mvae(training_task(model, dataset), settings, checkpoint, show, initial)
     surrogate = TrainedSurrogate(
         result.mvae,
         SurrogateInfo(
@@ -230,7 +227,7 @@ def _dataset(
     show.start("Solving modes of parameter samples", samples)
     # All over the box alike: sizes that their prior thinks unlikely are learned as well.
     box = UniformPrior(model.prior.names, model.prior.lower, model.prior.upper)
-    return compute_dataset(model.responder, box, plan, folder, show.advance), folder
+    return compute_dataset(model.responder, box, plan, folder, show), folder
 
 
 def _shapes(model: StudyModel) -> int:
@@ -250,21 +247,3 @@ def training_task(model: StudyModel, dataset: ModalDataset) -> TrainingTask:
         network_sizes(model),
         model.system,
     )
-
-
-def _bar(show: Progress):  # type: ignore[no-untyped-def]
-    """A bar over epochs, in hundredths."""
-    started = False
-    shown = 0
-
-    def tell(state: TrainingProgress) -> None:
-        nonlocal started, shown
-        if not started:
-            show.start("Training the MVAE", 100 * state.epochs)
-            started = True
-        done = int(100 * (state.epoch + state.step / state.steps))
-        note = f"epoch {state.epoch + 1}, validation loss {state.validation_loss:.1f}"
-        show.advance(done - shown, note)
-        shown = done
-
-    return tell

@@ -40,11 +40,11 @@ def test_a_single_precision_theta_is_solved_in_double(chain, thetas):
 
 
 @pytest.mark.parametrize("batch", [1, 2, 1000])
-def test_batches_equal_one_by_one(chain, tensor, batch):
+def test_batches_equal_one_by_one(chain, tensor, batch, recorder):
     theta = tensor(np.random.default_rng(0).uniform(0.4, 2.5, (5, 4)))
-    counts = []
-    data = modal_data(chain.reduced(), theta, batch=batch, progress=counts.append)
-    assert sum(counts) == 5
+    told = recorder()
+    data = modal_data(chain.reduced(), theta, batch=batch, progress=told)
+    assert sum(told.counts) == 5
     for row in range(5):
         one = modal_data(chain.reduced(), theta[row : row + 1])
         np.testing.assert_allclose(data.omega[row], one.omega[0], rtol=1e-13)

@@ -28,10 +28,10 @@ def target(tolerance=0.02, zeta=0.01, samples=16, seed=0, stories=2):
     )
 
 
-def reduce(frame, aim, progress=None):
+def reduce(frame, aim, *progress):
     mesh = frame.mesh
     return reduce_operators(
-        frame.operators, mesh.floor_nodes, frame.levels, mesh.direction, aim, progress
+        frame.operators, mesh.floor_nodes, frame.levels, mesh.direction, aim, *progress
     )
 
 
@@ -173,12 +173,13 @@ def test_a_seed_gives_one_model_and_another_seed_another(frame, reduced):
 
 
 @pytest.mark.parametrize("samples", [1, 3, 5])
-def test_any_number_of_samples_will_do(frame, samples):
-    told = []
-    result = reduce(frame, target(tolerance=1.0, samples=samples), lambda *done: told.append(done))
+def test_any_number_of_samples_will_do(frame, samples, recorder):
+    told = recorder()
+    result = reduce(frame, target(tolerance=1.0, samples=samples), told)
     assert result.rms_error <= 1.0
     total = samples + reduction._CHOOSE + result.checks
-    assert sorted(told) == [(done, total) for done in range(1, total + 1)]
+    assert told.started == [("Reducing the model", total)]
+    assert told.counts == [1] * total
 
 
 @pytest.mark.parametrize("mesh_size", [1.5, 2.0, 4.0])
@@ -238,14 +239,15 @@ def test_a_tighter_tolerance_makes_more_shapes(frame):
         assert result.rms_error <= tolerance
 
 
-def test_responses_where_it_fails_join_the_basis(frame):
+def test_responses_where_it_fails_join_the_basis(frame, recorder):
     """One sample spans too little: the checks that object give their own responses."""
-    told = []
+    told = recorder()
     aim = target(tolerance=0.05, samples=1)
-    result = reduce(frame, aim, lambda *done: told.append(done))
-    assert told[0][1] == 1 + reduction._CHOOSE + reduction._CERTIFY
-    assert told[-1][1] > told[0][1]
-    assert told[-1][0] == told[-1][1] == len(told)
+    result = reduce(frame, aim, told)
+    first, *further = [total for _, total in told.started]
+    assert first == 1 + reduction._CHOOSE + reduction._CERTIFY
+    assert further
+    assert sum(told.counts) == first + sum(further)
     assert result.rms_error <= 0.05
     errors = theta_errors(frame, result.model, 20, seed=5)
     assert np.sqrt(np.mean(errors**2)) < 0.08

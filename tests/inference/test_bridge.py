@@ -41,17 +41,17 @@ def test_closed_form(prior, linear_gaussian, far):
     torch.testing.assert_close(found.log_likelihood, target.on(prior)(found.theta))
 
 
-def test_evaluations_are_counted_one_by_one(prior, linear_gaussian):
+def test_evaluations_are_counted_one_by_one(prior, linear_gaussian, recorder):
     target, base = linear_gaussian(*TARGET).on(prior), linear_gaussian(*BASE).on(prior)
-    seen, told = [], []
+    seen, told = [], recorder()
 
     def counted(theta):
         seen.append(len(theta))
         return target(theta)
 
     start = TemperedSmc(prior, base).run(500, 0)
-    found = bridge(prior, counted, Start(start, base), 1, progress=told.append)
-    assert found.evaluations == sum(seen) == sum(told)
+    found = bridge(prior, counted, Start(start, base), 1, progress=told)
+    assert found.evaluations == sum(seen) == sum(told.counts)
     # The same posterior sampled from its prior.
     assert found.evaluations < 0.5 * TemperedSmc(prior, target).run(500, 0).evaluations
 

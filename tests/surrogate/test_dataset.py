@@ -75,7 +75,7 @@ def test_a_seed_gives_one_data_set(model, prior, tmp_path):
     assert not same(compute_dataset(model, prior, other, tmp_path / "three"), one)
 
 
-def test_shards_that_are_there_are_not_solved_again(model, prior, tmp_path, solved):
+def test_shards_that_are_there_are_not_solved_again(model, prior, tmp_path, solved, recorder):
     first = compute_dataset(model, prior, PLAN, tmp_path)
     paths = sorted(tmp_path.glob("*.npz"))
     assert len(paths) == len(solved) == 3
@@ -83,12 +83,12 @@ def test_shards_that_are_there_are_not_solved_again(model, prior, tmp_path, solv
         os.utime(path, (1e9, 1e9))
     paths[1].unlink()
     solved.clear()
-    counts = []
-    again = compute_dataset(model, prior, PLAN, tmp_path, counts.append)
+    told = recorder()
+    again = compute_dataset(model, prior, PLAN, tmp_path, told)
     assert same(again, first)
     assert solved == [first.theta[50].tolist()]
     assert [path.stat().st_mtime == 1e9 for path in paths] == [True, False, True]
-    assert sorted(counts) == [10, 50, 50]
+    assert sorted(told.counts) == [10, 50, 50]
 
 
 def test_a_killed_run_leaves_whole_shards_only(model, prior, tmp_path, monkeypatch, solved):
@@ -166,12 +166,12 @@ def test_a_data_set_that_cannot_be_read(tmp_path, content):
 
 
 @pytest.mark.parametrize("batch", [None, 1, 7])
-def test_pool_of_responses(model, prior, tmp_path, batch):
+def test_pool_of_responses(model, prior, tmp_path, batch, recorder):
     """Half precision of modes and of responses together, against all in double."""
     data = compute_dataset(model, prior, PLAN, tmp_path)
     zeta = torch.linspace(0.02, 0.05, 110)
-    counts = []
-    pool = log_frf_pool(data, FREQUENCY, ConstantDamping(), zeta, counts.append, batch)
+    told = recorder()
+    pool = log_frf_pool(data, FREQUENCY, ConstantDamping(), zeta, told, batch)
     exact = log_frf(
         modal_data(model, data.theta), FREQUENCY.double(), ConstantDamping(), zeta.double()
     )
@@ -181,7 +181,7 @@ def test_pool_of_responses(model, prior, tmp_path, batch):
     # A noise of .2 is what they are trained against; antiresonances magnify a mode's rounding.
     assert float(error.square().mean().sqrt()) < 2e-3
     assert float(error.abs().max()) < 0.05
-    assert sum(counts) == 110
+    assert sum(told.counts) == 110
 
 
 def test_damping_is_drawn_between_its_bounds():

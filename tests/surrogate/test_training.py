@@ -2,6 +2,7 @@
 
 import copy
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,11 +22,21 @@ class KilledError(Exception):
 
 
 def kill_in(epoch):
-    def progress(state):
-        if state.epoch == epoch and state.step == 2:
+    """Progress that stops the training at the second step of an epoch."""
+    notes = []
+
+    def advance(count=1, note=""):
+        notes.append(note.split(",")[0])
+        if notes.count(f"epoch {epoch + 1}") == 2:
             raise KilledError
 
-    return progress
+    return SimpleNamespace(start=lambda label, total: None, advance=advance)
+
+
+def losses_told(notes):
+    """Validation loss after each epoch but the last, as the progress bar shows it."""
+    found = dict(note.split(", validation loss ") for note in notes)
+    return [float(value) for value in found.values()][1:]
 
 
 def assert_equal(one, other):
@@ -35,21 +46,24 @@ def assert_equal(one, other):
 
 
 def test_training_lowers_the_validation_loss(trained):
-    _, losses, _ = trained
+    result, told = trained
+    losses = [*losses_told(told.notes), result.metrics["validation_loss"]]
     assert len(losses) == 6
     assert losses[-1] < losses[0] - 5.0  # nats of some 130 points
     assert np.isfinite(losses).all()
 
 
 def test_progress_is_told_step_by_step(trained):
-    result, _, seen = trained
+    result, told = trained
     steps = 1900 // 100
-    assert len(seen) == 6 * steps
-    assert [state.step for state in seen[:steps]] == list(range(1, steps + 1))
-    assert {(state.epochs, state.steps) for state in seen} == {(6, steps)}
-    assert np.isnan(seen[0].validation_loss)
+    assert told.started == [("Training the MVAE", 600)]
+    assert len(told.counts) == 6 * steps
+    reached = np.cumsum(told.counts)
+    np.testing.assert_allclose(reached, 100 * np.arange(1, 6 * steps + 1) / steps, atol=0.51)
+    assert told.notes[0] == "epoch 1, validation loss nan"
+    assert told.notes[-1].startswith("epoch 6, ")
     assert result.metrics["epochs"] == 6.0
-    assert result.metrics["validation_loss"] <= min(state.validation_loss for state in seen[steps:])
+    assert round(result.metrics["validation_loss"], 1) <= min(losses_told(told.notes))
 
 
 def test_proposals_tell_theta_apart(trained, task):
@@ -78,17 +92,18 @@ def test_data_standardise_the_networks(trained, task, prior):
 
 
 @pytest.mark.parametrize("epoch", [1, 3])  # in a drawing of the damping, and between two
-def test_a_killed_training_goes_on_to_the_same_weights(task, quick, tmp_path, epoch):
+def test_a_killed_training_goes_on_to_the_same_weights(task, quick, tmp_path, epoch, recorder):
     whole = train_mvae(task, quick)
     path = tmp_path / "training.safetensors"
     with pytest.raises(KilledError):
         train_mvae(task, quick, path, kill_in(epoch))
     assert path.exists()
     torch.manual_seed(epoch)  # whatever else happens meanwhile
-    seen = []
-    resumed = train_mvae(task, quick, path, seen.append)
-    assert {state.epoch for state in seen} == set(range(epoch, 4))
-    assert np.isfinite(seen[0].validation_loss)
+    told = recorder()
+    resumed = train_mvae(task, quick, path, told)
+    epochs = {note.split(",")[0] for note in told.notes}
+    assert epochs == {f"epoch {k}" for k in range(epoch + 1, 5)}
+    assert "nan" not in told.notes[0]
     assert_equal(resumed.mvae.state_dict(), whole.mvae.state_dict())
     for name in ("validation_loss", "best_epoch", "epochs"):
         assert resumed.metrics[name] == whole.metrics[name]

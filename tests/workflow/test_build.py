@@ -19,23 +19,6 @@ from femupdate.workflow.model import (
 from femupdate.workflow.modes import reduced_modes
 
 
-class Log:
-    """Remembers what it is told."""
-
-    def __init__(self):
-        self.labels, self.total, self.done = [], 0, 0
-
-    def start(self, label, total):
-        self.labels.append(label)
-        self.total += total
-
-    def advance(self, count=1, note=""):
-        self.done += count
-
-    def say(self, text):
-        self.labels.append(text)
-
-
 @pytest.mark.parametrize(
     ("name", "stories", "square"), [("shear_3dof", 3, 3000.0), ("shear_4dof", 4, 1000.0)]
 )
@@ -59,9 +42,9 @@ def test_frequencies_of_an_uneven_chain(tmp_path, tower_file, tower_modes):
 
 
 @pytest.fixture(scope="module")
-def cabin(tmp_path_factory, cabin_file):
+def cabin(tmp_path_factory, cabin_file, recorder):
     study = Study(tmp_path_factory.mktemp("cabin") / "study")
-    log = Log()
+    log = recorder()
     return build_study(study, str(cabin_file), log), study, log
 
 
@@ -130,8 +113,9 @@ def test_pictures_show_something(cabin):
 
 def test_progress_is_told_to_the_end(cabin):
     log = cabin[2]
-    assert log.labels == ["Reducing the model", "Drawing mode shapes"]
-    assert log.done == log.total > 3
+    assert [label for label, _ in log.started] == ["Reducing the model", "Drawing mode shapes"]
+    assert sum(log.counts) == sum(total for _, total in log.started) > 3
+    assert not log.said
 
 
 def test_building_again_changes_nothing(tmp_path, tower_file):

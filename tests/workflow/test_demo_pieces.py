@@ -36,20 +36,6 @@ def test_what_the_demo_reads_is_shipped():
     assert record.peak == pytest.approx(3.376, abs=0.001)
 
 
-class Log:
-    def __init__(self):
-        self.said = []
-
-    def start(self, label, total):
-        pass
-
-    def advance(self, count=1, note=""):
-        pass
-
-    def say(self, text):
-        self.said.append(text)
-
-
 @pytest.fixture(scope="module")
 def shipped(tmp_path_factory, tower_observation):
     """A folder of examples with the tower's files under the demo's names."""
@@ -63,12 +49,12 @@ def shipped(tmp_path_factory, tower_observation):
 
 
 @pytest.fixture(scope="module")
-def shown(tmp_path_factory, shipped, tower_file):
+def shown(tmp_path_factory, shipped, tower_file, recorder):
     """The demo on the tower, with a surrogate of little learning."""
     study = Study(tmp_path_factory.mktemp("demo") / "study")
     model = open_study(study, str(tower_file))
     train_study(study, model, 400, TrainingSettings(epochs=4, batch=64))
-    log = Log()
+    log = recorder()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(demo, "DEFAULT_BUILDING", str(tower_file))
         patch.setattr(demo, "files", lambda package: shipped)

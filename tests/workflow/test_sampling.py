@@ -5,7 +5,7 @@ import torch
 
 from femupdate.inference.prior import UniformPrior
 from femupdate.inference.smc import THOROUGH, TemperedSmc
-from femupdate.workflow.progress import Silent
+from femupdate.progress import Silent
 from femupdate.workflow.sampling import ChainRunner
 
 

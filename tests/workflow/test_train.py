@@ -139,7 +139,7 @@ def wait_for(path, process):
 
 
 @pytest.mark.usefixtures("one_thread")
-def test_a_killed_training_goes_on_to_the_same_surrogate(trained, tmp_path, tower_file):
+def test_a_killed_training_goes_on_to_the_same_surrogate(trained, tmp_path, tower_file, recorder):
     study = Study(tmp_path / "study")
     process = subprocess.Popen(
         command(study.folder, "--building", tower_file),
@@ -157,19 +157,9 @@ def test_a_killed_training_goes_on_to_the_same_surrogate(trained, tmp_path, towe
     assert not study.path("surrogate.safetensors").exists()
     assert find_surrogate(study, open_study(study)) is None
 
-    epochs = []
-
-    class Epochs:
-        def start(self, label, total):
-            pass
-
-        def advance(self, count=1, note=""):
-            epochs.append(note.split(",")[0])
-
-        def say(self, text):
-            pass
-
-    report = train_study(study, open_study(study), SAMPLES, SMALL, progress=Epochs())
+    told = recorder()
+    report = train_study(study, open_study(study), SAMPLES, SMALL, progress=told)
+    epochs = [note.split(",")[0] for note in told.notes]
     assert "epoch 1" not in epochs
     assert f"epoch {EPOCHS}" in epochs
     straight = trained[1]

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from femupdate.building.files import load_building
+from femupdate.progress import Progress, Silent
 from femupdate.study import Study
 from femupdate.surrogate.storage import ANY_FLOORS, TrainedSurrogate
 from femupdate.workflow.model import StudyModel, open_study
-from femupdate.workflow.progress import Progress, Silent
 from femupdate.workflow.train import shipped_surrogate
 
 from ..machine import Machine, this_machine

@@ -19,11 +19,11 @@ from femupdate.measurement.columns import BASE, Channel
 from femupdate.measurement.frf import estimate_frf
 from femupdate.measurement.observation import Observation
 from femupdate.measurement.observation_file import Histories
+from femupdate.progress import Progress
 from femupdate.study import Study
 from femupdate.workflow.diagnose import ModelParts, model_parts, prepared, refined, sought
 from femupdate.workflow.effect_truth import FineModel, Truth, effect_truth, fine_model
 from femupdate.workflow.model import StudyModel, damping_law, theta_prior, zeta_bounds
-from femupdate.workflow.progress import Progress
 from femupdate.workflow.simulate import white_noise
 
 from .outside import OUTSIDE

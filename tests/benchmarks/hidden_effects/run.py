@@ -10,9 +10,9 @@ from joblib import Parallel, delayed, parallel_config
 
 from femupdate.building.files import load_building
 from femupdate.processors import processor_count
+from femupdate.progress import Progress, Silent
 from femupdate.study import Study
 from femupdate.workflow.model import StudyModel, open_study
-from femupdate.workflow.progress import Progress, Silent
 
 from ..machine import Machine, this_machine
 from ..result import ResultFiles, write_result

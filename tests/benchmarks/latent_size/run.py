@@ -10,9 +10,9 @@ from torch import Tensor
 from femupdate.dynamics.frf import log_frf_batches
 from femupdate.dynamics.modal import modal_data
 from femupdate.errors import MeasurementError
+from femupdate.progress import Progress, Silent
 from femupdate.study import Study
 from femupdate.workflow.model import StudyModel, open_study
-from femupdate.workflow.progress import Progress, Silent
 
 from ..machine import Machine, this_machine
 from ..result import ResultFiles, markdown_table, write_result

@@ -20,6 +20,7 @@ from femupdate.inference.importance import WeightedDraws, importance_draws
 from femupdate.inference.likelihood import DataLikelihood
 from femupdate.inference.smc import TemperedSmc
 from femupdate.measurement.observation import Observation
+from femupdate.progress import SILENT, Progress
 from femupdate.workflow.model import (
     StudyModel,
     damping_law,
@@ -27,7 +28,6 @@ from femupdate.workflow.model import (
     theta_prior,
     zeta_bounds,
 )
-from femupdate.workflow.progress import Progress
 
 from .equivalent import equivalent_stiffness
 from .metrics import ModeSummary, mode_summary
@@ -83,7 +83,7 @@ class ExactPosterior:
 def benchmark_model(name: str = NAME, progress: Progress | None = None) -> StudyModel:
     """A shipped building, ready for inference; frames are reduced, which takes a minute."""
     building = load_building(name)
-    reduction = reduce_building(building, progress=progress)
+    reduction = reduce_building(building, progress=progress or SILENT)
     return StudyModel(
         building,
         reduction.model,

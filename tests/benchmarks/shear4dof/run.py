@@ -10,9 +10,9 @@ import numpy as np
 from femupdate.inference.bridge import Start, bridge
 from femupdate.inference.likelihood import LatentLikelihood
 from femupdate.inference.smc import LogLikelihood, TemperedSmc
+from femupdate.progress import Progress, Silent
 from femupdate.surrogate.storage import TrainedSurrogate
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.progress import Progress, Silent
 from femupdate.workflow.train import shipped_surrogate
 
 from ..calibration.log import surrogate_mark

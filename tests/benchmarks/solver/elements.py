@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from femupdate.workflow.progress import Progress, Silent
+from femupdate.progress import Progress, Silent
 
 from ..result import markdown_table
 from .dynamic_scores import forced_scores, vibration_scores

@@ -5,8 +5,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from femupdate.progress import Progress
 from femupdate.report.figure import save_figure
-from femupdate.workflow.progress import Progress
 
 from ..machine import Machine, this_machine
 from ..result import ResultFiles, write_result

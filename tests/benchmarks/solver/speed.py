@@ -17,7 +17,7 @@ from femupdate.errors import ModelError
 from femupdate.fe.cholmod import cholmod_is_there
 from femupdate.fe.export_opensees import ShellName, opensees_script
 from femupdate.fe.factorization import ENVIRONMENT, Backend
-from femupdate.workflow.progress import Progress, Silent
+from femupdate.progress import Progress, Silent
 
 from ..result import markdown_table
 from .tower import SIZES, tower

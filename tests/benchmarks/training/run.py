@@ -11,11 +11,11 @@ from torch import Tensor
 
 from femupdate.dynamics.modal import ModalData
 from femupdate.errors import SurrogateError
+from femupdate.progress import Progress, Silent
 from femupdate.report.figure import save_figure
 from femupdate.surrogate.dataset import DatasetPlan, ModalDataset, compute_dataset, log_frf_pool
 from femupdate.surrogate.training import TrainingSettings, TrainingTask, watched_training
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.progress import Progress, Silent
 from femupdate.workflow.train import default_settings, training_task
 
 from ..machine import Machine, this_machine
@@ -154,7 +154,7 @@ def _task(model: StudyModel, samples: int, seed: int, show: Progress) -> Trainin
     top = float(model.frequency_hz[-1])
     plan = DatasetPlan(samples, model.reduced.size, top, seed + 1)
     with tempfile.TemporaryDirectory() as shards:
-        dataset = compute_dataset(model.reduced, model.prior, plan, Path(shards), show.advance)
+        dataset = compute_dataset(model.reduced, model.prior, plan, Path(shards), show)
     return training_task(model, dataset)
 
 

@@ -1,4 +1,4 @@
-"""How long steps tell their caller how far they are."""
+"""How long-running steps report progress to their caller."""
 
 from typing import Protocol
 
@@ -11,7 +11,7 @@ class Progress(Protocol):
         ...
 
     def advance(self, count: int = 1, note: str = "") -> None:
-        """So many units more are done."""
+        """`count` more units are done; several threads may call this."""
         ...
 
     def say(self, text: str) -> None:
@@ -30,3 +30,19 @@ class Silent:
 
     def say(self, text: str) -> None:
         """Ignore it."""
+
+
+SILENT = Silent()
+
+
+class Percent:
+    """Advances a bar of 100 units a stage by the whole per cents that have become done."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress, self._shown = progress, 0
+
+    def reached(self, share: float, note: str = "") -> None:
+        """Of this stage `share` is done; above 1 where the bar spans several stages."""
+        percent = max(round(100.0 * share), self._shown)
+        self._progress.advance(percent - self._shown, note)
+        self._shown = percent
