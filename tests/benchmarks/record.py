@@ -1,0 +1,332 @@
+"""Figures of a fixed set of runs, written by one version of femupdate and compared with another's.
+
+    python tests/benchmarks/record.py write --checkout DIR --output FILE.json [--only 'finder*']
+    python tests/benchmarks/record.py compare BEFORE.json AFTER.json
+
+Only the command line with --json is used, so that the internals may change between the versions.
+Every run is added to the file as soon as it is finished, and is skipped when called again
+(--again: run anew). Observations made by `simulate` may depend on the version: --data names the
+folder of another version's work, whose files are then used. Needs Linux (/proc).
+"""
+
+import argparse
+import fnmatch
+import json
+import os
+import shutil
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import record_sticks as sticks
+from record_compare import compare_records, comparison_text
+from record_usage import measure
+
+# Figures by name, under the kind that says how they are compared (record_compare.RULES).
+Figures = dict[str, dict[str, Any]]
+Content = dict[str, Any]
+
+MAIN = "from femupdate.cli.main import main; main()"
+SHIPPED = "six_story_white_noise.csv"
+SIX = "six_story_wall_frame"
+DRAWS = 2000  # of predictions
+
+
+@dataclass(frozen=True)
+class Run:
+    """One command: its arguments, what is read from its JSON, processor seconds it may take."""
+
+    name: str
+    arguments: tuple[str, ...]
+    read: Callable[[Content], Figures]
+    limit_s: float = 600.0
+
+
+def read_model(content: Content) -> Figures:
+    """Frequencies and sizes of a building."""
+    frequencies = {f"frequency {k} Hz": v for k, v in enumerate(content["frequencies_hz"], 1)}
+    same = {"degrees of freedom": content["dof"], "elements": content["elements"]}
+    shown = {name: content[name] for name in ("reduced_size", "reduction_error")}
+    return {"digits": frequencies, "same": same, "shown": shown}
+
+
+def read_posterior(content: Content) -> Figures:
+    """Means, standard deviations and evidence."""
+    rows = zip(content["parameters"], content["mean"], content["sd"], strict=True)
+    posterior = {name: [mean, sd] for name, mean, sd in rows}
+    if "zeta" in content:
+        posterior["zeta"] = [content["zeta"]["mean"], content["zeta"]["sd"]]
+    figures: Figures = {"posterior": posterior}
+    if "log_evidence" in content:
+        error = content["log_evidence_sd"]
+        figures["evidence"] = {"log evidence": [content["log_evidence"], error]}
+    figures["shown"] = {
+        "misfit": content["misfit"],
+        "evaluations": content["evaluations"],
+        "largest r-hat": max((v for v in content["r_hat"] if v is not None), default=None),
+    }
+    solutions = sorted(content["identifiability"].get("modes", []), key=lambda one: one["mean"])
+    for k, one in enumerate(solutions, 1):
+        figures["shown"][f"weight of solution {k}"] = one["weight"]
+    return figures
+
+
+def read_prediction(content: Content) -> Figures:
+    """Peaks of the floors: mean and the ends of their 90 % interval."""
+    peaks = content["peak_acceleration_m_s2"]
+    return {
+        "interval": {f"peak {f} m/s2": [p["mean"], p["q05"], p["q95"]] for f, p in peaks.items()},
+        "shown": {
+            f"error {floor}": one["relative_error"]
+            for floor, one in content.get("comparison", {}).items()
+        },
+    }
+
+
+def read_diagnosis(content: Content) -> Figures:
+    """Verdict, and what it names."""
+    figures: Figures = {"same": {"verdict": content["verdict"]}}
+    shown = {name: content[name] for name in ("chi2", "independent_points", "p_value")}
+    figures["shown"] = shown
+    if content["effects"]:
+        first = content["effects"][0]
+        label = f"{first['name']}@{first['place']}"
+        shown["log evidence of the first"] = first["log_evidence_over_none"]
+        named = content["verdict"] == "named"
+        figures["same" if named else "shown"]["first effect"] = label
+        if named and first["size_sd"]:
+            figures["posterior"] = {f"size of {label}": [first["size"], first["size_sd"]]}
+    twins = content["cannot_be_told_from_the_first"]
+    figures["same"]["cannot be told from it"] = ", ".join(sorted(twins))
+    figures["same"]["cannot be seen"] = ", ".join(sorted(content["cannot_be_seen"]))
+    return figures
+
+
+def read_repair(content: Content) -> Figures:
+    """What was added, and the posterior before and after."""
+    rounds = content["rounds"]
+    added = [f"{one['effect']}@{one['place']}" for one in rounds]
+    posterior = {
+        f"size of {label}": [one["size"], one["size_sd"]]
+        for label, one in zip(added, rounds, strict=True)
+        if one["size_sd"]
+    }
+    for when in ("before", "after"):
+        pairs = zip(content[f"theta_{when}"], content[f"theta_sd_{when}"], strict=True)
+        posterior |= {f"theta_{k} {when}": list(pair) for k, pair in enumerate(pairs, 1)}
+    names = [f"{what}_{when}" for what in ("chi2", "holdout_chi2") for when in ("before", "after")]
+    same = {"verdict": content["verdict"], "added": ", ".join(added)}
+    shown = {name: content[name] for name in (*names, "holdout_error_after")}
+    return {"same": same, "posterior": posterior, "shown": shown}
+
+
+def read_simulation(content: Content) -> Figures:
+    """The truth behind a simulated file, and the rms of its columns."""
+    truth = content["truth"]
+    table = sticks.read_columns(Path(content["observation"]))
+    rms = {f"rms of {name}": value for name, value in table.items()}
+    frequencies = {f"frequency {k} Hz": v for k, v in enumerate(truth["frequencies_hz"], 1)}
+    return {"digits": frequencies, "shown": rms}
+
+
+@dataclass(frozen=True)
+class Folders:
+    """Of the code, of the studies, and of the observations."""
+
+    checkout: Path
+    work: Path
+    data: Path
+
+    def ground_motion(self) -> tuple[str, ...]:
+        """Options of `predict`."""
+        record = self.checkout / "examples/records/ridgecrest_2019_clc_90.csv"
+        return ("--record", str(record), "--samples", str(DRAWS))
+
+    def observation(self, name: str) -> str:
+        """Path of an observation file."""
+        return str(self.data / f"{name}.csv")
+
+
+def make_observations(folder: Path, checkout: Path) -> None:
+    """Write all observations that need no simulation; they are the same for all versions."""
+    last = folder / "six_channel_gain.csv"
+    if last.exists():
+        return
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "two_story.toml").write_text(sticks.TWO_STORIES, encoding="utf-8")
+    for name, theta, changes, seed, rms in sticks.cases():
+        sticks.write_histories(folder / f"{name}.csv", theta, changes, seed, rms)
+    sticks.write_frf_table(folder / "roof_frf.csv", ("RF",), noise=0.2, seed=101)
+    source = checkout / "examples" / SHIPPED
+    shutil.copy(source, folder / "six_clean.csv")
+    sticks.scale_floor(source, last, "4F", 1.08)
+
+
+def all_runs(folders: Folders) -> Iterator[Run]:
+    """The runs, cheap ones first; later ones use the studies of earlier ones."""
+    yield from (_model(name) for name in ("shear_3dof", "shear_4dof", "two_story_openings"))
+    yield from _stick_posteriors(folders)
+    yield from _repairs(folders)
+    yield from _six_story_posterior(folders)
+    yield from _finder_cases(folders)
+    yield from _six_story_finder(folders)
+    yield from (_model(name) for name in ("twelve_story_core", "six_story_members"))
+    yield from _six_story_exact(folders)
+
+
+def _model(name: str) -> Run:
+    return Run(f"model {name}", ("build-model", name, "--study", name), read_model)
+
+
+def _simulation(folders: Folders, name: str, building: str, *options: str) -> Run:
+    """Files of other buildings than the stick, which need femupdate itself."""
+    file = str(folders.work / "data" / f"{name}.csv")
+    arguments = ("simulate", "--building", building, "-o", file, *options)
+    return Run(f"simulate {name}", arguments, read_simulation)
+
+
+def _stick_posteriors(folders: Folders) -> Iterator[Run]:
+    truth = ("--theta", "0.8,1.2,1.0", "--zeta", "0.015")
+    yield _simulation(folders, "three", "shear_3dof", *truth)
+    for building, case in (
+        ("shear_4dof", "roof_frf"),
+        ("shear_4dof", "clean_0"),
+        ("shear_3dof", "three"),
+    ):
+        for name, exact in (("latent", ()), ("exact", ("--exact",))):
+            study = ("--study", f"{case}_{name}")
+            options = (*exact, "--building", building, *study)
+            calibrate = ("calibrate", folders.observation(case), *options)
+            yield Run(f"{case} {name}", calibrate, read_posterior)
+        predict = ("predict", *folders.ground_motion(), "--study", f"{case}_exact")
+        yield Run(f"{case} predict", predict, read_prediction)
+
+
+def _repairs(folders: Folders) -> Iterator[Run]:
+    """Effects that are added to the model, and what the repaired model says."""
+    for name, option in (("mass", "--holdout"), ("softer", "--second")):
+        first, second = (folders.observation(f"{name}_{k}") for k in (1, 2))
+        options = (option, second, "--building", "shear_4dof", "--study", name)
+        yield Run(f"{name} repair", ("repair", first, *options), read_repair)
+        predict = ("predict", *folders.ground_motion(), "--study", f"{name}/repaired")
+        yield Run(f"{name} repaired predict", predict, read_prediction)
+    again = ("calibrate", folders.observation("mass_2"), "--exact", "--study", "mass/repaired")
+    yield Run("mass repaired exact", again, read_posterior)
+
+
+def _finder_cases(folders: Folders) -> Iterator[Run]:
+    """Ten of each kind: nothing, one effect, two, none of the catalogue, and twins."""
+    two_story = str(folders.data / "two_story.toml")
+    studies = {
+        "twin": ("--building", two_story, "--study", "two_story"),
+        "roof": ("--sensors", "RF", "--study", "shear_4dof"),
+    }
+    names = (name for name, *_ in sticks.cases() if name.split("_")[0] in sticks.KINDS)
+    for name in sorted(names, key=lambda one: one.split("_")[1]):  # all kinds from the start
+        kind = name.split("_")[0]
+        study = studies.get(kind, ("--study", "shear_4dof"))
+        case = ("diagnose", folders.observation(name), *study)
+        yield Run(f"finder {name}", case, read_diagnosis)
+
+
+def _six_story_posterior(folders: Folders) -> Iterator[Run]:
+    yield _model(SIX)
+    calibrate = ("calibrate", folders.observation("six_clean"), "--study", SIX)
+    yield Run("six latent", calibrate, read_posterior)
+    predict = ("predict", *folders.ground_motion(), "--study", SIX)
+    yield Run("six predict", predict, read_prediction)
+
+
+def _six_story_finder(folders: Folders) -> Iterator[Run]:
+    truth = ("--theta", "0.9,1.1,1.0,0.8,1.2,1.0", "--zeta", "0.02")
+    mass = ("--effect", "added_mass@4F=0.12")
+    yield _simulation(folders, "six_added_mass", SIX, *truth, *mass)
+    for case in ("six_clean", "six_channel_gain", "six_added_mass"):
+        arguments = ("diagnose", folders.observation(case), "--study", SIX)
+        yield Run(f"finder {case}", arguments, read_diagnosis, 1500.0)
+    mass_file, clean = (folders.observation(f"six_{name}") for name in ("added_mass", "clean"))
+    repair = ("repair", mass_file, "--holdout", clean, "--study", SIX)
+    yield Run("six repair", repair, read_repair, 1500.0)
+
+
+def _six_story_exact(folders: Folders) -> Iterator[Run]:
+    own = ("--study", "six_exact", "--building", SIX)
+    exact = ("calibrate", folders.observation("six_clean"), "--exact", *own)
+    yield Run("six exact", exact, read_posterior, 500.0)
+
+
+def record(run: Run, folders: Folders) -> Content:
+    """Run a command and return what is kept of it."""
+    paths = {"PYTHONPATH": str(folders.checkout), "OMP_NUM_THREADS": "1"}
+    command = [sys.executable, "-c", MAIN, *run.arguments, "--json"]
+    log = folders.work / "logs" / run.name.replace(" ", "_")
+    usage = measure(command, {**os.environ, **paths}, folders.work, log, run.limit_s)
+    kept: Content = {
+        "status": "finished",
+        "seconds": round(usage.seconds, 2),
+        "processor_seconds": round(usage.processor_seconds, 2),
+        "peak_mb": round(usage.peak_mb),
+    }
+    if usage.ended is None:
+        kept["status"] = "unfinished"
+    elif usage.ended:
+        lines = Path(f"{log}.err").read_text().strip().splitlines()
+        message = lines[-1] if lines else f"exit code {usage.ended}"
+        for path in (folders.work, folders.data, folders.checkout):
+            message = message.replace(f"{path}/", "")
+        kept["status"] = f"failed: {message}"
+    else:
+        kept["figures"] = run.read(json.loads(Path(f"{log}.json").read_text()))
+    return kept
+
+
+def write(folders: Folders, output: Path, only: str, again: bool) -> None:
+    """Run what is not recorded yet, and add it to the output file run by run."""
+    (folders.work / "logs").mkdir(parents=True, exist_ok=True)
+    make_observations(folders.data, folders.checkout)
+    runs: Content = json.loads(output.read_text())["runs"] if output.exists() else {}
+    for run in all_runs(folders):
+        if not fnmatch.fnmatch(run.name, only) or (run.name in runs and not again):
+            continue
+        runs[run.name] = record(run, folders)
+        temporary = output.with_suffix(".part")
+        temporary.write_text(json.dumps({"runs": runs}, indent=1) + "\n", encoding="utf-8")
+        temporary.replace(output)
+        kept = runs[run.name]
+        print(f"{run.name}: {kept['status']}, {kept['processor_seconds']} s", flush=True)
+
+
+def compare(before: Path, after: Path) -> int:
+    """Print the table; 1 when a tolerance is broken."""
+    rows = list(compare_records(*(json.loads(p.read_text())["runs"] for p in (before, after))))
+    print(comparison_text(rows))
+    return int(any(row.broken for row in rows))
+
+
+def main() -> int:
+    """Read the arguments."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    commands = parser.add_subparsers(required=True, dest="command")
+    writing = commands.add_parser("write", help="run everything that is not recorded yet")
+    writing.add_argument("--checkout", type=Path, required=True, help="a clone of femupdate")
+    writing.add_argument("--output", type=Path, required=True, help="JSON file to write or add to")
+    writing.add_argument("--work", type=Path, default=Path("record"), help="folder of the studies")
+    writing.add_argument("--data", type=Path, help="observations; default: WORK/data")
+    writing.add_argument("--only", default="*", help="names of runs, such as 'finder*'")
+    writing.add_argument("--again", action="store_true", help="also what is recorded")
+    comparing = commands.add_parser("compare", help="table of differences; 1 when one is too large")
+    comparing.add_argument("before", type=Path)
+    comparing.add_argument("after", type=Path)
+    given = parser.parse_args()
+    if given.command == "compare":
+        return compare(given.before, given.after)
+    work = given.work.resolve()
+    folders = Folders(given.checkout.resolve(), work, (given.data or work / "data").resolve())
+    write(folders, given.output, given.only, given.again)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,94 @@
+"""The record of figures: its observations, how it compares, what it measures."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+
+@pytest.fixture(autouse=True)
+def _scripts(monkeypatch):
+    monkeypatch.syspath_prepend(Path(__file__).resolve().parents[1])
+
+
+def kept(processor_seconds=10.0, status="finished", **figures):
+    usage = {"seconds": 5.0, "processor_seconds": processor_seconds, "peak_mb": 100}
+    return {"run": {"status": status, **usage, "figures": figures}}
+
+
+def broken(before, after):
+    from record_compare import compare_records
+
+    return [row.figure for row in compare_records(before, after) if row.broken]
+
+
+def test_a_stick_moves_with_its_base_and_has_its_frequencies():
+    from record_sticks import stick_frf
+
+    theta = np.array([0.7, 1.3, 0.9, 1.1])
+    rows = np.eye(4) - np.eye(4, k=-1)
+    exact = np.sqrt(np.linalg.eigvalsh(1000.0 * rows.T @ np.diag(theta) @ rows)) / (2.0 * np.pi)
+    frequency = np.linspace(0.0, 12.0, 24001)
+    frf = stick_frf(theta, (), frequency)
+    roof = np.abs(frf[3])
+    peaks = frequency[1:-1][(roof[1:-1] > roof[:-2]) & (roof[1:-1] > roof[2:])]
+    assert np.allclose(frf[:, 0], 1.0)
+    assert np.allclose(peaks, exact, rtol=2e-3)
+
+
+@pytest.mark.parametrize("name", ["ground_tie", "long_brace", "foundation_rocking", "added_mass"])
+def test_what_changes_a_stick_changes_its_response(name):
+    from record_sticks import Change, stick_frf
+
+    frequency = np.linspace(0.1, 12.0, 200)
+    clean = stick_frf(np.ones(4), (), frequency)
+    assert np.abs(stick_frf(np.ones(4), (Change(name, 2, 0.1),), frequency) / clean - 1).max() > 0.1
+
+
+def test_equal_records_break_nothing():
+    figures = {"same": {"verdict": "named"}, "posterior": {"theta_1": [1.0, 0.1]}}
+    assert broken(kept(**figures), kept(**figures)) == []
+
+
+@pytest.mark.parametrize(
+    ("kind", "before", "within", "beyond"),
+    [
+        ("same", "named", "named", "none"),
+        ("digits", 5.0, 5.0 * (1.0 + 5e-10), 5.0 * (1.0 + 2e-9)),
+        ("posterior", [1.0, 0.1], [1.009, 0.104], [1.011, 0.1]),
+        ("posterior", [1.0, 0.1], [1.0, 0.096], [1.0, 0.094]),
+        ("evidence", [-50.0, 0.3], [-49.6, 0.4], [-49.4, 0.4]),
+        ("interval", [3.0, 2.0, 4.0], [3.05, 2.1, 3.9], [3.0, 2.0, 4.2]),
+    ],
+)
+def test_each_kind_of_figure_has_its_tolerance(kind, before, within, beyond):
+    records = [kept(**{kind: {"figure": value}}) for value in (before, within, beyond)]
+    assert broken(records[0], records[1]) == []
+    assert broken(records[0], records[2]) == ["run: figure"]
+
+
+def test_slower_or_no_longer_finished_breaks_a_tolerance():
+    assert broken(kept(10.0), kept(11.4)) == []
+    assert broken(kept(10.0), kept(11.6)) == ["run: processor s"]
+    assert broken(kept(), kept(status="unfinished")) == ["run"]
+    assert broken(kept(status="unfinished"), kept()) == []
+
+
+def test_a_figure_that_is_gone_breaks_a_tolerance():
+    assert broken(kept(same={"verdict": "none"}), kept()) == ["run: verdict"]
+
+
+def test_workers_are_measured_and_a_limit_stops_them(tmp_path):
+    from record_usage import measure
+
+    spin = "t = time.process_time()\nwhile time.process_time() - t < {}: pass\n"
+    worker = f"import time\nkept = bytearray(60_000_000)\n{spin.format(0.6)}"
+    start = f"worker = subprocess.Popen([sys.executable, '-c', {worker!r}])\n"
+    code = f"import subprocess, sys, time\n{start}{spin.format(0.3)}worker.wait()"
+    command = [sys.executable, "-c", code]
+    whole = measure(command, {}, tmp_path, tmp_path / "log", limit_s=20.0)
+    assert whole.ended == 0
+    assert whole.processor_seconds > 0.8
+    assert whole.peak_mb > 60.0
+    assert measure(command, {}, tmp_path, tmp_path / "log", limit_s=0.2).ended is None
