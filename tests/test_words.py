@@ -38,7 +38,8 @@ def without_code(text):
 
 def plain_lines(text):
     """Lines that are neither code nor part of a table."""
-    return [line for line in without_code(text).splitlines() if not line.startswith("|")]
+    lines = without_code(text).splitlines()
+    return [line for line in lines if not line.startswith(("|", "    "))]
 
 
 def sentences(text):
