@@ -1,15 +1,17 @@
 """femupdate build-model."""
 
-from pathlib import Path
 from typing import Any
 
 import click
 
-from .common import Bars, print_json, print_notes, print_pictures, shared_options, table
+from femupdate.study import Study
+
+from .common import Bars, print_json, print_notes, print_pictures, study_options, table
+from .parameters import BuildingName
 
 
 @click.command("build-model")
-@click.argument("building", required=False)
+@click.argument("building", type=BuildingName(), required=False)
 @click.option(
     "--export",
     type=click.Choice(["opensees"]),
@@ -22,12 +24,12 @@ from .common import Bars, print_json, print_notes, print_pictures, shared_option
     show_default=True,
     help="Shell element of the exported script.",
 )
-@shared_options
+@study_options()
 def command(
     building: str | None,
     export: str | None,
     shell: Any,
-    study_folder: Path,
+    study: Study,
     seed: int,
     as_json: bool,
 ) -> None:
@@ -36,12 +38,8 @@ def command(
     BUILDING is a TOML file or the name of a shipped building; default: the study's own, or
     six_story_wall_frame for a new study.
     """
-    from femupdate.study import Study
     from femupdate.workflow.build import build_study
-    from femupdate.workflow.checks import check_writable
 
-    study = Study(study_folder)
-    check_writable(study)
     with Bars() as bars:
         report = build_study(study, building, bars)
     files = []
@@ -63,7 +61,7 @@ def command(
                 "checks": report.checks,
                 "pictures": report.pictures,
                 "exported": files,
-                "study": study_folder,
+                "study": study.folder,
             }
         )
         return

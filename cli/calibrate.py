@@ -1,46 +1,42 @@
 """femupdate calibrate."""
 
 from pathlib import Path
+from typing import Any
 
 import click
 
+from femupdate.study import Study
+
 from .common import (
     Bars,
-    parse_band,
-    parse_columns,
-    parse_names,
     print_json,
     print_notes,
     print_pictures,
-    shared_options,
+    reading_options,
+    study_options,
     table,
 )
+from .parameters import BuildingName, InputFile
 
 
 @click.command("calibrate")
-@click.argument("observations", type=click.Path(path_type=Path), nargs=-1, required=True)
-@click.option("--building", help="Shipped name or TOML file, for a new study.")
-@click.option("--sensors", callback=parse_names, help="Floors to use, such as RF or 2F,RF.")
-@click.option("--band", callback=parse_band, help="Frequencies to use, such as 0.5,18 (Hz).")
+@click.argument("observations", type=InputFile(), nargs=-1, required=True)
+@click.option("--building", type=BuildingName(), help="Shipped name or TOML file, for a new study.")
 @click.option("--exact", is_flag=True, help="Data-space likelihood with the file's own noise.")
 @click.option("--particles", type=click.IntRange(min=200), default=5000, show_default=True)
 @click.option("--chains", type=click.IntRange(min=1), default=4, show_default=True)
-@click.option("--unit", help="Of the accelerations, where the file does not say it.")
-@click.option("--columns", callback=parse_columns, help="Names: ours=theirs,ours=theirs.")
 @click.option("--device", default="cpu", show_default=True, help="cpu, cuda, ...")
-@shared_options
+@reading_options
+@study_options()
 def command(
     observations: tuple[Path, ...],
     building: str | None,
-    sensors: tuple[str, ...],
-    band: tuple[float, float] | None,
     exact: bool,
     particles: int,
     chains: int,
-    unit: str | None,
-    columns: dict[str, str] | None,
+    reading: dict[str, Any],
     device: str,
-    study_folder: Path,
+    study: Study,
     seed: int,
     as_json: bool,
 ) -> None:
@@ -50,7 +46,6 @@ def command(
     2F:2) or of FRFs (frequency_hz, 2F, ..., RF). Several are runs of the same building, which one
     posterior explains together; options hold for all of them.
     """
-    from femupdate.study import Study
     from femupdate.workflow.calibrate import calibrate_study
     from femupdate.workflow.calibrate_settings import CalibrationSettings
     from femupdate.workflow.checks import check_calibration
@@ -58,9 +53,8 @@ def command(
     from femupdate.workflow.observed import ObservationSource
     from femupdate.workflow.summary import identifiability_record
 
-    study = Study(study_folder)
     first, *further = observations
-    source = ObservationSource(first, unit, columns, sensors, band, tuple(further))
+    source = ObservationSource(first, further=tuple(further), **reading)
     settings = CalibrationSettings(particles, exact, chains, seed, device)
     with Bars() as bars:
         check_calibration(study, source, settings, building)

@@ -12,6 +12,9 @@ from typing import Any, TypeVar
 import click
 
 from femupdate.errors import FemupdateError
+from femupdate.study import Study
+
+from .parameters import Band, Columns, Input, Names, StudyFolder
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -26,22 +29,47 @@ class Failure(click.ClickException):
         click.echo(f"Error: {self.format_message()}", err=True)
 
 
-def shared_options(function: F) -> F:
-    """Add --study, --seed, --json and -v, and turn the library's errors into exit code 1."""
+def study_options(needs: str | None = None, writes: bool = True) -> Callable[[F], F]:
+    """Add --study, --seed, --json and -v, and turn the library's errors into exit code 1.
 
-    @click.option(
-        "--study",
-        "study_folder",
-        type=click.Path(path_type=Path),
-        callback=_require_folder,
-        default=Path("study"),
-        show_default=True,
-        help="Folder that holds everything made for one building.",
-    )
-    @_running
+    Args:
+        needs: artefact that the study must hold, made by `femupdate calibrate`.
+        writes: the command writes into the study.
+    """
+
+    def decorate(function: F) -> F:
+        @click.option(
+            "--study",
+            type=StudyFolder(),
+            default="study",
+            show_default=True,
+            help="Folder that holds everything made for one building.",
+        )
+        @_running
+        @functools.wraps(function)
+        def wrapper(*args: Any, study: Study, **kwargs: Any) -> Any:
+            if needs is not None:
+                study.require(needs, "calibrate")
+            if writes:
+                study.check_writable()
+            return function(*args, study=study, **kwargs)
+
+        return wrapper  # type: ignore[return-value]
+
+    return decorate
+
+
+def reading_options(function: F) -> F:
+    """Add the options that say how to read observation files, handed on as `reading`."""
+
+    @click.option("--sensors", type=Names(), default=(), help="Floors to use, such as RF or 2F,RF.")
+    @click.option("--band", type=Band(), help="Frequencies to use, such as 0.5,18 (Hz).")
+    @click.option("--unit", help="Of the accelerations, where the file does not say it.")
+    @click.option("--columns", type=Columns(), help="Names: ours=theirs,ours=theirs.")
     @functools.wraps(function)
-    def wrapper(*args: Any, **kwargs: Any) -> Any:
-        return function(*args, **kwargs)
+    def wrapper(*args: Any, sensors: Any, band: Any, unit: Any, columns: Any, **kwargs: Any) -> Any:
+        reading = {"sensors": sensors, "band_hz": band, "unit": unit, "columns": columns}
+        return function(*args, reading=reading, **kwargs)
 
     return wrapper  # type: ignore[return-value]
 
@@ -81,6 +109,7 @@ def _running(function: F) -> F:
     def wrapper(*args: Any, verbose: int, **kwargs: Any) -> Any:
         _start_logging(verbose)
         try:
+            _require_inputs()
             return function(*args, **kwargs)
         except FemupdateError as error:
             if verbose >= 2:
@@ -92,74 +121,21 @@ def _running(function: F) -> F:
     return wrapper  # type: ignore[return-value]
 
 
-def _require_folder(context: click.Context, parameter: click.Parameter, path: Path) -> Path:
-    """A study need not be there yet, but nothing else may stand in its place."""
-    if path.exists() and not path.is_dir():
-        raise Failure(f"{path} is a file, not a folder; choose another folder with --study")
-    return path
-
-
-def parse_columns(
-    context: click.Context, parameter: click.Parameter, text: str | None
-) -> dict[str, str] | None:
-    """Read `ours=theirs,ours=theirs`."""
-    if text is None:
-        return None
-    pairs = [part.split("=", 1) for part in text.split(",") if part.strip()]
-    if not pairs or any(len(pair) != 2 or not all(p.strip() for p in pair) for pair in pairs):
-        raise click.BadParameter("write ours=theirs pairs with commas, such as base=a0,2F=a1,RF=a2")
-    return {ours.strip(): theirs.strip() for ours, theirs in pairs}
-
-
-def parse_members(
-    context: click.Context, parameter: click.Parameter, texts: tuple[str, ...]
-) -> tuple[tuple[float, float, float] | str, ...]:
-    """Read places `x,y,z` in m and names of walls, such as `X2:S1`."""
-    members: list[tuple[float, float, float] | str] = []
-    for text in texts:
-        if text.count(":") in (1, 2):
-            members.append(text)
-            continue
-        try:
-            x, y, z = (float(part) for part in text.split(","))
-        except ValueError:
-            raise click.BadParameter(
-                f"{text!r} is neither a place nor a wall; write x,y,z in m, such as 3.6,0,1.5, or "
-                "the wall's line and story, such as X2:S1"
-            ) from None
-        members.append((x, y, z))
-    return tuple(members)
+def _require_inputs() -> None:
+    """Find a misspelt name before anything heavy is imported."""
+    context = click.get_current_context()
+    for parameter in context.command.params:
+        value = context.params.get(parameter.name or "")
+        if isinstance(parameter.type, Input) and value is not None:
+            for one in value if isinstance(value, tuple) else (value,):
+                parameter.type.require(one)
 
 
 def parse_names(
     context: click.Context, parameter: click.Parameter, text: str | None
 ) -> tuple[str, ...]:
     """Read names with commas between them."""
-    return () if text is None else tuple(part.strip() for part in text.split(",") if part.strip())
-
-
-def parse_numbers(
-    context: click.Context, parameter: click.Parameter, text: str | None
-) -> tuple[float, ...] | None:
-    """Read numbers with commas between them."""
-    if text is None:
-        return None
-    try:
-        return tuple(float(part) for part in text.split(","))
-    except ValueError:
-        raise click.BadParameter("write numbers with commas, such as 0.8,1.1,1.0") from None
-
-
-def parse_band(
-    context: click.Context, parameter: click.Parameter, text: str | None
-) -> tuple[float, float] | None:
-    """Read two frequencies, the lower first."""
-    numbers = parse_numbers(context, parameter, text)
-    if numbers is None:
-        return None
-    if len(numbers) != 2 or not 0.0 <= numbers[0] < numbers[1]:
-        raise click.BadParameter("write the lowest and the highest frequency, such as 0.5,18")
-    return numbers[0], numbers[1]
+    return () if text is None else Names().convert(text, parameter, context)
 
 
 def print_json(content: dict[str, Any]) -> None:

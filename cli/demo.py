@@ -1,26 +1,25 @@
 """femupdate demo."""
 
-from pathlib import Path
-
 import click
 
-from .common import Bars, print_json, print_pictures, shared_options, table
+from femupdate.study import Study
+
+from .common import Bars, print_json, print_pictures, study_options, table
 
 
 @click.command("demo")
-@shared_options
-def command(study_folder: Path, seed: int, as_json: bool) -> None:
+@study_options()
+def command(study: Study, seed: int, as_json: bool) -> None:
     """Run the whole chain on the shipped example: synthetic observation, real ground motion."""
-    from femupdate.study import Study
     from femupdate.workflow.demo import run_demo
 
     with Bars() as bars:
-        report = run_demo(Study(study_folder), seed, bars)
+        report = run_demo(study, seed, bars)
     posterior, roof = report.all_floors.posterior, report.roof_alone.posterior
     if as_json:
         print_json(
             {
-                "study": study_folder,
+                "study": study.folder,
                 "posterior": report.all_floors.path,
                 "prediction": report.predicted.path,
                 "parameters": posterior.names,
@@ -57,5 +56,5 @@ def command(study_folder: Path, seed: int, as_json: bool) -> None:
     ]
     click.echo("\nPeak floor acceleration under a tenth of the Ridgecrest record, m/s2")
     click.echo(table(("", "mean", "5 %", "95 %"), rows))
-    click.echo(f"\nDone in {report.seconds:.0f} s. Everything is in {study_folder}; pictures:")
+    click.echo(f"\nDone in {report.seconds:.0f} s. Everything is in {study.folder}; pictures:")
     print_pictures(report.pictures)

@@ -1,21 +1,22 @@
 """femupdate diagnose."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from femupdate.study import Study
+
 from .common import (
     Bars,
-    parse_band,
-    parse_columns,
-    parse_names,
     print_json,
     print_notes,
     print_pictures,
-    shared_options,
+    reading_options,
+    study_options,
     table,
 )
+from .parameters import BuildingName, InputFile
 
 if TYPE_CHECKING:
     from femupdate.discrepancy.evidence import Evidence
@@ -29,15 +30,13 @@ def _evidence(found: "Evidence") -> str:
 
 
 @click.command("diagnose")
-@click.argument("observation", type=click.Path(path_type=Path))
-@click.option("--building", help="Shipped name or TOML file, for a new study.")
+@click.argument("observation", type=InputFile())
+@click.option("--building", type=BuildingName(), help="Shipped name or TOML file, for a new study.")
 @click.option(
     "--second",
-    type=click.Path(path_type=Path),
+    type=InputFile(),
     help="Another record at another level, to be explained together.",
 )
-@click.option("--sensors", callback=parse_names, help="Floors to use, such as RF or 2F,RF.")
-@click.option("--band", callback=parse_band, help="Frequencies to use, such as 0.5,18 (Hz).")
 @click.option("--no-phase", is_flag=True, help="Use |H| alone.")
 @click.option(
     "--sampled",
@@ -46,20 +45,16 @@ def _evidence(found: "Evidence") -> str:
     show_default=True,
     help="Leading effects whose evidence is sampled, not approximated.",
 )
-@click.option("--unit", help="Of the accelerations, where the file does not say it.")
-@click.option("--columns", callback=parse_columns, help="Names: ours=theirs,ours=theirs.")
-@shared_options
+@reading_options
+@study_options()
 def command(
     observation: Path,
     building: str | None,
     second: Path | None,
-    sensors: tuple[str, ...],
-    band: tuple[float, float] | None,
     no_phase: bool,
     sampled: int,
-    unit: str | None,
-    columns: dict[str, str] | None,
-    study_folder: Path,
+    reading: dict[str, Any],
+    study: Study,
     seed: int,
     as_json: bool,
 ) -> None:
@@ -69,16 +64,14 @@ def command(
     evidence is weighed. Nothing is changed: `femupdate repair` adds what is found.
     """
     from femupdate.discrepancy.diagnose import DiagnosisSettings
-    from femupdate.study import Study
     from femupdate.workflow.diagnose import diagnose_study
     from femupdate.workflow.model import open_study
     from femupdate.workflow.observed import ObservationSource, check_readable
 
-    study = Study(study_folder)
-    source = ObservationSource(observation, unit, columns, sensors, band)
+    source = ObservationSource(observation, **reading)
     more = None
     if second is not None:
-        more = ObservationSource(second, unit, columns, sensors, band)
+        more = ObservationSource(second, **reading)
     with Bars() as bars:
         for given in (source, more):
             if given is not None:

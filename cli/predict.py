@@ -4,28 +4,29 @@ from pathlib import Path
 
 import click
 
+from femupdate.study import Study
+
 from .common import (
     Bars,
-    parse_columns,
-    parse_members,
     print_json,
     print_notes,
     print_pictures,
-    shared_options,
+    study_options,
     table,
 )
+from .parameters import Channel, Columns, InputFile, Member, Place
 
 
 @click.command("predict")
-@click.option("--record", type=click.Path(path_type=Path), required=True, help="Ground motion.")
-@click.option("--channel", help="Name or number, where the record has several.")
+@click.option("--record", type=InputFile(), required=True, help="Ground motion.")
+@click.option("--channel", type=Channel(), help="Name or number, where the record has several.")
 @click.option("--unit", help="Of the accelerations, where the file does not say it.")
 @click.option("--scale", type=float, default=1.0, show_default=True, help="Factor on the record.")
 @click.option("--damping", type=click.FloatRange(0.0, 1.0), help="One ratio for all modes.")
 @click.option("--samples", type=click.IntRange(min=2), default=300, show_default=True)
 @click.option(
     "--measured",
-    type=click.Path(path_type=Path),
+    type=InputFile(),
     help="Observation file with the floors measured in the same motion.",
 )
 @click.option("--floor-spectra", is_flag=True, help="Also the response spectra of the floors.")
@@ -40,8 +41,7 @@ from .common import (
     "--member",
     "members",
     multiple=True,
-    callback=parse_members,
-    metavar="PLACE|WALL",
+    type=Member(),
     help="x,y,z in m: end forces of the beam or column element nearest to it; or LINE:STORY (or "
     "LINE:FROM-TO:STORY, such as X2:Y1-Y2:S1): forces through the foot of the wall; several times.",
 )
@@ -52,11 +52,11 @@ from .common import (
     show_default=True,
     help="Draws at which the full model is solved for them.",
 )
-@click.option("--columns", callback=parse_columns, help="Names in that file: ours=theirs,...")
-@shared_options
+@click.option("--columns", type=Columns(), help="Names in that file: ours=theirs,...")
+@study_options(needs="posterior")
 def command(
     record: Path,
-    channel: str | None,
+    channel: int | str | None,
     unit: str | None,
     scale: float,
     damping: float | None,
@@ -64,10 +64,10 @@ def command(
     measured: Path | None,
     floor_spectra: bool,
     spectrum_damping: float,
-    members: tuple[tuple[float, float, float] | str, ...],
+    members: tuple[Place | str, ...],
     member_draws: int,
     columns: dict[str, str] | None,
-    study_folder: Path,
+    study: Study,
     seed: int,
     as_json: bool,
 ) -> None:
@@ -76,13 +76,10 @@ def command(
     Reads JMA CSV, K-NET, PEER AT2, CSMIP V1 and V2 and plain two-column files. --damping
     defaults to the posterior's own damping ratio.
     """
-    from femupdate.study import Study
-    from femupdate.workflow.checks import check_writable, open_calibrated
+    from femupdate.workflow.checks import open_calibrated
     from femupdate.workflow.predict import predict_study
     from femupdate.workflow.predict_settings import PredictionSettings, RecordSource
 
-    study = Study(study_folder)
-    check_writable(study)
     with Bars() as bars:
         report = predict_study(
             study,

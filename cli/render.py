@@ -1,27 +1,24 @@
 """femupdate render."""
 
-from pathlib import Path
-
 import click
 
-from .common import Bars, print_json, print_pictures, shared_options, table
+from femupdate.study import Study
+
+from .common import Bars, print_json, print_pictures, study_options, table
 
 
 @click.command("render")
 @click.option("--modes", type=click.IntRange(1, 12), default=3, show_default=True)
 @click.option("--samples", type=click.IntRange(min=5), default=60, show_default=True)
-@shared_options
-def command(modes: int, samples: int, study_folder: Path, seed: int, as_json: bool) -> None:
+@study_options(needs="posterior")
+def command(modes: int, samples: int, study: Study, seed: int, as_json: bool) -> None:
     """Draw the mode shapes of the posterior off screen: mean shape and its spread.
 
     Modes are those that the base motion drives, lowest first.
     """
-    from femupdate.study import Study
-    from femupdate.workflow.checks import check_writable, open_calibrated
+    from femupdate.workflow.checks import open_calibrated
     from femupdate.workflow.render import render_study
 
-    study = Study(study_folder)
-    check_writable(study)
     with Bars() as bars:
         model = open_calibrated(study, bars)
         rendered = render_study(study, model, modes, samples, seed=seed, progress=bars)
@@ -38,7 +35,7 @@ def command(modes: int, samples: int, study_folder: Path, seed: int, as_json: bo
                     }
                     for mode in rendered
                 ],
-                "study": study_folder,
+                "study": study.folder,
             }
         )
         return

@@ -1,46 +1,42 @@
 """femupdate repair."""
 
 from pathlib import Path
+from typing import Any
 
 import click
 
+from femupdate.study import Study
+
 from .common import (
     Bars,
-    parse_band,
-    parse_columns,
-    parse_names,
     print_json,
     print_pictures,
-    shared_options,
+    reading_options,
+    study_options,
 )
+from .parameters import BuildingName, InputFile
 
 
 @click.command("repair")
-@click.argument("observation", type=click.Path(path_type=Path))
-@click.option("--building", help="Shipped name or TOML file, for a new study.")
-@click.option("--holdout", type=click.Path(path_type=Path), help="Data kept out, to be predicted.")
+@click.argument("observation", type=InputFile())
+@click.option("--building", type=BuildingName(), help="Shipped name or TOML file, for a new study.")
+@click.option("--holdout", type=InputFile(), help="Data kept out, to be predicted.")
 @click.option(
     "--second",
-    type=click.Path(path_type=Path),
+    type=InputFile(),
     help="Another record at another level, to be explained together.",
 )
-@click.option("--sensors", callback=parse_names, help="Floors to use, such as RF or 2F,RF.")
-@click.option("--band", callback=parse_band, help="Frequencies to use, such as 0.5,18 (Hz).")
 @click.option("--no-phase", is_flag=True, help="Use |H| alone.")
-@click.option("--unit", help="Of the accelerations, where the file does not say it.")
-@click.option("--columns", callback=parse_columns, help="Names: ours=theirs,ours=theirs.")
-@shared_options
+@reading_options
+@study_options()
 def command(
     observation: Path,
     building: str | None,
     holdout: Path | None,
     second: Path | None,
-    sensors: tuple[str, ...],
-    band: tuple[float, float] | None,
     no_phase: bool,
-    unit: str | None,
-    columns: dict[str, str] | None,
-    study_folder: Path,
+    reading: dict[str, Any],
+    study: Study,
     seed: int,
     as_json: bool,
 ) -> None:
@@ -50,16 +46,13 @@ def command(
     study of its own inside this one (folder `repaired`), which every command takes.
     """
     from femupdate.discrepancy.diagnose import DiagnosisSettings
-    from femupdate.study import Study
     from femupdate.workflow.model import open_study
     from femupdate.workflow.observed import ObservationSource, check_readable
     from femupdate.workflow.repair import repair_study
 
-    study = Study(study_folder)
-    source = ObservationSource(observation, unit, columns, sensors, band)
+    source = ObservationSource(observation, **reading)
     other, more = (
-        None if path is None else ObservationSource(path, unit, columns, sensors, band)
-        for path in (holdout, second)
+        None if path is None else ObservationSource(path, **reading) for path in (holdout, second)
     )
     with Bars() as bars:
         for given in (source, other, more):

@@ -4,25 +4,10 @@ from pathlib import Path
 
 import click
 
-from .common import Bars, parse_band, parse_numbers, print_json, shared_options
+from femupdate.study import Study
 
-
-def _parse_effects(
-    context: click.Context, parameter: click.Parameter, texts: tuple[str, ...]
-) -> tuple[tuple[str, tuple[float, ...]], ...]:
-    """Read `name@place=size` or `name@place`, with more numbers after commas."""
-    found = []
-    for text in texts:
-        label, _, numbers = text.partition("=")
-        try:
-            values = tuple(float(part) for part in numbers.split(",")) if numbers else ()
-        except ValueError:
-            values = ()
-            label = ""
-        if "@" not in label:
-            raise click.BadParameter("write name@place=size, such as added_mass@3F=0.1")
-        found.append((label.strip(), values))
-    return tuple(found)
+from .common import Bars, Failure, print_json, study_options
+from .parameters import Band, BuildingName, Channel, InputFile, Numbers, SizedEffect
 
 
 @click.command("simulate")
@@ -33,27 +18,30 @@ def _parse_effects(
     required=True,
     help="CSV file to write; its truth goes beside it as .truth.json.",
 )
-@click.option("--building", help="Shipped name or TOML file; default: the study's.")
-@click.option("--theta", callback=parse_numbers, help="Stiffness factors; default: random.")
+@click.option(
+    "--building", type=BuildingName(), help="Shipped name or TOML file; default: the study's."
+)
+@click.option("--theta", type=Numbers(), help="Stiffness factors; default: random.")
 @click.option("--zeta", type=click.FloatRange(0.0, 1.0), help="Damping ratio of all modes.")
 @click.option("--mesh-size", type=float, help="m; default: half of the building's own.")
 @click.option("--duration", type=float, default=80.0, show_default=True, help="s")
 @click.option("--sampling", type=float, default=200.0, show_default=True, help="Hz")
 @click.option("--rms", type=float, default=0.3, show_default=True, help="Of the base, m/s2.")
-@click.option("--band", callback=parse_band, default="0.5,50", show_default=True, help="Hz")
-@click.option("--record", type=click.Path(path_type=Path), help="Base motion instead of noise.")
-@click.option("--channel", help="Of the record, where it has several.")
+@click.option("--band", type=Band(), default="0.5,50", show_default=True, help="Hz")
+@click.option("--record", type=InputFile(), help="Base motion instead of noise.")
+@click.option("--channel", type=Channel(), help="Of the record, where it has several.")
 @click.option("--unit", help="Of the record, where the file does not say it.")
 @click.option("--scale", type=float, default=1.0, show_default=True, help="Factor on the record.")
 @click.option(
     "--effect",
     "effects",
     multiple=True,
-    callback=_parse_effects,
+    type=SizedEffect(),
     help="Hidden effect and its size, such as added_mass@3F=0.1; several times for several.",
 )
+@click.option("--force", is_flag=True, help="Replace a file of that name.")
 @click.option("--sensor-noise", type=float, default=0.003, show_default=True, help="m/s2 rms")
-@shared_options
+@study_options(writes=False)
 def command(
     output: Path,
     building: str | None,
@@ -65,12 +53,13 @@ def command(
     rms: float,
     band: tuple[float, float],
     record: Path | None,
-    channel: str | None,
+    channel: int | str | None,
     unit: str | None,
     scale: float,
     effects: tuple[tuple[str, tuple[float, ...]], ...],
+    force: bool,
     sensor_noise: float,
-    study_folder: Path,
+    study: Study,
     seed: int,
     as_json: bool,
 ) -> None:
@@ -79,8 +68,9 @@ def command(
     The full model, on a finer mesh than the one that calibrations use, is shaken by band-limited
     white noise (or a record) and seen by single accelerometers with their own noise.
     """
+    if output.exists() and not force:
+        raise Failure(f"{output} is there already; choose another name, or replace it by --force")
     from femupdate.measurement.record import read_record
-    from femupdate.study import Study
     from femupdate.workflow.model import choose_building
     from femupdate.workflow.simulate import (
         SimulationSettings,
@@ -88,9 +78,8 @@ def command(
         write_simulation,
     )
 
-    chosen = choose_building(Study(study_folder), building)
-    number = int(channel) if channel is not None and channel.isdigit() else channel
-    motion = None if record is None else read_record(record, unit, number).scaled(scale)
+    chosen = choose_building(study, building)
+    motion = None if record is None else read_record(record, unit, channel).scaled(scale)
     settings = SimulationSettings(
         theta=theta,
         zeta=zeta,

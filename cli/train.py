@@ -5,11 +5,14 @@ from pathlib import Path
 
 import click
 
-from .common import Bars, print_json, shared_options
+from femupdate.study import Study
+
+from .common import Bars, print_json, study_options
+from .parameters import BuildingName
 
 
 @click.command("train")
-@click.option("--building", help="Shipped name or TOML file, for a new study.")
+@click.option("--building", type=BuildingName(), help="Shipped name or TOML file, for a new study.")
 @click.option("--samples", type=click.IntRange(min=100), default=100_000, show_default=True)
 @click.option("--epochs", type=click.IntRange(min=1), default=45, show_default=True)
 @click.option("--batch", type=click.IntRange(min=8), default=512, show_default=True)
@@ -23,7 +26,7 @@ from .common import Bars, print_json, shared_options
 )
 @click.option("--start", type=click.Path(path_type=Path), help="Weights to start from.")
 @click.option("--fresh", is_flag=True, help="Train even though a fitting surrogate is there.")
-@shared_options
+@study_options()
 def command(
     building: str | None,
     samples: int,
@@ -33,7 +36,7 @@ def command(
     roof_share: float,
     start: Path | None,
     fresh: bool,
-    study_folder: Path,
+    study: Study,
     seed: int,
     as_json: bool,
 ) -> None:
@@ -44,12 +47,10 @@ def command(
     Killed half-way, the same command goes on where it stopped. Skipped when a trained surrogate
     (the study's own or a shipped one) fits the building.
     """
-    from femupdate.study import Study
     from femupdate.workflow.checks import check_training
     from femupdate.workflow.model import open_study
     from femupdate.workflow.train import default_settings, train_study
 
-    study = Study(study_folder)
     check_training(study, samples, batch, start, building)
     with Bars() as bars:
         model = open_study(study, building, bars)
@@ -73,7 +74,7 @@ def command(
                 "dataset_seconds": report.dataset_seconds,
                 "training_seconds": report.training_seconds,
                 "metrics": metrics,
-                "study": study_folder,
+                "study": study.folder,
             }
         )
         return

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
@@ -63,6 +64,28 @@ class Study:
     def path(self, *parts: str) -> Path:
         """Path of a file inside the study."""
         return self.folder.joinpath(*parts)
+
+    def check_folder(self) -> Path:
+        """The folder itself where it is there, else the lowest folder above it that is.
+
+        Raises:
+            StudyError: a file stands in its place.
+        """
+        above = (self.folder, *self.folder.absolute().parents)
+        lowest = next(path for path in above if path.exists())
+        if not lowest.is_dir():
+            raise StudyError(f"{lowest} is a file, not a folder; choose another with --study")
+        return lowest
+
+    def check_writable(self) -> None:
+        """Make sure that files can be written into the folder, which need not be there yet.
+
+        Raises:
+            StudyError: they cannot.
+        """
+        folder = self.check_folder()
+        if not os.access(folder, os.W_OK | os.X_OK):
+            raise StudyError(f"cannot write into {folder}; check its permissions or choose another")
 
     def artefacts(self) -> dict[str, Artefact]:
         """All recorded artefacts by name.

@@ -9,7 +9,8 @@ from typing import Any
 from pydantic import ValidationError
 
 from femupdate.building.analysis import ConstantDamping
-from femupdate.building.entry import as_building_error, close
+from femupdate.building.entry import as_building_error
+from femupdate.building.names import close
 from femupdate.building.schema import Building, FrameBuilding, MeshBuilding, ShearBuilding
 from femupdate.errors import BuildingError
 

@@ -1,10 +1,8 @@
 """Building files: TOML in and out, by path or by the name of a shipped model."""
 
 import logging
-import os
 import shutil
 import tomllib
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -15,51 +13,14 @@ from femupdate.building.document import (
     mechanics_hash,
     to_document,
 )
-from femupdate.building.entry import close
 from femupdate.building.mesh import check_mesh
 from femupdate.building.provenance import provenance_of
 from femupdate.building.schema import Building, FrameBuilding, MeshBuilding
+from femupdate.building.shipped import building_text
 from femupdate.building.toml_writer import to_toml
 from femupdate.errors import BuildingError
 
-_SUFFIX = ".toml"
 _log = logging.getLogger(__name__)
-
-
-def shipped_buildings() -> tuple[str, ...]:
-    """Return the names of the buildings that come with femupdate."""
-    names = (entry.name for entry in files("femupdate.models").iterdir())
-    return tuple(sorted(name.removesuffix(_SUFFIX) for name in names if name.endswith(_SUFFIX)))
-
-
-def _is_path(text: str) -> bool:
-    return text.endswith(_SUFFIX) or "/" in text or os.sep in text
-
-
-def _not_found(text: str) -> BuildingError:
-    shipped = shipped_buildings()
-    hint = close(Path(text).stem, shipped)
-    return BuildingError(
-        f"{text}: there is no such building file; the shipped buildings are "
-        f"{', '.join(shipped)}{hint}"
-    )
-
-
-def _read(path_or_name: str | Path) -> tuple[str, str]:
-    """Return (what to call the file, its text)."""
-    text = str(path_or_name)
-    path = Path(path_or_name).expanduser()
-    if isinstance(path_or_name, str) and not _is_path(text) and text in shipped_buildings():
-        name = text + _SUFFIX
-        return name, files("femupdate.models").joinpath(name).read_text(encoding="utf-8")
-    try:
-        return text, path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise _not_found(text) from None
-    except UnicodeDecodeError:
-        raise BuildingError(f"{text}: this is not UTF-8 text; save it as UTF-8") from None
-    except OSError as error:
-        raise BuildingError(f"{text}: cannot be read ({error.strerror}); check the path") from None
 
 
 def _parse(text: str, where: str) -> dict[str, Any]:
@@ -87,7 +48,7 @@ def load_building(path_or_name: str | Path) -> Building:
         BuildingError: no such file, not TOML, or an entry that cannot be; the message names the
             file, the key and the mend.
     """
-    where, text = _read(path_or_name)
+    where, text = building_text(path_or_name)
     building = from_document(_parse(text, where), where, from_file=True)
     if isinstance(building, MeshBuilding):
         building = _with_mesh_file(building, Path(where).expanduser().parent / building.mesh.file)
@@ -135,5 +96,4 @@ __all__ = [
     "load_building",
     "mechanics_hash",
     "save_building",
-    "shipped_buildings",
 ]

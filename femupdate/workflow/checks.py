@@ -1,11 +1,10 @@
 """What would stop a step half-way, found before anything is built or written."""
 
-import os
 import textwrap
 from pathlib import Path
 
 from femupdate.building.files import mechanics_hash
-from femupdate.errors import InferenceError, StudyError
+from femupdate.errors import InferenceError
 from femupdate.inference.encoder_input import encoder_input
 from femupdate.progress import Progress
 from femupdate.study import Study
@@ -40,7 +39,7 @@ def check_calibration(
         InferenceError: the device is not there.
         StudyError: the study is of another building, or cannot be written.
     """
-    check_writable(study)
+    study.check_writable()
     check_device(settings.device)
     check_readable(source)
     chosen = choose_building(study, building)
@@ -74,7 +73,7 @@ def check_training(
         BuildingError: the building cannot be read.
         StudyError: the study is of another building, or cannot be written.
     """
-    check_writable(study)
+    study.check_writable()
     check_samples(samples, TrainingSettings(batch=batch))
     check_amortisable(choose_building(study, building))
     if start is not None:
@@ -99,19 +98,6 @@ def check_device(name: str) -> None:
         ) from error
 
 
-def check_writable(study: Study) -> None:
-    """Make sure that files can be written into a study, which need not be there yet.
-
-    Raises:
-        StudyError: they cannot.
-    """
-    folder = _nearest(study.folder)
-    if not folder.is_dir():
-        raise StudyError(f"{folder} is a file, not a folder; choose another folder with --study")
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise StudyError(f"cannot write into {folder}; check its permissions or choose another")
-
-
 def open_calibrated(study: Study, progress: Progress | None = None) -> StudyModel:
     """Return the model of a study that has a posterior of just this model.
 
@@ -122,8 +108,3 @@ def open_calibrated(study: Study, progress: Progress | None = None) -> StudyMode
     building = choose_building(study, None)
     study.check_fresh(POSTERIOR, {"building": mechanics_hash(building)}, "calibrate")
     return open_study(study, None, progress)
-
-
-def _nearest(folder: Path) -> Path:
-    """The folder itself, or the lowest folder above it that is there."""
-    return next(path for path in (folder, *folder.absolute().parents) if path.exists())

@@ -97,7 +97,7 @@ def predict_study(
     """
     show, settings = progress or Silent(), settings or PredictionSettings()
     started = time.monotonic()
-    motion = read_record(record.path, record.unit, _channel(record.channel)).scaled(record.scale)
+    motion = read_record(record.path, record.unit, record.channel).scaled(record.scale)
     reference = None
     if measured is not None:
         reference = measured_floors(model, measured, columns, record, motion)
@@ -164,10 +164,6 @@ def _members(
     )
     write_member_forces(members, motion.time_step, study.path("member_forces.csv"))
     return members
-
-
-def _channel(text: str | None) -> str | int | None:
-    return int(text) if text is not None and text.isdigit() else text
 
 
 def _notes(model: StudyModel, motion: GroundMotion) -> tuple[str, ...]:

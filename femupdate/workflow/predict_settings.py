@@ -19,7 +19,7 @@ class RecordSource:
 
     path: Path
     unit: str | None = None
-    channel: str | None = None
+    channel: str | int | None = None
     scale: float = 1.0
 
 

@@ -13,9 +13,9 @@ from femupdate.building.files import (
     load_building,
     mechanics_hash,
     save_building,
-    shipped_buildings,
 )
 from femupdate.building.schema import FrameBuilding
+from femupdate.building.shipped import shipped_buildings
 from femupdate.building.toml_writer import to_toml
 from femupdate.errors import BuildingError
 

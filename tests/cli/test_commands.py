@@ -84,6 +84,17 @@ def test_simulate(femupdate, tmp_path, tower_file):
     assert "synthetic" in file.read_text().splitlines()[0]
 
 
+def test_simulate_replaces_a_file_only_when_it_is_told_to(femupdate, tmp_path, tower_file):
+    file = tmp_path / "observation.csv"
+    file.write_text("measured with care")
+    arguments = ("simulate", "-o", file, "--building", tower_file, "--duration", 10)
+    refused = femupdate(*arguments, "--band", "0.5,20").complaint
+    assert refused == f"{file} is there already; choose another name, or replace it by --force"
+    assert file.read_text() == "measured with care"
+    assert femupdate(*arguments, "--band", "0.5,20", "--force").code == 0
+    assert "synthetic" in file.read_text()
+
+
 def test_simulate_takes_the_building_of_the_study(femupdate, calibrated, tmp_path):
     file = tmp_path / "observation.csv"
     done = femupdate(

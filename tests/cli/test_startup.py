@@ -29,9 +29,13 @@ print(json.dumps([name for name in {HEAVY!r} if name in sys.modules]), file=sys.
 """
 
 
-def imported(*arguments):
+def imported(*arguments, cwd=None):
     done = subprocess.run(
-        [sys.executable, "-c", _IMPORTED, *arguments], capture_output=True, text=True, check=True
+        [sys.executable, "-c", _IMPORTED, *arguments],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=cwd,
     )
     return done.stdout, json.loads(done.stderr.splitlines()[-1])
 
@@ -67,6 +71,42 @@ def test_nothing_heavy_is_imported_for_the_help_of_a_benchmark(name):
     assert heavy == []
     for option in ("--output", "--seed", "--json", "--verbose"):
         assert option in text
+
+
+MISSPELT = {
+    "observation": ["calibrate", "nowhere.csv"],
+    "second observation": ["calibrate", __file__, "nowhere.csv"],
+    "observation to diagnose": ["diagnose", "nowhere.csv"],
+    "second record": ["diagnose", __file__, "--second", "nowhere.csv"],
+    "holdout": ["repair", __file__, "--holdout", "nowhere.csv"],
+    "record": ["predict", "--record", "nowhere.csv"],
+    "base motion": ["simulate", "-o", "new.csv", "--record", "nowhere.csv"],
+    "building": ["build-model", "shear_3dog"],
+    "building file": ["train", "--building", "nowhere.toml"],
+    "building of an observation": ["calibrate", __file__, "--building", "shear_3dog"],
+    "study": ["render", "--study", "nowhere"],
+    "study to predict with": ["predict", "--record", __file__, "--study", "nowhere"],
+    "output that is there": ["simulate", "-o", __file__],
+}
+
+
+@pytest.mark.parametrize("case", MISSPELT)
+def test_a_misspelt_name_is_told_before_anything_heavy_is_imported(case, tmp_path):
+    text, heavy = imported(*MISSPELT[case], cwd=tmp_path)
+    assert heavy == []
+    assert text == ""
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_misspelt_name_is_told_at_once(script, tmp_path):
+    """Asked for is 0.5 s; a busy machine is granted 1.5 seconds in the best of five."""
+    seconds = []
+    for _ in range(5):
+        started = time.perf_counter()
+        done = script("calibrate", "nowhere.csv", cwd=tmp_path)
+        seconds.append(time.perf_counter() - started)
+        assert done.complaint == "nowhere.csv: no such file; check the name and the folder"
+    assert min(seconds) < 1.5
 
 
 def test_help_names_every_command_in_the_order_of_the_work(femupdate):

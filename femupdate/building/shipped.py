@@ -1,0 +1,56 @@
+"""The text of a building file, by path or by the name of a shipped building.
+
+Nothing heavy is imported here, so that a misspelt name is answered at once.
+"""
+
+import os
+from importlib.resources import files
+from pathlib import Path
+
+from femupdate.building.names import close
+from femupdate.errors import BuildingError
+
+_SUFFIX = ".toml"
+
+
+def shipped_buildings() -> tuple[str, ...]:
+    """Return the names of the buildings that come with femupdate."""
+    names = (entry.name for entry in files("femupdate.models").iterdir())
+    return tuple(sorted(name.removesuffix(_SUFFIX) for name in names if name.endswith(_SUFFIX)))
+
+
+def building_text(path_or_name: str | Path) -> tuple[str, str]:
+    """Return what to call a building file, and its text.
+
+    Args:
+        path_or_name: a path to a TOML file, or a name such as "six_story_wall_frame".
+
+    Raises:
+        BuildingError: there is no such file, or it is not UTF-8 text.
+    """
+    text = str(path_or_name)
+    path = Path(path_or_name).expanduser()
+    if isinstance(path_or_name, str) and not _is_path(text) and text in shipped_buildings():
+        name = text + _SUFFIX
+        return name, files("femupdate.models").joinpath(name).read_text(encoding="utf-8")
+    try:
+        return text, path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise _not_found(text) from None
+    except UnicodeDecodeError:
+        raise BuildingError(f"{text}: this is not UTF-8 text; save it as UTF-8") from None
+    except OSError as error:
+        raise BuildingError(f"{text}: cannot be read ({error.strerror}); check the path") from None
+
+
+def _is_path(text: str) -> bool:
+    return text.endswith(_SUFFIX) or "/" in text or os.sep in text
+
+
+def _not_found(text: str) -> BuildingError:
+    shipped = shipped_buildings()
+    hint = close(Path(text).stem, shipped)
+    return BuildingError(
+        f"{text}: there is no such building file; the shipped buildings are "
+        f"{', '.join(shipped)}{hint}"
+    )
