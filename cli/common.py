@@ -131,13 +131,6 @@ def _require_inputs() -> None:
                 parameter.type.require(one)
 
 
-def parse_names(
-    context: click.Context, parameter: click.Parameter, text: str | None
-) -> tuple[str, ...]:
-    """Read names with commas between them."""
-    return () if text is None else Names().convert(text, parameter, context)
-
-
 def print_json(content: dict[str, Any]) -> None:
     """Print one JSON object; what is not a number becomes null."""
     click.echo(json.dumps(_plain(content), indent=2))

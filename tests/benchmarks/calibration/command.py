@@ -3,14 +3,16 @@
 from pathlib import Path
 
 import click
-from femupdate.cli.common import Bars, benchmark_options, parse_names, print_json, print_pictures
+from femupdate.cli.common import Bars, benchmark_options, print_json, print_pictures
+from femupdate.cli.parameters import Names
 
 
 @click.command("calibration")
 @click.option("--building", default="shear_4dof", show_default=True, help="Shipped name.")
 @click.option(
     "--sensors",
-    callback=parse_names,
+    type=Names(),
+    default=(),
     help="Floors observed, or `any`: sets drawn at random; default the roof alone.",
 )
 @click.option("--cases", type=click.IntRange(min=10), default=200, show_default=True)

@@ -3,12 +3,13 @@
 from pathlib import Path
 
 import click
-from femupdate.cli.common import Bars, benchmark_options, parse_names, print_json, print_pictures
+from femupdate.cli.common import Bars, benchmark_options, print_json, print_pictures
+from femupdate.cli.parameters import Names
 
 
 @click.command("latent-size")
 @click.option("--building", default="shear_4dof", show_default=True, help="Shipped name or file.")
-@click.option("--sensors", callback=parse_names, help="Floors observed; default all.")
+@click.option("--sensors", type=Names(), default=(), help="Floors observed; default all.")
 @click.option("--draws", type=click.IntRange(min=10), default=200, show_default=True)
 @benchmark_options
 def command(

@@ -6,18 +6,18 @@ import click
 from femupdate.cli.common import (
     Bars,
     benchmark_options,
-    parse_names,
     print_json,
     print_notes,
     print_pictures,
     table,
 )
+from femupdate.cli.parameters import Names
 
 
 @click.command("solver")
 @click.option(
     "--sizes",
-    callback=parse_names,
+    type=Names(),
     default="small",
     show_default=True,
     help="Of the building of the speed comparison: small, medium, large with commas (1,680, 8,640 "
