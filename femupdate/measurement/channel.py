@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from femupdate.arrays import Floats
+from femupdate.measurement.direction import is_vertical
 from femupdate.measurement.quantity import si_factor
 from femupdate.measurement.text import TextFile
 
@@ -19,12 +20,27 @@ class RecordedChannel:
         values: (n,) in `unit`.
         time_step: s.
         unit: that the file states, or None.
+        quantity: what was measured.
+        location: where the sensor sits, in the file's words; empty where it does not say.
+        direction: in the file's words, such as `90 Deg` or `Up`; empty where it does not say.
+        azimuth_deg: clockwise from north, where it is known.
+        stated_peak: largest absolute value by the file's header, in `unit`.
     """
 
     name: str
     values: Floats
     time_step: float
     unit: str | None
+    quantity: str = "acceleration"
+    location: str = ""
+    direction: str = ""
+    azimuth_deg: float | None = None
+    stated_peak: float | None = None
+
+    @property
+    def vertical(self) -> bool:
+        """Whether the direction is up or down."""
+        return is_vertical(self.direction)
 
 
 def chosen_channel(

@@ -19,7 +19,7 @@ def plain_unit(unit: str) -> str:
     explained = _EXPLAINED.match(name)
     if explained:
         name = explained.group(1)
-    return re.sub(r"\bsec\b|(?<=/)sec(?=\d|\^|\*)", "s", name)
+    return re.sub(r"\bsec\b|(?<=/)sec(?=\d|\^|\*)", "s", name, flags=re.IGNORECASE)
 
 
 def is_unit(text: str) -> bool:

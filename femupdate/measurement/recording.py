@@ -21,12 +21,14 @@ class Recording:
         file: where it was read, for messages.
         channels: its histories, where the format says what is one.
         table: its columns, where they mean what the user takes them for.
+        notes: sentences on what else the file holds.
         format: name of the reader, set by `registry.read_measured`.
     """
 
     file: TextFile
     channels: tuple[RecordedChannel, ...] = ()
     table: Table | None = None
+    notes: tuple[str, ...] = ()
     format: str = ""
 
     def histories(self) -> tuple[RecordedChannel, ...]:

@@ -139,6 +139,63 @@ def knet_text(counts: Sequence[int], duration: str) -> str:
     return "\n".join([*header, *rows]) + "\n"
 
 
+def esm_text(values: Sequence[float], kind: str = "ACCELERATION", stream: str = "HNE") -> str:
+    header = {
+        "EVENT_NAME": "TEST",
+        "EVENT_ID": "IT-2016-0001",
+        "STATION_NAME": "TESTVILLE",
+        "SAMPLING_INTERVAL_S": "0.005000",
+        "NDATA": str(len(values)),
+        "UNITS": "cm/s^2",
+        "STREAM": stream,
+        "PGA_CM/S^2": f"{max(values, key=abs):.6f}",
+        "DATA_TYPE": kind,
+        "USER5": "",
+    }
+    lines = [f"{key}: {value}" for key, value in header.items()]
+    return "\n".join([*lines, *(f"{value:.6f}" for value in values)]) + "\n"
+
+
+def cosmos_text(channels: dict[str, Sequence[float]], step_ms: str = "5.0") -> str:
+    """COSMOS Volume 2: an acceleration and a velocity block for each `direction, location`."""
+    lines: list[str] = []
+    for number, (name, values) in enumerate(channels.items(), start=1):
+        direction, _, location = name.partition(", ")
+        n, lasts = len(values), round(len(values) * 0.005)
+        integers, reals = ["-999"] * 100, ["-999.0"] * 100
+        integers[53] = direction.split()[0] if direction[0].isdigit() else "400"
+        reals[61], reals[63] = step_ms, f"{max(values, key=abs):.5f}"
+        for quantity, data in (("acceleration", values), ("velocity", [0.5] * n)):
+            lines += [
+                f"Corrected {quantity}    (Format v01.20 with 13 text lines)",
+                f"Sta Chan {number:3d}:{direction} (Rcrdr Chan {number:2d}) Location:{location}",
+                " 100 Integer-header values follow on  10 lines, Format= (10I8)",
+                *("".join(v.rjust(8) for v in integers[i : i + 10]) for i in range(0, 100, 10)),
+                " 100 Real-header values follow on  17 lines, Format= (6F13.6)",
+                *("".join(v.rjust(13) for v in reals[i : i + 6]) for i in range(0, 100, 6)),
+                '   1 Comment line(s) follow, each starting with a "|":',
+                "| made",
+                f"{n:8d} {quantity} pts, approx {lasts:3d} secs, units=cm/sec2(04),Format=(8f10.5)",
+                *fixed(data, 10, 5),
+                f"End-of-data for Chan {number:2d} {quantity}",
+            ]
+    return "\n".join(lines) + "\n"
+
+
+def smc_text(values: Sequence[float], title: str = "2 CORRECTED ACCELEROGRAM") -> str:
+    integers, reals = [-32768] * 48, [1.7e38] * 50
+    integers[12], integers[13], integers[15], integers[16] = 90, 171, 1, len(values)
+    reals[1] = 200.0
+    lines = [title, "*", "1103", "", "", "station = TEST  component= 171", ""]
+    lines[6] = f"epicentral dist =      2.0       pk acc = {max(values, key=abs):9.2E}"
+    lines += ["", "*", "*", "*"]
+    lines += ["".join(f"{v:10d}" for v in integers[i : i + 8]) for i in range(0, 48, 8)]
+    lines += ["".join(f"{v:15.7E}" for v in reals[i : i + 5]) for i in range(0, 50, 5)]
+    lines += ["|<loclbl=>4th floor, east core<end>"]
+    words = [f"{v:.4E}".replace("E+0", "E+").replace("E-0", "E-").rjust(10) for v in values]
+    return "\n".join([*lines, *("".join(words[i : i + 8]) for i in range(0, len(words), 8))]) + "\n"
+
+
 @pytest.fixture
 def texts() -> dict[str, Callable[..., str]]:
     """The writers by the name of their format."""
@@ -148,4 +205,7 @@ def texts() -> dict[str, Callable[..., str]]:
         "csmip_v1": csmip_v1_text,
         "csmip_v2": csmip_v2_text,
         "knet": knet_text,
+        "esm": esm_text,
+        "cosmos": cosmos_text,
+        "smc": smc_text,
     }

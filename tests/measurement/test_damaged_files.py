@@ -1,6 +1,8 @@
 """However a file is damaged, it is read or refused: nothing else ever comes out."""
 
+import io
 import tempfile
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +27,14 @@ def damaged(data: bytes, hurts: list[tuple[float, int, bytes]]) -> bytes:
     return data
 
 
+def zipped(members: dict[str, str]) -> bytes:
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, text in members.items():
+            archive.writestr(name, text)
+    return stream.getvalue()
+
+
 def outcome(data: bytes, read):
     """What is read from a file of these bytes, or the sentence with which it is refused."""
     with tempfile.TemporaryDirectory() as folder:
@@ -36,7 +46,10 @@ def outcome(data: bytes, read):
             return str(error)
 
 
-@pytest.mark.parametrize("kind", ["jma", "peer", "csmip_v1", "csmip_v2", "knet", "plain"])
+@pytest.mark.parametrize(
+    "kind",
+    ["jma", "peer", "csmip_v1", "csmip_v2", "knet", "esm", "cosmos", "smc", "zip", "plain"],
+)
 @given(hurts=HURT)
 @settings(
     max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
@@ -49,9 +62,14 @@ def test_damaged_record(texts, kind, hurts):
         "csmip_v1": lambda: texts["csmip_v1"]({"Up": VALUES / 10000, "90 Deg": VALUES / 5000}),
         "csmip_v2": lambda: texts["csmip_v2"](VALUES),
         "knet": lambda: texts["knet"](np.round(VALUES * 100).astype(int), "0.7"),
+        "esm": lambda: texts["esm"](VALUES),
+        "cosmos": lambda: texts["cosmos"]({"90 deg, roof": VALUES, "Up": VALUES / 2}),
+        "smc": lambda: texts["smc"](VALUES),
+        "zip": lambda: texts["esm"](VALUES),
         "plain": lambda: "time_s,a\ns,gal\n" + rows,
     }[kind]()
-    motion = outcome(damaged(text.encode(), hurts), lambda path: read_record(path, channel=1))
+    data = zipped({"a.asc": text}) if kind == "zip" else text.encode()
+    motion = outcome(damaged(data, hurts), lambda path: read_record(path, channel=1))
     if isinstance(motion, str):
         assert "file.csv" in motion
     else:

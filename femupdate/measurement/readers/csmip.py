@@ -5,52 +5,52 @@ displacement blocks are passed over.
 """
 
 import re
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
-from femupdate.arrays import Floats
 from femupdate.measurement.channel import RecordedChannel
-from femupdate.measurement.header import check_count, finite, positive
+from femupdate.measurement.direction import azimuth_of
+from femupdate.measurement.fixed_width import Block, block_values
+from femupdate.measurement.header import positive
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.text import TextFile, read_text
 
-# "31932 Accelerogram points at 100 pts/sec in units of g.  Format: (8f9.6)"
-_VOLUME_1 = re.compile(
-    r"^\s*(?P<n>\d+)\s+accelerogram points at\s+(?P<rate>[\d.]+)\s*pts/sec,?\s*in units of\s+"
-    r"(?P<unit>[^:]+?)\s*\.?\s*Format:\s*\((?P<per>\d+)[fe](?P<width>\d+)\.\d+\)",
+_FORMAT = r"\((?P<per>\d+)[fe](?P<width>\d+)\.\d+\)"
+_ANNOUNCED = [
+    re.compile(pattern, re.IGNORECASE)
+    for pattern in (
+        # 31932 Accelerogram points at 100 pts/sec in units of g.  Format: (8f9.6)
+        r"^\s*(?P<n>\d+)\s+accelerogram points at\s+(?P<rate>[\d.]+)\s*pts/sec,?\s*in units of\s+"
+        rf"(?P<unit>[^:]+?)\s*\.?\s*Format:\s*{_FORMAT}",
+        # 7500 points of accel data equally spaced at  .010 sec, in cm/sec2. (8f10.6)
+        r"^\s*(?P<n>\d+)\s+points of accel data equally spaced at\s+(?P<step>[\d.]+)\s*sec,?\s*in"
+        rf"\s+(?P<unit>[^:]+?)\s*\.?\s*{_FORMAT}",
+        # 2000 POINTS OF ACCEL DATA EQUALLY SPACED AT  .020 SEC.  (UNITS: CM/SEC/SEC)
+        r"^\s*(?P<n>\d+)\s+points of accel data equally spaced at\s+(?P<step>[\d.]+)\s*sec\.?,?"
+        r"\s*\(units:\s*(?P<unit>[^)]+?)\s*\)",
+    )
+]
+_CHANNEL = re.compile(r"^Chan\s+(\d+):\s*(.*?)\s*(?:\(.*?\)\s*)?(?:Location:\s*(.*))?$", re.I)
+_PEAK = re.compile(
+    r"^Peak acceleration\s*=\s*(?P<cm>[-\d.]+)\s*cm/sec/sec"
+    r"|^Units of uncor data.*\bMax\s*=\s*(?P<g>[-\d.]+)\s*g",
     re.IGNORECASE,
 )
-# "7500 points of accel data equally spaced at  .010 sec, in cm/sec2. (8f10.6)"
-_VOLUME_2 = re.compile(
-    r"^\s*(?P<n>\d+)\s+points of accel data equally spaced at\s+(?P<step>[\d.]+)\s*sec,?\s*in\s+"
-    r"(?P<unit>[^:]+?)\s*\.?\s*\((?P<per>\d+)[fe](?P<width>\d+)\.\d+\)",
-    re.IGNORECASE,
-)
-_CHANNEL = re.compile(r"^Chan\s+(\d+):\s*(.*)$", re.IGNORECASE)
 _MENTIONED = re.compile(r"accelerogram points|points of accel data", re.IGNORECASE)
-
-_END = re.compile(r"^/&|points of (accel|veloc|displ) data", re.IGNORECASE)
 _HEADER_LINES = 200
+_OLD_PER_LINE, _OLD_WIDTH = "8", "10"  # files of before 2000 do not state their format: (8f10.3)
 
 
 @dataclass(frozen=True)
-class _Block:
-    """Where a channel's numbers stand and how they are laid out."""
+class _Head:
+    """What a channel's header says; lines further down amend it."""
 
-    at: int  # index of the line that announces them
-    name: str
-    count: int
-    time_step: float
-    unit: str
-    per_line: int
-    width: int
-
-    @property
-    def lines(self) -> range:
-        return range(self.at + 1, self.at + 1 - (-self.count // self.per_line))
+    name: str = ""
+    direction: str = ""
+    location: str = ""
+    peak: float | None = None
 
 
 def _recognises(head: str, suffix: str) -> bool:
@@ -66,93 +66,62 @@ def _read(path: Path) -> Recording:
             announced, or a field is not a number.
     """
     file = read_text(path)
-    blocks = _blocks(file)
-    if not blocks:
+    channels = tuple(_channels(file))
+    if not channels:
         at = next((i for i, line in enumerate(file.lines) if _MENTIONED.search(line)), 0)
         raise file.error(
             "the line that announces the values lacks their number, sampling, unit or format"
             " such as (8f9.6); convert the record to CSV",
             at + 1,
         )
-    return Recording(
-        file,
-        tuple(
-            RecordedChannel(
-                name=block.name,
-                values=_values(file, block),
-                time_step=block.time_step,
-                unit=block.unit,
-            )
-            for block in blocks
-        ),
-    )
+    return Recording(file, channels)
 
 
-def _blocks(file: TextFile) -> list[_Block]:
-    blocks: list[_Block] = []
-    name = ""
+def _channels(file: TextFile) -> Iterator[RecordedChannel]:
+    head = _Head()
+    count = 0
     for index, line in enumerate(file.lines):
-        channel = _CHANNEL.match(line)
-        if channel:
-            name = _channel_name(channel)
-        match = _VOLUME_1.match(line) or _VOLUME_2.match(line)
-        if match:
-            blocks.append(_block(file, index, match, name or f"channel {len(blocks) + 1}"))
-    return blocks
+        if channel := _CHANNEL.match(line):
+            head = _head(channel)
+        elif peak := _PEAK.match(line):
+            head = replace(head, peak=abs(float(peak["cm"] or peak["g"])))
+        elif announced := next((m for p in _ANNOUNCED if (m := p.match(line))), None):
+            count += 1
+            yield _channel(file, index, announced, head if head.name else _Head(f"channel {count}"))
 
 
-def _block(file: TextFile, at: int, match: re.Match[str], name: str) -> _Block:
-    found = match.groupdict()
+def _head(match: re.Match[str]) -> _Head:
+    """`90 Deg`, with the sensor's place behind it where the file gives one."""
+    direction, location = (" ".join((text or "").split()) for text in match.group(2, 3))
+    name = direction or f"channel {match.group(1)}"
+    return _Head(f"{name}, {location}" if location else name, direction, location)
+
+
+def _channel(file: TextFile, at: int, announced: re.Match[str], head: _Head) -> RecordedChannel:
+    found = announced.groupdict()
     if found.get("rate"):
         step = 1.0 / positive(file, found["rate"], "the sampling rate", at)
     else:
         step = positive(file, found["step"], "the time step", at)
-    per_line = int(positive(file, found["per"], "the number of values in a line", at))
-    width = int(positive(file, found["width"], "the column width", at))
-    return _Block(at, name, int(found["n"]), step, found["unit"], per_line, width)
-
-
-def _channel_name(match: re.Match[str]) -> str:
-    """`90 Deg`, with the sensor's place behind it where the file gives one."""
-    head, _, place = match.group(2).partition("Location:")
-    name = " ".join(head.partition("(")[0].split()) or f"channel {match.group(1)}"
-    return f"{name}, {' '.join(place.split())}" if place.strip() else name
-
-
-def _values(file: TextFile, block: _Block) -> Floats:
-    fields: list[str] = []
-    for index in block.lines:
-        row = file.lines[index].rstrip() if index < len(file.lines) else ""
-        row = "" if _END.search(row) else row
-        starts = range(0, len(row), block.width)
-        fields += _checked(file, index, [row[s : s + block.width] for s in starts], block)
-        if len(starts) < block.per_line:
-            break
-    check_count(file, len(fields), block.count, block.at, block.name)
-    after = block.lines.stop
-    if after < len(file.lines) and _holds_numbers(file.lines[after], block.width):
-        check_count(file, block.count + 1, block.count, block.at, block.name)
-    return np.array(fields, dtype=np.float64)
-
-
-def _checked(file: TextFile, index: int, fields: list[str], block: _Block) -> list[str]:
-    """Return the fields of a row when each is a finite number with its decimal point."""
-    for position, field in enumerate(fields):
-        # A field without its point means that the columns are not where the format says.
-        if "." not in field or finite(field) is None:
-            raise file.error(
-                f"{field.strip()!r} is not a number in columns of {block.width} characters, as"
-                " the format says; fetch the record again",
-                index + 1,
-                str(position + 1),
-            )
-    return fields
-
-
-def _holds_numbers(line: str, width: int) -> bool:
-    row = line.rstrip()
-    fields = [row[s : s + width] for s in range(0, len(row), width)]
-    return bool(fields) and all("." in field and finite(field) is not None for field in fields)
+    per_line = found.get("per") or _OLD_PER_LINE
+    width = found.get("width") or _OLD_WIDTH
+    block = Block(
+        at,
+        int(found["n"]),
+        int(positive(file, per_line, "the number of values in a line", at)),
+        int(positive(file, width, "the column width", at)),
+        head.name,
+    )
+    return RecordedChannel(
+        name=head.name,
+        values=block_values(file, block),
+        time_step=step,
+        unit=found["unit"],
+        location=head.location,
+        direction=head.direction,
+        azimuth_deg=azimuth_of(head.direction),
+        stated_peak=head.peak,
+    )
 
 
 READER = Reader("csmip", "CSMIP/CESMD Volumes 1 and 2", _recognises, _read)

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from femupdate.measurement.channel import RecordedChannel
+from femupdate.measurement.direction import azimuth_of
 from femupdate.measurement.header import header_value, positive
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import Recording
@@ -33,7 +34,14 @@ def _read(path: Path) -> Recording:
     return Recording(
         file,
         tuple(
-            RecordedChannel(name=name, values=column, time_step=step, unit=unit.group(1).strip())
+            RecordedChannel(
+                name=name,
+                values=column,
+                time_step=step,
+                unit=unit.group(1).strip(),
+                direction=name,
+                azimuth_deg=azimuth_of(name),
+            )
             for name, column in zip(names, values.T, strict=True)
         ),
     )

@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 from femupdate.measurement.channel import RecordedChannel
+from femupdate.measurement.direction import azimuth_of
 from femupdate.measurement.header import header_value, positive, wrapped_numbers
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import Recording
@@ -35,7 +36,12 @@ def _read(path: Path) -> Recording:
     memo, _ = header_value(file, r"^Memo\.", "the line 'Memo.' before its data")
     values = wrapped_numbers(file, memo + 1, count, at) * (factor / divisor)
     channel = RecordedChannel(
-        name=direction.group(1), values=values, time_step=1.0 / frequency, unit="gal"
+        name=direction.group(1),
+        values=values,
+        time_step=1.0 / frequency,
+        unit="gal",
+        direction=direction.group(1),
+        azimuth_deg=azimuth_of(direction.group(1)),
     )
     return Recording(file, (channel,))
 

@@ -1,0 +1,80 @@
+"""Numbers in columns of fixed width, which may touch, as Fortran wrote them."""
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from femupdate.arrays import Floats
+from femupdate.measurement.header import check_count, finite
+from femupdate.measurement.text import TextFile
+
+_END = re.compile(r"^/&|^End-of-data|points of (accel|veloc|displ) data", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class Block:
+    """Where numbers stand and how they are laid out.
+
+    Attributes:
+        at: index of the line that announces them; they begin on the next.
+        count: how many it announces.
+        per_line: how many fill a line.
+        width: characters of a column.
+        channel: what messages call them.
+    """
+
+    at: int
+    count: int
+    per_line: int
+    width: int
+    channel: str
+
+    @property
+    def lines(self) -> range:
+        """Indices of the lines that hold them."""
+        return range(self.at + 1, self.at + 1 - (-self.count // self.per_line))
+
+
+def block_values(file: TextFile, block: Block) -> Floats:
+    """Return the numbers of a block.
+
+    Raises:
+        MeasurementError: a field is not a number with its decimal point, or there are fewer or
+            more of them than announced.
+    """
+    fields: list[str] = []
+    for index in block.lines:
+        row = file.lines[index].rstrip() if index < len(file.lines) else ""
+        row = "" if _END.search(row) else row
+        found = _fields(row, block.width)
+        fields += _checked(file, index, found, block.width)
+        if len(found) < block.per_line:
+            break
+    check_count(file, len(fields), block.count, block.at, block.channel)
+    after = block.lines.stop
+    if after < len(file.lines) and _holds_numbers(file.lines[after].rstrip(), block.width):
+        check_count(file, block.count + 1, block.count, block.at, block.channel)
+    return np.array(fields, dtype=np.float64)
+
+
+def _fields(row: str, width: int) -> list[str]:
+    return [row[start : start + width] for start in range(0, len(row), width)]
+
+
+def _checked(file: TextFile, index: int, fields: list[str], width: int) -> list[str]:
+    for position, field in enumerate(fields):
+        # A field without its point means that the columns are not where the format says.
+        if "." not in field or finite(field) is None:
+            raise file.error(
+                f"{field.strip()!r} is not a number in columns of {width} characters, as"
+                " the format says; fetch the record again",
+                index + 1,
+                str(position + 1),
+            )
+    return fields
+
+
+def _holds_numbers(row: str, width: int) -> bool:
+    fields = _fields(row, width)
+    return bool(fields) and all("." in field and finite(field) is not None for field in fields)

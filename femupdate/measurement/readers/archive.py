@@ -1,0 +1,119 @@
+"""Zip archives of records, such as the station archives of CESMD: their channels together."""
+
+import tempfile
+import zipfile
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path, PurePosixPath
+
+from femupdate.errors import MeasurementError
+from femupdate.measurement.channel import RecordedChannel
+from femupdate.measurement.reader import Reader
+from femupdate.measurement.recording import Recording
+from femupdate.measurement.text import TextFile, read_head
+
+# A station archive holds some tens of files of a few MB; text shrinks five to ten times.
+_MOST_MEMBERS = 2000
+_LARGEST_BYTES = 500_000_000
+_LARGEST_RATIO = 200.0
+
+
+def _recognises(head: str, suffix: str) -> bool:
+    return head.startswith(("PK\x03\x04", "PK\x05\x06")) and suffix != ".npz"
+
+
+def _read(path: Path) -> Recording:
+    """Channels of all records in an archive, in the order of the records' names.
+
+    Members are unpacked under names of our own into a folder that is removed again.
+
+    Raises:
+        MeasurementError: the archive is damaged, a workbook, too large when unpacked, or holds no
+            record; or a record in it cannot be read.
+    """
+    file = TextFile(path)
+    try:
+        with zipfile.ZipFile(path) as archive, tempfile.TemporaryDirectory() as folder:
+            members = _members(file, archive)
+            unpacked = {m.filename: _unpack(archive, m, k, folder) for k, m in enumerate(members)}
+            return _together(file, unpacked)
+    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, OSError, EOFError) as error:
+        raise file.error(
+            f"this is a workbook or an archive that cannot be opened ({error}); export it as CSV"
+            " or unpack it"
+        ) from None
+
+
+def _members(file: TextFile, archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
+    members = [member for member in archive.infolist() if not member.is_dir()]
+    names = {member.filename for member in members}
+    if "[Content_Types].xml" in names:
+        raise file.error("this is a workbook, not a record; export it as CSV")
+    for name in names:
+        parts = PurePosixPath(name.replace("\\", "/"))
+        if parts.is_absolute() or ".." in parts.parts or ":" in name:
+            raise file.error(
+                f"the archive would write {name!r} outside its folder; pack the records again"
+            )
+    size = sum(member.file_size for member in members)
+    packed = max(sum(member.compress_size for member in members), 1)
+    if len(members) > _MOST_MEMBERS or size > _LARGEST_BYTES or size / packed > _LARGEST_RATIO:
+        raise file.error(
+            f"the archive holds {len(members)} files of {size / 1e6:.0f} MB, {size / packed:.0f}"
+            " times its own size: no archive of records; unpack it yourself and give the record"
+        )
+    return sorted(members, key=lambda member: member.filename)
+
+
+def _unpack(archive: zipfile.ZipFile, member: zipfile.ZipInfo, number: int, folder: str) -> Path:
+    suffix = PurePosixPath(member.filename).suffix
+    path = Path(folder) / f"{number}{suffix}"
+    path.write_bytes(archive.read(member))
+    return path
+
+
+def _together(file: TextFile, unpacked: dict[str, Path]) -> Recording:
+    from femupdate.measurement.registry import readers
+
+    found: list[tuple[str, RecordedChannel]] = []
+    tables: list[Recording] = []
+    left_out: list[str] = []
+    for name, path in unpacked.items():
+        head = read_head(path) if path.stat().st_size else ""
+        kinds = [r for r in readers().values() if head and r.recognises(head, path.suffix.lower())]
+        if not kinds or kinds[0] is READER:
+            left_out.append(name)
+            continue
+        try:
+            recording = kinds[0].read(path)
+        except MeasurementError as error:
+            if kinds[0].fallback:  # a note beside the records
+                left_out.append(name)
+                continue
+            raise MeasurementError(str(error).replace(str(path), f"{file.path}: {name}")) from None
+        found += [(PurePosixPath(name).stem, channel) for channel in recording.channels]
+        tables += [recording] if recording.table is not None else []
+    if len(tables) == 1 and not found:
+        return tables[0]
+    if not found:
+        raise file.error(f"the archive holds no record, only {', '.join(left_out) or 'nothing'}")
+    return Recording(file, _distinct(found), notes=_notes(left_out))
+
+
+def _distinct(found: list[tuple[str, RecordedChannel]]) -> tuple[RecordedChannel, ...]:
+    """Channels whose names are told apart, where they are the same, by the name of their file."""
+    count = Counter(channel.name for _, channel in found)
+    return tuple(
+        replace(channel, name=f"{channel.name}, {stem}") if count[channel.name] > 1 else channel
+        for stem, channel in found
+    )
+
+
+def _notes(left_out: list[str]) -> tuple[str, ...]:
+    if not left_out:
+        return ()
+    some = ", ".join(left_out[:3]) + (" ..." if len(left_out) > 3 else "")
+    return (f"{len(left_out)} other files of the archive hold no histories: {some}.",)
+
+
+READER = Reader("archive", "zip archives of records", _recognises, _read)

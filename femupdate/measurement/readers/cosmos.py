@@ -1,0 +1,112 @@
+"""COSMOS strong-motion files, Volumes 1 and 2: text, integer and real headers, then the values.
+
+After the format's description, version 1.20 (COSMOS 2001): the sampling interval is real header 62
+in ms, or 34 in s; the peak 64; the azimuth integer header 54. Velocity and displacement are passed
+over.
+"""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from femupdate.measurement.channel import RecordedChannel
+from femupdate.measurement.direction import azimuth_of
+from femupdate.measurement.fixed_width import Block, block_values
+from femupdate.measurement.header import finite, positive
+from femupdate.measurement.reader import Reader
+from femupdate.measurement.recording import Recording
+from femupdate.measurement.text import TextFile, read_text
+
+# 12725 acceleration pts, approx 63 secs, units=cm/sec2(04),Format=(8F10.5)
+_ANNOUNCED = re.compile(
+    r"^\s*(?P<n>\d+)\s+acceleration pts,\s*approx\s+(?P<lasts>\d+)\s*secs,\s*units=\s*"
+    r"(?P<unit>[^,(]+?)\s*(?:\(\s*\d+\s*\))?\s*,\s*Format\s*=\s*\((?P<per>\d+)[FE](?P<width>\d+)",
+    re.IGNORECASE,
+)
+_MENTIONED = re.compile(r"^\s*\d+\s+(acceleration|velocity|displacement) pts,", re.I | re.M)
+_HEADER = re.compile(
+    r"^\s*(?P<n>\d+)\s+(?P<kind>Integer|Real)-header values follow on\s+(?P<lines>\d+)\s+lines\s*,"
+    r"\s*Format\s*=\s*\(\d+[IFE](?P<width>\d+)",
+    re.IGNORECASE,
+)
+_CHANNEL = re.compile(
+    r"^Sta Chan\s*(\d+):\s*(.*?)\s*(?:\(.*?\)\s*)?(?:Location:\s*(.*))?$", re.IGNORECASE
+)
+_UNKNOWN = -999.0
+
+
+def _recognises(head: str, suffix: str) -> bool:
+    return "-header values follow on" in head or _MENTIONED.search(head) is not None
+
+
+def _read(path: Path) -> Recording:
+    """Accelerations of all channels, by the column widths that the file states.
+
+    Raises:
+        MeasurementError: no acceleration is announced in numbers with a decimal point, the
+            sampling interval is missing, or another number of values follows than announced.
+    """
+    file = read_text(path)
+    channels = tuple(_channels(file))
+    if not channels:
+        raise file.error(
+            "the file announces no acceleration in decimal numbers; take Volume 1 or 2 of the"
+            " acceleration, not counts (Volume 0), velocity or displacement"
+        )
+    return Recording(file, channels)
+
+
+def _channels(file: TextFile) -> Iterator[RecordedChannel]:
+    direction, location, number = "", "", "1"
+    header: dict[str, list[float | None]] = {"integer": [], "real": []}
+    for at, line in enumerate(file.lines):
+        if match := _CHANNEL.match(line):
+            number, direction, location = (" ".join((t or "").split()) for t in match.groups())
+        elif match := _HEADER.match(line):
+            header[match["kind"].lower()] = _header(file, at, match)
+        elif match := _ANNOUNCED.match(line):
+            name = direction or f"channel {number}"
+            name = f"{name}, {location}" if location else name
+            count, per_line = int(match["n"]), int(positive(file, match["per"], "Format", at))
+            width = int(positive(file, match["width"], "Format", at))
+            peak, azimuth = _item(header["real"], 64), _item(header["integer"], 54)
+            known = azimuth is not None and 0.0 <= azimuth <= 360.0
+            yield RecordedChannel(
+                name=name,
+                values=block_values(file, Block(at, count, per_line, width, name)),
+                time_step=_step(file, at, match, header["real"]),
+                unit=match["unit"],
+                location=location,
+                direction=direction,
+                azimuth_deg=azimuth_of(direction) if not known else (azimuth or 0.0) % 360.0,
+                stated_peak=None if peak is None else abs(peak),
+            )
+
+
+def _header(file: TextFile, at: int, match: re.Match[str]) -> list[float | None]:
+    width, lines = int(match["width"]), file.lines[at + 1 : at + 1 + int(match["lines"])]
+    starts = [(line, k) for line in lines for k in range(0, len(line.rstrip()), max(width, 1))]
+    return [finite(line[k : k + width]) for line, k in starts]
+
+
+def _item(header: list[float | None], number: int) -> float | None:
+    """Item of a header by its number from 1; None where it is unknown."""
+    value = header[number - 1] if len(header) >= number else None
+    return None if value == _UNKNOWN else value
+
+
+def _step(file: TextFile, at: int, announced: re.Match[str], real: list[float | None]) -> float:
+    """Sampling interval, s, that agrees with the length announced in whole seconds."""
+    ms, seconds = _item(real, 62), _item(real, 34)
+    lasts, count = float(announced["lasts"]), int(announced["n"])
+    for step in (None if ms is None else ms / 1000.0, seconds):
+        if step is not None and step > 0.0 and abs(count * step - lasts) <= 1.0 + 0.01 * lasts:
+            return step
+    raise file.error(
+        f"the headers give no sampling interval with which {count} values last {lasts:g} s;"
+        " restore the real header 62 (ms)",
+        at + 1,
+    )
+
+
+READER = Reader("cosmos", "COSMOS Volumes 1 and 2", _recognises, _read)

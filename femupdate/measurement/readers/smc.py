@@ -1,0 +1,84 @@
+"""SMC files of the USGS: eleven lines of text, six of integers, ten of numbers, then comments.
+
+After the description in USGS Open-File Report 98-206: accelerations in cm/s2, eight numbers of ten
+characters to a line; the volume stands in the first line.
+"""
+
+import re
+from pathlib import Path
+
+from femupdate.measurement.channel import RecordedChannel
+from femupdate.measurement.fixed_width import Block, block_values
+from femupdate.measurement.header import finite, positive
+from femupdate.measurement.reader import Reader
+from femupdate.measurement.recording import Recording
+from femupdate.measurement.text import TextFile, read_text
+
+_FIRST = re.compile(r"^\s*\d?\s*(UN)?CORRECTED ACCELEROGRAM\s*$|^\s*\d\s*(VELOCITY|DISPLACEMENT)")
+_TEXT_LINES, _INTEGER_LINES, _REAL_LINES = 11, 6, 10
+_INTEGER_WIDTH, _REAL_WIDTH = 10, 15
+_COUNT, _COMMENTS, _AZIMUTH, _TILT, _SAMPLING = 16, 15, 13, 12, 1  # positions in the headers
+
+
+def _recognises(head: str, suffix: str) -> bool:
+    lines = head.split("\n")
+    starred = len(lines) > _TEXT_LINES and lines[1].strip() == "*" == lines[10].strip()
+    return starred and _FIRST.match(lines[0].upper()) is not None
+
+
+def _read(path: Path) -> Recording:
+    """The one channel, with its place from the comment `<loclbl=>`.
+
+    Raises:
+        MeasurementError: the file holds velocity or displacement, a header line is cut, or
+            another number of values follows than announced.
+    """
+    file = read_text(path)
+    if "ACCELEROGRAM" not in file.lines[0].upper():
+        raise file.error("this is not an acceleration record; take the accelerogram beside it", 1)
+    integers = _numbers(file, _TEXT_LINES, _INTEGER_LINES, _INTEGER_WIDTH)
+    reals = _numbers(file, _TEXT_LINES + _INTEGER_LINES, _REAL_LINES, _REAL_WIDTH)
+    count = positive(file, integers[_COUNT], "the number of values", _TEXT_LINES + 2)
+    rate = positive(file, reals[_SAMPLING], "the sampling rate", _TEXT_LINES + _INTEGER_LINES)
+    comments = int(finite(integers[_COMMENTS]) or 0)
+    start = _TEXT_LINES + _INTEGER_LINES + _REAL_LINES + comments
+    values = block_values(file, Block(start - 1, int(count), 8, 10, ""))
+    head = "\n".join(file.lines[:start])
+    tilt, azimuth = finite(integers[_TILT]), finite(integers[_AZIMUTH])
+    vertical = tilt is not None and tilt in (0.0, 180.0)
+    direction = "Up" if vertical else f"{azimuth:.0f} Deg" if azimuth is not None else ""
+    location = _found(r"<loclbl=>\s*(.*?)\s*(?:<end>|$)", head)
+    name = _found(r"component=\s*(\S+)", head) or direction or path.stem
+    peak = finite(_found(r"pk acc\s*=\s*(\S+)", head))
+    channel = RecordedChannel(
+        name=f"{name}, {location}" if location else name,
+        values=values,
+        time_step=1.0 / rate,
+        unit="cm/s2",
+        location=location,
+        direction=direction,
+        azimuth_deg=None if vertical or azimuth is None else azimuth % 360.0,
+        stated_peak=None if peak is None else abs(peak),
+    )
+    return Recording(file, (channel,))
+
+
+def _numbers(file: TextFile, start: int, lines: int, width: int) -> list[str]:
+    """Fields of the header lines from index `start` on."""
+    rows = [line.rstrip() for line in file.lines[start : start + lines]]
+    per_line = len(rows[0]) // width if rows else 0
+    fields = [row[k : k + width].strip() for row in rows for k in range(0, len(row), width)]
+    if not per_line or len(fields) != lines * per_line or None in map(finite, fields):
+        raise file.error(
+            f"the header's {lines} lines of numbers are not whole; fetch the record again",
+            start + 1,
+        )
+    return fields
+
+
+def _found(pattern: str, text: str) -> str:
+    match = re.search(pattern, text, re.IGNORECASE | re.MULTILINE)
+    return match.group(1) if match else ""
+
+
+READER = Reader("smc", "SMC files of the USGS", _recognises, _read)

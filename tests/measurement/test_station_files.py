@@ -1,0 +1,196 @@
+"""Files of strong-motion stations: genuine ones by the peaks in their headers, and written ones."""
+
+import zipfile
+
+import numpy as np
+import pytest
+
+from femupdate.errors import MeasurementError
+from femupdate.measurement.direction import azimuth_of, is_vertical
+from femupdate.measurement.observation_file import read_observation_file
+from femupdate.measurement.record import read_record
+from femupdate.measurement.registry import read_measured
+
+EXACT = {"rtol": 1e-14, "atol": 0}
+
+
+@pytest.mark.parametrize(
+    ("name", "count", "values", "unit"),
+    [
+        ("formats/cesmd_painter_street_ferndale_2015.zip", 17, 8511, "cm/sec2"),
+        ("formats/cesmd_painter_street_nc73666231.zip", 16, 6561, "cm/sec2"),
+        ("formats/cesmd_petrolia_1991_chan012.v2", 1, 2000, "CM/SEC/SEC"),
+        ("formats/usgs_1103_HN2_4E_a.smc", 1, 8200, "cm/s2"),
+    ],
+)
+def test_genuine_files_have_the_peaks_that_their_headers_state(
+    shared_file, name, count, values, unit
+):
+    recording = read_measured(shared_file(name))
+    assert len(recording.channels) == count
+    for channel in recording.channels:
+        assert (channel.values.size, channel.unit) == (values, unit)
+        assert channel.location
+        # Three digits or three decimals are printed.
+        peak = np.abs(channel.values).max()
+        assert peak == pytest.approx(channel.stated_peak, rel=5e-3 / 10, abs=5e-4)
+
+
+def test_station_archive_is_an_observation(shared_file):
+    path = shared_file("formats/cesmd_painter_street_ferndale_2015.zip")
+    recording = read_measured(path)
+    assert recording.format == "archive"
+    assert recording.notes[0].startswith("17 other files of the archive hold no histories")
+    free, top = recording.channels[16], recording.channels[6]
+    assert (free.location, free.direction) == ("On Ground: Near West Abutment", "Tran")
+    assert (top.location, top.direction) == ("Middle Bent: Top of Column", "Tran")
+    assert sum(channel.vertical for channel in recording.channels) == 7
+    data = read_observation_file(path, columns={"base": "17", "RF": "7"})
+    assert (data.time_step, data.floors) == (0.01, ("RF",))
+    np.testing.assert_allclose(data.acceleration, np.array([free.values, top.values]) * 0.01)
+    with pytest.raises(MeasurementError, match=r"does not say which floors .*17 = Tran, On Ground"):
+        read_observation_file(path)
+
+
+def test_older_header_line_without_a_format(shared_file):
+    motion = read_record(shared_file("formats/cesmd_petrolia_1991_chan012.v2"))
+    assert (motion.time_step, motion.channel) == (0.02, "270 DEG, FREE FIELD")
+    np.testing.assert_allclose(motion.acceleration[:2], [-0.02824, -0.03106], **EXACT)
+    assert motion.time[np.argmax(np.abs(motion.acceleration))] == pytest.approx(4.54)
+
+
+def test_smc_says_where_its_sensor_is(shared_file):
+    (channel,) = read_measured(shared_file("formats/usgs_1103_HN2_4E_a.smc")).channels
+    assert (channel.location, channel.azimuth_deg) == ("4th floor, east core", 171.0)
+    assert channel.time_step == 0.005
+    np.testing.assert_array_equal(channel.values[:2], [-1.5289e-2, 2.1143e-2])
+
+
+def test_esm(write, texts, wave):
+    motion = read_record(write(texts["esm"](wave), "a.asc"))
+    np.testing.assert_allclose(motion.acceleration, wave * 1e-2, **EXACT)
+    assert (motion.format, motion.time_step, motion.channel) == ("esm", 0.005, "HNE")
+    (channel,) = read_measured(write(texts["esm"](wave, stream="HNZ"))).channels
+    assert channel.vertical
+    assert channel.location == "TESTVILLE"
+    assert channel.stated_peak == np.abs(wave).max()
+
+
+def test_cosmos_passes_over_velocity(write, texts, wave):
+    path = write(texts["cosmos"]({"90 deg, Roof - center": wave, "Up, Basement": -wave / 3}))
+    first, second = read_measured(path).channels
+    np.testing.assert_array_equal(first.values, wave)
+    np.testing.assert_allclose(second.values, -wave / 3, atol=5e-6)
+    assert (first.name, first.location) == ("90 deg, Roof - center", "Roof - center")
+    assert (first.azimuth_deg, second.azimuth_deg, second.vertical) == (90.0, None, True)
+    assert first.time_step == second.time_step == 0.005
+    assert first.stated_peak == pytest.approx(np.abs(wave).max())
+    motion = read_record(path, channel="Up")
+    np.testing.assert_allclose(motion.acceleration, -wave / 300, atol=5e-8)
+
+
+def test_smc_written(write, texts, wave):
+    (channel,) = read_measured(write(texts["smc"](wave), "a.smc")).channels
+    np.testing.assert_allclose(channel.values, wave, rtol=5e-5)
+    assert (channel.time_step, channel.location) == (0.005, "4th floor, east core")
+
+
+BAD = {
+    "smc velocity": ("smc", "2 CORRECTED ACCELEROGRAM", "3 VELOCITY", "not an acceleration rec"),
+    "smc too many": ("smc", "      1480 ", "      1479 ", "announces 1479 values but 1480 fo"),
+    "smc header cut": ("smc", "    -32768\n", "\n", "lines of numbers are not whole"),
+    "esm velocity": ("esm", "TYPE: ACCELERATION", "TYPE: VELOCITY", "take the .ACC file"),
+    "esm count": ("esm", "NDATA: 1480", "NDATA: 1481", "announces 1481 values but 1480 follow"),
+    "esm no step": ("esm", "_INTERVAL_S: 0.005000", "_INTERVAL_S:", "does not give SAMPLING_INT"),
+    "esm no unit": ("esm", "UNITS:", "UNIT:", "does not give UNITS"),
+    "cosmos counts": ("cosmos", "Format=(8f10.5)", "Format=(10I8)", "announces no acceleration"),
+    "cosmos rate": ("cosmos", " 5.0", "50.0", "no sampling interval with which 1480 values last 7"),
+    "cosmos count": ("cosmos", "1480 acc", "1481 acc", "announces 1481 values in channel Up but"),
+}
+
+
+@pytest.mark.parametrize(("kind", "old", "new", "message"), BAD.values(), ids=BAD)
+def test_spoiled_station_file(write, texts, wave, kind, old, new, message):
+    values = np.tile(wave, 40)
+    good = texts[kind]({"Up": values} if kind == "cosmos" else values)
+    read_record(write(good, "good.txt"))
+    assert old in good
+    path = write(good.replace(old, new, 1), "bad.txt")
+    with pytest.raises(MeasurementError) as caught:
+        read_record(path)
+    assert message in str(caught.value)
+    assert "bad.txt" in str(caught.value)
+
+
+def packed(path, members, method=zipfile.ZIP_DEFLATED):
+    with zipfile.ZipFile(path, "w", method) as archive:
+        for name, text in members.items():
+            archive.writestr(name, text)
+    return path
+
+
+def test_archive_of_other_records_and_a_note(tmp_path, texts, wave):
+    counts = np.round(wave * 100).astype(int)
+    knet = texts["knet"](counts, "0.37")
+    members = {
+        "b/A.EW": knet,
+        "b/A.NS": knet.replace("E-W", "N-S"),
+        "a/C.EW": knet,
+        "readme.txt": "Two lines\nof prose, 1.\n",
+    }
+    recording = read_measured(packed(tmp_path / "k.zip", members))
+    assert [c.name for c in recording.channels] == ["E-W, C", "E-W, A", "N-S"]
+    assert recording.notes == ("1 other files of the archive hold no histories: readme.txt.",)
+    assert [c.azimuth_deg for c in recording.channels] == [90.0, 90.0, 0.0]
+
+
+def test_archive_of_one_table(tmp_path):
+    rows = "\n".join(f"{k * 0.01:.2f},{k % 7},{k % 5}" for k in range(80))
+    path = packed(tmp_path / "t.zip", {"obs.csv": "time_s,base,RF\ns,gal,gal\n" + rows})
+    assert read_observation_file(path).floors == ("RF",)
+
+
+@pytest.mark.parametrize(
+    ("members", "message"),
+    [
+        ({"../../a.v2": "x"}, r"would write '../../a.v2' outside its folder"),
+        ({"/etc/a.v2": "x"}, "outside its folder"),
+        ({"..\\a.v2": "x"}, "outside its folder"),
+        ({"zeros.v2": "0" * 20_000_000}, "times its own size: no archive of records"),
+        ({f"{k}.v2": "" for k in range(2001)}, "holds 2001 files"),
+        ({"[Content_Types].xml": "x", "xl/workbook.xml": "y"}, "is a workbook"),
+        ({"note.txt": "Nothing here.\n"}, "holds no record, only note.txt"),
+        ({}, "holds no record, only nothing"),
+    ],
+)
+def test_archive_that_is_refused(tmp_path, members, message):
+    path = packed(tmp_path / "bad.zip", members)
+    before = sorted(tmp_path.rglob("*"))
+    with pytest.raises(MeasurementError, match=message) as caught:
+        read_record(path)
+    assert "bad.zip" in str(caught.value)
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_archive_with_a_bad_record_names_the_member(tmp_path, texts, wave):
+    text = texts["esm"](wave).replace("NDATA: 37", "NDATA: 99")
+    path = packed(tmp_path / "s.zip", {"sub/a.asc": text})
+    with pytest.raises(MeasurementError, match=r"s\.zip: sub/a\.asc, line 5: the header announces"):
+        read_record(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "azimuth"),
+    [
+        *[("90 Deg", 90), ("360 DEG", 0), ("N-S", 0), ("EW", 90), ("EW2", 90), ("N35E", 35)],
+        *[("S 10 W", 190), ("north", 0), ("Long", None), ("Up", None), ("400", None), ("", None)],
+    ],
+)
+def test_azimuths(text, azimuth):
+    assert azimuth_of(text) == azimuth
+
+
+@pytest.mark.parametrize("text", ["Up", "UD", "U-D", "UD1", "Z", "vert", "Down"])
+def test_vertical(text):
+    assert is_vertical(text)
+    assert not is_vertical("EW")
