@@ -15,7 +15,7 @@ Each benchmark prints its table and writes it, with machine and date, as JSON an
 into the folder --output.
 """
 _MISSING = (
-    "the benchmarks are no part of the installed package; clone the repository of femupdate and "
+    "the benchmarks are not part of the installed package; clone the repository of femupdate and "
     f"run `python -m {_PACKAGE} NAME` in its root folder"
 )
 

@@ -15,7 +15,7 @@ from .parameters import BuildingName
 @click.option(
     "--export",
     type=click.Choice(["opensees"]),
-    help="Also write the model for another program: opensees, a Python script for OpenSeesPy.",
+    help="Also write the model for another program: a script for OpenSeesPy.",
 )
 @click.option(
     "--shell",
@@ -35,8 +35,8 @@ def command(
 ) -> None:
     """Build the model of BUILDING: mesh, checks, modes, pictures, reduced model.
 
-    BUILDING is a TOML file or the name of a shipped building; default: the study's own, or
-    six_story_wall_frame for a new study.
+    BUILDING is a TOML file or the name of a shipped building. The default is the building of the
+    study, or six_story_wall_frame in a new study.
     """
     from femupdate.workflow.build import build_study
 

@@ -22,10 +22,22 @@ from .parameters import BuildingName, InputFile
 @click.command("calibrate")
 @click.argument("observations", type=InputFile(), nargs=-1, required=True)
 @click.option("--building", type=BuildingName(), help="Shipped name or TOML file, for a new study.")
-@click.option("--exact", is_flag=True, help="Data-space likelihood with the file's own noise.")
-@click.option("--particles", type=click.IntRange(min=200), default=5000, show_default=True)
-@click.option("--chains", type=click.IntRange(min=1), default=4, show_default=True)
-@click.option("--device", default="cpu", show_default=True, help="cpu, cuda, ...")
+@click.option("--exact", is_flag=True, help="Sample the likelihood of the data themselves.")
+@click.option(
+    "--particles",
+    type=click.IntRange(min=200),
+    default=5000,
+    show_default=True,
+    help="Number of posterior draws.",
+)
+@click.option(
+    "--chains",
+    type=click.IntRange(min=1),
+    default=4,
+    show_default=True,
+    help="Independent sampler runs.",
+)
+@click.option("--device", default="cpu", show_default=True, help="Device for torch: cpu, cuda, ...")
 @reading_options
 @study_options()
 def command(
@@ -42,9 +54,9 @@ def command(
 ) -> None:
     """Draw the posterior of the stiffness factors from the measured files OBSERVATIONS.
 
-    Each is a CSV file of histories (time_s, base, 2F, ..., RF, several sensors a floor as 2F:1,
-    2F:2) or of FRFs (frequency_hz, 2F, ..., RF). Several are runs of the same building, which one
-    posterior explains together; options hold for all of them.
+    Each file is a CSV table of histories (time_s, base, 2F, ..., RF) or of FRFs (frequency_hz, 2F,
+    ..., RF). Several sensors on one floor are named 2F:1, 2F:2. Several files are runs of the same
+    building, which one posterior explains together. The options hold for all files.
     """
     from femupdate.workflow.calibrate import calibrate_study
     from femupdate.workflow.calibrate_settings import CalibrationSettings

@@ -1,4 +1,4 @@
-"""What all commands share: options, progress, errors and the JSON object."""
+"""What all commands share: options, progress, errors and JSON output."""
 
 import functools
 import json
@@ -20,7 +20,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 class Failure(click.ClickException):
-    """The work could not be done: one plain sentence, exit code 1."""
+    """A command that failed: one plain sentence, exit code 1."""
 
     exit_code = 1
 
@@ -43,7 +43,7 @@ def study_options(needs: str | None = None, writes: bool = True) -> Callable[[F]
             type=StudyFolder(),
             default="study",
             show_default=True,
-            help="Folder that holds everything made for one building.",
+            help="Folder that holds everything for one building.",
         )
         @_running
         @functools.wraps(function)
@@ -60,12 +60,17 @@ def study_options(needs: str | None = None, writes: bool = True) -> Callable[[F]
 
 
 def reading_options(function: F) -> F:
-    """Add the options that say how to read observation files, handed on as `reading`."""
+    """Add the options for reading observation files, passed on as `reading`."""
 
-    @click.option("--sensors", type=Names(), default=(), help="Floors to use, such as RF or 2F,RF.")
-    @click.option("--band", type=Band(), help="Frequencies to use, such as 0.5,18 (Hz).")
-    @click.option("--unit", help="Of the accelerations, where the file does not say it.")
-    @click.option("--columns", type=Columns(), help="Names: ours=theirs,ours=theirs.")
+    @click.option(
+        "--sensors",
+        type=Names(),
+        default=(),
+        help="Floors to use, such as RF or 2F,RF; default all.",
+    )
+    @click.option("--band", type=Band(), help="Frequency range, such as 0.5,18 (Hz).")
+    @click.option("--unit", help="Unit of the accelerations, where the file gives none.")
+    @click.option("--columns", type=Columns(), help="Column names: ours=theirs,...")
     @functools.wraps(function)
     def wrapper(*args: Any, sensors: Any, band: Any, unit: Any, columns: Any, **kwargs: Any) -> Any:
         reading = {"sensors": sensors, "band_hz": band, "unit": unit, "columns": columns}
@@ -101,9 +106,9 @@ def _running(function: F) -> F:
         type=click.IntRange(0, 2**32 - 1),
         default=0,
         show_default=True,
-        help="Of everything random.",
+        help="Random seed.",
     )
-    @click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout.")
+    @click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
     @click.option("-v", "--verbose", count=True, help="Say more; -vv for debugging.")
     @functools.wraps(function)
     def wrapper(*args: Any, verbose: int, **kwargs: Any) -> Any:
@@ -122,7 +127,7 @@ def _running(function: F) -> F:
 
 
 def _require_inputs() -> None:
-    """Find a misspelt name before anything heavy is imported."""
+    """Refuse a misspelt name before anything heavy is imported."""
     context = click.get_current_context()
     for parameter in context.command.params:
         value = context.params.get(parameter.name or "")
@@ -132,7 +137,7 @@ def _require_inputs() -> None:
 
 
 def print_json(content: dict[str, Any]) -> None:
-    """Print one JSON object; what is not a number becomes null."""
+    """Print one JSON object; numbers that are not finite become null."""
     click.echo(json.dumps(_plain(content), indent=2))
 
 
@@ -151,7 +156,7 @@ def _plain(value: Any) -> Any:
 
 
 class Bars:
-    """Progress on stderr: bars on a terminal, one line a piece of work in a log."""
+    """Progress on stderr: bars on a terminal, one line for each step in a log."""
 
     def __init__(self) -> None:
         self._bar: Any = None
@@ -187,7 +192,7 @@ class Bars:
             self._bar.update(count)
 
     def say(self, text: str) -> None:
-        """A line between the bars."""
+        """Print a line between the bars."""
         if self._bar is not None:
             self._bar.clear()
         click.echo(text, err=True)
@@ -199,7 +204,7 @@ class Bars:
 
 
 def table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
-    """Columns aligned to the right, the first to the left."""
+    """Return a table with the first column aligned left, the others right."""
     widths = [max(len(row[k]) for row in [head, *rows]) for k in range(len(head))]
     lines = []
     for row in [head, *rows]:
@@ -212,13 +217,13 @@ def table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
 
 
 def print_notes(notes: tuple[str, ...]) -> None:
-    """Sentences, each on a line of its own."""
+    """Print each note on its own line."""
     for note in notes:
         click.echo(f"  - {note}")
 
 
 def print_pictures(pictures: tuple[Path, ...]) -> None:
-    """Where the pictures are."""
+    """Print the path of each picture once."""
     for picture in dict.fromkeys(pictures):
         click.echo(f"  {picture}")
 

@@ -10,7 +10,7 @@ from .common import Bars, print_json, print_pictures, study_options, table
 @click.command("demo")
 @study_options()
 def command(study: Study, seed: int, as_json: bool) -> None:
-    """Run the whole chain on the shipped example: synthetic observation, real ground motion."""
+    """Run the whole chain on a shipped synthetic observation and a real ground motion."""
     from femupdate.workflow.demo import run_demo
 
     with Bars() as bars:

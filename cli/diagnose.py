@@ -35,15 +35,15 @@ def _evidence(found: "Evidence") -> str:
 @click.option(
     "--second",
     type=InputFile(),
-    help="Another record at another level, to be explained together.",
+    help="Second record at another level of motion.",
 )
-@click.option("--no-phase", is_flag=True, help="Use |H| alone.")
+@click.option("--no-phase", is_flag=True, help="Use the amplitude alone.")
 @click.option(
     "--sampled",
     type=click.IntRange(min=0),
     default=0,
     show_default=True,
-    help="Leading effects whose evidence is sampled, not approximated.",
+    help="Leading effects whose evidence is sampled instead of approximated.",
 )
 @reading_options
 @study_options()
@@ -60,8 +60,8 @@ def command(
 ) -> None:
     """Find where the model and the measured file OBSERVATION disagree, and what is missing.
 
-    Every effect of the catalogue is tested at every place; the leading ones are fitted and their
-    evidence is weighed. Nothing is changed: `femupdate repair` adds what is found.
+    Every effect of the catalogue is tested at every place. The leading ones are fitted, and their
+    evidence is weighed. Nothing is changed: `femupdate repair` adds what was found.
     """
     from femupdate.discrepancy.diagnose import DiagnosisSettings
     from femupdate.workflow.diagnose import diagnose_study

@@ -1,4 +1,4 @@
-"""A group of commands that are imported when they are called."""
+"""A command group that imports each command only when it is called."""
 
 import importlib
 from collections.abc import Mapping

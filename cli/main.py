@@ -14,17 +14,17 @@ from .lazy import LazyGroup
 _COMMANDS = {
     "build-model": (
         "build_model",
-        "Mesh, checks, modes, pictures and reduced model of a building.",
+        "Build and reduce the model of a building, and draw its modes.",
     ),
-    "train": ("train", "Train the surrogate of a building; resumes, and is skipped when one fits."),
-    "calibrate": ("calibrate", "Posterior of the stiffness factors from a measured file."),
-    "predict": ("predict", "Floor histories and story shear-drift lines for a ground motion."),
-    "diagnose": ("diagnose", "Where model and measurement disagree, and what is missing."),
-    "repair": ("repair", "Add what is missing, update, and show the gap before and after."),
-    "render": ("render", "Mode shapes of the posterior, off screen."),
+    "train": ("train", "Train the surrogate of a building; resumes where it stopped."),
+    "calibrate": ("calibrate", "Draw the posterior of the stiffness factors from measured files."),
+    "predict": ("predict", "Predict floor histories and story shears for a ground motion."),
+    "diagnose": ("diagnose", "Find where model and measurement disagree, and what is missing."),
+    "repair": ("repair", "Add what is missing, and compare before and after."),
+    "render": ("render", "Draw mode shapes of the posterior."),
     "simulate": ("simulate", "Make a synthetic observation file from the full model."),
-    "benchmark": ("benchmark", "Published tables and other programs, side by side with ours."),
-    "demo": ("demo", "All of it on the shipped example, in minutes."),
+    "benchmark": ("benchmark", "Compare with published tables and other programs."),
+    "demo": ("demo", "Run the whole chain on a shipped example, in minutes."),
 }
 
 
@@ -37,8 +37,8 @@ _COMMANDS = {
 def group() -> None:
     """Calibrate finite-element models of buildings to measured vibration.
 
-    A study folder (--study, default ./study) holds everything made for one building. Every command
-    builds what it needs and is missing, so `femupdate calibrate obs.csv` alone works.
+    A study folder (--study, default ./study) holds everything for one building. Every command
+    builds what it needs, so `femupdate calibrate obs.csv` alone works.
     """
 
 

@@ -1,4 +1,4 @@
-"""What options and arguments take: one type a kind of text, which says how to write it."""
+"""Types of options and arguments: each reads one kind of text and says how to write it."""
 
 from pathlib import Path
 from typing import Any
@@ -11,10 +11,10 @@ Place = tuple[float, float, float]
 
 
 class Input(click.ParamType):
-    """Names something that must be there before a command starts."""
+    """A type whose value names something that must exist before a command starts."""
 
     def require(self, value: Any) -> None:
-        """Raise the library's error where it is missing; import nothing heavy to know that."""
+        """Raise the library's error where it is missing, without heavy imports."""
         raise NotImplementedError
 
 
@@ -28,7 +28,7 @@ class InputFile(Input):
         return Path(value)
 
     def require(self, value: Path) -> None:
-        """It must be there, and hold something."""
+        """Refuse a file that is missing or empty."""
         from femupdate.measurement.text import read_head
 
         read_head(value)
@@ -44,14 +44,14 @@ class BuildingName(Input):
         return str(value)
 
     def require(self, value: str) -> None:
-        """There must be such a file or name."""
+        """Refuse a name that is neither a file nor a shipped building."""
         from femupdate.building.shipped import building_text
 
         building_text(value)
 
 
 class StudyFolder(Input):
-    """A study, which need not be there yet."""
+    """A study, whose folder may be missing."""
 
     name = "directory"
 
@@ -60,7 +60,7 @@ class StudyFolder(Input):
         return Study(Path(value))
 
     def require(self, value: Study) -> None:
-        """No file may stand in its place."""
+        """Refuse a path that is a file."""
         value.check_folder()
 
 
@@ -70,7 +70,7 @@ class Names(click.ParamType):
     name = "names"
 
     def convert(self, value: Any, param: Any, ctx: Any) -> tuple[str, ...]:
-        """The names; what is empty is left out."""
+        """Return the names without empty ones."""
         if isinstance(value, tuple):
             return value
         return tuple(part.strip() for part in value.split(",") if part.strip())
@@ -105,12 +105,12 @@ class Band(Numbers):
 
 
 class Columns(click.ParamType):
-    """Our names of columns with those of a file."""
+    """Our column names, each with the name in the file."""
 
     name = "ours=theirs,..."
 
     def convert(self, value: Any, param: Any, ctx: Any) -> dict[str, str]:
-        """Our name to theirs."""
+        """Return our names mapped to those in the file."""
         pairs = [part.split("=", 1) for part in value.split(",") if part.strip()]
         if not pairs or any(len(pair) != 2 or not all(p.strip() for p in pair) for pair in pairs):
             self.fail(
@@ -125,17 +125,17 @@ class Channel(click.ParamType):
     name = "channel"
 
     def convert(self, value: Any, param: Any, ctx: Any) -> int | str:
-        """Its number where digits are written, else its name."""
+        """Return a number where digits are written, else a name."""
         return int(value) if str(value).isdigit() else value
 
 
 class Member(click.ParamType):
-    """A place in the building, or a wall."""
+    """A point in the building, or a wall."""
 
     name = "place|wall"
 
     def convert(self, value: Any, param: Any, ctx: Any) -> Place | str:
-        """The place x, y, z in m, or the name of a wall, such as X2:S1."""
+        """Return the point x, y, z in m, or the name of a wall, such as X2:S1."""
         if value.count(":") in (1, 2):
             return str(value)
         try:

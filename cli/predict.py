@@ -19,40 +19,53 @@ from .parameters import Channel, Columns, InputFile, Member, Place
 
 @click.command("predict")
 @click.option("--record", type=InputFile(), required=True, help="Ground motion.")
-@click.option("--channel", type=Channel(), help="Name or number, where the record has several.")
-@click.option("--unit", help="Of the accelerations, where the file does not say it.")
+@click.option("--channel", type=Channel(), help="Channel of the record, by name or number.")
+@click.option("--unit", help="Unit of the accelerations, where the file gives none.")
 @click.option("--scale", type=float, default=1.0, show_default=True, help="Factor on the record.")
-@click.option("--damping", type=click.FloatRange(0.0, 1.0), help="One ratio for all modes.")
-@click.option("--samples", type=click.IntRange(min=2), default=300, show_default=True)
+@click.option(
+    "--damping",
+    type=click.FloatRange(0.0, 1.0),
+    help="Damping ratio of all modes; default: the posterior's.",
+)
+@click.option(
+    "--samples",
+    type=click.IntRange(min=2),
+    default=300,
+    show_default=True,
+    help="Posterior draws that are integrated.",
+)
 @click.option(
     "--measured",
     type=InputFile(),
     help="Observation file with the floors measured in the same motion.",
 )
-@click.option("--floor-spectra", is_flag=True, help="Also the response spectra of the floors.")
+@click.option("--floor-spectra", is_flag=True, help="Also compute response spectra of the floors.")
 @click.option(
     "--spectrum-damping",
     type=click.FloatRange(0.0, 1.0, max_open=True),
     default=0.05,
     show_default=True,
-    help="Of the oscillators on the floors.",
+    help="Damping ratio of the oscillators of the spectra.",
 )
 @click.option(
     "--member",
     "members",
     multiple=True,
     type=Member(),
-    help="x,y,z in m: end forces of the beam or column element nearest to it; or LINE:STORY (or "
-    "LINE:FROM-TO:STORY, such as X2:Y1-Y2:S1): forces through the foot of the wall; several times.",
+    help="Also compute member forces; may be given several times. x,y,z (m): end forces of the "
+    "nearest beam or column element. LINE:STORY or LINE:FROM-TO:STORY, such as X2:Y1-Y2:S1: forces "
+    "at the foot of the wall.",
 )
 @click.option(
     "--member-draws",
     type=click.IntRange(min=2),
     default=24,
     show_default=True,
-    help="Draws at which the full model is solved for them.",
+    help="Posterior draws for which member forces are computed.",
 )
-@click.option("--columns", type=Columns(), help="Names in that file: ours=theirs,...")
+@click.option(
+    "--columns", type=Columns(), help="Column names of the measured file: ours=theirs,..."
+)
 @study_options(needs="posterior")
 def command(
     record: Path,
@@ -73,8 +86,7 @@ def command(
 ) -> None:
     """Predict floor accelerations and story shears for a ground motion.
 
-    Reads JMA CSV, K-NET, PEER AT2, CSMIP V1 and V2 and plain two-column files. --damping
-    defaults to the posterior's own damping ratio.
+    Reads JMA CSV, K-NET, PEER AT2, CSMIP V1 and V2, and plain two-column files.
     """
     from femupdate.workflow.checks import open_calibrated
     from femupdate.workflow.predict import predict_study

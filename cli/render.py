@@ -8,13 +8,21 @@ from .common import Bars, print_json, print_pictures, study_options, table
 
 
 @click.command("render")
-@click.option("--modes", type=click.IntRange(1, 12), default=3, show_default=True)
-@click.option("--samples", type=click.IntRange(min=5), default=60, show_default=True)
+@click.option(
+    "--modes", type=click.IntRange(1, 12), default=3, show_default=True, help="Number of modes."
+)
+@click.option(
+    "--samples",
+    type=click.IntRange(min=5),
+    default=60,
+    show_default=True,
+    help="Posterior draws.",
+)
 @study_options(needs="posterior")
 def command(modes: int, samples: int, study: Study, seed: int, as_json: bool) -> None:
     """Draw the mode shapes of the posterior off screen: mean shape and its spread.
 
-    Modes are those that the base motion drives, lowest first.
+    The modes are those that the base motion excites, lowest first.
     """
     from femupdate.workflow.checks import open_calibrated
     from femupdate.workflow.render import render_study

@@ -20,13 +20,13 @@ from .parameters import BuildingName, InputFile
 @click.command("repair")
 @click.argument("observation", type=InputFile())
 @click.option("--building", type=BuildingName(), help="Shipped name or TOML file, for a new study.")
-@click.option("--holdout", type=InputFile(), help="Data kept out, to be predicted.")
+@click.option("--holdout", type=InputFile(), help="Data that are only predicted, before and after.")
 @click.option(
     "--second",
     type=InputFile(),
-    help="Another record at another level, to be explained together.",
+    help="Second record at another level of motion.",
 )
-@click.option("--no-phase", is_flag=True, help="Use |H| alone.")
+@click.option("--no-phase", is_flag=True, help="Use the amplitude alone.")
 @reading_options
 @study_options()
 def command(
@@ -42,8 +42,8 @@ def command(
 ) -> None:
     """Add to the model what the measured file OBSERVATION shows to be missing.
 
-    At most three effects, each only when its evidence carries it; the repaired building becomes a
-    study of its own inside this one (folder `repaired`), which every command takes.
+    At most three effects are added, each only on clear evidence. The repaired building is a study
+    of its own in the folder `repaired` of this study. Every command takes it.
     """
     from femupdate.discrepancy.diagnose import DiagnosisSettings
     from femupdate.workflow.model import open_study

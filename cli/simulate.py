@@ -16,31 +16,47 @@ from .parameters import Band, BuildingName, Channel, InputFile, Numbers, SizedEf
     "--output",
     type=click.Path(dir_okay=False, path_type=Path),
     required=True,
-    help="CSV file to write; its truth goes beside it as .truth.json.",
+    help="CSV file to write; the truth goes beside it as .truth.json.",
 )
 @click.option(
-    "--building", type=BuildingName(), help="Shipped name or TOML file; default: the study's."
+    "--building", type=BuildingName(), help="Shipped name or TOML file; default: that of the study."
 )
 @click.option("--theta", type=Numbers(), help="Stiffness factors; default: random.")
 @click.option("--zeta", type=click.FloatRange(0.0, 1.0), help="Damping ratio of all modes.")
-@click.option("--mesh-size", type=float, help="m; default: half of the building's own.")
-@click.option("--duration", type=float, default=80.0, show_default=True, help="s")
-@click.option("--sampling", type=float, default=200.0, show_default=True, help="Hz")
-@click.option("--rms", type=float, default=0.3, show_default=True, help="Of the base, m/s2.")
-@click.option("--band", type=Band(), default="0.5,50", show_default=True, help="Hz")
-@click.option("--record", type=InputFile(), help="Base motion instead of noise.")
-@click.option("--channel", type=Channel(), help="Of the record, where it has several.")
-@click.option("--unit", help="Of the record, where the file does not say it.")
+@click.option("--mesh-size", type=float, help="Mesh size, m; default: half of the building's own.")
+@click.option("--duration", type=float, default=80.0, show_default=True, help="Length, s.")
+@click.option(
+    "--sampling", type=float, default=200.0, show_default=True, help="Samples per second."
+)
+@click.option(
+    "--rms", type=float, default=0.3, show_default=True, help="Rms acceleration of the base, m/s2."
+)
+@click.option(
+    "--band",
+    type=Band(),
+    default="0.5,50",
+    show_default=True,
+    help="Frequency range of the base motion, Hz.",
+)
+@click.option("--record", type=InputFile(), help="Ground motion to use instead of noise.")
+@click.option("--channel", type=Channel(), help="Channel of the record, by name or number.")
+@click.option("--unit", help="Unit of the record, where the file gives none.")
 @click.option("--scale", type=float, default=1.0, show_default=True, help="Factor on the record.")
 @click.option(
     "--effect",
     "effects",
     multiple=True,
     type=SizedEffect(),
-    help="Hidden effect and its size, such as added_mass@3F=0.1; several times for several.",
+    help="Hidden effect and its size, such as added_mass@3F=0.1; may be given several times.",
 )
-@click.option("--force", is_flag=True, help="Replace a file of that name.")
-@click.option("--sensor-noise", type=float, default=0.003, show_default=True, help="m/s2 rms")
+@click.option("--force", is_flag=True, help="Replace an existing file.")
+@click.option(
+    "--sensor-noise",
+    type=float,
+    default=0.003,
+    show_default=True,
+    help="Rms noise of every sensor, m/s2.",
+)
 @study_options(writes=False)
 def command(
     output: Path,
@@ -63,10 +79,10 @@ def command(
     seed: int,
     as_json: bool,
 ) -> None:
-    """Make a synthetic observation file of a building whose stiffness factors are known.
+    """Make a synthetic observation file of a building with known stiffness factors.
 
-    The full model, on a finer mesh than the one that calibrations use, is shaken by band-limited
-    white noise (or a record) and seen by single accelerometers with their own noise.
+    Band-limited white noise (or a record) shakes the full model, on a finer mesh than calibrations
+    use. Single accelerometers with their own noise record it.
     """
     if output.exists() and not force:
         raise Failure(f"{output} is there already; choose another name, or replace it by --force")

@@ -13,19 +13,43 @@ from .parameters import BuildingName
 
 @click.command("train")
 @click.option("--building", type=BuildingName(), help="Shipped name or TOML file, for a new study.")
-@click.option("--samples", type=click.IntRange(min=100), default=100_000, show_default=True)
-@click.option("--epochs", type=click.IntRange(min=1), default=45, show_default=True)
-@click.option("--batch", type=click.IntRange(min=8), default=512, show_default=True)
-@click.option("--learning-rate", type=click.FloatRange(min=1e-7), default=3e-3, show_default=True)
+@click.option(
+    "--samples",
+    type=click.IntRange(min=100),
+    default=100_000,
+    show_default=True,
+    help="Simulated buildings in the data set.",
+)
+@click.option(
+    "--epochs",
+    type=click.IntRange(min=1),
+    default=45,
+    show_default=True,
+    help="Passes over the data set.",
+)
+@click.option(
+    "--batch",
+    type=click.IntRange(min=8),
+    default=512,
+    show_default=True,
+    help="Samples per step.",
+)
+@click.option(
+    "--learning-rate",
+    type=click.FloatRange(min=1e-7),
+    default=3e-3,
+    show_default=True,
+    help="Largest learning rate.",
+)
 @click.option(
     "--roof-share",
     type=click.FloatRange(0.0, 1.0),
     default=0.4,
     show_default=True,
-    help="Share of the samples seen with the roof alone.",
+    help="Share of the samples for which only the roof is observed.",
 )
 @click.option("--start", type=click.Path(path_type=Path), help="Weights to start from.")
-@click.option("--fresh", is_flag=True, help="Train even though a fitting surrogate is there.")
+@click.option("--fresh", is_flag=True, help="Train even where a fitting surrogate exists.")
 @study_options()
 def command(
     building: str | None,
@@ -42,10 +66,10 @@ def command(
 ) -> None:
     """Train the surrogate of the study's building.
 
-    Effects that the building lists are learned as well, over the range of their prior.
+    It also learns the effects that the building lists, over the range of their prior.
 
-    Killed half-way, the same command goes on where it stopped. Skipped when a trained surrogate
-    (the study's own or a shipped one) fits the building.
+    After an interruption the same command resumes. It does nothing where a trained surrogate (the
+    study's own or a shipped one) fits the building.
     """
     from femupdate.workflow.checks import check_training
     from femupdate.workflow.model import open_study
@@ -79,7 +103,9 @@ def command(
         )
         return
     if not report.trained:
-        click.echo(f"A surrogate that fits is there already: {report.path} (--fresh trains anew).")
+        click.echo(
+            f"A trained surrogate fits this building: {report.path}. Use --fresh to train again."
+        )
         return
     click.echo(
         f"Data set {report.dataset_seconds:.0f} s, training {report.training_seconds:.0f} s, "

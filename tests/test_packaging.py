@@ -177,7 +177,7 @@ def test_benchmarks_are_in_a_checkout_alone(wheel, tmp_path):
     )
     assert done.returncode == 1
     (sentence,) = done.stderr.splitlines()
-    assert sentence.startswith("Error: the benchmarks are no part of the installed package")
+    assert sentence.startswith("Error: the benchmarks are not part of the installed package")
     assert "clone the repository" in sentence
 
 

@@ -217,7 +217,7 @@ def test_train_a_second_time(femupdate, trained, snapshot):
     _, study = trained
     before = snapshot(study)
     assert femupdate(*train(study), "--json").answer["trained"] is False
-    assert "is there already" in femupdate(*train(study)).out
+    assert "A trained surrogate fits" in femupdate(*train(study)).out
     assert snapshot(study) == before
 
 
