@@ -1,7 +1,7 @@
 """What a building file says beside the building: frequencies, priors, damping, provenance."""
 
 from collections.abc import Mapping
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -78,66 +78,46 @@ class Prior(Entry):
         return self.stories.get(story, self.theta)
 
 
-def _damping_ratio(ratio: float) -> None:
-    if ratio >= 1.0:
-        raise Complaint("ratio", f"{ratio:g} must lie below 1 (critical); 2 % is written 0.02")
+class Damping(Entry):
+    """The damping ratio of every mode.
 
-
-class ConstantDamping(Entry):
-    """One damping ratio for all modes; `ratio` is the one that predictions use."""
-
-    law: Literal["constant"]
-    ratio: PositiveNumber
-
-    @model_validator(mode="after")
-    def _below_critical(self) -> "ConstantDamping":
-        _damping_ratio(self.ratio)
-        return self
-
-    def modal_ratio(self, frequency_hz: ArrayLike) -> Floats:
-        """Return the damping ratio of modes at these frequencies (same shape)."""
-        return np.full(np.shape(frequency_hz), self.ratio)
-
-
-class RayleighDamping(Entry):
-    """Damping that reaches `ratio` at two frequencies, fixed whatever theta is.
-
-    The ratio of a mode of circular frequency w is a0 / (2 w) + a1 w / 2 (Rayleigh damping; Clough
-    and Penzien, 1993, section 12-5).
+    With the law "constant" all modes have `ratio`, which predictions use. With "rayleigh" the ratio
+    is reached at two frequencies, the anchors, and fixed whatever theta is: that of a mode of
+    circular frequency w is a0 / (2 w) + a1 w / 2 (Clough and Penzien, 1993, section 12-5).
     """
 
-    law: Literal["rayleigh"]
+    law: Literal["constant", "rayleigh"]
     ratio: PositiveNumber
-    anchors: tuple[Frequency, Frequency]
+    anchors: tuple[Frequency, Frequency] | None = None
 
     @model_validator(mode="after")
-    def _two_anchors(self) -> "RayleighDamping":
-        _damping_ratio(self.ratio)
-        if self.anchors[0] == self.anchors[1]:
+    def _complete(self) -> "Damping":
+        if self.ratio >= 1.0:
+            text = f"{self.ratio:g} must lie below 1 (critical); 2 % is written 0.02"
+            raise Complaint("ratio", text)
+        if self.is_rayleigh and self.anchors is None:
+            raise Complaint("anchors", "the key is missing; add the two frequencies")
+        if not self.is_rayleigh and self.anchors is not None:
+            raise Complaint("anchors", 'they need law = "rayleigh"; remove them or change the law')
+        if self.anchors is not None and self.anchors[0] == self.anchors[1]:
             raise Complaint("anchors", "the two frequencies must differ; change one of them")
         return self
 
     @property
-    def mass_factor(self) -> float:
-        """a0, 1/s."""
-        first, second = 2.0 * np.pi * np.array(self.anchors)
-        return float(2.0 * self.ratio * first * second / (first + second))
-
-    @property
-    def stiffness_factor(self) -> float:
-        """a1, s."""
-        return float(self.ratio / (np.pi * sum(self.anchors)))
+    def is_rayleigh(self) -> bool:
+        """Whether the law fixes the ratio of every mode."""
+        return self.law == "rayleigh"
 
     def modal_ratio(self, frequency_hz: ArrayLike) -> Floats:
         """Return the damping ratio of modes at these frequencies (same shape)."""
-        omega = 2.0 * np.pi * np.asarray(frequency_hz, dtype=np.float64)
-        return self.mass_factor / (2.0 * omega) + self.stiffness_factor * omega / 2.0
+        frequency = np.asarray(frequency_hz, dtype=np.float64)
+        if self.anchors is None:
+            return np.full(frequency.shape, self.ratio)
+        first, second = self.anchors
+        return self.ratio * (first * second / frequency + frequency) / (first + second)
 
 
-Damping = Annotated[ConstantDamping | RayleighDamping, Field(discriminator="law")]
-
-
-class Observation(Entry):
+class ObservationSettings(Entry):
     """What is assumed about an observation that does not say it itself.
 
     `noise_sd` is the standard deviation of the noise on ln|H|.
@@ -146,7 +126,7 @@ class Observation(Entry):
     noise_sd: PositiveNumber = 0.2
 
 
-class Reduction(Entry):
+class ReductionSettings(Entry):
     """How close the reduced model must follow the full one: difference in ln|H| allowed."""
 
     tolerance: PositiveNumber = 0.02
@@ -161,3 +141,19 @@ class Provenance(Entry):
     source: str = ""
     published: tuple[str, ...] = ()
     assumed: tuple[str, ...] = ()
+
+
+class ParameterGrouping(Entry):
+    """Which members share a stiffness factor: `["story"]`, or `["story", "kind"]`.
+
+    The kinds are walls, columns, beams and slabs; a story has a factor for each that it owns.
+    """
+
+    by: tuple[Literal["story", "kind"], ...]
+
+    @model_validator(mode="after")
+    def _known_division(self) -> "ParameterGrouping":
+        if self.by not in (("story",), ("story", "kind")):
+            text = f'{list(self.by)} is no division; write ["story"] or ["story", "kind"]'
+            raise Complaint("by", text)
+        return self

@@ -8,17 +8,12 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from femupdate.building.analysis import ConstantDamping
 from femupdate.building.entry import as_building_error
 from femupdate.building.names import close
-from femupdate.building.schema import Building, FrameBuilding, MeshBuilding, ShearBuilding
+from femupdate.building.own_mesh import MeshBuilding
+from femupdate.building.schema import KINDS, Building
 from femupdate.errors import BuildingError
 
-_KINDS: Mapping[str, type[FrameBuilding] | type[MeshBuilding] | type[ShearBuilding]] = {
-    "frame": FrameBuilding,
-    "mesh": MeshBuilding,
-    "shear": ShearBuilding,
-}
 _EMPTY: tuple[Any, ...] = ({}, [], "")  # each is the default of the entry that holds it
 # What a trained surrogate or a reduced model does not depend on.
 _NOT_MECHANICS = ("name", "title", "description", "observation", "reduction", "provenance")
@@ -51,13 +46,13 @@ def from_document(
         BuildingError: with the key in question and the mend.
     """
     kind = document.get("kind")
-    if not isinstance(kind, str) or kind not in _KINDS:
-        hint = close(kind, _KINDS) if isinstance(kind, str) else ""
+    if not isinstance(kind, str) or kind not in KINDS:
+        hint = close(kind, KINDS) if isinstance(kind, str) else ""
         said = "the key is missing" if kind is None else f"{kind!r} is not a kind of building"
         raise BuildingError(f'{where}: kind: {said}; write "frame", "mesh" or "shear"{hint}')
     context = {"file": where} if from_file else None
     try:
-        return _KINDS[kind].model_validate(dict(document), context=context)
+        return KINDS[kind].model_validate(dict(document), context=context)
     except ValidationError as error:
         raise as_building_error(error, document, where) from None
 
@@ -95,7 +90,7 @@ def mechanics_hash(building: Building) -> str:
     where zeta has a prior.
     """
     document = {k: v for k, v in _by_content(building).items() if k not in _NOT_MECHANICS}
-    if isinstance(building.damping, ConstantDamping) and building.prior.zeta is not None:
+    if not building.damping.is_rayleigh and building.prior.zeta is not None:
         document["damping"] = {"law": building.damping.law}
     return _digest(document)
 

@@ -13,9 +13,11 @@ from femupdate.building.document import (
     mechanics_hash,
     to_document,
 )
+from femupdate.building.frame import FrameBuilding
 from femupdate.building.mesh import check_mesh
+from femupdate.building.own_mesh import MeshBuilding
 from femupdate.building.provenance import provenance_of
-from femupdate.building.schema import Building, FrameBuilding, MeshBuilding
+from femupdate.building.schema import Building
 from femupdate.building.shipped import building_text
 from femupdate.building.toml_writer import to_toml
 from femupdate.errors import BuildingError

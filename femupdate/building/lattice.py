@@ -8,16 +8,16 @@ from itertools import pairwise
 import numpy as np
 
 from femupdate.arrays import Floats, Integers
+from femupdate.building.common import BASE, floor_names
+from femupdate.building.frame import CLOSEST_LINES
 from femupdate.building.members import FrameStory, Grid
-from femupdate.building.references import Intersection, Run
-from femupdate.building.schema import BASE, floor_names
+from femupdate.building.references import Intersection, Stretch
 from femupdate.errors import BuildingError
 
 Index = Integers | int
 
 _ROUNDING = 1e-6  # of an element: 1.8 m in parts of 0.3 m is six parts, not seven
 _MOST_CROSSINGS = 5_000_000
-CLOSEST_LINES = 1e-3  # m; nearer lines would make needle-thin elements
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,12 @@ class Lattice:
         """Return the index of the mesh line in z of each crossing."""
         return crossing // (len(self.x) * len(self.y))
 
-    def along(self, run: Run, levels: Integers) -> Integers:
+    def story(self, number: int) -> Integers:
+        """Return the mesh lines in z from the floor below a story to the one above it."""
+        floors = list(self.z.at)
+        return self.z.between(floors[number], floors[number + 1])
+
+    def along(self, run: Stretch, levels: Integers) -> Integers:
         """Return the (points, levels) crossings of a stretch of a grid line at these levels."""
         if run.axis == 0:
             points, other = self.x.between(run.start, run.end), self.y.at[run.line]

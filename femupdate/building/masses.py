@@ -6,9 +6,10 @@ import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.building.entry import Complaint
+from femupdate.building.frame import FrameBuilding
+from femupdate.building.own_mesh import MeshBuilding
 from femupdate.building.panels import DeadWall
 from femupdate.building.references import resolve
-from femupdate.building.schema import FrameBuilding, MeshBuilding
 from femupdate.fe.model import FiniteElementModel, PointMasses
 from femupdate.fe.triangle import triangle_areas
 

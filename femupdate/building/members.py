@@ -78,8 +78,8 @@ class Columns(Entry):
         return self
 
 
-class Beams(Entry):
-    """Beams of one section along grid lines, over the whole line or between two crossing lines.
+class BeamLines(Entry):
+    """BeamLines of one section along grid lines, over the whole line or between two crossing lines.
 
     `eccentricity` is how far the axis lies below the floor's plane. `rigid_ends` (at the start and
     at the end) and `hinges` are those of every span, from one crossing grid line to the next.
@@ -212,3 +212,8 @@ class Sensors(Entry):
     direction: Literal["x", "y"]
     points: Names
     floors: dict[str, Names] = Field(default_factory=dict)
+
+    def of(self, floor: str) -> tuple[str, tuple[str, ...]]:
+        """Return the key and the points of a floor."""
+        own = self.floors.get(floor)
+        return ("sensors.points", self.points) if own is None else (f"sensors.floors.{floor}", own)

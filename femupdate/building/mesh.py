@@ -11,29 +11,22 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from femupdate.arrays import Floats, Integers
+from femupdate.building.bars import Bar, beam_bars, column_bars, column_lines
 from femupdate.building.connections import connected, face_lines
 from femupdate.building.entry import Complaint
-from femupdate.building.lattice import CLOSEST_LINES, Lattice, lattice_of
+from femupdate.building.frame import CLOSEST_LINES, FrameBuilding
+from femupdate.building.lattice import Lattice, lattice_of
 from femupdate.building.masses import ground_mass, place_masses
-from femupdate.building.panels import (
-    Bar,
-    DeadWall,
-    Panel,
-    beam_bars,
-    column_bars,
-    dead_walls,
-    extra_lines,
-    slab_panels,
-    wall_panels,
-)
+from femupdate.building.own_mesh import MeshBuilding
+from femupdate.building.panels import DeadWall, Panel, slab_panels
 from femupdate.building.parameters import (
     StiffnessFactor,
-    by_kind,
     stiffness_factors,
     with_factors,
 )
-from femupdate.building.references import Intersection, intersections
-from femupdate.building.schema import Building, FrameBuilding, MeshBuilding
+from femupdate.building.references import intersections
+from femupdate.building.schema import Building
+from femupdate.building.walls import dead_walls, opening_lines, wall_panels
 from femupdate.errors import BuildingError
 from femupdate.fe.model import DOF_PER_NODE, Beams, FiniteElementModel, Shells
 
@@ -115,7 +108,7 @@ def check_mesh(building: FrameBuilding | MeshBuilding) -> None:
 
 def _mesh(building: FrameBuilding, size: float, least: int = 1) -> BuildingMesh:
     try:
-        extra = extra_lines(building)
+        extra = column_lines(building) + opening_lines(building)
         if _may_have_joints(building):
             coarse = lattice_of(building.grid, building.stories, math.inf, 2, extra)
             parts = _parts_on(building, coarse)
@@ -179,7 +172,7 @@ def _mesh_on(building: FrameBuilding, lattice: Lattice) -> BuildingMesh:
     ]
     model = connected(parts.model, base, building.supports, diaphragms, parts.sizes)
     factors = stiffness_factors(building)
-    if by_kind(building):
+    if building.by_kind:
         model = with_factors(model, factors)
     return BuildingMesh(
         model=replace(model, masses=masses),
@@ -318,18 +311,13 @@ def _refuse_uncarried(wall: DeadWall, used: Integers, lattice: Lattice) -> None:
             raise Complaint(wall.key, f"{text}; put a beam or a slab along it")
 
 
-def _points(building: FrameBuilding, floor: str) -> tuple[str, tuple[Intersection, ...]]:
-    own = building.sensors.floors.get(floor)
-    key = "sensors.points" if own is None else f"sensors.floors.{floor}"
-    return key, intersections(building.grid, own or building.sensors.points, key)
-
-
 def _floor_nodes(
     building: FrameBuilding, lattice: Lattice, used: Integers
 ) -> Mapping[str, Integers]:
     nodes = {}
     for floor in building.floors:
-        key, points = _points(building, floor)
+        key, names = building.sensors.of(floor)
+        points = intersections(building.grid, names, key)
         level = np.array([lattice.z.at[floor]])
         crossings = np.concatenate([lattice.upright(point, level) for point in points])
         for point, crossing in zip(points, crossings, strict=True):

@@ -13,12 +13,11 @@ from femupdate.building.entry import Complaint, unknown
 from femupdate.building.masses import place_masses
 from femupdate.building.mesh import BuildingMesh
 from femupdate.building.mesh_check import check_connected, check_elements, merge_nodes
-from femupdate.building.mesh_entries import Part
 from femupdate.building.mesh_reader import RawMesh, read_mesh
 from femupdate.building.mesh_spans import beam_arms, beam_releases, span_ends
+from femupdate.building.own_mesh import MeshBuilding, Part
 from femupdate.building.parameters import stiffness_factors
 from femupdate.building.quantities import ALL
-from femupdate.building.schema import MeshBuilding
 from femupdate.building.sections import SectionFigures
 from femupdate.errors import BuildingError
 from femupdate.fe.model import DOF_PER_NODE, Beams, FiniteElementModel, Shells, Triangles

@@ -8,7 +8,7 @@ from scipy.sparse.csgraph import connected_components
 
 from femupdate.arrays import Flags, Floats, Integers
 from femupdate.building.entry import Complaint
-from femupdate.building.mesh_entries import Part
+from femupdate.building.own_mesh import Part
 
 _STRAIGHT = 0.985  # cosine of the angle by which one span turns at most
 _LEAST = 1e-3  # m; a beam between rigid ends is longer

@@ -2,19 +2,14 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from pydantic import model_validator
 
 from femupdate.arrays import Integers, Strings
-from femupdate.building.entry import Complaint, Entry
+from femupdate.building.frame import FrameBuilding
 from femupdate.building.references import resolve
+from femupdate.building.schema import Building
 from femupdate.fe.model import FiniteElementModel
-
-if TYPE_CHECKING:
-    from femupdate.building.schema import Building, FrameBuilding
-
 
 # Kind of an element in the model, and what its factor is called.
 _CALLED = {
@@ -25,22 +20,6 @@ _CALLED = {
     "slab": "slabs",
 }
 _ORDER = ("walls", "columns", "beams", "slabs")
-
-
-class Parameters(Entry):
-    """What a stiffness factor is of: `["story"]`, or `["story", "kind"]`.
-
-    The kinds are walls, columns, beams and slabs; a story has a factor for each that it owns.
-    """
-
-    by: tuple[Literal["story", "kind"], ...]
-
-    @model_validator(mode="after")
-    def _known_division(self) -> "Parameters":
-        if self.by not in (("story",), ("story", "kind")):
-            text = f'{list(self.by)} is no division; write ["story"] or ["story", "kind"]'
-            raise Complaint("by", text)
-        return self
 
 
 @dataclass(frozen=True)
@@ -58,24 +37,18 @@ class StiffnessFactor:
     kind: str | None = None
 
 
-def stiffness_factors(building: "Building") -> tuple[StiffnessFactor, ...]:
+def stiffness_factors(building: Building) -> tuple[StiffnessFactor, ...]:
     """Return the parameters of a building, story by story from the bottom."""
-    if not by_kind(building):
+    if not isinstance(building, FrameBuilding) or not building.by_kind:
         count = len(building.story_names)
         return tuple(StiffnessFactor(f"theta_{i + 1}", i) for i in range(count))
-    owned = set(_owned(building))  # type: ignore[arg-type] # only frames have parameters by kind
+    owned = set(_owned(building))
     return tuple(
         StiffnessFactor(f"{name} {kind}", story, kind)
         for story, name in enumerate(building.story_names)
         for kind in _ORDER
         if (story, kind) in owned
     )
-
-
-def by_kind(building: "Building") -> bool:
-    """Whether members of different kinds have factors of their own."""
-    parameters: Parameters | None = getattr(building, "parameters", None)
-    return parameters is not None and "kind" in parameters.by
 
 
 def with_factors(
@@ -104,7 +77,7 @@ def with_factors(
     )
 
 
-def _owned(building: "FrameBuilding") -> Iterator[tuple[int, str]]:
+def _owned(building: FrameBuilding) -> Iterator[tuple[int, str]]:
     """Yield (story, kind) of all members with stiffness; story i owns floor i + 1."""
     stories, floors = building.story_names, building.floors
     lists = (

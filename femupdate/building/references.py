@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from femupdate.building.entry import Complaint, unknown
-from femupdate.building.members import Beams, Grid, Wall
+from femupdate.building.members import BeamLines, Grid, Wall
 from femupdate.building.quantities import ALL
 
 
 @dataclass(frozen=True)
-class Run:
+class Stretch:
     """A stretch of a grid line between two lines that cross it, in ascending order.
 
     Attributes:
@@ -22,6 +22,11 @@ class Run:
     line: str
     start: str
     end: str
+
+    def ends(self, grid: Grid) -> tuple[float, float]:
+        """Coordinates of the start and of the end along the line, m."""
+        crossing = _crossing(grid, self.axis)
+        return crossing[self.start], crossing[self.end]
 
 
 @dataclass(frozen=True)
@@ -65,7 +70,7 @@ def _crossing(grid: Grid, axis: int) -> Mapping[str, float]:
     return dict(sorted(lines.items(), key=lambda item: item[1]))
 
 
-def run_of(grid: Grid, line: str, bounds: tuple[str | None, str | None], key: str) -> Run:
+def stretch_of(grid: Grid, line: str, bounds: tuple[str | None, str | None], key: str) -> Stretch:
     """Return the stretch of a line between two crossing lines (None: its first, its last).
 
     Raises:
@@ -83,28 +88,28 @@ def run_of(grid: Grid, line: str, bounds: tuple[str | None, str | None], key: st
     if start == end:
         raise Complaint(f"{key}.to", f"it starts and ends at {end!r}; write another end")
     first, last = sorted((start, end), key=crossing.__getitem__)
-    return Run(axis, line, first, last)
+    return Stretch(axis, line, first, last)
 
 
-def spans(grid: Grid, run: Run) -> tuple[tuple[str, str, float], ...]:
+def spans(grid: Grid, stretch: Stretch) -> tuple[tuple[str, str, float], ...]:
     """Return the spans of a stretch: two neighbouring crossing lines and their distance, m."""
-    crossing = _crossing(grid, run.axis)
+    crossing = _crossing(grid, stretch.axis)
     order = list(crossing)
-    inside = order[order.index(run.start) : order.index(run.end) + 1]
+    inside = order[order.index(stretch.start) : order.index(stretch.end) + 1]
     return tuple((a, b, crossing[b] - crossing[a]) for a, b in pairwise(inside))
 
 
-def wall_run(grid: Grid, wall: Wall, key: str) -> Run:
+def wall_stretch(grid: Grid, wall: Wall, key: str) -> Stretch:
     """Return the stretch under a wall."""
-    return run_of(grid, wall.along, (wall.start, wall.end), key)
+    return stretch_of(grid, wall.along, (wall.start, wall.end), key)
 
 
-def beam_runs(grid: Grid, beams: Beams, key: str) -> tuple[Run, ...]:
+def beam_stretches(grid: Grid, beams: BeamLines, key: str) -> tuple[Stretch, ...]:
     """Return the stretches that beams follow."""
     lines = resolve(beams.along, [*grid.y, *grid.x], "grid line", f"{key}.along")
     if beams.along == ALL:  # a line that only one other crosses has no length
         lines = tuple(n for n in lines if len(grid.x if n in grid.y else grid.y) > 1)
-    return tuple(run_of(grid, line, (beams.start, beams.end), key) for line in lines)
+    return tuple(stretch_of(grid, line, (beams.start, beams.end), key) for line in lines)
 
 
 def intersection(grid: Grid, text: str, key: str) -> Intersection:

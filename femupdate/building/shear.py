@@ -1,12 +1,51 @@
-"""The matrices of a shear building: one mass a floor, one spring a story."""
+"""A building of one mass and one spring a story, and its matrices."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
+from pydantic import model_validator
 
 from femupdate.arrays import Floats
-from femupdate.building.schema import Building, ShearBuilding
+from femupdate.building.common import BuildingBase
+from femupdate.building.entry import Complaint
+from femupdate.building.members import Story
+from femupdate.building.quantities import Flag, Length, Mass, Stiffness, StiffnessPerMass
 from femupdate.errors import BuildingError
+
+
+class ShearStory(Story):
+    """One story of a shear building: its spring and the mass of the floor above.
+
+    The stiffness is given as such, or divided by the mass of the floor above.
+    """
+
+    mass: Mass
+    stiffness: Stiffness | None = None
+    stiffness_per_mass: StiffnessPerMass | None = None
+    height: Length | None = None
+
+    @model_validator(mode="after")
+    def _one_stiffness(self) -> "ShearStory":
+        if (self.stiffness is None) == (self.stiffness_per_mass is None):
+            text = "give either stiffness or stiffness_per_mass, and not both"
+            raise Complaint("stiffness", text)
+        return self
+
+    @property
+    def spring(self) -> float:
+        """The story's stiffness at theta = 1, N/m."""
+        if self.stiffness is not None:
+            return self.stiffness
+        return (self.stiffness_per_mass or 0.0) * self.mass
+
+
+class ShearBuilding(BuildingBase):
+    """One mass and one spring a story; with masses unknown, forces are relative to the nominal."""
+
+    kind: Literal["shear"]
+    stories: tuple[ShearStory, ...]
+    masses_known: Flag = True
 
 
 @dataclass(frozen=True)
@@ -28,7 +67,7 @@ class ShearOperators:
     masses_known: bool
 
 
-def shear_operators(building: Building) -> ShearOperators:
+def shear_operators(building: BuildingBase) -> ShearOperators:
     """Return the matrices of a building of kind "shear".
 
     The spring of story i acts on the difference between the floor above and the one below it

@@ -7,9 +7,10 @@ import numpy as np
 
 from femupdate.arrays import Flags, Floats, Integers
 from femupdate.building.entry import unknown
+from femupdate.building.frame import FrameBuilding
 from femupdate.building.mesh import BuildingMesh
-from femupdate.building.references import resolve, wall_run
-from femupdate.building.schema import FrameBuilding, MeshBuilding
+from femupdate.building.own_mesh import MeshBuilding
+from femupdate.building.references import resolve, wall_stretch
 from femupdate.errors import BuildingError
 from femupdate.fe.model import FiniteElementModel, Shells, Triangles
 
@@ -150,11 +151,10 @@ def _frame_walls(building: FrameBuilding, mesh: BuildingMesh) -> Iterator[tuple[
     for number, wall in enumerate(building.walls):
         if not wall.is_stiff:
             continue
-        run = wall_run(building.grid, wall, f"walls[{number}]")
-        own, crossing = (building.grid.y, building.grid.x)[:: 1 if run.axis == 0 else -1]
+        run = wall_stretch(building.grid, wall, f"walls[{number}]")
         ends = np.empty((2, 2))
-        ends[:, run.axis] = crossing[run.start], crossing[run.end]
-        ends[:, 1 - run.axis] = own[run.line]
+        ends[:, run.axis] = run.ends(building.grid)
+        ends[:, 1 - run.axis] = (building.grid.y if run.axis == 0 else building.grid.x)[run.line]
         for name in resolve(wall.stories, building.story_names, "story", "stories"):
             story = building.story_names.index(name)
             low = [*ends.min(axis=0), levels[story]]

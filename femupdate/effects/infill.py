@@ -12,9 +12,9 @@ from scipy.sparse import coo_matrix, csc_matrix
 from scipy.spatial import cKDTree
 
 from femupdate.arrays import Flags, Floats, Integers
+from femupdate.building.frame import FrameBuilding
 from femupdate.building.mesh import BuildingMesh, mesh_building
 from femupdate.building.references import resolve
-from femupdate.building.schema import FrameBuilding
 from femupdate.fe.assembly import AffineOperators
 from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel
 from femupdate.fe.shell import shell_matrices

@@ -13,10 +13,11 @@ import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix
 
 from femupdate.arrays import Flags, Floats, Integers
+from femupdate.building.frame import FrameBuilding
 from femupdate.building.mesh import BuildingMesh, mesh_building
-from femupdate.building.parameters import by_kind
-from femupdate.building.schema import Building, FrameBuilding, MeshBuilding, ShearBuilding
-from femupdate.building.shear import shear_operators
+from femupdate.building.own_mesh import MeshBuilding
+from femupdate.building.schema import Building
+from femupdate.building.shear import ShearBuilding, shear_operators
 from femupdate.effects.infill import Infill, infills
 from femupdate.errors import BuildingError
 from femupdate.fe.assembly import AffineOperators, assemble
@@ -231,7 +232,7 @@ def _stick(building: ShearBuilding) -> Structure:
 
 
 def _frame(building: FrameBuilding | MeshBuilding, mesh_size: float | None) -> Structure:
-    if by_kind(building):
+    if building.by_kind:
         raise BuildingError(
             f"{building.name}: parameters: what is missing in a model is looked for with one "
             "factor a story; remove [parameters] from a copy of the file and use that"

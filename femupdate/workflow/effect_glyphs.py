@@ -3,7 +3,7 @@
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.building.schema import FrameBuilding
+from femupdate.building.frame import FrameBuilding
 from femupdate.effects.effect import Placed
 from femupdate.effects.infill import infill_lines
 from femupdate.effects.member import ALL, MemberStiffness

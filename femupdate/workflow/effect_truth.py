@@ -12,7 +12,8 @@ import torch
 from scipy.sparse import csc_matrix
 
 from femupdate.arrays import Complexes, Floats
-from femupdate.building.schema import Building, ShearBuilding
+from femupdate.building.schema import Building
+from femupdate.building.shear import ShearBuilding
 from femupdate.dynamics.damping import DampingLaw
 from femupdate.dynamics.effect_reduction import structure_on
 from femupdate.dynamics.effect_response import EffectSystem, ReducedStructure, reduce_terms

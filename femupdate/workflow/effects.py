@@ -12,7 +12,8 @@ from femupdate.arrays import Flags, Floats
 from femupdate.atomic import atomic_path
 from femupdate.building.effect_entry import EffectEntry
 from femupdate.building.files import mechanics_hash
-from femupdate.building.schema import Building, FrameBuilding
+from femupdate.building.frame import FrameBuilding
+from femupdate.building.schema import Building
 from femupdate.discrepancy.mesh_error import FINER, MeshError
 from femupdate.discrepancy.problem import Problem, make_problem
 from femupdate.dynamics.effect_local import Sized, local_structure

@@ -10,10 +10,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from femupdate.arrays import Floats
+from femupdate.building.frame import FrameBuilding
 from femupdate.building.mesh import BuildingMesh, mesh_building
+from femupdate.building.own_mesh import MeshBuilding
 from femupdate.building.quantities import ALL
-from femupdate.building.schema import Building, FrameBuilding, MeshBuilding, ShearBuilding
-from femupdate.building.shear import shear_operators
+from femupdate.building.schema import Building
+from femupdate.building.shear import ShearBuilding, shear_operators
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.dynamics.reduction import reduce_lumped
 from femupdate.errors import BuildingError

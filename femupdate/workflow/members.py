@@ -8,8 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from femupdate.arrays import Floats
+from femupdate.building.frame import FrameBuilding
 from femupdate.building.mesh import mesh_building
-from femupdate.building.schema import Building, FrameBuilding, MeshBuilding, ShearBuilding
+from femupdate.building.own_mesh import MeshBuilding
+from femupdate.building.schema import Building
+from femupdate.building.shear import ShearBuilding
 from femupdate.building.wall_cuts import WallCut, wall_cut
 from femupdate.dynamics.member_forces import BEAM_FORCES, WALL_FORCES, beam_end_rows, wall_rows
 from femupdate.dynamics.summary import Statistics, statistics

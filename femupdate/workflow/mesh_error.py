@@ -7,7 +7,8 @@ import numpy as np
 from scipy.stats import qmc
 
 from femupdate.arrays import Floats
-from femupdate.building.schema import Building, FrameBuilding
+from femupdate.building.frame import FrameBuilding
+from femupdate.building.schema import Building
 from femupdate.discrepancy.mesh_error import FINER, MeshError, learn_mesh_error
 from femupdate.dynamics.effect_response import ReducedStructure
 from femupdate.effects.structure import Structure, structure_of

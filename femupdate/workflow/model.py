@@ -8,7 +8,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from femupdate.building import analysis
 from femupdate.building.files import (
     load_building,
     mechanics_hash,
@@ -104,7 +103,7 @@ class FrameParts:
 
 def damping_law(building: Building) -> DampingLaw:
     """The law that a building file names."""
-    if isinstance(building.damping, analysis.RayleighDamping):
+    if building.damping.anchors is not None:
         return RayleighDamping(building.damping.ratio, building.damping.anchors)
     return ConstantDamping()
 
@@ -123,7 +122,7 @@ def theta_prior(building: Building) -> UniformPrior:
 def zeta_bounds(building: Building) -> tuple[float, float] | None:
     """Range of the damping ratio where the building leaves it open."""
     zeta = building.prior.zeta
-    if zeta is None or isinstance(building.damping, analysis.RayleighDamping):
+    if zeta is None or building.damping.is_rayleigh:
         return None
     return zeta.lower, zeta.upper
 

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from femupdate.building.analysis import RayleighDamping
 from femupdate.dynamics.summary import HistorySummary, Statistics, statistics, summarise
 from femupdate.dynamics.superposition import BaseMotion
 from femupdate.inference.posterior import load_posterior
@@ -157,7 +156,7 @@ def _members(
     members = member_forces(
         chosen,
         theta.numpy(),
-        None if isinstance(model.building.damping, RayleighDamping) else zeta.numpy(),
+        None if model.building.damping.is_rayleigh else zeta.numpy(),
         BaseMotion(motion.acceleration, motion.time_step),
         1.3 * float(model.frequency_hz[-1]),
         show,

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
-from femupdate.building.analysis import RayleighDamping
 from femupdate.dynamics.history import Histories, HistorySettings, history_batches
 from femupdate.errors import BuildingError
 from femupdate.inference.posterior import Posterior
@@ -29,7 +28,7 @@ def prediction_draws(
         BuildingError: a ratio is asked for, but the building's law gives every mode its own.
     """
     theta, zeta = posterior.thinned(settings.samples, settings.seed)
-    if isinstance(model.building.damping, RayleighDamping):
+    if model.building.damping.is_rayleigh:
         if settings.damping is not None:
             raise BuildingError(
                 f"{model.building.name}: damping.law is rayleigh, which gives every mode its own "

@@ -14,9 +14,9 @@ import numpy as np
 
 from femupdate import __version__
 from femupdate.arrays import Floats
-from femupdate.building.analysis import RayleighDamping
 from femupdate.building.files import mechanics_hash
-from femupdate.building.schema import Building, FrameBuilding
+from femupdate.building.frame import FrameBuilding
+from femupdate.building.schema import Building
 from femupdate.dynamics.history import HistorySettings, floor_histories
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import effect_named
@@ -204,7 +204,7 @@ def _theta(building: Building, asked: tuple[float, ...] | None, rng: np.random.G
 
 def _zeta(building: Building, asked: float | None) -> float | None:
     """The damping ratio of all modes, or None where the building's law has fixed coefficients."""
-    fixed = isinstance(building.damping, RayleighDamping)
+    fixed = building.damping.is_rayleigh
     if asked is None:
         return None if fixed else building.damping.ratio
     if fixed:

@@ -14,7 +14,7 @@ from femupdate.building.files import (
     mechanics_hash,
     save_building,
 )
-from femupdate.building.schema import FrameBuilding
+from femupdate.building.frame import FrameBuilding
 from femupdate.building.shipped import shipped_buildings
 from femupdate.building.toml_writer import to_toml
 from femupdate.errors import BuildingError

@@ -7,7 +7,8 @@ import numpy as np
 import torch
 
 from femupdate.arrays import Floats
-from femupdate.building.schema import Building, FrameBuilding
+from femupdate.building.frame import FrameBuilding
+from femupdate.building.schema import Building
 from femupdate.discrepancy.diagnose import Diagnosis, DiagnosisSettings
 from femupdate.discrepancy.fit import Fit, extended, fit
 from femupdate.discrepancy.problem import Problem

@@ -1,9 +1,10 @@
-"""What the file of a building with a user's own mesh holds: where the mesh is and what it means."""
+"""A building whose mesh another program made: where the mesh is, and what its groups mean."""
 
 from typing import Literal
 
 from pydantic import Field, model_validator
 
+from femupdate.building.common import MeshedBuilding
 from femupdate.building.entry import Complaint, Entry
 from femupdate.building.quantities import (
     Coordinate,
@@ -13,6 +14,7 @@ from femupdate.building.quantities import (
     Names,
     Number,
 )
+from femupdate.building.references import require
 
 
 class MeshFile(Entry):
@@ -109,3 +111,28 @@ class MeshSensors(Entry):
         """Return the key and the points of a floor."""
         own = self.floors.get(floor)
         return ("sensors.points", self.points) if own is None else (f"sensors.floors.{floor}", own)
+
+
+class MeshBuilding(MeshedBuilding):
+    """A building whose mesh comes from another program; groups of its cells become members."""
+
+    kind: Literal["mesh"]
+    mesh: MeshFile
+    parts: tuple[Part, ...]
+    sensors: MeshSensors
+
+    def check(self) -> None:
+        """Raise Complaint for the first entry that does not fit the others."""
+        super().check()
+        if not self.parts:
+            raise Complaint("parts", "no group of the mesh has a meaning; add a [[parts]] table")
+        for n, part in enumerate(self.parts):
+            own = None
+            if part.section is not None:
+                require(part.section, self.sections, "section", f"parts[{n}].section")
+                own = self.sections[part.section].material
+            self.check_material(part.material or own, f"parts[{n}]")
+            if part.story is not None:
+                require(part.story, self.story_names, "story", f"parts[{n}].story")
+        for floor in self.sensors.floors:
+            require(floor, self.floors, "floor", f"sensors.floors.{floor}")

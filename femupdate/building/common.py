@@ -1,0 +1,131 @@
+"""What building files of every kind hold, validated (SI inside)."""
+
+from collections.abc import Iterable
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from femupdate.arrays import Floats
+from femupdate.building.analysis import (
+    Damping,
+    FrequencyGrid,
+    ObservationSettings,
+    Prior,
+    Provenance,
+    ReductionSettings,
+)
+from femupdate.building.effect_entry import EffectEntry
+from femupdate.building.entry import Complaint, Entry, unknown
+from femupdate.building.members import FloorMass, FrameStory, Material, Story, Supports
+from femupdate.building.quantities import Label
+from femupdate.building.references import require, resolve
+from femupdate.building.sections import Section
+
+BASE = "base"
+
+
+def floor_names(stories: int) -> tuple[str, ...]:
+    """Return the floors above each story: "2F", "3F", ..., and "RF" for the roof."""
+    return (*(f"{number}F" for number in range(2, stories + 1)), "RF")
+
+
+class BuildingBase(Entry):
+    """What every building has: stories, frequencies, priors, damping and provenance."""
+
+    name: Label
+    title: str = ""
+    description: str = ""
+    stories: tuple[Story, ...]
+    frequency_grid: FrequencyGrid
+    prior: Prior
+    damping: Damping
+    observation: ObservationSettings = ObservationSettings()
+    reduction: ReductionSettings = ReductionSettings()
+    effects: tuple[EffectEntry, ...] = ()
+    provenance: Provenance = Provenance()
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "BuildingBase":
+        self.check()
+        return self
+
+    @property
+    def story_names(self) -> tuple[str, ...]:
+        """Names of the stories, bottom to top."""
+        return tuple(story.name for story in self.stories)
+
+    @property
+    def floors(self) -> tuple[str, ...]:
+        """Names of the floors above each story, "2F" to "RF"."""
+        return floor_names(len(self.stories))
+
+    @property
+    def by_kind(self) -> bool:
+        """Whether members of different kinds have stiffness factors of their own."""
+        return False
+
+    def check(self) -> None:
+        """Raise Complaint for the first entry that does not fit the others."""
+        _check_story_names(self.story_names)
+        for name in self.prior.stories:
+            if name not in self.story_names:
+                raise Complaint(f"prior.stories.{name}", unknown("story", name, self.story_names))
+        if self.prior.zeta is not None and self.damping.is_rayleigh:
+            text = "Rayleigh damping is fixed by its anchors; remove the prior, or use constant"
+            raise Complaint("prior.zeta", f"{text} damping")
+
+
+def _check_story_names(names: Iterable[str]) -> None:
+    seen: list[str] = []
+    for number, name in enumerate(names):
+        if name in seen:
+            text = f"{name!r} is the name of stories[{seen.index(name)}] already; rename one"
+            raise Complaint(f"stories[{number}].name", text)
+        seen.append(name)
+    if not seen:
+        raise Complaint("stories", "the building has no story; add a [[stories]] table")
+
+
+class MeshedBuilding(BuildingBase):
+    """A building with a finite-element mesh: materials, sections, floor masses and supports."""
+
+    stories: tuple[FrameStory, ...]
+    materials: dict[str, Material]
+    sections: dict[str, Section] = Field(default_factory=dict)
+    floor_mass: tuple[FloorMass, ...] = ()
+    supports: Supports = Supports()
+
+    @property
+    def floor_levels(self) -> Floats:
+        """Heights of the floors above the base, (stories,) m."""
+        return np.cumsum([story.height for story in self.stories])
+
+    def material(self, name: str | None) -> Material:
+        """Return the named material; None means the only one of the building."""
+        return self.materials[name] if name is not None else next(iter(self.materials.values()))
+
+    def check(self) -> None:
+        """Raise Complaint for the first entry that does not fit the others."""
+        super().check()
+        if not self.materials:
+            text = "the building has no material; add a [materials.NAME] table"
+            raise Complaint("materials", text)
+        for name, section in self.sections.items():
+            self.check_material(section.material, f"sections.{name}")
+        given: dict[str, int] = {}
+        for n, mass in enumerate(self.floor_mass):
+            key = f"floor_mass[{n}].floors"
+            for floor in resolve(mass.floors, self.floors, "floor", key):
+                if floor in given:
+                    text = f"floor_mass[{given[floor]}] gives the mass of {floor} already"
+                    raise Complaint(key, f"{text}; remove one")
+                given[floor] = n
+
+    def check_material(self, name: str | None, key: str) -> None:
+        """Raise Complaint where a member names no material, or one that is not there."""
+        if name is not None:
+            require(name, self.materials, "material", f"{key}.material")
+        elif len(self.materials) != 1:
+            names = ", ".join(self.materials)
+            text = f"the key is missing; name one of the materials {names}"
+            raise Complaint(f"{key}.material", text)

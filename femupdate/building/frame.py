@@ -1,0 +1,165 @@
+"""A building of columns, beams, walls and slabs on grid lines; every name must name something."""
+
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import Literal
+
+from femupdate.building.analysis import ParameterGrouping
+from femupdate.building.common import MeshedBuilding
+from femupdate.building.entry import Complaint
+from femupdate.building.members import (
+    BeamLines,
+    Columns,
+    Grid,
+    Mesh,
+    Opening,
+    Sensors,
+    Slab,
+    Wall,
+)
+from femupdate.building.references import (
+    beam_stretches,
+    intersections,
+    require,
+    resolve,
+    slab_lines,
+    spans,
+    wall_stretch,
+)
+
+CLOSEST_LINES = 1e-3  # m; nearer lines would make needle-thin elements
+
+
+class FrameBuilding(MeshedBuilding):
+    """A building of columns, beams, walls and slabs on a grid of named lines."""
+
+    kind: Literal["frame"]
+    grid: Grid
+    columns: tuple[Columns, ...] = ()
+    beams: tuple[BeamLines, ...] = ()
+    walls: tuple[Wall, ...] = ()
+    slabs: tuple[Slab, ...] = ()
+    mesh: Mesh
+    sensors: Sensors
+    parameters: ParameterGrouping | None = None  # None where the file does not say it
+
+    @property
+    def by_kind(self) -> bool:
+        """Whether members of different kinds have stiffness factors of their own."""
+        return self.parameters is not None and "kind" in self.parameters.by
+
+    def check(self) -> None:
+        """Raise Complaint for the first entry that does not fit the others."""
+        super().check()
+        _check_grid(self.grid)
+        _check_columns(self)
+        _check_beams(self)
+        _check_walls(self)
+        _check_slabs(self)
+        _check_sensors(self)
+        _check_standing(self)
+        if self.by_kind and self.effects:
+            text = "effects need one factor a story; remove [parameters], or the effects"
+            raise Complaint("effects", text)
+
+
+def _check_grid(grid: Grid) -> None:
+    _check_lines(grid.x, "grid.x")
+    _check_lines(grid.y, "grid.y")
+    for name in grid.x:
+        if name in grid.y:
+            raise Complaint(f"grid.x.{name}", "a line of grid.y has the same name; rename one")
+
+
+def _check_lines(lines: Mapping[str, float], key: str) -> None:
+    if not lines:
+        raise Complaint(key, 'it has no line; add one, such as A = "0 m"')
+    ordered = sorted(lines.items(), key=lambda item: item[1])
+    for (first, low), (second, high) in pairwise(ordered):
+        if high - low < CLOSEST_LINES:
+            raise Complaint(f"{key}.{second}", f"it lies on {first!r}; move one or remove it")
+    for name in lines:
+        if "-" in name or name == "*" or not name.strip():
+            raise Complaint(f"{key}.{name}", 'a line\'s name has no "-" and is not "*"; rename it')
+
+
+def _check_columns(building: FrameBuilding) -> None:
+    grid = building.grid
+    for n, columns in enumerate(building.columns):
+        key = f"columns[{n}]"
+        require(columns.section, building.sections, "section", f"{key}.section")
+        intersections(grid, columns.at, f"{key}.at")
+        for m, point in enumerate(columns.points):
+            for value, lines, axis in zip(point, (grid.x, grid.y), "xy", strict=True):
+                low, high = min(lines.values()), max(lines.values())
+                if not low <= value <= high:
+                    text = f"{axis} = {value:g} m lies outside the grid ({low:g} to {high:g} m)"
+                    mend = "add a grid line there or correct it"
+                    raise Complaint(f"{key}.points[{m}]", f"{text}; {mend}")
+        resolve(columns.stories, building.story_names, "story", f"{key}.stories")
+
+
+def _check_beams(building: FrameBuilding) -> None:
+    for n, beams in enumerate(building.beams):
+        key = f"beams[{n}]"
+        require(beams.section, building.sections, "section", f"{key}.section")
+        rigid = sum(beams.rigid_ends or ())
+        for stretch in beam_stretches(building.grid, beams, key):
+            for start, end, length in spans(building.grid, stretch):
+                if beams.rigid_ends is not None and rigid >= length - CLOSEST_LINES:
+                    text = f"they leave nothing of the span {start} to {end} on {stretch.line}"
+                    raise Complaint(f"{key}.rigid_ends", f"{text}, {length:g} m; shorten them")
+        resolve(beams.floors, building.floors, "floor", f"{key}.floors")
+
+
+def _check_walls(building: FrameBuilding) -> None:
+    for n, wall in enumerate(building.walls):
+        key = f"walls[{n}]"
+        wall_stretch(building.grid, wall, key)
+        resolve(wall.stories, building.story_names, "story", f"{key}.stories")
+        building.check_material(wall.material, key)
+        for m, opening in enumerate(wall.openings):
+            _check_opening(building, wall, opening, f"{key}.openings[{m}]")
+
+
+def _check_opening(building: FrameBuilding, wall: Wall, opening: Opening, key: str) -> None:
+    stretch = wall_stretch(building.grid, wall, key)
+    low, high = stretch.ends(building.grid)
+    if opening.left + opening.width > high - low + CLOSEST_LINES:
+        text = f"the opening ends {opening.left + opening.width:g} m from {stretch.start}, the wall"
+        raise Complaint(f"{key}.width", f"{text} at {high - low:g} m; make it narrower or move it")
+    known = resolve(wall.stories, building.story_names, "story", f"{key}.stories")
+    for story in resolve(opening.stories, known, "story of this wall", f"{key}.stories"):
+        height = building.stories[building.story_names.index(story)].height
+        if opening.bottom + opening.height > height + CLOSEST_LINES:
+            text = f"the opening ends {opening.bottom + opening.height:g} m above the floor, story"
+            raise Complaint(f"{key}.height", f"{text} {story} at {height:g} m; make it lower")
+
+
+def _check_slabs(building: FrameBuilding) -> None:
+    for n, slab in enumerate(building.slabs):
+        key = f"slabs[{n}]"
+        slab_lines(slab.x, building.grid.x, f"{key}.x")
+        slab_lines(slab.y, building.grid.y, f"{key}.y")
+        resolve(slab.floors, building.floors, "floor", f"{key}.floors")
+        building.check_material(slab.material, key)
+
+
+def _check_sensors(building: FrameBuilding) -> None:
+    for floor in building.sensors.floors:
+        require(floor, building.floors, "floor", f"sensors.floors.{floor}")
+    intersections(building.grid, building.sensors.points, "sensors.points")
+    for floor in building.sensors.floors:
+        key, points = building.sensors.of(floor)
+        intersections(building.grid, points, key)
+
+
+def _check_standing(building: FrameBuilding) -> None:
+    stories = building.story_names
+    named = [columns.stories for columns in building.columns]
+    named += [wall.stories for wall in building.walls if wall.is_stiff]
+    held = {story for names in named for story in resolve(names, stories, "story", "stories")}
+    for number, story in enumerate(stories):
+        if story not in held:
+            text = f"no column or wall with stiffness stands in story {story!r}; add one"
+            raise Complaint(f"stories[{number}]", text)
