@@ -1,1 +1,1 @@
-"""The amortised likelihood: data set, multimodal variational autoencoder, training."""
+"""The trained surrogate: data set, multimodal variational autoencoder (MVAE), training."""

@@ -16,7 +16,7 @@ from femupdate.surrogate.network import Mvae
 
 @dataclass
 class TrainingRun:
-    """The moving parts of a training; everything that a checkpoint holds.
+    """The state of a training, which a checkpoint holds completely.
 
     Attributes:
         mvae: the networks being trained.
@@ -47,7 +47,7 @@ def save_checkpoint(run: TrainingRun, path: Path, fingerprint: str) -> None:
     Args:
         run: the training.
         path: of the file.
-        fingerprint: settings that a training must share to go on from it.
+        fingerprint: settings that a training must share to resume from it.
 
     Raises:
         StudyError: the file cannot be written.
@@ -77,7 +77,7 @@ def save_checkpoint(run: TrainingRun, path: Path, fingerprint: str) -> None:
 
 
 def load_checkpoint(run: TrainingRun, path: Path, fingerprint: str) -> None:
-    """Bring a training that has just been set up to where a checkpoint left it.
+    """Restore the state of a checkpoint into a training that was just set up.
 
     Raises:
         SurrogateError: the file cannot be read, or is of a training with other settings or data.
@@ -116,9 +116,9 @@ def load_checkpoint(run: TrainingRun, path: Path, fingerprint: str) -> None:
 
 
 def _check_data(run: TrainingRun, state: dict[str, Tensor], path: Path) -> None:
-    """The buffers hold prior box, mean and scale of the data: other data have others."""
+    """Refuse other data: the buffers hold prior box, mean and scale of the data."""
     for name, own in run.mvae.named_buffers():
-        # The order of summation may differ between runs: rounding alone.
+        # The order of summation may differ between runs, so rounding may differ.
         if not torch.allclose(state[name], own, rtol=1e-4, atol=1e-4):
             raise SurrogateError(
                 f"the checkpoint {path} belongs to a training on other data; delete it to train "

@@ -1,6 +1,6 @@
-"""The training set: parameter samples with their modes, from which FRFs are made as needed.
+"""The training set: parameter samples with their modes, from which FRFs are computed.
 
-Modes are some forty times smaller than FRFs, and give the FRFs for any damping and any grid.
+Modes take a fortieth of the space of FRFs, and give FRFs for any damping and any grid.
 """
 
 import logging
@@ -54,7 +54,7 @@ class DatasetPlan:
 
     Attributes:
         samples: number of parameter samples, a Sobol sequence over the prior box.
-        modes: modes kept a sample.
+        modes: modes kept for each sample.
         top_frequency_hz: top of the frequency grid.
         seed: of the scrambled sequence.
     """
@@ -72,18 +72,18 @@ def compute_dataset(
     folder: Path,
     progress: Progress = SILENT,
 ) -> ModalDataset:
-    """Solve the modes of all samples in shards; sound shards already in `folder` are kept.
+    """Solve the modes of all samples in shards; valid shards in `folder` are kept.
 
     Two or more shards are solved at a time, one thread each: small eigenproblems gain nothing
-    from threads of their own. Killed half-way, the next call goes on where this one stopped.
-    The caller chooses a folder that belongs to this model, prior and plan alone.
+    from several threads. After an interruption, the next call resumes where this one stopped.
+    The caller chooses a folder for this model, prior and plan alone.
 
     Args:
         model: the reduced model, or the reduced structure with effects.
         prior: box of the parameters.
         plan: what to compute.
         folder: of the shards; made where it is missing.
-        progress: advances by one a sample, from several threads.
+        progress: advances by one for each sample, from several threads.
 
     Raises:
         StudyError: the folder cannot be written.
@@ -148,9 +148,9 @@ def log_frf_pool(
     batch: int | None = None,
     system: EffectSystem | None = None,
 ) -> Tensor:
-    """ln|H| of all samples, (N, f, k), as float16: its rounding, .002, is far below the noise.
+    """ln|H| of all samples, (N, f, k), as float16; rounding (.002) is far below the noise.
 
-    With effects the damping is as their `system` says.
+    With effects, their `system` gives the damping.
     """
     modal = dataset.modal
     pool = torch.empty(len(dataset), modal.effect.shape[1], len(frequency_hz), dtype=torch.float16)
@@ -169,7 +169,7 @@ def log_frf_pool(
 
 
 def modes_kept(model: ReducedModel | EffectSystem, most: int) -> int:
-    """Modes kept a sample: `most`, or as many as the structure on a rigid base has."""
+    """Number of modes kept for each sample: `most`, or all that a rigid base leaves."""
     reduced = model.reduced.model if isinstance(model, EffectSystem) else model
     return min(most, reduced.size)
 
@@ -184,7 +184,7 @@ def _solve_shard(model: ReducedModel | EffectSystem, theta: Tensor, plan: Datase
 
 
 def _kept_shard(path: Path, theta: Tensor, modes: int) -> ModalDataset | None:
-    """A shard that is there, whole and of just these samples, else None."""
+    """Return a valid shard of these samples, or None."""
     if not path.exists():
         return None
     try:
@@ -202,14 +202,14 @@ def _write_shard(path: Path, theta: Tensor, modal: ModalData) -> None:
             file,
             theta=theta.numpy(),
             omega=modal.omega.numpy(),
-            # Half precision is 5e-4 of each mode's share: far below the noise, and half the file.
+            # Half precision rounds to 5e-4 of each mode: far below the noise, at half the size.
             effect=modal.effect.numpy().astype(np.float16),
             residual=modal.residual.numpy(),
         )
 
 
 def _read_shard(path: Path) -> ModalDataset:
-    # np.load leaves a damaged file open if it opened it itself.
+    # np.load would leave a damaged file open that it opened itself.
     with open(path, "rb") as file, np.load(file) as data:
         theta, omega, effect, residual = (torch.from_numpy(data[name]) for name in _FIELDS)
     return ModalDataset(theta, ModalData(omega, effect.float(), residual))

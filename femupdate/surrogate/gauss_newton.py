@@ -1,4 +1,4 @@
-"""Levenberg-Marquardt steps in the latent space, from many starts at once."""
+"""Levenberg-Marquardt minimisation in the latent space, from many starts at once."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -6,13 +6,13 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-# Derivatives of so many starts are held at a time.
+# Number of starts whose derivatives are held in memory at a time.
 _CHUNK = 16
 
 
 @dataclass(frozen=True)
 class LatentData:
-    """Observations as the decoder meets them.
+    """An observation on all floors of the decoder.
 
     Attributes:
         log_frf: (f, k), all floors of the decoder; zero where the weight is zero.
@@ -25,11 +25,11 @@ class LatentData:
 
 @dataclass(frozen=True)
 class Descent:
-    """Where the steps have led.
+    """Where the minimisation ended.
 
     Attributes:
         z: (s, z).
-        nats: (s,) -ln p(x|z) p(z), but for a constant.
+        nats: (s,) -ln p(x|z) p(z), up to a constant.
         information: (s, z, z) Gauss-Newton curvature of -ln p(x|z).
         pull: (s, z) gradient of ln p(x|z).
     """
@@ -49,9 +49,9 @@ class DescentSettings:
     """When to stop.
 
     Attributes:
-        iterations: at most.
-        small_gain: a step that gains less, nats, was the last.
-        most_damping: beyond it no step is short enough to gain.
+        iterations: largest number of steps.
+        small_gain: gain of a step, nats, below which a start is finished.
+        most_damping: damping beyond which a start is finished.
     """
 
     iterations: int = 40
@@ -68,7 +68,7 @@ class Misfit:
         step: of finite differences in z.
 
     Attributes:
-        responses: asked for so far.
+        responses: number computed so far.
     """
 
     def __init__(self, respond: Callable[[Tensor], Tensor], data: LatentData, step: float) -> None:
@@ -87,8 +87,8 @@ class Misfit:
     def derivative(self, z: Tensor, residual: Tensor) -> Tensor:
         """Derivatives (s, m, z) of the response, whitened, where the residuals are `residual`.
 
-        By finite differences towards the middle of the prior: at the edge of what can be asked
-        nothing may change the other way.
+        Finite differences go towards the middle of the prior: beyond the edge of the allowed
+        range nothing may change.
         """
         size = z.shape[1]
         step = torch.where(z > 0.0, -self._step, self._step)
@@ -97,7 +97,7 @@ class Misfit:
 
 
 def descend(misfit: Misfit, starts: Tensor, settings: DescentSettings | None = None) -> Descent:
-    """Follow every start (s, z) to a least misfit (Marquardt 1963, J. SIAM 11, 431)."""
+    """Minimise the misfit from every start (s, z) (Marquardt 1963, J. SIAM 11, 431)."""
     settings = settings or DescentSettings()
     z = starts.clone()
     damping = torch.full((len(z),), 1e-2).to(z)
@@ -120,7 +120,7 @@ def descend(misfit: Misfit, starts: Tensor, settings: DescentSettings | None = N
         z[moved], residual[moved] = trial[better], new_residual[better]
         nats[moved] = new_nats[better]
         damping[rows] = damping[rows] * torch.where(better, 0.2, 6.0)
-        # A start rests where a full step gains nothing, or none is short enough to gain.
+        # A start is finished where a full step gains nothing, or no shorter one does.
         small = better & (gain < settings.small_gain)
         active[rows] = ~(small | (damping[rows] > settings.most_damping))
         if not active.any():
@@ -129,7 +129,7 @@ def descend(misfit: Misfit, starts: Tensor, settings: DescentSettings | None = N
 
 
 def nats_of(residual: Tensor, z: Tensor) -> Tensor:
-    """-ln p(x|z) p(z) (s,), but for a constant, from residuals (s, m) at z (s, z)."""
+    """-ln p(x|z) p(z) (s,), up to a constant, from residuals (s, m) at z (s, z)."""
     return 0.5 * (residual.square().sum(1) + z.square().sum(1))
 
 

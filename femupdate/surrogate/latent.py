@@ -8,13 +8,13 @@ from torch import Tensor
 
 @dataclass(frozen=True)
 class ObservedLatent:
-    """q(z|x) of one observation: a mixture of c Gaussians around the points of z that explain it.
+    """q(z|x) of one observation: a mixture of c Gaussians around the z that explain it.
 
     Attributes:
         log_weight: (c,) normalised.
         mean: (c, z).
-        information: (c, z, z) what the data say; the precision of each Gaussian is this plus the
-            prior's, the identity.
+        information: (c, z, z) information of the data. The precision of each Gaussian is this
+            plus the prior's, which is the identity.
     """
 
     log_weight: Tensor
@@ -23,7 +23,7 @@ class ObservedLatent:
 
     @property
     def precision(self) -> Tensor:
-        """(c, z, z)."""
+        """Precision of each Gaussian, (c, z, z)."""
         return self.information + torch.eye(self.mean.shape[1]).to(self.information)
 
 
@@ -37,7 +37,7 @@ class LatentQuadratics:
 
     Args:
         observed: q(z|x).
-        covariance: D (z, z); one on the diagonal where theta says nothing.
+        covariance: D (z, z); one on the diagonal where theta gives no information.
         device: where to evaluate.
     """
 

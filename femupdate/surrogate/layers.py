@@ -26,7 +26,7 @@ def residual_blocks(width: int, count: int) -> nn.Sequential:
 
 
 class FloorLinear(nn.Module):
-    """One linear map a floor, all floors in one batched product."""
+    """One linear map for each floor, all floors in one batched product."""
 
     def __init__(self, floors: int, inputs: int, outputs: int) -> None:
         super().__init__()

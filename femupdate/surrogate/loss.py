@@ -1,4 +1,4 @@
-"""What the MVAE is trained for."""
+"""The training loss of the MVAE."""
 
 import math
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from torch import Tensor
 from femupdate.surrogate.network import Mvae
 from femupdate.surrogate.visibility import Visibility
 
-# Rows whose noise is made at a time: they stay in the processor's cache.
+# Rows whose noise is generated at a time, so that they stay in the cache.
 _ROWS = 64
 
 
@@ -19,11 +19,11 @@ class LossSettings:
 
     Attributes:
         noise_sd: standard deviation of the noise on ln|H|.
-        noise_octaves: the observation encoder meets noise between this many octaves below and
-            above `noise_sd`.
-        points: frequencies, drawn afresh every step, on which reconstructions are compared.
-        proposal_rows: rows of a batch that the observation encoder learns from: its proposals are
-            refined later, and noise and gaps, drawn afresh, make every row a new one.
+        noise_octaves: the observation encoder is trained with noise from this many octaves below
+            to as many above `noise_sd`.
+        points: number of frequencies, drawn anew at every step, for the reconstruction.
+        proposal_rows: rows of a batch for the observation encoder. Few are enough: its proposals
+            are refined later, and new noise and gaps make every row a new one.
     """
 
     noise_sd: float = 0.2
@@ -34,18 +34,18 @@ class LossSettings:
 
 @dataclass(frozen=True)
 class LossTerms:
-    """Mean over the batch of each term, nats a sample.
+    """Mean of each term over the batch, nats per sample.
 
     Attributes:
         reconstruction: -ln p(x'|z) for z of the parameters, x' a noisy draw.
-        proposal: -ln q(z|x) at that z, x another noisy draw of which part is seen.
+        proposal: -ln q(z|x) at that z, x another noisy draw that is partly observed.
     """
 
     reconstruction: Tensor
     proposal: Tensor
 
     def total(self) -> Tensor:
-        """The loss; the proposal shares no weights with the rest."""
+        """The loss. The proposal shares no weights with the reconstruction."""
         return self.reconstruction + self.proposal
 
 
@@ -60,8 +60,8 @@ def loss_terms(
 ) -> LossTerms:
     """Compute the terms for noise-free ln|H| (B, f, k), theta (B, p) and damping ratios (B,).
 
-    The observation encoder learns where in z the parameters put an observation: the forward
-    divergence, which covers every solution that an observation admits.
+    The observation encoder learns which z belongs to an observation, by the forward divergence.
+    That covers every solution that an observation admits.
     """
     known = mvae.encode_parameters(theta)
     z = torch.cat([known, mvae.decoder.damping_coordinate(zeta)], dim=1)
@@ -79,7 +79,7 @@ def proposal(
     settings: LossSettings,
     generator: torch.Generator,
 ) -> Tensor:
-    """-ln q(z|x) for noisy x of which part is seen, mean over the first rows of the batch."""
+    """-ln q(z|x) for noisy, partly observed x; mean over the first rows of the batch."""
     rows = slice(0, min(settings.proposal_rows, len(z)))
     x = noisy_input(mvae, log_frf[rows], visibility[rows], settings, generator)
     # Products in half precision are good enough for a proposal, and several times faster.
@@ -114,7 +114,7 @@ def noisy_input(
     settings: LossSettings,
     generator: torch.Generator,
 ) -> Tensor:
-    """What the observation encoder sees (B, f, k): standardised, with noise, hidden parts zero."""
+    """Input of the observation encoder (B, f, k): standardised, noisy, zero where unobserved."""
     count, _, points = log_frf.shape
     exponent = 2.0 * torch.rand(count, 1, 1, generator=generator) - 1.0
     noise_sd = settings.noise_sd * 2.0 ** (settings.noise_octaves * exponent)
@@ -128,5 +128,5 @@ def noisy_input(
 
 
 def has_fast_half() -> bool:
-    """Whether this processor multiplies bfloat16 matrices by instructions of its own."""
+    """Whether this processor has instructions for products of bfloat16 matrices."""
     return torch.cpu._is_avx512_bf16_supported() or torch.cpu._is_amx_tile_supported()

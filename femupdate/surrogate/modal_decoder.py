@@ -1,4 +1,4 @@
-"""p(x|z): from the latent space to modes, and from modes to ln|H| by their superposition."""
+"""The decoder p(x|z): from the latent space to modes, and by superposition to ln|H|."""
 
 from dataclasses import dataclass
 
@@ -8,15 +8,15 @@ from torch import Tensor, nn
 from femupdate.surrogate.layers import residual_blocks
 from femupdate.surrogate.sizes import NetworkSizes
 
-# Terms of the power series that stands for the modes above the grid, as in `ModalData`.
+# Terms of the power series that replaces the modes above the grid, as in `ModalData`.
 _SERIES = 3
-# |H|^2 below this is rounding; its logarithm would be all that the loss sees.
+# |H|^2 below this is rounding; its logarithm would dominate the loss.
 LEAST_SQUARE = 1e-8
 
 
 @dataclass(frozen=True)
 class DecodedModes:
-    """Modes as the decoder sees them; frequencies in units of the top of the grid.
+    """Modes of the decoder; frequencies in units of the top of the grid.
 
     Attributes:
         omega: (B, m).
@@ -32,11 +32,11 @@ class DecodedModes:
 
 
 class ModalDecoder(nn.Module):
-    """Mean of ln|H| at every floor, and the variance that it leaves.
+    """Mean of ln|H| at every floor, and the variance that it leaves unexplained.
 
     Frequencies, damping ratios and effects of a few modes are smooth functions of the stiffness,
-    while ln|H| with its sharp peaks is not: the network gives the former, and mode superposition
-    (see `femupdate.dynamics.modal.ModalData`) the latter.
+    while ln|H| with its sharp peaks is not. The network gives the former; mode superposition
+    (see `femupdate.dynamics.modal.ModalData`) gives the latter.
     """
 
     frequency: Tensor
@@ -81,7 +81,7 @@ class ModalDecoder(nn.Module):
         return real, imaginary
 
     def excess_variance(self, points: Tensor | slice = slice(None)) -> Tensor:
-        """Variance of ln|H| (f, k) that the decoder leaves unexplained, beside the noise."""
+        """Variance of ln|H| (f, k) that the decoder leaves unexplained, without the noise."""
         return self.log_excess[:, points].exp()
 
     def decode_modes(self, z: Tensor) -> DecodedModes:
@@ -99,7 +99,7 @@ class ModalDecoder(nn.Module):
         )
 
     def damping(self, z: Tensor) -> Tensor:
-        """Damping ratio (B,) of the last coordinate, uniform between its bounds under p(z)."""
+        """Damping ratio (B,) from the last coordinate; uniform between its bounds under p(z)."""
         low, high = self.damping_bounds
         if not self.sizes.free_damping:
             return low.expand(len(z))
@@ -137,5 +137,5 @@ class ModalDecoder(nn.Module):
             dim=1,
         )
         self.centre.copy_(rows.mean(0))
-        # Where nothing varies in the sample a little room is left.
+        # Where nothing varies in the sample, a small range is left.
         self.spread.copy_(rows.std(0).clamp_min(1e-3))

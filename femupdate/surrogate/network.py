@@ -13,11 +13,11 @@ from femupdate.surrogate.places import from_place, parameter_features, to_place
 from femupdate.surrogate.sizes import NetworkSizes
 from femupdate.surrogate.visibility import Visibility
 
-# Variances stay above this: finite in float32, far below any posterior's.
+# Least variance: finite in float32, and far below that of any posterior.
 _LEAST_LOG_VARIANCE = -18.0
-# z over the place from -1 to 1: a uniform place has a variance of 1/3, z one of about one.
+# z over the position from -1 to 1: a uniform position has a variance of 1/3, z of about one.
 _ROOT_SPREAD = 3.0**0.5
-# Beyond the box, in shares of its half width, no theta is looked for.
+# How far beyond the box theta may lie, as a share of its half width.
 _BEYOND = 0.3
 
 
@@ -45,7 +45,7 @@ class LatentMixture:
 class Bend(nn.Module):
     """Coordinates of the parameters in which the modes are easier to learn.
 
-    They start as the square root of theta, which frequencies go with, and are bent from there.
+    They start as the square root of theta, as frequencies do; training changes them from there.
     """
 
     def __init__(self, sizes: NetworkSizes) -> None:
@@ -69,9 +69,9 @@ class Bend(nn.Module):
 
 
 class ObservationEncoder(nn.Module):
-    """q(z|x): where in the latent space an observation may lie, as a mixture.
+    """q(z|x): the z that may belong to an observation, as a mixture.
 
-    Several theta can share what is observed, hence a mixture. It proposes; the decoder refines.
+    A mixture, since several theta can explain what is observed. The decoder refines it.
     """
 
     def __init__(self, sizes: NetworkSizes) -> None:
@@ -103,11 +103,11 @@ class ObservationEncoder(nn.Module):
 class Mvae(nn.Module):
     """Multimodal variational autoencoder of FRFs x and stiffness factors theta.
 
-    Where the building lists effects their sizes are the last parameters in theta.
+    Where the building lists effects, their sizes are the last parameters in theta.
 
     Args:
         sizes: of the networks.
-        form: what the building's effects do in closed form, after the modes; None without effects.
+        form: effects that act in closed form, after the modes; None without effects.
 
     Buffers hold the prior box and the mean and scale (f, k) that standardise ln|H| for the
     observation encoder, so that a weights file is complete.
@@ -131,22 +131,22 @@ class Mvae(nn.Module):
         self.register_buffer("x_scale", torch.ones(sizes.floors, sizes.points))
 
     def encode_observation(self, log_frf: Tensor, visibility: Visibility) -> LatentMixture:
-        """q(z|x) for ln|H| (B, f, k), of which only the visible part counts; all must be finite."""
+        """q(z|x) for ln|H| (B, f, k); only the visible part counts, but all must be finite."""
         standard = (log_frf - self.x_mean) / self.x_scale
         return self.observation_encoder(
             standard * visibility.weights(self.sizes.points), visibility
         )
 
     def encode_parameters(self, theta: Tensor) -> Tensor:
-        """Coordinates z (..., p) of theta (..., p): its place in the prior's box (`to_place`).
+        """Coordinates z (..., p) of theta (..., p): its position in the prior's box (`to_place`).
 
-        q(z|theta) is all there; the coordinate of an unknown damping ratio, of which theta says
-        nothing, has its prior.
+        q(z|theta) is concentrated there. The coordinate of an unknown damping ratio, about which
+        theta says nothing, keeps its prior.
         """
         return _ROOT_SPREAD * to_place(theta, self.lower, self.upper, self.sizes.effect_sizes)
 
     def parameters_at(self, z: Tensor) -> Tensor:
-        """theta (B, p) at z (B, z), within little more than the prior's box."""
+        """theta (B, p) at z (B, z), at most slightly outside the prior's box."""
         reach = 1.0 + _BEYOND
         place = (z[:, : self.sizes.parameters] / _ROOT_SPREAD).clamp(-reach, reach)
         return from_place(place, self.lower, self.upper, self.sizes.effect_sizes)

@@ -1,8 +1,8 @@
-"""Where parameters lie in the box of their prior, the coordinate that the networks work in.
+"""Positions of parameters within the box of their prior, in which the networks work.
 
-A stiffness factor goes by its square root, as frequencies do: from a third to three that makes
-even steps. The size of an effect may be zero or negative and moves the response in proportion: it
-goes by itself.
+The position of a stiffness factor is linear in its square root, since frequencies are: from a third
+to three this makes even steps. The size of an effect may be zero or negative and changes the
+response in proportion, so its position is linear in the size.
 """
 
 import torch
@@ -10,12 +10,12 @@ from torch import Tensor
 
 
 def to_place(theta: Tensor, lower: Tensor, upper: Tensor, sizes: int) -> Tensor:
-    """Places (..., p) from -1 to 1 of theta (..., p) in a box (p,).
+    """Positions (..., p) from -1 to 1 of theta (..., p) in a box (p,).
 
     Args:
-        theta: stiffness factors and, after them, sizes of effects.
+        theta: stiffness factors, followed by sizes of effects.
         lower, upper: of the box.
-        sizes: how many sizes there are.
+        sizes: number of sizes.
     """
     return 2.0 * (_bent(theta, sizes) - _bent(lower, sizes)) / _width(lower, upper, sizes) - 1.0
 
@@ -30,9 +30,9 @@ def from_place(place: Tensor, lower: Tensor, upper: Tensor, sizes: int) -> Tenso
 
 
 def parameter_features(theta: Tensor, lower: Tensor, upper: Tensor, sizes: int = 0) -> Tensor:
-    """Features (B, 3 p) of theta: place by root, by value and by logarithm, all from -1 to 1.
+    """Features (B, 3 p) of theta: position by root, value and logarithm, from -1 to 1.
 
-    A size has its place by value three times.
+    A size has its position by value three times.
     """
     linear = 2.0 * (theta - lower) / (upper - lower) - 1.0
     own, low, high = (_split(one, sizes)[0] for one in (theta, lower, upper))

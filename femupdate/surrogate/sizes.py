@@ -14,14 +14,14 @@ class NetworkSizes:
         free_damping: whether the damping ratio is unknown; it is then one more coordinate of z.
         modes: of the decoder.
         floor_features: features that the observation encoder first reduces each floor's FRF to.
-        width: width of the observation encoder's residual blocks.
+        width: of the observation encoder's residual blocks.
         parameter_width: the same for the bend of the parameters' coordinates.
         decoder_width: the same for the decoder.
         blocks: residual blocks in the observation encoder.
         parameter_blocks: the same for the bend.
         decoder_blocks: the same for the decoder.
         components: of the observation encoder's mixture.
-        effect_sizes: how many of the parameters, the last ones, are sizes of effects.
+        effect_sizes: number of sizes of effects, which are the last parameters.
     """
 
     floors: int

@@ -1,7 +1,7 @@
 """The optimiser: Adam in the eigenbasis of Shampoo's preconditioner (SOAP), for weight matrices.
 
-A regression to the accuracy of the fourth digit is badly conditioned; Adam, which scales each
-weight by itself, takes longer to get there. Source: Vyas et al. 2024, arXiv:2409.11321, alg. 3.
+A regression accurate to four digits is badly conditioned. Adam, which scales each weight
+separately, takes longer. Source: Vyas et al. 2024, arXiv:2409.11321, alg. 3.
 """
 
 from collections.abc import Callable
@@ -19,7 +19,7 @@ class Soap(torch.optim.Optimizer):
     Args:
         groups: of parameters, as for any optimiser; those with `rotate` hold matrices alone.
         lr: learning rate.
-        weight_decay: of groups that name none.
+        weight_decay: of groups that state none.
     """
 
     def __init__(
@@ -37,7 +37,7 @@ class Soap(torch.optim.Optimizer):
 
     @torch.no_grad()
     def step(self, closure: Callable[[], float] | None = None) -> float | None:  # type: ignore[override]
-        """Take one step; `closure` evaluates the loss anew, where given."""
+        """Take one step; `closure`, where given, evaluates the loss again."""
         loss = None
         if closure is not None:
             with torch.enable_grad():
@@ -64,7 +64,7 @@ class Soap(torch.optim.Optimizer):
         mean_beta, square_beta = group["betas"]
         state["mean"].lerp_(gradient, 1.0 - mean_beta)
         state["square"].mul_(square_beta).addcmul_(turned, turned, value=1.0 - square_beta)
-        # Means start from zero: they are scaled up until they have forgotten it.
+        # Running means start from zero, so they are scaled up at first.
         count = float(state["step"])
         mean = state["mean"] / (1.0 - mean_beta**count)
         square = state["square"] / (1.0 - square_beta**count)
@@ -78,7 +78,7 @@ class Soap(torch.optim.Optimizer):
 
 
 def _accumulate(state: dict[str, Any], gradient: Tensor, beta: float, first: bool) -> None:
-    """Running covariances of the gradient's rows and columns; a basis from the first of them."""
+    """Update the covariances of the gradient's rows and columns; make the first basis."""
     for name, product in (("rows", gradient @ gradient.T), ("columns", gradient.T @ gradient)):
         if first:
             state[name], state[f"{name} basis"] = (
@@ -90,7 +90,7 @@ def _accumulate(state: dict[str, Any], gradient: Tensor, beta: float, first: boo
 
 
 def _turn(matrix: Tensor, state: dict[str, Any]) -> Tensor:
-    """Into the eigenbasis."""
+    """Rotate into the eigenbasis."""
     turned: Tensor = state["rows basis"].T @ matrix @ state["columns basis"]
     return turned
 
@@ -101,7 +101,7 @@ def _turn_back(matrix: Tensor, state: dict[str, Any]) -> Tensor:
 
 
 def _follow(state: dict[str, Any]) -> None:
-    """One power iteration keeps the eigenbases near their covariances, largest first."""
+    """Update the eigenbases by one power iteration, largest eigenvalue first."""
     for axis, name in enumerate(("rows", "columns")):
         basis, covariance = state[f"{name} basis"], state[name]
         image = covariance @ basis

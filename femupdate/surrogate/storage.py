@@ -1,4 +1,4 @@
-"""Trained surrogates on disk: safetensors, with what they were trained for in the header."""
+"""Trained surrogates on disk: safetensors with the purpose of the training in the header."""
 
 import json
 from collections.abc import Mapping
@@ -19,12 +19,12 @@ from femupdate.errors import SurrogateError
 from femupdate.surrogate.network import Mvae
 from femupdate.surrogate.sizes import NetworkSizes
 
-# The observation encoder proposes and is refined: half precision is enough. Parameter encoder and
-# decoder, whose errors would shift every posterior, stay whole.
+# Half precision is enough for the observation encoder, whose proposals are refined. Errors of the
+# parameter encoder and the decoder would shift every posterior.
 _HALF_PRECISION = ("observation_encoder.", "x_mean", "x_scale")
 
 
-# Stands for any set of floors where a calibration says what it was for.
+# Stands for any set of floors in the record of a calibration.
 ANY_FLOORS = "any"
 
 
@@ -35,14 +35,14 @@ class SurrogateInfo:
     Attributes:
         building: name of the building.
         mechanics_hash: of the building's mechanics, prior and frequency grid.
-        floors: floors that it knows, bottom to top.
+        floors: names, bottom to top.
         noise_sd: standard deviation of ln|H| that it was trained with.
         version: of femupdate.
         settings: of data set and training.
         metrics: losses and times of the training.
-        likelihood_power: of the latent likelihood, so that on held-out simulations its regions
-            hold the truth as often as they say; 1 before `calibrated`.
-        calibration: how it was found.
+        likelihood_power: power of the latent likelihood with which its regions contain the truth
+            as often as stated, on held-out simulations; 1 before that is found.
+        calibration: how that power was found.
     """
 
     building: str
@@ -58,7 +58,7 @@ class SurrogateInfo:
 
 @dataclass(frozen=True)
 class TrainedSurrogate:
-    """Networks and what they are for."""
+    """The networks and their purpose."""
 
     mvae: Mvae
     info: SurrogateInfo
@@ -109,7 +109,7 @@ def load_surrogate(path: Path) -> TrainedSurrogate:
 
 
 def _form_entry(form: ClosedForm) -> dict[str, Any]:
-    """What effects do in closed form, for a header."""
+    """Effects in closed form, as entries of a header."""
     return {
         "placed": [[one.effect.name, one.place] for one in form.placed],
         "pitch": form.pitch,
@@ -130,8 +130,8 @@ def _form(entry: Mapping[str, Any] | None) -> ClosedForm | None:
 
 
 def _filled(sizes: Mapping[str, Any], state: Mapping[str, Tensor], form: ClosedForm | None) -> Mvae:
-    """Networks with these weights."""
-    # The weights that they start from are drawn at random: leave the caller's random state alone.
+    """Return networks with these weights."""
+    # Initial weights are random: leave the random state of the caller alone.
     with torch.random.fork_rng(devices=[]):
         mvae = Mvae(NetworkSizes(**sizes), form)
     mvae.load_state_dict(state)

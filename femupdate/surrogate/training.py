@@ -28,11 +28,11 @@ from femupdate.surrogate.visibility import EARLIEST_END, LATEST_START, Visibilit
 
 logger = logging.getLogger(__name__)
 
-# Samples from which the mean and the scale of ln|H| are taken.
+# Number of samples that give the mean and the scale of ln|H|.
 _STANDARDISING = 4000
 # Learning rate of the decoder's variance over that of everything else.
 _VARIANCE_FASTER = 10.0
-# Memory of the gradient's mean and square in the eigenbasis.
+# Decay of the running mean and square of the gradient in the eigenbasis.
 _ROTATED_BETAS = (0.95, 0.95)
 # Weight decay of the observation encoder, which sees noise.
 _PROPOSAL_DECAY = 1e-4
@@ -43,18 +43,18 @@ class TrainingSettings:
     """Settings of the training.
 
     Attributes:
-        epochs: most epochs; the learning rate's one cycle spans them.
-        batch: samples a step.
+        epochs: largest number; the one cycle of the learning rate spans them.
+        batch: samples per step.
         learning_rate: top of the cycle.
-        patience: stop after so many epochs without a lower validation loss.
+        patience: epochs without a lower validation loss after which training stops.
         validation: share of the samples held out.
-        average: decay of the running average of the weights, which is what is kept.
-        redraw_zeta_every: epochs after which the damping of every sample is drawn anew.
+        average: decay of the running average of the weights, which are kept.
+        redraw_zeta_every: epochs after which the damping of all samples is drawn again.
         roof_share: share of rows in which the top floor alone is observed.
         full_share: share of rows in which all floors are observed; the rest see a random subset.
         full_band_share: share of rows observed over the whole grid; the rest lose up to its lowest
             tenth and its upper seven tenths.
-        seed: of everything random.
+        seed: random seed.
     """
 
     epochs: int = 45
@@ -83,7 +83,7 @@ class TrainingTask:
         dataset: samples and their modes.
         frequency_hz: (k,) grid.
         law: damping law.
-        zeta_bounds: range of the damping ratio, a nuisance.
+        zeta_bounds: range of the damping ratio, a nuisance parameter.
         prior: box of the parameters.
         sizes: of the networks.
         system: of the data set, where the building lists effects.
@@ -107,7 +107,7 @@ class TrainingTask:
 
 @dataclass(frozen=True)
 class TrainingResult:
-    """The trained networks and how it went."""
+    """The trained networks and the course of the training."""
 
     mvae: Mvae
     metrics: dict[str, float]
@@ -132,10 +132,10 @@ def train_mvae(
     progress: Progress = SILENT,
     initial: Mvae | None = None,
 ) -> TrainingResult:
-    """Train from scratch or from `initial` weights; go on from the checkpoint of a killed training.
+    """Train from scratch or from `initial` weights; resume from a checkpoint.
 
     Every epoch's random numbers come from the seed and the epoch's number, so a resumed training
-    gives the same weights as one that was never stopped.
+    gives the same weights as an uninterrupted one.
 
     Raises:
         SurrogateError: too few samples, the checkpoint is of another training, or the training
@@ -153,7 +153,7 @@ def train_mvae(
     if checkpoint is not None and checkpoint.exists():
         load_checkpoint(run, checkpoint, fingerprint)
     order = torch.randperm(count, generator=_generator(settings.seed, 0))
-    # The damping of the held-out samples is drawn once: losses of all epochs are comparable.
+    # The damping of the held-out samples is drawn once, so that losses of epochs are comparable.
     validation = _draw_samples(task, settings, 0, order[:held_out])
     training: _Samples | None = None
     validation_loss = run.best_loss if run.epoch else math.nan
@@ -188,16 +188,16 @@ def train_mvae(
 def watched_training(
     task: TrainingTask, settings: TrainingSettings, rows: Tensor
 ) -> Iterator[Mvae]:
-    """Train as `train_mvae` does on some of the samples, and stop after each step to be looked at.
+    """Train as `train_mvae` does on some of the samples, and yield after each step.
 
     Args:
         task: what is learned.
-        settings: of the training; nothing is held out.
+        settings: of the training; no samples are held out.
         rows: of the data set.
 
     Yields:
-        The averaged networks, the same object every time: once before the first step, when all is
-        ready, and then after each.
+        The averaged networks, the same object every time: once before the first step, and then
+        after each step.
     """
     run = _start(task, settings)
     samples = _draw_samples(task, settings, 0, rows)
@@ -213,7 +213,7 @@ def watched_training(
 def draw_visibility(
     count: int, floors: int, settings: TrainingSettings, generator: torch.Generator
 ) -> Visibility:
-    """Random observed floors and bands: what calibrations may meet later."""
+    """Random observed floors and bands, as in later calibrations."""
     kind, forced, band = torch.rand(3, count, generator=generator)
     chosen = torch.rand(count, floors, generator=generator) < 0.5
     # Every subset has at least one floor.
@@ -252,7 +252,7 @@ def _start(
 
 
 def _set_decoder(mvae: Mvae, task: TrainingTask) -> None:
-    """Frequencies, bounds of the damping, and the modes of part of the samples to start from."""
+    """Set frequencies and bounds of the damping, and start from modes of some samples."""
     frequency = task.frequency_hz.float()
     mvae.decoder.frequency.copy_(frequency / frequency[-1])
     mvae.decoder.damping_bounds.copy_(torch.tensor(task.zeta_bounds))
@@ -269,9 +269,9 @@ def _set_decoder(mvae: Mvae, task: TrainingTask) -> None:
 
 
 def _optimizer(mvae: Mvae, settings: TrainingSettings) -> Soap:
-    """SOAP for the regression from theta to ln|H|, Adam for what need not be so exact.
+    """SOAP for the regression from theta to ln|H|, Adam for the rest.
 
-    The decoder's own variance spans orders of magnitude: it takes larger steps.
+    The variance of the decoder spans orders of magnitude, so it takes larger steps.
     """
     variance = mvae.decoder.log_excess
     model = [*mvae.bend.parameters(), *mvae.decoder.parameters()]
@@ -291,7 +291,7 @@ def _optimizer(mvae: Mvae, settings: TrainingSettings) -> Soap:
 
 
 def _check_initial(initial: Mvae, mvae: Mvae) -> None:
-    """Weights to start from bring their own box and scales: they must be of this problem."""
+    """Refuse initial weights of another problem: they bring their own box and scales."""
     if initial.sizes != mvae.sizes:
         raise SurrogateError(
             "the weights to start from have other sizes than this training; train from scratch"
@@ -306,7 +306,7 @@ def _check_initial(initial: Mvae, mvae: Mvae) -> None:
 def _draw_samples(
     task: TrainingTask, settings: TrainingSettings, draw: int, rows: Tensor
 ) -> _Samples:
-    """Some of the samples with damping drawn for the `draw`-th time."""
+    """Return some of the samples, with damping drawn for the `draw`-th time."""
     generator = _generator(settings.seed, 1_000_000 + draw)
     zeta = sample_zeta(len(task.dataset), task.zeta_bounds, generator)[rows]
     some = ModalDataset(task.dataset.theta[rows], task.dataset.modal[rows])
@@ -315,7 +315,7 @@ def _draw_samples(
 
 
 def _epoch(run: TrainingRun, settings: TrainingSettings, samples: _Samples) -> Iterator[float]:
-    """Train for an epoch; yield the share of it that is done after each step."""
+    """Train for one epoch; yield the finished share of it after each step."""
     generator = _generator(settings.seed, 1 + run.epoch)
     shuffled = torch.randperm(len(samples), generator=generator)
     steps = len(samples) // settings.batch
@@ -327,7 +327,7 @@ def _epoch(run: TrainingRun, settings: TrainingSettings, samples: _Samples) -> I
         terms = _terms(run.mvae, settings, samples, rows, generator)
         run.optimizer.zero_grad()
         terms.total().backward()
-        # The first steps can meet misfits of thousands of sigma. The observation encoder, whose
+        # The first misfits can be thousands of sigma. The observation encoder, whose
         # gradients are a thousandth of the others', is not scaled down with them.
         for part in (model, proposal):
             torch.nn.utils.clip_grad_norm_(part, 200.0)

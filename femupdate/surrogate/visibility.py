@@ -1,17 +1,17 @@
-"""What of an FRF is observed."""
+"""Which part of an FRF is observed."""
 
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
-# Bands that are trained for start in the lowest tenth of the grid and end above its lower 3/10.
+# Bands of the training start in the lowest tenth of the grid and end above its lower 3/10.
 LATEST_START, EARLIEST_END = 0.1, 0.3
 
 
 @dataclass(frozen=True)
 class Visibility:
-    """What of each FRF is observed: some floors, over one band.
+    """The observed part of each FRF: some floors, over one band.
 
     Attributes:
         floors: (B, f) one where the floor is observed, else zero.
@@ -28,11 +28,11 @@ class Visibility:
         return Visibility(self.floors[rows], self.band[rows])
 
     def features(self) -> Tensor:
-        """(B, f + 2) for the observation encoder."""
+        """Features (B, f + 2) for the observation encoder."""
         return torch.cat([self.floors, 2.0 * self.band - 1.0], dim=1)
 
     def weights(self, points: int) -> Tensor:
-        """(B, f, k) one where a point is observed."""
+        """Weights (B, f, k): one where a point is observed, else zero."""
         share = torch.linspace(0.0, 1.0, points, device=self.band.device)
         inside = (share >= self.band[:, :1] - 1e-6) & (share <= self.band[:, 1:] + 1e-6)
         return self.floors[:, :, None] * inside[:, None, :]
