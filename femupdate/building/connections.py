@@ -7,7 +7,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from femupdate.arrays import Flags, Floats, Integers
+from femupdate.arrays import Flags, Integers
 from femupdate.building.lattice import ExtraLines
 from femupdate.building.members import Supports
 from femupdate.fe.joints import EdgeJoint, edge_joints, joint_links
@@ -28,7 +28,6 @@ def connected(
     base: Integers,
     supports: Supports,
     diaphragms: Iterable[Integers],
-    sizes: Floats,
 ) -> FiniteElementModel:
     """Return the model with its supports and rigid links.
 
@@ -37,7 +36,6 @@ def connected(
         base: (n,) nodes at the base.
         supports: how they are held; a sprung footing adds one node, the last.
         diaphragms: node indices of each slab that is rigid in plan.
-        sizes: (m, 2) width and depth of each beam element, m.
     """
     fixed = np.zeros((len(model.nodes), DOF_PER_NODE), dtype=np.bool_)
     fixed[base, : _HELD[supports.base]] = True
@@ -45,7 +43,7 @@ def connected(
     footing = RigidLinks()
     if supports.base == "springs":
         model, footing = _on_springs(model, base, supports)
-    joints = _away_from(edge_joints(model, sizes), base)
+    joints = _away_from(edge_joints(model), base)
     ties = joint_links(model, joints)
     plan = _diaphragms(model, diaphragms, ties.slave)
     # On a diaphragm the slaves of a joint follow in plan already, with the same motion.
@@ -53,10 +51,10 @@ def connected(
     return replace(model, links=_joined([footing, plan, replace(ties, tied=tied)]))
 
 
-def face_lines(model: FiniteElementModel, sizes: Floats) -> ExtraLines:
+def face_lines(model: FiniteElementModel) -> ExtraLines:
     """Return mesh lines through the ends of the faces of beams that frame into shell edges."""
     found: dict[str, list[float]] = {"x": [], "y": [], "z": []}
-    for joint in edge_joints(model, sizes):
+    for joint in edge_joints(model):
         axis = int(np.abs(joint.across).argmax())
         for end in joint.face:
             if bool((joint.position * end > 0.0).any()):

@@ -11,25 +11,9 @@ from femupdate.building.own_mesh import MeshBuilding
 from femupdate.building.panels import DeadWall
 from femupdate.building.references import resolve
 from femupdate.fe.model import FiniteElementModel, PointMasses
-from femupdate.fe.triangle import triangle_areas
 
 Massive = FrameBuilding | MeshBuilding
 _ROUNDING = 1e-9  # of a floor's mass
-
-
-def shell_areas(model: FiniteElementModel) -> Floats:
-    """Return the area of each (flat) shell, (n,) m2: half the cross product of its diagonals."""
-    corners = model.nodes[model.shells.nodes]
-    across = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
-    return np.linalg.norm(across, axis=1) / 2.0
-
-
-def bar_lengths(model: FiniteElementModel) -> Floats:
-    """Return the length of each beam element between its rigid arms, (n,) m."""
-    ends = model.nodes[model.beams.nodes]
-    if model.beams.offset is not None:
-        ends = ends + model.beams.offset
-    return np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
 
 
 def self_mass(model: FiniteElementModel, dead: Iterable[DeadWall]) -> Floats:
@@ -38,14 +22,9 @@ def self_mass(model: FiniteElementModel, dead: Iterable[DeadWall]) -> Floats:
     Story i owns the columns and walls below floor i+1, those without stiffness included, and that
     floor's slab and beams; all are taken between centre lines, without deducting their overlaps.
     """
-    shells, beams, three = model.shells, model.beams, model.triangles
-    sheets = shell_areas(model) * shells.thickness * shells.density
-    small = triangle_areas(model.nodes[three.nodes]) * three.thickness * three.density
-    bars = bar_lengths(model) * beams.area * beams.density
     total = np.zeros(model.groups)
-    np.add.at(total, shells.group, sheets)
-    np.add.at(total, three.group, small)
-    np.add.at(total, beams.group, bars)
+    for part in model.elements:
+        np.add.at(total, part.group, part.mass(model.nodes))
     for wall in dead:
         total[wall.group] += wall.mass
     return total
@@ -58,13 +37,12 @@ def ground_mass(dead: Iterable[DeadWall]) -> float:
 
 def _tributary(model: FiniteElementModel, group: int) -> Floats:
     """Return the slab area that each node of a floor carries, (N,) m2."""
-    on_floor = (model.shells.kind == "slab") & (model.shells.group == group)
     area = np.zeros(len(model.nodes))
-    np.add.at(area, model.shells.nodes[on_floor], shell_areas(model)[on_floor, None] / 4.0)
-    three = model.triangles
-    on_floor = (three.kind == "slab") & (three.group == group)
-    corners = three.nodes[on_floor]
-    np.add.at(area, corners, triangle_areas(model.nodes[corners])[:, None] / 3.0)
+    for part in model.elements:
+        on_floor = np.flatnonzero((part.kind == "slab") & (part.group == group))
+        slab = part.taken(on_floor)
+        share = slab.measure(model.nodes) / slab.node_count()
+        np.add.at(area, slab.nodes, share[:, None])
     return area
 
 

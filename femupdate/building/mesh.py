@@ -28,7 +28,9 @@ from femupdate.building.references import intersections
 from femupdate.building.schema import Building
 from femupdate.building.walls import dead_walls, opening_lines, wall_panels
 from femupdate.errors import BuildingError
-from femupdate.fe.model import DOF_PER_NODE, Beams, FiniteElementModel, Shells
+from femupdate.fe.elements.beam import Beams
+from femupdate.fe.elements.shell import Shells
+from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel
 
 
 @dataclass(frozen=True)
@@ -46,8 +48,8 @@ class BuildingMesh:
         factors: the model's parameters; group i of its elements has the factor i.
         ground_mass: the half of first-story walls without stiffness that rests on the ground and
             is not in the model, kg.
-        parts: of a mesh that was read: which of the file's `parts` each four-node shell, and each
-            three-node shell, belongs to.
+        parts: of a mesh that was read: which of the file's `parts` each element belongs to, one
+            array a block of the model's elements.
     """
 
     model: FiniteElementModel
@@ -59,7 +61,7 @@ class BuildingMesh:
     story_names: tuple[str, ...]
     factors: tuple[StiffnessFactor, ...]
     ground_mass: float
-    parts: tuple[Integers, Integers] | None = None
+    parts: tuple[Integers, ...] | None = None
 
 
 def mesh_building(building: Building, mesh_size: float | None = None) -> BuildingMesh:
@@ -112,7 +114,7 @@ def _mesh(building: FrameBuilding, size: float, least: int = 1) -> BuildingMesh:
         if _may_have_joints(building):
             coarse = lattice_of(building.grid, building.stories, math.inf, 2, extra)
             parts = _parts_on(building, coarse)
-            extra += face_lines(parts.model, parts.sizes)
+            extra += face_lines(parts.model)
         lattice = lattice_of(building.grid, building.stories, size, least, extra)
         return _mesh_on(building, lattice)
     except Complaint as complaint:
@@ -130,13 +132,11 @@ class _Parts:
     Attributes:
         model: elements only, no supports.
         used: (N,) crossing of each node.
-        sizes: (m, 2) width and depth of each beam element, m.
         panels: the model's shells, block by block.
     """
 
     model: FiniteElementModel
     used: Integers
-    sizes: Floats
     panels: tuple[Panel, ...]
 
 
@@ -150,11 +150,9 @@ def _parts_on(building: FrameBuilding, lattice: Lattice) -> _Parts:
         nodes=lattice.coordinates(used),
         fixed=np.zeros((len(used), DOF_PER_NODE), dtype=np.bool_),
         groups=len(building.stories),
-        shells=_shells(panels, used),
-        beams=_beams(bars, used),
+        elements=(_shells(panels, used), _beams(bars, used)),
     )
-    sizes = np.repeat([bar.section.size for bar in bars], [len(bar.nodes) for bar in bars], axis=0)
-    return _Parts(model, used, sizes.reshape(-1, 2), tuple(panels))
+    return _Parts(model, used, tuple(panels))
 
 
 def _mesh_on(building: FrameBuilding, lattice: Lattice) -> BuildingMesh:
@@ -170,7 +168,7 @@ def _mesh_on(building: FrameBuilding, lattice: Lattice) -> BuildingMesh:
         for panel in parts.panels
         if panel.key in {f"slabs[{n}]" for n in stiff}
     ]
-    model = connected(parts.model, base, building.supports, diaphragms, parts.sizes)
+    model = connected(parts.model, base, building.supports, diaphragms)
     factors = stiffness_factors(building)
     if building.by_kind:
         model = with_factors(model, factors)
@@ -242,6 +240,7 @@ def _beams(bars: Sequence[Bar], used: Integers) -> Beams:
         poisson_ratio=_spread([bar.material.poisson_ratio for bar in bars], counts),
         density=_spread([bar.material.density for bar in bars], counts),
         up=np.repeat(np.array([bar.up for bar in bars]), counts, axis=0),
+        size=np.repeat(np.array([section.size for section in sections]), counts, axis=0),
         group=np.repeat(np.array([bar.group for bar in bars], dtype=np.int64), counts),
         kind=np.repeat(np.array([bar.kind for bar in bars], dtype="<U24"), counts),
         offset=_stacked([bar.offset for bar in bars], counts, (2, 3), np.float64),
@@ -265,8 +264,9 @@ def _stacked(
 
 def _refuse_floating(model: FiniteElementModel, base: Integers) -> None:
     """Raise Complaint where a node has no path of elements down to the base."""
-    sides = [model.shells.nodes[:, [0, k]] for k in (1, 2, 3)] + [model.beams.nodes]
-    edges = np.concatenate(sides)
+    edges = np.concatenate(
+        [part.nodes[:, [0, k]] for part in model.elements for k in range(1, part.node_count())]
+    )
     count = len(model.nodes)
     graph = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(count, count))
     _, part = connected_components(graph, directed=False)
@@ -282,9 +282,8 @@ def _refuse_floating(model: FiniteElementModel, base: Integers) -> None:
 
 def _refuse_loose_columns(building: FrameBuilding, parts: _Parts) -> None:
     """Raise Complaint for a column off the grid whose top nothing meets."""
-    beams = parts.model.beams
     met = np.concatenate(
-        [parts.model.shells.nodes.ravel(), beams.nodes[beams.kind == "beam"].ravel()]
+        [part.nodes[part.kind != "column"].ravel() for part in parts.model.elements]
     )
     for n, columns in enumerate(building.columns):
         for m, point in enumerate(columns.points):

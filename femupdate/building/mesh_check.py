@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 
 from femupdate.arrays import Floats, Integers
 from femupdate.building.entry import Complaint
+from femupdate.fe.element import area_vectors
 
 _SAME = 1e-6  # of the structure's size: nodes nearer than this are in the same place
 _FLAT = 1e-4  # area over the square of the longest diagonal
@@ -41,8 +42,8 @@ def check_elements(nodes: Floats, cells: Mapping[str, Integers], *, doubles_allo
     """
     for kind, corners in cells.items():
         _refuse_degenerate(nodes, kind, corners)
-        if kind == "quad":
-            _refuse_crossed(nodes, corners)
+        if corners.shape[1] > 3:
+            _refuse_crossed(nodes, kind, corners)
         _refuse_doubles(nodes, kind, corners)
     used = np.unique(np.concatenate([corners.ravel() for corners in cells.values()]))
     if not doubles_allowed:
@@ -88,15 +89,14 @@ def _name(kind: str, number: int, corners: Integers) -> str:
 
 def _refuse_degenerate(nodes: Floats, kind: str, corners: Integers) -> None:
     points = nodes[corners]
-    if kind == "line":
+    if corners.shape[1] == 2:
         size = np.linalg.norm(points[:, 1] - points[:, 0], axis=1)
         bad = ~(size > _SAME * np.ptp(nodes, axis=0).max())
         what = "has no length"
     else:
-        last = 3 if kind == "quad" else 0
-        normal = np.cross(points[:, 2] - points[:, 0], points[:, last] - points[:, 1])
+        area = np.linalg.norm(area_vectors(points), axis=1)
         longest = np.linalg.norm(points - np.roll(points, 1, axis=1), axis=2).max(axis=1)
-        bad = ~(np.linalg.norm(normal, axis=1) / 2.0 > _FLAT * longest**2)
+        bad = ~(area > _FLAT * longest**2)
         what = "has no area: it is flat, or its nodes do not go around it"
     bad |= (np.diff(np.sort(corners, axis=1), axis=1) == 0).any(axis=1)
     if bad.any():
@@ -108,9 +108,9 @@ def _refuse_degenerate(nodes: Floats, kind: str, corners: Integers) -> None:
         )
 
 
-def _refuse_crossed(nodes: Floats, corners: Integers) -> None:
+def _refuse_crossed(nodes: Floats, kind: str, corners: Integers) -> None:
     points = nodes[corners]
-    mean = np.cross(points[:, 2] - points[:, 0], points[:, 3] - points[:, 1])
+    mean = area_vectors(points)
     ahead, back = np.roll(points, -1, axis=1) - points, np.roll(points, 1, axis=1) - points
     turn = np.einsum("nkd,nd->nk", np.cross(ahead, back), mean)
     bad = (turn <= 0.0).any(axis=1)
@@ -119,7 +119,7 @@ def _refuse_crossed(nodes: Floats, corners: Integers) -> None:
         place = _at(points[first].mean(axis=0))
         raise Complaint(
             _KEY,
-            f"{_name('quad', first, corners)} at {place} is inverted: its sides cross or a corner "
+            f"{_name(kind, first, corners)} at {place} is inverted: its sides cross or a corner "
             "points inwards; list its nodes in order around a convex quadrilateral",
         )
 
@@ -153,9 +153,9 @@ def _refuse_double_nodes(nodes: Floats, used: Integers) -> None:
 def _refuse_hanging(nodes: Floats, cells: Mapping[str, Integers], used: Integers) -> None:
     """Refuse nodes that lie inside a side of an element without being its corner."""
     sides = []
-    for kind, corners in cells.items():
+    for corners in cells.values():
         pairs = np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1)
-        sides.append((pairs[:, :1] if kind == "line" else pairs).reshape(-1, 2))
+        sides.append((pairs[:, :1] if corners.shape[1] == 2 else pairs).reshape(-1, 2))
     side = np.unique(np.sort(np.concatenate(sides), axis=1), axis=0)
     ends = nodes[side]
     length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)

@@ -33,20 +33,12 @@ def export_mesh(mesh: BuildingMesh, path: str | Path) -> Path:
         known = ", ".join(_FORMATS)
         raise BuildingError(f"{target}: a mesh is written as {known}; choose one of these endings")
     model = mesh.model
-    blocks = [
-        (name, elements)
-        for name, elements in (
-            ("quad", model.shells),
-            ("triangle", model.triangles),
-            ("line", model.beams),
-        )
-        if len(elements)
-    ]
+    blocks = model.elements
     numbers = [
-        np.array([GROUPS.index(kind) + 1 for kind in elements.kind.tolist()])
-        for _, elements in blocks
+        np.array([GROUPS.index(kind) + 1 for kind in elements.kind.tolist()]) for elements in blocks
     ]
-    written = meshio.Mesh(model.nodes, [(name, elements.nodes) for name, elements in blocks])
+    cells = [(elements.cell_type, elements.nodes) for elements in blocks]
+    written = meshio.Mesh(model.nodes, cells)
     if target.suffix == ".msh":
         written.cell_data = {"gmsh:physical": numbers, "gmsh:geometrical": numbers}
         written.field_data = {

@@ -1,7 +1,7 @@
 """A user's own mesh as a building: groups of cells become walls, slabs, columns and beams."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +18,10 @@ from femupdate.building.mesh_spans import beam_arms, beam_releases, span_ends
 from femupdate.building.own_mesh import MeshBuilding, Part
 from femupdate.building.parameters import stiffness_factors
 from femupdate.building.quantities import ALL
-from femupdate.building.sections import SectionFigures
 from femupdate.errors import BuildingError
-from femupdate.fe.model import DOF_PER_NODE, Beams, FiniteElementModel, Shells, Triangles
+from femupdate.fe.element import Elements, area_vectors
+from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel
+from femupdate.fe.registry import element_for
 from femupdate.units import factor
 
 _LEVEL = 1e-3  # m; nodes nearer than this to a floor's level are on it
@@ -29,10 +30,10 @@ _UPRIGHT = 0.9  # vertical component of the axis of what is a column, of the nor
 
 @dataclass(frozen=True)
 class _Block:
-    """The cells of one type that belong to one part."""
+    """The cells that belong to one part and become elements of one kind."""
 
     part: int
-    cell_type: str
+    element: type[Elements]
     nodes: Integers
     group: Integers
     kind: Strings
@@ -58,8 +59,8 @@ def _import(building: MeshBuilding) -> BuildingMesh:
     blocks = list(_blocks(building, raw, nodes))
     used = np.unique(np.concatenate([block.nodes.ravel() for block in blocks]))
     by_type = {
-        kind: np.concatenate([b.nodes for b in blocks if b.cell_type == kind])
-        for kind in dict.fromkeys(block.cell_type for block in blocks)
+        kind: np.concatenate([b.nodes for b in blocks if b.element.cell_type == kind])
+        for kind in dict.fromkeys(block.element.cell_type for block in blocks)
     }
     check_elements(nodes, by_type, doubles_allowed=building.mesh.merge is not None)
     base = used[np.abs(nodes[used, 2]) < _LEVEL]
@@ -70,12 +71,9 @@ def _import(building: MeshBuilding) -> BuildingMesh:
     model = _model(building, blocks, nodes[used], used)
     floors = _floor_nodes(building, model.nodes)
     masses = place_masses(building, model, [])
-    sizes = np.array(
-        [_section(building, b).size for b in blocks if b.cell_type == "line" for _ in b.nodes]
-    )
     on_base = np.searchsorted(used, base)
     diaphragms = list(_diaphragms(building, blocks, nodes, used))
-    model = connected(model, on_base, building.supports, diaphragms, sizes.reshape(-1, 2))
+    model = connected(model, on_base, building.supports, diaphragms)
     return BuildingMesh(
         model=replace(model, masses=masses),
         floors=building.floors,
@@ -86,14 +84,19 @@ def _import(building: MeshBuilding) -> BuildingMesh:
         story_names=building.story_names,
         factors=stiffness_factors(building),
         ground_mass=0.0,
-        parts=(_owners(blocks, "quad"), _owners(blocks, "triangle")),
+        parts=tuple(_owners(own) for own in _by_element(blocks).values()),
     )
 
 
-def _owners(blocks: Sequence[_Block], cell_type: str) -> Integers:
-    """Part of every cell of a type, in the order of the model's elements."""
-    own = [np.full(len(b.nodes), b.part) for b in blocks if b.cell_type == cell_type]
-    return np.concatenate([np.zeros(0, dtype=np.int64), *own])
+def _by_element(blocks: Sequence[_Block]) -> dict[type[Elements], list[_Block]]:
+    """The blocks of each kind of element, in the order of the model's elements."""
+    kinds = dict.fromkeys(block.element for block in blocks)
+    return {kind: [block for block in blocks if block.element is kind] for kind in kinds}
+
+
+def _owners(blocks: Sequence[_Block]) -> Integers:
+    """Part of every element of one kind."""
+    return np.concatenate([np.full(len(block.nodes), block.part) for block in blocks])
 
 
 def _merged(building: MeshBuilding, raw: RawMesh, nodes: Floats) -> RawMesh:
@@ -113,8 +116,8 @@ def _blocks(building: MeshBuilding, raw: RawMesh, nodes: Floats) -> Iterator[_Bl
     for number, part in enumerate(building.parts):
         key = f"parts[{number}]"
         found = False
-        for kind in ("quad", "triangle") if part.thickness is not None else ("line",):
-            if kind not in raw.cells:
+        for kind in raw.cells:
+            if (kind == "line") != (part.thickness is None):
                 continue
             chosen = _chosen(raw, kind, part.group, f"{key}.group") & ~ignored[kind]
             _refuse_taken(raw, kind, taken[kind], chosen, key)
@@ -178,7 +181,7 @@ def _block(
     names = np.full(len(cells), part.kind or "", dtype="<U24")
     if part.kind is None:
         names = _kinds(nodes[cells])
-    return _Block(number, kind, cells, group.astype(np.int64), names)
+    return _Block(number, element_for(kind), cells, group.astype(np.int64), names)
 
 
 def _kinds(points: Floats) -> Strings:
@@ -187,94 +190,70 @@ def _kinds(points: Floats) -> Strings:
         axis = points[:, 1] - points[:, 0]
         steep = np.abs(axis[:, 2]) > _UPRIGHT * np.linalg.norm(axis, axis=1)
         return np.where(steep, "column", "beam").astype("<U24")
-    last = 3 if points.shape[1] == 4 else 0
-    normal = np.cross(points[:, 2] - points[:, 0], points[:, last] - points[:, 1])
+    normal = area_vectors(points)
     level = np.abs(normal[:, 2]) > _UPRIGHT * np.linalg.norm(normal, axis=1)
     return np.where(level, "slab", "wall").astype("<U24")
-
-
-def _section(building: MeshBuilding, block: _Block) -> SectionFigures:
-    return building.sections[building.parts[block.part].section or ""].figures()
 
 
 def _model(
     building: MeshBuilding, blocks: Sequence[_Block], points: Floats, used: Integers
 ) -> FiniteElementModel:
+    kinds = _by_element(blocks)
     return FiniteElementModel(
         nodes=points,
         fixed=np.zeros((len(points), DOF_PER_NODE), dtype=np.bool_),
         groups=len(building.stories),
-        shells=Shells(**_sheets(building, [b for b in blocks if b.cell_type == "quad"], used, 4)),
-        triangles=Triangles(
-            **_sheets(building, [b for b in blocks if b.cell_type == "triangle"], used, 3)
-        ),
-        beams=_beams(building, [b for b in blocks if b.cell_type == "line"], points, used),
+        elements=tuple(_elements(building, kind, own, points, used) for kind, own in kinds.items()),
     )
 
 
-def _of_part(building: MeshBuilding, blocks: Sequence[_Block], values: Sequence[float]) -> Floats:
+def _elements(
+    building: MeshBuilding,
+    kind: type[Elements],
+    blocks: Sequence[_Block],
+    points: Floats,
+    used: Integers,
+) -> Elements:
+    """The elements of one kind; of what the parts say each kind takes what it has fields for."""
+    nodes = np.searchsorted(used, np.concatenate([block.nodes for block in blocks]))
     counts = [len(block.nodes) for block in blocks]
-    return np.repeat(np.array(values, dtype=np.float64), counts)
-
-
-def _common(
-    building: MeshBuilding, blocks: Sequence[_Block], used: Integers, corners: int
-) -> dict[str, Any]:
-    materials = [
-        building.material(
-            building.parts[b.part].material
-            or (building.sections[s].material if (s := building.parts[b.part].section) else None)
-        )
-        for b in blocks
-    ]
-    nodes = [np.zeros((0, corners), dtype=np.int64), *(block.nodes for block in blocks)]
-    return {
-        "nodes": np.searchsorted(used, np.concatenate(nodes)),
-        "youngs_modulus": _of_part(building, blocks, [m.youngs_modulus for m in materials]),
-        "poisson_ratio": _of_part(building, blocks, [m.poisson_ratio for m in materials]),
-        "density": _of_part(building, blocks, [m.density for m in materials]),
-        "group": np.concatenate([np.zeros(0, dtype=np.int64), *(b.group for b in blocks)]),
-        "kind": np.concatenate([np.zeros(0, dtype="<U24"), *(b.kind for b in blocks)]),
+    known: dict[str, Any] = {
+        "nodes": nodes,
+        "group": np.concatenate([block.group for block in blocks]),
+        "kind": np.concatenate([block.kind for block in blocks]),
     }
+    constants = [_constants(building, building.parts[block.part]) for block in blocks]
+    for name in constants[0]:
+        known[name] = np.repeat(np.array([own[name] for own in constants]), counts, axis=0)
+    if kind.dimension() == 1:
+        known["up"] = _up(building, blocks, points[nodes])
+        known["offset"], known["released"] = _ends(building, blocks, points, nodes)
+    fitting = {one.name for one in fields(kind)}
+    return kind(**{name: values for name, values in known.items() if name in fitting})
 
 
-def _sheets(
-    building: MeshBuilding, blocks: Sequence[_Block], used: Integers, corners: int
-) -> dict[str, Any]:
-    thickness = [building.parts[block.part].thickness or 0.0 for block in blocks]
-    return {
-        **_common(building, blocks, used, corners),
-        "thickness": _of_part(building, blocks, thickness),
-    }
+def _constants(building: MeshBuilding, part: Part) -> dict[str, Any]:
+    """Material, and thickness or figures of the section, of a part."""
+    section = building.sections[part.section] if part.section else None
+    material = building.material(part.material or (section.material if section else None))
+    own = {name: getattr(material, name) for name in ("youngs_modulus", "poisson_ratio", "density")}
+    if section is None:
+        return {**own, "thickness": part.thickness}
+    figures = section.figures()
+    names = [one.name for one in fields(figures) if one.name != "extent"]
+    return {**own, **{name: getattr(figures, name) for name in names}, "size": figures.size}
 
 
-def _beams(
-    building: MeshBuilding, blocks: Sequence[_Block], points: Floats, used: Integers
-) -> Beams:
-    sections = [_section(building, block) for block in blocks]
-    common = _common(building, blocks, used, 2)
-    figures: dict[str, Any] = {
-        name: _of_part(building, blocks, [getattr(section, name) for section in sections])
-        for name in (
-            "area",
-            "shear_area_y",
-            "shear_area_z",
-            "inertia_y",
-            "inertia_z",
-            "torsion_constant",
-        )
-    }
-    axis = points[common["nodes"][:, 1]] - points[common["nodes"][:, 0]]
+def _up(building: MeshBuilding, blocks: Sequence[_Block], ends: Floats) -> Floats:
+    """Direction (n, 3) of the depth of lines (n, 2, 3): along y in upright ones, else upwards."""
+    axis = ends[:, 1] - ends[:, 0]
     steep = np.abs(axis[:, 2]) > _UPRIGHT * np.linalg.norm(axis, axis=1)
     up = np.where(steep[:, None], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0])
-    start = 0
-    for block in blocks:
-        own = building.parts[block.part].up
-        if own is not None:
-            up[start : start + len(block.nodes)] = own
-        start += len(block.nodes)
-    offset, released = _ends(building, blocks, points, common["nodes"])
-    return Beams(**common, **figures, up=up, offset=offset, released=released)
+    owner = _owners(blocks)
+    for number in np.unique(owner):
+        if (own := building.parts[number].up) is not None:
+            up[owner == number] = own
+    return up
 
 
 def _ends(

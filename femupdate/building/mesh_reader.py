@@ -11,8 +11,8 @@ import numpy as np
 
 from femupdate.arrays import Flags, Floats, Integers
 from femupdate.building.entry import Complaint
+from femupdate.fe.element import CORNERS
 
-CORNERS = {"line": 2, "triangle": 3, "quad": 4}
 _POINTS = ("vertex",)  # they carry no stiffness and are left out
 _FIRST_ORDER = {
     "line3": "line",

@@ -67,14 +67,8 @@ def with_factors(
         found = [number[story, _CALLED[name]] if story >= 0 else story for story, name in pairs]
         return np.array(found, dtype=np.int64)
 
-    shells, three, beams = model.shells, model.triangles, model.beams
-    return replace(
-        model,
-        groups=len(factors),
-        shells=replace(shells, group=of(shells.group, shells.kind)),
-        triangles=replace(three, group=of(three.group, three.kind)),
-        beams=replace(beams, group=of(beams.group, beams.kind)),
-    )
+    renumbered = model.mapped(lambda part: replace(part, group=of(part.group, part.kind)))
+    return replace(renumbered, groups=len(factors))
 
 
 def _owned(building: FrameBuilding) -> Iterator[tuple[int, str]]:

@@ -12,7 +12,7 @@ from femupdate.building.mesh import BuildingMesh
 from femupdate.building.own_mesh import MeshBuilding
 from femupdate.building.references import resolve, wall_stretch
 from femupdate.errors import BuildingError
-from femupdate.fe.model import FiniteElementModel, Shells, Triangles
+from femupdate.fe.model import FiniteElementModel
 
 _KINDS = ("wall", "non_structural_wall")
 _NEAR = 1e-4  # m
@@ -120,10 +120,12 @@ def _cut(mesh: BuildingMesh, wall: _Wall, name: str) -> WallCut:
         )
     plan = points[:, :2] if wall.ends is None else wall.ends
     ends = np.column_stack([_straight(plan, name), np.full(2, level)])
-    beams = mesh.model.beams
-    columns = np.isin(beams.nodes, foot).any(axis=1) & (beams.kind == "column")
-    columns &= np.isin(beams.nodes, wall.nodes).all(axis=1)
-    return WallCut(wall.nodes, foot, level, ends, bool(columns.any()))
+    columns = [part.nodes[part.kind == "column"] for part in mesh.model.elements]
+    rises = any(
+        (np.isin(nodes, foot).any(axis=1) & np.isin(nodes, wall.nodes).all(axis=1)).any()
+        for nodes in columns
+    )
+    return WallCut(wall.nodes, foot, level, ends, rises)
 
 
 def _straight(plan: Floats, name: str) -> Floats:
@@ -159,7 +161,7 @@ def _frame_walls(building: FrameBuilding, mesh: BuildingMesh) -> Iterator[tuple[
             story = building.story_names.index(name)
             low = [*ends.min(axis=0), levels[story]]
             high = [*ends.max(axis=0), levels[story + 1]]
-            nodes = _shell_nodes(mesh.model, _inside(mesh.model, np.array(low), np.array(high)))
+            nodes = _wall_nodes(mesh.model, _inside(mesh.model, np.array(low), np.array(high)))
             yield f"{run.line}:{run.start}-{run.end}:{name}", _Wall(story, nodes, ends)
 
 
@@ -169,11 +171,13 @@ def _inside(model: FiniteElementModel, low: Floats, high: Floats) -> Flags:
     return np.asarray(inside.all(axis=1))
 
 
-def _shell_nodes(model: FiniteElementModel, among: Flags) -> Integers:
+def _wall_nodes(model: FiniteElementModel, among: Flags) -> Integers:
     """Nodes of the walls whose nodes are all among these."""
-    shells = model.shells
-    own = among[shells.nodes].all(axis=1) & np.isin(shells.kind, _KINDS)
-    return np.unique(shells.nodes[own])
+    own = [
+        part.nodes[among[part.nodes].all(axis=1) & np.isin(part.kind, _KINDS)].ravel()
+        for part in model.elements
+    ]
+    return np.unique(np.concatenate(own))
 
 
 def _mesh_walls(building: MeshBuilding, mesh: BuildingMesh) -> Iterator[tuple[str, _Wall]]:
@@ -182,16 +186,10 @@ def _mesh_walls(building: MeshBuilding, mesh: BuildingMesh) -> Iterator[tuple[st
         raise ValueError("a mesh that was read has parts")
     for number, part in enumerate(building.parts):
         for story, name in enumerate(building.story_names):
-            nodes = [
-                _cells(mesh.model.shells, mesh.parts[0] == number, story),
-                _cells(mesh.model.triangles, mesh.parts[1] == number, story),
+            own = [
+                block.nodes[(owner == number) & (block.group == story) & (block.kind == "wall")]
+                for block, owner in zip(mesh.model.elements, mesh.parts, strict=True)
             ]
-            found = np.unique(np.concatenate(nodes))
+            found = np.unique(np.concatenate([nodes.ravel() for nodes in own]))
             for group in part.group if len(found) else ():
                 yield f"{group}:{name}", _Wall(story, found)
-
-
-def _cells(elements: Shells | Triangles, own: Flags, story: int) -> Integers:
-    """Nodes of the walls among a part's elements in a story, some of them often."""
-    wanted = own & (elements.group == story) & (elements.kind == "wall")
-    return elements.nodes[wanted].ravel()

@@ -1,6 +1,6 @@
 """Forces of members as rows over the displacements: ends of beams and columns, cuts of walls."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -8,19 +8,11 @@ from femupdate.arrays import Floats, Integers
 from femupdate.building.wall_cuts import WallCut
 from femupdate.errors import ModelError
 from femupdate.fe.assembly import AffineOperators
-from femupdate.fe.beam import beam_matrices, local_matrices
+from femupdate.fe.element import group_factors
+from femupdate.fe.elements.beam import Beams
 from femupdate.fe.links import rigid_arms
-from femupdate.fe.model import (
-    DOF_PER_NODE,
-    Beams,
-    FiniteElementModel,
-    Shells,
-    Triangles,
-)
-from femupdate.fe.shell import shell_matrices
-from femupdate.fe.triangle import triangle_matrices
+from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel
 
-BEAM_FORCES = ("N", "Vy", "Vz", "T", "My", "Mz")
 _LEVEL = 1e-6  # m
 CUT_FORCES = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 WALL_FORCES = ("N", "V", "M")
@@ -32,20 +24,19 @@ def beam_end_rows(
     """Rows that give a beam element's end forces in its local axes, (12, n_free), N and N m.
 
     They are the forces that the joints put on the two ends (first end, then second end), each in
-    the order of `BEAM_FORCES`; tension is negative at the first end and positive at the second.
-    Inertia inside the element is left out, as in the equivalent static forces of any program.
+    the order of `Beams.force_names`; tension is negative at the first end and positive at the
+    second. Inertia inside the element is left out, as in the equivalent static forces of any
+    program.
 
     Raises:
         ModelError: there is no such beam.
     """
-    if not 0 <= beam < len(model.beams):
-        raise ModelError(f"there is no beam {beam}; the model has {len(model.beams)} beam elements")
-    nodes = model.beams.nodes[[beam]]
-    to_local, stiffness, _ = local_matrices(model.nodes[model.beams.nodes], model.beams)
-    group = int(model.beams.group[beam])
-    factor = theta[group] if group >= 0 else 1.0
-    rows = factor * stiffness[beam] @ to_local[beam]
-    return _gathered(operators, rows, nodes)
+    beams = model.elements_of(Beams)
+    if not 0 <= beam < len(beams):
+        raise ModelError(f"there is no beam {beam}; the model has {len(beams)} beam elements")
+    one = beams.taken(np.array([beam]))
+    rows = group_factors(one.group, theta) * one.force_rows(model.nodes)[0]
+    return _gathered(operators, rows, one.nodes)
 
 
 def cut_rows(
@@ -79,7 +70,7 @@ def cut_rows(
     """
     wanted, rows = list(kinds), np.zeros((DOF_PER_NODE, operators.dof))
     found = False
-    for elements, matrices_of in _elements(model):
+    for elements in model.elements:
         corners = model.nodes[elements.nodes]
         rises = np.abs(corners[:, :, 2].min(axis=1) - below) < _LEVEL
         rises &= corners[:, :, 2].max(axis=1) > below + _LEVEL
@@ -90,14 +81,16 @@ def cut_rows(
         if not len(chosen):
             continue
         found = True
-        for k, matrix in zip(chosen, matrices_of(chosen), strict=True):
-            own, group = elements.nodes[k], int(elements.group[k])
+        some = elements.taken(chosen)
+        stiffness = some.matrices(model.nodes).stiffness
+        stiffness = group_factors(some.group, theta)[:, None, None] * stiffness
+        for own, touched, matrix in zip(some.nodes, touches[chosen], stiffness, strict=True):
             arms = rigid_arms(model.nodes[own] - point)
             sums = np.zeros((DOF_PER_NODE, DOF_PER_NODE * len(own)))
-            for corner in np.flatnonzero(touches[k]):
+            for corner in np.flatnonzero(touched):
                 block = slice(DOF_PER_NODE * corner, DOF_PER_NODE * (corner + 1))
                 sums[:, block] = arms[corner].T
-            rows[:, _dof(own)] -= (theta[group] if group >= 0 else 1.0) * sums @ matrix
+            rows[:, _dof(own)] -= sums @ matrix
     if not found:
         raise ModelError(
             f"no element of kind {', '.join(wanted)} rises from the nodes of the cut at {below:g} m"
@@ -135,33 +128,6 @@ def wall_rows(
         )
         rows += [upright @ force, cut.axis @ force, about @ moment]
     return np.array(rows)
-
-
-Matrices = Callable[[Integers], Floats]
-
-
-def _elements(model: FiniteElementModel) -> Iterator[tuple[Shells | Triangles | Beams, Matrices]]:
-    """Yield the elements of each type with what gives some of their stiffnesses, global axes."""
-    shells, triangles, beams = model.shells, model.triangles, model.beams
-
-    def of_shells(chosen: Integers) -> Floats:
-        return shell_matrices(
-            model.nodes[shells.nodes[chosen]],
-            shells.thickness[chosen],
-            shells.youngs_modulus[chosen],
-            shells.poisson_ratio[chosen],
-            shells.density[chosen],
-        ).stiffness
-
-    def of_triangles(chosen: Integers) -> Floats:
-        return triangle_matrices(model.nodes, triangles).stiffness[chosen]
-
-    def of_beams(chosen: Integers) -> Floats:
-        return beam_matrices(model.nodes[beams.nodes], beams).stiffness[chosen]
-
-    yield shells, of_shells
-    yield triangles, of_triangles
-    yield beams, of_beams
 
 
 def _dof(nodes: Integers) -> Integers:

@@ -3,14 +3,11 @@
 import numpy as np
 from scipy.sparse import csc_matrix
 
-from femupdate.arrays import Floats, Integers
 from femupdate.effects.infill import onto_free
 from femupdate.fe.assembly import AffineOperators
-from femupdate.fe.element import symmetric
+from femupdate.fe.elements.shell import Shells
 from femupdate.fe.entries import element_entries, summed
-from femupdate.fe.membrane import membrane_stiffness
 from femupdate.fe.model import FiniteElementModel
-from femupdate.fe.shell import IN_PLANE, mean_planes, to_local
 
 
 def membrane_terms(
@@ -22,27 +19,10 @@ def membrane_terms(
         model, operators: of the building.
         kind: such as "slab".
     """
+    shells = model.elements_of(Shells)
     chosen = [
-        np.flatnonzero((model.shells.kind == kind) & (model.shells.group == group))
+        shells.taken(np.flatnonzero((shells.kind == kind) & (shells.group == group)))
         for group in range(model.groups)
     ]
-    return tuple(_of_shells(model, operators, shells) for shells in chosen)
-
-
-def _of_shells(
-    model: FiniteElementModel, operators: AffineOperators, shells: Integers
-) -> csc_matrix:
-    nodes = model.shells.nodes[shells]
-    entries = element_entries(nodes, _matrices(model, shells))
-    return onto_free(summed([entries], operators.dof), operators)
-
-
-def _matrices(model: FiniteElementModel, shells: Integers) -> Floats:
-    """(n, 24, 24) of shells that do not bend."""
-    part = model.shells
-    frame = mean_planes(model.nodes[part.nodes[shells]])
-    elastic = (part.thickness[shells], part.youngs_modulus[shells], part.poisson_ratio[shells])
-    local = np.zeros((len(shells), 24, 24))
-    local[:, IN_PLANE[:, None], IN_PLANE] = membrane_stiffness(frame.plane, *elastic)
-    transform = to_local(frame)
-    return symmetric(np.swapaxes(transform, 1, 2) @ local @ transform)
+    entries = [element_entries(some.nodes, some.membrane(model.nodes)) for some in chosen]
+    return tuple(onto_free(summed([one], operators.dof), operators) for one in entries)

@@ -16,8 +16,8 @@ from femupdate.building.frame import FrameBuilding
 from femupdate.building.mesh import BuildingMesh, mesh_building
 from femupdate.building.references import resolve
 from femupdate.fe.assembly import AffineOperators
+from femupdate.fe.elements.shell import Shells
 from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel
-from femupdate.fe.shell import shell_matrices
 
 _KIND = "non_structural_wall"
 _SAME = 1e-6  # m, between nodes of the two meshes
@@ -58,17 +58,17 @@ def infills(
         mesh, operators: of the building as it is.
         mesh_size: of that mesh, m; the building's own where None.
     """
-    walls = tuple(wall.model_copy(update={"stiffness": True}) for wall in building.walls)
-    stiff = mesh_building(building.model_copy(update={"walls": walls}), mesh_size).model
+    changed = tuple(wall.model_copy(update={"stiffness": True}) for wall in building.walls)
+    stiff = mesh_building(building.model_copy(update={"walls": changed}), mesh_size).model
     known = cKDTree(mesh.model.nodes)
-    new = _is_new(stiff, mesh.model)
+    shells, new = stiff.elements_of(Shells), _is_new(stiff, mesh.model)
     found = []
     for line, stories in infill_lines(building).items():
         here = new & _in_plane(stiff, *_plane(building, line))
         for story in stories:
-            shells = np.flatnonzero(here & (stiff.shells.group == story))
-            if len(shells):
-                local = _condensed(stiff, shells, known)
+            walls = shells.taken(np.flatnonzero(here & (shells.group == story)))
+            if len(walls):
+                local = _condensed(stiff, walls, known)
                 found.append(Infill(line, story, _placed(*local, operators)))
     return tuple(found)
 
@@ -80,36 +80,28 @@ def _plane(building: FrameBuilding, line: str) -> tuple[int, float]:
 
 
 def _in_plane(model: FiniteElementModel, axis: int, place: float) -> Flags:
-    corners = model.nodes[model.shells.nodes]
+    corners = model.elements_of(Shells).corners(model.nodes)
     near = np.abs(corners[:, :, axis] - place) < _SAME
     return np.asarray(near.all(axis=1))
 
 
 def _is_new(stiff: FiniteElementModel, present: FiniteElementModel) -> Flags:
     """Which shells (n,) are walls that the present model does not have."""
-    walls = stiff.shells.kind == _KIND
-    middles = present.nodes[present.shells.nodes[present.shells.kind == _KIND]].mean(axis=1)
+    shells, known = stiff.elements_of(Shells), present.elements_of(Shells)
+    walls = shells.kind == _KIND
+    middles = present.nodes[known.nodes[known.kind == _KIND]].mean(axis=1)
     if not len(middles):
         return walls
-    distance, _ = cKDTree(middles).query(stiff.nodes[stiff.shells.nodes].mean(axis=1))
+    distance, _ = cKDTree(middles).query(shells.corners(stiff.nodes).mean(axis=1))
     return walls & (distance > _SAME)
 
 
-def _condensed(
-    stiff: FiniteElementModel, shells: Integers, known: cKDTree
-) -> tuple[Integers, Floats]:
-    """Degrees of freedom (m,) of the present model, and the stiffness (m, m) of shells on them."""
-    nodes, corners = np.unique(stiff.shells.nodes[shells], return_inverse=True)
-    corners = corners.reshape(len(shells), -1)
-    part = stiff.shells
-    elements = shell_matrices(
-        stiff.nodes[nodes][corners],
-        part.thickness[shells],
-        part.youngs_modulus[shells],
-        part.poisson_ratio[shells],
-        part.density[shells],
-    ).stiffness
-    own = (DOF_PER_NODE * corners[:, :, None] + np.arange(DOF_PER_NODE)).reshape(len(shells), -1)
+def _condensed(stiff: FiniteElementModel, walls: Shells, known: cKDTree) -> tuple[Integers, Floats]:
+    """Degrees of freedom (m,) of the present model, and the stiffness (m, m) of walls on them."""
+    nodes, corners = np.unique(walls.nodes, return_inverse=True)
+    corners = corners.reshape(len(walls), -1)
+    elements = walls.matrices(stiff.nodes).stiffness
+    own = (DOF_PER_NODE * corners[:, :, None] + np.arange(DOF_PER_NODE)).reshape(len(walls), -1)
     stiffness = np.zeros((DOF_PER_NODE * len(nodes),) * 2)
     np.add.at(stiffness, (own[:, :, None], own[:, None, :]), elements)
     distance, place = known.query(stiff.nodes[nodes])

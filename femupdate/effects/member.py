@@ -27,10 +27,7 @@ class MemberStiffness(Effect):
             return ()
         model = structure.mesh.model
         groups = np.concatenate(
-            [
-                part.group[np.isin(part.kind, self.kinds)]
-                for part in (model.shells, model.triangles, model.beams)
-            ]
+            [part.group[np.isin(part.kind, self.kinds)] for part in model.elements]
         )
         stories = structure.building.story_names
         own = tuple(stories[group] for group in np.unique(groups))

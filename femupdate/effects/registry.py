@@ -1,26 +1,11 @@
 """Finds the effects of the catalogue: every `Effect` in a module of its folder."""
 
-import importlib
-import inspect
-import pkgutil
-
 from femupdate.effects import catalogue
 from femupdate.effects.effect import Effect
 from femupdate.errors import BuildingError
+from femupdate.registry import classes_in
 
-
-def _found() -> dict[str, Effect]:
-    effects = {}
-    for module in sorted(info.name for info in pkgutil.iter_modules(catalogue.__path__)):
-        content = importlib.import_module(f"{catalogue.__name__}.{module}")
-        for kind in vars(content).values():
-            own = inspect.isclass(kind) and issubclass(kind, Effect)
-            if own and kind.__module__ == content.__name__ and not inspect.isabstract(kind):
-                effects[kind.name] = kind()
-    return effects
-
-
-CATALOGUE: dict[str, Effect] = _found()
+CATALOGUE: dict[str, Effect] = {kind.name: kind() for kind in classes_in(catalogue, Effect)}
 
 
 def effect_named(name: str) -> Effect:

@@ -6,7 +6,7 @@ A shear building is a stick; its heights are the stories' own, or one metre each
 """
 
 from collections.abc import Callable, Hashable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -300,24 +300,8 @@ def _twice(
     model: FiniteElementModel, kinds: tuple[str, ...], bending_only: bool
 ) -> FiniteElementModel:
     """The model with the members of some kinds twice as stiff."""
-    shells, triangles, beams = model.shells, model.triangles, model.beams
-    of_shells = 1.0 + np.isin(shells.kind, kinds)
-    of_triangles = 1.0 + np.isin(triangles.kind, kinds)
-    of_beams = 1.0 + np.isin(beams.kind, kinds)
-    if bending_only:
-        stiffer = replace(
-            beams,
-            inertia_y=beams.inertia_y * of_beams,
-            inertia_z=beams.inertia_z * of_beams,
-            # With it the member keeps its ratio of bending to shear flexibility.
-            shear_area_y=beams.shear_area_y * of_beams,
-            shear_area_z=beams.shear_area_z * of_beams,
+    return model.mapped(
+        lambda part: part.scaled(
+            np.where(np.isin(part.kind, kinds), 2.0, 1.0), bending_only=bending_only
         )
-    else:
-        stiffer = replace(beams, youngs_modulus=beams.youngs_modulus * of_beams)
-    return replace(
-        model,
-        shells=replace(shells, youngs_modulus=shells.youngs_modulus * of_shells),
-        triangles=replace(triangles, youngs_modulus=triangles.youngs_modulus * of_triangles),
-        beams=stiffer,
     )

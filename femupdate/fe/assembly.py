@@ -1,6 +1,6 @@
 """From the model to sparse operators, affine in the stiffness parameters theta."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import reduce
 
@@ -9,23 +9,10 @@ from scipy.sparse import csc_matrix, csr_matrix, identity
 
 from femupdate.arrays import Floats, Integers
 from femupdate.errors import ModelError
-from femupdate.fe.beam import beam_matrices
 from femupdate.fe.check import check_model
-from femupdate.fe.element import ElementMatrices
-from femupdate.fe.entries import (
-    Entries,
-    element_entries,
-    mass_entries,
-    spring_entries,
-    summed,
-)
+from femupdate.fe.entries import Entries, element_entries, mass_entries, spring_entries, summed
 from femupdate.fe.links import link_expansion, slave_dof
-from femupdate.fe.model import (
-    DOF_PER_NODE,
-    FiniteElementModel,
-)
-from femupdate.fe.shell import shell_matrices_in_parts
-from femupdate.fe.triangle import triangle_matrices
+from femupdate.fe.model import CONSTANT, DOF_PER_NODE, FiniteElementModel
 
 
 @dataclass(frozen=True)
@@ -175,38 +162,20 @@ def _entries(model: FiniteElementModel) -> tuple[dict[int, list[Entries]], list[
     """Entries of stiffness by parameter, -1 for what none scales, and of mass."""
     stiffness: dict[int, list[Entries]] = {group: [] for group in range(-1, model.groups)}
     mass = []
-    for nodes, groups, matrices in _elements(model):
-        mass.append(element_entries(nodes, matrices.mass))
-        for group in np.unique(groups):
-            chosen = groups == group
-            shared = len(matrices.stiffness) == 1
-            own = matrices.stiffness if shared else matrices.stiffness[chosen]
-            part = element_entries(nodes[chosen], own)
-            stiffness[max(int(group), -1)].append(part)
+    for block in model.elements:
+        for some, matrices in block.matrices_in_parts(model.nodes):
+            nodes, groups = block.nodes[some], block.group[some]
+            mass.append(element_entries(nodes, matrices.mass))
+            for group in np.unique(groups):
+                chosen = groups == group
+                shared = len(matrices.stiffness) == 1
+                own = matrices.stiffness if shared else matrices.stiffness[chosen]
+                part = element_entries(nodes[chosen], own)
+                stiffness[max(int(group), CONSTANT)].append(part)
     for group, parts in stiffness.items():
         springs = model.springs.group
         parts.append(spring_entries(model.springs, springs == group if group >= 0 else springs < 0))
     return stiffness, [*mass, mass_entries(model.masses)]
-
-
-def _elements(model: FiniteElementModel) -> Iterator[tuple[Integers, Integers, ElementMatrices]]:
-    """Nodes, stiffness parameters and matrices of some elements of one type at a time.
-
-    Elements that are alike may share one matrix.
-    """
-    shells, beams, triangles = model.shells, model.beams, model.triangles
-    parts = shell_matrices_in_parts(
-        model.nodes[shells.nodes],
-        shells.thickness,
-        shells.youngs_modulus,
-        shells.poisson_ratio,
-        shells.density,
-        nodes=shells.nodes,
-    )
-    for some, matrices in parts:
-        yield shells.nodes[some], shells.group[some], matrices
-    yield triangles.nodes, triangles.group, triangle_matrices(model.nodes, triangles)
-    yield beams.nodes, beams.group, beam_matrices(model.nodes[beams.nodes], beams)
 
 
 def with_terms(operators: AffineOperators, terms: tuple[csc_matrix, ...]) -> AffineOperators:

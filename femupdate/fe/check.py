@@ -4,14 +4,8 @@ import numpy as np
 
 from femupdate.arrays import Integers
 from femupdate.errors import ModelError
-from femupdate.fe.model import (
-    DOF_NAMES,
-    Beams,
-    FiniteElementModel,
-    Shells,
-    Springs,
-    Triangles,
-)
+from femupdate.fe.element import Elements
+from femupdate.fe.model import DOF_NAMES, FiniteElementModel, Springs
 
 _LISTED = 8  # nodes named in a message before "and n more"
 
@@ -21,10 +15,12 @@ def check_model(model: FiniteElementModel) -> None:
 
     Raises:
         ModelError: an index is out of range, a value is not finite, a node belongs to no element,
-            or no degree of freedom is free.
+            a kind has two blocks, or no degree of freedom is free.
     """
     _check_nodes(model)
+    _check_blocks(model)
     _check_indices(model)
+    _check_groups(model)
     _check_springs_and_masses(model)
     _check_connected(model)
 
@@ -42,12 +38,17 @@ def _check_nodes(model: FiniteElementModel) -> None:
         raise ModelError("every degree of freedom is held; free those that should move")
 
 
+def _check_blocks(model: FiniteElementModel) -> None:
+    names = [block.name for block in model.elements]
+    double = [name for name in names if names.count(name) > 1]
+    if double:
+        raise ModelError(f"the model has {len(double)} blocks of {double[0]} elements; join them")
+
+
 def _check_indices(model: FiniteElementModel) -> None:
     count = len(model.nodes)
     connected = (
-        ("shell", model.shells.nodes, 0),
-        ("triangle", model.triangles.nodes, 0),
-        ("beam", model.beams.nodes, 0),
+        *((block.name, block.nodes, 0) for block in model.elements),
         ("point mass", model.masses.node[:, None], 0),
         ("spring", model.springs.nodes[:, :1], 0),
         ("spring", model.springs.nodes[:, 1:], -1),
@@ -61,18 +62,19 @@ def _check_indices(model: FiniteElementModel) -> None:
                 f"{name} {first} names node {nodes[first, column]}, but there are only nodes 0 to "
                 f"{count - 1}"
             )
-    grouped: tuple[tuple[str, Shells | Triangles | Beams | Springs], ...] = (
-        ("shell", model.shells),
-        ("triangle", model.triangles),
-        ("beam", model.beams),
+
+
+def _check_groups(model: FiniteElementModel) -> None:
+    grouped: list[tuple[str, Elements | Springs]] = [
+        *((block.name, block) for block in model.elements),
         ("spring", model.springs),
-    )
-    for name, elements in grouped:
-        bad = elements.group >= model.groups
+    ]
+    for name, block in grouped:
+        bad = block.group >= model.groups
         if bad.any():
             first = int(bad.argmax())
             raise ModelError(
-                f"{name} {first} belongs to parameter {elements.group[first]}, but the model has "
+                f"{name} {first} belongs to parameter {block.group[first]}, but the model has "
                 f"{model.groups}, numbered from 0"
             )
 
@@ -103,13 +105,13 @@ def _check_springs_and_masses(model: FiniteElementModel) -> None:
 
 def _check_connected(model: FiniteElementModel) -> None:
     lonely = np.ones(len(model.nodes), dtype=bool)
-    elements = (model.shells, model.triangles, model.beams, model.springs)
-    for nodes in [part.nodes for part in elements] + [model.links.master, model.links.slave]:
+    own = [block.nodes for block in model.elements]
+    for nodes in [*own, model.springs.nodes, model.links.master, model.links.slave]:
         lonely[nodes[nodes >= 0]] = False
     if lonely.any():
         raise ModelError(
-            f"{_nodes(np.flatnonzero(lonely))} belong to no shell, beam or spring; remove them or "
-            "connect them"
+            f"{_nodes(np.flatnonzero(lonely))} belong to no element, spring or link; remove them "
+            "or connect them"
         )
 
 

@@ -4,8 +4,7 @@ The script stands alone and holds the model as tables of text. It needs `opensee
 restricts commercial redistribution; femupdate itself never imports it.
 """
 
-from collections.abc import Iterable, Sequence
-from typing import Any, Literal
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -13,20 +12,13 @@ from femupdate import __version__
 from femupdate.arrays import Floats, Integers
 from femupdate.errors import ModelError
 from femupdate.fe.check import check_model
-from femupdate.fe.model import (
-    DOF_NAMES,
-    Beams,
-    FiniteElementModel,
-    RigidLinks,
-    Shells,
-    Springs,
-    Triangles,
-)
+from femupdate.fe.element import group_factors
+from femupdate.fe.model import DOF_NAMES, FiniteElementModel, RigidLinks
+from femupdate.fe.opensees import OpenSeesPart, OpenSeesTable, numbers
 
-ShellName = Literal["ASDShellQ4", "ShellMITC4", "ShellDKGQ"]
-SHELL_NAMES: tuple[ShellName, ...] = ("ASDShellQ4", "ShellMITC4", "ShellDKGQ")
-_RIGID = (True, True, True, True, True, True)
-_DIAPHRAGM = (True, True, False, False, False, True)
+_RIGID = np.ones(6, dtype=np.bool_)
+_DIAPHRAGM = np.array([True, True, False, False, False, True])
+_NO_TYPES: Mapping[str, str] = {}
 
 
 def opensees_script(
@@ -35,177 +27,101 @@ def opensees_script(
     *,
     name: str = "model",
     modes: int = 12,
-    shell: ShellName = "ASDShellQ4",
+    types: Mapping[str, str] = _NO_TYPES,
 ) -> str:
     """Return the script.
 
-    Shells become ASDShellQ4 or another four-node shell (three-node ones ASDShellT3), beams
-    ElasticTimoshenkoBeam with consistent mass (elasticBeamColumn where they do not shear), point
-    masses nodal masses, springs zeroLength elements, rigid links rigidLink and rigidDiaphragm. The
-    stiffness factors are in the moduli.
+    Elements become what their kind says (see `Elements.opensees`), point masses nodal masses,
+    springs zeroLength elements, rigid links rigidLink and rigidDiaphragm. The stiffness factors
+    are in the moduli.
 
     Args:
         model: what to rebuild.
         theta: (p,) stiffness parameters.
         name: of the building, for the heading.
         modes: how many to ask for by default.
-        shell: the four-node shell to use.
+        types: the element type to use for a kind of element, such as {"shell": "ShellMITC4"}; the
+            first of its `opensees_types` for the others.
 
     Raises:
         ModelError: the model holds what OpenSees has no counterpart for (released beam ends, a
-            link of another kind), or theta has another length.
+            link of another kind), theta has another length, or a type does not fit its kind.
     """
     check_model(model)
     factors = np.asarray(theta, dtype=float)
-    if factors.shape != (model.groups,) or shell not in SHELL_NAMES:
+    if factors.shape != (model.groups,):
         raise ModelError(
-            f"the export needs {model.groups} stiffness parameters and one of "
-            f"{', '.join(SHELL_NAMES)} as shell; got {factors.size} and {shell}"
+            f"the export needs {model.groups} stiffness parameters; got {factors.size}"
         )
-    _refuse_releases(model.beams)
-    tables = {
-        "NODES": (("x", "y", "z"), _columns(model.nodes)),
-        "SUPPORTS": (("node", *DOF_NAMES), _supports(model)),
-        "MASSES": (("node", "kg", "kg m2 about x", "y", "z"), _masses(model)),
-        **_shell_tables("SHELL", model.shells, factors),
-        **_shell_tables("TRIANGLE", model.triangles, factors),
-        **_beam_tables(model.beams, factors),
-        "SPRINGS": (
-            ("node", "node or -1", "direction", "N/m or N m/rad"),
-            _springs(model, factors),
-        ),
-        "RIGID": (("master", "slave"), _links(model, _RIGID)),
-        "DIAPHRAGM": (("master", "slave"), _links(model, _DIAPHRAGM)),
-    }
-    head = _HEAD.format(
-        name=name, version=__version__, shell=shell, modes=modes, theta=_numbers(factors)
-    )
-    return head + "".join(_table(key, *table) for key, table in tables.items()) + _BODY
-
-
-def _numbers(values: Iterable[Any]) -> str:
-    return " ".join(f"{value:.12g}" for value in values)
-
-
-def _table(name: str, head: Sequence[str], rows: Iterable[str]) -> str:
-    lines = "\n".join(rows)
-    return f'# {", ".join(head)}\n{name} = table("""\n{lines}\n""")\n\n'
-
-
-def _columns(*columns: Any) -> list[str]:
-    """Rows of text from columns (n,) or (n, k)."""
-    return [
-        _numbers(np.concatenate([np.ravel(v) for v in row])) for row in zip(*columns, strict=True)
+    parts = [
+        block.opensees(block.youngs_modulus * group_factors(block.group, factors))
+        for block in model.elements
     ]
+    head = _HEAD.format(
+        name=name,
+        version=__version__,
+        modes=modes,
+        theta=numbers(factors),
+        types=_types(model, types),
+    )
+    tables = _tables(model, factors, parts)
+    text = "".join(table.text(key) for key, table in tables.items())
+    code = "".join(part.code for part in parts).strip().replace("\n", "\n    ")
+    return head + text + _BODY.replace("    ELEMENTS", f"    {code}")
 
 
-def _supports(model: FiniteElementModel) -> list[str]:
-    held = np.flatnonzero(model.fixed.any(axis=1))
-    return _columns(held, model.fixed[held].astype(int))
+def _types(model: FiniteElementModel, wanted: Mapping[str, str]) -> dict[str, str]:
+    """The element type of OpenSees for each kind in the model that has one."""
+    known = {block.name: block.opensees_types for block in model.elements if block.opensees_types}
+    for kind, one in wanted.items():
+        if kind in known and one not in known[kind]:
+            raise ModelError(
+                f"{one} cannot stand for a {kind} in OpenSees; use {', '.join(known[kind])}"
+            )
+    return {kind: wanted.get(kind, first) for kind, (first, *_) in known.items()}
 
 
-def _masses(model: FiniteElementModel) -> list[str]:
+def _tables(
+    model: FiniteElementModel, factors: Floats, parts: list[OpenSeesPart]
+) -> dict[str, OpenSeesTable]:
+    held, springs = np.flatnonzero(model.fixed.any(axis=1)), model.springs
+    stiffness = springs.stiffness * group_factors(springs.group, factors)
+    tables = {
+        "NODES": OpenSeesTable(("x", "y", "z"), [model.nodes]),
+        "SUPPORTS": OpenSeesTable(("node", *DOF_NAMES), [held, model.fixed[held].astype(int)]),
+        "MASSES": _masses(model),
+        "SPRINGS": OpenSeesTable(
+            ("node", "node or -1", "direction", "N/m or N m/rad"),
+            [springs.nodes, springs.direction, stiffness],
+        ),
+        "RIGID": _links(model.links, _RIGID),
+        "DIAPHRAGM": _links(model.links, _DIAPHRAGM),
+    }
+    for part in parts:
+        tables.update(part.tables)
+    return tables
+
+
+def _masses(model: FiniteElementModel) -> OpenSeesTable:
     """One row a node, for OpenSees keeps the last mass of a node and forgets the others."""
     masses = model.masses
     nodes, where = np.unique(masses.node, return_inverse=True)
     values = np.zeros((len(nodes), 4))
     np.add.at(values, where, np.column_stack([masses.mass, masses.inertia]))
-    return _columns(nodes, values)
+    return OpenSeesTable(("node", "kg", "kg m2 about x", "y", "z"), [nodes, values])
 
 
-def _factored(
-    elements: Shells | Triangles | Beams | Springs, stiffness: Floats, factors: Floats
-) -> Floats:
-    """Moduli or stiffnesses with the factor of each group in them."""
-    return stiffness * np.where(elements.group >= 0, np.append(factors, 1.0)[elements.group], 1.0)
-
-
-def _shell_tables(
-    name: str, shells: Shells | Triangles, factors: Floats
-) -> dict[str, tuple[tuple[str, ...], list[str]]]:
-    youngs_modulus = _factored(shells, shells.youngs_modulus, factors)
-    kinds, which = np.unique(
-        np.column_stack([youngs_modulus, shells.poisson_ratio, shells.thickness, shells.density]),
-        axis=0,
-        return_inverse=True,
-    )
-    corners = tuple("node" for _ in range(shells.nodes.shape[1]))
-    return {
-        f"{name}_SECTIONS": (("E in Pa", "nu", "thickness in m", "kg/m3"), _columns(kinds)),
-        f"{name}S": ((*corners, "section"), _columns(shells.nodes, which.ravel())),
-    }
-
-
-def _beam_tables(beams: Beams, factors: Floats) -> dict[str, tuple[tuple[str, ...], list[str]]]:
-    youngs_modulus = _factored(beams, beams.youngs_modulus, factors)
-    kinds, which = np.unique(
-        np.column_stack(
-            [
-                youngs_modulus,
-                youngs_modulus / (2.0 * (1.0 + beams.poisson_ratio)),
-                beams.area,
-                beams.torsion_constant,
-                beams.inertia_y,
-                beams.inertia_z,
-                beams.shear_area_y,
-                beams.shear_area_z,
-                beams.density * beams.area,
-            ]
-        ),
-        axis=0,
-        return_inverse=True,
-    )
-    arms = np.zeros((len(beams), 6)) if beams.offset is None else beams.offset.reshape(-1, 6)
-    head = ("E", "G", "A", "J", "Iy", "Iz", "shear area y", "shear area z", "kg/m")
-    return {
-        "BEAM_SECTIONS": (head, _columns(kinds)),
-        "BEAMS": (
-            (
-                "node",
-                "node",
-                "section",
-                "up x",
-                "y",
-                "z",
-                "rigid arms: first x",
-                "y",
-                "z",
-                "second",
-            ),
-            _columns(beams.nodes, which.ravel(), beams.up, arms),
-        ),
-    }
-
-
-def _springs(model: FiniteElementModel, factors: Floats) -> list[str]:
-    springs = model.springs
-    stiffness = _factored(springs, springs.stiffness, factors)
-    return _columns(springs.nodes, springs.direction, stiffness)
-
-
-def _refuse_releases(beams: Beams) -> None:
-    if beams.released is not None and beams.released.any():
-        first = int(beams.released.any(axis=1).argmax())
-        raise ModelError(
-            f"beam {first} has a released end, which the OpenSees script cannot hold; export the "
-            "building without hinged members"
-        )
-
-
-def _links(model: FiniteElementModel, tied: tuple[bool, ...]) -> list[str]:
+def _links(links: RigidLinks, tied: np.ndarray) -> OpenSeesTable:
     """Links of one kind, each to the last master of its chain."""
-    links = model.links
-    own = (links.tied == np.array(tied)).all(axis=1)
-    known = (links.tied == np.array(_RIGID)).all(axis=1) | (
-        (links.tied == np.array(_DIAPHRAGM)).all(axis=1)
-    )
+    own, rigid, plan = ((links.tied == one).all(axis=1) for one in (tied, _RIGID, _DIAPHRAGM))
+    known = rigid | plan
     if not known.all():
         first = int((~known).argmax())
         raise ModelError(
             f"the rigid link from node {links.master[first]} to node {links.slave[first]} ties "
             "neither all six motions nor those of a floor in its plane; OpenSees has no such link"
         )
-    return _columns(_last_masters(links)[own], links.slave[own])
+    return OpenSeesTable(("master", "slave"), [_last_masters(links)[own], links.slave[own]])
 
 
 def _last_masters(links: RigidLinks) -> Integers:
@@ -224,11 +140,13 @@ _HEAD = '''#!/usr/bin/env python3
 """{name} in OpenSeesPy: builds the model, runs its modal analysis and prints the frequencies.
 
 Written by femupdate {version}. Install OpenSees with `pip install openseespy`, then run
-    python THIS_FILE [--modes {modes}] [--shell {shell}] [--solver SparseGeneral]
+    python THIS_FILE [--modes {modes}] [--solver SparseGeneral]
+--help shows which element types can be chosen.
 SI units throughout: m, N, kg, s. Stiffness factors in the moduli: {theta}
 """
 
 import argparse
+import itertools
 import json
 import time
 
@@ -236,7 +154,7 @@ import numpy as np
 import openseespy.opensees as ops
 
 MODES = {modes}
-SHELL = "{shell}"  # or ShellMITC4, ShellDKGQ
+TYPES = {types}  # element type of OpenSees for each kind of element
 
 
 def table(text):
@@ -246,6 +164,13 @@ def table(text):
 '''
 
 _BODY = '''MASTERS = {int(slave) + 1: int(master) + 1 for master, slave in RIGID}
+TAGS = {"node": itertools.count(len(NODES) + 1)}
+ARMS = []
+
+
+def new(what):
+    """The next free tag of a node, an element, a section or a material."""
+    return next(TAGS.setdefault(what, itertools.count(1)))
 
 
 def whole(values):
@@ -253,7 +178,7 @@ def whole(values):
     return [int(value) + 1 for value in values]
 
 
-def build(shell):
+def build():
     ops.wipe()
     ops.model("basic", "-ndm", 3, "-ndf", 6)
     for number, point in enumerate(NODES, start=1):
@@ -262,64 +187,40 @@ def build(shell):
         ops.fix(int(node) + 1, *[int(flag) for flag in held])
     for node, mass, *inertia in MASSES:
         ops.mass(int(node) + 1, mass, mass, mass, *inertia)
-    element = section = 0
-    for kind, sections, shells in (
-        (shell, SHELL_SECTIONS, SHELLS),
-        ("ASDShellT3", TRIANGLE_SECTIONS, TRIANGLES),
-    ):
-        for number, properties in enumerate(sections, start=section + 1):
-            ops.section("ElasticMembranePlateSection", number, *properties)
-        for *corners, which in shells:
-            element += 1
-            ops.element(kind, element, *whole(corners), section + 1 + int(which))
-        section += len(sections)
-    for row in BEAMS:
-        element += 1
-        beam(element, row)
-    for number, row in enumerate(SPRINGS, start=1):
-        spring(element + number, len(NODES) + number, row)
+    ELEMENTS
+    for first, second, direction, stiffness in SPRINGS:
+        spring(*whole((first, second, direction)), stiffness)
     for master, slave in RIGID:
         ops.rigidLink("beam", *whole((master, slave)))
     for master, slave in DIAPHRAGM:
         ops.rigidDiaphragm(3, *whole((master, slave)))
 
 
-def beam(tag, row):
-    ends, which, up = whole(row[:2]), int(row[2]), row[3:6]
-    ends = [arm(end, row[6 + 3 * k : 9 + 3 * k], 2 * tag + k) for k, end in enumerate(ends)]
-    E, G, A, J, Iy, Iz, shear_y, shear_z, line_mass = BEAM_SECTIONS[which]
-    ops.geomTransf("Linear", tag, *up)
-    mass = ("-mass", line_mass, "-cMass")
-    if np.isinf(shear_y) or np.isinf(shear_z):
-        ops.element("elasticBeamColumn", tag, *ends, A, E, G, J, Iy, Iz, tag, *mass)
-    else:
-        properties = (E, G, A, J, Iy, Iz, shear_y, shear_z)
-        ops.element("ElasticTimoshenkoBeam", tag, *ends, *properties, tag, *mass)
-
-
-def arm(node, offset, tag):
-    """The node at the end of a rigid arm; ElasticTimoshenkoBeam does not know -jntOffset."""
+def arm(node, offset):
+    """The tag of the node at the end of a rigid arm from a node."""
+    start = int(node) + 1
     if not any(offset):
-        return node
-    end = len(NODES) + len(SPRINGS) + tag
-    ops.node(end, *(np.array(NODES[node - 1]) + offset).tolist())
-    ops.rigidLink("beam", MASTERS.get(node, node), end)
+        return start
+    end = new("node")
+    ops.node(end, *(np.array(NODES[start - 1]) + offset).tolist())
+    ops.rigidLink("beam", MASTERS.get(start, start), end)
+    ARMS.append(end)
     return end
 
 
-def spring(tag, ground, row):
-    first, second, direction = int(row[0]) + 1, int(row[1]) + 1, int(row[2]) + 1
+def spring(first, second, direction, stiffness):
     if second == 0:  # a spring to the ground: a held node in the same place
-        second = ground
+        second = new("node")
         ops.node(second, *NODES[first - 1])
         ops.fix(second, 1, 1, 1, 1, 1, 1)
-    ops.uniaxialMaterial("Elastic", tag, row[3])
-    ops.element("zeroLength", tag, second, first, "-mat", tag, "-dir", direction)
+    material = new("material")
+    ops.uniaxialMaterial("Elastic", material, stiffness)
+    connection = (second, first, "-mat", material, "-dir", direction)
+    ops.element("zeroLength", new("element"), *connection)
 
 
 def frequencies(count, solver):
-    arms = any(any(row[6:]) for row in BEAMS)
-    ops.constraints("Transformation" if RIGID or DIAPHRAGM or arms else "Plain")
+    ops.constraints("Transformation" if RIGID or DIAPHRAGM or ARMS else "Plain")
     ops.numberer("RCM")
     ops.system(solver)
     ops.test("NormUnbalance", 1e-8, 1)
@@ -332,12 +233,14 @@ def frequencies(count, solver):
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--modes", type=int, default=MODES)
-    parser.add_argument("--shell", default=SHELL)
     parser.add_argument("--solver", default="SparseGeneral", help="or UmfPack, ProfileSPD")
     parser.add_argument("--json", action="store_true", help="one JSON object")
+    for kind, usual in TYPES.items():
+        parser.add_argument(f"--{kind}", default=usual, help=f"element type, {usual} by default")
     options = parser.parse_args()
+    TYPES = {kind: getattr(options, kind) for kind in TYPES}
     wall, cpu = time.perf_counter(), time.process_time()
-    build(options.shell)
+    build()
     found = frequencies(options.modes, options.solver)
     report = {
         "frequencies_hz": found,

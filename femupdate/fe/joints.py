@@ -13,12 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from femupdate.arrays import Floats, Integers
-from femupdate.fe.model import (
-    DOF_PER_NODE,
-    Beams,
-    FiniteElementModel,
-    RigidLinks,
-)
+from femupdate.fe.element import area_vectors
+from femupdate.fe.elements.beam import Beams
+from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel, RigidLinks
 
 _IN_PLANE = 0.1  # sine of the angle between beam and shell up to which the beam lies in its plane
 _SAME_PLANE = 0.985  # cosine of the angle between shells of one plane
@@ -73,40 +70,23 @@ class EdgeJoint:
         return self.edge[chosen]
 
 
-def beam_sizes(beams: Beams) -> Floats:
-    """Width along local y and depth along local z of the rectangles with the same figures, (n, 2).
-
-    For a solid rectangle they are its own.
-    """
-    return np.sqrt(
-        12.0 * np.stack([beams.inertia_z, beams.inertia_y], axis=1) / beams.area[:, None]
-    )
-
-
-def edge_joints(model: FiniteElementModel, sizes: Floats | None = None) -> tuple[EdgeJoint, ...]:
-    """Find the ends of beams that need a rigid link over their depth.
-
-    Args:
-        model: shells, triangles and beams.
-        sizes: (n, 2) m, extent of each beam's section along its local y and z; from its figures
-            where None.
-    """
-    sheets = _sheets(model)
-    if not len(sheets.nodes) or not len(model.beams):
+def edge_joints(model: FiniteElementModel) -> tuple[EdgeJoint, ...]:
+    """Find the ends of beams that need a rigid link over their depth."""
+    sheets, beams = _sheets(model), model.elements_of(Beams)
+    if not len(sheets.nodes) or not len(beams):
         return ()
-    sizes = beam_sizes(model.beams) if sizes is None else sizes
-    ends = _Ends.of(model)
+    ends = _Ends.of(model.nodes, beams)
     candidates, around = _candidates(sheets, ends, len(model.nodes))
     found: list[EdgeJoint] = []
     for node in candidates.tolist():
         own = np.flatnonzero(ends.node == node)
-        found += _joints_at(model, sheets, ends, node, own, around(node), sizes)
+        found += _joints_at(model.nodes, sheets, ends, node, own, around(node))
     return tuple(found)
 
 
-def _candidates(sheets: "_Sheets", ends: "_Ends", count: int) -> tuple[Integers, "_elements_at"]:
+def _candidates(sheets: "_Sheets", ends: "_Ends", count: int) -> tuple[Integers, "_Around"]:
     """Nodes where a beam lies in the plane of a shell that has no beam along its sides there."""
-    around = _elements_at(sheets.nodes, count)
+    around = _Around(sheets.nodes, count)
     end, sheet = around.pairs(ends.node)
     inside = np.abs(np.einsum("nd,nd->n", ends.away[end], sheets.normal[sheet])) < _IN_PLANE
     end, sheet = end[inside], sheet[inside]
@@ -147,37 +127,40 @@ class _Sheets:
 
 
 def _sheets(model: FiniteElementModel) -> _Sheets:
-    three = model.triangles.nodes
-    nodes = np.concatenate([model.shells.nodes, np.column_stack([three, three[:, 2:]])])
-    corners = model.nodes[nodes]
-    normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
-    flat = len(model.shells)
-    corners = corners[flat:]
-    normal[flat:] = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    corners = model.nodes[model.faces]
+    normal = area_vectors(corners)
     size = np.linalg.norm(normal, axis=1, keepdims=True)
     normal = normal / np.maximum(size, np.finfo(float).tiny)
-    return _Sheets(nodes, normal, model.nodes[nodes].mean(axis=1))
+    return _Sheets(model.faces, normal, corners.mean(axis=1))
 
 
 @dataclass(frozen=True)
 class _Ends:
-    """Both ends of all beams: node, beam, unit vector away from the node, the other end's node."""
+    """Both ends of all beams: node, other end's node, beam, unit vector away from the node."""
 
+    beams: Beams
+    extents: Floats
     node: Integers
     other: Integers
     beam: Integers
     away: Floats
 
     @classmethod
-    def of(cls, model: FiniteElementModel) -> "_Ends":
-        nodes = model.beams.nodes
-        axis = model.nodes[nodes[:, 1]] - model.nodes[nodes[:, 0]]
+    def of(cls, points: Floats, beams: Beams) -> "_Ends":
+        nodes = beams.nodes
+        axis = points[nodes[:, 1]] - points[nodes[:, 0]]
         axis = axis / np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), 1e-300)
-        beam = np.tile(np.arange(len(nodes)), 2)
-        return cls(nodes.T.ravel(), nodes[:, ::-1].T.ravel(), beam, np.concatenate([axis, -axis]))
+        return cls(
+            beams=beams,
+            extents=beams.extents(),
+            node=nodes.T.ravel(),
+            other=nodes[:, ::-1].T.ravel(),
+            beam=np.tile(np.arange(len(nodes)), 2),
+            away=np.concatenate([axis, -axis]),
+        )
 
 
-class _elements_at:  # noqa: N801 - called like a function
+class _Around:
     """Elements that meet in a node."""
 
     def __init__(self, nodes: Integers, count: int) -> None:
@@ -198,13 +181,7 @@ class _elements_at:  # noqa: N801 - called like a function
 
 
 def _joints_at(
-    model: FiniteElementModel,
-    sheets: _Sheets,
-    ends: _Ends,
-    node: int,
-    own: Integers,
-    around: Integers,
-    sizes: Floats,
+    points: Floats, sheets: _Sheets, ends: _Ends, node: int, own: Integers, around: Integers
 ) -> Iterator[EdgeJoint]:
     """Yield the joints of one node, one a plane in which a beam leaves it."""
     normal = sheets.normal[around]
@@ -213,18 +190,13 @@ def _joints_at(
         first = normal[int(left.argmax())]
         plane = np.abs(normal @ first) > _SAME_PLANE
         left &= ~plane
-        group = around[plane]
-        inside = np.abs(ends.away[own] @ first) < _IN_PLANE
-        candidates = own[inside]
+        quads = sheets.nodes[around[plane]]
+        candidates = own[np.abs(ends.away[own] @ first) < _IN_PLANE]
         if not len(candidates) or any(
-            _runs_along(model.nodes, sheets.nodes[group], node, ends.away[end])
-            for end in candidates
+            _runs_along(points, quads, node, ends.away[end]) for end in candidates
         ):
             continue
-        joints = [
-            _joint(model, sheets, sheets.nodes[group], node, ends, int(end), first, sizes)
-            for end in candidates
-        ]
+        joints = [_joint(points, sheets, quads, ends, int(end), first) for end in candidates]
         joint = max(joints, key=lambda one: one.depth)
         if len(joint.edge):
             yield joint
@@ -249,49 +221,40 @@ def _runs_along(nodes: Floats, quads: Integers, node: int, away: Floats) -> bool
 
 
 def _joint(
-    model: FiniteElementModel,
-    sheets: _Sheets,
-    quads: Integers,
-    node: int,
-    ends: _Ends,
-    end: int,
-    normal: Floats,
-    sizes: Floats,
+    points: Floats, sheets: _Sheets, quads: Integers, ends: _Ends, end: int, normal: Floats
 ) -> EdgeJoint:
-    beam, away = int(ends.beam[end]), ends.away[end]
+    beams, beam, node, away = ends.beams, int(ends.beam[end]), int(ends.node[end]), ends.away[end]
     across = np.cross(normal, away)
     across /= np.linalg.norm(across)
     # One sense for all: upwards, or along the greatest component of what lies level.
     lead = across[2] if abs(across[2]) > _ALONG else across[int(np.abs(across).argmax())]
     across = across * np.sign(lead)
-    z = model.beams.up[beam] - (model.beams.up[beam] @ away) * away
+    z = beams.up[beam] - (beams.up[beam] @ away) * away
     z = z / np.linalg.norm(z)
-    depth = float(np.abs([np.cross(z, away) @ across, z @ across]) @ sizes[beam])
+    depth = float(np.abs([np.cross(z, away) @ across, z @ across]) @ ends.extents[beam])
     offset = np.zeros(3)
-    if model.beams.offset is not None:
-        offset = model.beams.offset[beam, int(model.beams.nodes[beam, 1] == node)]
-    edge, position = _edge(model, sheets, quads, node, normal, across, away, depth)
+    if beams.offset is not None:
+        offset = beams.offset[beam, int(beams.nodes[beam, 1] == node)]
+    edge, position = _edge(points, sheets, quads, node, (normal, across, away), depth)
     return EdgeJoint(node, beam, across, depth, float(offset @ across), edge, position)
 
 
 def _edge(
-    model: FiniteElementModel,
+    points: Floats,
     sheets: _Sheets,
     quads: Integers,
     node: int,
-    normal: Floats,
-    across: Floats,
-    away: Floats,
+    axes: tuple[Floats, Floats, Floats],
     depth: float,
 ) -> tuple[Integers, Floats]:
     """Nodes that continue the shell's edge from a node, over the depth or to the next ones."""
+    normal, across, away = axes
     near = np.unique(quads)
-    reach = max(depth, float(np.linalg.norm(model.nodes[near] - model.nodes[node], axis=1).max()))
-    middle = sheets.middle - model.nodes[node]
+    reach = max(depth, float(np.linalg.norm(points[near] - points[node], axis=1).max()))
     same = np.abs(sheets.normal @ normal) > _SAME_PLANE
-    close = np.abs(middle).max(axis=1) < 3.0 * reach
+    close = np.abs(sheets.middle - points[node]).max(axis=1) < 3.0 * reach
     candidates = np.setdiff1d(_rim(sheets.nodes[same & close]), [node])
-    arm = model.nodes[candidates] - model.nodes[node]
+    arm = points[candidates] - points[node]
     along, aside = arm @ across, np.abs(arm @ away)
     level = np.abs(arm @ normal) < _SLANT * np.abs(along)
     chosen = level & (aside <= _SLANT * np.abs(along)) & (np.abs(along) > _ROUNDING * depth)

@@ -51,10 +51,8 @@ class Geometry:
 
     @classmethod
     def of_model(cls, model: FiniteElementModel) -> "Geometry":
-        """The shells and beams of a finite-element model; a triangle repeats its last node."""
-        three = model.triangles.nodes
-        shells = np.concatenate([model.shells.nodes, np.column_stack([three, three[:, 2:]])])
-        return cls.of(model.nodes, shells, model.beams.nodes)
+        """The surfaces and lines of a finite-element model; a triangle repeats its last node."""
+        return cls.of(model.nodes, model.faces, model.lines)
 
     @property
     def size(self) -> float:

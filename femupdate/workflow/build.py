@@ -82,9 +82,7 @@ def build_study(
         modes.frequency_hz,
         effective,
         len(parts.operators.free),
-        len(parts.mesh.model.shells)
-        + len(parts.mesh.model.triangles)
-        + len(parts.mesh.model.beams),
+        parts.mesh.model.element_count,
         mass,
         _checks(parts, reduction, modes),
         pictures,
@@ -96,20 +94,13 @@ def write_mesh(parts: FrameParts, path: Path, modes: Modes | None = None) -> Non
     import meshio
 
     model = parts.mesh.model
-    shells, three, beams = model.shells, model.triangles, model.beams
     # The last entry is for elements that no factor scales.
     story = np.array([*(one.story + 1 for one in parts.mesh.factors), 0])
-    nothing = [np.zeros(len(part)) for part in (shells, three, beams)]
-    cells = [("quad", shells.nodes), ("triangle", three.nodes), ("line", beams.nodes)]
-    data: dict[str, list[np.ndarray]] = {
-        "story": [story[part.group] for part in (shells, three, beams)],
-        "thickness_m": [shells.thickness, three.thickness, nothing[2]],
-        "section_area_m2": [*nothing[:2], beams.area],
-    }
-    # The writer cannot take a block without cells.
-    there = [number for number, (_, nodes) in enumerate(cells) if len(nodes)]
-    cells = [cells[number] for number in there]
-    data = {name: [values[number] for number in there] for name, values in data.items()}
+    blocks = model.elements
+    data: dict[str, list[np.ndarray]] = {"story": [story[block.group] for block in blocks]}
+    for dimension, name in ((2, "thickness_m"), (1, "section_area_m2")):
+        data[name] = [block.section * (block.dimension() == dimension) for block in blocks]
+    cells = [(block.cell_type, block.nodes) for block in blocks]
     points = {}
     if modes is not None:
         full = parts.operators.expand(modes.shapes).reshape(len(model.nodes), 6, -1)

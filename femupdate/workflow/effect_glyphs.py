@@ -156,14 +156,14 @@ class _Building:
             return Glyphs()
         model, names = self.structure.mesh.model, self.structure.building.story_names
         wanted = list(range(len(names))) if place == ALL else [names.index(place)]
-        faces: list[Floats] = []
-        for part in (model.shells, model.triangles):
-            here = np.isin(part.kind, kinds) & np.isin(part.group, wanted)
-            corners = model.nodes[part.nodes[here]]
-            faces += [one[[0, 1, 2, -1]] for one in corners]  # a triangle repeats its last node
-        here = np.isin(model.beams.kind, kinds) & np.isin(model.beams.group, wanted)
-        lines = list(model.nodes[model.beams.nodes[here]])
-        return Glyphs(lines=tuple(lines), faces=tuple(faces))
+        chosen = model.mapped(
+            lambda part: part.taken(
+                np.flatnonzero(np.isin(part.kind, kinds) & np.isin(part.group, wanted))
+            )
+        )
+        return Glyphs(
+            lines=tuple(model.nodes[chosen.lines]), faces=tuple(model.nodes[chosen.faces])
+        )
 
     def stories(self, place: str) -> Glyphs:
         """The near faces of a story, or of all."""

@@ -7,14 +7,14 @@ import numpy as np
 from femupdate.building.mesh import mesh_building
 from femupdate.building.schema import Building
 from femupdate.errors import StudyError
-from femupdate.fe.export_opensees import ShellName, opensees_script
+from femupdate.fe.export_opensees import opensees_script
 from femupdate.study import Study, write_text
 
 FILE = "opensees_model.py"
 
 
 def export_opensees(
-    study: Study, building: Building, modes: int = 12, shell: ShellName = "ASDShellQ4"
+    study: Study, building: Building, modes: int = 12, shell: str = "ASDShellQ4"
 ) -> Path:
     """Write a Python script that rebuilds the building in OpenSeesPy, all stiffness factors 1.
 
@@ -29,7 +29,9 @@ def export_opensees(
         )
     model = mesh_building(building).model
     name = building.title or building.name
-    script = opensees_script(model, np.ones(model.groups), name=name, modes=modes, shell=shell)
+    script = opensees_script(
+        model, np.ones(model.groups), name=name, modes=modes, types={"shell": shell}
+    )
     path = study.path(FILE)
     write_text(path, script)
     return path

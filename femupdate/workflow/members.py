@@ -14,11 +14,12 @@ from femupdate.building.own_mesh import MeshBuilding
 from femupdate.building.schema import Building
 from femupdate.building.shear import ShearBuilding
 from femupdate.building.wall_cuts import WallCut, wall_cut
-from femupdate.dynamics.member_forces import BEAM_FORCES, WALL_FORCES, beam_end_rows, wall_rows
+from femupdate.dynamics.member_forces import WALL_FORCES, beam_end_rows, wall_rows
 from femupdate.dynamics.summary import Statistics, statistics
 from femupdate.dynamics.superposition import BaseMotion, displacement_history, superpose
 from femupdate.errors import BuildingError
 from femupdate.fe.assembly import AffineOperators, assemble
+from femupdate.fe.elements.beam import Beams
 from femupdate.fe.model import FiniteElementModel
 from femupdate.processors import everywhere
 from femupdate.progress import SILENT, Progress
@@ -26,7 +27,6 @@ from femupdate.study import write_text
 
 Place = tuple[float, float, float]
 
-_BEAM_NAMES = tuple(f"{force}_{end}" for end in ("start", "end") for force in BEAM_FORCES)
 _WITH_COLUMNS = tuple(f"{force}_with_columns" for force in WALL_FORCES)
 
 
@@ -120,14 +120,15 @@ def _wall(cut: WallCut, name: str) -> Member:
 
 
 def _nearest(building: Building, model: FiniteElementModel, place: Place) -> Member:
-    if not len(model.beams):
+    beams = model.elements_of(Beams)
+    if not len(beams):
         raise BuildingError(f"{building.name}: there are neither beams nor columns; leave them out")
-    middle = model.nodes[model.beams.nodes].mean(axis=1)
+    middle = model.nodes[beams.nodes].mean(axis=1)
     beam = int(np.linalg.norm(middle - np.array(place), axis=1).argmin())
-    ends = model.nodes[model.beams.nodes[beam]]
+    ends = model.nodes[beams.nodes[beam]]
     (x, y, z), (a, b, c) = ends
     name = f"({x:g}, {y:g}, {z:g}) to ({a:g}, {b:g}, {c:g}) m"
-    return Member(str(model.beams.kind[beam]), name, ends, _BEAM_NAMES, beam)
+    return Member(str(beams.kind[beam]), name, ends, Beams.force_names, beam)
 
 
 def member_forces(

@@ -8,10 +8,12 @@ from hypothesis import strategies as st
 from femupdate.building.document import from_document
 from femupdate.building.files import load_building
 from femupdate.building.lattice import divisions
-from femupdate.building.masses import bar_lengths, self_mass, shell_areas
+from femupdate.building.masses import self_mass
 from femupdate.building.mesh import mesh_building
 from femupdate.errors import BuildingError
 from femupdate.fe.assembly import assemble
+from femupdate.fe.elements.beam import Beams
+from femupdate.fe.elements.shell import Shells
 from femupdate.fe.solve import lowest_modes
 
 DENSITY = 2400.0
@@ -54,11 +56,19 @@ def test_a_building_of_any_size_weighs_what_its_drawings_say(make_document, heig
     loaded = mesh_building(from_document(document))
     assert total_mass(loaded) == pytest.approx(2.0 * per_story.max() * len(heights), rel=1e-12)
     model = mesh.model
-    used = np.unique(np.concatenate([model.shells.nodes.ravel(), model.beams.nodes.ravel()]))
+    used = np.unique(
+        np.concatenate(
+            [model.elements_of(Shells).nodes.ravel(), model.elements_of(Beams).nodes.ravel()]
+        )
+    )
     np.testing.assert_array_equal(used, np.arange(len(model.nodes)))
     assert len(np.unique(model.nodes, axis=0)) == len(model.nodes)
-    assert set(model.shells.group) == set(model.beams.group) == set(range(len(heights)))
-    assert bar_lengths(model).max() <= size * (1 + 1e-6)
+    assert (
+        set(model.elements_of(Shells).group)
+        == set(model.elements_of(Beams).group)
+        == set(range(len(heights)))
+    )
+    assert model.elements_of(Beams).measure(model.nodes).max() <= size * (1 + 1e-6)
     np.testing.assert_array_equal(mesh.base_nodes, np.flatnonzero(model.nodes[:, 2] == 0.0))
     assert len(mesh.base_nodes) == (len(bays[0]) + 1) * (len(bays[1]) + 1)
     assert model.fixed[mesh.base_nodes].all()
@@ -105,13 +115,13 @@ def small(small_text, tmp_path):
 def test_each_story_owns_what_carries_its_floor_and_the_floor(small):
     model = mesh_building(small).model
     low, high = 3.2, 6.0
-    shell_z = model.nodes[model.shells.nodes][:, :, 2]
-    beam_z = model.nodes[model.beams.nodes][:, :, 2]
+    shell_z = model.nodes[model.elements_of(Shells).nodes][:, :, 2]
+    beam_z = model.nodes[model.elements_of(Beams).nodes][:, :, 2]
     for kind, z, elements in (
-        ("wall", shell_z, model.shells),
-        ("slab", shell_z, model.shells),
-        ("column", beam_z, model.beams),
-        ("beam", beam_z, model.beams),
+        ("wall", shell_z, model.elements_of(Shells)),
+        ("slab", shell_z, model.elements_of(Shells)),
+        ("column", beam_z, model.elements_of(Beams)),
+        ("beam", beam_z, model.elements_of(Beams)),
     ):
         for group, (bottom, top) in enumerate([(0.0, low), (low, high)]):
             heights = z[(elements.kind == kind) & (elements.group == group)]
@@ -123,20 +133,20 @@ def test_each_story_owns_what_carries_its_floor_and_the_floor(small):
 
 def test_columns_and_beams_share_the_nodes_of_walls_and_slabs(small):
     model = mesh_building(small).model
-    wall = np.unique(model.shells.nodes[model.shells.kind == "wall"])
-    column = np.unique(model.beams.nodes[model.beams.kind == "column"])
+    wall = np.unique(model.elements_of(Shells).nodes[model.elements_of(Shells).kind == "wall"])
+    column = np.unique(model.elements_of(Beams).nodes[model.elements_of(Beams).kind == "column"])
     edge = wall[np.isclose(model.nodes[wall, 0], 4.0)]
     assert len(edge) == 4 + 3 + 1  # 3.2 m in four parts, 2.8 m in three
     assert np.isin(edge, column).all()
-    slab = np.unique(model.shells.nodes[model.shells.kind == "slab"])
-    beam = np.unique(model.beams.nodes[model.beams.kind == "beam"])
+    slab = np.unique(model.elements_of(Shells).nodes[model.elements_of(Shells).kind == "slab"])
+    beam = np.unique(model.elements_of(Beams).nodes[model.elements_of(Beams).kind == "beam"])
     assert np.isin(beam, slab).all()
     shared = np.intersect1d(wall, slab)
     assert len(shared) == 2 * 5  # on both floors, 4 m in four parts
 
 
 def test_sections_stand_as_the_file_says(small):
-    beams = mesh_building(small).model.beams
+    beams = mesh_building(small).model.elements_of(Beams)
     column = np.flatnonzero(beams.kind == "column")[0]
     # Width 300 mm along x (local y), depth 500 mm along y (local z).
     assert beams.inertia_y[column] == pytest.approx(0.3 * 0.5**3 / 12, rel=1e-12)
@@ -194,7 +204,7 @@ def test_wall_without_stiffness_weighs_on_both_floors(small):
     assert mesh.ground_mass == pytest.approx(wall[0] / 2, rel=1e-12)
     # All is counted in the floor masses but what rests on the ground.
     assert total_mass(mesh) == pytest.approx(2 * 60e3 - wall[0] / 2, rel=1e-12)
-    assert "non_structural_wall" not in mesh.model.shells.kind
+    assert "non_structural_wall" not in mesh.model.elements_of(Shells).kind
     without = small.model_copy(update={"walls": small.walls[:1]})
     heavy, light = (
         (m := mesh_building(b).model.masses, np.bincount(m.node, m.mass))[1]
@@ -218,9 +228,9 @@ def test_wall_without_stiffness_weighs_on_both_floors(small):
 def test_wall_switched_on_becomes_shells(small):
     stiff = small.walls[1].model_copy(update={"stiffness": True})
     mesh = mesh_building(small.model_copy(update={"walls": (small.walls[0], stiff)}))
-    shells = mesh.model.shells
+    shells = mesh.model.elements_of(Shells)
     chosen = shells.kind == "non_structural_wall"
-    areas = np.bincount(shells.group[chosen], shell_areas(mesh.model)[chosen])
+    areas = np.bincount(shells.group[chosen], shells.measure(mesh.model.nodes)[chosen])
     np.testing.assert_allclose(areas, [5.0 * 3.2, 5.0 * 2.8], rtol=1e-12)
     assert mesh.ground_mass == 0.0
     assert total_mass(mesh) == pytest.approx(2 * 60e3, rel=1e-12)
@@ -229,7 +239,7 @@ def test_wall_switched_on_becomes_shells(small):
 def test_shear_wall_may_be_switched_off(small):
     soft = small.walls[0].model_copy(update={"stiffness": False})
     mesh = mesh_building(small.model_copy(update={"walls": (soft,)}))
-    assert set(mesh.model.shells.kind) == {"slab"}
+    assert set(mesh.model.elements_of(Shells).kind) == {"slab"}
     assert mesh.ground_mass == pytest.approx(DENSITY * 0.15 * 4.0 * 3.2 / 2, rel=1e-12)
 
 
@@ -283,7 +293,7 @@ def test_lines_may_be_written_in_any_order(make_document):
     shuffled["slabs"] = [{"x": ["X2", "X0"], "y": ["Y1", "Y0"], "thickness": SLAB}]
     one, other = (mesh_building(from_document(d)).model for d in (document, shuffled))
     np.testing.assert_allclose(np.unique(one.nodes, axis=0), np.unique(other.nodes, axis=0))
-    assert len(one.beams) == len(other.beams)
+    assert len(one.elements_of(Beams)) == len(other.elements_of(Beams))
 
 
 def test_shear_building_has_no_mesh():

@@ -7,10 +7,12 @@ import pytest
 
 from femupdate.building.document import from_document, to_document
 from femupdate.building.files import load_building, mechanics_hash, save_building
-from femupdate.building.masses import self_mass, shell_areas
+from femupdate.building.masses import self_mass
 from femupdate.building.mesh import mesh_building
 from femupdate.errors import BuildingError
 from femupdate.fe.assembly import assemble
+from femupdate.fe.elements.beam import Beams
+from femupdate.fe.elements.shell import Shells
 from femupdate.fe.solve import lowest_modes, static_displacement
 
 
@@ -31,12 +33,13 @@ WINDOW = {"left": 3.25, "width": 1.6, "bottom": 0.85, "height": 1.2}
 
 
 def wall_area(mesh):
-    return shell_areas(mesh.model)[mesh.model.shells.kind == "wall"].sum()
+    shells = mesh.model.elements_of(Shells)
+    return shells.measure(mesh.model.nodes)[shells.kind == "wall"].sum()
 
 
 def test_openings_are_where_the_file_says(make_document):
     mesh = meshed(with_wall(make_document, [DOOR, WINDOW]))
-    shells = mesh.model.shells
+    shells = mesh.model.elements_of(Shells)
     assert wall_area(mesh) == pytest.approx(6 * 3.5 - 0.9 * 2.1 - 1.6 * 1.2, rel=1e-12)
     corners = mesh.model.nodes[shells.nodes[shells.kind == "wall"]]
     middle = corners.mean(axis=1)
@@ -53,9 +56,9 @@ def test_an_opening_may_be_of_one_story_only(make_document):
         {"along": "X0", "from": "Y0", "to": "Y1", "thickness": 0.2, "openings": [hole]}
     ]
     mesh = meshed(document)
-    shells = mesh.model.shells
+    shells = mesh.model.elements_of(Shells)
     chosen = shells.kind == "wall"
-    areas = np.bincount(shells.group[chosen], shell_areas(mesh.model)[chosen])
+    areas = np.bincount(shells.group[chosen], shells.measure(mesh.model.nodes)[chosen])
     np.testing.assert_allclose(areas, [15.0, 9.0], rtol=1e-12)
 
 
@@ -181,8 +184,10 @@ def test_columns_stand_off_the_grid(make_document):
     mesh = meshed(document)
     nodes = mesh.model.nodes
     at = np.isclose(nodes[:, 0], 2.3) & np.isclose(nodes[:, 1], 1.7)
-    column = np.unique(mesh.model.beams.nodes[mesh.model.beams.kind == "column"])
-    slab = np.unique(mesh.model.shells.nodes)
+    column = np.unique(
+        mesh.model.elements_of(Beams).nodes[mesh.model.elements_of(Beams).kind == "column"]
+    )
+    slab = np.unique(mesh.model.elements_of(Shells).nodes)
     assert np.isin(np.flatnonzero(at), column).all()
     assert np.isin(np.flatnonzero(at & np.isclose(nodes[:, 2], 3.0)), slab).all()
     bare = {**document, "slabs": [], "beams": [{"section": "beam"}]}
@@ -195,7 +200,7 @@ def test_an_eccentric_column_stands_beside_its_point(make_document):
     document = make_document([4.0], ([0.01], [0.01]), 10.0, 20e3)
     document["beams"] = []
     document["columns"] = [{"section": "column", "at": "X0-Y0", "eccentricity": [0.3, -0.2]}]
-    beams = meshed(document).model.beams
+    beams = meshed(document).model.elements_of(Beams)
     np.testing.assert_allclose(beams.offset, np.broadcast_to([0.3, -0.2, 0.0], (1, 2, 3)))
 
 
@@ -255,7 +260,7 @@ def test_rigid_ends_skip_the_nodes_they_pass(make_document):
         {"section": "beam", "along": "Y0", "rigid_ends": [0.6, 0.3]},
         {"section": "beam", "along": "Y1"},
     ]
-    beams = meshed(document).model.beams
+    beams = meshed(document).model.elements_of(Beams)
     nodes = meshed(document).model.nodes
     own = np.flatnonzero((beams.kind == "beam") & (nodes[beams.nodes[:, 0], 1] == 0.0))
     x = nodes[beams.nodes[own], 0] + beams.offset[own, :, 0]

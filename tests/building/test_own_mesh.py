@@ -15,6 +15,9 @@ from femupdate.building.mesh_export import export_mesh
 from femupdate.building.mesh_import import import_mesh
 from femupdate.errors import BuildingError, ModelError
 from femupdate.fe.assembly import assemble
+from femupdate.fe.elements.beam import Beams
+from femupdate.fe.elements.shell import Shells
+from femupdate.fe.elements.triangle import Triangles
 from femupdate.fe.solve import lowest_modes
 
 NUMBERS = {"slab": "1", "wall": "2", "column": "4", "beam": "5"}
@@ -136,10 +139,14 @@ def write(folder, points=POINTS, cells=None, data=None, text=OWN):
 def test_triangles_and_lines_make_a_building(tmp_path):
     mesh = mesh_building(load_building(write(tmp_path)))
     model = mesh.model
-    assert (len(model.triangles), len(model.beams), len(model.shells)) == (4, 4, 0)
-    assert set(model.triangles.kind) == {"slab"}
-    assert set(model.beams.kind) == {"column"}
-    np.testing.assert_array_equal(model.beams.up, np.tile([0, 1, 0], (4, 1)))
+    assert (
+        len(model.elements_of(Triangles)),
+        len(model.elements_of(Beams)),
+        len(model.elements_of(Shells)),
+    ) == (4, 4, 0)
+    assert set(model.elements_of(Triangles).kind) == {"slab"}
+    assert set(model.elements_of(Beams).kind) == {"column"}
+    np.testing.assert_array_equal(model.elements_of(Beams).up, np.tile([0, 1, 0], (4, 1)))
     weight = 2400.0 * (5 * 4 * 0.2 + 4 * 3 * 0.3 * 0.4)
     assert self_mass(model, []).sum() == pytest.approx(weight, rel=1e-12)
     assert model.fixed[mesh.base_nodes].all()

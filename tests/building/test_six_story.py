@@ -14,6 +14,8 @@ from femupdate.building.files import load_building
 from femupdate.building.masses import self_mass
 from femupdate.building.mesh import mesh_building
 from femupdate.fe.assembly import assemble
+from femupdate.fe.elements.beam import Beams
+from femupdate.fe.elements.shell import Shells
 from femupdate.fe.solve import lowest_modes
 
 TABLE = {
@@ -106,7 +108,7 @@ def build_in_opensees(program, model):
         program.node(number, *point)
     for number in np.flatnonzero(model.fixed.any(axis=1)).tolist():
         program.fix(number + 1, *model.fixed[number].astype(int).tolist())
-    shells, beams = model.shells, model.beams
+    shells, beams = model.elements_of(Shells), model.elements_of(Beams)
     thicknesses = sorted(set(shells.thickness.tolist()))
     for number, thickness in enumerate(thicknesses, 1):
         program.section("ElasticMembranePlateSection", number, 24.4e9, 0.2, thickness, 2400.0)

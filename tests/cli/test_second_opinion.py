@@ -14,7 +14,7 @@ def test_build_model_exports_a_script(femupdate, tmp_path, cabin_file):
     assert answer["exported"] == [str(tmp_path / "opensees_model.py")]
     script = (tmp_path / "opensees_model.py").read_text(encoding="utf-8")
     ast.parse(script)
-    assert 'SHELL = "ShellMITC4"' in script
+    assert "'shell': 'ShellMITC4'" in script
 
 
 def test_a_shear_building_cannot_be_exported(femupdate, tmp_path, tower_file):

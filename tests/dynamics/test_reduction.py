@@ -14,8 +14,9 @@ from femupdate.dynamics.modal import modal_data
 from femupdate.dynamics.reduction import ReductionTarget, reduce_lumped, reduce_operators
 from femupdate.errors import ModelError
 from femupdate.fe.assembly import assemble
+from femupdate.fe.elements.beam import Beams
 from femupdate.fe.frequency_response import harmonic_displacement
-from femupdate.fe.model import Beams, FiniteElementModel, PointMasses
+from femupdate.fe.model import FiniteElementModel, PointMasses
 from femupdate.fe.solve import static_displacement
 
 GRID = 0.2 * np.arange(1, 151)
@@ -278,9 +279,10 @@ def stick():
         density=0.0 * ones,
         up=np.tile([1.0, 0.0, 0.0], (count, 1)),
         group=np.arange(count),
+        kind=np.full(count, "column"),
     )
     masses = PointMasses(np.array([1, 2, 3]), np.array([9e4, 5e4, 7e4]), np.zeros((3, 3)))
-    return FiniteElementModel(nodes=nodes, fixed=fixed, groups=3, beams=beams, masses=masses)
+    return FiniteElementModel(nodes=nodes, fixed=fixed, groups=3, elements=(beams,), masses=masses)
 
 
 def test_modes_of_a_stick_whose_rotations_carry_no_mass():

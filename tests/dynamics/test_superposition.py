@@ -17,6 +17,7 @@ from femupdate.dynamics.superposition import (
 )
 from femupdate.errors import MeasurementError, ModelError
 from femupdate.fe.assembly import assemble
+from femupdate.fe.elements.beam import Beams
 from femupdate.fe.frequency_response import rayleigh_damping
 from femupdate.fe.solve import static_displacement
 
@@ -100,7 +101,7 @@ def test_against_direct_integration_of_the_full_model(frame, direction):
     motion = BaseMotion(coarse, step, 1)  # linear between its samples, as in the integration
     axis = int(np.abs(unit).argmax())
     rows = rows_of(operators, mesh.floor_nodes["RF"], axis)
-    column = int(np.flatnonzero(mesh.model.beams.kind == "column")[1])
+    column = int(np.flatnonzero(mesh.model.elements_of(Beams).kind == "column")[1])
     ends = beam_end_rows(mesh.model, operators, THETA, column)
     for quantity in (rows, ends[:3], ends[4:6]):  # forces and moments, each beside its largest
         wanted = quantity @ u[:, ::fine]
@@ -170,19 +171,19 @@ def test_static_rest_makes_a_slow_motion_exact(frame):
 def test_beam_end_forces_balance_and_follow_hand_formulas(frame):
     mesh, operators = frame
     motion = np.random.default_rng(2).standard_normal(len(operators.free)) * 1e-3
-    beam = int(np.flatnonzero(mesh.model.beams.kind == "beam")[0])
+    beam = int(np.flatnonzero(mesh.model.elements_of(Beams).kind == "beam")[0])
     rows = beam_end_rows(mesh.model, operators, THETA, beam)
     first, second = (rows @ motion).reshape(2, 6)
-    ends = mesh.model.nodes[mesh.model.beams.nodes[beam]]
+    ends = mesh.model.nodes[mesh.model.elements_of(Beams).nodes[beam]]
     length = np.linalg.norm(ends[1] - ends[0])
     np.testing.assert_allclose(first[:4] + second[:4], 0.0, atol=1e-6 * np.abs(first).max())
     # Moments about the first end: My + My' - Vz' L = 0 and Mz + Mz' + Vy' L = 0.
     scale = np.abs(first).max()
     assert abs(first[4] + second[4] - second[2] * length) < 1e-6 * scale
     assert abs(first[5] + second[5] + second[1] * length) < 1e-6 * scale
-    moved = operators.expand(motion).reshape(-1, 6)[mesh.model.beams.nodes[beam], :3]
+    moved = operators.expand(motion).reshape(-1, 6)[mesh.model.elements_of(Beams).nodes[beam], :3]
     stretch = (moved[1] - moved[0]) @ (ends[1] - ends[0]) / length
-    group = int(mesh.model.beams.group[beam])
+    group = int(mesh.model.elements_of(Beams).group[beam])
     assert second[0] == pytest.approx(THETA[group] * 25e9 * 0.15 * stretch / length, rel=1e-9)
 
 

@@ -17,6 +17,8 @@ from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import structure_of
 from femupdate.fe.assembly import assemble
+from femupdate.fe.elements.beam import Beams
+from femupdate.fe.elements.shell import Shells
 
 
 @dataclass(frozen=True)
@@ -185,7 +187,7 @@ def frame_equations(mesh, model, theta):
 def lumped_masses(model):
     """(N,) mass of each node: a quarter of each shell, half of each bar, and point masses."""
     mass = np.zeros(len(model.nodes))
-    shells, beams = model.shells, model.beams
+    shells, beams = model.elements_of(Shells), model.elements_of(Beams)
     sides = model.nodes[shells.nodes]
     area = np.linalg.norm(
         np.cross(sides[:, 1] - sides[:, 0], sides[:, 3] - sides[:, 0]), axis=1

@@ -7,6 +7,8 @@ import pytest
 
 from femupdate.dynamics.damping import RayleighDamping
 from femupdate.effects.registry import CATALOGUE
+from femupdate.fe.elements.beam import Beams
+from femupdate.fe.elements.shell import Shells
 
 ZETA = 0.03
 # Both sides solve the same equations; what is left is rounding, over K's condition number.
@@ -195,17 +197,16 @@ def softened(model, kind, groups, factor, bending):
     def factors(part):
         return np.where((part.kind == kind) & np.isin(part.group, groups), factor, 1.0)
 
-    shells, beams = model.shells, model.beams
+    shells, beams = model.elements_of(Shells), model.elements_of(Beams)
     by_shell, by_beam = factors(shells), factors(beams)
     changes = (
         ("inertia_y", "inertia_z", "shear_area_y", "shear_area_z")
         if bending
         else ("youngs_modulus",)
     )
-    return replace(
-        model,
-        shells=replace(shells, youngs_modulus=shells.youngs_modulus * by_shell),
-        beams=replace(beams, **{name: getattr(beams, name) * by_beam for name in changes}),
+    return model.with_elements(
+        replace(shells, youngs_modulus=shells.youngs_modulus * by_shell),
+        replace(beams, **{name: getattr(beams, name) * by_beam for name in changes}),
     )
 
 

@@ -13,6 +13,8 @@ from femupdate.dynamics.effect_response import EffectSystem, reduce_terms
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import structure_of
+from femupdate.fe.elements.shell import Shells
+from femupdate.fe.elements.triangle import Triangles
 
 ZETA = 0.04
 GRID = np.linspace(0.2, 9.0, 45)
@@ -258,10 +260,9 @@ def test_walls_of_triangles_count_too(frame):
     from dataclasses import replace
 
     from femupdate.fe.assembly import assemble
-    from femupdate.fe.model import Shells, Triangles
 
     model = frame.mesh.model
-    shells = model.shells
+    shells = model.elements_of(Shells)
     walls = shells.kind == "wall"
 
     def twice(values):
@@ -269,21 +270,11 @@ def test_walls_of_triangles_count_too(frame):
 
     halves = shells.nodes[walls][:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
     names = ("thickness", "youngs_modulus", "poisson_ratio", "density", "group", "kind")
-    cut = replace(
-        model,
-        shells=Shells(
-            shells.nodes[~walls], **{name: getattr(shells, name)[~walls] for name in names}
-        ),
-        triangles=Triangles(halves, **{name: twice(getattr(shells, name)) for name in names}),
-    )
+    triangles = Triangles(nodes=halves, **{name: twice(getattr(shells, name)) for name in names})
+    cut = model.with_elements(shells.taken(~walls), triangles)
     mesh = replace(frame.mesh, model=cut)
     structure = replace(frame.structure, mesh=mesh, operators=assemble(cut))
-    none = assemble(
-        replace(
-            cut,
-            triangles=replace(cut.triangles, youngs_modulus=twice(shells.youngs_modulus) * 1e-12),
-        )
-    )
+    none = assemble(cut.with_elements(triangles.scaled(1e-12 * np.ones(len(triangles)))))
     terms = dict(CATALOGUE["wall_stiffness"].terms(structure, "all").stiffness)
     for story, whole in enumerate(structure.operators.stiffness_terms):
         expected = (whole - none.stiffness_terms[story]).toarray()

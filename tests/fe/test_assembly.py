@@ -7,9 +7,9 @@ import pytest
 
 from femupdate.errors import ModelError
 from femupdate.fe.assembly import assemble
-from femupdate.fe.beam import beam_matrices
+from femupdate.fe.elements.beam import Beams
+from femupdate.fe.elements.shell import Shells
 from femupdate.fe.model import PointMasses, Springs
-from femupdate.fe.shell import shell_matrices
 from femupdate.fe.solve import lowest_modes
 
 
@@ -37,11 +37,9 @@ def structure(meshes, parts):
 def looped(model):
     """The same matrices, element by element and entry by entry, before supports."""
     stiffness, mass = np.zeros((2, model.groups + 1, model.dof, model.dof))
-    shells, beams, springs = model.shells, model.beams, model.springs
-    elastic = (shells.thickness, shells.youngs_modulus, shells.poisson_ratio, shells.density)
-    of_shells = shell_matrices(model.nodes[shells.nodes], *elastic)
-    of_beams = beam_matrices(model.nodes[beams.nodes], beams)
-    for elements, matrices in ((shells, of_shells), (beams, of_beams)):
+    shells, beams, springs = model.elements_of(Shells), model.elements_of(Beams), model.springs
+    for elements in (shells, beams):
+        matrices = elements.matrices(model.nodes)
         for k, nodes in enumerate(elements.nodes):
             dof = np.concatenate([6 * n + np.arange(6) for n in nodes])
             stiffness[elements.group[k]][np.ix_(dof, dof)] += matrices.stiffness[k]
@@ -83,11 +81,9 @@ def test_every_entry_is_where_a_plain_loop_puts_it(structure):
 def test_stiffness_is_affine_in_theta(structure):
     theta = np.array([0.37, 2.9, 1.4])
     scale = np.append(theta, 1.0)  # the last one for elements of no parameter
-    shells, beams, springs = structure.shells, structure.beams, structure.springs
+    springs = structure.springs
     scaled = replace(
-        structure,
-        shells=replace(shells, youngs_modulus=shells.youngs_modulus * scale[shells.group]),
-        beams=replace(beams, youngs_modulus=beams.youngs_modulus * scale[beams.group]),
+        structure.mapped(lambda part: part.scaled(scale[part.group])),
         springs=replace(springs, stiffness=springs.stiffness * scale[springs.group]),
     )
     operators = assemble(structure)
@@ -138,7 +134,7 @@ def test_inertia_sees_the_moving_supports(structure, direction):
     """The force of inertia on free and held degrees of freedom together is the whole mass."""
     operators = assemble(structure)
     motion = operators.rigid_translation(direction)
-    shells, beams = structure.shells, structure.beams
+    shells, beams = structure.elements_of(Shells), structure.elements_of(Beams)
     areas = np.where(shells.group == 0, 4.5 * 3 / 12, 4.5 * 2.5 / 6)
     total = 2500 * (areas * shells.thickness).sum() + 2400 * beams.area[0] * 3.0 + 590
     assert motion @ operators.mass_full @ motion == pytest.approx(total, rel=1e-12)
@@ -163,11 +159,9 @@ def test_numbering_of_nodes_does_not_matter(meshes, structure):
     number = np.argsort(order)
     ground = np.append(number, -1)
     renumbered = replace(
-        structure,
+        structure.mapped(lambda part: replace(part, nodes=number[part.nodes])),
         nodes=structure.nodes[order],
         fixed=structure.fixed[order],
-        shells=replace(structure.shells, nodes=number[structure.shells.nodes]),
-        beams=replace(structure.beams, nodes=number[structure.beams.nodes]),
         masses=replace(structure.masses, node=number[structure.masses.node]),
         springs=replace(structure.springs, nodes=ground[structure.springs.nodes]),
     )
@@ -184,7 +178,9 @@ def test_numbering_of_nodes_does_not_matter(meshes, structure):
 
 
 def broken(model, part, **changes):
-    return replace(model, **{part: replace(getattr(model, part), **changes)})
+    if isinstance(part, str):
+        return replace(model, **{part: replace(getattr(model, part), **changes)})
+    return model.with_elements(replace(model.elements_of(part), **changes))
 
 
 def with_first(values, value):
@@ -196,23 +192,24 @@ def with_first(values, value):
 @pytest.mark.parametrize(
     ("part", "name", "value", "message"),
     [
-        ("shells", "nodes", 999, "shell 0 names node 999"),
-        ("shells", "nodes", -1, "shell 0 names node -1"),
-        ("beams", "nodes", 999, "beam 0 names node 999"),
+        (Shells, "nodes", 999, "shell 0 names node 999"),
+        (Shells, "nodes", -1, "shell 0 names node -1"),
+        (Beams, "nodes", 999, "beam 0 names node 999"),
         ("springs", "nodes", 999, "spring 0 names node 999"),
         ("springs", "nodes", -1, "spring 0 names node -1"),
         ("masses", "node", 999, "point mass 0 names node 999"),
-        ("shells", "group", 3, "shell 0 belongs to parameter 3"),
-        ("beams", "group", 7, "beam 0 belongs to parameter 7"),
+        (Shells, "group", 3, "shell 0 belongs to parameter 3"),
+        (Beams, "group", 7, "beam 0 belongs to parameter 7"),
         ("springs", "direction", 6, "spring 0 acts along 6"),
         ("springs", "stiffness", np.inf, "spring 0 must have a finite stiffness"),
         ("masses", "mass", -1.0, "point mass 0 must have a finite mass"),
         ("masses", "inertia", np.nan, "point mass 0 must have a finite mass"),
-        ("shells", "thickness", 0.0, r"shell 0 \(nodes .*\) has thickness 0"),
+        (Shells, "thickness", 0.0, r"shell 0 \(nodes .*\) has thickness 0"),
     ],
 )
 def test_a_part_that_does_not_fit_is_named(structure, part, name, value, message):
-    values = with_first(getattr(getattr(structure, part), name), value)
+    whole = getattr(structure, part) if isinstance(part, str) else structure.elements_of(part)
+    values = with_first(getattr(whole, name), value)
     with pytest.raises(ModelError, match=message):
         assemble(broken(structure, part, **{name: values}))
 
@@ -265,7 +262,7 @@ def test_shells_that_are_alike_share_one_matrix(meshes, monkeypatch):
         meshes.model(points, meshes.hold(len(s), (s == 0, range(6))), shells=shells), groups=2
     )
     together = assemble(model)
-    monkeypatch.setattr("femupdate.fe.shell._SHARED", 0.0)
+    monkeypatch.setattr("femupdate.fe.elements.shell._SHARED", 0.0)
     alone = assemble(model)
     theta = np.array([0.7, 1.6])
     for one, other in (

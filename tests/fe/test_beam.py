@@ -8,7 +8,6 @@ from numpy.polynomial import Polynomial
 
 from femupdate.errors import ModelError
 from femupdate.fe.assembly import assemble
-from femupdate.fe.beam import beam_matrices
 from femupdate.fe.solve import lowest_modes
 
 E, NU, DENSITY = 210e9, 0.3, 7850.0
@@ -107,7 +106,7 @@ def shape_mass(length, inertia, shear_area):
 @pytest.mark.parametrize("along", [1, 2])
 def test_mass_is_that_of_the_static_shapes(meshes, length, along):
     beams = meshes.beams([[0, 1]], **SECTION)
-    mass = beam_matrices(np.array([[[0.0, 0, 0], [length, 0, 0]]]), beams).mass[0]
+    mass = beams.matrices(np.array([[0.0, 0, 0], [length, 0, 0]])).mass[0]
     inertia, shear_area = (SECTION[name] for name in PLANES[along])
     index = np.array([1, 5, 7, 11]) if along == 1 else np.array([2, 4, 8, 10])
     sign = np.array([1, 1, 1, 1]) if along == 1 else np.array([1, -1, 1, -1])
@@ -123,7 +122,7 @@ def test_rigid_motion_and_momentum_in_any_position(meshes, start, way, up):
     if length < 0.1 or np.linalg.norm(np.cross(way, up)) < 1e-2:
         return
     ends = np.stack([start, start + way])
-    matrices = beam_matrices(ends[None], meshes.beams([[0, 1]], up=up, **SECTION))
+    matrices = meshes.beams([[0, 1]], up=up, **SECTION).matrices(ends)
     modes = np.zeros((2, 6, 6))
     modes[:, range(6), range(6)] = 1.0
     for axis in range(3):
@@ -231,11 +230,11 @@ def test_first_frequencies_of_an_inclined_slender_cantilever(meshes):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"area": 0.0}, "beam 0 .nodes 0 and 1. needs a positive area"),
-        ({"inertia_y": -1.0}, "positive inertia y"),
-        ({"torsion_constant": 0.0}, "positive torsion constant"),
-        ({"youngs_modulus": np.nan}, "positive youngs modulus"),
-        ({"shear_area_z": 0.0}, "positive shear area z"),
+        ({"area": 0.0}, "beam 0 .nodes 0, 1. has area 0; it must be positive"),
+        ({"inertia_y": -1.0}, "inertia y -1; it must be positive"),
+        ({"torsion_constant": 0.0}, "torsion constant 0; it must be positive"),
+        ({"youngs_modulus": np.nan}, "Young's modulus nan; it must be positive"),
+        ({"shear_area_z": 0.0}, "shear area z 0; it must be positive"),
         ({"poisson_ratio": 0.6}, "Poisson's ratio"),
         ({"density": -1.0}, "density"),
         ({"up": (2.0, 0.0, 0.0)}, "`up` along its axis"),
@@ -245,11 +244,12 @@ def test_first_frequencies_of_an_inclined_slender_cantilever(meshes):
 def test_an_impossible_beam_is_refused_by_name(meshes, changes, message):
     beams = meshes.beams([[0, 1]], **{**SECTION, **changes})
     with pytest.raises(ModelError, match=message):
-        beam_matrices(np.array([[[0.0, 0, 0], [1.0, 0, 0]]]), beams)
+        beams.matrices(np.array([[0.0, 0, 0], [1.0, 0, 0]]))
 
 
 def test_a_beam_without_length_is_refused_by_name(meshes):
     beams = meshes.beams([[7, 8], [9, 4]], **SECTION)
-    ends = np.array([[[0.0, 0, 0], [1.0, 0, 0]], [[5.0, 5, 5], [5.0, 5, 5]]])
-    with pytest.raises(ModelError, match=r"beam 1 \(nodes 9 and 4\) has no length"):
-        beam_matrices(ends, beams)
+    points = np.zeros((10, 3))
+    points[8, 0], points[[9, 4]] = 1.0, 5.0
+    with pytest.raises(ModelError, match=r"beam 1 \(nodes 9, 4\) has no length"):
+        beams.matrices(points)

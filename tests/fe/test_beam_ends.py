@@ -7,6 +7,7 @@ import pytest
 
 from femupdate.errors import ModelError
 from femupdate.fe.assembly import assemble
+from femupdate.fe.elements.beam import Beams
 from femupdate.fe.solve import static_displacement
 
 
@@ -80,7 +81,7 @@ def test_released_and_offset_bars_keep_their_mass(meshes):
     arms = np.random.default_rng(3).uniform(-0.1, 0.1, (4, 2, 3))
     model = cantilever(meshes, 4, released=released, offset=arms)
     operators = assemble(model)
-    ends = model.nodes[model.beams.nodes] + arms
+    ends = model.nodes[model.elements_of(Beams).nodes] + arms
     mass = 2500.0 * 0.12 * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum()
     for direction in range(3):
         motion = operators.rigid_translation(direction)

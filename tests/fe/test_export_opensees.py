@@ -10,6 +10,7 @@ import pytest
 
 from femupdate.errors import ModelError
 from femupdate.fe.assembly import assemble
+from femupdate.fe.elements.beam import Beams
 from femupdate.fe.export_opensees import opensees_script
 from femupdate.fe.model import PointMasses, RigidLinks, Springs
 from femupdate.fe.solve import lowest_modes
@@ -49,7 +50,7 @@ def run(script, tmp_path, *options):
 @pytest.mark.parametrize("shell", ["ASDShellQ4", "ShellMITC4"])
 def test_opensees_finds_the_same_frequencies(meshes, opensees, tmp_path, shell):
     model = building(meshes)
-    script = opensees_script(model, THETA, shell=shell)
+    script = opensees_script(model, THETA, types={"shell": shell})
     theirs = run(script, tmp_path, "--modes", "6")
     ours = lowest_modes(assemble(model), THETA, 6).frequency_hz
     # MITC4's plain membrane is stiffer in the plane of the wall than the other two.
@@ -93,10 +94,10 @@ def test_rigid_links_and_arms_mean_the_same(meshes, opensees, tmp_path):
 
 def test_what_opensees_cannot_hold_is_refused(meshes):
     model = building(meshes)
-    released = np.zeros((len(model.beams), 12), dtype=bool)
+    released = np.zeros((len(model.elements_of(Beams)), 12), dtype=bool)
     released[1, 4] = True
-    hinged = replace(model, beams=replace(model.beams, released=released))
-    with pytest.raises(ModelError, match="beam 1 has a released end"):
+    hinged = model.with_elements(replace(model.elements_of(Beams), released=released))
+    with pytest.raises(ModelError, match=r"beam 1 \(nodes .*\) has a released end"):
         opensees_script(hinged, THETA)
     tied = np.array([[True, False, False, False, False, False]])
     odd = replace(model, links=RigidLinks(np.array([0]), np.array([5]), tied))

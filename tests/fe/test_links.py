@@ -7,6 +7,7 @@ import pytest
 
 from femupdate.errors import ModelError
 from femupdate.fe.assembly import assemble
+from femupdate.fe.elements.beam import Beams
 from femupdate.fe.joints import edge_joints, joint_links
 from femupdate.fe.model import PointMasses, RigidLinks
 from femupdate.fe.solve import lowest_modes, static_displacement
@@ -126,12 +127,12 @@ def test_a_column_along_the_edge_needs_no_link(meshes):
     ends = np.column_stack([edge[:-1], edge[1:]])
     column = meshes.beams(ends, up=(0.0, 1.0, 0.0), **GIRDER)
     both = {
-        name: np.concatenate([getattr(model.beams, name), getattr(column, name)])
+        name: np.concatenate([getattr(model.elements_of(Beams), name), getattr(column, name)])
         for name in vars(column)
         if getattr(column, name) is not None
     }
     assert edge_joints(model)
-    assert not edge_joints(replace(model, beams=replace(model.beams, **both)))
+    assert not edge_joints(model.with_elements(replace(column, **both)))
 
 
 def test_a_beam_across_the_wall_needs_no_link(meshes):
@@ -172,11 +173,11 @@ def test_a_link_is_the_limit_of_a_stiff_bar(meshes):
     stiff = {**GIRDER, "youngs_modulus": GIRDER["youngs_modulus"] * 1e5, "density": 0.0}
     ends = meshes.beams([[1, 3]], up=(1.0, 0.0, 0.0), **stiff)
     joined = {
-        name: np.concatenate([getattr(model.beams, name), getattr(ends, name)])
+        name: np.concatenate([getattr(model.elements_of(Beams), name), getattr(ends, name)])
         for name in vars(ends)
         if getattr(ends, name) is not None
     }
-    bar = replace(model, beams=replace(model.beams, **joined))
+    bar = model.with_elements(replace(ends, **joined))
     link = replace(model, links=RigidLinks(np.array([1]), np.array([3]), ALL))
     load = np.random.default_rng(0).standard_normal((4, 6)).ravel()
     one, other = (static_displacement(assemble(m), ONE, load) for m in (link, bar))

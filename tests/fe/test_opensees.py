@@ -7,6 +7,8 @@ import pytest
 from femupdate.benchmarks.solver.vibrations import distorted_cantilever
 
 from femupdate.fe.assembly import assemble
+from femupdate.fe.elements.beam import Beams
+from femupdate.fe.elements.shell import Shells
 from femupdate.fe.model import PointMasses
 from femupdate.fe.solve import lowest_modes, static_displacement
 
@@ -23,7 +25,7 @@ def build(ops, model, shell="ASDShellQ4"):
         model.masses.node, model.masses.mass, model.masses.inertia, strict=True
     ):
         ops.mass(int(node) + 1, *[float(mass)] * 3, *inertia.tolist())
-    shells, beams = model.shells, model.beams
+    shells, beams = model.elements_of(Shells), model.elements_of(Beams)
     for k in range(len(shells)):
         section = (shells.youngs_modulus, shells.poisson_ratio, shells.thickness, shells.density)
         ops.section("ElasticMembranePlateSection", k + 1, *(float(v[k]) for v in section))
@@ -106,8 +108,8 @@ def test_frame_frequencies_are_the_same(meshes, opensees):
     model = frame(meshes)
     inertia = np.array([[10.0, 20, 30], [15, 25, 35], [40, 50, 60]])
     lumps = PointMasses(np.array([1, 2, 4]), np.array([900.0, 1500.0, 700.0]), inertia)
-    beams = replace(model.beams, density=0.0 * model.beams.density)
-    model = replace(model, beams=beams, masses=lumps)
+    beams = replace(model.elements_of(Beams), density=0.0 * model.elements_of(Beams).density)
+    model = replace(model.with_elements(beams), masses=lumps)
     build(opensees, model)
     theirs = frequencies(opensees, 12)
     ours = lowest_modes(assemble(model), np.ones(1), 12).frequency_hz

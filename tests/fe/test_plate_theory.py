@@ -5,6 +5,7 @@ import pytest
 from femupdate.benchmarks.solver.vibrations import distorted_cantilever
 
 from femupdate.fe.assembly import assemble
+from femupdate.fe.elements.shell import Shells
 from femupdate.fe.solve import lowest_modes
 
 A, B = 6.0, 4.0
@@ -70,7 +71,7 @@ def test_static_deflection_converges_to_navier_at_second_order(meshes):
     for count in (4, 8, 16):
         model = plate(meshes, 2 * count, count, thickness)
         load = meshes.zeros(len(model.nodes))
-        load[:, 2] = pressure * meshes.area_shares(model.nodes, model.shells.nodes)
+        load[:, 2] = pressure * meshes.area_shares(model.nodes, model.elements_of(Shells).nodes)
         u = meshes.displacement(model, load)
         middle = np.linalg.norm(model.nodes - [A / 2, B / 2, 0], axis=1).argmin()
         errors.append(u[middle, 2] / navier_deflection(thickness, pressure) - 1)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from femupdate.errors import ModelError
 from femupdate.fe.assembly import assemble
-from femupdate.fe.shell import shell_matrices
+from femupdate.fe.elements.shell import Shells
 
 E, NU, DENSITY = 3.0e10, 0.2, 2500.0
 SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
@@ -26,9 +26,20 @@ def quadrilateral(nudge, height, side, rotation):
     return (corners * [side, 1.0, 1.0]) @ rotation.T + [3.0, -2.0, 7.0]
 
 
+def shells(count, thickness, modulus, poisson, density, nodes=None):
+    """Shells on nodes of their own, with one value for all or one each."""
+    every = {"youngs_modulus": modulus, "poisson_ratio": poisson, "density": density}
+    return Shells(
+        nodes=np.arange(4 * count).reshape(-1, 4) if nodes is None else nodes,
+        thickness=thickness * np.ones(count),
+        group=np.zeros(count, dtype=np.int64),
+        kind=np.full(count, "wall"),
+        **{name: value * np.ones(count) for name, value in every.items()},
+    )
+
+
 def matrices(corners, thickness):
-    one = np.ones(1)
-    return shell_matrices(corners[None], thickness * one, E * one, NU * one, DENSITY * one)
+    return shells(1, thickness, E, NU, DENSITY).matrices(corners)
 
 
 def rigid_modes(corners):
@@ -123,23 +134,16 @@ def test_a_batch_equals_its_elements(meshes):
     )
     thickness, modulus = np.array([0.1, 0.2, 0.3]), E * np.array([1.0, 1.5, 0.5])
     poisson, density = np.array([0.1, 0.2, 0.3]), np.array([2500.0, 0.0, 7800.0])
-    batch = shell_matrices(corners, thickness, modulus, poisson, density)
+    batch = shells(3, thickness, modulus, poisson, density).matrices(corners.reshape(-1, 3))
     for k in range(3):
-        pick = slice(k, k + 1)
-        single = shell_matrices(
-            corners[pick], thickness[pick], modulus[pick], poisson[pick], density[pick]
-        )
+        one = shells(1, thickness[k], modulus[k], poisson[k], density[k])
+        single = one.matrices(corners[k])
         np.testing.assert_allclose(batch.stiffness[k], single.stiffness[0], rtol=1e-12, atol=1e-3)
         np.testing.assert_allclose(batch.mass[k], single.mass[0], rtol=1e-12, atol=1e-9)
 
 
 def test_an_empty_batch_gives_empty_matrices():
-    none = np.zeros(0)
-    assert shell_matrices(np.zeros((0, 4, 3)), none, none, none, none).stiffness.shape == (
-        0,
-        24,
-        24,
-    )
+    assert shells(0, 0.1, E, NU, DENSITY).matrices(np.zeros((0, 3))).stiffness.shape == (0, 24, 24)
 
 
 SHAPES = {
@@ -154,11 +158,11 @@ SHAPES = {
 
 @pytest.mark.parametrize("shape", SHAPES)
 def test_an_impossible_shape_is_refused_by_name(meshes, shape):
-    corners = np.stack([SQUARE, np.array(SHAPES[shape], dtype=float) @ meshes.random_rotation(5).T])
-    two = np.ones(2)
-    numbers = np.array([[0, 1, 2, 3], [14, 15, 92, 65]])
+    points, numbers = np.zeros((93, 3)), np.array([[0, 1, 2, 3], [14, 15, 92, 65]])
+    points[numbers[0]] = SQUARE
+    points[numbers[1]] = np.array(SHAPES[shape], dtype=float) @ meshes.random_rotation(5).T
     with pytest.raises(ModelError, match=r"shell 1 \(nodes 14, 15, 92, 65\).*convex"):
-        shell_matrices(corners, 0.1 * two, E * two, NU * two, two, nodes=numbers)
+        shells(2, 0.1, E, NU, 1.0, nodes=numbers).matrices(points)
 
 
 @pytest.mark.parametrize(
@@ -175,8 +179,8 @@ def test_an_impossible_shape_is_refused_by_name(meshes, shape):
 def test_an_impossible_property_is_refused_by_name(name, position, value):
     properties = [np.full(2, v) for v in (0.1, E, NU, DENSITY)]
     properties[position][1] = value
-    with pytest.raises(ModelError, match=f"shell 1 has {name}"):
-        shell_matrices(np.stack([SQUARE, SQUARE + 1]), *properties)
+    with pytest.raises(ModelError, match=rf"shell 1 \(nodes 4, 5, 6, 7\) has {name}"):
+        shells(2, *properties).matrices(np.concatenate([SQUARE, SQUARE + 1]))
 
 
 def test_a_slender_element_is_accepted():

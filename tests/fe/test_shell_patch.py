@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from femupdate.fe.assembly import assemble
-from femupdate.fe.shell import shell_matrices
 from femupdate.fe.solve import factorize
 
 E, NU, THICKNESS = 1e6, 0.25, 0.001
@@ -75,10 +74,7 @@ def test_inner_nodes_follow_the_field_exactly(meshes, make, seed):
 @pytest.mark.parametrize("seed", [None, 3])
 def test_constant_stress_gives_the_exact_energy(meshes, seed):
     rotation = np.eye(3) if seed is None else meshes.random_rotation(seed)
-    ones = np.ones(5)
-    matrices = shell_matrices(
-        (POINTS @ rotation.T)[QUADS], THICKNESS * ones, E * ones, NU * ones, ones
-    )
+    matrices = meshes.shells(QUADS, THICKNESS, E, NU).matrices(POINTS @ rotation.T)
     elasticity = E / (1 - NU**2) * np.array([[1, NU, 0], [NU, 1, 0], [0, 0, (1 - NU) / 2]])
     area = 0.24 * 0.12
     for make, generalised, rigidity in (

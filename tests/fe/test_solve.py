@@ -12,6 +12,7 @@ import femupdate.fe.solve as solve
 from femupdate.errors import ModelError
 from femupdate.fe.assembly import assemble
 from femupdate.fe.cholmod import cholmod_is_there
+from femupdate.fe.elements.shell import Shells
 from femupdate.fe.model import PointMasses, Springs
 from femupdate.fe.solve import factorize, lowest_modes, modes_below, static_displacement
 
@@ -126,8 +127,8 @@ def test_six_zero_frequencies_by_lanczos(meshes, plate):
 def test_few_masses_on_many_degrees_of_freedom(meshes, plate):
     """A massless plate with three lumps has exactly nine modes, found from its flexibility."""
     lumps = PointMasses(np.array([150, 99, 207]), np.array([900.0, 500.0, 70.0]), np.zeros((3, 3)))
-    massless = replace(plate.shells, density=0.0 * plate.shells.density)
-    operators = assemble(replace(plate, shells=massless, masses=lumps))
+    massless = replace(plate.elements_of(Shells), density=0.0 * plate.elements_of(Shells).density)
+    operators = assemble(replace(plate.with_elements(massless), masses=lumps))
     modes = lowest_modes(operators, ONE, 9)
     massive = np.flatnonzero(operators.mass.diagonal())
     loads = np.eye(len(operators.free))[:, massive]

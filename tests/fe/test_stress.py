@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from femupdate.errors import ModelError
-from femupdate.fe.stress import shell_forces
+from femupdate.fe.elements.shell import shell_forces
 
 E, NU, THICKNESS = 2e6, 0.25, 0.1
 QUADS = [(0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7), (4, 5, 6, 7)]

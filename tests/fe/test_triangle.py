@@ -5,9 +5,8 @@ import pytest
 
 from femupdate.errors import ModelError
 from femupdate.fe.assembly import assemble
-from femupdate.fe.model import Triangles
+from femupdate.fe.elements.triangle import Triangles
 from femupdate.fe.solve import lowest_modes, static_displacement
-from femupdate.fe.triangle import triangle_matrices
 
 ONE = np.ones(1)
 YOUNG, POISSON = 1e6, 0.25
@@ -77,7 +76,7 @@ def test_patch(meshes, kind, thickness, turned):
 @pytest.mark.parametrize("seed", range(4))
 def test_six_rigid_motions_and_no_more(seed):
     nodes = np.random.default_rng(seed).standard_normal((3, 3))
-    stiffness = triangle_matrices(nodes, triangles([[0, 1, 2]], 0.1)).stiffness[0]
+    stiffness = triangles([[0, 1, 2]], 0.1).matrices(nodes).stiffness[0]
     values = np.linalg.eigvalsh(stiffness)
     assert (np.abs(values[:6]) < 1e-12 * values[-1]).all()
     assert values[6] > 1e-6 * values[-1]
@@ -90,7 +89,7 @@ def test_two_triangles_bend_in_their_plane_like_a_beam(aspect):
     x, y, _ = (corners - corners.mean(axis=0)).T
     motion = np.zeros((4, 6))
     motion[:, 0], motion[:, 1], motion[:, 5] = -x * y, (x * x + POISSON * y * y) / 2, x
-    matrices = triangle_matrices(corners, triangles([[0, 1, 2], [0, 2, 3]], 0.1)).stiffness
+    matrices = triangles([[0, 1, 2], [0, 2, 3]], 0.1).matrices(corners).stiffness
     both = motion[[[0, 1, 2], [0, 2, 3]]].reshape(2, 18)
     energy = np.einsum("ni,nij,nj->", both, matrices, both)
     assert energy == pytest.approx(YOUNG * 0.1 / 12 * aspect, rel=1e-9)
@@ -166,4 +165,4 @@ def test_mass_is_complete(meshes):
 def test_a_flat_triangle_is_named():
     nodes = np.array([[0.0, 0, 0], [1, 1, 1], [2, 2, 2]])
     with pytest.raises(ModelError, match=r"triangle 0 \(nodes 0, 1, 2\) has no area"):
-        triangle_matrices(nodes, triangles([[0, 1, 2]], 0.1))
+        triangles([[0, 1, 2]], 0.1).matrices(nodes)

@@ -9,7 +9,9 @@ import pytest
 from matplotlib.image import imread
 
 from femupdate.errors import ReportError
-from femupdate.fe.model import Beams, FiniteElementModel, Shells
+from femupdate.fe.elements.beam import Beams
+from femupdate.fe.elements.shell import Shells
+from femupdate.fe.model import FiniteElementModel
 from femupdate.report import rendering as rendering_module
 from femupdate.report import scenes
 from femupdate.report.drawing_matplotlib import project
@@ -190,8 +192,7 @@ def test_geometry_of_a_model():
         nodes=np.arange(15.0).reshape(5, 3),
         fixed=np.zeros((5, 6), dtype=bool),
         groups=1,
-        shells=Shells(nodes=np.array([[0, 1, 2, 3]])),
-        beams=Beams(nodes=np.array([[3, 4]])),
+        elements=(Shells(nodes=np.array([[0, 1, 2, 3]])), Beams(nodes=np.array([[3, 4]]))),
     )
     geometry = Geometry.of_model(model)
     assert geometry.shells.tolist() == [[0, 1, 2, 3]]

@@ -3,6 +3,7 @@
 from femupdate.effects.diaphragm import membrane_terms
 from femupdate.effects.effect import Effect, Parameter, Terms
 from femupdate.effects.structure import Structure
+from femupdate.fe.elements.shell import Shells
 
 _ALL, _SLAB = "all", "slab"
 
@@ -26,7 +27,7 @@ class FlexibleDiaphragm(Effect):
         """All floors together, and the slab above every story, named after the story."""
         if structure.mesh is None:
             return ()
-        shells = structure.mesh.model.shells
+        shells = structure.mesh.model.elements_of(Shells)
         groups = {int(group) for group in shells.group[shells.kind == _SLAB]}
         own = tuple(structure.building.story_names[group] for group in sorted(groups))
         return (_ALL, *own) if len(own) > 1 else own

@@ -11,8 +11,8 @@ import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.fe.assembly import assemble
+from femupdate.fe.elements.shell import shell_forces
 from femupdate.fe.solve import lowest_modes
-from femupdate.fe.stress import shell_forces
 
 from .meshes import UZ, area_shares
 from .vibrations import square_plate
@@ -57,10 +57,10 @@ def plate_modes(count: int, thickness: float, pressure: float) -> PlateModes:
     operators = assemble(plate)
     modes = lowest_modes(operators, np.ones(1), MODES)
     shapes = operators.expand(modes.shapes).reshape(-1, 6, MODES)
-    force = pressure * shapes[:, UZ].T @ area_shares(plate.nodes, plate.shells.nodes)
+    force = pressure * shapes[:, UZ].T @ area_shares(plate.nodes, plate.faces)
     middle = int(np.linalg.norm(plate.nodes - [5.0, 5.0, 0.0], axis=1).argmin())
-    around = np.flatnonzero((plate.shells.nodes == middle).any(axis=1))
-    corner = plate.shells.nodes[around] == middle
+    around = np.flatnonzero((plate.faces == middle).any(axis=1))
+    corner = plate.faces[around] == middle
     stress = np.array(
         [
             shell_forces(plate, shapes[..., mode], np.ones(1), around)

@@ -8,7 +8,10 @@ from numpy.typing import ArrayLike
 
 from femupdate.arrays import Flags, Floats, Integers
 from femupdate.fe.assembly import assemble
-from femupdate.fe.model import Beams, FiniteElementModel, Shells
+from femupdate.fe.element import Elements
+from femupdate.fe.elements.beam import Beams
+from femupdate.fe.elements.shell import Shells
+from femupdate.fe.model import FiniteElementModel
 from femupdate.fe.quadrilateral import GAUSS_POINTS, parent_derivatives, shape_functions
 from femupdate.fe.solve import static_displacement
 
@@ -38,13 +41,13 @@ def shells(
     nodes = np.asarray(quads, dtype=np.int64)
     ones = np.ones(len(nodes))
     return Shells(
-        nodes,
-        thickness * ones,
-        youngs_modulus * ones,
-        poisson_ratio * ones,
-        density * ones,
-        np.full(len(nodes), group, dtype=np.int64),
-        np.full(len(nodes), "wall"),
+        nodes=nodes,
+        thickness=thickness * ones,
+        youngs_modulus=youngs_modulus * ones,
+        poisson_ratio=poisson_ratio * ones,
+        density=density * ones,
+        group=np.full(len(nodes), group, dtype=np.int64),
+        kind=np.full(len(nodes), "wall"),
     )
 
 
@@ -87,11 +90,13 @@ def chain(count: int, first: int = 0) -> Integers:
 def model(
     points: ArrayLike, fixed: Flags | None = None, groups: int = 1, **parts: Any
 ) -> FiniteElementModel:
-    """A model without supports unless they are given."""
+    """A model without supports unless they are given; parts are blocks of elements or fields."""
     nodes = np.asarray(points, dtype=float)
     if fixed is None:
         fixed = np.zeros((len(nodes), 6), dtype=bool)
-    return FiniteElementModel(nodes, fixed, groups, **parts)
+    blocks = tuple(part for part in parts.values() if isinstance(part, Elements))
+    others = {name: part for name, part in parts.items() if not isinstance(part, Elements)}
+    return FiniteElementModel(nodes, fixed, groups, blocks, **others)
 
 
 def hold(count: int, *rules: tuple[Flags, Sequence[int]]) -> Flags:

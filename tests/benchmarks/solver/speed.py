@@ -15,7 +15,7 @@ import numpy as np
 
 from femupdate.errors import ModelError
 from femupdate.fe.cholmod import cholmod_is_there
-from femupdate.fe.export_opensees import ShellName, opensees_script
+from femupdate.fe.export_opensees import opensees_script
 from femupdate.fe.factorization import ENVIRONMENT, Backend
 from femupdate.progress import Progress, Silent
 
@@ -23,7 +23,7 @@ from ..result import markdown_table
 from .tower import SIZES, tower
 
 MODES = 20
-OPENSEES_SHELL: ShellName = "ShellMITC4"  # the fastest of its shells; stiffer in walls
+OPENSEES_SHELL = "ShellMITC4"  # the fastest of its shells; stiffer in walls
 OPENSEES_SOLVER = "SparseGeneral"  # SuperLU: the fastest of its solvers that is right here
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
@@ -115,12 +115,14 @@ def compare_speed(
             if beside:
                 script = Path(folder) / "tower.py"
                 script.write_text(
-                    opensees_script(structure, np.ones(1), name=size, shell=OPENSEES_SHELL),
+                    opensees_script(
+                        structure, np.ones(1), name=size, types={"shell": OPENSEES_SHELL}
+                    ),
                     encoding="utf-8",
                 )
                 theirs = _run_theirs(script)
                 show.advance(note=f"OpenSees, {size}")
-        counts = len(structure.shells), len(structure.beams), dof
+        counts = len(structure.faces), len(structure.lines), dof
         rows.append(SpeedRow(size, *counts, ours, faster, theirs))
     return tuple(rows)
 

@@ -240,7 +240,7 @@ def _walls() -> Iterator[Score]:
             yield Score(
                 "Coupled wall, six stories",
                 name,
-                f"{len(wall.shells)} shells",
+                f"{len(wall.faces)} shells",
                 COUPLED_LIMITS[k],
                 values[k],
                 unit,

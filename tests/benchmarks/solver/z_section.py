@@ -5,8 +5,8 @@ After "The standard NAFEMS benchmarks" (1990), as quoted in the benchmarks manua
 
 import numpy as np
 
+from femupdate.fe.elements.shell import shell_forces
 from femupdate.fe.model import FiniteElementModel
-from femupdate.fe.stress import shell_forces
 
 from .meshes import ALL, UY, displacement, hold, model, shells, zeros
 
@@ -49,10 +49,10 @@ def axial_stress(along: int = 8, across: int = 1) -> dict[str, float]:
     u = displacement(structure, load)
     forces = shell_forces(structure, u, np.ones(1))
     stress = forces.stress()
-    flange = np.abs(structure.nodes[structure.shells.nodes, 2] - 0.5 * WEB).max(axis=1) < 1e-9
+    flange = np.abs(structure.nodes[structure.faces, 2] - 0.5 * WEB).max(axis=1) < 1e-9
     found = {}
     for name, y in (("tip", -FLANGE), ("corner", 0.0)):
         where = np.linalg.norm(structure.nodes - [_AT, y, 0.5 * WEB], axis=1)
-        corner = (structure.shells.nodes == where.argmin()) & flange[:, None]
+        corner = (structure.faces == where.argmin()) & flange[:, None]
         found[name] = float(stress[corner][:, 0].mean())
     return found

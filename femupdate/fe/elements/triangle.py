@@ -1,16 +1,16 @@
 """The flat three-node shell: Felippa's optimal membrane triangle and the plate triangle DKMT."""
 
+from dataclasses import dataclass
+from typing import ClassVar
+
 import numpy as np
 
-from femupdate.arrays import Floats
-from femupdate.errors import ModelError
-from femupdate.fe.element import ElementMatrices, symmetric
-from femupdate.fe.membrane import DRILLING_STABILISATION, integrate, plane_stress
-from femupdate.fe.model import Triangles
+from femupdate.arrays import Floats, Integers
+from femupdate.fe.element import ElementMatrices, area_vectors, repeated, rows
+from femupdate.fe.membrane import integrate, plane_stress
 from femupdate.fe.plate import SHEAR_CORRECTION
+from femupdate.fe.surface import Surface
 
-_IN_PLANE = (6 * np.arange(3)[:, None] + [0, 1, 5]).ravel()
-_OUT_OF_PLANE = (6 * np.arange(3)[:, None] + [2, 3, 4]).ravel()
 _FLAT = 1e-6  # height over the longest side below which a triangle has no area
 _SIDES = np.array([[0, 1], [1, 2], [2, 0]])
 # Sides that meet in each corner: the one that starts there and the one that ends there.
@@ -29,46 +29,57 @@ _Q = np.array(
 )
 
 
-def triangle_matrices(nodes: Floats, triangles: Triangles) -> ElementMatrices:
-    """Stiffness and consistent mass of three-node shells.
+@dataclass(frozen=True, kw_only=True)
+class Triangles(Surface):
+    """Three-node shells.
 
     Membrane with drilling rotations: the optimal triangle of Felippa (2003), Comput. Methods Appl.
     Mech. Engrg. 192, 2125-2168. Plate: DKMT, discrete Kirchhoff-Mindlin (Katili 1993), Int. J.
-    Numer. Meth. Engng 36, 1859-1883, for thin and thick plates.
-
-    Args:
-        nodes: (N, 3) coordinates of the model's nodes, m.
-        triangles: n elements.
-
-    Returns:
-        matrices (n, 18, 18).
-
-    Raises:
-        ModelError: an element has no area or an impossible property.
+    Numer. Meth. Engng 36, 1859-1883, for thin and thick plates. Inertias are those of the
+    four-node shell.
     """
-    coordinates = nodes[triangles.nodes]
-    _check(coordinates, triangles)
-    axes, plane = _frame(coordinates)
-    count = len(triangles)
-    stiffness = np.zeros((count, 18, 18))
-    elastic = (triangles.thickness, triangles.youngs_modulus, triangles.poisson_ratio)
-    stiffness[:, _IN_PLANE[:, None], _IN_PLANE] = optimal_membrane(plane, *elastic)
-    stiffness[:, _OUT_OF_PLANE[:, None], _OUT_OF_PLANE] = discrete_plate(plane, *elastic)
-    mass = _mass(plane, triangles)
-    blocks = np.zeros((count, 6, 3, 6, 3))
-    for block in range(6):
-        blocks[:, block, :, block] = axes
-    to_local = blocks.reshape(count, 18, 18)
-    to_global = np.swapaxes(to_local, 1, 2)
-    return ElementMatrices(
-        symmetric(to_global @ stiffness @ to_local), symmetric(to_global @ mass @ to_local)
-    )
 
+    name: ClassVar[str] = "triangle"
+    cell_type: ClassVar[str] = "triangle"
+    standard: ClassVar[bool] = True
+    opensees_types: ClassVar[tuple[str, ...]] = ("ASDShellT3",)
 
-def triangle_areas(coordinates: Floats) -> Floats:
-    """Areas of triangles, (n, 3, 3) m -> (n,) m2."""
-    sides = coordinates[:, 1:] - coordinates[:, :1]
-    return 0.5 * np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+    nodes: Integers = rows(3, dtype=np.int64)
+
+    def matrices(self, points: Floats) -> ElementMatrices:
+        """As `Elements.matrices`, (n, 18, 18).
+
+        Raises:
+            ModelError: an element has no area or an impossible property.
+        """
+        self.check(points)
+        axes, plane = _frame(self.corners(points))
+        stiffness = np.zeros((len(self), 18, 18))
+        for own, part in (
+            (self.directions(0, 1, 5), optimal_membrane(plane, *self.elastic)),
+            (self.directions(2, 3, 4), discrete_plate(plane, *self.elastic)),
+        ):
+            stiffness[:, own[:, None], own] = part
+        return ElementMatrices(stiffness, self._mass(plane)).moved_by(repeated(axes, 6))
+
+    def check(self, points: Floats) -> None:
+        """As `Elements.check`; a triangle needs an area as well."""
+        super().check(points)
+        corners = self.corners(points)
+        sides = np.linalg.norm(corners[:, _SIDES[:, 1]] - corners[:, _SIDES[:, 0]], axis=2)
+        twice = 2.0 * np.linalg.norm(area_vectors(corners), axis=1)
+        self.refuse(
+            ~(twice > _FLAT * sides.max(axis=1, initial=0.0) ** 2),
+            "has no area; its three nodes must not lie on one line",
+        )
+
+    def _mass(self, plane: Floats) -> Floats:
+        """Consistent mass in local axes, (n, 18, 18)."""
+        product = _area(plane)[:, None, None] / 12.0 * (np.ones((3, 3)) + np.eye(3))
+        mass = np.zeros((len(plane), 3, 6, 3, 6))
+        for direction, inertia in enumerate(self.inertia().T):
+            mass[:, :, direction, :, direction] = inertia[:, None, None] * product
+        return mass.reshape(-1, 18, 18)
 
 
 def _frame(coordinates: Floats) -> tuple[Floats, Floats]:
@@ -250,41 +261,3 @@ def _plate_shear(direction: Floats, flexible: Floats, extra: Floats) -> Floats:
         sides = [leaving, arriving]
         corners.append(np.linalg.solve(direction[:, sides], along[:, sides]))
     return np.einsum("gi,niab->ngab", _MIDDLES, np.stack(corners, axis=1))
-
-
-def _mass(plane: Floats, triangles: Triangles) -> Floats:
-    """Consistent mass in local axes, (n, 18, 18), with the inertias of the four-node shell."""
-    product = _area(plane)[:, None, None] / 12.0 * (np.ones((3, 3)) + np.eye(3))
-    translation = triangles.density * triangles.thickness
-    rotation = translation * triangles.thickness**2 / 12.0
-    drilling = DRILLING_STABILISATION * rotation
-    inertia = np.stack([translation] * 3 + [rotation] * 2 + [drilling], axis=1)
-    mass = np.zeros((len(plane), 3, 6, 3, 6))
-    for direction in range(6):
-        mass[:, :, direction, :, direction] = inertia[:, direction, None, None] * product
-    return mass.reshape(len(plane), 18, 18)
-
-
-def _check(coordinates: Floats, triangles: Triangles) -> None:
-    sides = np.linalg.norm(coordinates[:, _SIDES[:, 1]] - coordinates[:, _SIDES[:, 0]], axis=2)
-    longest = sides.max(axis=1, initial=0.0)
-    _refuse(
-        ~(2.0 * triangle_areas(coordinates) > _FLAT * longest**2),
-        triangles,
-        "has no area; its three nodes must not lie on one line",
-    )
-    for name in ("thickness", "youngs_modulus"):
-        values = getattr(triangles, name)
-        demand = f"needs a positive {name.replace('_', ' ')}"
-        _refuse(~((values > 0.0) & np.isfinite(values)), triangles, demand)
-    fine = (triangles.poisson_ratio > -1.0) & (triangles.poisson_ratio <= 0.5)
-    _refuse(~fine, triangles, "needs a Poisson's ratio between -1 and 0.5")
-    fine = (triangles.density >= 0.0) & np.isfinite(triangles.density)
-    _refuse(~fine, triangles, "needs a density that is zero or positive")
-
-
-def _refuse(bad: np.ndarray, triangles: Triangles, complaint: str) -> None:
-    if bad.any():
-        first = int(bad.argmax())
-        corners = ", ".join(map(str, triangles.nodes[first].tolist()))
-        raise ModelError(f"triangle {first} (nodes {corners}) {complaint}")

@@ -1,0 +1,1 @@
+"""Kinds of elements, one a file."""

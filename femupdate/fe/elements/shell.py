@@ -1,0 +1,277 @@
+"""The flat four-node shell: membrane and plate put together in space, with its mass."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from femupdate.arrays import Floats, Integers
+from femupdate.fe.element import ElementMatrices, repeated, rows, symmetric
+from femupdate.fe.membrane import membrane_stiffness, membrane_strain, plane_stress
+from femupdate.fe.model import FiniteElementModel
+from femupdate.fe.plate import plate_curvature, plate_mass, plate_stiffness
+from femupdate.fe.quadrilateral import (
+    CENTRE,
+    CORNERS,
+    GAUSS_POINTS,
+    determinants,
+    jacobians,
+    shape_functions,
+)
+from femupdate.fe.stress import element_forces
+from femupdate.fe.surface import SHELL_FORCES, Surface
+
+_FLAT = 1e-9  # area over the square of the longest diagonal below which an element has no area
+_PLANE = 1e-14  # height over size up to which rounding alone lifts a corner off the plane
+_AT_ONCE = 512  # elements whose matrices fit the processor's cache
+_SHARED = 0.1  # kinds of elements over elements up to which each kind is made once
+_SAME = 1e-10  # of the longest side
+_SEED = 20240
+_FOLDED = 1e-4  # corner Jacobian over the mean one: a corner of 180 degrees has 0
+# The parent square whose corners are the Gauss points sees the element's corners at sqrt(3).
+_TO_CORNERS = shape_functions(np.sqrt(3.0) * CORNERS)
+
+
+@dataclass(frozen=True)
+class MeanPlanes:
+    """Shells projected on their mean planes.
+
+    Attributes:
+        axes: (n, 3, 3) rows are the local x, y and z axes; x runs from the middle of the side 4-1
+            to the middle of the side 2-3.
+        plane: (n, 4, 2) projected corners, m.
+        height: (n, 4) distance of the nodes from the plane, m.
+    """
+
+    axes: Floats
+    plane: Floats
+    height: Floats
+
+    def taken(self, chosen: Integers) -> "MeanPlanes":
+        """Those of some of the shells."""
+        return MeanPlanes(self.axes[chosen], self.plane[chosen], self.height[chosen])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shells(Surface):
+    """Four-node shells: incompatible modes with drilling rotations in the plane, MITC4 across it.
+
+    The forces are resultants at the corners in the axes of each element (see `mean_planes`), those
+    of the first corner first: n_x, n_y and n_xy per length, positive in tension, and moments m_x,
+    m_y and m_xy per length, positive where the upper face (the one towards local z) is in tension.
+    """
+
+    name: ClassVar[str] = "shell"
+    cell_type: ClassVar[str] = "quad"
+    standard: ClassVar[bool] = True
+    force_names: ClassVar[tuple[str, ...]] = tuple(
+        f"{force}_{corner}" for corner in range(1, 5) for force in SHELL_FORCES
+    )
+    opensees_types: ClassVar[tuple[str, ...]] = ("ASDShellQ4", "ShellMITC4", "ShellDKGQ")
+
+    nodes: Integers = rows(4, dtype=np.int64)
+
+    def matrices(self, points: Floats) -> ElementMatrices:
+        """As `Elements.matrices`, (n, 24, 24).
+
+        Raises:
+            ModelError: an element is flat, concave, folded or has an impossible property.
+        """
+        whole = ElementMatrices(*(np.empty((len(self), 24, 24)) for _ in range(2)))
+        for some, part in self.matrices_in_parts(points):
+            whole.stiffness[some] = part.stiffness  # one matrix stands for all that are alike
+            whole.mass[some] = part.mass
+        return whole
+
+    def matrices_in_parts(self, points: Floats) -> Iterator[tuple[Integers, ElementMatrices]]:
+        """As `matrices`, some elements at a time: which, and their matrices.
+
+        Elements that are alike, as most are in a regular mesh, share one matrix, (1, 24, 24).
+        Otherwise a few hundred come at a time: what fits the processor's cache is made twice as
+        fast.
+        """
+        self.check(points)
+        corners = self.corners(points)
+        frame = mean_planes(corners)
+        self._check_shape(frame)
+        first, which = _alike(corners, (*self.elastic, self.density))
+        shared = len(first) < _SHARED * len(which)
+        chosen = first if shared else np.arange(len(which))
+        for start in range(0, len(chosen), _AT_ONCE):
+            some = chosen[start : start + _AT_ONCE]
+            elements, planes = self.taken(some), frame.taken(some)
+            stiffness = _in_global_axes(elements._stiffness(planes.plane), planes)
+            mass = _in_global_axes(elements._mass(planes.plane), planes)
+            if not shared:
+                yield some, ElementMatrices(stiffness, mass)
+                continue
+            for k in range(len(some)):
+                own = np.flatnonzero(which == start + k)
+                yield own, ElementMatrices(stiffness[[k]], mass[[k]])
+
+    def membrane(self, points: Floats) -> Floats:
+        """Stiffness in global axes of shells that do not bend, (n, 24, 24)."""
+        frame = mean_planes(self.corners(points))
+        local, own = np.zeros((len(self), 24, 24)), _IN_PLANE
+        local[:, own[:, None], own] = membrane_stiffness(frame.plane, *self.elastic)
+        motion = to_local(frame)
+        return symmetric(np.swapaxes(motion, 1, 2) @ local @ motion)
+
+    def force_rows(self, points: Floats) -> Floats:
+        """Resultants at the corners per unit motion of the nodes, (n, 24, 24)."""
+        frame = mean_planes(self.corners(points))
+        elasticity = plane_stress(self.youngs_modulus, self.poisson_ratio)
+        local = np.zeros((len(self), 4, 6, 24))
+        # Curvatures are those of u = z ry, v = -z rx, which stretch the upper face where positive.
+        for forces, own, factor, strain in (
+            (slice(0, 3), _IN_PLANE, self.thickness, membrane_strain(frame.plane, *self.elastic)),
+            (slice(3, 6), _OUT_OF_PLANE, self.thickness**3 / 12.0, plate_curvature(frame.plane)),
+        ):
+            at_gauss = (factor[:, None, None] * elasticity)[:, None] @ strain
+            at_corners = np.einsum("cg,ngik->ncik", _TO_CORNERS, at_gauss)
+            local[:, :, forces, own] = at_corners
+        return np.asarray(local.reshape(-1, 24, 24) @ to_local(frame), dtype=np.float64)
+
+    def _stiffness(self, plane: Floats) -> Floats:
+        """Stiffness in local axes, (n, 24, 24)."""
+        stiffness = np.zeros((len(plane), 24, 24))
+        stiffness[:, _IN_PLANE[:, None], _IN_PLANE] = membrane_stiffness(plane, *self.elastic)
+        stiffness[:, _OUT_OF_PLANE[:, None], _OUT_OF_PLANE] = plate_stiffness(plane, *self.elastic)
+        return stiffness
+
+    def _mass(self, plane: Floats) -> Floats:
+        """Consistent mass in local axes, (n, 24, 24)."""
+        determinant = determinants(jacobians(plane, GAUSS_POINTS))
+        shape = shape_functions(GAUSS_POINTS)
+        product = np.einsum("ng,gi,gj->nij", determinant, shape, shape)
+        in_plane = np.zeros((len(plane), 4, 3, 4, 3))
+        for direction, inertia in enumerate(self.inertia().T[[0, 1, 5]]):
+            in_plane[:, :, direction, :, direction] = inertia[:, None, None] * product
+        mass = np.zeros((len(plane), 24, 24))
+        mass[:, _IN_PLANE[:, None], _IN_PLANE] = in_plane.reshape(-1, 12, 12)
+        across = plate_mass(plane, self.thickness, self.density)
+        mass[:, _OUT_OF_PLANE[:, None], _OUT_OF_PLANE] = across
+        return mass
+
+    def _check_shape(self, frame: MeanPlanes) -> None:
+        corner = determinants(jacobians(frame.plane, CORNERS))
+        mean = determinants(jacobians(frame.plane, CENTRE))[:, 0]
+        size = np.abs(frame.plane).max(axis=(1, 2), initial=0.0) + np.abs(frame.height).max(axis=1)
+        self.refuse(
+            ~((mean > _FLAT * size**2) & (corner.min(axis=1) > _FOLDED * mean)),
+            "has no area, a folded side or a corner of 180 degrees or more; list its four distinct "
+            "nodes in order around a convex quadrilateral",
+        )
+
+
+_IN_PLANE = Shells.directions(0, 1, 5)
+_OUT_OF_PLANE = Shells.directions(2, 3, 4)
+
+
+@dataclass(frozen=True)
+class ShellForces:
+    """Resultants at the corners of shells, in the axes of each; see `Shells`.
+
+    Attributes:
+        membrane: (n, 4, 3) forces per length n_x, n_y, n_xy, N/m.
+        moment: (n, 4, 3) moments per length m_x, m_y, m_xy, N.
+        axes: (n, 3, 3) rows are the local x, y and z axes.
+        thickness: (n,) m.
+    """
+
+    membrane: Floats
+    moment: Floats
+    axes: Floats
+    thickness: Floats
+
+    def stress(self, face: float = 0.0) -> Floats:
+        """Stresses (n, 4, 3) sigma_x, sigma_y, tau_xy, Pa.
+
+        Args:
+            face: +1 for the upper face, -1 for the lower, 0 for the middle.
+        """
+        thickness = self.thickness[:, None, None]
+        return self.membrane / thickness + 6.0 * face * self.moment / thickness**2
+
+
+def shell_forces(
+    model: FiniteElementModel,
+    displacement: Floats,
+    theta: Floats,
+    chosen: Integers | None = None,
+) -> ShellForces:
+    """Forces of a model's four-node shells; arguments and errors as for `element_forces`."""
+    shells = model.elements_of(Shells)
+    forces = element_forces(model, shells, displacement, theta, chosen).reshape(-1, 4, 6)
+    own = shells if chosen is None else shells.taken(chosen)
+    axes = mean_planes(own.corners(model.nodes)).axes
+    return ShellForces(forces[..., :3], forces[..., 3:], axes, own.thickness)
+
+
+def _alike(coordinates: Floats, properties: tuple[Floats, ...]) -> tuple[Integers, Integers]:
+    """First element of every kind that there is, (u,), and the kind of each element, (n,).
+
+    Elements of one kind have the same sides, to ten digits, and the same properties.
+    """
+    sides = (coordinates[:, 1:] - coordinates[:, :1]).reshape(-1, 9)
+    grain = _SAME * np.abs(sides).max(initial=1e-300)
+    exact = np.column_stack(properties).view(np.int64)
+    key = np.column_stack([np.rint(sides / grain).astype(np.int64), exact])
+    odd = np.random.default_rng(_SEED).integers(2**62, size=key.shape[1]) | 1
+    _, first, which = np.unique(key @ odd, return_index=True, return_inverse=True)
+    if not np.array_equal(key, key[first][which]):  # two kinds with one hash
+        return np.arange(len(key)), np.arange(len(key))
+    return first, which
+
+
+def _in_global_axes(matrices: Floats, frame: MeanPlanes) -> Floats:
+    """Symmetric matrices (n, 24, 24) of the projected corners for global motion of the nodes.
+
+    The same as with `to_local` on either side, in an eighth of the operations.
+    """
+    size = np.abs(frame.plane).max(axis=(1, 2), initial=0.0)
+    warped = np.flatnonzero(np.abs(frame.height).max(axis=1, initial=0.0) > _PLANE * size)
+    arms = _rigid_arms(frame.height[warped])
+    matrices[warped] = np.swapaxes(arms, 1, 2) @ matrices[warped] @ arms
+    for _ in range(2):
+        turned = (matrices.reshape(-1, 24 * 8, 3) @ frame.axes).reshape(-1, 24, 24)
+        matrices = np.ascontiguousarray(np.swapaxes(turned, 1, 2))
+    return symmetric(matrices)
+
+
+def mean_planes(coordinates: Floats) -> MeanPlanes:
+    """Mean planes: through the centroid of the corners, along both bisectors of the sides."""
+    centred = coordinates - coordinates.mean(axis=1, keepdims=True)
+    along_xi = np.einsum("i,nid->nd", CORNERS[:, 0], centred)
+    along_eta = np.einsum("i,nid->nd", CORNERS[:, 1], centred)
+    x = _unit(along_xi)
+    z = _unit(np.cross(along_xi, along_eta))
+    axes = np.stack([x, np.cross(z, x), z], axis=1)
+    local = np.einsum("nij,nkj->nki", axes, centred)
+    return MeanPlanes(axes, local[..., :2], local[..., 2])
+
+
+def _unit(vectors: Floats) -> Floats:
+    """Unit vectors; a vector of no length stays so and is reported by the checks."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0.0)
+
+
+def to_local(frame: MeanPlanes) -> Floats:
+    """From global motion of the nodes to local motion of the projected corners, (n, 24, 24).
+
+    A rigid arm joins each node to its projection, u' = u + r cross (p' - p), so that forces of the
+    flat element stay in equilibrium at the nodes of a warped one.
+    """
+    return np.asarray(_rigid_arms(frame.height) @ repeated(frame.axes, 8), dtype=np.float64)
+
+
+def _rigid_arms(height: Floats) -> Floats:
+    """Motion of the projected corners for that of the nodes, both in local axes, (n, 24, 24)."""
+    matrix = np.zeros((len(height), 4, 6, 4, 6))
+    for node in range(4):
+        matrix[:, node, :, node] = np.eye(6)
+        matrix[:, node, 0, node, 4] = -height[:, node]
+        matrix[:, node, 1, node, 3] = height[:, node]
+    return matrix.reshape(-1, 24, 24)

@@ -1,0 +1,36 @@
+"""Finds the kinds of elements: every `Elements` in a module of the folder `elements`."""
+
+from functools import cache
+
+from femupdate.errors import ModelError
+from femupdate.fe import elements
+from femupdate.fe.element import Elements
+from femupdate.registry import classes_in
+
+
+@cache
+def element_kinds() -> dict[str, type[Elements]]:
+    """All kinds of elements by their names."""
+    found = classes_in(elements, Elements)  # type: ignore[type-abstract] # only its kinds are made
+    return {kind.name: kind for kind in found}
+
+
+def element_for(cell_type: str, name: str | None = None) -> type[Elements]:
+    """The kind of element that cells of a mesh file become.
+
+    Args:
+        cell_type: such as "quad".
+        name: of the kind; the standard one of this type where None.
+
+    Raises:
+        ModelError: no kind of this name is made of such cells.
+    """
+    fitting = {k: kind for k, kind in element_kinds().items() if kind.cell_type == cell_type}
+    if name is None:
+        name = next((k for k, kind in fitting.items() if kind.standard), "")
+    if name not in fitting:
+        raise ModelError(
+            f"no element named {name!r} is made of {cell_type} cells; the known ones are "
+            f"{', '.join(fitting)}"
+        )
+    return fitting[name]
