@@ -13,6 +13,7 @@ from pydantic import BaseModel
 
 from femupdate.building.schema import Building
 from femupdate.effects.registry import CATALOGUE
+from femupdate.measurement.registry import readers
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
@@ -164,6 +165,11 @@ def test_the_how_to_has_every_benchmark():
     text = (DOCS / "how-to" / "benchmarks.md").read_text(encoding="utf-8")
     benchmarks = [name for name in KNOWN if name.startswith("benchmark ")]
     assert [name for name in benchmarks if f"`femupdate {name}`" not in text] == []
+
+
+def test_the_reference_has_every_reader():
+    text = (DOCS / "reference" / "files.md").read_text(encoding="utf-8")
+    assert [name for name in readers() if f"| `{name}` |" not in text] == []
 
 
 def models(annotation):

@@ -1,4 +1,4 @@
-"""Whether several runs say the same of a building, before any model is believed."""
+"""Whether several runs of a building agree, without any model."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,17 +11,16 @@ from femupdate.measurement.bands import band_edges
 from femupdate.measurement.observation import Observation, independent_share, on_all_floors
 from femupdate.measurement.pooled import pooled
 
-# Among runs that agree, one in so many is said not to.
+# Probability with which runs that agree are said to differ.
 _CHANCE = 1e-3
-# Smaller differences, over their noise, are not worth a word: the noise of an estimate is itself
-# one.
+# Differences over their noise below this are not reported: the noise itself is an estimate.
 _WORTH_A_WORD = 1.3
 _FEWEST = 3.0  # independent points of a comparison
 
 
 @dataclass(frozen=True)
 class Difference:
-    """What one run says against the others together, at one floor in one band.
+    """Difference of one run from the others together, at one floor in one band.
 
     Attributes:
         source: the run.
@@ -31,7 +30,7 @@ class Difference:
         mean: of the difference in ln|H|, run less others, weighted by precision.
         ratio: rms of the difference over the noise of both.
         independent: points that err independently.
-        p_value: of noise alone making it as large.
+        p_value: probability that noise alone makes it as large.
     """
 
     source: str
@@ -64,7 +63,7 @@ class Agreement:
         return tuple(sorted(found, key=lambda one: (one.p_value, -one.ratio)))
 
     def sentence(self) -> str:
-        """What to make of it, for the user."""
+        """The agreement in a sentence for the user."""
         if np.isnan(self.ratio):
             return (
                 "No floor was measured in more than one of them: whether they agree cannot be told "
@@ -88,7 +87,7 @@ class Agreement:
 def agreement(runs: Sequence[Observation], floors: Sequence[str]) -> Agreement:
     """Compare every run with all others, pooled, by the chi-square of their differences.
 
-    Of two runs the first is the measure and the second is compared.
+    Of two runs, the second is compared with the first.
 
     Args:
         runs: on one frequency grid.

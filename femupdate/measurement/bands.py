@@ -1,4 +1,4 @@
-"""Bands of a frequency grid in which floors are compared."""
+"""Frequency bands in which floors are compared."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""FRFs as an estimate from histories shows them: blunted by the window of its segments."""
+"""FRFs as an estimate from histories shows them: averaged by the window of its segments."""
 
 import numpy as np
 import torch
@@ -7,7 +7,7 @@ from torch import Tensor
 from femupdate.measurement.observation import Observation
 
 HANN = 1.5  # equivalent noise bandwidth of the Hann window times its length
-_REACH = 3.0  # in units of 1 / T; beyond it the Hann window's spectrum holds nothing
+_REACH = 3.0  # in units of 1 / T; beyond it the spectrum of the Hann window is negligible
 
 
 def segment_of(observation: Observation) -> float | None:
@@ -23,7 +23,7 @@ def as_estimated(frf: Tensor, segment_s: float | None, frequency_hz: Tensor) -> 
 
     Of white noise H1 shows H averaged with the weight |W|^2, W = sinc(x) / (1 - x^2) with
     x = f T for a Hann window of T seconds (Bendat and Piersol 2010, section 8.5; Harris 1978).
-    Unseen by the model, the blunted peaks would pass for effects.
+    Without this, the finder would take the lower peaks for an effect.
     """
     if segment_s is None or frf.shape[2] < 2:
         return frf

@@ -1,11 +1,11 @@
 """Frequency response functions of measured histories, by Welch's method and the H1 estimator.
 
-How far to trust it: each estimate is the response averaged over the bandwidth of a segment's
-window, so a peak narrower than that comes out too low. For a peak at f0 with damping ratio zeta
+Bias: each estimate is the response averaged over the bandwidth of a segment's window, so a
+narrower peak comes out too low. For a peak at f0 with damping ratio zeta
 and Hann segments of T seconds the estimate at the peak is low by about 1 / (3 (zeta f0 T)^2) of
 its value (the second moment of the window's spectrum times the curvature of H): 8 % for 5 Hz,
-2 %, 20 s. What is smeared across the bandwidth lowers the coherence too, so the stated noise is
-larger there: it covers the bias while zeta f0 T is about 2 or more.
+2 %, 20 s. This averaging lowers the coherence too, so the stated noise is larger there. It
+covers the bias as long as zeta f0 T is about 2 or more.
 """
 
 from collections.abc import Sequence
@@ -25,21 +25,21 @@ from femupdate.measurement.observation_file import Histories
 from femupdate.measurement.welch import Segments, Spectra, choose_segments, welch_spectra
 
 DEFAULT_NOISE = 0.2  # on ln|H|, where neither the file nor the coherence says
-# Accelerometers are calibrated to about a hundredth, so no estimate is better than that.
+# Accelerometers are calibrated to about 1 %, so no estimate is better than that.
 NOISE_FLOOR = 0.01
 # Above this the first-order relation of coherence and sd(ln|H|) no longer holds.
 LARGEST_NOISE = 0.5
-# Below this, around a frequency, noise in the base could bias H1 by as much as noise in the floor
-# scatters it, and which of the two it is cannot be told.
+# Below this, noise in the base could bias H1 by as much as noise in the floor scatters it, and the
+# data do not show which of the two it is.
 MINIMUM_COHERENCE = 0.5
-# A coherence that unrelated signals exceed once in a hundred times is taken for none.
+# A coherence that unrelated signals exceed with this probability counts as zero.
 _CHANCE = 0.01
 # Where the base has less than this share of its power nearby (within ten bins) or anywhere,
-# what a spectrum shows is leakage of the Hann window (its far side lobes fall as k^-6).
+# a spectrum shows leakage of the Hann window (its far side lobes fall as k^-6).
 _POWER_NEARBY, _POWER_ANYWHERE, _NEARBY_BINS = 1e-3, 1e-7, 10
-# The incoherent power is smooth: averaged over this many bins to either side, it makes the stated
-# noise far less random than the coherence of a few segments (measured: the mean square of
-# error over noise falls from 1.2 to 1.05 with seven segments).
+# The incoherent power is smooth. Averaged over this many bins on either side, it makes the stated
+# noise far less random than the coherence of a few segments would (with seven segments, the mean
+# square of error over noise falls from 1.2 to 1.05).
 _NOISE_BINS = 3
 _TINY = float(np.finfo(np.float64).tiny)
 
@@ -139,7 +139,7 @@ def observation_from_table(
 
 
 def _table_spacing(table: FrfTable, grid: Floats) -> float | None:
-    """Spacing of a table that is coarser than the grid: what lies between repeats its points."""
+    """Spacing of a table that is coarser than the grid, whose points it then repeats."""
     if table.frequency_hz.size < 2 or grid.size < 2:
         return None
     spacing = float(np.median(np.diff(table.frequency_hz)))
@@ -155,7 +155,7 @@ def observation_for(
     segment_s: float | None = None,
     default_noise: float = DEFAULT_NOISE,
 ) -> Observation:
-    """Return what a file says of a building, on the building's floors and frequency grid.
+    """Return the observation in a file, on the building's floors and frequency grid.
 
     Args:
         building_floors: names of the building's floors, bottom to top, without the base.

@@ -1,4 +1,4 @@
-"""Headers that announce values, and the values that follow, as record formats share them."""
+"""Headers of records that announce values, and the values that follow."""
 
 import re
 

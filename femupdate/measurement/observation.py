@@ -1,4 +1,4 @@
-"""What a building was observed to do: FRFs on a frequency grid, with their noise."""
+"""The observation of a building: FRFs on a frequency grid, with their noise."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -23,14 +23,14 @@ class Observation:
         floors: (f,) bottom to top.
         log_frf: (f, m) ln|H|; NaN where there is no estimate at all.
         noise_sd: (f, m) standard deviation of ln|H| (and of the phase, rad); NaN likewise.
-        valid: (f, m) whether a point may be used. Estimates that are there but not to be trusted
-            (low coherence, no power in the base) are kept for plots and flagged here.
+        valid: (f, m) whether a point may be used. Untrusted estimates (low
+            coherence, no power in the base) are kept for plots and flagged here.
         phase: (f, m) angle of H in (-pi, pi], rad, or None where only |H| was measured.
         coherence: (f, m) ordinary coherence of base and floor, or None.
         resolution_hz: bandwidth over which one estimate averages; points closer than this do not
             err independently. None where it is not known.
         source: where it comes from.
-        notes: sentences on how it was made and what is missing.
+        notes: sentences on how it was estimated and what is missing.
         scatter: (f, m) of several runs pooled into one (see `pooled`): sum of their squared
             deviations from what is pooled, each over the noise of its own run; None for one run.
     """
@@ -102,12 +102,12 @@ def _with_rows(
 
 
 def independent_share(observation: Observation) -> float:
-    """Share of the points that do not repeat a neighbour."""
+    """Share of the points that err independently of their neighbours."""
     return resolved_share(observation.frequency_hz, observation.resolution_hz)
 
 
 def resolved_share(frequency_hz: Floats, resolution_hz: float | None) -> float:
-    """Spacing of a grid (m,) over a resolution, one at most."""
+    """Spacing of a grid (m,) over a resolution, at most one."""
     spacing = float(np.median(np.diff(frequency_hz)))
     return min(1.0, spacing / (resolution_hz or spacing))
 
@@ -115,10 +115,10 @@ def resolved_share(frequency_hz: Floats, resolution_hz: float | None) -> float:
 def require_floors_of_building(
     source: str, floors: Sequence[str], building_floors: Sequence[str]
 ) -> None:
-    """Refuse the measurements of another building, told by the names of their floors.
+    """Refuse measurements of another building, recognised by the names of its floors.
 
     Raises:
-        MeasurementError: a measured floor is none of the building's.
+        MeasurementError: the building has no floor of a measured name.
     """
     foreign = [floor for floor in floors if floor not in building_floors]
     if foreign:

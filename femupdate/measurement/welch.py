@@ -1,4 +1,4 @@
-"""Spectra of a base and its floors by Welch's method, and how much they average."""
+"""Spectra of base and floors by Welch's method, and the averages in them."""
 
 from dataclasses import dataclass
 
@@ -8,9 +8,9 @@ from femupdate.arrays import Complexes, Floats
 from femupdate.errors import MeasurementError
 
 MINIMUM_AVERAGES = 5.0  # effective number of segments that the default length must leave
-FEWEST_AVERAGES = 2.0  # below this the coherence says nothing
+FEWEST_AVERAGES = 2.0  # below this the coherence has no meaning
 MINIMUM_SEGMENT = 16  # samples
-# Zero padding: bins four times as dense, so that the way between them is nearly straight.
+# Zero padding: bins four times as dense, so that the FRF is nearly straight between them.
 _PADDING = 4
 
 
