@@ -172,6 +172,12 @@ def test_the_reference_has_every_reader():
     assert [name for name in readers() if f"| `{name}` |" not in text] == []
 
 
+def test_the_map_has_every_package():
+    text = (DOCS / "explanation" / "where-things-are.md").read_text(encoding="utf-8")
+    packages = [path.parent.name for path in (ROOT / "femupdate").glob("*/__init__.py")]
+    assert [name for name in packages if f"| `{name}` |" not in text] == []
+
+
 def models(annotation):
     """All pydantic models that a field's type names."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
