@@ -18,7 +18,7 @@ from femupdate.building.mesh_spans import beam_arms, beam_releases, span_ends
 from femupdate.building.own_mesh import MeshBuilding, Part
 from femupdate.building.parameters import stiffness_factors
 from femupdate.building.quantities import ALL
-from femupdate.errors import BuildingError
+from femupdate.errors import BuildingError, ModelError
 from femupdate.fe.element import Elements, area_vectors
 from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel
 from femupdate.fe.registry import element_for
@@ -181,7 +181,20 @@ def _block(
     names = np.full(len(cells), part.kind or "", dtype="<U24")
     if part.kind is None:
         names = _kinds(nodes[cells])
-    return _Block(number, element_for(kind), cells, group.astype(np.int64), names)
+    element = _element_of(part, kind, f"parts[{number}]")
+    return _Block(number, element, cells, group.astype(np.int64), names)
+
+
+def _element_of(part: Part, cell_type: str, key: str) -> type[Elements]:
+    try:
+        element = element_for(cell_type, part.element)
+    except ModelError as error:
+        raise Complaint(f"{key}.element", str(error)) from None
+    known = {one.name for one in fields(element)}
+    if (part.has_arms and "offset" not in known) or (part.hinges and "released" not in known):
+        text = f"a {element.name} has no eccentricity, rigid ends or hinges; remove them"
+        raise Complaint(f"{key}.element", text)
+    return element
 
 
 def _kinds(points: Floats) -> Strings:

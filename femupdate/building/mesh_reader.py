@@ -11,7 +11,7 @@ import numpy as np
 
 from femupdate.arrays import Flags, Floats, Integers
 from femupdate.building.entry import Complaint
-from femupdate.fe.element import CORNERS
+from femupdate.fe.registry import cell_types
 
 _POINTS = ("vertex",)  # they carry no stiffness and are left out
 _FIRST_ORDER = {
@@ -77,7 +77,7 @@ def read_mesh(path: Path, tags: str | None) -> RawMesh:
         raise Complaint("mesh.tags", f"the mesh has no cell data {tags!r} (it has: {known})")
     nodes = np.zeros((len(mesh.points), 3))
     nodes[:, : mesh.points.shape[1]] = mesh.points
-    cells = {kind: _cells(mesh, kind, tags) for kind in CORNERS}
+    cells = {kind: _cells(mesh, kind, count, tags) for kind, count in cell_types().items()}
     return RawMesh(nodes, {kind: found for kind, found in cells.items() if len(found.nodes)})
 
 
@@ -101,7 +101,7 @@ def _read(path: Path) -> Any:
 
 def _refuse_other_cells(mesh: Any) -> None:
     for block in mesh.cells:
-        if block.type in CORNERS or block.type in _POINTS:
+        if block.type in cell_types() or block.type in _POINTS:
             continue
         count = sum(len(b.data) for b in mesh.cells if b.type == block.type)
         plain = _FIRST_ORDER.get(block.type)
@@ -114,11 +114,11 @@ def _refuse_other_cells(mesh: Any) -> None:
         raise Complaint("mesh.file", f"{text}; {mend}")
 
 
-def _cells(mesh: Any, kind: str, tags: str | None) -> Cells:
-    """Join the blocks of one type."""
+def _cells(mesh: Any, kind: str, corners: int, tags: str | None) -> Cells:
+    """Join the blocks of one type, whose cells have so many corners."""
     blocks = [number for number, block in enumerate(mesh.cells) if block.type == kind]
     if not blocks:
-        return Cells(np.zeros((0, CORNERS[kind]), dtype=np.int64), {})
+        return Cells(np.zeros((0, corners), dtype=np.int64), {})
     nodes = np.concatenate([mesh.cells[number].data for number in blocks]).astype(np.int64)
     names: dict[str, list[Flags]] = {}
     for place, number in enumerate(blocks):

@@ -44,6 +44,8 @@ class Part(Entry):
         group: names or numbers of groups in the mesh; "*" for all cells of that dimension.
         thickness: of shells.
         section: of beams, one of the building's.
+        element: kind of element that the cells become, such as "shell"; the usual one of their type
+            where left out.
         story: the story that owns the cells; by their height where left out.
         up: direction of the section's depth; vertical in beams, along y in upright columns.
         kind: "wall", "slab", "column" or "beam"; by the direction of each cell where left out.
@@ -56,6 +58,7 @@ class Part(Entry):
     group: Names
     thickness: Length | None = None
     section: Label | None = None
+    element: Label | None = None
     material: Label | None = None
     story: Label | None = None
     up: tuple[Number, Number, Number] | None = None

@@ -16,7 +16,6 @@ from femupdate.arrays import Flags, Floats, Integers
 from femupdate.errors import ModelError
 from femupdate.fe.opensees import OpenSeesPart
 
-CORNERS = {"line": 2, "triangle": 3, "quad": 4}  # nodes of the cells of mesh files
 _LABELS = {"youngs_modulus": "Young's modulus", "poisson_ratio": "Poisson's ratio"}
 
 
@@ -69,7 +68,7 @@ class Elements(ABC):
 
     Class attributes:
         name: of one such element, in messages and building files.
-        cell_type: of the elements in mesh files, by meshio's names: a key of `CORNERS`.
+        cell_type: of the elements in mesh files, by meshio's names, such as "quad".
         standard: whether cells of this type in mesh files become such elements unless the building
             file names another kind.
         force_names: of the r forces that `force_rows` gives.
@@ -154,7 +153,7 @@ class Elements(ABC):
     @classmethod
     def node_count(cls) -> int:
         """Nodes of an element, k."""
-        return CORNERS[cls.cell_type]
+        return int(cls().nodes.shape[1])
 
     @classmethod
     def dimension(cls) -> int:

@@ -15,6 +15,11 @@ def element_kinds() -> dict[str, type[Elements]]:
     return {kind.name: kind for kind in found}
 
 
+def cell_types() -> dict[str, int]:
+    """The types of cells that elements are made of, with the number of their nodes."""
+    return {kind.cell_type: kind.node_count() for kind in element_kinds().values()}
+
+
 def element_for(cell_type: str, name: str | None = None) -> type[Elements]:
     """The kind of element that cells of a mesh file become.
 
