@@ -7,7 +7,7 @@ import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.measurement.direction import is_vertical
-from femupdate.measurement.quantity import si_factor
+from femupdate.measurement.quantity import agreed_unit, is_acceleration, si_factor
 from femupdate.measurement.text import TextFile
 
 
@@ -75,14 +75,27 @@ def _folded(name: str) -> str:
     return " ".join(name.casefold().split())
 
 
+def acceleration_unit(file: TextFile, channel: RecordedChannel, asked: str | None) -> str:
+    """Return the unit of a channel of acceleration, stated in the file or asked for by the user.
+
+    Raises:
+        MeasurementError: the channel holds something else, or see `agreed_unit`.
+    """
+    if channel.quantity not in ("acceleration", "unknown"):
+        raise file.error(
+            f"{channel.name!r} holds {channel.quantity}, not acceleration; choose another channel"
+        )
+    return agreed_unit(file, channel.unit, asked, repr(channel.name))
+
+
 def channel_listing(file: TextFile, channels: Sequence[RecordedChannel], unit: str | None) -> str:
     """Return `1 = 90 Deg (peak 3.38 m/s2), 2 = ...`; `unit` is that of channels without one."""
     entries = []
     for number, each in enumerate(channels, start=1):
         stated = each.unit or unit
         peak = float(np.abs(each.values).max())
-        if stated is None:
-            shown = f"{peak:.4g} in its own unit"
+        if stated is None or not is_acceleration(stated):
+            shown = f"{peak:.4g} {each.unit or 'in its own unit'}"
         else:
             shown = f"{peak * si_factor(file, stated, 'acceleration'):.4g} m/s2"
         entries.append(f"{number} = {each.name} (peak {shown})")

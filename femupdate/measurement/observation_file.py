@@ -8,7 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.measurement.channel import RecordedChannel, channel_listing, chosen_channel
+from femupdate.measurement.channel import (
+    RecordedChannel,
+    acceleration_unit,
+    channel_listing,
+    chosen_channel,
+)
 from femupdate.measurement.columns import (
     BASE,
     FREQUENCY,
@@ -22,7 +27,7 @@ from femupdate.measurement.columns import (
     parse_frf_column,
 )
 from femupdate.measurement.frf_table import FrfTable, frf_table
-from femupdate.measurement.quantity import agreed_unit, si_factor, split_unit
+from femupdate.measurement.quantity import si_factor, split_unit
 from femupdate.measurement.record import LARGEST_PEAK
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.registry import read_measured
@@ -222,7 +227,7 @@ def _acceleration(
 ) -> Floats:
     """Return a history in m/s2; refuse one without motion, or with more than any earthquake."""
     title = repr(recorded.name)
-    stated = agreed_unit(file, recorded.unit, unit, title)
+    stated = acceleration_unit(file, recorded, unit)
     values = recorded.values * si_factor(file, stated, "acceleration")
     if np.ptp(values) == 0.0:
         raise file.error(

@@ -27,6 +27,11 @@ def is_unit(text: str) -> bool:
     return any(_known(plain_unit(text), kind) for kind in _MEASURED)
 
 
+def is_acceleration(unit: str) -> bool:
+    """Return whether a text names a unit of acceleration."""
+    return _known(plain_unit(unit), "acceleration")
+
+
 def split_unit(cell: str) -> tuple[str, str | None]:
     """Split a column's title into name and unit: `RF (m/s2)` gives `("RF", "m/s2")`."""
     match = _BRACKETED.match(cell.strip())
@@ -41,12 +46,8 @@ def si_factor(file: TextFile, unit: str, kind: str, line: int | None = None) -> 
     Raises:
         MeasurementError: the name is not a unit of that kind.
     """
-    name = plain_unit(unit)
-    # The first digitised CSMIP records are written in tenths of g.
-    if kind == "acceleration" and name.lower().replace(" ", "") == "g/10":
-        return factor("g", kind) / 10.0
     try:
-        return factor(name, kind)
+        return _factor(plain_unit(unit), kind)
     except UnitError as error:
         raise file.error(str(error), line) from None
 
@@ -78,7 +79,14 @@ def agreed_unit(file: TextFile, stated: str | None, asked: str | None, column: s
 
 def _known(name: str, kind: str) -> bool:
     try:
-        factor(name, kind)
+        _factor(name, kind)
     except UnitError:
         return False
     return True
+
+
+def _factor(name: str, kind: str) -> float:
+    # The first digitised CSMIP records are written in tenths of g.
+    if kind == "acceleration" and name.lower().replace(" ", "") == "g/10":
+        return factor("g", kind) / 10.0
+    return factor(name, kind)

@@ -10,8 +10,13 @@ import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.errors import MeasurementError
-from femupdate.measurement.channel import RecordedChannel, channel_listing, chosen_channel
-from femupdate.measurement.quantity import agreed_unit, plain_unit, si_factor
+from femupdate.measurement.channel import (
+    RecordedChannel,
+    acceleration_unit,
+    channel_listing,
+    chosen_channel,
+)
+from femupdate.measurement.quantity import plain_unit, si_factor
 from femupdate.measurement.registry import read_measured
 from femupdate.measurement.text import TextFile
 from femupdate.units import STANDARD_GRAVITY
@@ -167,7 +172,7 @@ def read_record(
     recording = read_measured(path, format)
     file, channels = recording.file, recording.histories()
     chosen = _choose(file, channels, channel, unit)
-    stated = agreed_unit(file, chosen.unit, unit, repr(chosen.name))
+    stated = acceleration_unit(file, chosen, unit)
     motion = GroundMotion(
         acceleration=chosen.values * si_factor(file, stated, "acceleration"),
         time_step=chosen.time_step,

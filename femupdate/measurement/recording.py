@@ -1,8 +1,13 @@
 """What a measured file holds, whatever its format."""
 
 import re
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
+import numpy as np
+from numpy.typing import NDArray
+
+from femupdate.arrays import Floats
 from femupdate.errors import MeasurementError
 from femupdate.measurement.channel import RecordedChannel
 from femupdate.measurement.quantity import si_factor
@@ -13,6 +18,46 @@ from femupdate.measurement.text import TextFile
 TIME_NAME = re.compile(r"^(t|time)([_ .].*)?$|^sec(ond)?s?$|^時[刻間]", re.IGNORECASE)
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RecordedFunction:
+    """A function of frequency as the file gives it.
+
+    Attributes:
+        kind: what it is, such as `frequency response` or `coherence`.
+        name: the file's name for it.
+        frequency_hz: (m,)
+        values: (m,) real or complex, in `unit`.
+        unit: that the file states, or None.
+        response: where and in which direction the response was measured.
+        reference: likewise of the excitation or the reference.
+    """
+
+    kind: str
+    name: str
+    frequency_hz: Floats
+    values: NDArray[np.inexact]
+    unit: str | None
+    response: str = ""
+    reference: str = ""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RecordedMode:
+    """An identified mode as the file gives it.
+
+    Attributes:
+        frequency_hz: natural frequency.
+        damping: ratio of critical damping, or None.
+        points: (p,) numbers of the points of the shape.
+        shape: (p, 3) or (p, 6) components at them, in the file's directions and scale.
+    """
+
+    frequency_hz: float
+    damping: float | None
+    points: tuple[int, ...]
+    shape: NDArray[np.inexact]
+
+
 @dataclass(frozen=True, eq=False)
 class Recording:
     """What a measured file holds.
@@ -21,6 +66,9 @@ class Recording:
         file: where it was read, for messages.
         channels: its histories, where the format says what is one.
         table: its columns, where they mean what the user takes them for.
+        functions: its functions of frequency.
+        modes: its identified modes.
+        points: coordinates of its measuring points by their numbers, in the file's unit.
         notes: sentences on what else the file holds.
         format: name of the reader, set by `registry.read_measured`.
     """
@@ -28,6 +76,9 @@ class Recording:
     file: TextFile
     channels: tuple[RecordedChannel, ...] = ()
     table: Table | None = None
+    functions: tuple[RecordedFunction, ...] = ()
+    modes: tuple[RecordedMode, ...] = ()
+    points: Mapping[int, tuple[float, float, float]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     format: str = ""
 

@@ -22,10 +22,12 @@ class TextFile:
     Attributes:
         path: where it was read.
         lines: (n,) its lines without their ends; none of a file that is not text.
+        row_name: what messages call a line of it.
     """
 
     path: Path
     lines: tuple[str, ...] = ()
+    row_name: str = "line"
 
     def error(
         self, message: str, line: int | None = None, column: str | None = None
@@ -33,7 +35,7 @@ class TextFile:
         """Return the error with the file's name, line and column in front of the message."""
         where = str(self.path)
         if line is not None:
-            where += f", line {line}"
+            where += f", {self.row_name} {line}"
         if column is not None:
             where += f", column {column}"
         return MeasurementError(f"{where}: {message}")

@@ -40,7 +40,9 @@ def test_station_archive_is_an_observation(shared_file):
     path = shared_file("formats/cesmd_painter_street_ferndale_2015.zip")
     recording = read_measured(path)
     assert recording.format == "archive"
-    assert recording.notes[0].startswith("17 other files of the archive hold no histories")
+    assert recording.notes[0].startswith(
+        "Other files of the archive that hold no histories: 17 (CH"
+    )
     free, top = recording.channels[16], recording.channels[6]
     assert (free.location, free.direction) == ("On Ground: Near West Abutment", "Tran")
     assert (top.location, top.direction) == ("Middle Bent: Top of Column", "Tran")
@@ -140,14 +142,24 @@ def test_archive_of_other_records_and_a_note(tmp_path, texts, wave):
     }
     recording = read_measured(packed(tmp_path / "k.zip", members))
     assert [c.name for c in recording.channels] == ["E-W, C", "E-W, A", "N-S"]
-    assert recording.notes == ("1 other files of the archive hold no histories: readme.txt.",)
+    assert recording.notes == (
+        "Other files of the archive that hold no histories: 1 (readme.txt).",
+    )
     assert [c.azimuth_deg for c in recording.channels] == [90.0, 90.0, 0.0]
 
 
-def test_archive_of_one_table(tmp_path):
+def test_archive_of_one_table_and_of_two(tmp_path):
     rows = "\n".join(f"{k * 0.01:.2f},{k % 7},{k % 5}" for k in range(80))
-    path = packed(tmp_path / "t.zip", {"obs.csv": "time_s,base,RF\ns,gal,gal\n" + rows})
-    assert read_observation_file(path).floors == ("RF",)
+    table = "time_s,base,RF\ns,gal,gal\n" + rows
+    assert read_observation_file(packed(tmp_path / "t.zip", {"o.csv": table})).floors == ("RF",)
+    with pytest.raises(
+        MeasurementError, match=r"v\.zip: o\.csv, line 5, column 'RF': '\?' is not a num"
+    ):
+        read_measured(packed(tmp_path / "v.zip", {"o.csv": table.replace("0.02,2,2", "0.02,2,?")}))
+    with pytest.raises(MeasurementError, match=r"w\.zip, column 'base': the file does not say"):
+        read_observation_file(packed(tmp_path / "w.zip", {"o.csv": table.replace("gal", "")}))
+    with pytest.raises(MeasurementError, match=r"several tables \(a\.csv, b\.csv\); unpack it"):
+        read_measured(packed(tmp_path / "u.zip", {"a.csv": table, "b.csv": table}))
 
 
 @pytest.mark.parametrize(

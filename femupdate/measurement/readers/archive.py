@@ -16,6 +16,7 @@ from femupdate.measurement.text import TextFile, read_head
 _MOST_MEMBERS = 2000
 _LARGEST_BYTES = 500_000_000
 _LARGEST_RATIO = 200.0
+_NOT_LOOKED_INTO = ("archive", "unsupported")
 
 
 def _recognises(head: str, suffix: str) -> bool:
@@ -73,31 +74,41 @@ def _unpack(archive: zipfile.ZipFile, member: zipfile.ZipInfo, number: int, fold
 
 
 def _together(file: TextFile, unpacked: dict[str, Path]) -> Recording:
+    alone = len(unpacked) == 1
+    recordings = {name: _member(file, name, path, alone) for name, path in unpacked.items()}
+    found = {name: one for name, one in recordings.items() if one is not None}
+    records = {name: one for name, one in found.items() if one.table is None}
+    left_out = [name for name in unpacked if name not in (records or found)]
+    if len(records or found) == 1:
+        (only,) = (records or found).values()
+        table = None if only.table is None else replace(only.table, file=file)
+        return replace(only, file=file, table=table, notes=(*only.notes, *_notes(left_out)))
+    if not records:
+        raise file.error(
+            f"the archive holds no record, only {', '.join(left_out) or 'nothing'}"
+            if not found
+            else f"the archive holds several tables ({', '.join(found)}); unpack it and give one"
+        )
+    named = [(PurePosixPath(name).stem, c) for name, one in records.items() for c in one.channels]
+    return Recording(file, _distinct(named), notes=_notes(left_out))
+
+
+def _member(file: TextFile, name: str, path: Path, alone: bool) -> Recording | None:
+    """What a member holds; None of one that is no record."""
     from femupdate.measurement.registry import readers
 
-    found: list[tuple[str, RecordedChannel]] = []
-    tables: list[Recording] = []
-    left_out: list[str] = []
-    for name, path in unpacked.items():
-        head = read_head(path) if path.stat().st_size else ""
-        kinds = [r for r in readers().values() if head and r.recognises(head, path.suffix.lower())]
-        if not kinds or kinds[0] is READER:
-            left_out.append(name)
-            continue
-        try:
-            recording = kinds[0].read(path)
-        except MeasurementError as error:
-            if kinds[0].fallback:  # a note beside the records
-                left_out.append(name)
-                continue
-            raise MeasurementError(str(error).replace(str(path), f"{file.path}: {name}")) from None
-        found += [(PurePosixPath(name).stem, channel) for channel in recording.channels]
-        tables += [recording] if recording.table is not None else []
-    if len(tables) == 1 and not found:
-        return tables[0]
-    if not found:
-        raise file.error(f"the archive holds no record, only {', '.join(left_out) or 'nothing'}")
-    return Recording(file, _distinct(found), notes=_notes(left_out))
+    if path.stat().st_size == 0:
+        return None
+    head, suffix = read_head(path), path.suffix.lower()
+    reader = next((r for r in readers().values() if r.recognises(head, suffix)), None)
+    if reader is None or reader.name in _NOT_LOOKED_INTO:
+        return None
+    try:
+        return reader.read(path)
+    except MeasurementError as error:
+        if reader.fallback and not alone:  # a note beside the records
+            return None
+        raise MeasurementError(str(error).replace(str(path), f"{file.path}: {name}")) from None
 
 
 def _distinct(found: list[tuple[str, RecordedChannel]]) -> tuple[RecordedChannel, ...]:
@@ -113,7 +124,7 @@ def _notes(left_out: list[str]) -> tuple[str, ...]:
     if not left_out:
         return ()
     some = ", ".join(left_out[:3]) + (" ..." if len(left_out) > 3 else "")
-    return (f"{len(left_out)} other files of the archive hold no histories: {some}.",)
+    return (f"Other files of the archive that hold no histories: {len(left_out)} ({some}).",)
 
 
 READER = Reader("archive", "zip archives of records", _recognises, _read)

@@ -1,0 +1,112 @@
+"""Named arrays, as MATLAB and numpy save them, as the table that they make."""
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femupdate.measurement.columns import FREQUENCY, TIME
+from femupdate.measurement.quantity import is_unit
+from femupdate.measurement.recording import TIME_NAME, Recording
+from femupdate.measurement.table import Table
+from femupdate.measurement.text import TextFile
+
+_RATE = re.compile(r"^(fs|f_s|fsamp\w*|rate|sampling_?(rate|frequency)|sample_?rate)(_?hz)?$", re.I)
+_STEP = re.compile(r"^(dt|delta_?t|ts|time_?step)(_?s)?$", re.IGNORECASE)
+_FREQUENCY = re.compile(r"^(f|freq\w*|frequency_hz)$", re.IGNORECASE)
+_UNIT = re.compile(r"^units?$", re.IGNORECASE)
+LARGEST_BYTES = 2_000_000_000
+
+
+def table_of_arrays(file: TextFile, arrays: Mapping[str, Any]) -> Recording:
+    """Return equally long arrays as a table; its times are an array or follow from a rate.
+
+    A complex array becomes two columns, `name_re` and `name_im`; of an array with two axes the
+    shorter one counts the columns, `name_1` and so on.
+
+    Args:
+        file: where they were read.
+        arrays: by their names; a text called `unit` is that of all columns.
+
+    Raises:
+        MeasurementError: there is no numeric array, or neither times, frequencies nor a rate.
+    """
+    numbers = {name: np.squeeze(a) for name, a in arrays.items() if _is_numeric(a)}
+    scalars = {name: float(a.real) for name, a in numbers.items() if a.ndim == 0}
+    columns: dict[str, NDArray[np.float64]] = {}
+    for name, array in numbers.items():
+        columns |= _columns(name, array)
+    if not columns:
+        raise file.error("the file holds no array of numbers; save one for each channel")
+    axis = _axis(file, columns, scalars)
+    count = columns[axis].size
+    used = {axis: columns.pop(axis)} | {k: v for k, v in columns.items() if v.size == count}
+    left_out = [name for name in columns if name not in used]
+    _require_finite(file, used)
+    names = tuple(used)
+    unit = next(
+        (str(a) for name, a in arrays.items() if _UNIT.match(name) and is_unit(str(a))), None
+    )
+    units = tuple(None if name == axis else unit for name in names)
+    table = Table(file, names, units, np.column_stack(list(used.values())), np.arange(count) + 1)
+    notes = (f"Arrays of another length are left out: {', '.join(left_out)}.",)
+    return Recording(file, table=table, notes=notes if left_out else ())
+
+
+def _is_numeric(array: Any) -> bool:
+    return isinstance(array, np.ndarray | np.number | float | int) and (
+        np.asarray(array).dtype.kind in "fiuc" and np.asarray(array).size > 0
+    )
+
+
+def _columns(name: str, array: NDArray[Any]) -> dict[str, NDArray[np.float64]]:
+    if array.ndim == 2:
+        rows = array if array.shape[0] <= array.shape[1] else array.T
+        found = [_columns(f"{name}_{k}", row) for k, row in enumerate(rows, start=1)]
+        return {key: column for each in found for key, column in each.items()}
+    if array.ndim != 1 or array.size < 2:
+        return {}
+    if np.iscomplexobj(array):
+        return {f"{name}_re": array.real.astype(float), f"{name}_im": array.imag.astype(float)}
+    return {name: array.astype(np.float64)}
+
+
+def _axis(
+    file: TextFile, columns: dict[str, NDArray[np.float64]], scalars: Mapping[str, float]
+) -> str:
+    """Name of the column of times or frequencies; one is added where a rate gives it."""
+    for kind, name in ((TIME_NAME, TIME), (_FREQUENCY, FREQUENCY)):
+        found = next((key for key in columns if kind.match(key.rpartition(".")[2])), None)
+        if found is not None:
+            columns[name] = columns.pop(found)
+            return name
+    step = _step(scalars)
+    if step is None:
+        raise file.error(
+            f"neither times nor a sampling rate is among {', '.join([*columns, *scalars])}; add"
+            " the array time_s (s), frequency_hz, or the number fs (Hz)"
+        )
+    longest = max(column.size for column in columns.values())
+    columns[TIME] = np.arange(longest, dtype=np.float64) * step
+    return TIME
+
+
+def _step(scalars: Mapping[str, float]) -> float | None:
+    for name, value in scalars.items():
+        plain = name.rpartition(".")[2]
+        if np.isfinite(value) and value > 0.0 and (_RATE.match(plain) or _STEP.match(plain)):
+            return 1.0 / value if _RATE.match(plain) else value
+    return None
+
+
+def _require_finite(file: TextFile, columns: Mapping[str, NDArray[np.float64]]) -> None:
+    for name, column in columns.items():
+        wrong = np.flatnonzero(~np.isfinite(column))
+        if wrong.size:
+            raise file.error(
+                f"the value is {column[wrong[0]]}; fill in the measured value or remove the array",
+                int(wrong[0]) + 1,
+                repr(name),
+            )

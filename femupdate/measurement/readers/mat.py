@@ -1,0 +1,85 @@
+"""MATLAB files: arrays of numbers, of version 5 by scipy, of version 7.3 (HDF5) by h5py."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from femupdate.errors import MeasurementError
+from femupdate.measurement.array_file import LARGEST_BYTES, table_of_arrays
+from femupdate.measurement.reader import Reader
+from femupdate.measurement.recording import Recording
+from femupdate.measurement.text import TextFile
+
+_ITEM_BYTES = 16  # of a complex number, the largest
+
+
+def _recognises(head: str, suffix: str) -> bool:
+    return head.startswith("MATLAB ") or suffix == ".mat"
+
+
+def _read(path: Path) -> Recording:
+    """Arrays, also in structures, as the columns of a table.
+
+    Raises:
+        MeasurementError: the file is damaged or too large, or see `table_of_arrays`.
+    """
+    file = TextFile(path, row_name="row")
+    try:
+        with path.open("rb") as stream:
+            hdf = stream.read(10) == b"MATLAB 7.3"
+        arrays = _version_7_3(path) if hdf else _version_5(path)
+    except MeasurementError:
+        raise
+    except Exception as error:  # a damaged file makes scipy and h5py raise nearly anything
+        raise file.error(
+            f"this MATLAB file cannot be read ({error}); save it again with save -v7"
+        ) from None
+    return table_of_arrays(file, arrays)
+
+
+def _version_5(path: Path) -> dict[str, Any]:
+    from scipy.io import loadmat, whosmat
+
+    _require_moderate(path, [shape for _, shape, _ in whosmat(path)])
+    found: dict[str, Any] = {}
+    for name, value in loadmat(path, squeeze_me=True, struct_as_record=False).items():
+        if not name.startswith("__"):
+            found |= _flat(name, value)
+    return found
+
+
+def _flat(name: str, value: Any) -> dict[str, Any]:
+    """A variable, or the fields of a structure by `name.field`."""
+    fields = getattr(value, "_fieldnames", None)
+    if fields is None:
+        return {name: value}
+    parts = [_flat(f"{name}.{field}", getattr(value, field)) for field in fields]
+    return {key: item for part in parts for key, item in part.items()}
+
+
+def _version_7_3(path: Path) -> dict[str, Any]:
+    import h5py
+
+    found: dict[str, Any] = {}
+
+    def keep(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset) and item.dtype.kind in "fiu" and item.size:
+            found[name.replace("/", ".")] = item
+
+    with h5py.File(path, "r") as content:
+        content.visititems(keep)
+        found = {name: item for name, item in found.items() if not name.startswith("#")}
+        _require_moderate(path, [item.shape for item in found.values()])
+        return {name: item[()] for name, item in found.items()}
+
+
+def _require_moderate(path: Path, shapes: list[tuple[int, ...]]) -> None:
+    size = sum(int(np.prod(shape, dtype=object)) * _ITEM_BYTES for shape in shapes)
+    if size > LARGEST_BYTES:
+        raise MeasurementError(
+            f"{path}: the file holds {size / 1e9:.3g} GB of numbers; save the channels alone"
+        )
+
+
+READER = Reader("mat", "MATLAB files", _recognises, _read)

@@ -1,0 +1,228 @@
+"""Universal files (UFF): histories and functions (58), modes (55), points (15, 2411), by pyuff."""
+
+import re
+import warnings
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femupdate.arrays import Floats
+from femupdate.errors import MeasurementError
+from femupdate.measurement.channel import RecordedChannel
+from femupdate.measurement.quantity import is_unit
+from femupdate.measurement.reader import Reader
+from femupdate.measurement.recording import RecordedFunction, RecordedMode, Recording
+from femupdate.measurement.text import TextFile
+
+_FIRST = re.compile(r"\s*-1[ \t\r]*\n\s*\d{2,5}b?\b")
+_READ = (15, 55, 58, 151, 164, 2411, 2412)
+_KINDS = {
+    2: "auto spectrum",
+    3: "cross spectrum",
+    4: "frequency response",
+    5: "transmissibility",
+    6: "coherence",
+    9: "power spectral density",
+    10: "energy spectral density",
+}
+_QUANTITIES = {8: "displacement", 11: "velocity", 12: "acceleration", 13: "force", 15: "pressure"}
+_QUANTITIES |= {9: "force", 21: "pressure"}
+_DIRECTIONS = {
+    1: "+X",
+    -1: "-X",
+    2: "+Y",
+    -2: "-Y",
+    3: "+Z",
+    -3: "-Z",
+    4: "+RX",
+    5: "+RY",
+    6: "+RZ",
+}
+_TIME, _HISTORY = 17, 1
+_SI = 1  # units code of set 164
+_MODES, _COMPLEX_MODES = 2, (3, 7)  # analysis types of set 55
+
+
+def _recognises(head: str, suffix: str) -> bool:
+    return _FIRST.match(head) is not None
+
+
+def _read(path: Path) -> Recording:
+    """Histories, functions of frequency, modes and points of a universal file.
+
+    Raises:
+        MeasurementError: pyuff is not installed, a set is damaged, or none of the sets that are
+            read is there.
+    """
+    file = TextFile(path)
+    try:
+        import pyuff
+    except ImportError:
+        raise file.error(
+            "universal files are read by pyuff, which is not installed; install it with"
+            " pip install 'femupdate[formats]'"
+        ) from None
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            content = pyuff.UFF(str(path))
+            types = [int(kind) for kind in content.get_set_types()]
+            sets = [content.read_sets(k) for k, kind in enumerate(types) if kind in _READ]
+        return _recording(file, types, sets)
+    except MeasurementError:
+        raise
+    except Exception as error:  # a damaged file makes pyuff raise nearly anything
+        raise file.error(
+            f"this universal file cannot be read ({error}); export it again from its program"
+        ) from None
+
+
+def _recording(file: TextFile, types: list[int], sets: list[dict[str, Any]]) -> Recording:
+    si = all(one["units_code"] == _SI for one in sets if one["type"] == 164)
+    functions = [one for one in sets if one["type"] == 58]
+    histories = [one for one in functions if _is_history(one)]
+    points: dict[int, tuple[float, float, float]] = {}
+    for one in sets:
+        if one["type"] in (15, 2411):
+            points |= _points(one)
+    recording = Recording(
+        file,
+        tuple(_channel(file, one, k, si) for k, one in enumerate(histories, start=1)),
+        functions=tuple(_function(one) for one in functions if not _is_history(one)),
+        modes=tuple(_mode(one) for one in sets if one["type"] == 55 and _is_mode(one)),
+        points=points,
+        notes=_notes(types, sets),
+    )
+    if not (recording.channels or recording.functions or recording.modes or points):
+        raise file.error(
+            f"the file has the sets {', '.join(map(str, dict.fromkeys(types))) or 'none'}; read are"
+            " 58 (histories, functions), 55 (modes), 15 and 2411 (points)"
+        )
+    return recording
+
+
+def _is_history(one: Mapping[str, Any]) -> bool:
+    general = one["func_type"] not in _KINDS
+    return one["func_type"] == _HISTORY or (general and one["abscissa_spec_data_type"] == _TIME)
+
+
+def _channel(file: TextFile, one: Mapping[str, Any], number: int, si: bool) -> RecordedChannel:
+    values = np.real(np.asarray(one["data"])).astype(np.float64)
+    if values.size < 2 or not np.isfinite(values).all():
+        raise file.error(f"set 58 number {number} holds no history of finite numbers")
+    label = _unit(one)
+    quantity = _QUANTITIES.get(one["ordinate_spec_data_type"], _text(one["ordinate_axis_lab"]))
+    if not label and quantity == "acceleration" and si:
+        label = "m/s2"  # the format's own unit, unless set 164 says otherwise
+    return RecordedChannel(
+        name=_text(one["rsp_ent_name"]) or _place(one, "rsp") or f"channel {number}",
+        values=values,
+        time_step=_step(file, one, number),
+        unit=label or None,
+        quantity=quantity or ("acceleration" if is_unit(label) else "unknown"),
+        location=_place(one, "rsp"),
+        direction=_DIRECTIONS.get(one["rsp_dir"], ""),
+    )
+
+
+def _step(file: TextFile, one: Mapping[str, Any], number: int) -> float:
+    x = np.asarray(one["x"], dtype=np.float64)
+    even = one["abscissa_spacing"] == 1
+    step = float(one["abscissa_inc"]) if even else float((x[-1] - x[0]) / (x.size - 1))
+    if not (np.isfinite(step) and step > 0.0):
+        raise file.error(f"set 58 number {number} has a time step of {step:g}; correct it")
+    if not even and np.abs(np.diff(x) / step - 1.0).max() > 0.01:
+        raise file.error(f"set 58 number {number} is not sampled uniformly; resample it")
+    return step
+
+
+def _function(one: Mapping[str, Any]) -> RecordedFunction:
+    return RecordedFunction(
+        kind=_KINDS.get(one["func_type"], "function"),
+        name=_text(one["rsp_ent_name"]) or _text(one["id4"]) or _text(one["id1"]),
+        frequency_hz=np.asarray(one["x"], dtype=np.float64),
+        values=_values(one),
+        unit=_unit(one) or None,
+        response=_place(one, "rsp"),
+        reference=_place(one, "ref"),
+    )
+
+
+def _place(one: Mapping[str, Any], end: str) -> str:
+    """`point 3 +X`, empty where the file does not say."""
+    node, direction = int(one[f"{end}_node"]), _DIRECTIONS.get(one[f"{end}_dir"], "")
+    return f"point {node} {direction}".strip() if node else ""
+
+
+def _is_mode(one: Mapping[str, Any]) -> bool:
+    return one["analysis_type"] in (_MODES, *_COMPLEX_MODES)
+
+
+def _mode(one: Mapping[str, Any]) -> RecordedMode:
+    shape = np.column_stack([one[f"r{k}"] for k in range(1, 7) if f"r{k}" in one])
+    points = tuple(int(number) for number in one["node_nums"])
+    if one["analysis_type"] == _MODES:
+        viscous = float(one["modal_damp_vis"])
+        damping = viscous if viscous > 0.0 else None
+        return RecordedMode(
+            frequency_hz=float(one["freq"]), damping=damping, points=points, shape=shape
+        )
+    root = complex(one["eig"])
+    return RecordedMode(
+        frequency_hz=abs(root) / (2.0 * np.pi),
+        damping=-root.real / abs(root) if abs(root) > 0.0 else None,
+        points=points,
+        shape=shape,
+    )
+
+
+def _points(one: Mapping[str, Any]) -> dict[int, tuple[float, float, float]]:
+    coordinates: Floats = np.column_stack([one["x"], one["y"], one["z"]]).astype(np.float64)
+    return {
+        int(n): tuple(row) for n, row in zip(one["node_nums"], coordinates.tolist(), strict=True)
+    }
+
+
+def _notes(types: list[int], sets: list[dict[str, Any]]) -> tuple[str, ...]:
+    notes = [
+        f"Model {one['model_name']} of {one['program']}." for one in sets if one["type"] == 151
+    ]
+    notes += [
+        f"Units: {one['units_description']}, 1 m is {one['length']:g} of the file's lengths."
+        for one in sets
+        if one["type"] == 164
+    ]
+    elements = sum(_elements(one) for one in sets if one["type"] == 2412)
+    if elements:
+        notes.append(f"{elements} elements join the points.")
+    unread = [str(kind) for kind in dict.fromkeys(types) if kind not in _READ]
+    if unread:
+        notes.append(f"Sets that are not used: {', '.join(unread)}.")
+    return tuple(notes)
+
+
+def _elements(one: Mapping[Any, Any]) -> int:
+    """Number of elements of set 2412, which pyuff groups by the number of their shape."""
+    return sum(len(group) for kind, group in one.items() if isinstance(kind, int))
+
+
+def _values(one: Mapping[str, Any]) -> NDArray[np.inexact]:
+    """Values of a function, real where its file writes zeros for all imaginary parts."""
+    values = np.asarray(one["data"])
+    return values if np.imag(values).any() else np.real(values)
+
+
+def _unit(one: Mapping[str, Any]) -> str:
+    # Old programs write the superscript of m/s² in an encoding that is lost on reading.
+    return _text(one["ordinate_axis_units_lab"]).replace("\ufffd", "²")
+
+
+def _text(value: Any) -> str:
+    text = " ".join(str(value).split())
+    return "" if text.upper() == "NONE" else text
+
+
+READER = Reader("uff", "universal files (UFF sets 15, 55, 58, 151, 164, 2411)", _recognises, _read)

@@ -1,0 +1,60 @@
+"""Formats that are known by their beginning and not read: each is refused by its name."""
+
+import re
+from pathlib import Path
+from typing import NoReturn
+
+from femupdate.measurement.reader import Reader
+from femupdate.measurement.text import TextFile, read_head
+
+_SPECTRA = "the spectra of a record, not its history; take the .V2 file beside it"
+_CONVERT = "export the channels as CSV, MATLAB -v7 or numpy .npz"
+# What the file begins with, what it is, and what to do.
+_KNOWN = (
+    (r"\d{6}[DRQM][ \0]|MS\x03", "miniSEED", "convert it with obspy to CSV"),
+    (r"TDSm", "a TDMS file of LabVIEW", _CONVERT),
+    (r"\x89HDF|\x8aHDF", "an HDF5 file", _CONVERT),
+    (r"\x93NUMPY", "a single numpy array", "save all channels with their times as .npz"),
+    (r"RIFF....WAVE", "a sound file (WAV)", _CONVERT),
+    (r"\x1f\x8b", "a gzip archive", "unpack it and give the record, or a zip of the records"),
+    (r"7z\xbc\xaf|Rar!", "an archive of 7-Zip or RAR", "unpack it or pack the records as zip"),
+    (r"%PDF", "a PDF", "take the data, not the report"),
+    (r"KMI|KINEMETRICS", "a Kinemetrics event file", _CONVERT),
+    (r"Response and Fourier amplitude spectra", "CSMIP Volume 3", f"these are {_SPECTRA}"),
+    (r"CMP6|WID2|DAT2", "a GSE file", "convert it with obspy to CSV"),
+    (r"<\?xml|<!DOCTYPE|<html", "a web page or XML", "download the data file itself"),
+)
+_SUFFIXES = {
+    ".sac": ("a SAC file", "convert it with obspy to CSV"),
+    ".evt": ("a Kinemetrics event file", _CONVERT),
+    ".sgy": ("a SEG-Y file", "convert it with obspy to CSV"),
+    ".segy": ("a SEG-Y file", "convert it with obspy to CSV"),
+    ".sg2": ("a SEG-2 file", "convert it with obspy to CSV"),
+    ".gcf": ("a Güralp file", "convert it with obspy to CSV"),
+    ".mseed": ("miniSEED", "convert it with obspy to CSV"),
+    ".tdms": ("a TDMS file of LabVIEW", _CONVERT),
+    ".xls": ("an old workbook", "export it as CSV"),
+}
+
+
+def _known(head: str, suffix: str) -> tuple[str, str] | None:
+    found = [(what, advice) for begins, what, advice in _KNOWN if re.match(begins, head, re.S)]
+    binary = "\0" in head
+    return found[0] if found else _SUFFIXES.get(suffix) if binary else None
+
+
+def _recognises(head: str, suffix: str) -> bool:
+    return _known(head, suffix) is not None
+
+
+def _read(path: Path) -> NoReturn:
+    """Say what the file is.
+
+    Raises:
+        MeasurementError: always.
+    """
+    what, advice = _known(read_head(path), path.suffix.lower()) or ("a format", _CONVERT)
+    raise TextFile(path).error(f"this is {what}, which is known but not supported; {advice}")
+
+
+READER = Reader("unsupported", "nothing: formats known but not supported", _recognises, _read)

@@ -1,0 +1,138 @@
+"""MATLAB and numpy files as the tables that their arrays make."""
+
+import zipfile
+
+import h5py
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from femupdate.errors import MeasurementError
+from femupdate.measurement.observation_file import read_observation_file
+from femupdate.measurement.record import read_record
+from femupdate.measurement.registry import read_measured
+
+RATE = 200.0
+ROWS = np.random.default_rng(3).normal(size=(3, 90)) * [[1.0], [2.0], [4.0]]
+TIME = np.arange(90) / RATE
+
+
+def save_7_3(path, arrays):
+    """As MATLAB -v7.3 does: HDF5 behind a block of 512 bytes, scalars as 1 x 1."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name, value in arrays.items():
+            file[name] = np.atleast_2d(value)
+    with path.open("r+b") as stream:
+        stream.write(b"MATLAB 7.3 MAT-file, made by a test".ljust(512))
+    return path
+
+
+def save(path, arrays):
+    if path.suffix == ".npz":
+        np.savez(path, **arrays)
+    else:
+        savemat(path, arrays)
+    return path
+
+
+WRITERS = {"a.mat": save, "b.mat": save_7_3, "c.npz": save}
+
+
+@pytest.mark.parametrize(("name", "write"), WRITERS.items(), ids=WRITERS)
+def test_channels_with_their_times_are_an_observation(tmp_path, name, write):
+    arrays = {"time": TIME, "base": ROWS[0], "a2": ROWS[1], "RF": ROWS[2]}
+    data = read_observation_file(
+        write(tmp_path / name, arrays), "m/s2", {"2F": "a2", "base": "base", "RF": "RF"}
+    )
+    assert data.time_step == 1 / RATE
+    by_name = dict(zip((c.name for c in data.channels), data.acceleration, strict=True))
+    np.testing.assert_array_equal([by_name[n] for n in ("base", "2F", "RF")], ROWS)
+
+
+@pytest.mark.parametrize(("name", "write"), WRITERS.items(), ids=WRITERS)
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("rate", [{"fs": RATE}, {"dt": 1 / RATE}, {"SamplingRate": RATE}])
+def test_one_array_of_all_channels_with_a_rate(tmp_path, name, write, turned, rate):
+    arrays = {"acc": ROWS.T if turned else ROWS, **rate}
+    motion = read_record(write(tmp_path / name, arrays), "m/s2", "acc_2")
+    assert motion.time_step == 1 / RATE
+    assert motion.channels == ("acc_1", "acc_2", "acc_3")
+    np.testing.assert_array_equal(motion.acceleration, ROWS[1])
+
+
+def test_structures_and_a_unit(tmp_path):
+    arrays = {"test": {"fs": RATE, "acc": ROWS, "place": "roof"}, "unit": "gal", "n": 7.0}
+    motion = read_record(save(tmp_path / "s.mat", arrays), channel="test.acc_3")
+    np.testing.assert_allclose(motion.acceleration, ROWS[2] / 100, rtol=1e-14)
+    assert motion.unit == "gal"
+
+
+def test_complex_response_functions(tmp_path):
+    h = ROWS[1] + 1j * ROWS[2]
+    path = save(tmp_path / "h.npz", {"freq": np.arange(1, 91) * 0.1, "RF": h})
+    table = read_observation_file(path)
+    np.testing.assert_array_equal(table.complex_frf, [h])
+    np.testing.assert_allclose(table.frequency_hz[[0, -1]], [0.1, 9.0])
+
+
+def test_arrays_of_another_length_are_told(tmp_path):
+    path = save(tmp_path / "l.npz", {"t": TIME, "acc": ROWS[0], "temperature": np.ones(4)})
+    assert read_measured(path).notes == ("Arrays of another length are left out: temperature.",)
+
+
+def spoiled(values, at):
+    values = values.copy()
+    values[at] = np.nan
+    return values
+
+
+BAD = {
+    "no rate": ({"acc": ROWS}, "neither times nor a sampling rate is among acc_1, acc_2, acc_3"),
+    "rate of zero": ({"acc": ROWS, "fs": 0.0}, "neither times nor a sampling rate"),
+    "text alone": ({"note": "none"}, "holds no array of numbers"),
+    "nan": ({"fs": RATE, "acc": spoiled(ROWS[0], 41)}, "row 42, column 'acc': the value is nan"),
+    "gap": ({"time": np.delete(TIME, 30), "acc": ROWS[0, 1:]}, "row 31, column 'time_s': the sam"),
+    "818 g": ({"fs": RATE, "acc": ROWS[0] * 1e4}, "is the unit wrong?"),
+}
+
+
+@pytest.mark.parametrize("name", ["bad.mat", "bad.npz"])
+@pytest.mark.parametrize(("arrays", "message"), BAD.values(), ids=BAD)
+def test_bad_arrays(tmp_path, name, arrays, message):
+    with pytest.raises(MeasurementError) as caught:
+        read_record(save(tmp_path / name, arrays), "m/s2")
+    assert message in str(caught.value)
+    assert name in str(caught.value)
+
+
+class Harmful:
+    def __reduce__(self):
+        return (pytest.fail, ("the pickle was opened",))
+
+
+def test_pickles_are_never_opened(tmp_path):
+    path = tmp_path / "p.npz"
+    np.savez(path, fs=RATE, acc=np.array([Harmful(), 1], dtype=object))
+    with pytest.raises(MeasurementError, match=r"acc\.npy holds Python objects, which could run"):
+        read_record(path)
+
+
+def test_array_larger_than_its_file(tmp_path):
+    path = tmp_path / "z.npz"
+    header = b"{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000,), }"
+    header = header.ljust(117) + b"\n"
+    with zipfile.ZipFile(path, "w") as archive:
+        data = b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header + bytes(800)
+        archive.writestr("acc.npy", data)
+    with pytest.raises(MeasurementError, match=r"acc\.npy claims 8e\+03 GB and holds"):
+        read_record(path)
+
+
+@pytest.mark.parametrize("name", ["cut.mat", "cut.npz", "cut7.mat"])
+def test_file_cut_off(tmp_path, name):
+    write = save_7_3 if "7" in name else save
+    path = write(tmp_path / name, {"fs": RATE, "acc": np.tile(ROWS, 50)})
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) // 2])
+    with pytest.raises(MeasurementError, match=r"save it again with"):
+        read_record(path)

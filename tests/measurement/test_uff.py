@@ -1,0 +1,128 @@
+"""Universal files, genuine ones of pyuff and written ones; other formats refused by their names."""
+
+import sys
+
+import numpy as np
+import pytest
+
+from femupdate.errors import MeasurementError
+from femupdate.measurement.observation_file import read_observation_file
+from femupdate.measurement.record import read_record
+from femupdate.measurement.registry import read_measured
+
+
+@pytest.fixture
+def pyuff():
+    return pytest.importorskip("pyuff", reason="pyuff (extra `formats`) is not installed")
+
+
+def test_binary_history(pyuff, shared_file):
+    (channel,) = read_measured(shared_file("formats/binary8byte.uff")).channels
+    assert (channel.name, channel.unit, channel.quantity) == ("sine 5 Hz", "g", "acceleration")
+    assert (channel.values.size, channel.time_step, channel.location) == (250, 0.01, "point 1")
+    # What its name says.
+    time = np.arange(250) * 0.01
+    peak = np.abs(channel.values).max()
+    turned = np.exp(-2j * np.pi * 5.0 * time) @ channel.values * 2 / 250
+    assert abs(turned) == pytest.approx(peak, rel=1e-2)
+    motion = read_record(shared_file("formats/binary8byte.uff"))
+    np.testing.assert_allclose(motion.acceleration, channel.values * 9.80665, rtol=1e-14)
+
+
+def test_microphone_is_no_acceleration(pyuff, shared_file):
+    path = shared_file("formats/Sample_UFF58b_bin.uff")
+    (channel,) = read_measured(path).channels
+    assert (channel.quantity, channel.unit, channel.values.size) == ("pressure", "Pa", 79292)
+    with pytest.raises(MeasurementError, match=r"'Mic 01' holds pressure, not acceleration"):
+        read_record(path)
+
+
+def test_functions(pyuff, shared_file):
+    (h,) = read_measured(shared_file("formats/non_ascii_header.uff")).functions
+    assert (h.kind, h.unit) == ("frequency response", "(1/N)*(m/s²)")
+    assert h.values[1] == pytest.approx(-5.99924e-02 - 5.53260e-02j)
+    assert h.frequency_hz[5] == pytest.approx(5 * 0.195313)
+    (psd,) = read_measured(shared_file("formats/sample_dataset58_psd.uff")).functions
+    assert (psd.kind, psd.unit, psd.values.shape) == ("power spectral density", "g²/Hz", (3201,))
+    assert psd.values.dtype == np.float64
+
+
+def test_modes(pyuff, shared_file):
+    modes = read_measured(shared_file("formats/uff55_translation.uff")).modes
+    assert [mode.frequency_hz for mode in modes] == [10.0, 12.0, 13.0]
+    assert modes[0].points == (1, 2, 3, 4)
+    np.testing.assert_allclose(modes[0].shape[:, 1], [-1.46518, 0.150162, -0.376396, 0.724863])
+    assert modes[0].damping is None
+
+
+def test_points_of_a_mesh(pyuff, shared_file):
+    recording = read_measured(shared_file("formats/mesh_Oros-modal_uff15_uff2412.uff"))
+    assert len(recording.points) == 96
+    assert recording.points[7] == (-51.619, 51.619, 50.0)
+    assert recording.notes == ("72 elements join the points.", "Sets that are not used: 18.")
+    lms = read_measured(shared_file("formats/TestLab_161_164_18_15_82.uff"))
+    assert len(lms.points) == 36
+    assert lms.notes[0] == "Model AME_Test of LMS Test.Lab Rev project-15A."
+
+
+# pyuff leaves its own file open when it writes numbers in binary.
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.parametrize("binary", [0, 1])
+def test_written_histories_are_an_observation(pyuff, tmp_path, binary):
+    path = tmp_path / "made.uff"
+    rows = np.random.default_rng(2).normal(size=(2, 128))
+    for node, row in enumerate(rows, start=1):
+        one = pyuff.prepare_58(
+            binary=binary, func_type=1, rsp_node=node, rsp_dir=2, ref_dir=0, ref_node=0,
+            data=row, x=np.arange(128) * 0.005, ord_data_type=4, num_pts=128,
+            abscissa_spec_data_type=17, abscissa_inc=0.005, abscissa_spacing=1, abscissa_min=0.0,
+            ordinate_spec_data_type=12, ordinate_axis_units_lab="m/s2", orddenom_spec_data_type=0,
+            z_axis_spec_data_type=0, z_axis_value=0.0,
+        )  # fmt: skip
+        pyuff.UFF(str(path)).write_sets(one, "add")
+    data = read_observation_file(path, columns={"base": "point 1 +Y", "RF": "2"})
+    assert data.time_step == 0.005
+    # Text of single precision has six digits.
+    np.testing.assert_allclose(data.acceleration, rows, rtol=2e-5, atol=1e-6)
+
+
+def test_damaged(pyuff, shared_file, write):
+    data = shared_file("formats/binary8byte.uff").read_bytes()
+    for cut in (100, 500, 900, 2000):
+        path = write(data[:cut], "cut.uff")
+        with pytest.raises(MeasurementError, match=r"cut\.uff: "):
+            read_measured(path)
+
+
+def test_sets_that_are_not_read(pyuff, shared_file):
+    with pytest.raises(MeasurementError, match=r"has the sets 1858; read are 58 \(histories"):
+        read_measured(shared_file("formats/1858.uff"))
+
+
+def test_without_pyuff(write, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyuff", None)
+    path = write("    -1\n    58\nNONE\n", "a.uff")
+    with pytest.raises(MeasurementError, match=r"not installed; install it with .*\[formats\]"):
+        read_measured(path)
+
+
+@pytest.mark.parametrize(
+    ("data", "name", "message"),
+    [
+        (b"000001D ABC  BHZNZ" + bytes(40), "a.mseed", "this is miniSEED, which is known but not"),
+        (b"TDSm\x0e\0\0\0", "a.tdms", "a TDMS file of LabVIEW"),
+        (b"\x89HDF\r\n\x1a\n\0\0", "a.h5", "an HDF5 file"),
+        (b"\x93NUMPY\x01\0v\0{'descr'", "a.npy", "save all channels with their times as .npz"),
+        (b"RIFF\x24\0\0\0WAVEfmt ", "a.wav", "a sound file"),
+        (b"\x1f\x8b\x08\0\0", "a.tar.gz", "a gzip archive"),
+        (b"%PDF-1.7\n\0", "a.pdf", "a PDF"),
+        (b"\0\0\x01\x02" * 90, "a.sac", "a SAC file"),
+        (b"Response and Fourier amplitude spectra (68 periods)\n", "a.v3", "take the .V2 file"),
+        (b"<!DOCTYPE html><html>Log in</html>\n", "a.csv", "download the data file itself"),
+    ],
+)
+def test_known_formats_that_are_not_supported(write, data, name, message):
+    with pytest.raises(MeasurementError) as caught:
+        read_record(write(data, name))
+    assert message in str(caught.value)
+    assert "known but not supported" in str(caught.value)
