@@ -1,4 +1,4 @@
-"""In-plane stiffness of slabs, apart from their bending."""
+"""In-plane stiffness of slabs, without their bending."""
 
 import numpy as np
 from scipy.sparse import csc_matrix
@@ -13,7 +13,7 @@ from femupdate.fe.model import FiniteElementModel
 def membrane_terms(
     model: FiniteElementModel, operators: AffineOperators, kind: str
 ) -> tuple[csc_matrix, ...]:
-    """Membrane stiffness (n_free, n_free) of the four-node shells of a kind, one a story.
+    """Membrane stiffness (n_free, n_free) of the four-node shells of a kind, by story.
 
     Args:
         model, operators: of the building.

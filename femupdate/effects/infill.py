@@ -1,7 +1,7 @@
-"""Stiffness of walls that a building's model only weighs, on the nodes that the model has.
+"""Stiffness of walls that count as weight alone, on the existing nodes of the model.
 
-The walls are meshed as if they were stiff. What they have for themselves, the nodes inside and the
-free edges, is condensed statically onto the nodes that they share with the model (Guyan, 1965).
+The walls are meshed as if they were stiff. Their own nodes, inside and along free edges, are
+condensed statically onto the nodes that they share with the model (Guyan, 1965).
 """
 
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ _SAME = 1e-6  # m, between nodes of the two meshes
 
 @dataclass(frozen=True, eq=False)
 class Infill:
-    """One line's wall in one story: its stiffness (n_free, n_free) on the model's own motion."""
+    """A wall of one line and story: its stiffness (n_free, n_free) on free degrees of freedom."""
 
     line: str
     story: int
@@ -33,7 +33,7 @@ class Infill:
 
 
 def infill_lines(building: object) -> dict[str, tuple[int, ...]]:
-    """Lines along which walls only weigh, each with its stories."""
+    """Lines with walls that count as weight alone, each with its stories."""
     if not isinstance(building, FrameBuilding):
         return {}
     names = building.story_names
@@ -51,10 +51,10 @@ def infills(
     operators: AffineOperators,
     mesh_size: float | None,
 ) -> tuple[Infill, ...]:
-    """All walls that only weigh, one a line and story.
+    """All walls that count as weight alone, one for each line and story.
 
     Args:
-        building: they belong to.
+        building: to which they belong.
         mesh, operators: of the building as it is.
         mesh_size: of that mesh, m; the building's own where None.
     """

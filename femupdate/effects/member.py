@@ -34,7 +34,7 @@ class MemberStiffness(Effect):
         return (ALL, *own) if len(own) > 1 else own
 
     def terms(self, structure: Structure, place: str) -> Terms:
-        """The members' own stiffness once more, scaled by the factor of their story."""
+        """The stiffness of the members, scaled by the factor of their story."""
         stories = structure.building.story_names
         matrices = structure.member_stiffness(self.kinds, self.bending_only)
         chosen = range(len(stories)) if place == ALL else [stories.index(place)]

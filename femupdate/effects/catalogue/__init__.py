@@ -1,1 +1,1 @@
-"""The catalogue: one effect a module; a new module with an `Effect` in it is in the catalogue."""
+"""The catalogue: one effect in each module; every module with an `Effect` belongs to it."""

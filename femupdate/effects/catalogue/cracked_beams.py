@@ -1,4 +1,4 @@
-"""Cracked beams apart from the rest of the story."""
+"""Cracked beams, separate from the rest of the story."""
 
 from femupdate.effects.effect import Parameter
 from femupdate.effects.member import MemberStiffness

@@ -1,4 +1,4 @@
-"""Cracked columns apart from the rest of the story."""
+"""Cracked columns, separate from the rest of the story."""
 
 from femupdate.effects.effect import Parameter
 from femupdate.effects.member import MemberStiffness

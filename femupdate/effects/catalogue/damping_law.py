@@ -1,4 +1,4 @@
-"""Damping that depends on frequency in another way than the model says."""
+"""Damping whose dependence on frequency differs from the law of the model."""
 
 import torch
 from torch import Tensor
@@ -15,7 +15,7 @@ class DampingLaw(Effect):
     name = "damping_law"
     title = "Damping law"
     sentence = (
-        "Damping varies with frequency otherwise than the model's law says, so that the peaks of "
+        "Damping varies with frequency differently from the model's law, so that the peaks of "
         "high and low modes cannot both be right."
     )
     confused_with = ("story_damper", "roll_off")

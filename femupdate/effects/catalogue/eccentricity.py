@@ -16,7 +16,7 @@ class Eccentricity(Effect):
         "one direction drives torsion and peaks split in two."
     )
     confused_with = ("tuned_appendage", "table_pitch")
-    settled_by = "two sensors a floor, at opposite sides of the plan"
+    settled_by = "two sensors on each floor, at opposite sides of the plan"
     parameters = (
         Parameter("size", "1", 0.05, lower=0.0, upper=0.15, text="shift over plan depth"),
     )

@@ -14,8 +14,8 @@ class FlexibleDiaphragm(Effect):
     name = "flexible_diaphragm"
     title = "Flexible diaphragm"
     sentence = (
-        "The slabs are softer in their plane than the model's (openings, precast joints, cracks), "
-        "so that the frames of one floor move apart; best seen by several sensors a floor."
+        "The slabs are softer in their plane than modelled (openings, precast joints, cracks), so "
+        "that the frames of one floor move apart; best seen with several sensors on a floor."
     )
     confused_with = ("slab_participation", "cracked_beams")
     settled_by = "sensors at the ends and in the middle of one floor, kept apart"
@@ -33,7 +33,7 @@ class FlexibleDiaphragm(Effect):
         return (_ALL, *own) if len(own) > 1 else own
 
     def terms(self, structure: Structure, place: str) -> Terms:
-        """The membrane stiffness of the slabs once more, scaled by the factor of their story."""
+        """The membrane stiffness of the slabs, scaled by the factor of their story."""
         mesh, operators = structure.mesh, structure.operators
         if mesh is None or operators is None:
             raise ValueError("a shear building has no slabs")

@@ -1,4 +1,4 @@
-"""Stiffness of walls that the model only weighs."""
+"""Stiffness of walls that count as weight alone in the model."""
 
 from femupdate.effects.effect import Effect, Parameter, Terms
 from femupdate.effects.infill import infill_lines

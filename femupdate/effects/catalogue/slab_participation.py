@@ -1,4 +1,4 @@
-"""Participation of the slabs apart from the rest of the story."""
+"""Participation of the slabs, separate from the rest of the story."""
 
 from femupdate.effects.effect import Parameter
 from femupdate.effects.member import MemberStiffness
@@ -10,8 +10,8 @@ class SlabParticipation(MemberStiffness):
     name = "slab_participation"
     title = "Participation of the slabs"
     sentence = (
-        "The slabs take more or less part in the frame action than the model's: cracking, or "
-        "another effective width."
+        "The slabs take part in the frame action more or less than modelled: cracking, or another "
+        "effective width."
     )
     confused_with = ("cracked_beams",)
     settled_by = "the slab's cracks, or strains of the slab beside a beam"

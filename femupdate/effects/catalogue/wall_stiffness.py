@@ -1,4 +1,4 @@
-"""Stiffness of the walls apart from the rest of the story."""
+"""Stiffness of the walls, separate from the rest of the story."""
 
 from femupdate.effects.effect import Parameter
 from femupdate.effects.member import MemberStiffness
