@@ -6,7 +6,9 @@ import click
 
 from femupdate.study import Study
 
-from .common import Bars, print_json, print_notes, print_pictures, study_options, table
+from .answer import Answer
+from .bars import Bars
+from .common import study_options
 from .parameters import BuildingName
 
 
@@ -31,48 +33,18 @@ def command(
     shell: Any,
     study: Study,
     seed: int,
-    as_json: bool,
-) -> None:
+    bars: Bars,
+    pictures: bool,
+) -> Answer:
     """Build the model of BUILDING: mesh, checks, modes, pictures, reduced model.
 
     BUILDING is a TOML file or the name of a shipped building. The default is the building of the
     study, or six_story_wall_frame in a new study.
     """
-    from femupdate.workflow.build import build_study
+    from femupdate.workflow.build import build_study, export_opensees
+    from femupdate.workflow.pictures_modes import draw_model
 
-    with Bars() as bars:
-        report = build_study(study, building, bars)
-    files = []
-    if export == "opensees":
-        from femupdate.workflow.export import export_opensees
-
-        files.append(export_opensees(study, report.model.building, shell=shell))
-    if as_json:
-        print_json(
-            {
-                "building": report.model.building.name,
-                "frequencies_hz": report.frequencies_hz,
-                "effective_mass": report.effective_mass,
-                "dof": report.dof,
-                "elements": report.elements,
-                "mass_kg": report.mass_kg,
-                "reduced_size": report.model.reduced.size,
-                "reduction_error": report.model.reduction_error,
-                "checks": report.checks,
-                "pictures": report.pictures,
-                "exported": files,
-                "study": study.folder,
-            }
-        )
-        return
-    click.echo(f"{report.model.building.title or report.model.building.name}")
-    click.echo(f"  {report.dof} degrees of freedom, {report.elements} elements")
-    rows = [
-        (str(number), f"{frequency:.3f}", f"{share:.1%}")
-        for number, (frequency, share) in enumerate(
-            zip(report.frequencies_hz, report.effective_mass, strict=True), start=1
-        )
-    ]
-    click.echo(table(("mode", "Hz", "mass moved by the base motion"), rows))
-    print_notes(report.checks)
-    print_pictures((*report.pictures, *files))
+    report = build_study(study, building, bars)
+    drawn = draw_model(study, report.model, bars) if pictures else ()
+    files = [export_opensees(study, report.model.building, shell=shell)] if export else []
+    return Answer(report, drawn, {"exported": files, "study": study.folder}, files)

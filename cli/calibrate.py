@@ -7,15 +7,9 @@ import click
 
 from femupdate.study import Study
 
-from .common import (
-    Bars,
-    print_json,
-    print_notes,
-    print_pictures,
-    reading_options,
-    study_options,
-    table,
-)
+from .answer import Answer
+from .bars import Bars
+from .common import reading_options, study_options
 from .parameters import BuildingName, InputFile
 
 
@@ -46,12 +40,13 @@ def command(
     exact: bool,
     particles: int,
     chains: int,
-    reading: dict[str, Any],
     device: str,
+    reading: dict[str, Any],
     study: Study,
     seed: int,
-    as_json: bool,
-) -> None:
+    bars: Bars,
+    pictures: bool,
+) -> Answer:
     """Draw the posterior of the stiffness factors from the measured files OBSERVATIONS.
 
     Each file is a CSV table of histories (time_s, base, 2F, ..., RF) or of FRFs (frequency_hz, 2F,
@@ -63,79 +58,12 @@ def command(
     from femupdate.workflow.checks import check_calibration
     from femupdate.workflow.model import open_study
     from femupdate.workflow.observed import ObservationSource
-    from femupdate.workflow.summary import identifiability_record
+    from femupdate.workflow.pictures_posterior import draw_posterior
 
     first, *further = observations
     source = ObservationSource(first, further=tuple(further), **reading)
     settings = CalibrationSettings(particles, exact, chains, seed, device)
-    with Bars() as bars:
-        check_calibration(study, source, settings, building)
-        model = open_study(study, building, bars)
-        report = calibrate_study(study, model, source, settings, bars)
-    posterior = report.posterior
-    draws = posterior.samples
-    quantiles = {q: _quantile(draws, q) for q in (0.05, 0.95)}
-    if as_json:
-        content = {
-            "posterior": report.path,
-            "likelihood": posterior.likelihood,
-            "parameters": posterior.names,
-            "mean": draws.mean(axis=0),
-            "sd": draws.std(axis=0),
-            "q05": quantiles[0.05],
-            "q95": quantiles[0.95],
-            "r_hat": report.r_hat,
-            "misfit": report.misfit,
-            "posterior_predictive_p": None if report.check is None else report.check.as_dict(),
-            "identifiability": identifiability_record(report.identified),
-            "particles": len(draws),
-            "evaluations": report.evaluations,
-            "invalid": report.invalid,
-            "files": source.paths,
-            "floors": posterior.observation.floors,
-            "notes": report.notes,
-            "pictures": report.pictures,
-            "seconds": report.seconds,
-        }
-        zeta = posterior.zeta_samples
-        if zeta is not None:
-            content["zeta"] = {"mean": zeta.mean(), "sd": zeta.std()}
-        if posterior.log_evidence is not None:
-            content["log_evidence"] = posterior.log_evidence.mean()
-            content["log_evidence_sd"] = posterior.log_evidence.std()
-        print_json(content)
-        return
-    click.echo(
-        f"{posterior.likelihood.capitalize()} posterior of {model.building.name} from "
-        f"{', '.join(posterior.observation.floors)} of {posterior.observation.source}: "
-        f"{len(draws)} draws, {report.seconds:.1f} s"
-    )
-    rows = [
-        (name, *(f"{v:.4f}" for v in (mean, sd, low, high)), f"{hat:.3f}")
-        for name, mean, sd, low, high, hat in zip(
-            posterior.names,
-            draws.mean(axis=0),
-            draws.std(axis=0),
-            quantiles[0.05],
-            quantiles[0.95],
-            report.r_hat,
-            strict=True,
-        )
-    ]
-    click.echo(table(("", "mean", "sd", "5 %", "95 %", "r-hat"), rows))
-    if posterior.zeta_samples is not None:
-        zeta = posterior.zeta_samples
-        click.echo(f"  damping ratio {zeta.mean():.4f} +- {zeta.std():.4f}")
-    if posterior.log_evidence is not None:
-        evidence = posterior.log_evidence
-        click.echo(f"  log evidence {evidence.mean():.2f} +- {evidence.std():.2f} (runs)")
-    if report.check is not None:
-        click.echo(f"  {report.check.sentence()}")
-    print_notes(report.notes)
-    print_pictures((report.path, *report.pictures))
-
-
-def _quantile(draws, q):  # type: ignore[no-untyped-def]
-    import numpy as np
-
-    return np.quantile(draws, q, axis=0)
+    check_calibration(study, source, settings, building)
+    model = open_study(study, building, bars)
+    report = calibrate_study(study, model, source, settings, bars)
+    return Answer(report, draw_posterior(study, report, bars) if pictures else ())

@@ -1,11 +1,9 @@
 """What all commands share: options, progress, errors and JSON output."""
 
 import functools
-import json
 import logging
-import math
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -14,6 +12,8 @@ import click
 from femupdate.errors import FemupdateError
 from femupdate.study import Study
 
+from .answer import Answer
+from .bars import Bars
 from .parameters import Band, Columns, Input, Names, StudyFolder
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -29,15 +29,21 @@ class Failure(click.ClickException):
         click.echo(f"Error: {self.format_message()}", err=True)
 
 
-def study_options(needs: str | None = None, writes: bool = True) -> Callable[[F], F]:
-    """Add --study, --seed, --json and -v, and turn the library's errors into exit code 1.
+def study_options(
+    needs: str | None = None, writes: bool = True, draws: bool = True
+) -> Callable[[Callable[..., Answer]], Callable[..., None]]:
+    """Add --study, --seed, --json and -v, print the answer, turn errors into exit code 1.
+
+    The function gets `study`, `seed` and `bars`, the progress; and, where it draws pictures that
+    can be left out, `pictures`.
 
     Args:
         needs: artefact that the study must hold, made by `femupdate calibrate`.
         writes: the command writes into the study.
+        draws: add --no-pictures.
     """
 
-    def decorate(function: F) -> F:
+    def decorate(function: Callable[..., Answer]) -> Callable[..., None]:
         @click.option(
             "--study",
             type=StudyFolder(),
@@ -47,16 +53,33 @@ def study_options(needs: str | None = None, writes: bool = True) -> Callable[[F]
         )
         @_running
         @functools.wraps(function)
-        def wrapper(*args: Any, study: Study, **kwargs: Any) -> Any:
+        def wrapper(*args: Any, study: Study, as_json: bool, **kwargs: Any) -> None:
             if needs is not None:
                 study.require(needs, "calibrate")
             if writes:
                 study.check_writable()
-            return function(*args, study=study, **kwargs)
+            if draws:
+                kwargs["pictures"] = not kwargs.pop("no_pictures")
+            with Bars() as bars:
+                answer = function(*args, study=study, bars=bars, **kwargs)
+            answer.show(as_json)
 
-        return wrapper  # type: ignore[return-value]
+        if not draws:
+            return wrapper
+        return click.option("--no-pictures", is_flag=True, help="Draw no pictures.")(wrapper)
 
     return decorate
+
+
+def plain_options(function: Callable[..., Answer]) -> Callable[..., None]:
+    """Add --json and -v to a command that needs no study, and print its answer."""
+
+    @_reporting
+    @functools.wraps(function)
+    def wrapper(*args: Any, as_json: bool, **kwargs: Any) -> None:
+        function(*args, **kwargs).show(as_json)
+
+    return wrapper
 
 
 def reading_options(function: F) -> F:
@@ -100,14 +123,19 @@ def benchmark_options(function: F) -> F:
 
 def _running(function: F) -> F:
     """Add --seed, --json and -v, and turn the library's errors into exit code 1."""
-
-    @click.option(
+    seed = click.option(
         "--seed",
         type=click.IntRange(0, 2**32 - 1),
         default=0,
         show_default=True,
         help="Random seed.",
     )
+    return seed(_reporting(function))
+
+
+def _reporting(function: F) -> F:
+    """Add --json and -v, and turn the library's errors into exit code 1."""
+
     @click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
     @click.option("-v", "--verbose", count=True, help="Say more; -vv for debugging.")
     @functools.wraps(function)
@@ -134,98 +162,6 @@ def _require_inputs() -> None:
         if isinstance(parameter.type, Input) and value is not None:
             for one in value if isinstance(value, tuple) else (value,):
                 parameter.type.require(one)
-
-
-def print_json(content: dict[str, Any]) -> None:
-    """Print one JSON object; numbers that are not finite become null."""
-    click.echo(json.dumps(_plain(content), indent=2))
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, Path):
-        return str(value)
-    if hasattr(value, "tolist"):
-        return _plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
-
-
-class Bars:
-    """Progress on stderr: bars on a terminal, one line for each step in a log."""
-
-    def __init__(self) -> None:
-        self._bar: Any = None
-        self._on_terminal = sys.stderr.isatty()
-
-    def __enter__(self) -> "Bars":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._finish()
-
-    def start(self, label: str, total: int) -> None:
-        """Begin a bar."""
-        self._finish()
-        if not self._on_terminal:
-            click.echo(f"{label} ...", err=True)
-            return
-        from tqdm import tqdm
-
-        self._bar = tqdm(
-            total=total,
-            desc=label,
-            leave=False,
-            delay=0.5,
-            bar_format="{desc}: {percentage:3.0f}%|{bar:30}| {elapsed}<{remaining} {postfix}",
-        )
-
-    def advance(self, count: int = 1, note: str = "") -> None:
-        """Move the bar."""
-        if self._bar is not None:
-            if note:
-                self._bar.set_postfix_str(note, refresh=False)
-            self._bar.update(count)
-
-    def say(self, text: str) -> None:
-        """Print a line between the bars."""
-        if self._bar is not None:
-            self._bar.clear()
-        click.echo(text, err=True)
-
-    def _finish(self) -> None:
-        if self._bar is not None:
-            self._bar.close()
-            self._bar = None
-
-
-def table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
-    """Return a table with the first column aligned left, the others right."""
-    widths = [max(len(row[k]) for row in [head, *rows]) for k in range(len(head))]
-    lines = []
-    for row in [head, *rows]:
-        cells = [
-            cell.ljust(width) if k == 0 else cell.rjust(width)
-            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ]
-        lines.append("  " + "  ".join(cells).rstrip())
-    return "\n".join(lines)
-
-
-def print_notes(notes: tuple[str, ...]) -> None:
-    """Print each note on its own line."""
-    for note in notes:
-        click.echo(f"  - {note}")
-
-
-def print_pictures(pictures: tuple[Path, ...]) -> None:
-    """Print the path of each picture once."""
-    for picture in dict.fromkeys(pictures):
-        click.echo(f"  {picture}")
 
 
 def _start_logging(verbose: int) -> None:

@@ -1,32 +1,16 @@
 """femupdate diagnose."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from femupdate.study import Study
 
-from .common import (
-    Bars,
-    print_json,
-    print_notes,
-    print_pictures,
-    reading_options,
-    study_options,
-    table,
-)
+from .answer import Answer
+from .bars import Bars
+from .common import reading_options, study_options
 from .parameters import BuildingName, InputFile
-
-if TYPE_CHECKING:
-    from femupdate.discrepancy.evidence import Evidence
-
-_SHOWN = 6
-
-
-def _evidence(found: "Evidence") -> str:
-    error = f" +- {found.error:.2g}" if found.effective else ""
-    return f"{found.log_evidence:.1f}{error}"
 
 
 @click.command("diagnose")
@@ -56,52 +40,27 @@ def command(
     reading: dict[str, Any],
     study: Study,
     seed: int,
-    as_json: bool,
-) -> None:
+    bars: Bars,
+    pictures: bool,
+) -> Answer:
     """Find where the model and the measured file OBSERVATION disagree, and what is missing.
 
     Every effect of the catalogue is tested at every place. The leading ones are fitted, and their
     evidence is weighed. Nothing is changed: `femupdate repair` adds what was found.
     """
     from femupdate.discrepancy.diagnose import DiagnosisSettings
+    from femupdate.workflow.checks import readable
     from femupdate.workflow.diagnose import diagnose_study
     from femupdate.workflow.model import open_study
-    from femupdate.workflow.observed import ObservationSource, check_readable
+    from femupdate.workflow.pictures_discrepancy import draw_diagnosis
 
-    source = ObservationSource(observation, **reading)
-    more = None
-    if second is not None:
-        more = ObservationSource(second, **reading)
-    with Bars() as bars:
-        for given in (source, more):
-            if given is not None:
-                check_readable(given)
-        model = open_study(study, building, bars)
-        settings = DiagnosisSettings(seed=seed, sampled=sampled)
-        report = diagnose_study(study, model, source, settings, bars, not no_phase, more)
-    if as_json:
-        print_json({**report.as_dict(), "diagnosis": report.path, "pictures": report.pictures})
-        return
-    found = report.diagnosis
-    click.echo(f"Verdict: {found.verdict}. {found.sentence}")
-    click.echo(
-        f"  residuals {found.base.chi2:.0f} over {report.problem.effective:.0f} independent points"
-        f" (p-value {found.p_value:.2g}); {report.seconds:.1f} s"
+    source = readable(observation, reading)
+    more = None if second is None else readable(second, reading)
+    model = open_study(study, building, bars)
+    settings = DiagnosisSettings(seed=seed, sampled=sampled)
+    report = diagnose_study(study, model, source, settings, bars, not no_phase, more)
+    return Answer(
+        report,
+        draw_diagnosis(study, report) if pictures else (),
+        {"diagnosis": report.path},
     )
-    rows = [
-        (
-            one.placed.label,
-            _evidence(one.evidence),
-            f"{one.probability:.3f}",
-            f"{one.size:.4g} +- {one.size_sd:.2g}",
-            f"{one.score.absorbed:.0%}",
-        )
-        for one in found.findings[:_SHOWN]
-    ]
-    if rows:
-        head = ("effect", "log evidence", "probability", "size", "absorbed by theta")
-        click.echo(table(head, rows))
-    if found.hidden:
-        click.echo(f"  cannot be seen with these sensors: {', '.join(found.hidden)}")
-    print_notes((*report.would_decide, *report.screen))
-    print_pictures((report.path, *report.pictures))

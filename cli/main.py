@@ -24,6 +24,8 @@ _COMMANDS = {
     "render": ("render", "Draw mode shapes of the posterior."),
     "simulate": ("simulate", "Make a synthetic observation file from the full model."),
     "benchmark": ("benchmark", "Compare with published tables and other programs."),
+    "list": ("list", "List shipped buildings, effects, and formats of measured files."),
+    "examples": ("examples", "Copy the shipped example files into a folder."),
     "demo": ("demo", "Run the whole chain on a shipped example, in minutes."),
 }
 

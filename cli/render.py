@@ -4,7 +4,9 @@ import click
 
 from femupdate.study import Study
 
-from .common import Bars, print_json, print_pictures, study_options, table
+from .answer import Answer
+from .bars import Bars
+from .common import study_options
 
 
 @click.command("render")
@@ -18,8 +20,8 @@ from .common import Bars, print_json, print_pictures, study_options, table
     show_default=True,
     help="Posterior draws.",
 )
-@study_options(needs="posterior")
-def command(modes: int, samples: int, study: Study, seed: int, as_json: bool) -> None:
+@study_options(needs="posterior", draws=False)
+def command(modes: int, samples: int, study: Study, seed: int, bars: Bars) -> Answer:
     """Draw the mode shapes of the posterior off screen: mean shape and its spread.
 
     The modes are those that the base motion excites, lowest first.
@@ -27,29 +29,6 @@ def command(modes: int, samples: int, study: Study, seed: int, as_json: bool) ->
     from femupdate.workflow.checks import open_calibrated
     from femupdate.workflow.render import render_study
 
-    with Bars() as bars:
-        model = open_calibrated(study, bars)
-        rendered = render_study(study, model, modes, samples, seed=seed, progress=bars)
-    if as_json:
-        print_json(
-            {
-                "modes": [
-                    {
-                        "mode": mode.number,
-                        "frequency_hz": mode.frequency_mean,
-                        "frequency_sd": mode.frequency_sd,
-                        "found": mode.found,
-                        "picture": mode.picture,
-                    }
-                    for mode in rendered
-                ],
-                "study": study.folder,
-            }
-        )
-        return
-    rows = [
-        (str(m.number), f"{m.frequency_mean:.3f}", f"{m.frequency_sd:.3f}", f"{m.found:.0%}")
-        for m in rendered
-    ]
-    click.echo(table(("mode", "Hz", "sd", "recognised in draws"), rows))
-    print_pictures(tuple(mode.picture for mode in rendered))
+    model = open_calibrated(study, bars)
+    report = render_study(study, model, modes, samples, seed=seed, progress=bars)
+    return Answer(report, more={"study": study.folder})

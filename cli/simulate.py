@@ -6,7 +6,9 @@ import click
 
 from femupdate.study import Study
 
-from .common import Bars, Failure, print_json, study_options
+from .answer import Answer
+from .bars import Bars
+from .common import Failure, study_options
 from .parameters import Band, BuildingName, Channel, InputFile, Numbers, SizedEffect
 
 
@@ -57,7 +59,7 @@ from .parameters import Band, BuildingName, Channel, InputFile, Numbers, SizedEf
     show_default=True,
     help="Rms noise of every sensor, m/s2.",
 )
-@study_options(writes=False)
+@study_options(writes=False, draws=False)
 def command(
     output: Path,
     building: str | None,
@@ -77,8 +79,8 @@ def command(
     sensor_noise: float,
     study: Study,
     seed: int,
-    as_json: bool,
-) -> None:
+    bars: Bars,
+) -> Answer:
     """Make a synthetic observation file of a building with known stiffness factors.
 
     Band-limited white noise (or a record) shakes the full model, on a finer mesh than calibrations
@@ -109,11 +111,5 @@ def command(
         effects=effects,
         seed=seed,
     )
-    with Bars() as bars:
-        simulation = simulate_observation(chosen, settings, bars)
-        file, truth = write_simulation(simulation, output)
-    if as_json:
-        print_json({"observation": file, "truth_file": truth, "truth": simulation.truth.as_dict()})
-        return
-    factors = ", ".join(f"{value:.3f}" for value in simulation.truth.theta)
-    click.echo(f"{file}\n{truth}\n  stiffness factors {factors}")
+    simulation = simulate_observation(chosen, settings, bars)
+    return Answer(write_simulation(simulation, output))

@@ -7,7 +7,9 @@ import click
 
 from femupdate.study import Study
 
-from .common import Bars, print_json, study_options
+from .answer import Answer
+from .bars import Bars
+from .common import study_options
 from .parameters import BuildingName
 
 
@@ -50,7 +52,7 @@ from .parameters import BuildingName
 )
 @click.option("--start", type=click.Path(path_type=Path), help="Weights to start from.")
 @click.option("--fresh", is_flag=True, help="Train even where a fitting surrogate exists.")
-@study_options()
+@study_options(draws=False)
 def command(
     building: str | None,
     samples: int,
@@ -62,8 +64,8 @@ def command(
     fresh: bool,
     study: Study,
     seed: int,
-    as_json: bool,
-) -> None:
+    bars: Bars,
+) -> Answer:
     """Train the surrogate of the study's building.
 
     It also learns the effects that the building lists, over the range of their prior.
@@ -76,39 +78,14 @@ def command(
     from femupdate.workflow.train import default_settings, train_study
 
     check_training(study, samples, batch, start, building)
-    with Bars() as bars:
-        model = open_study(study, building, bars)
-        default = default_settings(model, epochs, seed)
-        settings = replace(
-            default,
-            batch=batch,
-            learning_rate=learning_rate,
-            roof_share=roof_share,
-            full_share=min(default.full_share, 1.0 - roof_share),
-        )
-        report = train_study(
-            study, model, samples, settings, fresh=fresh, start=start, progress=bars
-        )
-    metrics = dict(report.surrogate.info.metrics)
-    if as_json:
-        print_json(
-            {
-                "surrogate": report.path,
-                "trained": report.trained,
-                "dataset_seconds": report.dataset_seconds,
-                "training_seconds": report.training_seconds,
-                "metrics": metrics,
-                "study": study.folder,
-            }
-        )
-        return
-    if not report.trained:
-        click.echo(
-            f"A trained surrogate fits this building: {report.path}. Use --fresh to train again."
-        )
-        return
-    click.echo(
-        f"Data set {report.dataset_seconds:.0f} s, training {report.training_seconds:.0f} s, "
-        f"best epoch {metrics['best_epoch']:.0f} of {metrics['epochs']:.0f}, validation loss "
-        f"{metrics['validation_loss']:.1f}\n  {report.path}"
+    model = open_study(study, building, bars)
+    default = default_settings(model, epochs, seed)
+    settings = replace(
+        default,
+        batch=batch,
+        learning_rate=learning_rate,
+        roof_share=roof_share,
+        full_share=min(default.full_share, 1.0 - roof_share),
     )
+    report = train_study(study, model, samples, settings, fresh=fresh, start=start, progress=bars)
+    return Answer(report, more={"study": study.folder})

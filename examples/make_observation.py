@@ -30,7 +30,9 @@ SETTINGS = SimulationSettings(
 def make(folder: Path) -> tuple[Path, Path]:
     """Write the observation and its truth into a folder and return their paths."""
     simulation = simulate_observation(load_building(BUILDING), SETTINGS)
-    return write_simulation(simulation, folder / FILE, ["remade by examples/make_observation.py"])
+    comment = "remade by examples/make_observation.py"
+    written = write_simulation(simulation, folder / FILE, [comment])
+    return written.observation, written.truth_file
 
 
 if __name__ == "__main__":

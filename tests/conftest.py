@@ -193,7 +193,7 @@ def tower_observation(buildings: Path, tower_file: Path) -> SimpleNamespace:
         theta=(0.8, 1.3), zeta=0.05, duration_s=60.0, sampling_hz=50.0, band_hz=(0.3, 20.0), seed=3
     )
     simulation = simulate_observation(load_building(tower_file), settings)
-    path, _ = write_simulation(simulation, buildings / "tower_observation.csv")
+    path = write_simulation(simulation, buildings / "tower_observation.csv").observation
     return SimpleNamespace(path=path, theta=(0.8, 1.3), zeta=0.05, histories=simulation.histories)
 
 

@@ -63,6 +63,13 @@ def test_computing_needs_no_pictures():
     assert loaded.isdisjoint({"pyvista", "vtk", "matplotlib", "xarray", "pandas", "arviz"})
 
 
+def test_the_steps_of_the_work_draw_nothing():
+    steps = ("build", "calibrate", "predict", "diagnose", "repair", "simulate", "train", "render")
+    loaded = loaded_after("\n".join(f"import femupdate.workflow.{name}" for name in steps))
+    assert "torch" in loaded
+    assert loaded.isdisjoint({"pyvista", "vtk", "vtkmodules", "matplotlib"})
+
+
 def test_the_packages_listed_are_the_folders_that_hold_python_files():
     """One that is left out is silently missing from what is installed."""
     settings = project()["tool"]["setuptools"]

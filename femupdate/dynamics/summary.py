@@ -1,7 +1,8 @@
 """Bands, peaks and story stiffness of many histories, without holding them all."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,6 +11,7 @@ from femupdate.arrays import Floats
 from femupdate.dynamics.history import Histories, join_histories
 from femupdate.dynamics.story import story_stiffness
 from femupdate.errors import ModelError
+from femupdate.tables import table
 
 
 @dataclass(frozen=True)
@@ -20,6 +22,25 @@ class Statistics:
     sd: Floats
     q05: Floats
     q95: Floats
+
+    def by_name(self, names: Sequence[str]) -> dict[str, dict[str, Any]]:
+        """Mean and quantiles along the first axis by names, as JSON holds them."""
+        rows = zip(names, self.mean.tolist(), self.q05.tolist(), self.q95.tolist(), strict=True)
+        return {name: {"mean": mean, "q05": q05, "q95": q95} for name, mean, q05, q95 in rows}
+
+    def table(self, title: str, names: Sequence[str], form: str) -> str:
+        """Mean and quantiles of one-dimensional statistics in words, a name a line.
+
+        Args:
+            title: over the names.
+            names: of the values.
+            form: of the numbers, such as ".3f".
+        """
+        rows = [
+            (name, *(f"{value:{form}}" for value in values))
+            for name, *values in zip(names, self.mean, self.q05, self.q95, strict=True)
+        ]
+        return table((title, "mean", "5 %", "95 %"), rows)
 
 
 @dataclass(frozen=True)

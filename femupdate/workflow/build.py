@@ -1,18 +1,23 @@
-"""build-model: mesh, checks, modes, pictures and the reduced model of a building."""
+"""build-model: mesh, checks, modes and the reduced model of a building."""
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.building.files import load_building
+from femupdate.building.mesh import mesh_building
 from femupdate.building.schema import Building
 from femupdate.dynamics.reduction import CONFIDENCE, Reduction
+from femupdate.dynamics.tracking import reduced_modes
 from femupdate.errors import StudyError
+from femupdate.fe.export_opensees import opensees_script
 from femupdate.fe.solve import Modes, lowest_modes
 from femupdate.progress import Progress, Silent
-from femupdate.study import Study, atomic_path
+from femupdate.study import Study, atomic_path, write_text
+from femupdate.tables import table
 from femupdate.workflow.model import (
     FrameParts,
     StudyModel,
@@ -21,13 +26,11 @@ from femupdate.workflow.model import (
     keep_model,
     reduce_building,
 )
-from femupdate.workflow.modes import levels_with_base, reduced_modes, with_base
 
 _MODES = 12
-_PICTURES = 3
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class BuildReport:
     """What was built.
 
@@ -39,7 +42,6 @@ class BuildReport:
         elements: shells and beams.
         mass_kg: of the model, its supports included.
         checks: what was checked, a sentence each.
-        pictures: files drawn.
     """
 
     model: StudyModel
@@ -49,7 +51,36 @@ class BuildReport:
     elements: int
     mass_kg: float
     checks: tuple[str, ...]
-    pictures: tuple[Path, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """What `--json` holds."""
+        return {
+            "building": self.model.building.name,
+            "frequencies_hz": self.frequencies_hz,
+            "effective_mass": self.effective_mass,
+            "dof": self.dof,
+            "elements": self.elements,
+            "mass_kg": self.mass_kg,
+            "reduced_size": self.model.reduced.size,
+            "reduction_error": self.model.reduction_error,
+            "checks": self.checks,
+        }
+
+    def lines(self) -> tuple[str, ...]:
+        """Sizes, modes and checks, for people."""
+        building = self.model.building
+        rows = [
+            (str(number), f"{frequency:.3f}", f"{share:.1%}")
+            for number, (frequency, share) in enumerate(
+                zip(self.frequencies_hz, self.effective_mass, strict=True), start=1
+            )
+        ]
+        return (
+            building.title or building.name,
+            f"  {self.dof} degrees of freedom, {self.elements} elements",
+            table(("mode", "Hz", "mass moved by the base motion"), rows),
+            *(f"  - {check}" for check in self.checks),
+        )
 
 
 def build_study(
@@ -72,20 +103,18 @@ def build_study(
     reduction = reduce_building(chosen, parts, show)
     model = keep_model(study, chosen, reduction)
     write_mesh(parts, study.path("mesh.vtu"), modes)
-    pictures = _draw_modes(study, parts, model, show)
     direction = parts.mesh.direction
     excitation = parts.operators.inertia(direction)
     mass = _total_mass(parts)
     effective = (modes.shapes.T @ excitation) ** 2 / mass
     return BuildReport(
-        model,
-        modes.frequency_hz,
-        effective,
-        len(parts.operators.free),
-        parts.mesh.model.element_count,
-        mass,
-        _checks(parts, reduction, modes),
-        pictures,
+        model=model,
+        frequencies_hz=modes.frequency_hz,
+        effective_mass=effective,
+        dof=len(parts.operators.free),
+        elements=parts.mesh.model.element_count,
+        mass_kg=mass,
+        checks=_checks(parts, reduction, modes),
     )
 
 
@@ -112,6 +141,30 @@ def write_mesh(parts: FrameParts, path: Path, modes: Modes | None = None) -> Non
         mesh.write(temporary, file_format="vtu")
 
 
+def export_opensees(
+    study: Study, building: Building, modes: int = 12, shell: str = "ASDShellQ4"
+) -> Path:
+    """Write a Python script that rebuilds the building in OpenSeesPy, all stiffness factors 1.
+
+    Raises:
+        StudyError: the building is lumped, or the study cannot be written.
+        BuildingError, ModelError: the building has no mesh, or holds what OpenSees has not.
+    """
+    if building.kind == "shear":
+        raise StudyError(
+            f"{building.name} is a shear building of lumped masses, which has no mesh to export; "
+            "choose a frame building"
+        )
+    model = mesh_building(building).model
+    name = building.title or building.name
+    script = opensees_script(
+        model, np.ones(model.groups), name=name, modes=modes, types={"shell": shell}
+    )
+    path = study.path("opensees_model.py")
+    write_text(path, script)
+    return path
+
+
 def _refuse_other(study: Study, building: Building) -> None:
     """A study with a posterior keeps its building."""
     from femupdate.building.files import mechanics_hash
@@ -132,16 +185,14 @@ def _build_lumped(study: Study, building: Building) -> BuildReport:
     modes = reduced_modes(model.reduced, np.ones((1, model.reduced.parameters)))
     excitation = np.einsum("rj,r->j", modes.vectors[0], model.reduced.excitation)
     mass = float(model.reduced.story_mass[0])
-    picture = _draw_sticks(study, model)
     return BuildReport(
-        model,
-        modes.frequency_hz[0],
-        excitation**2 / mass,
-        model.reduced.size,
-        model.reduced.parameters,
-        mass,
-        ("Lumped masses: the reduced model is the model itself.",),
-        (picture,),
+        model=model,
+        frequencies_hz=modes.frequency_hz[0],
+        effective_mass=excitation**2 / mass,
+        dof=model.reduced.size,
+        elements=model.reduced.parameters,
+        mass_kg=mass,
+        checks=("Lumped masses: the reduced model is the model itself.",),
     )
 
 
@@ -164,45 +215,3 @@ def _checks(parts: FrameParts, reduction: Reduction, modes: Modes) -> tuple[str,
         f"that in at least {reduction.share:.0%} of the prior (confidence {CONFIDENCE:.0%})."
     )
     return stand, weighs, follows, certain
-
-
-def _draw_modes(
-    study: Study, parts: FrameParts, model: StudyModel, show: Progress
-) -> tuple[Path, ...]:
-    """The first modes that the base motion drives, at theta = 1."""
-    from femupdate.report.geometry import Geometry
-    from femupdate.report.scenes import mode_shape_scene
-    from femupdate.workflow.modes import driven_modes, node_displacements
-
-    geometry = Geometry.of_model(parts.mesh.model)
-    modes = reduced_modes(model.reduced, np.ones((1, model.reduced.parameters)))
-    chosen = driven_modes(model.reduced, modes, _PICTURES)
-    show.start("Drawing mode shapes", len(chosen))
-    paths = []
-    for number, mode in enumerate(chosen, start=1):
-        path = study.path("pictures", f"model_mode_{number}.png")
-        shape = node_displacements(model.reduced, modes.vectors[0, :, mode])
-        frequency = modes.frequency_hz[0, mode]
-        mode_shape_scene(
-            geometry, shape, path, title=f"Mode {number}, {frequency:.2f} Hz, all factors 1"
-        )
-        paths.append(path)
-        show.advance()
-    return tuple(paths)
-
-
-def _draw_sticks(study: Study, model: StudyModel) -> Path:
-    from femupdate.report.figure import save_figure
-    from femupdate.report.plot_sticks import stick_mode_shapes
-
-    modes = reduced_modes(model.reduced, np.ones((1, model.reduced.parameters)))
-    count = min(model.reduced.size, _PICTURES)
-    shapes = with_base(model.reduced.floor_shapes @ modes.vectors[0][:, :count])
-    figure = stick_mode_shapes(
-        levels_with_base(model.building),
-        shapes.T,
-        modes.frequency_hz[0, :count],
-        floors=("base", *model.reduced.floors),
-        title="Mode shapes, all factors 1",
-    )
-    return save_figure(figure, study.path("pictures", "model_modes.png"))

@@ -3,16 +3,11 @@
 import hashlib
 import json
 import time
-from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from femupdate import __version__
-from femupdate.arrays import Floats
-from femupdate.inference.identifiability import Identifiability
-from femupdate.inference.posterior import Posterior, save_posterior
-from femupdate.inference.predictive_check import PredictiveCheck
+from femupdate.inference.posterior import save_posterior
 from femupdate.measurement.observation import Observation
 from femupdate.progress import Progress, Silent
 from femupdate.seeds import spawn
@@ -21,48 +16,13 @@ from femupdate.workflow.calibrate_draws import against_data, posterior_of, r_hat
 from femupdate.workflow.calibrate_exact import sample_exact
 from femupdate.workflow.calibrate_latent import sample_latent
 from femupdate.workflow.calibrate_notes import judgement
-from femupdate.workflow.calibrate_pictures import draw_posterior
 from femupdate.workflow.calibrate_settings import CalibrationSettings, plain_settings
+from femupdate.workflow.calibration_report import POSTERIOR, CalibrationReport
 from femupdate.workflow.model import REDUCED, StudyModel
 from femupdate.workflow.observed import ObservationSource, read_observation
 from femupdate.workflow.sampling import ChainRunner
 from femupdate.workflow.summary import identified, write_summary
 from femupdate.workflow.train import SURROGATE, require_surrogate
-
-POSTERIOR = "posterior"
-
-
-@dataclass(frozen=True)
-class CalibrationReport:
-    """A posterior and what to make of it.
-
-    Attributes:
-        posterior: the draws.
-        path: where they are stored.
-        r_hat: (p,) potential scale reduction between the independent runs.
-        identified: which combinations of the parameters the data have determined.
-        misfit: mean squared whitened residual of ln|H| at the posterior draw that fits best; 1
-            when the model explains the data to within their noise.
-        check: posterior predictive p-values; None where theta carries errors of the model, with
-            which no draw of it meets the data.
-        notes: what the user should know, in sentences.
-        pictures: files drawn.
-        seconds: all the time taken.
-        evaluations: of the likelihood.
-        invalid: evaluations without a number.
-    """
-
-    posterior: Posterior
-    path: Path
-    r_hat: Floats
-    identified: Identifiability
-    misfit: float
-    check: PredictiveCheck | None
-    notes: tuple[str, ...]
-    pictures: tuple[Path, ...]
-    seconds: float
-    evaluations: int
-    invalid: int
 
 
 def calibrate_study(
@@ -72,7 +32,7 @@ def calibrate_study(
     settings: CalibrationSettings | None = None,
     progress: Progress | None = None,
 ) -> CalibrationReport:
-    """Draw the posterior for an observation file; store it, and draw it.
+    """Draw the posterior for an observation file; store it.
 
     Raises:
         MeasurementError: the observation cannot be used.
@@ -127,19 +87,19 @@ def calibrate_study(
         *found.sentences(),
     )
     write_summary(study, posterior, found, misfit, notes, check)
-    pictures = draw_posterior(study, model, posterior, show)
     return CalibrationReport(
-        posterior,
-        path,
-        r_hat(posterior.theta),
-        found,
-        misfit,
-        check,
-        notes,
-        pictures,
-        time.monotonic() - started,
-        sum(result.evaluations for result in results),
-        sum(result.invalid for result in results),
+        model=model,
+        posterior=posterior,
+        path=path,
+        r_hat=r_hat(posterior.theta),
+        identified=found,
+        misfit=misfit,
+        check=check,
+        notes=notes,
+        seconds=time.monotonic() - started,
+        evaluations=sum(result.evaluations for result in results),
+        invalid=sum(result.invalid for result in results),
+        files=source.paths,
     )
 
 

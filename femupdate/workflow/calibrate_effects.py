@@ -18,10 +18,9 @@ from femupdate.measurement.observation import Observation
 from femupdate.progress import Progress, Silent
 from femupdate.study import Study
 from femupdate.workflow.amplitude import changes_with_level, level_settings
-from femupdate.workflow.calibrate import POSTERIOR, CalibrationReport
 from femupdate.workflow.calibrate_draws import r_hat
-from femupdate.workflow.calibrate_pictures import draw_posterior
 from femupdate.workflow.calibrate_settings import CalibrationSettings
+from femupdate.workflow.calibration_report import POSTERIOR, CalibrationReport
 from femupdate.workflow.diagnose import model_parts, prepared, refined
 from femupdate.workflow.effect_surrogate import kept_structure
 from femupdate.workflow.effects import (
@@ -82,17 +81,18 @@ def calibrate_with_effects(
     check = _check(problem, fitted, draws)
     write_summary(study, posterior, found, misfit, notes, check)
     return CalibrationReport(
-        posterior,
-        path,
-        r_hat(posterior.theta),
-        found,
-        misfit,
-        check,
-        notes,
-        draw_posterior(study, model, posterior, show),
-        time.monotonic() - started,
-        3 * settings.particles,
-        0,
+        model=model,
+        posterior=posterior,
+        path=path,
+        r_hat=r_hat(posterior.theta),
+        identified=found,
+        misfit=misfit,
+        check=check,
+        notes=notes,
+        seconds=time.monotonic() - started,
+        evaluations=3 * settings.particles,
+        invalid=0,
+        files=source.paths,
     )
 
 

@@ -1,7 +1,9 @@
 """What would stop a step half-way, found before anything is built or written."""
 
 import textwrap
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from femupdate.building.files import mechanics_hash
 from femupdate.errors import InferenceError
@@ -10,8 +12,8 @@ from femupdate.progress import Progress
 from femupdate.study import Study
 from femupdate.surrogate.storage import load_surrogate
 from femupdate.surrogate.training import TrainingSettings
-from femupdate.workflow.calibrate import POSTERIOR
 from femupdate.workflow.calibrate_settings import CalibrationSettings
+from femupdate.workflow.calibration_report import POSTERIOR
 from femupdate.workflow.effect_surrogate import check_amortisable
 from femupdate.workflow.model import StudyModel, choose_building, open_study
 from femupdate.workflow.observed import ObservationSource, check_readable, observation_of
@@ -49,6 +51,21 @@ def check_calibration(
         known = study.path("building.toml").exists()
         surrogate = needed_surrogate(study, chosen, None if known else building)
         encoder_input(observation, surrogate.info.floors)
+
+
+def readable(path: Path, reading: Mapping[str, Any]) -> ObservationSource:
+    """An observation file as a source; a bad one is told before anything is built.
+
+    Args:
+        path: of the file.
+        reading: fields of `ObservationSource` that say how to read it.
+
+    Raises:
+        MeasurementError: the file cannot be used.
+    """
+    source = ObservationSource(path, **reading)
+    check_readable(source)
+    return source
 
 
 def check_training(

@@ -5,21 +5,22 @@ import time
 from dataclasses import dataclass
 from importlib.resources import as_file, files
 from pathlib import Path
-
-import numpy as np
+from typing import Any
 
 from femupdate.progress import Progress, Silent
-from femupdate.report.figure import save_figure
-from femupdate.report.plot_posterior import SampleSet, posterior_pairs
 from femupdate.study import Study
+from femupdate.tables import table
 from femupdate.workflow.build import BuildReport, build_study
 from femupdate.workflow.calibrate import CalibrationReport, calibrate_study
 from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.model import DEFAULT_BUILDING
 from femupdate.workflow.observed import ObservationSource
+from femupdate.workflow.pictures_modes import draw_model
+from femupdate.workflow.pictures_posterior import draw_cases, draw_posterior
+from femupdate.workflow.pictures_prediction import draw_prediction
 from femupdate.workflow.predict import PredictionReport, predict_study
 from femupdate.workflow.predict_settings import RecordSource
-from femupdate.workflow.render import RenderedMode, render_study
+from femupdate.workflow.render import RenderReport, render_study
 
 _OBSERVATION = "six_story_white_noise.csv"
 _TRUTH = "six_story_white_noise.truth.json"
@@ -28,29 +29,63 @@ _RECORD = "records/ridgecrest_2019_clc_90.csv"
 _SCALE = 0.1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class DemoReport:
     """All that the demo made.
 
     Attributes:
+        folder: of the study.
         built: the model.
         all_floors: posterior from all six floors (Case 1); it stays in the study.
         roof_alone: mean and sd of each factor from the roof alone (Case 2).
         truth: the stiffness factors with which the observation was made.
         predicted: response to the Ridgecrest record.
         rendered: mode shapes.
-        pictures: all pictures drawn.
-        seconds: in all.
+        seconds: in all, without the pictures.
     """
 
+    folder: Path
     built: BuildReport
     all_floors: CalibrationReport
     roof_alone: CalibrationReport
     truth: tuple[float, ...]
     predicted: PredictionReport
-    rendered: tuple[RenderedMode, ...]
-    pictures: tuple[Path, ...]
+    rendered: RenderReport
     seconds: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """What `--json` holds."""
+        posterior, roof = self.all_floors.posterior, self.roof_alone.posterior
+        return {
+            "study": self.folder,
+            "posterior": self.all_floors.path,
+            "prediction": self.predicted.path,
+            "parameters": posterior.names,
+            "truth": self.truth,
+            "mean": posterior.samples.mean(axis=0),
+            "sd": posterior.samples.std(axis=0),
+            "roof_alone_mean": roof.samples.mean(axis=0),
+            "roof_alone_sd": roof.samples.std(axis=0),
+            "seconds": self.seconds,
+        }
+
+    def lines(self) -> tuple[str, ...]:
+        """Both posteriors beside the truth, and the prediction, for people."""
+        cases = [case.posterior.samples.T for case in (self.all_floors, self.roof_alone)]
+        rows = [
+            (name, f"{true:.2f}", *(f"{own.mean():.3f} +- {own.std():.3f}" for own in both))
+            for name, true, *both in zip(
+                self.all_floors.posterior.names, self.truth, *cases, strict=True
+            )
+        ]
+        peaks, floors = self.predicted.peak_acceleration, self.predicted.summary.floors
+        return (
+            "\nStiffness factors, mean +- sd (the observation is synthetic, so truth is known)",
+            table(("", "truth", "all six floors", "roof alone"), rows),
+            "\nPeak floor acceleration under a tenth of the Ridgecrest record, m/s2",
+            peaks.table("", floors, ".3f"),
+            f"\nDone in {self.seconds:.0f} s. Everything is in {self.folder}; pictures:",
+        )
 
 
 def run_demo(study: Study, seed: int = 0, progress: Progress | None = None) -> DemoReport:
@@ -78,37 +113,27 @@ def run_demo(study: Study, seed: int = 0, progress: Progress | None = None) -> D
     show.say("5/5 Mode shapes of the posterior")
     rendered = render_study(study, built.model, progress=show)
     truth = tuple(json.loads((examples / _TRUTH).read_text(encoding="utf-8"))["theta"])
-    both = _draw_cases(study, everything, roof, truth)
-    pictures = (
-        *built.pictures,
-        both,
-        *everything.pictures,
-        *predicted.pictures,
-        *(mode.picture for mode in rendered),
-    )
     return DemoReport(
-        built,
-        everything,
-        roof,
-        truth,
-        predicted,
-        rendered,
-        pictures,
-        time.monotonic() - started,
+        folder=study.folder,
+        built=built,
+        all_floors=everything,
+        roof_alone=roof,
+        truth=truth,
+        predicted=predicted,
+        rendered=rendered,
+        seconds=time.monotonic() - started,
     )
 
 
-def _draw_cases(
-    study: Study, everything: CalibrationReport, roof: CalibrationReport, truth: tuple[float, ...]
-) -> Path:
-    posterior = everything.posterior
-    figure = posterior_pairs(
-        [
-            SampleSet("roof alone", roof.posterior.samples),
-            SampleSet("all six floors", posterior.samples),
-        ],
-        [name.replace("theta_", "θ") for name in posterior.names],
-        np.column_stack([posterior.lower, posterior.upper]),
-        truth,
+def draw_demo(
+    study: Study, report: DemoReport, progress: Progress | None = None
+) -> tuple[Path, ...]:
+    """Draw model, posteriors and prediction; the modes are drawn already."""
+    cases = {"roof alone": report.roof_alone, "all six floors": report.all_floors}
+    return (
+        *draw_model(study, report.built.model, progress),
+        draw_cases(study, cases, report.truth),
+        *draw_posterior(study, report.all_floors, progress),
+        *draw_prediction(study, report.predicted, progress),
+        *report.rendered.pictures,
     )
-    return save_figure(figure, study.path("pictures", "posterior_cases.png"))

@@ -1,7 +1,6 @@
 """diagnose: where model and measurement disagree, and what the model may lack."""
 
 import json
-import textwrap
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -11,7 +10,6 @@ from typing import Any
 import numpy as np
 from torch import Tensor
 
-from femupdate.arrays import Floats
 from femupdate.discrepancy.diagnose import AMBIGUOUS, UNKNOWN, Diagnosis, DiagnosisSettings, Finding
 from femupdate.discrepancy.diagnose import diagnose as find
 from femupdate.discrepancy.exchange import promising
@@ -22,7 +20,6 @@ from femupdate.discrepancy.mesh_scatter import with_mesh_error
 from femupdate.discrepancy.problem import Problem, together
 from femupdate.discrepancy.score import candidates
 from femupdate.discrepancy.screen import screen_channels
-from femupdate.discrepancy.where import Cell
 from femupdate.dynamics.effect_local import SPREAD, Sized
 from femupdate.dynamics.effect_response import ReducedStructure
 from femupdate.effects.effect import Placed
@@ -30,6 +27,7 @@ from femupdate.effects.structure import Structure
 from femupdate.measurement.observation import Observation
 from femupdate.progress import Progress, Silent
 from femupdate.study import Study, file_hash, write_text
+from femupdate.tables import table
 from femupdate.workflow.effects import (
     BuildingEffects,
     building_effects,
@@ -45,7 +43,7 @@ from femupdate.workflow.observed import ObservationSource, observation_of
 from femupdate.workflow.second_record import SecondRecord, second_record
 
 DIAGNOSIS = "diagnosis"
-_SHOWN = 8
+_SHOWN = 6
 _ROUGH = 100  # shapes with which the stiffness factors are searched for
 _MOVES = 4  # bases, one after the other, at most
 _TRIED, _STARTS = 192, 4  # draws of theta with the listed effects, and searches from them
@@ -53,7 +51,7 @@ _CLEARLY = 0.9  # share of what a fit leaves that another one may leave to take 
 _OBVIOUS = 0.5  # share of the coarse residuals, squared, that a wrong name leaves when mended
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class DiagnosisReport:
     """A diagnosis and what was made of it.
 
@@ -65,7 +63,6 @@ class DiagnosisReport:
         screen: what the channels themselves say, in sentences.
         settings: of the diagnosis.
         path: of the JSON file.
-        pictures: files drawn.
         seconds: all the time taken.
     """
 
@@ -76,7 +73,6 @@ class DiagnosisReport:
     screen: tuple[str, ...]
     settings: DiagnosisSettings
     path: Path
-    pictures: tuple[Path, ...]
     seconds: float
 
     @property
@@ -109,6 +105,22 @@ class DiagnosisReport:
             "seconds": self.seconds,
         }
 
+    def lines(self) -> tuple[str, ...]:
+        """The verdict, the leading effects in a table, and notes, for people."""
+        found, points = self.diagnosis, self.problem.effective
+        lines = [
+            f"Verdict: {found.verdict}. {found.sentence}",
+            f"  residuals {found.base.chi2:.0f} over {points:.0f} independent points "
+            f"(p-value {found.p_value:.2g}); {self.seconds:.1f} s",
+        ]
+        if found.findings:
+            head = ("effect", "log evidence", "probability", "size", "absorbed by theta")
+            lines.append(table(head, [_row(one) for one in found.findings[:_SHOWN]]))
+        if found.hidden:
+            lines.append(f"  cannot be seen with these sensors: {', '.join(found.hidden)}")
+        notes = (f"  - {note}" for note in (*self.would_decide, *self.screen))
+        return (*lines, *notes, f"  {self.path}")
+
 
 def diagnose_study(
     study: Study,
@@ -122,7 +134,7 @@ def diagnose_study(
     """Find where the study's model fails and rank what it may lack; changes nothing in it.
 
     Args:
-        study: where pictures and the JSON file go.
+        study: where the JSON file goes.
         model: of the study.
         source: the data.
         settings: of the diagnosis.
@@ -143,17 +155,15 @@ def diagnose_study(
     problem, base = prepared(model, parts, observation, use_phase, chosen, show, others)
     show.start("Looking for what is missing", 3)
     problem, base, found = sought(model, parts, problem, base, chosen, show)
-    pictures = draw_diagnosis(study, found, chosen.over_none + problem.mimicked)
     report = DiagnosisReport(
-        found,
-        problem,
-        problem.reduced,
-        observation,
-        (*(() if other is None else (other.note,)), *_screen(observation, found)),
-        chosen,
-        study.path("diagnosis.json"),
-        pictures,
-        time.monotonic() - started,
+        diagnosis=found,
+        problem=problem,
+        reduced=problem.reduced,
+        observation=observation,
+        screen=(*(() if other is None else (other.note,)), *_screen(observation, found)),
+        settings=chosen,
+        path=study.path("diagnosis.json"),
+        seconds=time.monotonic() - started,
     )
     write_text(report.path, json.dumps(report.as_dict(), indent=2, default=float) + "\n")
     origin = {**model.made_from(), "observation": file_hash(source.path)}
@@ -410,51 +420,16 @@ def _screen(observation: Observation, found: Diagnosis) -> tuple[str, ...]:
     return screen_channels(observation, found.base.system, found.base.theta()[0])
 
 
-def draw_diagnosis(study: Study, found: Diagnosis, needed: float) -> tuple[Path, ...]:
-    """The map of residuals and, where anything was fitted, the ranking.
-
-    Args:
-        study: where the pictures go.
-        found: what is drawn.
-        needed: log evidence that a name needs.
-    """
-    from femupdate.report.figure import save_figure
-    from femupdate.report.plot_diagnosis import Ranked, ranking, residual_map
-
-    floors, edges, grid = cells_as_grid(found.where)
-    paths = [
-        save_figure(
-            residual_map(floors, edges, [("model as it is", grid)]),
-            study.path("pictures", "residual_map.png"),
-        )
-    ]
-    if found.findings:
-        shown = [
-            Ranked(
-                f"{one.placed.effect.title}, {one.placed.place}",
-                one.evidence.log_evidence,
-                f"{one.size:.3g} ± {one.size_sd:.1g}" if one.size_sd else "",
-                number == 0 and found.verdict in ("named", "indistinguishable"),
-            )
-            for number, one in enumerate(found.findings[:_SHOWN])
-        ]
-        sentence = textwrap.shorten(found.sentence, 110, placeholder=" ...")
-        figure = ranking(shown, needed, sentence)
-        paths.append(save_figure(figure, study.path("pictures", "effect_ranking.png")))
-    return tuple(paths)
-
-
-def cells_as_grid(cells: tuple[Cell, ...]) -> tuple[tuple[str, ...], Floats, Floats]:
-    """Floors, edges of the bands (b + 1,), and rms residual over noise (f, b)."""
-    floors = tuple(dict.fromkeys(cell.floor for cell in cells))
-    bands = tuple(dict.fromkeys(cell.band_hz for cell in cells))
-    grid = np.full((len(floors), len(bands)), np.nan)
-    for cell in cells:
-        value = np.sqrt(max(cell.excess + 1.0, 0.0))
-        empty = cell.excess == 0.0 and cell.p_value == 1.0
-        grid[floors.index(cell.floor), bands.index(cell.band_hz)] = np.nan if empty else value
-    edges = np.array([bands[0][0], *(band[1] for band in bands)])
-    return floors, edges, grid
+def _row(one: Finding) -> tuple[str, ...]:
+    """What the table says of an effect."""
+    error = f" +- {one.evidence.error:.2g}" if one.evidence.effective else ""
+    return (
+        one.placed.label,
+        f"{one.evidence.log_evidence:.1f}{error}",
+        f"{one.probability:.3f}",
+        f"{one.size:.4g} +- {one.size_sd:.2g}",
+        f"{one.score.absorbed:.0%}",
+    )
 
 
 def _finding(one: Finding) -> dict[str, Any]:
@@ -476,9 +451,7 @@ __all__ = [
     "DIAGNOSIS",
     "DiagnosisReport",
     "ModelParts",
-    "cells_as_grid",
     "diagnose_study",
-    "draw_diagnosis",
     "model_parts",
     "prepared",
     "refined",

@@ -42,6 +42,17 @@ class Held:
     before: Floats | None = None
     after: Floats | None = None
 
+    def sentence(self) -> str:
+        """How both models predict the data."""
+        histories = ""
+        if self.time is not None:
+            errors = f"{self.error_before:.3f} -> {self.error_after:.3f}"
+            histories = f"error of the histories {errors}, "
+        return (
+            f"{self.name}, kept out: {histories}of ln|H| (chi2 a point) "
+            f"{self.chi2_before:.1f} -> {self.chi2_after:.1f}"
+        )
+
 
 def hold(
     model: StudyModel,

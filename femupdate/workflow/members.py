@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -81,9 +82,27 @@ class MemberForces:
     sd: Floats
     peak: Statistics
 
+    def as_dict(self) -> dict[str, Any]:
+        """What `--json` holds."""
+        member, peak = self.member, self.peak
+        return {
+            "kind": member.kind,
+            "name": member.name,
+            "ends_m": member.ends,
+            "peak_n": self.named(peak.mean),
+            "peak_q05_n": self.named(peak.q05),
+            "peak_q95_n": self.named(peak.q95),
+        }
+
     def named(self, values: Floats) -> dict[str, float]:
         """Values (k,) by the names of the forces."""
         return dict(zip(self.member.forces, values.tolist(), strict=True))
+
+    def lines(self, number: int) -> tuple[str, str]:
+        """Largest forces in a table, for people; members are numbered."""
+        names = [name.replace("_", " ") for name in self.member.forces]
+        head = f"{self.member.kind} {number}, {self.member.name}: largest forces, N and N m"
+        return head, self.peak.table("", names, ".4g")
 
 
 def choose_members(building: Building, wanted: Sequence[Place | str]) -> ChosenMembers:

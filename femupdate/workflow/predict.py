@@ -4,10 +4,12 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
 
+from femupdate.arrays import Floats
 from femupdate.dynamics.summary import HistorySummary, Statistics, statistics, summarise
 from femupdate.dynamics.superposition import BaseMotion
 from femupdate.inference.posterior import load_posterior
@@ -30,14 +32,13 @@ from femupdate.workflow.predict_draws import (
     response_histories,
 )
 from femupdate.workflow.predict_output import FloorSpectra, floor_spectra, save_prediction
-from femupdate.workflow.predict_pictures import draw_prediction
 from femupdate.workflow.predict_settings import PredictionSettings, RecordSource
 
 PREDICTION = "prediction"
 _EXAMPLES = 100
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PredictionReport:
     """What was predicted.
 
@@ -49,8 +50,9 @@ class PredictionReport:
         damping: what damping was used, in words.
         comparison: with measured floors, where there are any.
         notes: what the user should know.
-        pictures: files drawn.
         seconds: all the time taken.
+        motion: of the base.
+        measured: (f, n) floors measured in the same motion, m/s2, if any.
         floor_spectra: where they were asked for, over the first hundred samples.
         members: forces of the members asked for.
     """
@@ -62,10 +64,49 @@ class PredictionReport:
     damping: str
     comparison: Comparison | None
     notes: tuple[str, ...]
-    pictures: tuple[Path, ...]
     seconds: float
+    motion: GroundMotion
+    measured: Floats | None = None
     floor_spectra: FloorSpectra | None = None
     members: tuple[MemberForces, ...] = ()
+
+    def as_dict(self) -> dict[str, Any]:
+        """What `--json` holds."""
+        floors, comparison, spectra = self.summary.floors, self.comparison, self.floor_spectra
+        stories = [str(k) for k in range(1, len(self.story_stiffness.mean) + 1)]
+        content: dict[str, Any] = {
+            "prediction": self.path,
+            "floors": floors,
+            "peak_acceleration_m_s2": self.peak_acceleration.by_name(floors),
+            "story_stiffness_n_per_m": self.story_stiffness.by_name(stories),
+            "damping": self.damping,
+            "notes": self.notes,
+            "seconds": self.seconds,
+        }
+        if comparison is not None:
+            content["comparison"] = comparison.as_dict()
+        if self.members:
+            content["member_forces"] = [member.as_dict() for member in self.members]
+        if spectra is not None:
+            content["floor_spectra"] = spectra.as_dict(floors)
+        return content
+
+    def lines(self) -> tuple[str, ...]:
+        """Peaks, stiffnesses and what else was asked for in tables, and notes, for people."""
+        stories = [f"story {k}" for k in range(1, len(self.story_stiffness.mean) + 1)]
+        lines = [
+            f"Prediction from {len(self.summary)} posterior draws, {self.seconds:.1f} s",
+            f"  damping ratio: {self.damping}",
+            self.peak_acceleration.table("peak m/s2", self.summary.floors, ".3f"),
+            self.story_stiffness.table("stiffness N/m", stories, ".4g"),
+        ]
+        for number, member in enumerate(self.members, start=1):
+            lines += member.lines(number)
+        if self.floor_spectra is not None:
+            lines.append(self.floor_spectra.table(self.summary.floors))
+        if self.comparison is not None:
+            lines.append(self.comparison.table())
+        return (*lines, *(f"  - {note}" for note in self.notes), f"  {self.path}")
 
 
 def predict_study(
@@ -126,17 +167,18 @@ def predict_study(
         {"file": str(record.path), "scale": record.scale, "damping": damping},
     )
     return PredictionReport(
-        summary,
-        path,
-        statistics(summary.peak_acceleration),
-        statistics(summary.story_stiffness),
-        damping,
-        comparison,
-        (*_notes(model, motion), *at_level),
-        draw_prediction(study, summary, motion, reference, show, spectra, members),
-        time.monotonic() - started,
-        spectra,
-        members,
+        summary=summary,
+        path=path,
+        peak_acceleration=statistics(summary.peak_acceleration),
+        story_stiffness=statistics(summary.story_stiffness),
+        damping=damping,
+        comparison=comparison,
+        notes=(*_notes(model, motion), *at_level),
+        seconds=time.monotonic() - started,
+        motion=motion,
+        measured=reference,
+        floor_spectra=spectra,
+        members=members,
     )
 
 

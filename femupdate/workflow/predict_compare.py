@@ -12,6 +12,7 @@ from femupdate.errors import MeasurementError
 from femupdate.measurement.observation_file import Histories as MeasuredHistories
 from femupdate.measurement.observation_file import read_observation_file
 from femupdate.measurement.record import GroundMotion
+from femupdate.tables import table
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import observed_direction
 from femupdate.workflow.predict_settings import RecordSource
@@ -34,6 +35,30 @@ class Comparison:
     correlation: Floats
     peak_ratio: Floats
     within_band: Floats
+
+    def as_dict(self) -> dict[str, dict[str, float]]:
+        """The figures of every floor."""
+        return {
+            floor: {
+                "relative_error": float(self.relative_error[k]),
+                "correlation": float(self.correlation[k]),
+                "peak_ratio": float(self.peak_ratio[k]),
+                "within_band": float(self.within_band[k]),
+            }
+            for k, floor in enumerate(self.floors)
+        }
+
+    def table(self) -> str:
+        """The figures of every floor, a line each."""
+        rows = [
+            (floor, *(f"{v:.3f}" for v in values), f"{share:.1%}")
+            for floor, (*values, share) in (
+                (floor, own.values()) for floor, own in self.as_dict().items()
+            )
+        ]
+        return table(
+            ("against measured", "error rms", "correlation", "peak ratio", "within 2 sd"), rows
+        )
 
 
 def measured_floors(

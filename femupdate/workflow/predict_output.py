@@ -1,8 +1,10 @@
 """What is kept of a prediction: floor spectra and the netCDF file."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +13,7 @@ from femupdate.dynamics.spectra import response_spectrum
 from femupdate.dynamics.summary import HistorySummary, Statistics, statistics
 from femupdate.measurement.record import GroundMotion
 from femupdate.netcdf import write_tree
+from femupdate.tables import table
 
 _SPECTRUM_HZ, _SPECTRUM_POINTS = (0.2, 40.0), 120
 
@@ -30,6 +33,24 @@ class FloorSpectra:
     damping: float
     acceleration: Statistics
     base: Floats
+
+    def as_dict(self, floors: Sequence[str]) -> dict[str, Any]:
+        """What `--json` holds."""
+        return {
+            "frequency_hz": self.frequency_hz,
+            "damping": self.damping,
+            "base_m_s2": self.base,
+            "floors_m_s2": self.acceleration.by_name(floors),
+        }
+
+    def table(self, floors: Sequence[str]) -> str:
+        """The peak of every floor's mean spectrum, and where it lies."""
+        mean = self.acceleration.mean
+        rows = [
+            (floor, f"{own.max():.3f}", f"{self.frequency_hz[own.argmax()]:.3g}")
+            for floor, own in zip(floors, mean, strict=True)
+        ]
+        return table((f"spectrum, {self.damping:.0%}", "peak m/s2", "at Hz"), rows)
 
 
 def floor_spectra(

@@ -24,14 +24,13 @@ from femupdate.workflow.diagnose import model_parts, prepared, refined, sought
 from femupdate.workflow.held_out import Held, hold
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource, observation_of
-from femupdate.workflow.repair_pictures import draw_repair
 from femupdate.workflow.repaired import keep_repaired, repaired_building
 from femupdate.workflow.second_record import level_between, second_record
 
 _DRAWS = 1000
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class RepairReport:
     """What was added and what it did.
 
@@ -44,7 +43,6 @@ class RepairReport:
         theta_before, theta_after: (n, p) draws of the stiffness factors.
         held: on data kept out, if any.
         path: of the JSON file.
-        pictures: files drawn.
         seconds: all the time taken.
     """
 
@@ -57,7 +55,6 @@ class RepairReport:
     theta_after: Floats
     held: Held | None
     path: Path
-    pictures: tuple[Path, ...]
     seconds: float
 
     def as_dict(self) -> dict[str, Any]:
@@ -96,6 +93,38 @@ class RepairReport:
             "study": None if self.study is None else str(self.study.folder),
             "seconds": self.seconds,
         }
+
+    def lines(self) -> tuple[str, ...]:
+        """What was added, what it did to the model and to data kept out, for people."""
+        done, held = self.repair, self.held
+        lines = [self._round(number) for number in range(len(done.rounds))]
+        if not done.rounds:
+            lines.append(f"Nothing was added ({done.last.verdict}). {done.last.sentence}")
+        else:
+            rest = "noise" if done.p_after > 0.05 else done.last.verdict
+            p_values = f"{done.p_before:.2g} -> {done.p_after:.2g}"
+            lines.append(f"  what is left: {rest}. p-value {p_values}")
+        columns = zip(self.theta_before.T, self.theta_after.T, strict=True)
+        lines += [
+            f"  theta_{k}  {before.mean():.3f} +- {before.std():.3f}  ->  "
+            f"{after.mean():.3f} +- {after.std():.3f}"
+            for k, (before, after) in enumerate(columns, start=1)
+        ]
+        if held is not None:
+            lines.append(f"  {held.sentence()}")
+        if self.building_path is not None:
+            lines.append(f"  repaired building {self.building_path}")
+        return (*lines, f"  {self.path}")
+
+    def _round(self, number: int) -> str:
+        """What one round added."""
+        one = self.repair.rounds[number]
+        found = one.finding
+        return (
+            f"{number + 1}. {found.placed.effect.title} at {found.placed.place}, size "
+            f"{found.size:.4g} +- {found.size_sd:.2g}: residuals {one.chi2_before:.0f} -> "
+            f"{one.chi2_after:.0f} over {self.problem.effective:.0f} independent points"
+        )
 
 
 def _number(value: float) -> float | None:
@@ -175,19 +204,17 @@ def repair_study(
         kept = keep_repaired(
             study, model, building, mended, parts, observation, after, source, settings_kept
         )
-    pictures = draw_repair(study, problem.reduced, problem, done, before, after, held)
     report = RepairReport(
-        done,
-        problem,
-        building,
-        None if kept is None else kept.path("building.toml"),
-        kept,
-        before.theta,
-        after.theta,
-        held,
-        study.path("repair.json"),
-        pictures,
-        time.monotonic() - started,
+        repair=done,
+        problem=problem,
+        building=building,
+        building_path=None if kept is None else kept.path("building.toml"),
+        study=kept,
+        theta_before=before.theta,
+        theta_after=after.theta,
+        held=held,
+        path=study.path("repair.json"),
+        seconds=time.monotonic() - started,
     )
     write_text(report.path, json.dumps(report.as_dict(), indent=2, default=float) + "\n")
     origin = {**model.made_from(), "observation": file_hash(source.path)}

@@ -13,7 +13,7 @@ from femupdate.discrepancy.repair import Repair
 from femupdate.inference.posterior import Posterior, save_posterior
 from femupdate.measurement.observation import Observation
 from femupdate.study import Study, file_hash
-from femupdate.workflow.calibrate import POSTERIOR
+from femupdate.workflow.calibration_report import POSTERIOR
 from femupdate.workflow.diagnose import ModelParts
 from femupdate.workflow.effects import building_effects, keep_basis, with_effect, without_effects
 from femupdate.workflow.mesh_error import keep_mesh_error

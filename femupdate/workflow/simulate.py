@@ -31,7 +31,13 @@ from femupdate.study import file_hash, write_text
 from femupdate.workflow.effect_truth import effect_truth, fine_model
 from femupdate.workflow.full_model import SensorModel, sensor_model
 from femupdate.workflow.model import damping_law, theta_prior
-from femupdate.workflow.synthetic import Simulation, SimulationSettings, Truth, label
+from femupdate.workflow.synthetic import (
+    Simulation,
+    SimulationSettings,
+    Truth,
+    WrittenSimulation,
+    label,
+)
 
 __all__ = [
     "Simulation",
@@ -96,16 +102,13 @@ def simulate_observation(
 
 def write_simulation(
     simulation: Simulation, path: str | Path, comments: Sequence[str] = ()
-) -> tuple[Path, Path]:
+) -> WrittenSimulation:
     """Write the observation file and, beside it, its truth as `<name>.truth.json`.
 
     Args:
         simulation: what to write.
         path: of the CSV file.
         comments: lines to add to the label at its top.
-
-    Returns:
-        the two paths.
 
     Raises:
         MeasurementError, StudyError: a file cannot be written.
@@ -122,7 +125,7 @@ def write_simulation(
     }
     truth = truth_path(written)
     write_text(truth, json.dumps(content, indent=2) + "\n")
-    return written, truth
+    return WrittenSimulation(written, truth, simulation.truth)
 
 
 def truth_path(observation: str | Path) -> Path:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -104,6 +105,31 @@ class Simulation:
     histories: Histories
     truth: Truth
     comments: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class WrittenSimulation:
+    """The files of a synthetic observation.
+
+    Attributes:
+        observation: the CSV file.
+        truth_file: beside it.
+        truth: what it holds.
+    """
+
+    observation: Path
+    truth_file: Path
+    truth: Truth
+
+    def as_dict(self) -> dict[str, Any]:
+        """What `--json` holds."""
+        files = {"observation": self.observation, "truth_file": self.truth_file}
+        return {**files, "truth": self.truth.as_dict()}
+
+    def lines(self) -> tuple[str, ...]:
+        """Files and stiffness factors, for people."""
+        factors = ", ".join(f"{value:.3f}" for value in self.truth.theta)
+        return str(self.observation), str(self.truth_file), f"  stiffness factors {factors}"
 
 
 def label(

@@ -6,6 +6,7 @@ import time
 from dataclasses import dataclass
 from importlib.resources import as_file, files
 from pathlib import Path
+from typing import Any
 
 from femupdate import __version__
 from femupdate.building.files import mechanics_hash
@@ -53,6 +54,30 @@ class TrainReport:
     trained: bool
     dataset_seconds: float
     training_seconds: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """What `--json` holds."""
+        return {
+            "surrogate": self.path,
+            "trained": self.trained,
+            "dataset_seconds": self.dataset_seconds,
+            "training_seconds": self.training_seconds,
+            "metrics": dict(self.surrogate.info.metrics),
+        }
+
+    def lines(self) -> tuple[str, ...]:
+        """How it went, for people."""
+        if not self.trained:
+            return (
+                f"A trained surrogate fits this building: {self.path}. Use --fresh to train again.",
+            )
+        metrics = self.surrogate.info.metrics
+        return (
+            f"Data set {self.dataset_seconds:.0f} s, training {self.training_seconds:.0f} s, "
+            f"best epoch {metrics['best_epoch']:.0f} of {metrics['epochs']:.0f}, validation loss "
+            f"{metrics['validation_loss']:.1f}",
+            f"  {self.path}",
+        )
 
 
 def find_surrogate(study: Study, model: StudyModel) -> tuple[TrainedSurrogate, Path] | None:

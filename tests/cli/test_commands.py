@@ -144,6 +144,18 @@ def test_calibrate(exact, tower_observation):
     assert [p["mean"] for p in summary["parameters"]] == pytest.approx(answer["mean"])
 
 
+def test_calibrate_without_pictures(femupdate, tower_file, tower_observation, tmp_path):
+    """Figures alone: nothing is drawn, and nothing that draws is imported by the steps."""
+    study = tmp_path / "study"
+    answer = femupdate(
+        *("calibrate", tower_observation.path, "--building", tower_file, "--exact", *FEW),
+        *("--study", study, "--no-pictures", "--json"),
+    ).answer
+    assert answer["pictures"] == []
+    assert set(answer) >= CALIBRATE
+    assert not (study / "pictures").exists()
+
+
 def test_calibrate_in_words(femupdate, calibrated, tower_observation):
     done = femupdate(
         "calibrate", tower_observation.path, "--exact", *FEW, "--study", calibrated, "--chains", 1

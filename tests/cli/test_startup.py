@@ -13,6 +13,7 @@ from femupdate.cli.main import group
 
 COMMANDS = group.list_commands(click.Context(group))
 BENCHMARKS = benchmarks.list_commands(click.Context(benchmarks))
+WITH_STUDY = [name for name in COMMANDS if name not in ("benchmark", "list", "examples")]
 WORK = ["build-model", "train", "calibrate", "predict", "render"]
 HEAVY = ("torch", "scipy", "pyvista", "vtkmodules", "matplotlib", "pydantic", "xarray", "numpy")
 
@@ -57,7 +58,23 @@ def test_nothing_heavy_is_imported_to_say_what_there_is(arguments):
     assert imported(*arguments)[1] == []
 
 
-@pytest.mark.parametrize("command", [name for name in COMMANDS if name != "benchmark"])
+@pytest.mark.parametrize("command", ["list", "examples"])
+def test_nothing_heavy_is_imported_for_the_help_of_a_command_without_a_study(command):
+    text, heavy = imported(command, "--help")
+    assert heavy == []
+    assert "--study" not in text
+    for option in ("--json", "--verbose"):
+        assert option in text
+
+
+def test_the_package_runs_as_a_module():
+    done = subprocess.run(
+        [sys.executable, "-m", "femupdate", "--version"], capture_output=True, text=True, check=True
+    )
+    assert done.stdout == f"femupdate, version {version('femupdate')}\n"
+
+
+@pytest.mark.parametrize("command", WITH_STUDY)
 def test_nothing_heavy_is_imported_for_the_help_of_a_command(command):
     text, heavy = imported(command, "--help")
     assert heavy == []

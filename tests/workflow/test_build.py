@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from femupdate.building.files import load_building, save_building
+from femupdate.dynamics.tracking import reduced_modes
 from femupdate.errors import BuildingError, ModelError, StudyError
 from femupdate.study import Study
 from femupdate.workflow import model as model_module
@@ -16,7 +17,7 @@ from femupdate.workflow.model import (
     save_reduced,
     zeta_bounds,
 )
-from femupdate.workflow.modes import reduced_modes
+from femupdate.workflow.pictures_modes import draw_model
 
 
 @pytest.mark.parametrize(
@@ -101,11 +102,16 @@ def test_the_mesh_carries_the_modes_by_their_frequency(cabin):
     assert np.abs(top[:, 1]).min() > 10 * np.abs(top[:, 0]).max()
 
 
-def test_pictures_show_something(cabin):
+def test_pictures_show_something(cabin, recorder):
     from matplotlib.image import imread
 
-    assert len(cabin[0].pictures) == 3
-    seen = [imread(path)[..., :3] for path in cabin[0].pictures]
+    report, study, _ = cabin
+    log = recorder()
+    pictures = draw_model(study, report.model, log)
+    assert [path.name for path in pictures] == [f"model_mode_{k}.png" for k in (1, 2, 3)]
+    assert log.started == [("Drawing mode shapes", 3)]
+    assert sum(log.counts) == 3
+    seen = [imread(path)[..., :3] for path in pictures]
     # The frame fills a part of the picture that no title or scale alone would.
     assert all((pixels.min(axis=-1) < 0.95).mean() > 0.02 for pixels in seen)
     assert not np.array_equal(seen[0], seen[1])
@@ -113,7 +119,7 @@ def test_pictures_show_something(cabin):
 
 def test_progress_is_told_to_the_end(cabin):
     log = cabin[2]
-    assert [label for label, _ in log.started] == ["Reducing the model", "Drawing mode shapes"]
+    assert [label for label, _ in log.started] == ["Reducing the model"]
     assert sum(log.counts) == sum(total for _, total in log.started) > 3
     assert not log.said
 
@@ -227,13 +233,12 @@ def test_the_building_of_a_study_reads_back_equal(tower, tmp_path, tower_file):
     assert load_building(save_building(original, tmp_path / "again.toml")) == original
 
 
-def test_a_building_with_its_own_mesh_goes_the_same_way(tmp_path, monkeypatch):
+def test_a_building_with_its_own_mesh_goes_the_same_way(tmp_path):
     """Four columns under a slab of triangles, from a VTU file: built, kept and opened again."""
     import meshio
 
     from femupdate.building.document import from_document
 
-    monkeypatch.setattr("femupdate.workflow.build._draw_modes", lambda *_: ())
     points = [[x, y, z] for z in (0.0, 3.0) for y in (0.0, 4.0) for x in (0.0, 5.0)]
     cells = [
         ("triangle", np.array([[4, 5, 8], [5, 7, 8], [7, 6, 8], [6, 4, 8]])),

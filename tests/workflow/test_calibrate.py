@@ -8,6 +8,7 @@ import pytest
 from matplotlib.image import imread
 
 from femupdate.building.files import load_building
+from femupdate.dynamics.tracking import reduced_modes
 from femupdate.errors import MeasurementError, SurrogateError
 from femupdate.inference.decoded_chains import DecodedSettings
 from femupdate.inference.posterior import load_posterior
@@ -21,8 +22,8 @@ from femupdate.workflow.calibrate_draws import predictive_log_frf, r_hat
 from femupdate.workflow.calibrate_notes import reduction_notes
 from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.model import open_study
-from femupdate.workflow.modes import reduced_modes
 from femupdate.workflow.observed import ObservationSource, read_observation
+from femupdate.workflow.pictures_posterior import draw_posterior
 from femupdate.workflow.simulate import (
     SimulationSettings,
     simulate_observation,
@@ -36,13 +37,6 @@ QUICK = CalibrationSettings(
 )
 GRID = 0.2 * np.arange(1, 61)
 TRUTH, ZETA = np.array([0.8, 1.3]), 0.05
-
-
-@pytest.fixture(autouse=True)
-def _without_pictures(request, monkeypatch):
-    """Most of the time of a small calibration goes into its pictures; one test looks at them."""
-    if "pictures" not in request.node.name:
-        monkeypatch.setattr("femupdate.workflow.calibrate.draw_posterior", lambda *_: ())
 
 
 @pytest.fixture(scope="module")
@@ -120,7 +114,7 @@ def test_the_truth_of_shear_3dof_is_found(tmp_path):
         seed=3,
     )
     simulation = simulate_observation(load_building("shear_3dof"), settings)
-    path, _ = write_simulation(simulation, tmp_path / "observation.csv")
+    path = write_simulation(simulation, tmp_path / "observation.csv").observation
     study = Study(tmp_path / "study")
     report = calibrate_study(
         study,
@@ -331,9 +325,10 @@ def test_a_second_observation_replaces_the_first(
 def test_pictures_of_a_posterior(tmp_path, tower_model, frf_table):
     """Also of floors that were not measured."""
     report = calibrated(Study(tmp_path), tower_model, frf_table[0], sensors=("RF",))
-    names = [path.name for path in report.pictures]
+    pictures = draw_posterior(Study(tmp_path), report)
+    names = [path.name for path in pictures]
     assert names == ["frf_fit.png", "posterior.png", "stiffness_factors.png"]
-    for path in report.pictures:
+    for path in pictures:
         assert imread(path)[..., :3].std() > 0.01
 
 

@@ -12,7 +12,7 @@ import pytest
 from femupdate.building.files import load_building
 from femupdate.errors import StudyError
 from femupdate.study import Study
-from femupdate.workflow.export import export_opensees
+from femupdate.workflow.build import export_opensees
 from femupdate.workflow.model import frame_parts
 
 

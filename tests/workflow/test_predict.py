@@ -16,6 +16,7 @@ from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
+from femupdate.workflow.pictures_prediction import draw_prediction
 from femupdate.workflow.predict import predict_study
 from femupdate.workflow.predict_settings import PredictionSettings, RecordSource
 
@@ -23,13 +24,6 @@ MASSES, SPRINGS = np.array([3000.0, 2000.0]), np.array([4e6, 2.5e6])
 SHIPPED = Path(__file__).parents[2] / "examples" / "records" / "ridgecrest_2019_clc_90.csv"
 STEP = 0.02
 FEW = PredictionSettings(samples=20)
-
-
-@pytest.fixture(autouse=True)
-def _without_pictures(request, monkeypatch):
-    """Most of the time of a prediction goes into its pictures; one test looks at them."""
-    if "pictures" not in request.node.name:
-        monkeypatch.setattr("femupdate.workflow.predict.draw_prediction", lambda *_: ())
 
 
 @pytest.fixture(scope="module")
@@ -344,9 +338,9 @@ def test_the_file_of_a_prediction(tower, tower_model, record, wave):
 
 def test_pictures_of_both_kinds(tower, tower_model, base, tower_observation):
     report = predicted(tower, tower_model, base, measured=tower_observation.path)
-    names = [path.name for path in report.pictures]
-    assert names == ["floor_histories.png", "story_shear_drift.png"]
-    for path in report.pictures:
+    pictures = draw_prediction(tower, report)
+    assert [path.name for path in pictures] == ["floor_histories.png", "story_shear_drift.png"]
+    for path in pictures:
         assert imread(path)[..., :3].std() > 0.01
 
 
@@ -362,7 +356,7 @@ def test_floor_spectra_and_their_pictures(tower, tower_model, record):
     np.testing.assert_allclose(spectra.acceleration.mean[:, -1], peaks, rtol=0.15)
     assert (spectra.acceleration.mean[:, 0] < 0.3 * peaks).all()
     assert spectra.acceleration.mean[1].max() > 1.5 * spectra.base.max()
-    assert [path.name for path in report.pictures][-1] == "floor_spectra.png"
+    assert draw_prediction(tower, report)[-1].name == "floor_spectra.png"
     with xr.open_datatree(report.path, engine="h5netcdf") as tree:
         kept = tree["predictions"]["floor_spectrum_mean"]
         np.testing.assert_array_equal(kept.values, spectra.acceleration.mean)

@@ -6,6 +6,12 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
+from femupdate.dynamics.tracking import (
+    ReducedModes,
+    driven_modes,
+    reduced_modes,
+    track_mode,
+)
 from femupdate.errors import StudyError
 from femupdate.inference.posterior import Posterior, load_posterior, save_posterior
 from femupdate.measurement.observation import Observation
@@ -13,14 +19,7 @@ from femupdate.report import scenes
 from femupdate.report.rendering import Rendering
 from femupdate.study import Study
 from femupdate.workflow.model import open_study
-from femupdate.workflow.modes import (
-    ReducedModes,
-    driven_modes,
-    levels_with_base,
-    reduced_modes,
-    track_mode,
-    with_base,
-)
+from femupdate.workflow.pictures_modes import levels_with_base
 from femupdate.workflow.render import render_study
 
 
@@ -33,21 +32,22 @@ def shown(path):
 
 
 def test_the_modes_of_a_lumped_building(tower, tower_model, tower_modes):
-    rendered = render_study(tower, tower_model, samples=40, seed=1)
-    assert [mode.number for mode in rendered] == [1, 2]
+    report = render_study(tower, tower_model, samples=40, seed=1)
+    rendered = report.modes
+    assert [mode["mode"] for mode in report.as_dict()["modes"]] == [1, 2]
     theta, _ = load_posterior(tower.path("posterior.nc")).thinned(40, 1)
     own = np.array([tower_modes(row)[0] for row in theta])
     np.testing.assert_allclose([m.frequency_mean for m in rendered], own.mean(axis=0), rtol=1e-9)
     np.testing.assert_allclose([m.frequency_sd for m in rendered], own.std(axis=0), rtol=1e-6)
     assert [mode.found for mode in rendered] == [1.0, 1.0]
     # All modes of sticks fit one picture.
-    assert {mode.picture for mode in rendered} == {tower.path("pictures", "modes.png")}
-    shown(rendered[0].picture)
+    assert report.pictures == (tower.path("pictures", "modes.png"),) * 2
+    shown(report.pictures[0])
 
 
 def test_as_many_modes_as_asked_for(tower, tower_model):
-    assert len(render_study(tower, tower_model, modes=1, samples=5)) == 1
-    assert len(render_study(tower, tower_model, modes=12, samples=5)) == 2
+    assert len(render_study(tower, tower_model, modes=1, samples=5).modes) == 1
+    assert len(render_study(tower, tower_model, modes=12, samples=5).modes) == 2
 
 
 @pytest.fixture
@@ -90,10 +90,10 @@ def full_frequencies(model, theta):
 def test_the_modes_of_a_frame(cabin):
     """PyVista's scenes where it can render, else matplotlib's: either way a picture a mode."""
     study, model, theta = cabin
-    rendered = render_study(study, model, modes=2, samples=20)
-    assert [mode.number for mode in rendered] == [1, 2]
-    assert [mode.picture.name for mode in rendered] == ["mode_1.png", "mode_2.png"]
-    pictures = [shown(mode.picture) for mode in rendered]
+    report = render_study(study, model, modes=2, samples=20)
+    rendered = report.modes
+    assert [path.name for path in report.pictures] == ["mode_1.png", "mode_2.png"]
+    pictures = [shown(path) for path in report.pictures]
     assert not np.array_equal(pictures[0], pictures[1])
     # Modes across the motion are not among them: the lowest of all is one of those.
     expected = full_frequencies(model, theta.mean(axis=0))[:2]
@@ -106,8 +106,8 @@ def test_the_modes_of_a_frame(cabin):
 def test_without_graphics_matplotlib_draws(cabin, monkeypatch):
     study, model, _ = cabin
     monkeypatch.setattr(scenes, "rendering", lambda: Rendering(False, "no libraries"))
-    rendered = render_study(study, model, modes=1, samples=5)
-    shown(rendered[0].picture)
+    report = render_study(study, model, modes=1, samples=5)
+    shown(report.pictures[0])
 
 
 def test_a_posterior_is_needed(tower, tower_model):
@@ -164,4 +164,3 @@ def test_modes_that_the_base_does_not_drive_are_left_out(tower_model):
 def test_levels_of_sticks(tower_model, cabin_study):
     np.testing.assert_allclose(levels_with_base(tower_model.building), [0, 1, 2])
     np.testing.assert_allclose(levels_with_base(open_study(cabin_study).building), [0, 3.2, 6.0])
-    np.testing.assert_allclose(with_base(np.array([[1.0, 2.0]])), [[0, 0], [1, 2]])

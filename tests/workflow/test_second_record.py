@@ -153,7 +153,6 @@ def test_another_strong_motion_is_predicted_with_the_stiffness_at_its_level(
     study, home, monkeypatch
 ):
     """A record kept out, of the softened chain: the factors alone hold for weak motion."""
-    monkeypatch.setattr("femupdate.workflow.predict.draw_prediction", lambda *_: ())
     model = _open(study, home)
     weak, strong = (ObservationSource(home / name) for name in ("weak.csv", "strong.csv"))
     repaired = repair_study(study, model, weak, second=strong).study

@@ -32,13 +32,6 @@ GRID = 0.2 * np.arange(1, 61)
 TRUTH, ZETA = np.array([0.8, 1.3]), 0.05
 
 
-@pytest.fixture(autouse=True)
-def _without_pictures(monkeypatch):
-    """Most of the time of a small calibration goes into its pictures."""
-    monkeypatch.setattr("femupdate.workflow.calibrate.draw_posterior", lambda *_: ())
-    monkeypatch.setattr("femupdate.workflow.calibrate_effects.draw_posterior", lambda *_: ())
-
-
 def write_table(path, log_frf, sd, floors=("2F", "RF"), grid=GRID):
     """|H| of some floors with the noise of every point."""
     head = ",".join(["frequency_hz", *floors, *(f"{name}_sd" for name in floors)])
@@ -268,7 +261,7 @@ def test_histories_of_two_earthquakes(tmp_path, tower_file):
             seed=seed,
         )
         made = simulate_observation(building, chosen)
-        paths.append(write_simulation(made, tmp_path / f"{seed}.csv")[0])
+        paths.append(write_simulation(made, tmp_path / f"{seed}.csv").observation)
     study = Study(tmp_path / "study")
     model = open_study(study, str(tower_file))
     runs = runs_of(building, source_of(*paths))

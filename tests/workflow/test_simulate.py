@@ -373,7 +373,8 @@ def test_what_is_written_says_what_it_is_and_reads_back(tmp_path):
     building = frame()
     asked = SimulationSettings(theta=(0.8, 1.3), zeta=0.04, duration_s=10.0, seed=12)
     found = simulate_observation(building, asked)
-    written, truth = write_simulation(found, tmp_path / "run.csv", ["an added line"])
+    files = write_simulation(found, tmp_path / "run.csv", ["an added line"])
+    written, truth = files.observation, files.truth_file
     assert truth == truth_path(written) == tmp_path / "run.truth.json"
 
     head = [line for line in written.read_text().splitlines() if line.startswith("#")]

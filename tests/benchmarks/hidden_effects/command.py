@@ -3,7 +3,9 @@
 from pathlib import Path
 
 import click
-from femupdate.cli.common import Bars, benchmark_options, print_json, print_pictures
+from femupdate.cli.answer import print_json, print_pictures
+from femupdate.cli.bars import Bars
+from femupdate.cli.common import benchmark_options
 
 
 @click.command("hidden-effects")

@@ -3,15 +3,12 @@
 from pathlib import Path
 
 import click
-from femupdate.cli.common import (
-    Bars,
-    benchmark_options,
-    print_json,
-    print_notes,
-    print_pictures,
-    table,
-)
+from femupdate.cli.answer import print_json, print_pictures
+from femupdate.cli.bars import Bars
+from femupdate.cli.common import benchmark_options
 from femupdate.cli.parameters import Names
+
+from femupdate.tables import table
 
 
 @click.command("solver")
@@ -49,5 +46,5 @@ def command(sizes: tuple[str, ...], output_folder: Path, seed: int, as_json: boo
     click.echo(f"{reached} of {len(report.scores)} rows within 2 % of the best other element")
     if report.speed:
         click.echo(table(SPEED_HEAD, speed_rows(report.speed)))
-    print_notes(report.notes)
+    click.echo("\n".join(f"  - {note}" for note in report.notes))
     print_pictures((report.files.json, report.files.markdown, *report.pictures))

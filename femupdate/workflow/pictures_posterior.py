@@ -7,21 +7,24 @@ import numpy as np
 from femupdate.arrays import Floats
 from femupdate.inference.posterior import Posterior
 from femupdate.measurement.observation import on_all_floors
-from femupdate.progress import Progress
+from femupdate.progress import Progress, Silent
 from femupdate.study import Study
 from femupdate.workflow.calibrate_draws import PREDICTIVE, predictive_log_frf
+from femupdate.workflow.calibrate_effects import open_effects, predictive_with_effects
+from femupdate.workflow.calibration_report import CalibrationReport
 from femupdate.workflow.model import StudyModel
 
 
 def draw_posterior(
-    study: Study, model: StudyModel, posterior: Posterior, show: Progress
+    study: Study, report: CalibrationReport, progress: Progress | None = None
 ) -> tuple[Path, ...]:
-    """FRF fit, pair plot and intervals of a posterior."""
+    """Draw the FRF fit, pairs of parameters and intervals of a posterior."""
     from femupdate.report import plot_frf
     from femupdate.report.figure import save_figure
     from femupdate.report.plot_intervals import theta_intervals
     from femupdate.report.plot_posterior import SampleSet, posterior_pairs
 
+    model, posterior, show = report.model, report.posterior, progress or Silent()
     show.start("Drawing", 3)
     predicted = _predictive(study, model, posterior)
     low, high = np.quantile(predicted, [0.05, 0.95], axis=0)
@@ -50,8 +53,6 @@ def draw_posterior(
 def _predictive(study: Study, model: StudyModel, posterior: Posterior) -> Floats:
     if not model.building.effects:
         return predictive_log_frf(model, posterior)
-    from femupdate.workflow.calibrate_effects import open_effects, predictive_with_effects
-
     ratio, grid = model.building.damping.ratio, model.frequency_hz.numpy()
     system = model.system or open_effects(study, model)
     return predictive_with_effects(system, posterior, ratio, grid, PREDICTIVE)
@@ -59,3 +60,24 @@ def _predictive(study: Study, model: StudyModel, posterior: Posterior) -> Floats
 
 def _pretty(name: str) -> str:
     return name.replace("theta_", "θ")
+
+
+def draw_cases(study: Study, cases: dict[str, CalibrationReport], truth: tuple[float, ...]) -> Path:
+    """Draw posteriors of one building over one another, by what each is called.
+
+    Args:
+        study: where the picture goes.
+        cases: at least one.
+        truth: the true parameters.
+    """
+    from femupdate.report.figure import save_figure
+    from femupdate.report.plot_posterior import SampleSet, posterior_pairs
+
+    first = next(iter(cases.values())).posterior
+    figure = posterior_pairs(
+        [SampleSet(name, case.posterior.samples) for name, case in cases.items()],
+        [_pretty(name) for name in first.names],
+        np.column_stack([first.lower, first.upper]),
+        truth,
+    )
+    return save_figure(figure, study.path("pictures", "posterior_cases.png"))

@@ -3,29 +3,23 @@
 from pathlib import Path
 
 from femupdate.arrays import Floats
-from femupdate.dynamics.summary import HistorySummary
-from femupdate.measurement.record import GroundMotion
-from femupdate.progress import Progress
+from femupdate.progress import Progress, Silent
 from femupdate.study import Study
 from femupdate.workflow.members import MemberForces
-from femupdate.workflow.predict_output import FloorSpectra
+from femupdate.workflow.predict import PredictionReport
 
 
 def draw_prediction(
-    study: Study,
-    summary: HistorySummary,
-    motion: GroundMotion,
-    measured: Floats | None,
-    show: Progress,
-    spectra: FloorSpectra | None,
-    members: tuple[MemberForces, ...],
+    study: Study, report: PredictionReport, progress: Progress | None = None
 ) -> tuple[Path, ...]:
-    """Histories and stories; floor spectra and members where they were asked for."""
+    """Draw histories and stories; floor spectra and members where they were asked for."""
     from femupdate.report.figure import save_figure
     from femupdate.report.plot_history import floor_history_bands, story_shear_drift
     from femupdate.report.plot_members import member_force_bands
     from femupdate.report.plot_spectra import floor_spectra_bands
 
+    show = progress or Silent()
+    summary, motion = report.summary, report.motion
     show.start("Drawing", 2)
     title = f"Floor acceleration, mean ± 2 sd: {motion.name} (peak {motion.peak:.2f} m/s²)"
     bands = floor_history_bands(
@@ -33,7 +27,7 @@ def draw_prediction(
         summary.acceleration_mean,
         summary.acceleration_sd,
         summary.floors,
-        measured=measured,
+        measured=report.measured,
         title=title,
     )
     paths = [save_figure(bands, study.path("pictures", "floor_histories.png"))]
@@ -43,6 +37,7 @@ def draw_prediction(
     )
     paths.append(save_figure(lines, study.path("pictures", "story_shear_drift.png")))
     show.advance()
+    spectra = report.floor_spectra
     if spectra is not None:
         figure = floor_spectra_bands(
             spectra.frequency_hz,
@@ -53,10 +48,10 @@ def draw_prediction(
             title=f"Floor spectra at {spectra.damping:.0%} damping, mean ± 2 sd: {motion.name}",
         )
         paths.append(save_figure(figure, study.path("pictures", "floor_spectra.png")))
-    if members:
+    if report.members:
         figure = member_force_bands(
             summary.time,
-            [(f"{m.member.kind} {m.member.name}", *_main_forces(m)) for m in members],
+            [(f"{m.member.kind} {m.member.name}", *_main_forces(m)) for m in report.members],
             title=f"Forces of members, mean ± 2 sd: {motion.name}",
         )
         paths.append(save_figure(figure, study.path("pictures", "member_forces.png")))

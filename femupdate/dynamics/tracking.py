@@ -6,7 +6,6 @@ import numpy as np
 import torch
 
 from femupdate.arrays import Floats
-from femupdate.building.schema import Building
 from femupdate.dynamics.modal import ReducedTensors, solve_modes
 from femupdate.dynamics.reduced import ReducedModel
 
@@ -40,6 +39,21 @@ class TrackedMode:
     frequency_hz: Floats
     vectors: Floats
     found: float
+
+    @property
+    def recognised(self) -> Floats:
+        """Vectors (n, r) of the samples in which the mode was found."""
+        return self.vectors[np.isfinite(self.frequency_hz)]
+
+    @property
+    def frequency_mean(self) -> float:
+        """Mean frequency, Hz."""
+        return float(np.nanmean(self.frequency_hz))
+
+    @property
+    def frequency_sd(self) -> float:
+        """Standard deviation of the frequency, Hz."""
+        return float(np.nanstd(self.frequency_hz))
 
 
 def reduced_modes(model: ReducedModel, theta: Floats) -> ReducedModes:
@@ -75,14 +89,3 @@ def node_displacements(model: ReducedModel, vector: Floats) -> Floats:
     """Displacement of every node (..., N, 3) of reduced coordinates (..., r)."""
     assert model.node_shapes is not None
     return np.einsum("ndr,...r->...nd", model.node_shapes, vector)
-
-
-def levels_with_base(building: Building) -> Floats:
-    """Heights of base and floors, m; one a story where the file gives no heights."""
-    heights = [getattr(story, "height", None) or 1.0 for story in building.stories]
-    return np.concatenate([[0.0], np.cumsum(heights)])
-
-
-def with_base(shapes: Floats) -> Floats:
-    """Put a row of zeros, the base, before the rows of floor shapes (f, ...)."""
-    return np.concatenate([np.zeros((1, *shapes.shape[1:])), shapes])

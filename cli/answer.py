@@ -1,0 +1,73 @@
+"""What commands print on stdout."""
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+import click
+
+
+class Result(Protocol):
+    """Something that says of itself what was done."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """What --json prints."""
+        ...
+
+    def lines(self) -> Sequence[str]:
+        """What is printed without it."""
+        ...
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a command prints when its work is done.
+
+    Attributes:
+        result: says what was done.
+        pictures: files drawn; None of a command that draws none of its own.
+        more: goes into the JSON object as well.
+        files: other files written, named beside the pictures.
+    """
+
+    result: Result
+    pictures: tuple[Path, ...] | None = None
+    more: dict[str, Any] = field(default_factory=dict)
+    files: Sequence[Path] = ()
+
+    def show(self, as_json: bool) -> None:
+        """Print it, for scripts or for people."""
+        drawn = {} if self.pictures is None else {"pictures": self.pictures}
+        if as_json:
+            print_json({**self.result.as_dict(), **drawn, **self.more})
+            return
+        click.echo("\n".join(self.result.lines()))
+        print_pictures((*(self.pictures or ()), *self.files))
+
+
+def print_json(content: dict[str, Any]) -> None:
+    """Print one JSON object; numbers that are not finite become null."""
+    click.echo(json.dumps(_plain(content), indent=2))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, Path):
+        return str(value)
+    if hasattr(value, "tolist"):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def print_pictures(pictures: tuple[Path, ...]) -> None:
+    """Print the path of each picture once."""
+    for picture in dict.fromkeys(pictures):
+        click.echo(f"  {picture}")

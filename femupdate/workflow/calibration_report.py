@@ -1,0 +1,113 @@
+"""What a calibration gives, and what it says of itself."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from femupdate.arrays import Floats
+from femupdate.inference.identifiability import Identifiability
+from femupdate.inference.posterior import Posterior
+from femupdate.inference.predictive_check import PredictiveCheck
+from femupdate.tables import table
+from femupdate.workflow.model import StudyModel
+from femupdate.workflow.summary import identifiability_record
+
+POSTERIOR = "posterior"
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibrationReport:
+    """A posterior and what to make of it.
+
+    Attributes:
+        model: whose parameters they are.
+        posterior: the draws.
+        path: where they are stored.
+        r_hat: (p,) potential scale reduction between the independent runs.
+        identified: which combinations of the parameters the data have determined.
+        misfit: mean squared whitened residual of ln|H| at the posterior draw that fits best; 1
+            when the model explains the data to within their noise.
+        check: posterior predictive p-values; None where theta carries errors of the model, with
+            which no draw of it meets the data.
+        notes: what the user should know, in sentences.
+        seconds: all the time taken.
+        evaluations: of the likelihood.
+        invalid: evaluations without a number.
+        files: the observations.
+    """
+
+    model: StudyModel
+    posterior: Posterior
+    path: Path
+    r_hat: Floats
+    identified: Identifiability
+    misfit: float
+    check: PredictiveCheck | None
+    notes: tuple[str, ...]
+    seconds: float
+    evaluations: int
+    invalid: int
+    files: tuple[Path, ...]
+
+    @property
+    def quantiles(self) -> tuple[Floats, Floats]:
+        """(p,) 5 % and 95 % quantiles of the parameters."""
+        low, high = np.quantile(self.posterior.samples, [0.05, 0.95], axis=0)
+        return low, high
+
+    def as_dict(self) -> dict[str, Any]:
+        """What `--json` holds."""
+        posterior, draws = self.posterior, self.posterior.samples
+        low, high = self.quantiles
+        zeta, evidence = posterior.zeta_samples, posterior.log_evidence
+        content: dict[str, Any] = {
+            "posterior": self.path,
+            "likelihood": posterior.likelihood,
+            "parameters": posterior.names,
+            "mean": draws.mean(axis=0),
+            "sd": draws.std(axis=0),
+            "q05": low,
+            "q95": high,
+            "r_hat": self.r_hat,
+            "misfit": self.misfit,
+            "posterior_predictive_p": None if self.check is None else self.check.as_dict(),
+            "identifiability": identifiability_record(self.identified),
+            "particles": len(draws),
+            "evaluations": self.evaluations,
+            "invalid": self.invalid,
+            "files": self.files,
+            "floors": posterior.observation.floors,
+            "notes": self.notes,
+            "seconds": self.seconds,
+        }
+        if zeta is not None:
+            content["zeta"] = {"mean": zeta.mean(), "sd": zeta.std()}
+        if evidence is not None:
+            content["log_evidence"] = evidence.mean()
+            content["log_evidence_sd"] = evidence.std()
+        return content
+
+    def lines(self) -> tuple[str, ...]:
+        """The posterior in a table, and notes, for people."""
+        posterior, draws = self.posterior, self.posterior.samples
+        columns = (draws.mean(axis=0), draws.std(axis=0), *self.quantiles)
+        rows = [
+            (name, *(f"{v:.4f}" for v in values), f"{hat:.3f}")
+            for name, hat, *values in zip(posterior.names, self.r_hat, *columns, strict=True)
+        ]
+        lines = [
+            f"{posterior.likelihood.capitalize()} posterior of {self.model.building.name} from "
+            f"{', '.join(posterior.observation.floors)} of {posterior.observation.source}: "
+            f"{len(draws)} draws, {self.seconds:.1f} s",
+            table(("", "mean", "sd", "5 %", "95 %", "r-hat"), rows),
+        ]
+        zeta, evidence = posterior.zeta_samples, posterior.log_evidence
+        if zeta is not None:
+            lines.append(f"  damping ratio {zeta.mean():.4f} +- {zeta.std():.4f}")
+        if evidence is not None:
+            lines.append(f"  log evidence {evidence.mean():.2f} +- {evidence.std():.2f} (runs)")
+        if self.check is not None:
+            lines.append(f"  {self.check.sentence()}")
+        return (*lines, *(f"  - {note}" for note in self.notes), f"  {self.path}")

@@ -1,0 +1,65 @@
+"""examples: the shipped example files, copied where they can be used."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import Any
+
+from femupdate.atomic import atomic_path
+
+_LEFT_OUT = ("__init__.py", "__pycache__")
+
+
+@dataclass(frozen=True)
+class CopiedExamples:
+    """Example files in a folder.
+
+    Attributes:
+        folder: where they are.
+        copied: the new ones.
+        kept: files that were there already and stay as they are.
+    """
+
+    folder: Path
+    copied: tuple[Path, ...]
+    kept: tuple[Path, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """What `--json` holds."""
+        return {"folder": self.folder, "copied": self.copied, "kept": self.kept}
+
+    def lines(self) -> tuple[str, ...]:
+        """The files, for people."""
+        there = (f"  {path} was there already and stays as it is" for path in self.kept)
+        return (f"Examples in {self.folder}:", *(f"  {path}" for path in self.copied), *there)
+
+
+def copy_examples(folder: Path) -> CopiedExamples:
+    """Copy the shipped example files into a folder; no file there is replaced.
+
+    Raises:
+        StudyError: a file cannot be written.
+    """
+    copied, kept = [], []
+    for name, source in _shipped(files("femupdate.examples")):
+        target = folder / name
+        if target.exists():
+            kept.append(target)
+            continue
+        with atomic_path(target) as temporary:
+            temporary.write_bytes(source.read_bytes())
+        copied.append(target)
+    return CopiedExamples(folder, tuple(copied), tuple(kept))
+
+
+def _shipped(folder: Traversable, above: Path = Path()) -> Iterator[tuple[Path, Traversable]]:
+    """Path below the folder and content of every file."""
+    for entry in sorted(folder.iterdir(), key=lambda one: one.name):
+        if entry.name in _LEFT_OUT:
+            continue
+        if entry.is_dir():
+            yield from _shipped(entry, above / entry.name)
+        else:
+            yield above / entry.name, entry

@@ -1,0 +1,64 @@
+"""list and examples: what comes with femupdate."""
+
+from femupdate.building.shipped import shipped_buildings
+from femupdate.effects.registry import CATALOGUE
+from femupdate.measurement.registry import readers
+
+
+def test_everything_shipped_is_listed(femupdate):
+    answer = femupdate("list", "--json").answer
+    assert [one["name"] for one in answer["buildings"]] == list(shipped_buildings())
+    assert {one["name"] for one in answer["effects"]} == set(CATALOGUE)
+    assert [one["name"] for one in answer["formats"]] == list(readers())
+    stick = next(one for one in answer["buildings"] if one["name"] == "shear_4dof")
+    assert (stick["kind"], stick["stories"]) == ("shear", 4)
+
+
+def test_an_effect_is_listed_with_its_places_and_units(femupdate):
+    listed = {one["name"]: one for one in femupdate("list", "--json").answer["effects"]}
+    assert all(one["places"] and one["explains"] for one in listed.values())
+    delay = listed["channel_delay"]
+    assert delay["places"] == "Every floor"
+    assert [(p["name"], p["unit"]) for p in delay["parameters"]] == [("size", "s")]
+    assert listed["swapped_channels"]["parameters"] == []
+
+
+def test_the_list_in_words(femupdate):
+    lines = femupdate("list").out.splitlines()
+    assert any(line.split()[:2] == ["six_story_wall_frame", "6"] for line in lines)
+    assert "  base_sway: base sway" in lines
+    assert "      places: The base" in lines
+    assert "      size [rad/m]: rotation per translation" in lines
+    assert any(line.split()[:1] == ["knet"] for line in lines)
+
+
+def test_examples_are_copied_and_nothing_is_replaced(femupdate, tmp_path, snapshot):
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    own = folder / "six_story_white_noise.csv"
+    own.write_text("measured with care")
+    answer = femupdate("examples", folder, "--json").answer
+    assert answer["folder"] == str(folder)
+    assert answer["kept"] == [str(own)]
+    assert own.read_text() == "measured with care"
+    record = folder / "records" / "ridgecrest_2019_clc_90.csv"
+    assert str(record) in answer["copied"]
+    assert record.stat().st_size > 10_000
+    assert not (folder / "__init__.py").exists()
+    before = snapshot(folder)
+    again = femupdate("examples", folder)
+    assert again.code == 0
+    assert "stays as it is" in again.out
+    assert snapshot(folder) == before
+
+
+def test_examples_go_into_a_folder_of_their_own(femupdate, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert femupdate("examples").out.startswith("Examples in examples:")
+    assert (tmp_path / "examples" / "six_story_white_noise.csv").exists()
+
+
+def test_examples_below_a_file(femupdate, tmp_path):
+    place = tmp_path / "notes"
+    place.write_text("mine")
+    assert "cannot write" in femupdate("examples", place / "here").complaint
