@@ -26,6 +26,7 @@ _GLANCE, _AHEAD, _OTHERS, _MORE = 2, 12, 4, 1.5
 _FAR_BEHIND, _BEHIND = 2.0, 200.0
 # Findings less than a twentieth of the log evidence (or six) behind the first are close to it.
 _CLOSE, _CLOSE_BY, _CLOSEST = 0.05, 6.0, 4
+_PLACES = {"all": " throughout", "floors": " on all floors", "base": " at the base"}
 _COMPARED, _SHOWN = 3, 3  # twins of the first finding; further measurements that are named
 
 
@@ -88,6 +89,19 @@ class Finding:
     probability: float
     size: float
     size_sd: float
+
+    @property
+    def in_words(self) -> str:
+        """Effect, place and size, such as "Base sway at the base: ... 9.8 % +- 0.3 %"."""
+        effect, place = self.placed.effect, self.placed.place
+        where = _PLACES.get(place, f" ({place})" if place.islower() else f" at {place}")
+        text = effect.title + where.replace(",", " and ")
+        if not effect.parameters:
+            return text
+        first = effect.parameters[0]
+        scale, unit = (100.0, "%") if first.unit == "1" else (1.0, first.unit)
+        size = f"{scale * self.size:.3g} {unit} +- {scale * self.size_sd:.2g} {unit}"
+        return f"{text}: {first.text} {size}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -485,8 +499,8 @@ def _worth(
 
 def _few_points(problem: Problem, base: Fit) -> str:
     return (
-        f"The data cannot tell: they hold {problem.effective:.0f} independent points for "
-        f"{base.coordinates.size} unknowns. A longer or a quieter record, or more floors, can."
+        f"The data are too few: {problem.effective:.0f} independent points for "
+        f"{base.coordinates.size} unknowns. Measure longer, with less noise, or on more floors."
     )
 
 
@@ -498,22 +512,20 @@ def _sentence(
     inflation: float,
 ) -> str:
     if verdict == NONE:
-        return "The data do not ask for anything beyond the model."
+        return "The model explains the data; nothing needs to be added."
     if verdict == UNKNOWN:
         return (
             "The model misses the data by more than their noise, and nothing in the catalogue "
             "explains most of it."
         )
     first = findings[0]
-    title, place = first.placed.effect.title, first.placed.place
-    size = f"{first.size:.3g} +- {first.size_sd:.2g}"
     if verdict == NAMED:
-        text = f"{title} at {place}, size {size}: {first.placed.effect.sentence}"
+        text = f"{first.in_words}. {first.placed.effect.sentence}"
     else:
         how = "cannot be told from" if verdict == INDISTINGUISHABLE else "competes with"
-        text = f"{title} at {place} (size {size}) {how} {', '.join(twins)}."
+        text = f"{first.in_words}. It {how} {', '.join(twins)}."
     if partner:
-        text += f" Alone it leaves a good part; with {partner} it explains most."
+        text += f" Alone it leaves much unexplained; with {partner} it explains most."
     if inflation > 1.5:
-        text += f" The best model still misses the data by {inflation**0.5:.1f} times their noise."
+        text += f" The best model still misses the data by {inflation**0.5:.1f} times the noise."
     return text

@@ -96,4 +96,4 @@ def test_too_few_points_are_said_to_tell_nothing(chains, building_of, observe, p
     seen = observe(FLOORS, GRID[10:12], exact, 0.05, 0, False)
     found = diagnose(pose(building_of(MASSES, SPRINGS), seen))
     assert found.verdict == "none"
-    assert found.sentence.startswith("The data cannot tell: they hold 6 independent points for 4")
+    assert found.sentence.startswith("The data are too few: 6 independent points for 4")
