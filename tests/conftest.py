@@ -37,6 +37,29 @@ def recorder():
     return Recorded
 
 
+def harmonic_displacement(operators, theta, frequency_hz, load, damping):
+    """(K + i w C - w^2 M)^-1 f of the whole model, (m, 6N), zero at the supports.
+
+    `damping` (n_free, n_free) is C, or a pair (a, b) that means C = a M + b K.
+    """
+    from scipy.sparse import csc_matrix
+    from scipy.sparse.linalg import spsolve
+
+    stiffness, mass = operators.stiffness(theta), operators.mass
+    if isinstance(damping, tuple):
+        damping = damping[0] * mass + damping[1] * stiffness
+    force = operators.gather(load).astype(complex)
+    return [
+        operators.expand(spsolve(csc_matrix(stiffness + 1j * w * damping - w**2 * mass), force))
+        for w in 6.283185307179586 * frequency_hz
+    ]
+
+
+@pytest.fixture(scope="session")
+def harmonic():
+    return harmonic_displacement
+
+
 # No two stories are alike, so that no story can stand for another unnoticed.
 TOWER = """\
 name = "tower"

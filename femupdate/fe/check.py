@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from femupdate.arrays import Integers
+from femupdate.arrays import Flags, Integers
 from femupdate.errors import ModelError
-from femupdate.fe.element import Elements
-from femupdate.fe.model import DOF_NAMES, FiniteElementModel, Springs
+from femupdate.fe.model import DOF_NAMES, FiniteElementModel
 
 _LISTED = 8  # nodes named in a message before "and n more"
 
@@ -18,9 +17,8 @@ def check_model(model: FiniteElementModel) -> None:
             a kind has two blocks, or no degree of freedom is free.
     """
     _check_nodes(model)
-    _check_blocks(model)
     _check_indices(model)
-    _check_groups(model)
+    _check_blocks(model)
     _check_springs_and_masses(model)
     _check_connected(model)
 
@@ -43,64 +41,48 @@ def _check_blocks(model: FiniteElementModel) -> None:
     double = [name for name in names if names.count(name) > 1]
     if double:
         raise ModelError(f"the model has {len(double)} blocks of {double[0]} elements; join them")
+    for block in (*model.elements, model.springs):
+        complaint = "belongs to parameter {}, but the model has {}, numbered from 0"
+        groups = block.group
+        _refuse(block.name, groups >= model.groups, complaint, groups, model.groups)
 
 
 def _check_indices(model: FiniteElementModel) -> None:
-    count = len(model.nodes)
+    last = len(model.nodes) - 1
+    springs, links = model.springs, model.links
     connected = (
         *((block.name, block.nodes, 0) for block in model.elements),
         ("point mass", model.masses.node[:, None], 0),
-        ("spring", model.springs.nodes[:, :1], 0),
-        ("spring", model.springs.nodes[:, 1:], -1),
-        ("rigid link", np.stack([model.links.master, model.links.slave], axis=1), 0),
+        (springs.name, springs.nodes[:, :1], 0),
+        (springs.name, springs.nodes[:, 1:], -1),
+        ("rigid link", np.stack([links.master, links.slave], axis=1), 0),
     )
     for name, nodes, lowest in connected:
-        bad = (nodes < lowest) | (nodes >= count)
-        if bad.any():
-            first, column = np.argwhere(bad)[0]
-            raise ModelError(
-                f"{name} {first} names node {nodes[first, column]}, but there are only nodes 0 to "
-                f"{count - 1}"
-            )
-
-
-def _check_groups(model: FiniteElementModel) -> None:
-    grouped: list[tuple[str, Elements | Springs]] = [
-        *((block.name, block) for block in model.elements),
-        ("spring", model.springs),
-    ]
-    for name, block in grouped:
-        bad = block.group >= model.groups
-        if bad.any():
-            first = int(bad.argmax())
-            raise ModelError(
-                f"{name} {first} belongs to parameter {block.group[first]}, but the model has "
-                f"{model.groups}, numbered from 0"
-            )
+        wrong = (nodes < lowest) | (nodes > last)
+        named = nodes[np.arange(len(nodes)), wrong.argmax(axis=1)]
+        complaint = "names node {}, but there are only nodes 0 to {}"
+        _refuse(name, wrong.any(axis=1), complaint, named, last)
 
 
 def _check_springs_and_masses(model: FiniteElementModel) -> None:
     springs, masses = model.springs, model.masses
-    bad = (springs.direction < 0) | (springs.direction >= len(DOF_NAMES))
+    way = springs.direction
+    directions = f"directions are 0 to 5 ({', '.join(DOF_NAMES)})"
+    _refuse("spring", (way < 0) | (way >= len(DOF_NAMES)), f"acts along {{}}; {directions}", way)
+    _refuse("spring", ~np.isfinite(springs.stiffness), "must have a finite stiffness")
+    alone = springs.nodes[:, 0] == springs.nodes[:, 1]
+    _refuse("spring", alone, "joins a node to itself; give two nodes")
+    values = np.column_stack([masses.mass, masses.inertia])
+    fine = ((values >= 0.0) & np.isfinite(values)).all(axis=1)
+    _refuse("point mass", ~fine, "must have a finite mass and inertia, zero or positive")
+
+
+def _refuse(name: str, bad: Flags, complaint: str, *values: Integers | int) -> None:
+    """Raise ModelError with the first that is bad (n,), and what the complaint says of it."""
     if bad.any():
         first = int(bad.argmax())
-        raise ModelError(
-            f"spring {first} acts along {springs.direction[first]}; directions are 0 to 5 "
-            f"({', '.join(DOF_NAMES)})"
-        )
-    bad = ~np.isfinite(springs.stiffness)
-    if bad.any():
-        raise ModelError(f"spring {int(bad.argmax())} must have a finite stiffness")
-    bad = springs.nodes[:, 0] == springs.nodes[:, 1]
-    if bad.any():
-        raise ModelError(f"spring {int(bad.argmax())} joins a node to itself; give two nodes")
-    fine = (masses.mass >= 0.0) & np.isfinite(masses.mass)
-    fine &= ((masses.inertia >= 0.0) & np.isfinite(masses.inertia)).all(axis=1)
-    if not fine.all():
-        raise ModelError(
-            f"point mass {int((~fine).argmax())} must have a finite mass and "
-            "inertia, zero or positive"
-        )
+        own = (one if isinstance(one, int) else one[first] for one in values)
+        raise ModelError(f"{name} {first} {complaint.format(*own)}")
 
 
 def _check_connected(model: FiniteElementModel) -> None:
@@ -119,6 +101,5 @@ def _nodes(indices: Integers) -> str:
     """Nodes by number, the first few of many."""
     named = ", ".join(map(str, indices[:_LISTED].tolist()))
     rest = len(indices) - _LISTED
-    return f"node{'s' if len(indices) > 1 else ''} {named}" + (
-        f" and {rest} more" if rest > 0 else ""
-    )
+    more = f" and {rest} more" if rest > 0 else ""
+    return f"node{'s' if len(indices) > 1 else ''} {named}{more}"

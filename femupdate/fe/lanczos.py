@@ -66,46 +66,79 @@ def largest_of_inverse(
     """
     size, width = start.shape
     most = most_vectors(size, count, width)
-    basis = np.empty((size, most), order="F")  # what is not written takes no memory
-    small = np.zeros((most, most))
-    watch = _Watch(size)
     look = int(_FIRST_LOOK * count) + 20
-    done = 0
-    again = False  # whether this block is the second of two
     try:
-        block, image, link = _orthonormal(solve(mass @ start), mass)
-        while done + width <= most:
-            new = slice(done, done + width)
-            basis[:, new] = block
-            watch.add(image)
-            ahead = solve(image)
-            along = image.T @ ahead
-            ahead -= block @ along
-            if done:
-                old = slice(done - width, done)
-                small[new, old] = link
-                ahead -= basis[:, old] @ link.T
-            rest = image.T @ ahead
-            ahead -= block @ rest
-            small[new, new] = along + rest
-            following = _orthonormal(ahead, mass)
-            leans = watch.leaning(following[0])
-            if again or leans:
-                known = basis[:, : done + width]
-                ahead = following[0] - known @ (known.T @ following[1])
-                clean = _orthonormal(ahead, mass)
-                following = (*clean[:2], clean[2] @ following[2])
-            again = leans and not again
-            block, image, link = following
-            done += width
-            if done >= min(look, most - width):
-                found = _converged(small[:done, :done], link, count, tolerance)
+        steps = _Recurrence(solve, mass, start, most)
+        while steps.done + width <= most:
+            steps.advance()
+            if steps.done >= min(look, most - width):
+                found = _converged(steps.inside, steps.link, count, tolerance)
                 if found is not None:
-                    return _purified(basis[:, :done], block @ link, *found)
-                look = done + max(2, done // _LOOKS)
+                    return _purified(steps.known, steps.block @ steps.link, *found)
+                look = steps.done + max(2, steps.done // _LOOKS)
     except np.linalg.LinAlgError:
         pass  # the vectors span all that the start reaches
     return None
+
+
+class _Recurrence:
+    """The vectors found so far, the small matrix on them, and the next block with what links it.
+
+    Args:
+        solve, mass, start: as for `largest_of_inverse`.
+        most: vectors to make room for.
+
+    Raises:
+        LinAlgError: the vectors depend on each other; `advance` raises it too.
+    """
+
+    def __init__(
+        self, solve: Callable[[Floats], Floats], mass: csc_matrix, start: Floats, most: int
+    ) -> None:
+        self._solve, self._mass = solve, mass
+        # What is not written takes no memory.
+        self._basis = np.empty((len(start), most), order="F")
+        self._small = np.zeros((most, most))
+        self._watch = _Watch(len(start))
+        self._again = False  # whether this block is the second of two that are made orthogonal
+        self.done = 0
+        self.block, self._image, self.link = _orthonormal(solve(mass @ start), mass)
+
+    @property
+    def known(self) -> Floats:
+        """Vectors (n, done)."""
+        return self._basis[:, : self.done]
+
+    @property
+    def inside(self) -> Floats:
+        """The small matrix (done, done); its lower half counts."""
+        return self._small[: self.done, : self.done]
+
+    def advance(self) -> None:
+        """Keep the block, and make the next."""
+        block, image, width = self.block, self._image, self.block.shape[1]
+        new = slice(self.done, self.done + width)
+        self._basis[:, new] = block
+        self._watch.add(image)
+        ahead = self._solve(image)
+        along = image.T @ ahead
+        ahead -= block @ along
+        if self.done:
+            old = slice(self.done - width, self.done)
+            self._small[new, old] = self.link
+            ahead -= self._basis[:, old] @ self.link.T
+        rest = image.T @ ahead
+        ahead -= block @ rest
+        self._small[new, new] = along + rest
+        self.done += width
+        following = _orthonormal(ahead, self._mass)
+        leans = self._watch.leaning(following[0])
+        if self._again or leans:
+            ahead = following[0] - self.known @ (self.known.T @ following[1])
+            clean = _orthonormal(ahead, self._mass)
+            following = (*clean[:2], clean[2] @ following[2])
+        self._again = leans and not self._again
+        self.block, self._image, self.link = following
 
 
 class _Watch:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Self, TypeVar
+from typing import ClassVar, Self, TypeVar
 
 import numpy as np
 
@@ -44,6 +44,8 @@ class Springs:
         stiffness: (n,) N/m or N m/rad.
         group: as for `Elements`.
     """
+
+    name: ClassVar[str] = "spring"
 
     nodes: Integers = rows(2, dtype=np.int64)
     direction: Integers = rows(dtype=np.int64)
