@@ -20,7 +20,7 @@ class AffineOperators:
     """Stiffness K(theta) = constant + sum_i theta_i terms[i] and mass of a supported structure.
 
     Attributes:
-        stiffness_terms: one (n_free, n_free) matrix a parameter, N/m, N and N m.
+        stiffness_terms: one (n_free, n_free) matrix per parameter, N/m, N and N m.
         stiffness_constant: (n_free, n_free) part that no parameter scales.
         mass: (n_free, n_free) consistent mass, kg, kg m and kg m2.
         mass_full: (6N, 6N) mass before supports.
@@ -58,7 +58,7 @@ class AffineOperators:
         theta = np.asarray(theta, dtype=float)
         if theta.shape != (self.parameters,) or not np.isfinite(theta).all():
             raise ModelError(
-                f"theta must hold {self.parameters} finite values, one a stiffness parameter; "
+                f"theta must hold {self.parameters} finite values, one per stiffness parameter; "
                 f"got {theta.tolist()}"
             )
         values = self.stiffness_constant.data + self.stiffness_values @ theta
@@ -134,7 +134,7 @@ def assemble(model: FiniteElementModel) -> AffineOperators:
     constant = onto_free(stiffness[-1])
     mass_full = summed(mass, model.dof)
     own_mass = mass_full[free][:, free] if expansion is None else _congruent(expansion, mass_full)
-    # With the entries of the mass in it, one order of elimination suits K and K - w^2 M.
+    # With the entries of the mass as well, one order of elimination suits K and K - w^2 M.
     pattern = _union((constant, *terms, own_mass))
     return AffineOperators(
         stiffness_terms=terms,
@@ -199,7 +199,7 @@ def _union(matrices: tuple[csc_matrix, ...]) -> csc_matrix:
 
 
 def _placed(matrices: tuple[csc_matrix, ...] | list[csc_matrix], pattern: csc_matrix) -> csr_matrix:
-    """Values of matrices at the entries of a pattern that holds them all, (nnz, p)."""
+    """Values of matrices on a pattern that holds the entries of all of them, (nnz, p)."""
     known = _keys(pattern)
     where = [np.searchsorted(known, _keys(matrix)) for matrix in matrices]
     starts = np.cumsum([0, *map(len, where)])
@@ -209,7 +209,7 @@ def _placed(matrices: tuple[csc_matrix, ...] | list[csc_matrix], pattern: csc_ma
 
 
 def _keys(matrix: csc_matrix) -> Integers:
-    """One ascending number an entry, column by column."""
+    """Number of each entry, ascending, column by column."""
     columns = np.repeat(np.arange(matrix.shape[1]), np.diff(matrix.indptr))
     return columns * matrix.shape[0] + matrix.indices
 

@@ -1,4 +1,4 @@
-"""Sparse Cholesky factors by CHOLMOD (Chen, Davis, Hager and Rajamanickam 2008), where it is there.
+"""Sparse Cholesky factors by CHOLMOD (Chen, Davis, Hager and Rajamanickam 2008), if installed.
 
 CHOLMOD comes with `cvxopt`, which is under the GPL; femupdate neither needs nor brings it, and uses
 it only where the user has installed it.

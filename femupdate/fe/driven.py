@@ -1,8 +1,9 @@
 """Shapes in which given forces move a structure, without the modes that they do not drive.
 
-The powers of K^-1 M from the static shapes under the forces on, made orthogonal (Wilson, Yuan and
-Dickens, Earthquake Engineering and Structural Dynamics 10, 1982). Of the many modes of a building's
-slabs a horizontal force drives a few: a hundred such shapes do what three hundred modes do.
+K^-1 M is applied again and again to the static shapes under the forces, and the results are made
+orthogonal (Wilson, Yuan and Dickens, Earthquake Engineering and Structural Dynamics 10, 1982). A
+horizontal force drives few of the many modes of a building's slabs: a hundred such shapes replace
+three hundred modes.
 """
 
 from dataclasses import dataclass
@@ -14,10 +15,10 @@ from femupdate.arrays import Floats
 from femupdate.errors import ModelError
 from femupdate.fe.factorization import Factorization
 
-_LOOK = 24  # shapes between two looks at the response
-_POINTS = 400  # frequencies at which it is looked at
+_LOOK = 24  # shapes between two checks of the response
+_POINTS = 400  # frequencies at which it is checked
 _DAMPING = 0.01
-_NOTHING = 1e-12  # of a block's energy: it adds nothing new
+_NOTHING = 1e-12  # share of a block's energy; a direction with less adds nothing new
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,22 +46,22 @@ def driven_shapes(
 ) -> DrivenShapes:
     """Shapes that give the response to some forces up to a frequency.
 
-    They are as many as it takes: the response to every force is looked at now and then until two
-    dozen shapes more change it by less than the tolerance.
+    Shapes are added until two dozen more change the response to every force by less than the
+    tolerance.
 
     Args:
         factorization: of the stiffness (n, n).
         mass: (n, n).
         forces: (n, c).
-        rows: (o, n) what is seen of the motion.
+        rows: (o, n) that observe the motion.
         top_hz: highest frequency of interest.
         tolerance: rms change of the logarithm of the response.
-        most: shapes at most.
+        most: largest number of shapes.
 
     Raises:
-        ModelError: that many are not enough.
+        ModelError: `most` shapes are not enough.
     """
-    # What is seen starts shapes as well: a response errs by what both sides miss, multiplied.
+    # The observed rows start shapes as well: the error of a response is the product of both errors.
     fresh = factorization.apply(np.column_stack([forces, rows.T]))
     room = most + fresh.shape[1]
     basis, image = (np.zeros((len(forces), room), order="F") for _ in range(2))

@@ -33,7 +33,7 @@ POISSON = Demand("between -1 and 0.5", lambda v: (v > -1.0) & (v <= 0.5))
 
 
 def column(demand: Demand = POSITIVE) -> Any:
-    """A field of numbers, one an element, (n,), that `Elements.check` holds to a demand."""
+    """A field of numbers (n,), one per element, that `Elements.check` holds to a demand."""
     return field(default_factory=lambda: np.zeros(0), metadata={"demand": demand})
 
 
@@ -44,7 +44,7 @@ def rows(*shape: int, dtype: Any = np.float64) -> Any:
 
 @dataclass(frozen=True)
 class ElementMatrices:
-    """Element matrices, six degrees of freedom a node in the order of `DOF_NAMES`.
+    """Element matrices, six degrees of freedom per node in the order of `DOF_NAMES`.
 
     Attributes:
         stiffness: (n, d, d) N/m, N and N m.
@@ -64,7 +64,7 @@ class ElementMatrices:
 
 @dataclass(frozen=True, kw_only=True)
 class Elements(ABC):
-    """Elements of one kind, one row an element.
+    """Elements of one kind, one row per element.
 
     Class attributes:
         name: of one such element, in messages and building files.
@@ -164,7 +164,7 @@ class Elements(ABC):
         """These elements with their stiffness multiplied by factors (n,).
 
         Args:
-            factor: one an element.
+            factor: (n,).
             bending_only: of lines, multiply the bending stiffness alone.
         """
         return replace(self, youngs_modulus=self.youngs_modulus * factor)

@@ -1,4 +1,4 @@
-"""Entries of the global matrices: element matrices scattered to degrees of freedom, batched."""
+"""Entries of the global matrices: element matrices scattered to the degrees of freedom."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""A second opinion: a Python script that rebuilds a model in OpenSeesPy and prints its frequencies.
+"""A Python script that rebuilds a model in OpenSeesPy and prints its frequencies, as a check.
 
 The script stands alone and holds the model as tables of text. It needs `openseespy`, whose licence
 restricts commercial redistribution; femupdate itself never imports it.
@@ -103,7 +103,7 @@ def _tables(
 
 
 def _masses(model: FiniteElementModel) -> OpenSeesTable:
-    """One row a node, for OpenSees keeps the last mass of a node and forgets the others."""
+    """One row per node: OpenSees keeps the last mass of a node and drops the others."""
     masses = model.masses
     nodes, where = np.unique(masses.node, return_inverse=True)
     values = np.zeros((len(nodes), 4))

@@ -30,7 +30,7 @@ class SingularMatrixError(ModelError):
 
 
 class Factors(Protocol):
-    """What a backend makes of a matrix."""
+    """Factors of a matrix, as a backend computes them."""
 
     def solve(self, rhs: Floats) -> Floats:
         """Solve for one or more right-hand sides, (n,) or (n, m)."""
@@ -130,9 +130,10 @@ class Factorization:
         return float(np.max(error, initial=0.0)) if np.isfinite(error).all() else np.inf
 
     def pivots(self) -> Floats | None:
-        """Pivots by degree of freedom, (n,), or None after row exchanges; their signs count.
+        """Pivots by degree of freedom, (n,), or None after row exchanges.
 
-        As many are negative as the matrix has negative eigenvalues (Sylvester's law of inertia).
+        Only their signs have a meaning: as many are negative as the matrix has negative
+        eigenvalues (Sylvester's law of inertia).
         """
         return self.factors.pivots()
 
@@ -163,8 +164,8 @@ def factorize(
 ) -> Factorization:
     """Factorise a symmetric matrix, real or complex.
 
-    Whatever CHOLMOD refuses, SuperLU takes; where an indefinite or complex matrix does not bear
-    pivots on the diagonal, rows are exchanged as well.
+    SuperLU takes what CHOLMOD refuses. Where an indefinite or complex matrix cannot be factorised
+    with pivots on the diagonal, rows are exchanged as well.
 
     Args:
         matrix: (n, n).

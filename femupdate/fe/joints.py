@@ -1,10 +1,10 @@
 """Beams that frame into the edge of a shell in its plane, and the rigid links they need.
 
-The rotation of a shell's node about the shell's normal has no limit under refinement where a moment
-acts on it: a coupling beam that ends at a wall's edge finds a support that softens with every
-halving of the mesh. Its end face stays plane instead: the nodes of the edge over the beam's depth
-follow the beam's node as one rigid body. A column along the edge, or a beam that runs on along the
-shell, carries the moment already, and no link is made.
+A moment about the normal of a shell, at a single node, causes a rotation that grows without limit
+as the mesh is refined. A coupling beam that ends at a wall's edge would be held less with every
+halving of the mesh. So the end face of the beam stays plane: the nodes of the edge over the beam's
+depth follow the beam's node as one rigid body. A column along the edge, or a beam that continues
+along the shell, carries the moment already, and no link is made.
 """
 
 from collections.abc import Iterator
@@ -34,8 +34,8 @@ class EdgeJoint:
         across: (3,) unit vector along the end face, in the plane of the shell.
         depth: of the beam along it, m.
         centre: distance of the beam's axis from the node along it, m.
-        edge: (m,) other nodes of the edge that continue it, on either side.
-        position: (m,) where they are along `across` from the node, m, ascending.
+        edge: (m,) other nodes of the shell's edge on either side of the node.
+        position: (m,) their coordinates along `across` from the node, m, ascending.
     """
 
     node: int
@@ -50,8 +50,8 @@ class EdgeJoint:
     def face(self) -> tuple[float, float]:
         """Lower and upper end of the link along `across` from the node, m.
 
-        A beam at the end of an edge, such as one under the roof, lies with its whole depth on the
-        side where the shell is.
+        At the end of an edge, such as under the roof, the whole depth of the beam is on the side
+        where the shell is.
         """
         below, above = bool((self.position < 0.0).any()), bool((self.position > 0.0).any())
         if below and above:
@@ -84,9 +84,11 @@ def edge_joints(model: FiniteElementModel) -> tuple[EdgeJoint, ...]:
     return tuple(found)
 
 
-def _candidates(sheets: "_Sheets", ends: "_Ends", count: int) -> tuple[Integers, "_Around"]:
+def _candidates(
+    sheets: "_Sheets", ends: "_Ends", count: int
+) -> tuple[Integers, "_ElementsAtNodes"]:
     """Nodes where a beam lies in the plane of a shell that has no beam along its sides there."""
-    around = _Around(sheets.nodes, count)
+    around = _ElementsAtNodes(sheets.nodes, count)
     end, sheet = around.pairs(ends.node)
     inside = np.abs(np.einsum("nd,nd->n", ends.away[end], sheets.normal[sheet])) < _IN_PLANE
     end, sheet = end[inside], sheet[inside]
@@ -99,7 +101,7 @@ def _candidates(sheets: "_Sheets", ends: "_Ends", count: int) -> tuple[Integers,
 def joint_links(model: FiniteElementModel, joints: tuple[EdgeJoint, ...]) -> RigidLinks:
     """Rigid links of all joints.
 
-    A node that two of them claim follows the first, and a node that a support holds stays there.
+    A node that belongs to two joints follows the first; a node at a support is not linked.
     """
     taken = {joint.node for joint in joints}
     taken.update(np.flatnonzero(model.fixed.any(axis=1)).tolist())
@@ -160,8 +162,8 @@ class _Ends:
         )
 
 
-class _Around:
-    """Elements that meet in a node."""
+class _ElementsAtNodes:
+    """Which elements meet in a node."""
 
     def __init__(self, nodes: Integers, count: int) -> None:
         self._order = np.argsort(nodes.ravel(), kind="stable")
@@ -173,7 +175,7 @@ class _Around:
         return np.unique(places // self._corners)
 
     def pairs(self, nodes: Integers) -> tuple[Integers, Integers]:
-        """Places in a list of nodes, and the elements at each, (m,) both."""
+        """All pairs of a position in a list of nodes and an element at that node, (m,) each."""
         first, count = self._starts[nodes], self._starts[nodes + 1] - self._starts[nodes]
         place = np.repeat(np.arange(len(nodes)), count)
         within = np.arange(len(place)) - np.repeat(np.cumsum(count) - count, count)
@@ -183,7 +185,7 @@ class _Around:
 def _joints_at(
     points: Floats, sheets: _Sheets, ends: _Ends, node: int, own: Integers, around: Integers
 ) -> Iterator[EdgeJoint]:
-    """Yield the joints of one node, one a plane in which a beam leaves it."""
+    """Yield the joints of one node: one for each plane in which a beam leaves it."""
     normal = sheets.normal[around]
     left = np.ones(len(around), dtype=bool)
     while left.any():

@@ -1,11 +1,11 @@
 """Block Lanczos method for the largest eigenvalues of K^-1 M: all vectors kept, no restart.
 
 The vectors are orthogonal in the inner product of M (Parlett 1998, chapter 13; blocks: Golub and
-Underwood 1977). The recurrence sees to it alone until rounding has eaten half of the digits, which
-is all that the small matrix needs (Simon 1984); then two blocks in turn are made orthogonal to all
-others. Keeping all vectors costs memory, and fewer solutions and less other work than ARPACK, which
-restarts. The result is purified by one step of inverse iteration that the recurrence
-gives away (Ericsson and Ruhe 1980; Nour-Omid, Parlett, Ericsson and Jensen 1987).
+Underwood 1977). The recurrence alone keeps them so until rounding has cost half of the digits; the
+small matrix needs no more than half (Simon 1984). Then two blocks in turn are made orthogonal to
+all others. Keeping all vectors costs memory, but takes fewer solutions and less other work than
+ARPACK, which restarts. The results are improved by one step of inverse iteration, which the
+recurrence gives for nothing (Ericsson and Ruhe 1980; Nour-Omid, Parlett, Ericsson and Jensen 1987).
 """
 
 from collections.abc import Callable
@@ -16,26 +16,26 @@ from scipy.sparse import csc_matrix
 
 from femupdate.arrays import Floats
 
-_MANY = 30  # values wanted from which blocks pay
-_BLOCK = 4  # vectors; a factor is passed through memory once for all of them
-_FIRST_LOOK = 1.4  # times the number of values wanted, in vectors: none converge earlier
-_LOOKS = 20  # a share of one in so many vectors more between two looks at the convergence
+_MANY = 30  # number of values from which blocks are faster than single vectors
+_BLOCK = 4  # vectors; a solution with all of them reads the factor from memory once
+_FIRST_LOOK = 1.4  # vectors per value wanted at the first check; none converge earlier
+_LOOKS = 20  # between two checks of the convergence the vectors grow by one in twenty
 _MEMORY = 1e9  # bytes that the vectors may take
-_PROBES = 4  # random combinations of the vectors, by which a new one is seen to lean on them
-_LEAN = 1e-8  # orthogonality at which it is made good again: half of all digits
+_PROBES = 4  # random combinations of the vectors, to which a new one must be orthogonal
+_LEAN = 1e-8  # inner product from which vectors are made orthogonal again: half of all digits
 _SEED = 20240
-_UNEVEN = 1e-2  # of the largest: a pivot so small means that one pass leaves a skewed block
+_UNEVEN = 1e-2  # ratio of pivots below which one pass does not make a block orthonormal
 
 
 def block_size(count: int) -> int:
-    """Vectors in a block for so many values."""
+    """Vectors in a block where so many values are wanted."""
     return 1 if count < _MANY else _BLOCK
 
 
 def most_vectors(size: int, count: int, width: int) -> int:
-    """Vectors that are worth trying for an (n, n) problem, 0 if they need too much memory.
+    """Largest number of vectors to try for an (n, n) problem, 0 if they need too much memory.
 
-    Sound problems take 2 to 5 a value, and twice as many in blocks of sixteen.
+    Usual problems take 2 to 5 per value, and twice as many in blocks of sixteen.
     """
     vectors = min(size - width, (6 * count + 60) * (2 if width > _BLOCK else 1))
     return vectors if 8.0 * size * vectors <= _MEMORY else 0
@@ -50,19 +50,19 @@ def largest_of_inverse(
 ) -> tuple[Floats, Floats] | None:
     """Largest eigenvalues of K^-1 M with their vectors.
 
-    A value that occurs more often than a block is wide may be found fewer times: count what lies
-    below.
+    An eigenvalue that is repeated more often than a block has vectors may be found fewer times, so
+    callers count the eigenvalues below.
 
     Args:
         solve: K^-1 times (n, b); K is symmetric and positive definite.
         mass: (n, n), positive semidefinite.
-        start: (n, b) anything with a share of every vector wanted.
+        start: (n, b) any vectors that are orthogonal to none of those wanted.
         count: how many.
         tolerance: of the residual, relative to each eigenvalue, in the norm of M.
 
     Returns:
         values (count,), largest first, and vectors (n, count) of unit length in M; None where
-        the vectors worth trying do not reach the tolerance.
+        the largest number of vectors does not reach the tolerance.
     """
     size, width = start.shape
     most = most_vectors(size, count, width)
@@ -96,7 +96,7 @@ class _Recurrence:
         self, solve: Callable[[Floats], Floats], mass: csc_matrix, start: Floats, most: int
     ) -> None:
         self._solve, self._mass = solve, mass
-        # What is not written takes no memory.
+        # Columns that are never written take no memory.
         self._basis = np.empty((len(start), most), order="F")
         self._small = np.zeros((most, most))
         self._watch = _Watch(len(start))
@@ -132,20 +132,20 @@ class _Recurrence:
         self._small[new, new] = along + rest
         self.done += width
         following = _orthonormal(ahead, self._mass)
-        leans = self._watch.leaning(following[0])
-        if self._again or leans:
+        overlaps = self._watch.overlaps(following[0])
+        if self._again or overlaps:
             ahead = following[0] - self.known @ (self.known.T @ following[1])
             clean = _orthonormal(ahead, self._mass)
             following = (*clean[:2], clean[2] @ following[2])
-        self._again = leans and not self._again
+        self._again = overlaps and not self._again
         self.block, self._image, self.link = following
 
 
 class _Watch:
-    """Tells when new vectors are no longer orthogonal to the old ones, without looking at all.
+    """Tells when new vectors are no longer orthogonal to the old ones, without using all of them.
 
-    A vector that leans on some of them leans on random combinations of them as much, but for
-    accidents, of which one in four combinations would have to be spared by none.
+    A vector that is not orthogonal to some of them is hardly ever orthogonal to all of a few random
+    combinations of them.
     """
 
     def __init__(self, size: int) -> None:
@@ -153,14 +153,14 @@ class _Watch:
         self._sum = np.zeros((size, _PROBES), order="F")
 
     def add(self, image: Floats) -> None:
-        """Take note of M times new vectors (n, b)."""
+        """Include M times new vectors (n, b)."""
         signs = self._signs.choice([-1.0, 1.0], (image.shape[1], _PROBES))
         for probe, own in zip(self._sum.T, signs.T, strict=True):
             for column, sign in zip(image.T, own, strict=True):
                 (np.add if sign > 0.0 else np.subtract)(probe, column, out=probe)
 
-    def leaning(self, block: Floats) -> bool:
-        """Whether vectors (n, b) lean on those that are known."""
+    def overlaps(self, block: Floats) -> bool:
+        """Whether vectors (n, b) are no longer orthogonal to those that are known."""
         return bool(np.abs(self._sum.T @ block).max() > _LEAN)
 
 

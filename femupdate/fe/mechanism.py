@@ -1,4 +1,4 @@
-"""Finding what moves freely in a structure that cannot stand."""
+"""Names what moves freely in a structure that cannot stand."""
 
 import numpy as np
 from scipy.sparse import csc_matrix, diags
@@ -42,7 +42,7 @@ def factorize_supported(operators: AffineOperators, stiffness: csc_matrix) -> Fa
 
 
 def factorize_held(operators: AffineOperators, stiffness: csc_matrix) -> Factorization:
-    """As `factorize_supported`, but what a negative stiffness pushes away goes unnoticed."""
+    """As `factorize_supported`, but what a negative stiffness pushes away is not noticed."""
     diagonal = stiffness.diagonal()
     if not (diagonal > 0.0).all():
         worst = diagonal.min()

@@ -141,6 +141,6 @@ def _slip(samples: PlaneSamples, points: Floats, internal: Floats) -> Floats:
 
 
 def _internal(stiffness: Floats) -> Floats:
-    """What the internal modes, which carry no load, take off per corner motion, (n, 4, 12)."""
+    """Load-free amplitudes of the internal modes per corner motion, sign reversed, (n, 4, 12)."""
     own, coupling = stiffness[:, _INTERNAL, _INTERNAL], stiffness[:, _INTERNAL, _NODAL]
     return np.asarray(np.linalg.solve(own, coupling), dtype=np.float64)

@@ -60,9 +60,9 @@ class Springs:
 class RigidLinks:
     """Nodes that follow another one as if a rigid body joined the two.
 
-    The motion of a slave is u_s = u_m + r_m cross (x_s - x_m), r_s = r_m, and only what is tied of
-    it is taken from the master. Slaves are eliminated, not held by stiff springs. A master may be
-    another link's slave; a degree of freedom follows one master only.
+    A slave moves as u_s = u_m + r_m cross (x_s - x_m), r_s = r_m, in the directions that are tied;
+    in the others it moves by itself. Slaves are eliminated, not held by stiff springs. A master may
+    be another link's slave; a degree of freedom follows one master only.
 
     Attributes:
         master: (n,) node indices.
@@ -86,7 +86,7 @@ class FiniteElementModel:
         nodes: (N, 3) coordinates, m; z is up.
         fixed: (N, 6) True where a degree of freedom is held.
         groups: number of stiffness parameters theta.
-        elements: one block a kind; blocks without elements are dropped.
+        elements: one block per kind; blocks without elements are dropped.
     """
 
     nodes: Floats

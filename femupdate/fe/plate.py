@@ -59,8 +59,8 @@ def plate_mass(plane: Floats, thickness: Floats, density: Floats) -> Floats:
 
     The deflection is quadratic along the sides, as the tied shear strains imply: the rotations of
     its ends bend a side by an eighth of its length times their difference (the linked
-    interpolation of Auricchio and Taylor 1994). With a bilinear deflection instead, the frequencies
-    of a mesh size h err by k^2 h^2 / 8 at a wave number k, three times as much as so. Rotations
+    interpolation of Auricchio and Taylor 1994). With a bilinear deflection, the frequencies on a
+    mesh of size h would err by k^2 h^2 / 8 at the wave number k, three times as much. Rotations
     carry density thickness^3 / 12.
 
     Args:

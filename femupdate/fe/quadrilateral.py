@@ -1,4 +1,4 @@
-"""The bilinear quadrilateral: shape functions, Gauss points and Cartesian gradients, batched."""
+"""The bilinear quadrilateral: shape functions, Gauss points and Cartesian gradients."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ CENTRE = np.zeros((1, 2))
 
 @dataclass(frozen=True)
 class PlaneSamples:
-    """A batch of quadrilaterals seen at a few points of the parent square.
+    """Quadrilaterals evaluated at a few points of the parent square.
 
     Attributes:
         gradients: (n, g, 2, 4) derivatives of the shape functions along x and y, 1/m.

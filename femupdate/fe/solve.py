@@ -14,24 +14,15 @@ from femupdate.fe.factorization import Factorization, factorize
 from femupdate.fe.lanczos import block_size, largest_of_inverse
 from femupdate.fe.mechanism import factorize_held, factorize_supported, refuse_negative
 
-__all__ = [
-    "Factorization",
-    "Modes",
-    "factorize",
-    "lowest_modes",
-    "modes_below",
-    "static_displacement",
-]
-
-_FEW = 500  # degrees of freedom with mass up to which a dense solution is as fast as Lanczos
+_FEW = 500  # up to so many degrees of freedom with mass a dense solution is as fast as Lanczos
 _NO_MASS = 1e-14
-_TOLERANCE = 3e-6  # of residuals; the frequencies have twice as many digits
+_TOLERANCE = 3e-6  # of residuals; the error of the frequencies is its square
 _SHARP_TOLERANCE = 1e-8
-_RESIDUAL = 3e-5  # relative; sound problems leave a tenth of it at most
+_RESIDUAL = 3e-5  # relative; solutions without trouble stay below a tenth of it
 _SEED = 20240
-_CLEAR = 1e-3  # relative distance of two modes between which pivots are counted
-_GAP = 1e-4  # relative; nearer to a mode the signs of the pivots are not sure
-_CLOSE = 1e-6  # relative; components this close to the largest tie for the sign
+_CLEAR = 1e-3  # relative distance of two eigenvalues between which pivots are counted
+_GAP = 1e-4  # relative; nearer to an eigenvalue the signs of the pivots are not certain
+_CLOSE = 1e-6  # relative; of components as close as this to the largest, the first decides the sign
 
 
 @dataclass(frozen=True)
@@ -63,7 +54,9 @@ def static_displacement(operators: AffineOperators, theta: Floats, load: Floats)
     """
     load = np.asarray(load, dtype=float)
     if load.shape[0] != operators.dof:
-        raise ModelError(f"the load has {load.shape[0]} rows; it needs {operators.dof}, six a node")
+        raise ModelError(
+            f"the load has {load.shape[0]} rows; it needs {operators.dof}, six per node"
+        )
     factorization = factorize_supported(operators, operators.stiffness(theta))
     return operators.expand(factorization.solve(operators.gather(load)))
 
@@ -210,7 +203,7 @@ def _own_lanczos(
 
 
 def _wider_lanczos(problem: _Problem, count: int) -> tuple[Floats, Floats] | None:
-    """Repeated modes show in blocks as wide as they are many."""
+    """Finds repeated modes, up to as many as the block has vectors."""
     return _own_lanczos(problem, count, 4 * block_size(count), _SHARP_TOLERANCE)
 
 
@@ -256,11 +249,11 @@ def _complete(problem: _Problem, values: Floats) -> bool:
 
 
 def _count_negative(matrix: csc_matrix, order: Integers | None) -> int | None:
-    """How many eigenvalues are negative, None where that cannot be told.
+    """Number of negative eigenvalues, None where the pivots do not show it.
 
     Args:
         matrix: (n, n).
-        order: (n,) of elimination, where a good one is known.
+        order: (n,) a good order of elimination, where one is known.
     """
     if order is not None:
         matrix = matrix[order][:, order].tocsc()

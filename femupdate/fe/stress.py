@@ -31,7 +31,7 @@ def element_forces(
     if motion.size != model.dof:
         raise ModelError(
             f"the displacement has {motion.size} values; the model has {model.dof} degrees of "
-            "freedom, six a node"
+            "freedom, six per node"
         )
     own = elements if chosen is None else elements.taken(chosen)
     moved = motion.reshape(-1, 6)[own.nodes].reshape(len(own), -1)

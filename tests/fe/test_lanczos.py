@@ -135,7 +135,7 @@ def test_arpack_takes_over(meshes, monkeypatch):
     np.testing.assert_allclose(ours.shapes, theirs.shapes, atol=1e-5 * np.abs(ours.shapes).max())
 
 
-def test_a_vector_that_leans_on_others_is_seen():
+def test_a_vector_that_is_not_orthogonal_to_others_is_seen():
     """A millionth of any one of a hundred old vectors shows; rounding does not."""
     rng = np.random.default_rng(2)
     vectors, _ = np.linalg.qr(rng.standard_normal((400, 101)))
@@ -143,9 +143,9 @@ def test_a_vector_that_leans_on_others_is_seen():
     for block in np.split(vectors[:, :100], 25, axis=1):
         watch.add(np.asfortranarray(block))
     new = vectors[:, 100:]
-    assert not watch.leaning(new)
+    assert not watch.overlaps(new)
     for old in range(100):
-        assert watch.leaning(new + 1e-6 * vectors[:, [old]])
+        assert watch.overlaps(new + 1e-6 * vectors[:, [old]])
 
 
 def test_blocks_take_over_where_modes_are_missed(meshes, monkeypatch):
