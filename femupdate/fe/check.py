@@ -1,8 +1,9 @@
 """Checks of a model's indices and shapes before anything is assembled."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from femupdate.arrays import Flags, Integers
+from femupdate.arrays import Integers
 from femupdate.errors import ModelError
 from femupdate.fe.model import DOF_NAMES, FiniteElementModel
 
@@ -77,10 +78,10 @@ def _check_springs_and_masses(model: FiniteElementModel) -> None:
     _refuse("point mass", ~fine, "must have a finite mass and inertia, zero or positive")
 
 
-def _refuse(name: str, bad: Flags, complaint: str, *values: Integers | int) -> None:
+def _refuse(name: str, bad: ArrayLike, complaint: str, *values: Integers | int) -> None:
     """Raise ModelError with the first that is bad (n,), and what the complaint says of it."""
-    if bad.any():
-        first = int(bad.argmax())
+    if np.any(bad):
+        first = int(np.argmax(bad))
         own = (one if isinstance(one, int) else one[first] for one in values)
         raise ModelError(f"{name} {first} {complaint.format(*own)}")
 

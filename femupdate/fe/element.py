@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from femupdate.arrays import Flags, Floats, Integers
 from femupdate.errors import ModelError
@@ -197,10 +197,10 @@ class Elements(ABC):
                 label = _LABELS.get(one.name, one.name.replace("_", " "))
                 self.refuse(~fine, f"has {label} {value:g}; it must be {demand.words}")
 
-    def refuse(self, bad: Flags, complaint: str) -> None:
+    def refuse(self, bad: ArrayLike, complaint: str) -> None:
         """Raise ModelError with the first element that is bad (n,), its nodes and a complaint."""
-        if bad.any():
-            first = int(bad.argmax())
+        if np.any(bad):
+            first = int(np.argmax(bad))
             nodes = ", ".join(map(str, self.nodes[first].tolist()))
             raise ModelError(f"{self.name} {first} (nodes {nodes}) {complaint}")
 

@@ -123,7 +123,7 @@ class Beams(Elements):
         """ElasticTimoshenkoBeam, or elasticBeamColumn where a beam does not shear."""
         if self.released is not None:
             self.refuse(
-                np.asarray(self.released.any(axis=1)),
+                self.released.any(axis=1),
                 "has a released end, which the OpenSees script cannot hold; export the building "
                 "without hinged members",
             )
