@@ -5,7 +5,8 @@ from numpy.typing import ArrayLike
 
 from femupdate.arrays import Integers
 from femupdate.errors import ModelError
-from femupdate.fe.model import DOF_NAMES, FiniteElementModel
+from femupdate.fe.element import Elements
+from femupdate.fe.model import DOF_NAMES, FiniteElementModel, Springs
 
 _LISTED = 8  # nodes named in a message before "and n more"
 
@@ -42,7 +43,8 @@ def _check_blocks(model: FiniteElementModel) -> None:
     double = [name for name in names if names.count(name) > 1]
     if double:
         raise ModelError(f"the model has {len(double)} blocks of {double[0]} elements; join them")
-    for block in (*model.elements, model.springs):
+    grouped: tuple[Elements | Springs, ...] = (*model.elements, model.springs)
+    for block in grouped:
         complaint = "belongs to parameter {}, but the model has {}, numbered from 0"
         groups = block.group
         _refuse(block.name, groups >= model.groups, complaint, groups, model.groups)
