@@ -20,7 +20,7 @@ from femupdate.inference.smc import TemperedSmc
 from femupdate.measurement.observation import Observation
 from femupdate.study import Study
 from femupdate.workflow.model import StudyModel, damping_law, reduce_building, theta_prior
-from femupdate.workflow.train import require_surrogate
+from femupdate.workflow.surrogates import require_surrogate
 
 SOLUTIONS = np.array(
     [
@@ -62,7 +62,7 @@ def main(particles: int) -> None:
     building = load_building("shear_4dof")
     reduced = reduce_building(building).model
     model = StudyModel(building, reduced, damping_law(building), theta_prior(building), None, 0.0)
-    surrogate = require_surrogate(Study("no-such-study"), model)
+    surrogate = require_surrogate(Study("no-such-study"), model.building)
     started = time.monotonic()
     likelihood = LatentLikelihood(surrogate, reduced, model.law, authors_observation(model))
     result = TemperedSmc(model.prior, likelihood).run(particles, seed=0)

@@ -22,7 +22,7 @@ from femupdate.workflow.model import REDUCED, StudyModel
 from femupdate.workflow.observed import ObservationSource, read_observation
 from femupdate.workflow.sampling import ChainRunner
 from femupdate.workflow.summary import identified, write_summary
-from femupdate.workflow.train import SURROGATE, require_surrogate
+from femupdate.workflow.surrogates import SURROGATE, require_surrogate
 
 
 def calibrate_study(
@@ -47,7 +47,7 @@ def calibrate_study(
     if model.building.effects:
         from femupdate.workflow.effect_surrogate import with_effects
 
-        require_surrogate(study, model)
+        require_surrogate(study, model.building)
         model = with_effects(study, model, show)
     started = time.monotonic()
     observation = read_observation(model, source)

@@ -14,7 +14,7 @@ from femupdate.workflow.calibrate_settings import CalibrationSettings, Sampled
 from femupdate.workflow.decoded import FEW, sample_annealed
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.sampling import ChainRunner
-from femupdate.workflow.train import find_surrogate
+from femupdate.workflow.surrogates import find_surrogate
 
 
 def sample_exact(
@@ -39,7 +39,7 @@ def sample_exact(
         device=settings.device,
         precision=torch.float32,
     )
-    found, base = find_surrogate(study, model), None
+    found, base = find_surrogate(study, model.building), None
     if prior.size > FEW:
         drawn = None
         if found is not None:

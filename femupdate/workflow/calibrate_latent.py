@@ -20,7 +20,7 @@ from femupdate.workflow.calibrate_settings import CalibrationSettings, Sampled
 from femupdate.workflow.decoded import FEW, sample_decoded, sampled_groups
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.sampling import FIRST, ChainRunner
-from femupdate.workflow.train import require_surrogate
+from femupdate.workflow.surrogates import require_surrogate
 
 
 def sample_latent(
@@ -31,7 +31,7 @@ def sample_latent(
     run: ChainRunner,
 ) -> Sampled:
     """Latent likelihood; by a population on the decoder where there are many parameters."""
-    surrogate = require_surrogate(study, model)
+    surrogate = require_surrogate(study, model.building)
     least = surrogate.info.noise_sd
     noise, calibration = (
         told(surrogate.info, observation) for told in (noise_notes, calibration_notes)

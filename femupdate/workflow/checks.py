@@ -17,7 +17,8 @@ from femupdate.workflow.calibration_report import POSTERIOR
 from femupdate.workflow.effect_surrogate import check_amortisable
 from femupdate.workflow.model import StudyModel, choose_building, open_study
 from femupdate.workflow.observed import ObservationSource, check_readable, observation_of
-from femupdate.workflow.train import check_samples, needed_surrogate
+from femupdate.workflow.surrogates import require_surrogate
+from femupdate.workflow.train import check_samples
 
 
 def check_calibration(
@@ -49,7 +50,7 @@ def check_calibration(
     if not settings.exact:
         check_amortisable(chosen)
         known = study.path("building.toml").exists()
-        surrogate = needed_surrogate(study, chosen, None if known else building)
+        surrogate = require_surrogate(study, chosen, None if known else building)
         encoder_input(observation, surrogate.info.floors)
 
 

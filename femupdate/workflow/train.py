@@ -1,16 +1,12 @@
-"""train: the data set and the MVAE of a study's building; finding a surrogate that fits."""
+"""train: the data set and the MVAE of a study's building."""
 
-import shlex
 import shutil
 import time
 from dataclasses import dataclass
-from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any
 
 from femupdate import __version__
-from femupdate.building.files import mechanics_hash
-from femupdate.building.schema import Building
 from femupdate.errors import SurrogateError
 from femupdate.inference.prior import UniformPrior
 from femupdate.progress import Progress, Silent
@@ -25,13 +21,14 @@ from femupdate.surrogate.storage import (
     save_surrogate,
 )
 from femupdate.surrogate.training import (
+    TrainingResult,
     TrainingSettings,
     TrainingTask,
     train_mvae,
 )
 from femupdate.workflow.model import StudyModel
+from femupdate.workflow.surrogates import SURROGATE, find_surrogate
 
-SURROGATE = "surrogate"
 _SURROGATE_FILE = "surrogate.safetensors"
 _CHECKPOINT = "training.safetensors"
 _MODES_KEPT = 28
@@ -80,69 +77,6 @@ class TrainReport:
         )
 
 
-def find_surrogate(study: Study, model: StudyModel) -> tuple[TrainedSurrogate, Path] | None:
-    """The study's own surrogate, or the shipped one, if it was trained for this building."""
-    return surrogate_of(study, model.building)
-
-
-def surrogate_of(study: Study, building: Building) -> tuple[TrainedSurrogate, Path] | None:
-    """Like `find_surrogate`, for a building that has no model yet."""
-    mechanics = mechanics_hash(building)
-    own = study.find(SURROGATE, {"building": mechanics})
-    if own is not None:
-        return load_surrogate(own), own
-    return _shipped(building)
-
-
-def _shipped(building: Building) -> tuple[TrainedSurrogate, Path] | None:
-    """The surrogate in the package, if it was trained for this building."""
-    resource = files("femupdate.models") / f"{building.name}.safetensors"
-    if not resource.is_file():
-        return None
-    with as_file(resource) as path:
-        surrogate = load_surrogate(path)
-        fits = surrogate.info.mechanics_hash == mechanics_hash(building)
-        return (surrogate, path) if fits else None
-
-
-def shipped_surrogate(building: Building) -> TrainedSurrogate:
-    """The surrogate in the package.
-
-    Raises:
-        SurrogateError: there is none for this building.
-    """
-    found = _shipped(building)
-    if found is None:
-        raise SurrogateError(
-            f"the package holds no surrogate of the building {building.name}; use a shipped one"
-        )
-    return found[0]
-
-
-def require_surrogate(study: Study, model: StudyModel) -> TrainedSurrogate:
-    """A surrogate that fits the building.
-
-    Raises:
-        SurrogateError: there is none.
-    """
-    return needed_surrogate(study, model.building)
-
-
-def needed_surrogate(
-    study: Study, building: Building, asked: str | None = None
-) -> TrainedSurrogate:
-    """Like `require_surrogate`; `asked` is the name or path by which the building was chosen."""
-    found = surrogate_of(study, building)
-    if found is None:
-        options = f"--study {shlex.quote(str(study.folder))}"
-        options += f" --building {shlex.quote(asked)}" if asked else ""
-        raise SurrogateError(
-            f"no trained surrogate fits the building {building.name}; run `femupdate train "
-            f"{options}` (once a building), or calibrate with --exact"
-        )
-    return found[0]
-
-
 def check_samples(samples: int, settings: TrainingSettings) -> None:
     """Make sure that the samples not held out fill a batch.
 
@@ -177,7 +111,7 @@ def train_study(
         SurrogateError: too few samples, or a checkpoint of another training is in the way.
     """
     show = progress or Silent()
-    found = None if fresh or start is not None else find_surrogate(study, model)
+    found = None if fresh or start is not None else find_surrogate(study, model.building)
     if found is not None:
         return TrainReport(found[0], found[1], False, 0.0, 0.0)
     settings = settings or default_settings(model)
@@ -192,23 +126,13 @@ def train_study(
     between = time.monotonic()
     checkpoint = study.path(_CHECKPOINT)
     result = train_mvae(training_task(model, dataset), settings, checkpoint, show, initial)
-    surrogate = TrainedSurrogate(
-        result.mvae,
-        SurrogateInfo(
-            model.building.name,
-            model.hash,
-            model.reduced.floors,
-            settings.loss.noise_sd,
-            __version__,
-            {
-                "samples": samples,
-                "modes": _MODES_KEPT,
-                "training": settings.as_dict(),
-                "started_from": None if start is None else file_hash(start),
-            },
-            result.metrics,
-        ),
-    )
+    how = {
+        "samples": samples,
+        "modes": _MODES_KEPT,
+        "training": settings.as_dict(),
+        "started_from": None if start is None else file_hash(start),
+    }
+    surrogate = _described(model, result, settings, how)
     path = study.path(_SURROGATE_FILE)
     save_surrogate(surrogate, path)
     study.record(SURROGATE, _SURROGATE_FILE, "train", model.made_from(), {"samples": samples})
@@ -216,6 +140,22 @@ def train_study(
     # What other trainings left here, killed and then abandoned, goes as well.
     shutil.rmtree(folder.parent, ignore_errors=True)
     return TrainReport(surrogate, path, True, between - started, time.monotonic() - between)
+
+
+def _described(
+    model: StudyModel, result: TrainingResult, settings: TrainingSettings, how: dict[str, Any]
+) -> TrainedSurrogate:
+    """The trained networks with what they were trained for, and how."""
+    info = SurrogateInfo(
+        model.building.name,
+        model.hash,
+        model.reduced.floors,
+        settings.loss.noise_sd,
+        __version__,
+        how,
+        result.metrics,
+    )
+    return TrainedSurrogate(result.mvae, info)
 
 
 def default_settings(model: StudyModel, epochs: int = 45, seed: int = 0) -> TrainingSettings:

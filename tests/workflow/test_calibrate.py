@@ -29,7 +29,8 @@ from femupdate.workflow.simulate import (
     simulate_observation,
     write_simulation,
 )
-from femupdate.workflow.train import require_surrogate, train_study
+from femupdate.workflow.surrogates import require_surrogate
+from femupdate.workflow.train import train_study
 
 SHARED = Path(__file__).parents[3] / "shared" / "data"
 QUICK = CalibrationSettings(
@@ -531,7 +532,7 @@ def test_they_are_good_enough_to_start_the_exact_posterior_from(many, tower_frf,
 @pytest.fixture
 def marked(learned, monkeypatch):
     """The poor surrogate with figures of a last calibration."""
-    surrogate = require_surrogate(*learned)
+    surrogate = require_surrogate(learned[0], learned[1].building)
     kept = {
         "cases": 40,
         "floors": list(learned[1].building.floors),

@@ -26,7 +26,7 @@ from femupdate.workflow.predict import predict_study
 from femupdate.workflow.predict_settings import PredictionSettings, RecordSource
 from femupdate.workflow.render import render_study
 from femupdate.workflow.repair import repair_study
-from femupdate.workflow.train import needed_surrogate
+from femupdate.workflow.surrogates import require_surrogate
 
 MASSES, SPRINGS = np.array([3.0, 2.0, 1.5]), np.array([9e3, 5e3, 4e3])
 THETA, ZETA, STEP = np.array([0.8, 1.4, 1.1]), 0.04, 0.01
@@ -239,7 +239,7 @@ def test_calibrate_exact_takes_the_repaired_building(repaired, home, tmp_path):
 
 def test_a_repaired_building_without_a_surrogate_is_told_what_to_do(repaired):
     with pytest.raises(SurrogateError) as refused:
-        needed_surrogate(repaired[0].study, load_building(repaired[0].building_path))
+        require_surrogate(repaired[0].study, load_building(repaired[0].building_path))
     sentence = str(refused.value)
     assert "femupdate train --study" in sentence
     assert "--exact" in sentence

@@ -19,16 +19,13 @@ from femupdate.errors import SurrogateError
 from femupdate.study import Study
 from femupdate.surrogate.storage import load_surrogate
 from femupdate.surrogate.training import TrainingSettings
-from femupdate.workflow import train as train_module
+from femupdate.workflow import surrogates
 from femupdate.workflow.model import open_study
+from femupdate.workflow.surrogates import find_surrogate, require_surrogate
 from femupdate.workflow.train import (
     check_samples,
     default_settings,
-    find_surrogate,
-    needed_surrogate,
     network_sizes,
-    require_surrogate,
-    surrogate_of,
     train_study,
 )
 
@@ -119,7 +116,7 @@ def test_a_fresh_training_replaces_it(copy):
     assert before.keys() == after.keys()
     assert any(not np.array_equal(before[name], after[name]) for name in before)
     assert header(report.path)["settings"]["samples"] == 200
-    assert find_surrogate(copy, open_study(copy)) is not None
+    assert find_surrogate(copy, open_study(copy).building) is not None
 
 
 def command(study, *options):
@@ -155,7 +152,7 @@ def test_a_killed_training_goes_on_to_the_same_surrogate(trained, tmp_path, towe
     process.stderr.close()
     assert process.returncode == -signal.SIGKILL
     assert not study.path("surrogate.safetensors").exists()
-    assert find_surrogate(study, open_study(study)) is None
+    assert find_surrogate(study, open_study(study).building) is None
 
     told = recorder()
     report = train_study(study, open_study(study), SAMPLES, SMALL, progress=told)
@@ -212,28 +209,28 @@ def test_too_few_samples_leave_no_data_set(copy):
 
 def test_the_study_s_own_surrogate_is_taken_while_it_fits(copy, tower_file):
     model = open_study(copy)
-    found = find_surrogate(copy, model)
+    found = find_surrogate(copy, model.building)
     assert found is not None
     assert found[1] == copy.path("surrogate.safetensors")
-    assert require_surrogate(copy, model).info.building == "tower"
+    assert require_surrogate(copy, model.building).info.building == "tower"
     copy.path("building.toml").write_text(tower_file.read_text().replace(*STIFFER))
-    assert find_surrogate(copy, open_study(copy)) is None
+    assert find_surrogate(copy, open_study(copy).building) is None
 
 
 @pytest.mark.parametrize("keep", [0, 100, -1])
 def test_a_surrogate_cut_short_is_not_taken(copy, keep):
     path = copy.path("surrogate.safetensors")
     path.write_bytes(path.read_bytes()[:keep])
-    assert find_surrogate(copy, open_study(copy)) is None
+    assert find_surrogate(copy, open_study(copy).building) is None
 
 
 def test_what_to_do_without_a_surrogate(tower, tower_model):
     with pytest.raises(SurrogateError) as caught:
-        require_surrogate(tower, tower_model)
+        require_surrogate(tower, tower_model.building)
     assert f"run `femupdate train --study {tower.folder}`" in str(caught.value)
     spaced = Study("my study")
     with pytest.raises(SurrogateError) as caught:
-        needed_surrogate(spaced, tower_model.building, "my tower.toml")
+        require_surrogate(spaced, tower_model.building, "my tower.toml")
     # As it can be pasted into a shell.
     assert "--study 'my study' --building 'my tower.toml'`" in str(caught.value)
 
@@ -242,16 +239,16 @@ def test_a_shipped_surrogate_is_taken_by_name_and_mechanics(
     trained, tmp_path, tower_file, monkeypatch
 ):
     shutil.copy(trained[1].path, tmp_path / "tower.safetensors")
-    monkeypatch.setattr(train_module, "files", lambda package: tmp_path)
+    monkeypatch.setattr(surrogates, "files", lambda package: tmp_path)
     study = Study(tmp_path / "study")
-    found = surrogate_of(study, load_building(str(tower_file)))
+    found = find_surrogate(study, load_building(str(tower_file)))
     assert found is not None
     assert found[1] == tmp_path / "tower.safetensors"
     other = tmp_path / "other.toml"
     other.write_text(tower_file.read_text().replace(*STIFFER))
-    assert surrogate_of(study, load_building(str(other))) is None
+    assert find_surrogate(study, load_building(str(other))) is None
     other.write_text(tower_file.read_text().replace('name = "tower"', 'name = "keep"'))
-    assert surrogate_of(study, load_building(str(other))) is None
+    assert find_surrogate(study, load_building(str(other))) is None
 
 
 def test_settings_follow_the_building(tower_model, tmp_path, tower_file):

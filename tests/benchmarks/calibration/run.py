@@ -13,7 +13,7 @@ from femupdate.progress import Progress, Silent
 from femupdate.study import Study
 from femupdate.surrogate.storage import ANY_FLOORS, TrainedSurrogate
 from femupdate.workflow.model import StudyModel, open_study
-from femupdate.workflow.train import shipped_surrogate
+from femupdate.workflow.surrogates import shipped_surrogate
 
 from ..machine import Machine, this_machine
 from ..result import ResultFiles, markdown_table, plain, write_result

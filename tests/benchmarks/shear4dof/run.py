@@ -13,7 +13,7 @@ from femupdate.inference.smc import LogLikelihood, TemperedSmc
 from femupdate.progress import Progress, Silent
 from femupdate.surrogate.storage import TrainedSurrogate
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.train import shipped_surrogate
+from femupdate.workflow.surrogates import shipped_surrogate
 
 from ..calibration.log import surrogate_mark
 from ..kept_parts import KeptParts

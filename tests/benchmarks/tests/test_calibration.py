@@ -21,7 +21,7 @@ from femupdate.benchmarks.shear4dof.case import benchmark_model, roof_log_frf
 
 from femupdate.inference.predictive_check import PredictiveCheck
 from femupdate.surrogate.storage import TrainedSurrogate, load_surrogate, save_surrogate
-from femupdate.workflow.train import shipped_surrogate
+from femupdate.workflow.surrogates import shipped_surrogate
 
 
 @pytest.fixture(scope="module")

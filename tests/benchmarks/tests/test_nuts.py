@@ -12,7 +12,7 @@ from femupdate.benchmarks.shear4dof.run import QUICK, run_shear4dof
 from femupdate.errors import InferenceError
 from femupdate.inference.likelihood import LatentLikelihood
 from femupdate.inference.prior import UniformPrior
-from femupdate.workflow.train import shipped_surrogate
+from femupdate.workflow.surrogates import shipped_surrogate
 
 
 def test_without_pyro_one_sentence_says_what_to_install(tmp_path, monkeypatch):

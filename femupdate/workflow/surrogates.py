@@ -1,0 +1,67 @@
+"""Trained surrogates that fit a building: the study's own, or one that is shipped."""
+
+import shlex
+from importlib.resources import as_file, files
+from pathlib import Path
+
+from femupdate.building.files import mechanics_hash
+from femupdate.building.schema import Building
+from femupdate.errors import SurrogateError
+from femupdate.study import Study
+from femupdate.surrogate.storage import TrainedSurrogate, load_surrogate
+
+SURROGATE = "surrogate"
+
+
+def find_surrogate(study: Study, building: Building) -> tuple[TrainedSurrogate, Path] | None:
+    """The study's own surrogate, or the shipped one, if it was trained for this building."""
+    own = study.find(SURROGATE, {"building": mechanics_hash(building)})
+    return (load_surrogate(own), own) if own is not None else _shipped(building)
+
+
+def require_surrogate(
+    study: Study, building: Building, asked: str | None = None
+) -> TrainedSurrogate:
+    """A surrogate that fits the building.
+
+    Args:
+        study: that may hold one.
+        building: it must fit.
+        asked: name or path by which the building was chosen, for the message.
+
+    Raises:
+        SurrogateError: there is none.
+    """
+    found = find_surrogate(study, building)
+    if found is None:
+        options = f"--study {shlex.quote(str(study.folder))}"
+        options += f" --building {shlex.quote(asked)}" if asked else ""
+        raise SurrogateError(
+            f"no trained surrogate fits the building {building.name}; run `femupdate train "
+            f"{options}` (once a building), or calibrate with --exact"
+        )
+    return found[0]
+
+
+def shipped_surrogate(building: Building) -> TrainedSurrogate:
+    """The surrogate in the package.
+
+    Raises:
+        SurrogateError: there is none for this building.
+    """
+    found = _shipped(building)
+    if found is None:
+        raise SurrogateError(
+            f"the package holds no surrogate of the building {building.name}; use a shipped one"
+        )
+    return found[0]
+
+
+def _shipped(building: Building) -> tuple[TrainedSurrogate, Path] | None:
+    resource = files("femupdate.models") / f"{building.name}.safetensors"
+    if not resource.is_file():
+        return None
+    with as_file(resource) as path:
+        surrogate = load_surrogate(path)
+        fits = surrogate.info.mechanics_hash == mechanics_hash(building)
+        return (surrogate, path) if fits else None
