@@ -87,15 +87,15 @@ def command(
     from femupdate.workflow.checks import open_calibrated
     from femupdate.workflow.pictures_prediction import draw_prediction
     from femupdate.workflow.predict import predict_study
-    from femupdate.workflow.predict_settings import PredictionSettings, RecordSource
+    from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource
 
     settings = PredictionSettings(
-        samples,
-        damping,
-        seed,
-        spectrum_damping if floor_spectra else None,
-        members,
-        member_draws,
+        samples=samples,
+        damping=damping,
+        seed=seed,
+        spectrum_damping=spectrum_damping if floor_spectra else None,
+        members=members,
+        member_draws=member_draws,
     )
     report = predict_study(
         study,

@@ -15,7 +15,7 @@ from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.pictures_posterior import draw_posterior
 from femupdate.workflow.pictures_prediction import draw_prediction
 from femupdate.workflow.predict import predict_study
-from femupdate.workflow.predict_settings import RecordSource
+from femupdate.workflow.prediction_inputs import RecordSource
 
 EXAMPLES = files("femupdate.examples")
 

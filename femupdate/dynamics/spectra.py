@@ -1,14 +1,72 @@
 """Response spectra of histories, such as the accelerations of floors."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from femupdate.arrays import Floats
 from femupdate.dynamics.recurrence import interpolate_record, step_matrices
+from femupdate.dynamics.summary import Statistics, statistics
 from femupdate.errors import MeasurementError
+from femupdate.tables import table
 
 _POINTS = 12  # a period: between them the peak is missed by at most 1 - cos(pi / 12), 3.4 %
+_SPECTRUM_HZ, _SPECTRUM_POINTS = (0.2, 40.0), 120
 _MOST = 16  # finest subdivision of a step
+
+
+@dataclass(frozen=True)
+class FloorSpectra:
+    """Response spectra of the floors: peak absolute acceleration of oscillators that stand there.
+
+    Attributes:
+        frequency_hz: (k,) of the oscillators.
+        damping: their damping ratio.
+        acceleration: (f, k) statistics over the samples, m/s2.
+        base: (k,) of the ground motion itself, m/s2.
+    """
+
+    frequency_hz: Floats
+    damping: float
+    acceleration: Statistics
+    base: Floats
+
+    def as_dict(self, floors: Sequence[str]) -> dict[str, Any]:
+        """What `--json` holds."""
+        return {
+            "frequency_hz": self.frequency_hz,
+            "damping": self.damping,
+            "base_m_s2": self.base,
+            "floors_m_s2": self.acceleration.by_name(floors),
+        }
+
+    def table(self, floors: Sequence[str]) -> str:
+        """The peak of every floor's mean spectrum, and where it lies."""
+        mean = self.acceleration.mean
+        rows = [
+            (floor, f"{own.max():.3f}", f"{self.frequency_hz[own.argmax()]:.3g}")
+            for floor, own in zip(floors, mean, strict=True)
+        ]
+        return table((f"spectrum, {self.damping:.0%}", "peak m/s2", "at Hz"), rows)
+
+
+def floor_spectra(floors: Floats, base: Floats, time_step: float, damping: float) -> FloorSpectra:
+    """Return the response spectra of floors and base, up to .4 times the sampling rate.
+
+    Args:
+        floors: (S, f, n) absolute accelerations, m/s2, from rest.
+        base: (n,) of the ground, m/s2.
+        time_step: s.
+        damping: ratio of the oscillators.
+    """
+    top = min(_SPECTRUM_HZ[1], 0.4 / time_step)
+    frequency = np.geomspace(_SPECTRUM_HZ[0], top, _SPECTRUM_POINTS)
+    of_floors = statistics(response_spectrum(floors, time_step, frequency, damping))
+    of_base = response_spectrum(base, time_step, frequency, damping)
+    return FloorSpectra(frequency, damping, of_floors, of_base)
 
 
 def response_spectrum(

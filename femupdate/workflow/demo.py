@@ -19,7 +19,7 @@ from femupdate.workflow.pictures_modes import draw_model
 from femupdate.workflow.pictures_posterior import draw_cases, draw_posterior
 from femupdate.workflow.pictures_prediction import draw_prediction
 from femupdate.workflow.predict import PredictionReport, predict_study
-from femupdate.workflow.predict_settings import RecordSource
+from femupdate.workflow.prediction_inputs import RecordSource
 from femupdate.workflow.render import RenderReport, render_study
 
 _OBSERVATION = "six_story_white_noise.csv"

@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from femupdate.arrays import Floats
+from femupdate.dynamics.member_histories import MemberForces
 from femupdate.progress import Progress, Silent
 from femupdate.study import Study
-from femupdate.workflow.members import MemberForces
 from femupdate.workflow.predict import PredictionReport
 
 

@@ -10,29 +10,34 @@ import numpy as np
 import torch
 
 from femupdate.arrays import Floats
-from femupdate.dynamics.summary import HistorySummary, Statistics, statistics, summarise
-from femupdate.dynamics.superposition import BaseMotion
-from femupdate.inference.posterior import load_posterior
-from femupdate.measurement.record import GroundMotion, read_record
-from femupdate.progress import Progress, Silent
-from femupdate.study import Study, file_hash
-from femupdate.workflow.members import (
+from femupdate.dynamics.comparison import Comparison, compare
+from femupdate.dynamics.member_histories import (
     ChosenMembers,
     MemberForces,
     choose_members,
     member_forces,
     write_member_forces,
 )
+from femupdate.dynamics.spectra import FloorSpectra, floor_spectra
+from femupdate.dynamics.summary import HistorySummary, Statistics, statistics, summarise
+from femupdate.dynamics.superposition import BaseMotion
+from femupdate.inference.posterior import load_posterior
+from femupdate.measurement.record import GroundMotion, read_record
+from femupdate.progress import Progress, Silent
+from femupdate.study import Study, file_hash
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.predict_compare import Comparison, compare, measured_floors
 from femupdate.workflow.predict_draws import (
     at_reached_level,
     effects_of,
     prediction_draws,
     response_histories,
 )
-from femupdate.workflow.predict_output import FloorSpectra, floor_spectra, save_prediction
-from femupdate.workflow.predict_settings import PredictionSettings, RecordSource
+from femupdate.workflow.prediction_file import save_prediction
+from femupdate.workflow.prediction_inputs import (
+    PredictionSettings,
+    RecordSource,
+    measured_floors,
+)
 
 PREDICTION = "prediction"
 _EXAMPLES = 100
@@ -150,7 +155,11 @@ def predict_study(
     show.start("Integrating the response", len(theta))
     summary = summarise(response_histories(system, model, theta, zeta, motion, show), _EXAMPLES)
     comparison = None if reference is None else compare(summary, reference)
-    spectra = floor_spectra(summary, motion, settings.spectrum_damping)
+    spectra = None
+    if settings.spectrum_damping is not None:
+        floors = summary.examples.floor_acceleration
+        step, ratio = motion.time_step, settings.spectrum_damping
+        spectra = floor_spectra(floors, motion.acceleration, step, ratio)
     few = np.linspace(0, len(theta) - 1, min(settings.member_draws, len(theta))).astype(int)
     members = _members(study, model, chosen, theta[few], zeta[few], motion, show)
     path = study.path("prediction.nc")

@@ -13,7 +13,7 @@ from femupdate.measurement.record import GroundMotion
 from femupdate.progress import Progress
 from femupdate.study import Study
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.predict_settings import PredictionSettings
+from femupdate.workflow.prediction_inputs import PredictionSettings
 
 if TYPE_CHECKING:
     from femupdate.dynamics.effect_response import EffectSystem

@@ -24,7 +24,7 @@ from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.pictures_posterior import draw_posterior
 from femupdate.workflow.predict import predict_study
-from femupdate.workflow.predict_settings import PredictionSettings, RecordSource
+from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource
 from femupdate.workflow.train import train_study
 
 BUILDING = """\

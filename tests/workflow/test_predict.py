@@ -18,7 +18,7 @@ from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.pictures_prediction import draw_prediction
 from femupdate.workflow.predict import predict_study
-from femupdate.workflow.predict_settings import PredictionSettings, RecordSource
+from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource
 
 MASSES, SPRINGS = np.array([3000.0, 2000.0]), np.array([4e6, 2.5e6])
 SHIPPED = Path(__file__).parents[2] / "examples" / "records" / "ridgecrest_2019_clc_90.csv"

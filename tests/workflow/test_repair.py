@@ -23,7 +23,7 @@ from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.pictures_discrepancy import draw_repair
 from femupdate.workflow.predict import predict_study
-from femupdate.workflow.predict_settings import PredictionSettings, RecordSource
+from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource
 from femupdate.workflow.render import render_study
 from femupdate.workflow.repair import repair_study
 from femupdate.workflow.surrogates import require_surrogate

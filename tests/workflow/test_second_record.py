@@ -15,7 +15,7 @@ from femupdate.workflow.diagnose import diagnose_study
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.predict import predict_study
-from femupdate.workflow.predict_settings import PredictionSettings, RecordSource
+from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource
 from femupdate.workflow.repair import repair_study
 from femupdate.workflow.second_record import level_between
 from femupdate.workflow.simulate import parse_effect

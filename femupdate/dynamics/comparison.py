@@ -1,21 +1,12 @@
 """A prediction against floors that were measured in the same motion."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.dynamics.summary import HistorySummary
-from femupdate.errors import MeasurementError
-from femupdate.measurement.observation_file import Histories as MeasuredHistories
-from femupdate.measurement.observation_file import read_observation_file
-from femupdate.measurement.record import GroundMotion
 from femupdate.tables import table
-from femupdate.workflow.model import StudyModel
-from femupdate.workflow.observed import observed_direction
-from femupdate.workflow.predict_settings import RecordSource
 
 
 @dataclass(frozen=True)
@@ -59,46 +50,6 @@ class Comparison:
         return table(
             ("against measured", "error rms", "correlation", "peak ratio", "within 2 sd"), rows
         )
-
-
-def measured_floors(
-    model: StudyModel,
-    path: Path,
-    columns: Mapping[str, str] | None,
-    record: RecordSource,
-    motion: GroundMotion,
-) -> Floats:
-    """Measured floor accelerations (f, n), sensors averaged, NaN for floors without any.
-
-    Raises:
-        MeasurementError: the file cannot be used, or is not of the record's motion.
-    """
-    data = read_observation_file(path, record.unit, columns)
-    if not isinstance(data, MeasuredHistories):
-        raise MeasurementError(f"{path}: a comparison needs histories (a column time_s)")
-    count = motion.acceleration.size
-    same = abs(data.time_step - motion.time_step) < 1e-6 * motion.time_step
-    if not same or data.acceleration.shape[1] != count:
-        raise MeasurementError(
-            f"{path}: {data.acceleration.shape[1]} samples every {data.time_step:g} s do not match "
-            f"the record's {count} every {motion.time_step:g} s; take both from one recording"
-        )
-    direction = observed_direction(model)
-    rows = np.full((len(model.reduced.floors), count), np.nan)
-    for place, floor in enumerate(model.reduced.floors):
-        own = [
-            row
-            for row, channel in enumerate(data.channels)
-            if channel.floor == floor and channel.direction == direction
-        ]
-        if own:
-            rows[place] = data.acceleration[own].mean(axis=0) * record.scale
-    if np.isnan(rows).all():
-        raise MeasurementError(
-            f"{path}: none of its floors ({', '.join(data.floors)}) belongs to the building "
-            f"({', '.join(model.reduced.floors)})"
-        )
-    return rows
 
 
 def compare(summary: HistorySummary, measured: Floats) -> Comparison:

@@ -9,9 +9,9 @@ from femupdate.building.document import from_document, to_document
 from femupdate.building.files import load_building
 from femupdate.building.mesh import mesh_building
 from femupdate.building.mesh_export import export_mesh
+from femupdate.dynamics.member_histories import choose_members, member_forces, write_member_forces
 from femupdate.dynamics.superposition import BaseMotion
 from femupdate.errors import BuildingError
-from femupdate.workflow.members import choose_members, member_forces, write_member_forces
 
 MASS, HEIGHT = 40e3, 3.0
 WALL = {"height": 12.0, "length": 4.0, "thickness": 0.25, "density": 2500.0}

@@ -1,0 +1,48 @@
+"""The netCDF file of a prediction."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from femupdate.dynamics.spectra import FloorSpectra
+from femupdate.dynamics.summary import HistorySummary
+from femupdate.measurement.record import GroundMotion
+from femupdate.netcdf import write_tree
+
+
+def save_prediction(
+    summary: HistorySummary,
+    motion: GroundMotion,
+    path: Path,
+    damping: str,
+    spectra: FloorSpectra | None = None,
+) -> None:
+    """Write netCDF groups `predictions` (bands, per-sample peaks) and `constant_data`."""
+    import xarray as xr
+
+    stories = np.arange(1, summary.peak_shear.shape[1] + 1)
+    coordinates = {"floor": list(summary.floors), "time_s": summary.time, "story": stories}
+    predictions = xr.Dataset(
+        {
+            "acceleration_mean": (("floor", "time_s"), summary.acceleration_mean),
+            "acceleration_sd": (("floor", "time_s"), summary.acceleration_sd),
+            "peak_acceleration": (("sample", "floor"), summary.peak_acceleration),
+            "peak_shear": (("sample", "story"), summary.peak_shear),
+            "peak_drift": (("sample", "story"), summary.peak_drift),
+            "story_stiffness": (("sample", "story"), summary.story_stiffness),
+        },
+        coords=coordinates,
+        attrs={"units": json.dumps({"acceleration": "m/s2", "shear": "N", "drift": "m"})},
+    )
+    if spectra is not None:
+        predictions = predictions.assign_coords(oscillator_hz=spectra.frequency_hz).assign(
+            floor_spectrum_mean=(("floor", "oscillator_hz"), spectra.acceleration.mean),
+            floor_spectrum_sd=(("floor", "oscillator_hz"), spectra.acceleration.sd),
+        )
+    constant = xr.Dataset(
+        {"base_acceleration": ("time_s", motion.acceleration)}, {"time_s": summary.time}
+    )
+    tree = xr.DataTree.from_dict({"/predictions": predictions, "/constant_data": constant})
+    tree.attrs = {"record": motion.name, "channel": motion.channel, "damping": damping}
+    write_tree(tree, path)

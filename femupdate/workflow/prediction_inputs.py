@@ -1,0 +1,96 @@
+"""What a prediction is made from: the ground motion, floors measured in it, and settings."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from femupdate.arrays import Floats
+from femupdate.dynamics.member_histories import Place
+from femupdate.errors import MeasurementError
+from femupdate.measurement.observation_file import Histories, read_observation_file
+from femupdate.measurement.record import GroundMotion
+from femupdate.workflow.model import StudyModel
+from femupdate.workflow.observed import observed_direction
+
+
+@dataclass(frozen=True)
+class RecordSource:
+    """Which ground motion, and what of it.
+
+    Attributes:
+        path: the file.
+        unit: where the file does not say.
+        channel: name or number, where the file has several.
+        scale: factor on the acceleration.
+    """
+
+    path: Path
+    unit: str | None = None
+    channel: str | int | None = None
+    scale: float = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class PredictionSettings:
+    """How to predict.
+
+    Attributes:
+        samples: posterior draws used.
+        damping: one ratio for all of them; None takes each draw's own where the posterior has it,
+            else the building's.
+        seed: which draws.
+        spectrum_damping: damping ratio of the oscillators on the floors whose response spectra are
+            asked for; None for no spectra.
+        members: places in the building, m: the end forces of the beam elements nearest to them are
+            found; and names of walls, such as "X2:S1": the forces through their feet are.
+        member_draws: draws at which the full model is solved for these.
+    """
+
+    samples: int = 300
+    damping: float | None = None
+    seed: int = 0
+    spectrum_damping: float | None = None
+    members: tuple[Place | str, ...] = ()
+    member_draws: int = 24
+
+
+def measured_floors(
+    model: StudyModel,
+    path: Path,
+    columns: Mapping[str, str] | None,
+    record: RecordSource,
+    motion: GroundMotion,
+) -> Floats:
+    """Measured floor accelerations (f, n), sensors averaged, NaN for floors without any.
+
+    Raises:
+        MeasurementError: the file cannot be used, or is not of the record's motion.
+    """
+    data = read_observation_file(path, record.unit, columns)
+    if not isinstance(data, Histories):
+        raise MeasurementError(f"{path}: a comparison needs histories (a column time_s)")
+    count = motion.acceleration.size
+    same = abs(data.time_step - motion.time_step) < 1e-6 * motion.time_step
+    if not same or data.acceleration.shape[1] != count:
+        raise MeasurementError(
+            f"{path}: {data.acceleration.shape[1]} samples every {data.time_step:g} s do not match "
+            f"the record's {count} every {motion.time_step:g} s; take both from one recording"
+        )
+    direction = observed_direction(model)
+    rows = np.full((len(model.reduced.floors), count), np.nan)
+    for place, floor in enumerate(model.reduced.floors):
+        own = [
+            row
+            for row, channel in enumerate(data.channels)
+            if channel.floor == floor and channel.direction == direction
+        ]
+        if own:
+            rows[place] = data.acceleration[own].mean(axis=0) * record.scale
+    if np.isnan(rows).all():
+        raise MeasurementError(
+            f"{path}: none of its floors ({', '.join(data.floors)}) belongs to the building "
+            f"({', '.join(model.reduced.floors)})"
+        )
+    return rows
