@@ -26,7 +26,6 @@ _GLANCE, _AHEAD, _OTHERS, _MORE = 2, 12, 4, 1.5
 _FAR_BEHIND, _BEHIND = 2.0, 200.0
 # Findings less than a twentieth of the log evidence (or six) behind the first are close to it.
 _CLOSE, _CLOSE_BY, _CLOSEST = 0.05, 6.0, 4
-_PLACES = {"all": " throughout", "floors": " on all floors", "base": " at the base"}
 _COMPARED, _SHOWN = 3, 3  # twins of the first finding; further measurements that are named
 
 
@@ -93,15 +92,12 @@ class Finding:
     @property
     def in_words(self) -> str:
         """Effect, place and size, such as "Base sway at the base: ... 9.8 % +- 0.3 %"."""
-        effect, place = self.placed.effect, self.placed.place
-        where = _PLACES.get(place, f" ({place})" if place.islower() else f" at {place}")
-        text = effect.title + where.replace(",", " and ")
-        if not effect.parameters:
-            return text
-        first = effect.parameters[0]
+        if not self.placed.effect.parameters:
+            return self.placed.in_words
+        first = self.placed.effect.parameters[0]
         scale, unit = (100.0, "%") if first.unit == "1" else (1.0, first.unit)
         size = f"{scale * self.size:.3g} {unit} +- {scale * self.size_sd:.2g} {unit}"
-        return f"{text}: {first.text} {size}"
+        return f"{self.placed.in_words}: {first.text} {size}"
 
 
 @dataclass(frozen=True, eq=False)

@@ -176,6 +176,13 @@ class Placed:
         return f"{self.effect.name}@{self.place}"
 
     @property
+    def in_words(self) -> str:
+        """Such as "Added mass at 3F"."""
+        known = {"all": "throughout", "floors": "on all floors", "base": "at the base"}
+        other = f"({self.place})" if self.place.islower() else f"at {self.place}"
+        return f"{self.effect.title} {known.get(self.place, other)}".replace(",", " and ")
+
+    @property
     def exchange(self) -> bool:
         """Whether it is there or not: channels exchanged or reversed."""
         return not self.effect.parameters

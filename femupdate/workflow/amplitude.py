@@ -186,14 +186,13 @@ def _note(level: Floats, stiffness: Floats, damping: Floats, span: list[float] |
     mean, share = float(level.mean()), stiffness.mean(axis=0)
     most = float(share[np.abs(np.log(share)).argmax()])
     text = (
-        f"The motion has {2.0**mean:.2g} times the level of the record that the stiffness factors "
-        f"were found from: stiffness is taken {most:.3g} times, damping {damping.mean():.3g} times "
-        "as large."
+        f"The motion is {2.0**mean:.2g} times as strong as the record behind the stiffness "
+        f"factors: stiffness is multiplied by {most:.3g}, damping by {damping.mean():.3g}."
     )
     if span and span[1] > span[0] and not span[0] - _BEYOND < mean < span[1] + _BEYOND:
         text += (
             f" That is beyond the records ({2.0 ** span[0]:.2g} to {2.0 ** span[1]:.2g} times) "
-            "that show how it changes."
+            "that show this change."
         )
     return text
 

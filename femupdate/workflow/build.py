@@ -174,9 +174,10 @@ def _refuse_other(study: Study, building: Building) -> None:
         return
     own = load_building(kept)
     if mechanics_hash(own) != mechanics_hash(building):
+        which = "another version of " if own.name == building.name else "the building "
         raise StudyError(
-            f"the study {study.folder} holds a posterior of the building {own.name}, which "
-            f"{building.name} would overwrite; choose another folder with --study"
+            f"the study {study.folder} already holds a posterior of {which}{own.name}; choose "
+            f"another folder for {building.name} with --study"
         )
 
 

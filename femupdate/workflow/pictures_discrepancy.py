@@ -62,8 +62,9 @@ def draw_repair(study: Study, report: RepairReport) -> tuple[Path, ...]:
     if done.rounds:
         maps.append(("after", _cells_as_grid(residual_cells(problem, done.after))[2]))
     placed = [one.finding.placed for one in done.rounds]
-    title = " and ".join(f"{p.effect.title.lower()} at {p.place}" for p in placed)
-    headline = f"Added: {title}" if placed else "Nothing was added"
+    headline = "Nothing was added"
+    if placed:
+        headline = f"Added: {'; '.join(one.in_words for one in placed)}"
     residuals = residual_map(floors, edges, maps, title=headline)
     story = gap_story(
         GapStory(

@@ -119,10 +119,8 @@ class RepairReport:
     def _round(self, number: int) -> str:
         """What one round added."""
         one = self.repair.rounds[number]
-        found = one.finding
         return (
-            f"{number + 1}. {found.placed.effect.title} at {found.placed.place}, size "
-            f"{found.size:.4g} +- {found.size_sd:.2g}: residuals {one.chi2_before:.0f} -> "
+            f"{number + 1}. {one.finding.in_words}\n  residuals {one.chi2_before:.0f} -> "
             f"{one.chi2_after:.0f} over {self.problem.effective:.0f} independent points"
         )
 

@@ -192,7 +192,7 @@ def test_another_building_than_the_study_has(femupdate, bench, calibrated, snaps
         assert "holds the building tower, not tower as asked" in done.complaint
         assert "--study" in done.complaint
     done = femupdate("build-model", other, "--study", calibrated)
-    assert "holds a posterior of the building tower" in done.complaint
+    assert "already holds a posterior of another version of tower" in done.complaint
     assert snapshot(calibrated) == before
 
 

@@ -137,7 +137,7 @@ def test_the_note_says_how_far_the_motion_is_from_the_records(house, motion):
         house.system, (THETA, ZETA, SIZES), scaled(motion, 10.0), house.settings
     )
     assert strongest.level.mean() > 1.5
-    times = f"{2.0 ** strongest.level.mean():.2g} times the level"
+    times = f"{2.0 ** strongest.level.mean():.2g} times as strong"
     assert times in note(10.0)
     assert "beyond the records (1 to 2 times)" in note(10.0)
     inside = WEAK / strong(roof(1.0, 0.04, motion.acceleration))
