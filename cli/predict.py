@@ -82,7 +82,7 @@ def command(
 ) -> Answer:
     """Predict floor accelerations and story shears for a ground motion.
 
-    Reads JMA CSV, K-NET, PEER AT2, CSMIP V1 and V2, and plain two-column files.
+    Reads JMA, K-NET, PEER, CSMIP and further formats; `femupdate list` has all of them.
     """
     from femupdate.workflow.checks import open_calibrated
     from femupdate.workflow.pictures_prediction import draw_prediction
