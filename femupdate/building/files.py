@@ -29,7 +29,9 @@ def _parse(text: str, where: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise BuildingError(f"{where}: this is not valid TOML: {error}; mend that line") from None
+        raise BuildingError(
+            f"{where}: this is not valid TOML: {error}; correct that line"
+        ) from None
 
 
 def _check_mesh(building: Building, where: str) -> None:

@@ -104,7 +104,7 @@ def _refuse_degenerate(nodes: Floats, kind: str, corners: Integers) -> None:
         place = _at(points[first].mean(axis=0))
         others = f" (and {int(bad.sum()) - 1} more)" if bad.sum() > 1 else ""
         raise Complaint(
-            _KEY, f"{_name(kind, first, corners)} at {place} {what}{others}; mend the mesh there"
+            _KEY, f"{_name(kind, first, corners)} at {place} {what}{others}; correct the mesh there"
         )
 
 

@@ -234,8 +234,8 @@ def _stick(building: ShearBuilding) -> Structure:
 def _frame(building: FrameBuilding | MeshBuilding, mesh_size: float | None) -> Structure:
     if building.by_kind:
         raise BuildingError(
-            f"{building.name}: parameters: what is missing in a model is looked for with one "
-            "factor a story; remove [parameters] from a copy of the file and use that"
+            f"{building.name}: parameters: effects need one stiffness factor for each story; "
+            "remove [parameters] from a copy of the file and use that"
         )
     mesh = mesh_building(building, mesh_size)
     operators = assemble(mesh.model)

@@ -132,7 +132,7 @@ def _asked_segments(samples: int, time_step: float, asked_s: float, source: str)
             return cut
     # Three half-overlapping segments fill two lengths.
     raise MeasurementError(
-        f"{source}: segments of {asked_s:g} s are no use for a record of"
+        f"{source}: segments of {asked_s:g} s do not suit a record of"
         f" {samples * time_step:.4g} s; take {MINIMUM_SEGMENT * time_step:.3g} to"
         f" {samples // 2 * time_step:.4g} s"
     )

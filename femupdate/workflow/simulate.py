@@ -175,7 +175,7 @@ def _check_settings(settings: SimulationSettings) -> None:
         raise MeasurementError(f"sensor_noise_m_s2 is {noise}; it must be zero or more")
     low, high = settings.band_hz
     if settings.base_motion is None and not 0.0 < low < high:
-        raise MeasurementError(f"the band {low:g} to {high:g} Hz is none; give two that rise")
+        raise MeasurementError(f"the band {low:g} to {high:g} Hz is empty; give the lower first")
     top = _LARGEST_BAND * 0.5 * settings.sampling_hz
     if settings.base_motion is None and high > top:
         raise MeasurementError(

@@ -38,7 +38,7 @@ def require_surrogate(
         options += f" --building {shlex.quote(asked)}" if asked else ""
         raise SurrogateError(
             f"no trained surrogate fits the building {building.name}; run `femupdate train "
-            f"{options}` (once a building), or calibrate with --exact"
+            f"{options}` (once for each building), or calibrate with --exact"
         )
     return found[0]
 

@@ -70,7 +70,7 @@ def test_cut_at_sample_times_is_a_slice(first, length, step):
 
 @pytest.mark.parametrize("ends", [(0.3, 0.1), (-0.1, 0.2), (0.5, 1.5), (0.2, 0.2), (0.201, 0.204)])
 def test_cut_outside_the_record(ends):
-    with pytest.raises(MeasurementError, match=r"is no part of a record of 0\.99 s"):
+    with pytest.raises(MeasurementError, match=r"does not lie within a record of 0\.99 s"):
         GroundMotion(np.arange(100.0), 0.01).cut(*ends)
 
 
