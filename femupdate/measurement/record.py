@@ -145,8 +145,8 @@ class GroundMotion:
         last = int(np.floor(end / self.time_step + slack))
         if not 0 <= first < last < self.acceleration.size:
             raise MeasurementError(
-                f"ground motion {self.name}: {start:g} s to {end:g} s does not lie within a record of"
-                f" {self.duration:g} s; give a start below the end, both within the record"
+                f"ground motion {self.name}: {start:g} s to {end:g} s does not lie within a"
+                f" record of {self.duration:g} s; give a start below the end, both inside it"
             )
         return slice(first, last + 1)
 
