@@ -1,0 +1,226 @@
+"""What looks wrong in one recorded history, before it is used for anything."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from femupdate.arrays import Flags, Floats
+from femupdate.measurement.channel import RecordedChannel
+from femupdate.measurement.columns import BASE
+from femupdate.measurement.record import LARGEST_PEAK, SMALLEST_PEAK
+from femupdate.units import STANDARD_GRAVITY
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """From where on something is worth a sentence.
+
+    Attributes:
+        slowest_hz, fastest_hz: sampling rates of measurements on buildings.
+        offset: mean over the largest swing about it.
+        clipped: equal samples in a row at the largest or smallest value. Smooth signals have two.
+        steps: a peak of fewer quantisation steps cannot be told to be clipped, a spike or stuck.
+        spike: a sample's distance from the median of five, over the rms of its neighbourhood; of
+            Gaussian noise it is exceeded once in 1e8 samples.
+        spike_share: likewise over the peak of the channel.
+        neighbours: samples to either side that make the neighbourhood.
+        stuck_s: time without any change between parts that move.
+        peak: difference of the peak from the one stated, over it. Headers round to three digits.
+        segments: of Welch's method, half overlapping, to compare a floor with the base.
+        least_samples: of a record that is long enough for that.
+        coherence: of frequencies at which they are compared.
+        least_bins: number of such frequencies.
+    """
+
+    slowest_hz: float = 5.0
+    fastest_hz: float = 100_000.0
+    offset: float = 0.05
+    clipped: int = 4
+    steps: float = 50.0
+    spike: float = 10.0
+    spike_share: float = 0.1
+    neighbours: int = 10
+    stuck_s: float = 1.0
+    peak: float = 0.01
+    segments: int = 12
+    least_samples: int = 1024
+    coherence: float = 0.8
+    least_bins: int = 3
+
+
+LIMITS = Limits()
+
+
+def channel_findings(
+    channel: RecordedChannel, si: float | None, limits: Limits = LIMITS
+) -> tuple[str, ...]:
+    """Return sentences on what looks wrong in a channel.
+
+    Args:
+        channel: as the file gives it.
+        si: SI factor of its unit, or None where the unit is not known.
+        limits: from where on.
+    """
+    if np.ptp(channel.values) == 0.0:
+        return (f"it is dead: every value is {channel.values[0]:g}.",)
+    moving = channel.values - channel.values.mean()
+    return (
+        *_of_scale(channel, moving, si, limits),
+        *_of_sampling(channel, limits),
+        *_of_shape(channel, moving, limits),
+    )
+
+
+def _of_scale(
+    channel: RecordedChannel, moving: Floats, si: float | None, limits: Limits
+) -> Iterator[str]:
+    swing, peak = float(np.abs(moving).max()), float(np.abs(channel.values).max())
+    if channel.quantity == "acceleration" and si is None:
+        given = f"its unit {channel.unit!r} is not one of acceleration"
+        yield f"{given if channel.unit else 'the file does not say its unit'}; give it with --unit."
+    if channel.quantity == "acceleration" and si is not None:
+        if peak * si > LARGEST_PEAK:
+            yield (
+                f"it peaks at {peak * si / STANDARD_GRAVITY:.3g} g, more than any earthquake (5 g):"
+                " is the unit wrong?"
+            )
+        elif swing * si < SMALLEST_PEAK:
+            yield (
+                f"it peaks at {swing * si:.2g} m/s2, below what an accelerometer resolves: is the"
+                " unit wrong, or the channel dead?"
+            )
+    stated = channel.stated_peak
+    # Some headers state the peak about the mean.
+    if stated and min(abs(peak - stated), abs(swing - stated)) > limits.peak * stated + 5e-4:
+        yield f"it peaks at {peak:.4g} {channel.unit}, but its header says {stated:.4g}."
+    offset = abs(float(channel.values.mean()))
+    if offset > limits.offset * swing:
+        yield f"its mean is {offset:.3g} {channel.unit or ''}".rstrip() + ", an offset to remove."
+
+
+def _of_sampling(channel: RecordedChannel, limits: Limits) -> Iterator[str]:
+    rate = 1.0 / channel.time_step
+    if not limits.slowest_hz <= rate <= limits.fastest_hz:
+        yield (
+            f"its sampling rate is {rate:.3g} Hz; buildings are measured at"
+            f" {limits.slowest_hz:g} to {limits.fastest_hz:g} Hz: is the time's unit wrong?"
+        )
+
+
+def _of_shape(channel: RecordedChannel, moving: Floats, limits: Limits) -> Iterator[str]:
+    values = channel.values
+    peak, step = float(np.abs(moving).max()), _quantum(values)
+    if peak < limits.steps * step:
+        yield (
+            f"it moves by {2.0 * peak / step:.0f} steps of its digits only: too weak to show more."
+        )
+        return
+    ends = [_longest_run(values == extreme) for extreme in (values.max(), values.min())]
+    if max(ends) >= limits.clipped:
+        yield f"it is clipped: {max(ends)} samples in a row stand at its largest value."
+    spikes = np.flatnonzero(_spikes(moving, peak, limits))
+    if spikes.size:
+        at = ", ".join(f"{k * channel.time_step:.4g} s" for k in spikes[:3])
+        more = " ..." if spikes.size > 3 else ""
+        plural = "s" if spikes.size > 1 else ""
+        yield f"it has {spikes.size} spike{plural} of one sample: {at}{more}."
+    start, count = _stuck(values)
+    if count * channel.time_step >= limits.stuck_s:
+        first, last = start * channel.time_step, (start + count) * channel.time_step
+        yield f"it stands still from {first:.4g} to {last:.4g} s: a gap that was filled?"
+
+
+def _quantum(values: Floats) -> float:
+    """Smallest difference between two values: the step of their digits."""
+    steps = np.diff(np.unique(values))
+    return float(steps.min()) if steps.size else 0.0
+
+
+def _longest_run(flags: Flags) -> int:
+    """Length of the longest run of true ones."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    return int((edges[1::2] - edges[::2]).max(initial=0))
+
+
+def _spikes(moving: Floats, peak: float, limits: Limits) -> Flags:
+    """Samples (n,) that stand alone far from their neighbours."""
+    from scipy.ndimage import median_filter, uniform_filter1d
+
+    away = np.abs(moving - median_filter(moving, 5, mode="nearest"))
+    width = 2 * limits.neighbours + 1
+    # The mean square around a sample, without itself and the one to either side.
+    wide, close = (uniform_filter1d(moving**2, n, mode="nearest") * n for n in (width, 3))
+    around = np.sqrt(np.maximum(wide - close, 0.0) / (width - 3))
+    return np.asarray((away > limits.spike * around) & (away > limits.spike_share * peak))
+
+
+def _stuck(values: Floats) -> tuple[int, int]:
+    """First sample and length of the longest stretch without change, between parts that move."""
+    still = np.concatenate([[False], np.diff(values) == 0.0, [False]])
+    edges = np.flatnonzero(np.diff(still.astype(np.int8)))
+    starts, ends = edges[::2], edges[1::2]
+    inside = (starts > 0) & (ends < values.size - 1)
+    if not inside.any():
+        return 0, 0
+    lengths = np.where(inside, ends - starts, 0)
+    longest = int(np.argmax(lengths))
+    return int(starts[longest]), int(lengths[longest])
+
+
+def pair_findings(
+    channels: Sequence[RecordedChannel], floors: Sequence[str | None], limits: Limits = LIMITS
+) -> tuple[str, ...]:
+    """Return sentences on channels that are vertical, repeat another, or run against the base.
+
+    Args:
+        channels: of one file.
+        floors: of each, or None.
+        limits: from where on.
+    """
+    found: list[str] = []
+    vertical = [str(k) for k, channel in enumerate(channels, start=1) if channel.vertical]
+    if vertical:
+        are = "s " + ", ".join(vertical) + " are" if len(vertical) > 1 else f" {vertical[0]} is"
+        found.append(f"channel{are} vertical: no response to the base's horizontal motion.")
+    for later, channel in enumerate(channels):
+        for earlier in range(later):
+            if _repeats(channels[earlier], channel):
+                found.append(f"channels {earlier + 1} and {later + 1} hold the same numbers.")
+    bases = [k for k, floor in enumerate(floors) if floor == BASE]
+    for k, floor in enumerate(floors):
+        base = next((b for b in bases if _beside(channels[b], channels[k])), None)
+        if floor in (None, BASE) or base is None or channels[k].vertical:
+            continue
+        if _runs_against(channels[base], channels[k], limits):
+            found.append(
+                f"channel {k + 1} ({channels[k].name}) moves against the base where both should"
+                " move together, at low frequency: is its direction reversed?"
+            )
+    return tuple(found)
+
+
+def _repeats(one: RecordedChannel, other: RecordedChannel) -> bool:
+    return np.array_equal(one.values, other.values) and bool(np.ptp(one.values))
+
+
+def _beside(base: RecordedChannel, channel: RecordedChannel) -> bool:
+    """Whether two channels share their direction and times."""
+    alike = base.direction.upper() == channel.direction.upper()
+    times = (base.values.size, base.time_step) == (channel.values.size, channel.time_step)
+    return alike and times and not (base.vertical or channel.vertical)
+
+
+def _runs_against(base: RecordedChannel, channel: RecordedChannel, limits: Limits) -> bool:
+    """Whether H is negative where it is smooth: below half the frequency of its largest peak."""
+    from scipy.signal import coherence, csd
+
+    if base.values.size < limits.least_samples:
+        return False
+    segment = base.values.size // limits.segments
+    options = {"fs": 1.0 / base.time_step, "nperseg": segment}
+    frequency, seen = coherence(base.values, channel.values, **options)
+    cross = csd(base.values, channel.values, **options)[1]
+    peak = frequency[1 + int(np.argmax(np.abs(cross[1:])))]
+    low = (frequency > 0.0) & (frequency < 0.5 * peak) & (seen > limits.coherence)
+    return bool(low.sum() >= limits.least_bins and np.mean(cross[low].real < 0.0) > 0.9)

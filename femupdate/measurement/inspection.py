@@ -1,0 +1,272 @@
+"""What is in a measured file, what looks wrong in it, and what to do with it next."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from femupdate.measurement.channel import RecordedChannel
+from femupdate.measurement.channel_checks import channel_findings, pair_findings
+from femupdate.measurement.columns import FREQUENCY
+from femupdate.measurement.direction import azimuth_of
+from femupdate.measurement.frf_table import FrfTable
+from femupdate.measurement.next_step import NextStep, next_step, proposed_floors
+from femupdate.measurement.observation_file import read_observation_file
+from femupdate.measurement.quantity import is_acceleration, si_factor
+from femupdate.measurement.recording import RecordedFunction, Recording
+from femupdate.measurement.registry import read_measured, readers
+
+_FRFS = "Write them as a table (frequency_hz, 2F, ..., RF) of floor over base acceleration."
+_MODES = "Identified modes are not calibrated to yet; give the histories they come from."
+
+_POINTS = "It holds measuring points only; the histories or modes are in another file."
+
+
+@dataclass(frozen=True, eq=False)
+class InspectedChannel:
+    """One history of a file and what is told from it.
+
+    Attributes:
+        number: from 1, by which commands take it.
+        channel: as the file gives it.
+        peak_m_s2: largest absolute acceleration, or None where the unit is not known.
+        floor: that its name or location tells, or None.
+        findings: sentences on what looks wrong.
+    """
+
+    number: int
+    channel: RecordedChannel
+    peak_m_s2: float | None
+    floor: str | None
+    findings: tuple[str, ...]
+
+    @property
+    def peak(self) -> float:
+        """Largest absolute value, in the file's unit."""
+        return float(np.abs(self.channel.values).max())
+
+    @property
+    def duration_s(self) -> float:
+        """Time from the first sample to the last."""
+        return (self.channel.values.size - 1) * self.channel.time_step
+
+    @property
+    def place(self) -> str:
+        """Where the sensor sits; the channel's name where the file does not say."""
+        return self.channel.location or self.channel.name
+
+    @property
+    def direction_text(self) -> str:
+        """Direction in the file's words, with its azimuth where they do not tell it."""
+        words, azimuth = self.channel.direction, self.channel.azimuth_deg
+        if azimuth is None or azimuth_of(words) is not None:
+            return words
+        return f"{words} {azimuth:.0f}°".strip()
+
+    @property
+    def peak_text(self) -> str:
+        """Largest absolute value with its unit."""
+        if self.peak_m_s2 is not None:
+            return f"{self.peak_m_s2:.4g} m/s2"
+        return f"{self.peak:.4g} {self.channel.unit or '(no unit)'}"
+
+    def as_dict(self) -> dict[str, object]:
+        """Return it for JSON."""
+        one = self.channel
+        return {
+            "number": self.number,
+            "name": one.name,
+            "location": one.location,
+            "direction": one.direction,
+            "azimuth_deg": one.azimuth_deg,
+            "vertical": one.vertical,
+            "quantity": one.quantity,
+            "unit": one.unit,
+            "rate_hz": 1.0 / one.time_step,
+            "samples": one.values.size,
+            "duration_s": self.duration_s,
+            "peak": self.peak,
+            "peak_m_s2": self.peak_m_s2,
+            "floor": self.floor,
+            "findings": self.findings,
+        }
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Inspection:
+    """What is in a file.
+
+    Attributes:
+        path: of the file.
+        reads: what the reader of its format reads.
+        recording: its content; modes, points and notes are there.
+        channels: its histories.
+        functions: its functions of frequency, those of a table included.
+        findings: sentences on what looks wrong between channels.
+        step: what to do next.
+    """
+
+    path: Path
+    reads: str
+    recording: Recording
+    channels: tuple[InspectedChannel, ...]
+    functions: tuple[RecordedFunction, ...]
+    findings: tuple[str, ...]
+    step: NextStep = field(default_factory=lambda: NextStep(""))
+
+    @property
+    def summary(self) -> str:
+        """How many of what, and the format."""
+        counts = {
+            "channel": len(self.channels),
+            "function of frequency": len(self.functions),
+            "mode": len(self.recording.modes),
+            "measuring point": len(self.recording.points),
+        }
+        said = [_counted(number, what) for what, number in counts.items() if number]
+        return f"{', '.join(said) or 'nothing that is used'} ({self.reads})"
+
+    @property
+    def all_findings(self) -> tuple[str, ...]:
+        """Sentences on what looks wrong in single channels, then between them."""
+        single = [
+            f"channel {each.number} ({each.channel.name}): {finding}"
+            for each in self.channels
+            for finding in each.findings
+        ]
+        return (*single, *self.findings)
+
+    def as_dict(self) -> dict[str, object]:
+        """Return it for JSON."""
+        return {
+            "path": self.path,
+            "format": self.recording.format,
+            "channels": [each.as_dict() for each in self.channels],
+            "functions": [
+                {
+                    "kind": one.kind,
+                    "name": one.name,
+                    "unit": one.unit,
+                    "response": one.response,
+                    "reference": one.reference,
+                    "points": one.frequency_hz.size,
+                    "band_hz": (float(one.frequency_hz[0]), float(one.frequency_hz[-1])),
+                }
+                for one in self.functions
+            ],
+            "modes": [
+                {"frequency_hz": one.frequency_hz, "damping": one.damping, "points": one.points}
+                for one in self.recording.modes
+            ],
+            "points": len(self.recording.points),
+            "notes": self.recording.notes,
+            "findings": self.all_findings,
+            "next": self.step.command,
+            "advice": self.step.advice,
+        }
+
+
+def function_text(one: RecordedFunction) -> str:
+    """Return what a function of frequency is, where it was measured, and its band."""
+    low, high = float(one.frequency_hz.min()), float(one.frequency_hz.max())
+    between = f", {one.response} over {one.reference}" if one.response and one.reference else ""
+    return (
+        f"{one.kind} {one.name}{between}: {one.frequency_hz.size} points from {low:.4g} to"
+        f" {high:.4g} Hz, {one.unit or 'no unit'}"
+    )
+
+
+def _counted(number: int, what: str) -> str:
+    if number == 1:
+        return f"1 {what}"
+    return f"{number} " + what.replace("function", "functions") + ("" if " of " in what else "s")
+
+
+def inspect_file(path: str | Path, unit: str | None = None) -> Inspection:
+    """Return what is in a measured file, in any format that is known.
+
+    Args:
+        path: the file.
+        unit: of the accelerations, where the file does not say it.
+
+    Raises:
+        MeasurementError: it cannot be read.
+    """
+    path = Path(path)
+    recording = read_measured(path)
+    functions = (*recording.functions, *_functions_of_table(recording, path, unit))
+    histories = () if functions and recording.table is not None else recording.histories()
+    floors = proposed_floors(histories)
+    channels = tuple(
+        _inspected(recording, number, channel, floor, unit)
+        for number, (channel, floor) in enumerate(zip(histories, floors, strict=True), start=1)
+    )
+    return Inspection(
+        path=path,
+        reads=readers()[recording.format].reads,
+        recording=recording,
+        channels=channels,
+        functions=functions,
+        findings=pair_findings(histories, floors),
+        step=_step(path, recording, histories, functions, unit),
+    )
+
+
+def _functions_of_table(
+    recording: Recording, path: Path, unit: str | None
+) -> tuple[RecordedFunction, ...]:
+    """Response functions of a table of ours; none of any other file."""
+    names = recording.table.names if recording.table is not None else None
+    if FREQUENCY not in [name.lower() for name in names or ()]:
+        return ()
+    table = read_observation_file(path, unit)
+    if not isinstance(table, FrfTable):
+        return ()
+    curves = table.magnitude if table.complex_frf is None else table.complex_frf
+    return tuple(
+        RecordedFunction(
+            kind="frequency response",
+            name=floor,
+            frequency_hz=table.frequency_hz,
+            values=curve,
+            unit=None,
+            response=floor,
+            reference="base",
+        )
+        for floor, curve in zip(table.floors, curves, strict=True)
+    )
+
+
+def _inspected(
+    recording: Recording,
+    number: int,
+    channel: RecordedChannel,
+    floor: str | None,
+    unit: str | None,
+) -> InspectedChannel:
+    stated = channel.unit or (unit if channel.quantity in ("acceleration", "unknown") else None)
+    known = stated is not None and is_acceleration(stated)
+    si = si_factor(recording.file, stated, "acceleration") if known and stated else None
+    peak = float(np.abs(channel.values).max())
+    findings = channel_findings(channel, si)
+    return InspectedChannel(number, channel, None if si is None else peak * si, floor, findings)
+
+
+def _step(
+    path: Path,
+    recording: Recording,
+    histories: Sequence[RecordedChannel],
+    functions: Sequence[RecordedFunction],
+    unit: str | None,
+) -> NextStep:
+    if histories:
+        names = None if recording.table is None else recording.table.names or ()
+        return next_step(path, histories, names, unit)
+    if functions and recording.table is not None:
+        return NextStep(f"femupdate calibrate {path}")
+    if any(one.kind == "frequency response" for one in functions):
+        return NextStep("", _FRFS)
+    if functions:
+        return NextStep("", "Spectra alone do not tell a response; give the histories.")
+    return NextStep("", _MODES if recording.modes else _POINTS)

@@ -1,0 +1,170 @@
+"""What is in a measured file: histories, spectra, response to the base and its coherence."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from femupdate.arrays import Floats
+from femupdate.report.figure import add_head, new_figure
+from femupdate.report.style import SERIES, styled
+
+MOST_LINES = 24
+SEGMENTS = 16  # of Welch's method, half overlapping
+POINTS = 4000  # of a history drawn, as the extremes of short stretches
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredLine:
+    """One history to draw.
+
+    Attributes:
+        label: what it is.
+        values: (n,) in any unit.
+        time_step: s.
+        base: whether the others respond to it, or None of those that respond to none.
+    """
+
+    label: str
+    values: Floats
+    time_step: float
+    base: bool | None = None
+
+
+@styled
+def measured_histories(lines: Sequence[MeasuredLine], title: str, unit: str) -> Figure:
+    """Draw histories one above the other, their spectra, and the response to the base.
+
+    Args:
+        lines: of the file; the first `MOST_LINES` are drawn.
+        title: over the figure.
+        unit: of the values.
+    """
+    drawn = lines[:MOST_LINES]
+    base = next((each for each in drawn if each.base), None)
+    floors = [k for k, each in enumerate(drawn) if each.base is False and _beside(base, each)]
+    compared = base is not None and bool(floors)
+    figure = new_figure(13.0, 2.6 + 0.3 * len(drawn) + (1.6 if compared else 0.0))
+    grid = figure.add_gridspec(2 if compared else 1, 5)
+    _draw_histories(figure.add_subplot(grid[:, :3]), drawn)
+    _draw_spectra(figure.add_subplot(grid[0, 3:]), drawn, unit)
+    if base is not None and compared:
+        response, share = figure.add_subplot(grid[1, 3]), figure.add_subplot(grid[1, 4])
+        _draw_response(response, share, base, {k: drawn[k] for k in floors})
+    left_out = len(lines) - len(drawn)
+    add_head(figure, title, note=f"{left_out} more channels are not drawn." if left_out else "")
+    return figure
+
+
+@styled
+def measured_functions(curves: Sequence[tuple[str, Floats, Any]], title: str, unit: str) -> Figure:
+    """Draw the size of functions of frequency.
+
+    Args:
+        curves: label, frequencies (m,) in Hz, values (m,).
+        title: over the figure.
+        unit: of the values.
+    """
+    figure = new_figure(9.0, 4.0)
+    axes = figure.add_subplot()
+    for k, (_, frequency, values) in enumerate(curves[:MOST_LINES]):
+        axes.semilogy(frequency, np.maximum(np.abs(values), 1e-300), color=_color(k))
+    axes.set(xlabel="frequency, Hz", ylabel=unit)
+    handles = [
+        Line2D([], [], color=_color(k), label=label)
+        for k, (label, *_) in enumerate(curves[:MOST_LINES])
+    ]
+    add_head(figure, title, handles, columns=4)
+    return figure
+
+
+@styled
+def measured_modes(modes: Sequence[tuple[str, Any]], title: str) -> Figure:
+    """Draw the shapes of identified modes, the real part of their components point by point.
+
+    Args:
+        modes: label and (p, d) components of each.
+        title: over the figure.
+    """
+    figure = new_figure(9.0, 4.0)
+    axes = figure.add_subplot()
+    for k, (_, shape) in enumerate(modes[:MOST_LINES]):
+        values = np.real(shape).reshape(-1)
+        axes.plot(values / max(np.abs(values).max(), 1e-300), "o-", ms=3, color=_color(k))
+    axes.set(xlabel="component, point by point", ylabel="shape over its largest component")
+    shown = enumerate(modes[:MOST_LINES])
+    handles = [Line2D([], [], color=_color(k), label=label) for k, (label, _) in shown]
+    add_head(figure, title, handles, columns=4)
+    return figure
+
+
+def _draw_histories(axes: Axes, lines: Sequence[MeasuredLine]) -> None:
+    spacing = 1.2 * max(float(np.abs(each.values - each.values.mean()).max()) for each in lines)
+    spacing = spacing or 1.0
+    for k, each in enumerate(lines):
+        time, values = _thinned(each)
+        axes.plot(time, values - each.values.mean() - k * spacing, color=_color(k), linewidth=0.6)
+    axes.set_yticks([-k * spacing for k in range(len(lines))], [each.label for each in lines])
+    for k, label in enumerate(axes.get_yticklabels()):
+        label.set_color(_color(k))
+    axes.set(xlabel="time, s", title="Histories, to one scale, about their means")
+    axes.grid(axis="y", visible=False)
+
+
+def _thinned(line: MeasuredLine) -> tuple[Floats, Floats]:
+    """Smallest and largest value of every stretch, so that no peak is lost."""
+    length = -(-line.values.size // (POINTS // 2))
+    if length <= 1:
+        return np.arange(line.values.size, dtype=np.float64) * line.time_step, line.values
+    whole = line.values[: line.values.size // length * length].reshape(-1, length)
+    pairs: Floats = np.stack([whole.min(axis=1), whole.max(axis=1)], axis=1).reshape(-1)
+    return np.arange(pairs.size, dtype=np.float64) * (length / 2.0 * line.time_step), pairs
+
+
+def _draw_spectra(axes: Axes, lines: Sequence[MeasuredLine], unit: str) -> None:
+    from scipy.signal import welch
+
+    top = 1e-300
+    for k, each in enumerate(lines):
+        frequency, power = welch(each.values, 1.0 / each.time_step, nperseg=_segment(each))
+        axes.loglog(frequency[1:], np.sqrt(power[1:]) + 1e-300, color=_color(k), linewidth=0.8)
+        top = max(top, float(np.sqrt(power[1:].max(initial=0.0))))
+    axes.set_ylim(top * 1e-5, top * 2.0)
+    axes.set(xlabel="frequency, Hz", ylabel=f"{unit} per √Hz", title="Spectra")
+
+
+def _draw_response(
+    response: Axes, share: Axes, base: MeasuredLine, floors: Mapping[int, MeasuredLine]
+) -> None:
+    from scipy.signal import coherence, csd, welch
+
+    options = {"fs": 1.0 / base.time_step, "nperseg": _segment(base)}
+    frequency, power = welch(base.values, **options)
+    # Where the base has no power, leakage alone would make a response.
+    shown = (frequency > 0.0) & (power > 1e-7 * power.max())
+    for k, each in floors.items():
+        cross = csd(base.values, each.values, **options)[1]
+        size = np.abs(cross[shown]) / power[shown]
+        response.loglog(frequency[shown], size + 1e-300, color=_color(k), linewidth=0.9)
+        seen = coherence(base.values, each.values, **options)[1]
+        share.semilogx(frequency[shown], seen[shown], color=_color(k), linewidth=0.9)
+    response.set(xlabel="frequency, Hz", ylabel="|H|", title="Floor over base")
+    share.set(xlabel="frequency, Hz", ylim=(0.0, 1.02), title="Coherence")
+
+
+def _beside(base: MeasuredLine | None, line: MeasuredLine) -> bool:
+    """Whether a floor was sampled at the times of the base."""
+    same = base is not None and base.values.size == line.values.size
+    return same and base is not None and base.time_step == line.time_step
+
+
+def _segment(line: MeasuredLine) -> int:
+    return max(2 * line.values.size // (SEGMENTS + 1), 2)
+
+
+def _color(number: int) -> str:
+    return SERIES[number % len(SERIES)]

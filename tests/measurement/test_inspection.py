@@ -1,0 +1,213 @@
+"""What a file is said to hold, what looks wrong in it, and the command to run next."""
+
+import numpy as np
+import pytest
+from scipy.signal import butter, sosfilt
+
+from femupdate.measurement.channel import RecordedChannel
+from femupdate.measurement.channel_checks import channel_findings, pair_findings
+from femupdate.measurement.floor_names import base_rank, floors_of
+from femupdate.measurement.inspection import inspect_file
+from femupdate.measurement.next_step import next_step
+
+RATE = 100.0
+
+
+def shaken(seed: int = 0, count: int = 6000) -> np.ndarray:
+    """A pulse of band-limited noise between quiet ends, in gal, printed with three decimals."""
+    rng = np.random.default_rng(seed)
+    noise = sosfilt(butter(4, [0.5, 30.0], "band", fs=RATE, output="sos"), rng.normal(size=count))
+    time = np.arange(count) / RATE
+    envelope = np.exp(-(((time - 20.0) / 8.0) ** 2)) + 0.003
+    return np.round(200.0 * envelope * noise + 0.02 * rng.normal(size=count), 3)
+
+
+def channel(values, **changes) -> RecordedChannel:
+    given = {"name": "a", "time_step": 1 / RATE, "unit": "gal", **changes}
+    return RecordedChannel(values=np.asarray(values, dtype=float), **given)
+
+
+def findings(values, si=0.01, **changes):
+    return channel_findings(channel(values, **changes), si)
+
+
+@pytest.mark.parametrize("seed", range(25))
+def test_nothing_is_said_of_a_good_record(seed):
+    assert findings(shaken(seed)) == ()
+    noise = np.random.default_rng(seed).normal(size=20_000)
+    assert findings(np.round(noise, 4)) == ()
+
+
+def clipped(values):
+    limit = 0.6 * np.abs(values).max()
+    wide = np.repeat(values, 4)  # slow enough for a flat top
+    return np.clip(wide, -limit, limit)
+
+
+def spiked(values):
+    values = values.copy()
+    values[[3500, 4000]] += [900.0, -700.0]
+    return values
+
+
+def stuck(values):
+    values = values.copy()
+    values[1800:2000] = values[1800]
+    return values
+
+
+WRONG = {
+    "dead": (lambda v: 0 * v + 3.0, "it is dead: every value is 3."),
+    "clipped": (clipped, "it is clipped: "),
+    "spikes": (spiked, "it has 2 spikes of one sample: 35 s, 40 s."),
+    "stuck": (stuck, "it stands still from 18 to 19.99 s"),
+    "offset": (lambda v: v + 40.0, "its mean is 40 gal, an offset to remove."),
+    "too large": (lambda v: 500.0 * v, "more than any earthquake (5 g): is the unit wrong?"),
+    "too small": (lambda v: 1e-7 * v, "below what an accelerometer resolves"),
+    "few digits": (lambda v: np.round(v / 20.0), "steps of its digits only"),
+}
+
+
+@pytest.mark.parametrize(("spoil", "said"), WRONG.values(), ids=WRONG)
+def test_what_is_wrong_is_said_and_nothing_else(spoil, said):
+    (sentence,) = findings(spoil(shaken()))
+    assert said in sentence
+
+
+@pytest.mark.parametrize(
+    ("changes", "si", "said"),
+    [
+        ({"unit": None}, None, "the file does not say its unit; give it with --unit."),
+        ({"unit": "volt"}, None, "its unit 'volt' is not one of acceleration"),
+        ({"time_step": 1e-9}, 0.01, "its sampling rate is 1e+09 Hz; buildings are measured at 5"),
+        ({"time_step": 1e6}, 0.01, "its sampling rate is 1e-06 Hz"),
+        ({"stated_peak": 700.0}, 0.01, "but its header says 700."),
+    ],
+)
+def test_what_the_header_gets_wrong(changes, si, said):
+    sentences = findings(shaken(), si, **changes)
+    assert said in sentences[0]
+
+
+def test_a_peak_about_the_mean_is_a_peak_too():
+    values = shaken() + 3.0
+    assert findings(values, stated_peak=np.abs(values - values.mean()).max()) == ()
+    assert findings(values, stated_peak=np.abs(values).max()) == ()
+    assert "header says" in findings(values, stated_peak=1.05 * np.abs(values).max())[0]
+
+
+def test_channels_that_repeat_or_reverse_another():
+    base = shaken()
+    # An oscillator at 4 Hz follows the base below half of that.
+    floor = base + 0.3 * sosfilt(butter(2, [3.5, 4.5], "band", fs=RATE, output="sos"), base)
+    floors = ("base", "2F", "RF", None)
+    channels = [channel(v) for v in (base, floor, -floor, floor)]
+    said = pair_findings(channels, floors)
+    assert said == (
+        "channels 2 and 4 hold the same numbers.",
+        "channel 3 (a) moves against the base where both should move together, at low frequency:"
+        " is its direction reversed?",
+    )
+    up = [channel(base, direction="Up"), channel(floor, direction="UD"), channel(-floor)]
+    assert pair_findings(up, ("base", "2F", None)) == (
+        "channels 1, 2 are vertical: no response to the base's horizontal motion.",
+    )
+
+
+PLACES = {
+    "Roof - center": "RF",
+    "4th floor, east core": "4F",
+    "12th Floor": "12F",
+    "level 3": "3F",
+    "Flr_5": "5F",
+    "1st Floor: North": "base",
+    "Basement": "base",
+    "Free Field": "base",
+    "On Ground: Near West Abutment": "base",
+    "Ground Floor": "base",
+    "2F:1": "2F",
+    "RF.y": "RF",
+    "Deck: Near West Abutment": None,
+    "HNE": None,
+}
+
+
+@pytest.mark.parametrize(("text", "floor"), PLACES.items())
+def test_floors_are_told_from_words(text, floor):
+    assert floors_of([text]) == (floor,)
+
+
+def test_first_floor_beside_a_base_is_counted_above_it():
+    assert floors_of(["a_base", "a_1F", "a_3F"]) == ("base", "2F", "4F")
+    assert floors_of(["Free field", "1st Floor", "3rd Floor"]) == ("base", "base", "3F")
+    assert [base_rank(text) for text in ("1st floor", "Grnd Level", "roof")] == [0, 1, 2]
+
+
+def placed(location, direction="N", seed=0, **changes):
+    return channel(shaken(seed), name=location, location=location, direction=direction, **changes)
+
+
+def test_next_command_maps_the_direction_with_most_floors(tmp_path):
+    channels = [
+        placed("Basement", "E", azimuth_deg=90.0),
+        placed("Basement", "N", azimuth_deg=0.0),
+        placed("Free field", "N", azimuth_deg=0.0),
+        placed("2nd floor, west", "S", azimuth_deg=180.0),
+        placed("2nd floor, east", "N", azimuth_deg=0.0),
+        placed("Roof", "Up"),
+        placed("Roof", "N", azimuth_deg=2.0),
+    ]
+    step = next_step(tmp_path / "a b.zip", channels, None, None)
+    assert step.command.endswith("a b.zip' --columns base=2,2F:1=4,2F:2=5,RF=7")
+    assert "check them against the building" in step.advice
+
+
+def test_next_command_of_places_that_tell_no_floor(tmp_path):
+    deck = [placed(f"Deck {k}") for k in range(4)]
+    step = next_step(tmp_path / "a.zip", [*deck, placed("Free field")], None, "gal")
+    assert step.command.endswith("a.zip --unit gal --columns base=5,RF=NUMBER")
+    step = next_step(tmp_path / "a.zip", deck, None, None)
+    assert step.command.endswith("--columns base=NUMBER,RF=NUMBER")
+    assert step.advice == "Put in which channels are base and RF: their places do not tell it."
+
+
+def test_next_command_of_a_record_takes_the_strongest_horizontal_component(tmp_path):
+    record = [channel(shaken(k) * (k + 1), direction=d) for k, d in enumerate(("NS", "EW", "UD"))]
+    step = next_step(tmp_path / "q.csv", record, None, None)
+    assert step.command.endswith("q.csv --channel 2")
+    assert step.command.startswith("femupdate predict --record ")
+
+
+def test_columns_of_a_table_with_other_names(write):
+    rows = zip(np.arange(200) / RATE, *(shaken(k)[2000:2200] for k in range(3)), strict=True)
+    text = "\n".join(",".join(f"{v:g}" for v in row) for row in rows)
+    one = inspect_file(write("t_s,a_base,a_1F,a_roof\n" + text, "t.csv"))
+    assert [each.floor for each in one.channels] == ["base", "2F", "RF"]
+    assert "--unit UNIT --columns time_s=t_s,base=a_base,2F=a_1F,RF=a_roof" in one.step.command
+    one = inspect_file(write("time_s,base,RF,2F.z\ns,gal,gal,gal\n" + text, "u.csv"))
+    assert one.step.command.endswith("femupdate calibrate " + str(one.path))
+    assert one.summary == "3 channels (tables in CSV or other text)"
+
+
+def test_response_functions_of_a_table(write):
+    text = "frequency_hz,2F,RF\n1,1,1\n2,1.5,2\n3,3,6\n"
+    one = inspect_file(write(text, "h.csv"))
+    assert one.summary.startswith("2 functions of frequency")
+    assert [each.response for each in one.functions] == ["2F", "RF"]
+    assert one.step.command.startswith("femupdate calibrate ")
+
+
+def test_genuine_files(shared_file):
+    one = inspect_file(shared_file("formats/cesmd_painter_street_nc73666231.zip"))
+    assert one.summary == "16 channels (zip archives of records)"
+    assert one.all_findings == (
+        "channels 2, 5, 7, 9, 12, 15 are vertical: no response to the base's horizontal motion.",
+    )
+    assert one.step.command.endswith("--columns base:1=1,base:2=11,base:3=14,RF=NUMBER")
+    # The peaks stated in data/README.md, cm/s2.
+    for number, peak in ((3, 50), (5, 7), (7, 17), (8, 90), (9, 8), (12, 18)):
+        one = inspect_file(shared_file(f"data/hotel_quake_{number}.csv"))
+        assert one.all_findings == ()
+        assert one.channels[0].peak_m_s2 == pytest.approx(peak / 100, abs=5e-3)
+    one = inspect_file(shared_file("data/mini_flexible_sine1p0.csv"), "m/s2")
+    assert one.all_findings == ()
