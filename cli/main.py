@@ -12,7 +12,7 @@ from .lazy import LazyGroup
 # Command name to the module beside this one that holds it, and its line in the help, in the order
 # of the work.
 _COMMANDS = {
-    "inspect": ("inspect_file", "What is in measured files, what looks wrong, what to run next."),
+    "inspect": ("inspect_file", "Say what is in measured files and what looks wrong."),
     "build-model": (
         "build_model",
         "Build and reduce the model of a building, and draw its modes.",

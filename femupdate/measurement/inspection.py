@@ -14,7 +14,7 @@ from femupdate.measurement.frf_table import FrfTable
 from femupdate.measurement.next_step import NextStep, next_step, proposed_floors
 from femupdate.measurement.observation_file import read_observation_file
 from femupdate.measurement.quantity import is_acceleration, si_factor
-from femupdate.measurement.recording import RecordedFunction, Recording
+from femupdate.measurement.recording import RecordedFunction, RecordedMode, Recording
 from femupdate.measurement.registry import read_measured, readers
 
 _FRFS = "Write them as a table (frequency_hz, 2F, ..., RF) of floor over base acceleration."
@@ -128,6 +128,16 @@ class Inspection:
         return f"{', '.join(said) or 'nothing that is used'} ({self.reads})"
 
     @property
+    def function_texts(self) -> tuple[str, ...]:
+        """What each function of frequency is, where it was measured, and its band."""
+        return tuple(_function_text(one) for one in self.functions)
+
+    @property
+    def mode_texts(self) -> tuple[str, ...]:
+        """Frequency and damping of each identified mode."""
+        return tuple(_mode_text(one) for one in self.recording.modes)
+
+    @property
     def all_findings(self) -> tuple[str, ...]:
         """Sentences on what looks wrong in single channels, then between them."""
         single = [
@@ -167,14 +177,18 @@ class Inspection:
         }
 
 
-def function_text(one: RecordedFunction) -> str:
-    """Return what a function of frequency is, where it was measured, and its band."""
+def _function_text(one: RecordedFunction) -> str:
     low, high = float(one.frequency_hz.min()), float(one.frequency_hz.max())
     between = f", {one.response} over {one.reference}" if one.response and one.reference else ""
     return (
         f"{one.kind} {one.name}{between}: {one.frequency_hz.size} points from {low:.4g} to"
         f" {high:.4g} Hz, {one.unit or 'no unit'}"
     )
+
+
+def _mode_text(one: RecordedMode) -> str:
+    damping = "" if one.damping is None else f", damping ratio {one.damping:.4g}"
+    return f"mode at {one.frequency_hz:.5g} Hz{damping}, {len(one.points)} points"
 
 
 def _counted(number: int, what: str) -> str:

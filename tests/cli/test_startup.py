@@ -13,7 +13,7 @@ from femupdate.cli.main import group
 
 COMMANDS = group.list_commands(click.Context(group))
 BENCHMARKS = benchmarks.list_commands(click.Context(benchmarks))
-WITH_STUDY = [name for name in COMMANDS if name not in ("benchmark", "list", "examples")]
+WITH_STUDY = [name for name in COMMANDS if name not in ("benchmark", "inspect", "list", "examples")]
 WORK = ["build-model", "train", "calibrate", "predict", "render"]
 HEAVY = ("torch", "scipy", "pyvista", "vtkmodules", "matplotlib", "pydantic", "xarray", "numpy")
 
@@ -58,7 +58,7 @@ def test_nothing_heavy_is_imported_to_say_what_there_is(arguments):
     assert imported(*arguments)[1] == []
 
 
-@pytest.mark.parametrize("command", ["list", "examples"])
+@pytest.mark.parametrize("command", ["inspect", "list", "examples"])
 def test_nothing_heavy_is_imported_for_the_help_of_a_command_without_a_study(command):
     text, heavy = imported(command, "--help")
     assert heavy == []
@@ -91,6 +91,7 @@ def test_nothing_heavy_is_imported_for_the_help_of_a_benchmark(name):
 
 
 MISSPELT = {
+    "file": ["inspect", __file__, "nowhere.csv"],
     "observation": ["calibrate", "nowhere.csv"],
     "second observation": ["calibrate", __file__, "nowhere.csv"],
     "observation to diagnose": ["diagnose", "nowhere.csv"],
