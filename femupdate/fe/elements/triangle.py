@@ -53,14 +53,15 @@ class Triangles(Surface):
             ModelError: an element has no area or an impossible property.
         """
         self.check(points)
-        axes, plane = _frame(self.corners(points))
+        shape = _Shape.of(self.corners(points))
         stiffness = np.zeros((len(self), 18, 18))
         for own, part in (
-            (self.directions(0, 1, 5), optimal_membrane(plane, *self.elastic)),
-            (self.directions(2, 3, 4), discrete_plate(plane, *self.elastic)),
+            (self.directions(0, 1, 5), _membrane(shape, *self.elastic)),
+            (self.directions(2, 3, 4), _plate(shape, *self.elastic)),
         ):
             stiffness[:, own[:, None], own] = part
-        return ElementMatrices(stiffness, self._mass(plane)).moved_by(repeated(axes, 6))
+        local = ElementMatrices(stiffness, self._mass(shape.area))
+        return local.moved_by(repeated(shape.axes, 6))
 
     def check(self, points: Floats) -> None:
         """As `Elements.check`; a triangle needs an area as well."""
@@ -73,61 +74,72 @@ class Triangles(Surface):
             "has no area; its three nodes must not lie on one line",
         )
 
-    def _mass(self, plane: Floats) -> Floats:
+    def _mass(self, area: Floats) -> Floats:
         """Consistent mass in local axes, (n, 18, 18)."""
-        product = _area(plane)[:, None, None] / 12.0 * (np.ones((3, 3)) + np.eye(3))
-        mass = np.zeros((len(plane), 3, 6, 3, 6))
+        product = area[:, None, None] / 12.0 * (np.ones((3, 3)) + np.eye(3))
+        mass = np.zeros((len(area), 3, 6, 3, 6))
         for direction, inertia in enumerate(self.inertia().T):
             mass[:, :, direction, :, direction] = inertia[:, None, None] * product
         return mass.reshape(-1, 18, 18)
 
 
-def _frame(coordinates: Floats) -> tuple[Floats, Floats]:
-    """Local axes as rows (n, 3, 3), and corners in the plane (n, 3, 2), counter-clockwise."""
-    first, second = coordinates[:, 1] - coordinates[:, 0], coordinates[:, 2] - coordinates[:, 0]
-    x = first / np.linalg.norm(first, axis=1, keepdims=True)
-    z = np.cross(first, second)
-    z = z / np.linalg.norm(z, axis=1, keepdims=True)
-    axes = np.stack([x, np.cross(z, x), z], axis=1)
-    centred = coordinates - coordinates.mean(axis=1, keepdims=True)
-    return axes, np.einsum("nij,nkj->nki", axes, centred)[..., :2]
+@dataclass(frozen=True)
+class _Shape:
+    """Triangles in their own planes.
+
+    Attributes:
+        axes: (n, 3, 3) rows are the local x, y and z axes.
+        plane: (n, 3, 2) corners, counter-clockwise, m.
+        area: (n,) m2.
+        length: (n, 3) of the sides 1-2, 2-3 and 3-1, m.
+        direction: (n, 3, 2) unit vectors along them.
+    """
+
+    axes: Floats
+    plane: Floats
+    area: Floats
+    length: Floats
+    direction: Floats
+
+    @classmethod
+    def of(cls, corners: Floats) -> "_Shape":
+        first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        x = first / np.linalg.norm(first, axis=1, keepdims=True)
+        z = np.cross(first, second)
+        twice = np.linalg.norm(z, axis=1, keepdims=True)
+        z = z / twice
+        axes = np.stack([x, np.cross(z, x), z], axis=1)
+        centred = corners - corners.mean(axis=1, keepdims=True)
+        plane = np.einsum("nij,nkj->nki", axes, centred)[..., :2]
+        side = plane[:, _SIDES[:, 1]] - plane[:, _SIDES[:, 0]]
+        length = np.linalg.norm(side, axis=2)
+        return cls(axes, plane, 0.5 * twice[:, 0], length, side / length[..., None])
 
 
-def _area(plane: Floats) -> Floats:
-    x, y = np.moveaxis(plane, -1, 0)
-    return 0.5 * (
-        (x[:, 1] - x[:, 0]) * (y[:, 2] - y[:, 0]) - (x[:, 2] - x[:, 0]) * (y[:, 1] - y[:, 0])
-    )
-
-
-def optimal_membrane(
-    plane: Floats, thickness: Floats, youngs_modulus: Floats, poisson_ratio: Floats
+def _membrane(
+    shape: _Shape, thickness: Floats, youngs_modulus: Floats, poisson_ratio: Floats
 ) -> Floats:
     """Stiffness against in-plane motion and drilling, (n, 9, 9): u, v, rotation node by node.
 
     The basic part makes the patch test; the higher-order part bends exactly in its plane where two
     triangles make a rectangle, whatever its sides (Felippa 2003, sections 4 to 6).
     """
-    area = _area(plane)
-    volume = area * thickness
+    volume = shape.area * thickness
     elasticity = plane_stress(youngs_modulus, poisson_ratio)
-    lumping = _lumping(plane, thickness)
+    lumping = _lumping(shape.plane, thickness)
     basic = lumping @ elasticity @ np.swapaxes(lumping, 1, 2) / volume[:, None, None]
-    deviation = _deviatoric_rotation(plane, area)
-    natural = _natural_to_cartesian(plane, area)
+    deviation = _deviatoric_rotation(shape)
+    x, y = np.moveaxis(shape.direction, -1, 0)
+    # Cartesian strains per unit strain along the three sides, (n, 3, 3).
+    natural = np.linalg.inv(np.stack([x * x, y * y, x * y], axis=2))
     elastic = np.swapaxes(natural, 1, 2) @ elasticity @ natural
-    lengths = _side_lengths(plane)
-    corner = _Q * (2.0 / 3.0 * area[:, None, None, None] / (lengths**2)[:, None, :, None])
+    per_length = (2.0 / 3.0 * shape.area[:, None] / shape.length**2)[:, None, :, None]
+    corner = _Q * per_length
     middle = 0.5 * (corner + np.roll(corner, -1, axis=1))
     weight = np.maximum(0.5 * (1.0 - 4.0 * poisson_ratio**2), _LEAST_HIGHER)
-    of_rotation = integrate(middle, elastic[:, None] @ middle, np.ones((len(plane), 3)))
+    of_rotation = integrate(middle, elastic[:, None] @ middle, np.ones((len(volume), 3)))
     of_rotation *= (0.75 * weight * volume)[:, None, None]
     return basic + np.swapaxes(deviation, 1, 2) @ of_rotation @ deviation
-
-
-def _side_lengths(plane: Floats) -> Floats:
-    """Lengths of the sides 1-2, 2-3 and 3-1, (n, 3)."""
-    return np.linalg.norm(plane[:, _SIDES[:, 1]] - plane[:, _SIDES[:, 0]], axis=2)
 
 
 def _lumping(plane: Floats, thickness: Floats) -> Floats:
@@ -149,28 +161,21 @@ def _lumping(plane: Floats, thickness: Floats) -> Floats:
     return 0.5 * thickness[:, None, None] * matrix
 
 
-def _deviatoric_rotation(plane: Floats, area: Floats) -> Floats:
+def _deviatoric_rotation(shape: _Shape) -> Floats:
     """Corner rotations less the mean rotation of the triangle, (n, 3, 9)."""
+    plane = shape.plane
     matrix = np.zeros((len(plane), 3, 9))
     for node in range(3):
         after, before = (node + 1) % 3, (node + 2) % 3
-        across = (plane[:, before] - plane[:, after]) / (4.0 * area[:, None])
+        across = (plane[:, before] - plane[:, after]) / (4.0 * shape.area[:, None])
         matrix[:, :, 3 * node] = across[:, :1]
         matrix[:, :, 3 * node + 1] = across[:, 1:]
         matrix[:, node, 3 * node + 2] = 1.0
     return matrix
 
 
-def _natural_to_cartesian(plane: Floats, area: Floats) -> Floats:
-    """Cartesian strains per unit strain along the three sides, (n, 3, 3)."""
-    side = plane[:, _SIDES[:, 1]] - plane[:, _SIDES[:, 0]]
-    direction = side / _side_lengths(plane)[:, :, None]
-    x, y = direction[..., 0], direction[..., 1]
-    return np.linalg.inv(np.stack([x * x, y * y, x * y], axis=2))
-
-
-def discrete_plate(
-    plane: Floats, thickness: Floats, youngs_modulus: Floats, poisson_ratio: Floats
+def _plate(
+    shape: _Shape, thickness: Floats, youngs_modulus: Floats, poisson_ratio: Floats
 ) -> Floats:
     """Stiffness against bending and transverse shear, (n, 9, 9): w, rx, ry node by node.
 
@@ -178,39 +183,27 @@ def discrete_plate(
     equilibrium as a Timoshenko beam (Katili 1993), which makes thin and thick plates alike exact
     for constant moments.
     """
-    side = plane[:, _SIDES[:, 1]] - plane[:, _SIDES[:, 0]]
-    length = _side_lengths(plane)
-    direction = side / length[..., None]
     bending = plane_stress(youngs_modulus, poisson_ratio) * (thickness**3 / 12.0)[:, None, None]
     shear_modulus = 0.5 * youngs_modulus / (1.0 + poisson_ratio)
     rigidity = SHEAR_CORRECTION * shear_modulus * thickness
-    flexible = 12.0 * bending[:, :1, 0] / (rigidity[:, None] * length**2)  # phi of each side
-    extra = _middle_rotations(direction, length, flexible)
-    slopes = _slopes(plane)
-    area = np.repeat(_area(plane)[:, None] / 3.0, 3, axis=1)
-    curvature = _plate_curvature(slopes, direction, extra)
+    flexible = 12.0 * bending[:, :1, 0] / (rigidity[:, None] * shape.length**2)  # phi of the sides
+    extra = _middle_rotations(shape, flexible)
+    area = np.repeat(shape.area[:, None] / 3.0, 3, axis=1)
+    curvature = _plate_curvature(shape, extra)
     stiffness = integrate(curvature, bending[:, None] @ curvature, area)
-    shear = _plate_shear(direction, flexible, extra)
+    shear = _plate_shear(shape.direction, flexible, extra)
     return stiffness + integrate(shear, rigidity[:, None, None, None] * shear, area)
 
 
-def _slopes(plane: Floats) -> Floats:
-    """Gradients of the area coordinates, (n, 2, 3), 1/m."""
-    after, before = plane[:, [1, 2, 0]], plane[:, [2, 0, 1]]
-    twice = 2.0 * _area(plane)[:, None]
-    return np.stack(
-        [(after[..., 1] - before[..., 1]) / twice, (before[..., 0] - after[..., 0]) / twice], axis=1
-    )
-
-
-def _middle_rotations(direction: Floats, length: Floats, flexible: Floats) -> Floats:
+def _middle_rotations(shape: _Shape, flexible: Floats) -> Floats:
     """Rotation along each side that exceeds the linear one at its middle, (n, 3, 9).
 
     With the section's rotation b along the side s (u = z b), shear g = w,s + b and
     g = -2/3 phi d on every side, where 4 x (1 - x) d is the quadratic part of b:
     2/3 L (1 + phi) d = w_i - w_j - L/2 (b_i + b_j).
     """
-    matrix = np.zeros((len(direction), 3, 9))
+    length, direction = shape.length, shape.direction
+    matrix = np.zeros((len(length), 3, 9))
     for number, (first, second) in enumerate(_SIDES):
         matrix[:, number, 3 * first], matrix[:, number, 3 * second] = 1.0, -1.0
         for node in (first, second):
@@ -220,9 +213,13 @@ def _middle_rotations(direction: Floats, length: Floats, flexible: Floats) -> Fl
     return matrix * (1.5 / (length * (1.0 + flexible)))[..., None]
 
 
-def _plate_curvature(slopes: Floats, direction: Floats, extra: Floats) -> Floats:
+def _plate_curvature(shape: _Shape, extra: Floats) -> Floats:
     """Curvatures (x, y, twice xy) at the middles of the sides, (n, 3, 3, 9)."""
-    count = len(slopes)
+    count = len(extra)
+    across = shape.plane[:, [1, 2, 0]] - shape.plane[:, [2, 0, 1]]
+    # Gradients of the area coordinates, (n, 2, 3).
+    slopes = np.stack([across[..., 1], -across[..., 0]], axis=1)
+    slopes = slopes / (2.0 * shape.area[:, None, None])
     linear = np.zeros((count, 1, 3, 9))
     for node in range(3):
         x, y = slopes[:, 0, node], slopes[:, 1, node]
@@ -237,7 +234,7 @@ def _plate_curvature(slopes: Floats, direction: Floats, extra: Floats) -> Floats
             bubble[:, point, number] = 4.0 * (
                 share[first] * slopes[:, :, second] + share[second] * slopes[:, :, first]
             )
-    cosine, sine = direction[:, None, :, 0], direction[:, None, :, 1]
+    cosine, sine = shape.direction[:, None, :, 0], shape.direction[:, None, :, 1]
     quadratic = np.stack(
         [
             bubble[..., 0] * cosine,
