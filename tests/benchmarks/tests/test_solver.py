@@ -51,7 +51,7 @@ def test_the_building_of_the_comparison():
     """Counts and first frequencies of the same building in OpenSees (ASDShellQ4, this mesh)."""
     building = tower(4)
     operators = assemble(building)
-    assert (len(building.shells), len(building.beams)) == (1680, 1008)
+    assert (len(building.faces), len(building.lines)) == (1680, 1008)
     assert len(operators.free) == 10656
     found = lowest_modes(operators, np.ones(1), 3).frequency_hz
     assert found == pytest.approx([2.5547, 3.3246, 3.6510], rel=3e-3)
