@@ -26,30 +26,20 @@ def render(geometry: Geometry, moved: Floats, values: Floats, color_map: str, to
         color_map: name of a matplotlib colour map.
         top: value of the last colour.
     """
-    with _quiet_vtk():
-        import pyvista
-
-        plotter: Any = pyvista.Plotter(off_screen=True, window_size=list(WINDOW))
-        try:
-            plotter.set_background("white")
-            plotter.enable_anti_aliasing("ssaa")
-            look = {
-                "scalars": "value",
-                "cmap": color_map,
-                "clim": (0.0, top),
-                "lighting": False,  # shades would be read as values
-                "show_scalar_bar": False,
-            }
-            for mesh in _meshes(pyvista, geometry, moved, values):
-                plotter.add_mesh(mesh, **look)
-            for points, lines, line_look in _wires(geometry, moved):
-                wires = _lines(pyvista, points, lines)
-                plotter.add_mesh(wires, color=INK, lighting=False, **line_look)
-            plotter.enable_parallel_projection()
-            plotter.view_vector(VIEW, viewup=(0.0, 0.0, 1.0))
-            return np.asarray(plotter.screenshot(return_img=True))[..., :3]
-        finally:
-            plotter.close()
+    with _plotter() as (pyvista, plotter):
+        look = {
+            "scalars": "value",
+            "cmap": color_map,
+            "clim": (0.0, top),
+            "lighting": False,  # shades would be read as values
+            "show_scalar_bar": False,
+        }
+        for mesh in _meshes(pyvista, geometry, moved, values):
+            plotter.add_mesh(mesh, **look)
+        for points, lines, line_look in _wires(geometry, moved):
+            wires = _lines(pyvista, points, lines)
+            plotter.add_mesh(wires, color=INK, lighting=False, **line_look)
+        return _seen(plotter)
 
 
 def render_marked(
@@ -63,6 +53,22 @@ def render_marked(
         names: written beside the building.
         places: (f, 3) where.
     """
+    with _plotter() as (pyvista, plotter):
+        if len(geometry.shells):
+            shells = _quads(pyvista, geometry.nodes, geometry.shells)
+            plotter.add_mesh(shells, color=FAINT, opacity=0.3, lighting=False)
+        wires = _lines(pyvista, geometry.nodes, outline(geometry))
+        plotter.add_mesh(wires, color=QUIET, line_width=2.5, lighting=False)
+        for mesh in _signs(pyvista, geometry, glyphs):
+            plotter.add_mesh(mesh, color=ORANGE, ambient=0.35)
+        look = {"text_color": INK, "font_size": 34, "shape": None, "show_points": False}
+        plotter.add_point_labels(places, list(names), always_visible=True, **look)
+        return _seen(plotter)
+
+
+@contextmanager
+def _plotter() -> Iterator[tuple[Any, Any]]:
+    """PyVista, imported where it is needed, and an empty white picture."""
     with _quiet_vtk():
         import pyvista
 
@@ -70,39 +76,36 @@ def render_marked(
         try:
             plotter.set_background("white")
             plotter.enable_anti_aliasing("ssaa")
-            if len(geometry.shells):
-                faces = np.insert(geometry.shells, 0, 4, axis=1).ravel()
-                shells = pyvista.PolyData(geometry.nodes, faces=faces)
-                plotter.add_mesh(shells, color=FAINT, opacity=0.3, lighting=False)
-            wires = _lines(pyvista, geometry.nodes, outline(geometry))
-            plotter.add_mesh(wires, color=QUIET, line_width=2.5, lighting=False)
-            for mesh in _signs(pyvista, geometry, glyphs):
-                plotter.add_mesh(mesh, color=ORANGE, ambient=0.35)
-            look = {"text_color": INK, "font_size": 34, "shape": None, "show_points": False}
-            plotter.add_point_labels(places, list(names), always_visible=True, **look)
-            plotter.enable_parallel_projection()
-            plotter.view_vector(VIEW, viewup=(0.0, 0.0, 1.0))
-            return np.asarray(plotter.screenshot(return_img=True))[..., :3]
+            yield pyvista, plotter
         finally:
             plotter.close()
+
+
+def _seen(plotter: Any) -> Pixels:
+    plotter.enable_parallel_projection()
+    plotter.view_vector(VIEW, viewup=(0.0, 0.0, 1.0))
+    return np.asarray(plotter.screenshot(return_img=True))[..., :3]
+
+
+def _quads(pyvista: Any, points: Floats, quads: Integers) -> Any:
+    return pyvista.PolyData(points, faces=np.insert(quads, 0, 4, axis=1).ravel())
 
 
 def _signs(pyvista: Any, geometry: Geometry, glyphs: Glyphs) -> Iterator[Any]:
     for centre, radius in glyphs.balls:
         yield pyvista.Sphere(radius=radius, center=centre)
     for line in glyphs.lines:
-        tube = pyvista.lines_from_points(line).tube(radius=1.4 * TUBE * geometry.size, n_sides=12)
-        yield tube
+        radius = 1.4 * TUBE * geometry.size
+        yield pyvista.lines_from_points(line).tube(radius=radius, n_sides=12)
     if glyphs.faces:
         corners = np.concatenate(glyphs.faces)
         quads = np.arange(len(corners)).reshape(-1, 4)
-        yield pyvista.PolyData(corners, faces=np.insert(quads, 0, 4, axis=1).ravel())
+        yield _quads(pyvista, corners, quads)
 
 
 def _meshes(pyvista: Any, geometry: Geometry, moved: Floats, values: Floats) -> Iterator[Any]:
     if len(geometry.shells):
-        faces = np.insert(geometry.shells, 0, 4, axis=1).ravel()
-        shells = pyvista.PolyData(moved, faces=faces)
+        shells = _quads(pyvista, moved, geometry.shells)
         shells.point_data["value"] = values
         yield shells
     if len(geometry.beams):

@@ -6,22 +6,25 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.ticker import NullLocator
 from numpy.typing import ArrayLike, NDArray
 
-from femupdate.arrays import Floats
+from femupdate.arrays import Floats, Pixels
 from femupdate.atomic import atomic_path
 from femupdate.errors import ReportError
 from femupdate.report.style import QUIET, styled
 
 DOTS_PER_INCH = 150
 
-
 TITLE_HEIGHT = 0.40  # inches
 LEGEND_ROW_HEIGHT = 0.24
 NOTE_HEIGHT = 0.24
+MARGIN = 12  # white pixels left around a rendered picture
+_TICKS_HZ = (0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
 
 
 @styled
@@ -31,6 +34,33 @@ def new_figure(width: float, height: float) -> Figure:
     FigureCanvasAgg(figure)
     _layout(figure).set(w_pad=0.08, h_pad=0.06)
     return figure
+
+
+def panel_grid(
+    count: int, columns: int, size: tuple[float, float], across: str, up: str
+) -> tuple[Figure, list[Axes]]:
+    """Return a figure of panels that share their axes, and its panels row by row.
+
+    Args:
+        count: of panels.
+        columns: of the grid.
+        size: width and height of a panel, inches.
+        across, up: labels of the two axes, with their units.
+    """
+    rows = ceil(count / columns)
+    figure = new_figure(size[0] * columns + 0.5, size[1] * rows + 0.5)
+    axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    label_edges(axes, count, across, up)
+    return figure, list(axes.flat[:count])
+
+
+def frequency_ticks(panel: Axes, low: float, high: float) -> None:
+    """Make the axis across logarithmic, with plain figures for ticks, Hz."""
+    panel.set_xscale("log")
+    ticks = [tick for tick in _TICKS_HZ if low <= tick <= high]
+    panel.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+    panel.xaxis.set_minor_locator(NullLocator())
+    panel.set_xlim(low, high)
 
 
 def label_edges(axes: NDArray[Any], used: int, across: str, up: str) -> None:
@@ -49,7 +79,7 @@ def label_edges(axes: NDArray[Any], used: int, across: str, up: str) -> None:
 def add_head(
     figure: Figure,
     title: str,
-    handles: Sequence[Any] = (),
+    handles: Sequence[Any] | None = None,
     *,
     note: str = "",
     columns: int | None = None,
@@ -59,10 +89,11 @@ def add_head(
     Args:
         figure: with all its panels drawn.
         title: in bold, on one line.
-        handles: of the legend, with their labels.
+        handles: of the legend, with their labels; default everything drawn that has a label.
         note: one quiet line under the title that says how to read the figure.
         columns: of the legend; default all on one line.
     """
+    handles = _labelled(figure) if handles is None else handles
     columns = columns or max(len(handles), 1)
     legend = LEGEND_ROW_HEIGHT * ceil(len(handles) / columns) + (0.06 if handles else 0.0)
     above = (TITLE_HEIGHT if title else 0.1) + (NOTE_HEIGHT if note else 0.0)
@@ -87,10 +118,31 @@ def add_head(
         )
 
 
+def _labelled(figure: Figure) -> list[Any]:
+    """What is drawn with a label, each label once."""
+    found: dict[str, Any] = {}
+    for panel in figure.axes:
+        for handle, label in zip(*panel.get_legend_handles_labels(), strict=True):
+            found.setdefault(label, handle)
+    return list(found.values())
+
+
 def _layout(figure: Figure) -> ConstrainedLayoutEngine:
     engine = figure.get_layout_engine()
     assert isinstance(engine, ConstrainedLayoutEngine)  # for the type checker: new_figure set it
     return engine
+
+
+def show(panels: Sequence[Axes], pictures: Sequence[Pixels]) -> None:
+    """Show rendered pictures (h, w, 3) without their white margins, all cut to the same window."""
+    ink = np.any([picture.min(axis=-1) < 250 for picture in pictures], axis=0)
+    rows, columns = (np.flatnonzero(ink.any(axis=axis)) for axis in (1, 0))
+    window = tuple(
+        slice(max(0, found[0] - MARGIN), found[-1] + MARGIN) if len(found) else slice(None)
+        for found in (rows, columns)
+    )
+    for panel, picture in zip(panels, pictures, strict=True):
+        panel.imshow(picture[window], interpolation="lanczos")
 
 
 @styled

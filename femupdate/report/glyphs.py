@@ -1,11 +1,13 @@
 """Signs for things that are not in a mesh: masses, springs, dashpots, sensors, arrows, walls."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from femupdate.arrays import Floats
+from femupdate.errors import ReportError
 
 _TURNS, _WIDTH = 5, 0.18  # of a spring; width over length
 
@@ -75,3 +77,24 @@ def _across(along: Floats) -> Floats:
     up = np.array([0.0, 0.0, 1.0]) if abs(unit[2]) < 0.9 else np.array([1.0, 0.0, 0.0])
     side = up - (up @ unit) * unit
     return np.asarray(side / np.linalg.norm(side))
+
+
+SIGNS: Mapping[str, Callable[..., Glyphs]] = {
+    "ball": ball,
+    "arrow": arrow,
+    "spring": spring,
+    "dashpot": dashpot,
+    "surfaces": surfaces,
+}
+
+
+def sign(kind: str, *arguments: Any) -> Glyphs:
+    """Return the sign of a kind, made from what its function takes.
+
+    Raises:
+        ReportError: no sign has this name.
+    """
+    if kind not in SIGNS:
+        known = ", ".join(SIGNS)
+        raise ReportError(f"no sign is named {kind!r} (known: {known}); write one of these")
+    return SIGNS[kind](*arguments)

@@ -9,10 +9,10 @@ from matplotlib.collections import LineCollection, PolyCollection
 from femupdate.arrays import Floats
 from femupdate.report import drawing_pyvista
 from femupdate.report.drawing_matplotlib import project
+from femupdate.report.figure import show
 from femupdate.report.geometry import Geometry, outline
 from femupdate.report.glyphs import Glyphs
-from femupdate.report.rendering import rendering
-from femupdate.report.scenes import MARGIN, Renderer
+from femupdate.report.rendering import Renderer, renders
 from femupdate.report.style import FAINT, INK, ORANGE, QUIET
 
 _LABEL_GAP = 0.05  # between a building and the names of its floors, over its size
@@ -39,12 +39,8 @@ def draw_marked(
     panel.set_axis_off()
     names = [name for name, _ in floors]
     places = _labels_at(geometry, [height for _, height in floors])
-    if renderer == "pyvista" or (renderer == "auto" and rendering().works):
-        picture = drawing_pyvista.render_marked(geometry, glyphs, names, places)
-        ink = picture.min(axis=-1) < 250
-        rows, columns = (np.flatnonzero(ink.any(axis=axis)) for axis in (1, 0))
-        window = tuple(slice(max(0, f[0] - MARGIN), f[-1] + MARGIN) for f in (rows, columns))
-        panel.imshow(picture[window], interpolation="lanczos")
+    if renders(renderer):
+        show([panel], [drawing_pyvista.render_marked(geometry, glyphs, names, places)])
         return
     _draw(panel, geometry, glyphs)
     for name, (x, y) in zip(names, project(places)[0], strict=True):

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from femupdate.arrays import Floats
 from femupdate.errors import ReportError
-from femupdate.report.figure import add_head, checked, new_figure
+from femupdate.report.figure import add_head, checked, frequency_ticks, new_figure
 from femupdate.report.style import BLUE, FAINT, INK, ORANGE, QUIET, styled
 
 _HIGHEST = 30.0  # times the noise, beyond which a colour says no more
@@ -67,10 +67,8 @@ def residual_map(
     top = largest_misfit([grid for _, grid in grids])
     pictures = []
     for panel, (name, grid) in zip(panels, grids, strict=True):
-        pictures.append(draw_misfit(panel, edges, grid, top))
+        pictures.append(draw_misfit(panel, floors, edges, grid, top))
         panel.set_title(name)
-        panel.set_yticks(range(len(floors)), floors)
-        panel.set_xlabel("Frequency, Hz")
     bar = figure.colorbar(pictures[0], ax=list(panels), pad=0.02)
     bar.set_label("residual / noise (rms)")
     add_head(figure, title, note="1 and less is what noise alone leaves")
@@ -83,11 +81,12 @@ def largest_misfit(grids: Sequence[Floats]) -> float:
     return float(np.clip(largest, 2.0, _HIGHEST))
 
 
-def draw_misfit(panel: Axes, edges: Floats, grid: Floats, top: float) -> QuadMesh:
-    """Draw one misfit (f, b) over bands with edges (b + 1,), Hz, its colours ending at `top`."""
+def draw_misfit(
+    panel: Axes, floors: Sequence[str], edges: Floats, grid: Floats, top: float
+) -> QuadMesh:
+    """Draw one misfit (f, b) over bands with edges (b + 1,), Hz; the colours end at `top`."""
     rows = np.arange(len(grid) + 1) - 0.5
     picture = panel.pcolormesh(edges, rows, grid, cmap="OrRd", norm=Normalize(1.0, top))
-    panel.set_xscale("log")
     panel.grid(False)
     panel.set_facecolor(FAINT)
     middle = np.sqrt(edges[:-1] * edges[1:])
@@ -98,9 +97,9 @@ def draw_misfit(panel: Axes, edges: Floats, grid: Floats, top: float) -> QuadMes
                 text = f"{value:.1f}" if value < 9.95 else f"{value:.0f}"
                 colour = "white" if strong else INK
                 panel.text(x, row, text, ha="center", va="center", fontsize=7, color=colour)
-    ticks = [t for t in (0.5, 1, 2, 5, 10, 20, 50) if edges[0] <= t <= edges[-1]]
-    panel.set_xticks(ticks, [f"{t:g}" for t in ticks])
-    panel.minorticks_off()
+    frequency_ticks(panel, edges[0], edges[-1])
+    panel.set_yticks(range(len(floors)), floors)
+    panel.set_xlabel("Frequency (Hz)")
     return picture
 
 

@@ -2,28 +2,19 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import ceil
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from femupdate.arrays import Flags, Floats
-from femupdate.report.figure import (
-    add_head,
-    checked,
-    checked_names,
-    label_edges,
-    new_figure,
-)
-from femupdate.report.style import BLUE, INK, QUIET, styled
+from femupdate.report.figure import add_head, checked, checked_names, panel_grid
+from femupdate.report.style import BAND, BLUE, INK, QUIET, styled
 
-BAND: dict[str, Any] = {"color": BLUE, "alpha": 0.25, "linewidth": 0.0}
 NOISE: dict[str, Any] = {"color": QUIET, "alpha": 0.28, "linewidth": 0.0}
+LEFT_OUT: dict[str, Any] = {"color": QUIET, "linewidth": 0.7, "linestyle": (0, (1, 1.5))}
 
 
 @dataclass(frozen=True)
@@ -43,7 +34,7 @@ class Prediction:
 
 
 @dataclass(frozen=True)
-class Observation:
+class MeasuredFrf:
     """Measured ln|H| of f floors at m frequencies; rows of NaN where a floor has no sensor.
 
     Attributes:
@@ -62,7 +53,7 @@ def frf_fit(
     frequency_hz: ArrayLike,
     floors: Sequence[str],
     prediction: Prediction,
-    observation: Observation | None = None,
+    observation: MeasuredFrf | None = None,
     *,
     title: str = "Frequency response, floor over base",
 ) -> Figure:
@@ -84,19 +75,18 @@ def frf_fit(
         checked(name, getattr(prediction, name), *shape) for name in ("mean", "lower", "upper")
     )
     measured = None if observation is None else _Measured.of(observation, shape)
-    columns = 1 if len(names) == 1 else 2
-    rows = ceil(len(names) / columns)
-    figure = new_figure(10.5, 0.6 + 1.95 * rows)
-    axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-    for place, floor in enumerate(reversed(range(len(names)))):
-        panel = axes.flat[place]
+    columns, width = (1, 10.0) if len(names) == 1 else (2, 5.0)
+    figure, panels = panel_grid(len(names), columns, (width, 1.95), "Frequency (Hz)", "|H|")
+    for panel, floor in zip(panels, reversed(range(len(names))), strict=True):
+        panel.plot(frequency, np.exp(mean[floor]), color=BLUE, label="Predicted, mean")
+        low, high = np.exp(lower[floor]), np.exp(upper[floor])
+        panel.fill_between(frequency, low, high, label=f"Predicted, {prediction.band}", **BAND)
         if measured is not None:
             _draw_measured(panel, frequency, measured, floor)
-        panel.fill_between(frequency, np.exp(lower[floor]), np.exp(upper[floor]), **BAND)
-        panel.plot(frequency, np.exp(mean[floor]), color=BLUE, linewidth=1.4)
         panel.set_title(names[floor])
-    _finish(axes, len(names), frequency)
-    add_head(figure, title, _handles(prediction.band, measured))
+    start = 0.0 if frequency[0] < 0.05 * frequency[-1] else frequency[0]
+    panels[0].set(yscale="log", xlim=(start, frequency[-1]))
+    add_head(figure, title)
     return figure
 
 
@@ -109,7 +99,7 @@ class _Measured:
     noise_sd: Floats | None
 
     @classmethod
-    def of(cls, observation: Observation, shape: tuple[int, int]) -> "_Measured":
+    def of(cls, observation: MeasuredFrf, shape: tuple[int, int]) -> "_Measured":
         values = checked("observed log_frf", observation.log_frf, *shape)
         noise = observation.noise_sd
         valid: Flags = np.ones(shape, dtype=bool)
@@ -123,41 +113,15 @@ class _Measured:
 
 
 def _draw_measured(panel: Axes, frequency: Floats, measured: _Measured, floor: int) -> None:
+    """Draw a floor's measurement behind its prediction."""
     used, unused = measured.used[floor], measured.unused[floor]
-    if measured.noise_sd is not None:
-        twice = 2.0 * measured.noise_sd[floor]
-        panel.fill_between(frequency, np.exp(used - twice), np.exp(used + twice), **NOISE)
-    panel.plot(frequency, np.exp(used), color=INK, linewidth=0.9)
-    panel.plot(frequency, np.exp(unused), color=QUIET, linewidth=0.7, linestyle=(0, (1, 1.5)))
     if not np.isfinite(np.stack([used, unused])).any():
-        panel.annotate(
-            "not measured",
-            (1.0, 1.0),
-            xycoords="axes fraction",
-            xytext=(0, 5),
-            textcoords="offset points",
-            ha="right",
-            color=QUIET,
-        )
-
-
-def _finish(axes: NDArray[Any], floors: int, frequency: Floats) -> None:
-    start = 0.0 if frequency[0] < 0.05 * frequency[-1] else frequency[0]
-    axes.flat[0].set(yscale="log", xlim=(start, frequency[-1]))
-    label_edges(axes, floors, "Frequency (Hz)", "|H|")
-
-
-def _handles(band: str, measured: _Measured | None) -> list[Line2D | Patch]:
-    handles: list[Line2D | Patch] = [
-        Line2D([], [], color=BLUE, label="Predicted, mean"),
-        Patch(label=f"Predicted, {band}", **BAND),
-    ]
-    if measured is None:
-        return handles
-    handles.append(Line2D([], [], color=INK, linewidth=0.9, label="Measured"))
+        panel.set_title("not measured", loc="right", color=QUIET, fontweight="normal")
+        return
+    panel.plot(frequency, np.exp(used), color=INK, linewidth=0.9, zorder=1.9, label="Measured")
     if measured.noise_sd is not None:
-        handles.append(Patch(label="Measured, ±2 sd of its noise", **NOISE))
-    if np.isfinite(measured.unused).any():
-        dotted = Line2D([], [], color=QUIET, linestyle=(0, (1, 1.5)), label="Measured, left out")
-        handles.append(dotted)
-    return handles
+        twice, label = 2.0 * measured.noise_sd[floor], "Measured, ±2 sd of its noise"
+        low, high = np.exp(used - twice), np.exp(used + twice)
+        panel.fill_between(frequency, low, high, label=label, zorder=0.9, **NOISE)
+    if np.isfinite(unused).any():
+        panel.plot(frequency, np.exp(unused), zorder=1.9, label="Measured, left out", **LEFT_OUT)

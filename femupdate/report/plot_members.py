@@ -1,26 +1,24 @@
 """Histories of the forces in members, with their bands."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 from numpy.typing import ArrayLike
 
 from femupdate.arrays import Floats
 from femupdate.report.figure import add_head, checked, new_figure
-from femupdate.report.plot_history import BAND, strong_part
+from femupdate.report.plot_history import strong_part
 from femupdate.report.scale import force_scale
-from femupdate.report.style import BLUE, styled
+from femupdate.report.style import BAND, BLUE, styled
 
-Member = tuple[str, Sequence[str], ArrayLike, ArrayLike]
+MemberHistories = tuple[str, Sequence[str], ArrayLike, ArrayLike]
 
 
 @styled
 def member_force_bands(
-    time: ArrayLike, members: Sequence[Member], *, title: str = "Forces of members"
+    time: ArrayLike, members: Sequence[MemberHistories], *, title: str = "Forces of members"
 ) -> Figure:
     """Draw a row of panels for every member, in the strong part of the motion.
 
@@ -46,19 +44,15 @@ def member_force_bands(
         row[0].set_title(name, loc="left")
     for panel in axes[-1]:
         panel.set_xlabel("Time (s)")
-    handles: list[Line2D | Patch] = [
-        Line2D([], [], color=BLUE, label="Mean"),
-        Patch(label="Mean ± 2 sd", **BAND),
-    ]
-    add_head(figure, title, handles)
+    add_head(figure, title)
     return figure
 
 
-def _draw(panel: Any, time: Floats, mean: Floats, band: Floats, force: str) -> None:
+def _draw(panel: Axes, time: Floats, mean: Floats, band: Floats, force: str) -> None:
     scale = force_scale(np.abs(mean) + band)
     low, high = (mean - band) / scale.factor, (mean + band) / scale.factor
-    panel.fill_between(time, low, high, **BAND)
-    panel.plot(time, mean / scale.factor, color=BLUE, linewidth=1.0)
+    panel.plot(time, mean / scale.factor, color=BLUE, linewidth=1.0, label="Mean")
+    panel.fill_between(time, low, high, label="Mean ± 2 sd", **BAND)
     unit = f"{scale.unit} m" if force.startswith("M") else scale.unit
     panel.set_ylabel(f"{force.replace('_', ' ')} ({unit})")
     panel.set_xlim(time[0], time[-1])

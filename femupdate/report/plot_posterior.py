@@ -1,13 +1,13 @@
-"""Posterior samples of the parameters: pairs, and the way from prior to posterior."""
+"""Posterior samples of the parameters in pairs."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 
@@ -32,7 +32,7 @@ class SampleSet:
 
 
 @dataclass(frozen=True)
-class Case:
+class CaseSamples:
     """A checked set of samples and its colour."""
 
     label: str
@@ -77,22 +77,23 @@ def posterior_pairs(
     side = max(1.25, min(2.1, 9.5 / size))
     figure = new_figure(max(side * size + 0.5, 5.4), side * size + 0.4)
     axes = figure.subplots(size, size, squeeze=False, gridspec_kw={"wspace": 0.0, "hspace": 0.0})
-    for row in range(size):
-        for column in range(size):
-            panel = axes[row, column]
-            panel.grid(False)
-            if row == column:
-                _draw_marginal(panel, cases, row, views[row], true)
-            elif row > column:
-                _draw_pair(panel, cases, (column, row), views, true)
-            else:
-                _draw_correlation(panel, cases, column, row)
-            _label(panel, row, column, names)
-    _head(figure, title, cases, true, size, total)
+    for (row, column), panel in np.ndenumerate(axes):
+        panel.grid(False)
+        if row == column:
+            _draw_marginal(panel, cases, row, views[row], true)
+        elif row > column:
+            _draw_pair(panel, cases, (column, row), views, true)
+        else:
+            _draw_correlation(panel, cases, column, row)
+        _label(panel, row, column, names)
+    note = "Contours hold 50 and 90 %; on the diagonal mean ± sd; above it correlations"
+    if size < total:
+        note = f"The {size} of {total} with the strongest correlations. {note}"
+    add_head(figure, title, note=note if size > 1 else "")
     return figure
 
 
-def checked_cases(sets: Sequence[SampleSet], parameters: int) -> list[Case]:
+def checked_cases(sets: Sequence[SampleSet], parameters: int) -> list[CaseSamples]:
     """Check sets of samples and give each its colour.
 
     Raises:
@@ -107,11 +108,13 @@ def checked_cases(sets: Sequence[SampleSet], parameters: int) -> list[Case]:
         samples = checked(f"samples of {given.label}", given.samples, None, parameters)
         if len(samples) < 2 or not np.isfinite(samples).all():
             raise ReportError(f"{given.label} needs two samples or more, all of them finite")
-        cases.append(Case(given.label, samples, color))
+        cases.append(CaseSamples(given.label, samples, color))
     return cases
 
 
-def _views(cases: list[Case], bounds: Floats, truth: Floats | None) -> list[tuple[float, float]]:
+def _views(
+    cases: list[CaseSamples], bounds: Floats, truth: Floats | None
+) -> list[tuple[float, float]]:
     """What each axis shows: all but the last strays of the samples, within the prior."""
     views = []
     for index, (low, high) in enumerate(bounds):
@@ -124,7 +127,7 @@ def _views(cases: list[Case], bounds: Floats, truth: Floats | None) -> list[tupl
 
 def _draw_marginal(
     panel: Axes,
-    cases: list[Case],
+    cases: list[CaseSamples],
     index: int,
     view: tuple[float, float],
     truth: Floats | None,
@@ -133,15 +136,16 @@ def _draw_marginal(
     for case in cases:
         density = density_1d(case.samples[:, index], view)
         panel.fill_between(density.x, density.value, color=case.color, alpha=0.18, linewidth=0.0)
-        panel.plot(density.x, density.value, color=case.color)
+        panel.plot(density.x, density.value, color=case.color, label=case.label)
         top = max(top, density.value.max())
     _write_estimates(panel, cases, index)
     panel.set(xlim=view, ylim=(0.0, top * (1.12 + 0.22 * len(cases))))
     if truth is not None:
-        panel.axvline(truth[index], ymax=0.7, color=INK, linewidth=0.9, linestyle="--")
+        look: dict[str, Any] = {"linewidth": 0.9, "linestyle": "--", "label": "Truth"}
+        panel.axvline(truth[index], ymax=0.7, color=INK, **look)
 
 
-def _write_estimates(panel: Axes, cases: list[Case], index: int) -> None:
+def _write_estimates(panel: Axes, cases: list[CaseSamples], index: int) -> None:
     for line, case in enumerate(cases):
         values = case.samples[:, index]
         panel.annotate(
@@ -160,7 +164,7 @@ def _write_estimates(panel: Axes, cases: list[Case], index: int) -> None:
 
 def _draw_pair(
     panel: Axes,
-    cases: list[Case],
+    cases: list[CaseSamples],
     pair: tuple[int, int],
     views: list[tuple[float, float]],
     truth: Floats | None,
@@ -185,7 +189,7 @@ def _draw_pair(
     panel.set(xlim=across, ylim=up)
 
 
-def _draw_correlation(panel: Axes, cases: list[Case], first: int, second: int) -> None:
+def _draw_correlation(panel: Axes, cases: list[CaseSamples], first: int, second: int) -> None:
     panel.set(xlim=(0.0, 1.0), ylim=(0.0, 1.0))
     panel.set_axis_off()
     for line, case in enumerate(cases):
@@ -234,20 +238,3 @@ def _label(panel: Axes, row: int, column: int, names: Sequence[str]) -> None:
         panel.set_xlabel(names[column])
     if column == 0 and row > 0:
         panel.set_ylabel(names[row])
-
-
-def _head(
-    figure: Figure,
-    title: str,
-    cases: list[Case],
-    truth: Floats | None,
-    parameters: int,
-    total: int,
-) -> None:
-    handles = [Line2D([], [], color=case.color, linewidth=3.0, label=case.label) for case in cases]
-    if truth is not None:
-        handles.append(Line2D([], [], color=INK, linestyle="--", linewidth=0.9, label="Truth"))
-    note = "Contours hold 50 and 90 %; on the diagonal mean ± sd; above it correlations"
-    if parameters < total:
-        note = f"The {parameters} of {total} with the strongest correlations. {note}"
-    add_head(figure, title, handles, note=note if parameters > 1 else "")

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from femupdate.arrays import Floats
 from femupdate.report.figure import add_head, new_figure
@@ -15,12 +14,17 @@ from femupdate.report.geometry import Geometry
 from femupdate.report.glyphs import Glyphs
 from femupdate.report.marked_building import draw_marked
 from femupdate.report.plot_diagnosis import draw_misfit, largest_misfit
-from femupdate.report.scenes import Renderer
+from femupdate.report.rendering import Renderer
 from femupdate.report.style import BLUE, INK, ORANGE, styled
 
-_BEFORE: dict[str, Any] = {"color": ORANGE, "linewidth": 1.1}
-_AFTER: dict[str, Any] = {"color": BLUE, "linewidth": 1.1}
-_MEASURED: dict[str, Any] = {"color": INK, "linewidth": 0.8, "alpha": 0.8}
+_BEFORE: dict[str, Any] = {"color": ORANGE, "linewidth": 1.1, "label": "model before"}
+_AFTER: dict[str, Any] = {"color": BLUE, "linewidth": 1.1, "label": "model after"}
+_MEASURED: dict[str, Any] = {
+    "color": INK,
+    "linewidth": 0.8,
+    "alpha": 0.8,
+    "label": "measured",
+}
 _WINDOW_S = 6.0
 
 
@@ -93,7 +97,7 @@ def gap_story(story: GapStory, renderer: Renderer = "auto") -> Figure:
 
     Args:
         story: what to tell.
-        renderer: of the building, as for `mode_shape_scene`.
+        renderer: of the building, as for `mode_shape_figure`.
     """
     curves = story.curves
     chosen = _floors(curves)
@@ -112,13 +116,7 @@ def gap_story(story: GapStory, renderer: Renderer = "auto") -> Figure:
     _theta(figure.add_subplot(grid[first : first + rows, 2]), story)
     if story.held is not None:
         _histories(figure.add_subplot(grid[first + rows, :]), story.held)
-    handles = [
-        Line2D([], [], label="measured", **_MEASURED),
-        Line2D([], [], label="model before", **_BEFORE),
-    ]
-    if curves.after is not None:
-        handles.append(Line2D([], [], label="model after", **_AFTER))
-    add_head(figure, story.headline, handles)
+    add_head(figure, story.headline)
     return figure
 
 
@@ -128,10 +126,8 @@ def _scene(
     grids = [scene.before, scene.after]
     top = largest_misfit(grids)
     for panel, name, grid in zip(panels[::2], ("before", "after"), grids, strict=True):
-        picture = draw_misfit(panel, scene.edges_hz, grid, top)
-        panel.set_yticks(range(len(floors)), floors)
+        picture = draw_misfit(panel, floors, scene.edges_hz, grid, top)
         panel.set_title(f"{name}: residual / noise")
-        panel.set_xlabel("Frequency, Hz")
     figure.colorbar(picture, ax=panels[2], pad=0.02)
     draw_marked(panels[1], scene.geometry, scene.glyphs, scene.floors, renderer)
     panels[1].set_title(scene.caption, loc="center")
@@ -153,7 +149,7 @@ def _frf(panel: Axes, curves: Curves, place: int, *, last: bool) -> None:
     panel.set_ylabel(f"{curves.floors[place]}  ln|H|")
     panel.set_xlim(float(frequency[0]), float(frequency[-1]))
     if last:
-        panel.set_xlabel("Frequency, Hz")
+        panel.set_xlabel("Frequency (Hz)")
     else:
         panel.tick_params(labelbottom=False)
 
@@ -183,6 +179,6 @@ def _histories(panel: Axes, held: Any) -> None:
         panel.plot(held.time[shown], held.after[top][shown], **_AFTER)
         text += f" before, {held.error_after:.2f} after"
     panel.set_title(text)
-    panel.set_xlabel("Time, s")
-    panel.set_ylabel(f"{held.floors[top]}, m/s²")
+    panel.set_xlabel("Time (s)")
+    panel.set_ylabel(f"{held.floors[top]} (m/s²)")
     panel.set_xlim(float(held.time[shown][0]), float(held.time[shown][-1]))

@@ -2,15 +2,11 @@
 
 from collections.abc import Sequence
 
-import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullLocator
 from numpy.typing import ArrayLike
 
-from femupdate.report.figure import checked, new_figure
-from femupdate.report.style import BLUE, INK, QUIET, styled
-
-_TICKS = (0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
+from femupdate.report.figure import add_head, checked, frequency_ticks, panel_grid
+from femupdate.report.style import BAND, BLUE, QUIET, styled
 
 
 @styled
@@ -39,30 +35,17 @@ def floor_spectra_bands(
     shape = (len(floors), len(frequency))
     middle, spread = checked("mean", mean, *shape), checked("sd", sd, *shape)
     ground = checked("base", base, len(frequency))
-    columns = min(3, len(floors))
-    rows = -(-len(floors) // columns)
-    figure = new_figure(3.6 * columns + 0.6, 2.5 * rows + 0.9)
-    axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-    for panel in axes.ravel()[len(floors) :]:
-        panel.set_visible(False)
-    for panel, floor in zip(axes.ravel(), reversed(range(len(floors))), strict=False):
+    size, columns = (3.6, 2.5), min(3, len(floors))
+    figure, panels = panel_grid(
+        len(floors), columns, size, "Oscillator (Hz)", "Acceleration (m/s²)"
+    )
+    for panel, floor in zip(panels, reversed(range(len(floors))), strict=True):
         low, high = middle[floor] - 2 * spread[floor], middle[floor] + 2 * spread[floor]
-        panel.fill_between(frequency, low, high, color=BLUE, alpha=0.3, linewidth=0.0)
-        panel.plot(frequency, middle[floor], color=BLUE, label="floor")
-        panel.plot(frequency, ground, color=QUIET, linestyle="--", label="ground")
-        panel.set_xscale("log")
-        ticks = [tick for tick in _TICKS if frequency[0] <= tick <= frequency[-1]]
-        panel.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
-        panel.xaxis.set_minor_locator(NullLocator())
-        panel.set_xlim(frequency[0], frequency[-1])
-        panel.set_ylim(0.0, 1.08 * float(np.max([middle + 2 * spread, ground + 0 * middle])))
+        panel.plot(frequency, middle[floor], color=BLUE, label="Floor, mean")
+        panel.fill_between(frequency, low, high, label="Mean ± 2 sd", **BAND)
+        panel.plot(frequency, ground, color=QUIET, linestyle="--", label="Ground")
         panel.set_title(floors[floor])
-    axes[0, 0].legend(loc="upper left")
-    for panel in axes[:, 0]:
-        panel.set_ylabel("Acceleration (m/s²)")
-    for number in range(columns):
-        last = axes[:, number][[axis.get_visible() for axis in axes[:, number]]][-1]
-        last.set_xlabel("Oscillator (Hz)")
-        last.tick_params(labelbottom=True)
-    figure.suptitle(title, x=0.01, ha="left", color=INK, fontweight="bold", fontsize=11)
+    frequency_ticks(panels[0], frequency[0], frequency[-1])
+    panels[0].set_ylim(0.0, 1.08 * max((middle + 2 * spread).max(), ground.max()))
+    add_head(figure, title)
     return figure

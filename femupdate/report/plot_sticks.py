@@ -6,16 +6,12 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 from numpy.typing import ArrayLike
 
 from femupdate.arrays import Floats
 from femupdate.report.figure import add_head, checked, checked_names, new_figure
 from femupdate.report.scale import plus_minus
-from femupdate.report.style import BLUE, QUIET, styled
-
-BAND: dict[str, Any] = {"color": BLUE, "alpha": 0.25, "linewidth": 0.0}
+from femupdate.report.style import BAND, BLUE, QUIET, styled
 
 
 @styled
@@ -61,15 +57,18 @@ def stick_mode_shapes(
         panel.set_title(f"Mode {mode + 1}\n{value} Hz", fontweight="normal")
     _finish(axes, heights, floors)
     figure.supxlabel("Displacement over its largest", fontsize=10.0)
-    add_head(figure, title, _handles(sds is not None))
+    add_head(figure, title)
     return figure
 
 
 def _draw_stick(panel: Axes, heights: Floats, shape: Floats, sd: Floats | None) -> None:
-    panel.plot(np.zeros_like(heights), heights, "o-", color=QUIET, linewidth=0.8, markersize=3.0)
+    look: dict[str, Any] = {"linewidth": 1.8, "markersize": 6.0, "zorder": 2.2}
+    panel.plot(shape, heights, "o-", color=BLUE, label="Posterior mean", **look)
     if sd is not None:
-        panel.fill_betweenx(heights, shape - 2.0 * sd, shape + 2.0 * sd, **BAND)
-    panel.plot(shape, heights, "o-", color=BLUE, linewidth=1.8, markersize=6.0)
+        low, high = shape - 2.0 * sd, shape + 2.0 * sd
+        panel.fill_betweenx(heights, low, high, label="± 2 sd", **BAND)
+    look = {"linewidth": 0.8, "markersize": 3.0}
+    panel.plot(np.zeros_like(heights), heights, "o-", color=QUIET, label="At rest", **look)
 
 
 def _finish(axes: Sequence[Axes], heights: Floats, floors: Sequence[str] | None) -> None:
@@ -83,13 +82,3 @@ def _finish(axes: Sequence[Axes], heights: Floats, floors: Sequence[str] | None)
         axes[0].set_ylabel("Height (m)")
     else:
         axes[0].set(yticks=heights, yticklabels=checked_names("floors", floors, len(heights)))
-
-
-def _handles(band: bool) -> list[Line2D | Patch]:
-    handles: list[Line2D | Patch] = [
-        Line2D([], [], color=BLUE, marker="o", label="Posterior mean"),
-        Line2D([], [], color=QUIET, marker="o", markersize=3.0, linewidth=0.8, label="At rest"),
-    ]
-    if band:
-        handles.insert(1, Patch(label="± 2 sd", **BAND))
-    return handles

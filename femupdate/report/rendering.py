@@ -5,8 +5,11 @@ import logging
 import subprocess
 import sys
 from dataclasses import dataclass
+from typing import Literal
 
 logger = logging.getLogger(__name__)
+
+Renderer = Literal["auto", "pyvista", "matplotlib"]
 
 TIMEOUT = 60.0  # s; a first picture takes one to five
 ADVICE = (
@@ -42,6 +45,11 @@ def rendering() -> Rendering:
     if not found.works:
         logger.warning("PyVista cannot render here (%s): %s", found.reason, ADVICE)
     return found
+
+
+def renders(renderer: Renderer) -> bool:
+    """Return whether PyVista makes the picture: where it is named, or "auto" and works."""
+    return renderer == "pyvista" or (renderer == "auto" and rendering().works)
 
 
 def probe(command: tuple[str, ...], timeout: float = TIMEOUT) -> Rendering:

@@ -22,6 +22,9 @@ INK = "#22262B"  # text and measured data
 QUIET = "#6B7280"  # axes and what stands behind
 FAINT = "#D9DDE3"  # grids and priors
 
+# Of a prediction: two standard deviations either way, or an interval.
+BAND: dict[str, Any] = {"color": BLUE, "alpha": 0.28, "linewidth": 0.0}
+
 MAGNITUDE_MAP = "viridis"
 SPREAD_MAP = "cividis"
 

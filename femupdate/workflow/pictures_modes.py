@@ -59,8 +59,9 @@ def _draw_scenes(
     study: Study, model: StudyModel, modes: Sequence[TrackedMode], name: str, show: Progress
 ) -> tuple[Path, ...]:
     from femupdate.building.mesh import mesh_building
+    from femupdate.report.figure import save_figure
     from femupdate.report.geometry import Geometry
-    from femupdate.report.scenes import mode_shape_scene
+    from femupdate.report.scenes import mode_shape_figure
 
     geometry = Geometry.of_model(mesh_building(model.building).model)
     show.start("Drawing mode shapes", len(modes))
@@ -76,7 +77,7 @@ def _draw_scenes(
         if several:
             title = f"Mode {number}: {mode.frequency_mean:.2f} ± {mode.frequency_sd:.2f} Hz"
         sd = spread if several else None
-        mode_shape_scene(geometry, mean / largest, path, shape_sd=sd, title=title)
+        save_figure(mode_shape_figure(geometry, mean / largest, shape_sd=sd, title=title), path)
         paths.append(path)
         show.advance()
     return tuple(paths)

@@ -37,7 +37,7 @@ def draw_posterior(
         observation.frequency_hz,
         model.building.floors,
         plot_frf.Prediction(predicted.mean(axis=0), low, high),
-        plot_frf.Observation(observation.log_frf, observation.noise_sd, observation.valid),
+        plot_frf.MeasuredFrf(observation.log_frf, observation.noise_sd, observation.valid),
     )
     paths = [save_figure(frf, study.path("pictures", "frf_fit.png"))]
     show.advance()

@@ -14,7 +14,8 @@ def draw_prediction(
 ) -> tuple[Path, ...]:
     """Draw histories and stories; floor spectra and members where they were asked for."""
     from femupdate.report.figure import save_figure
-    from femupdate.report.plot_history import floor_history_bands, story_shear_drift
+    from femupdate.report.plot_drift import story_shear_drift
+    from femupdate.report.plot_history import floor_history_bands
     from femupdate.report.plot_members import member_force_bands
     from femupdate.report.plot_spectra import floor_spectra_bands
 

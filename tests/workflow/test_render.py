@@ -15,7 +15,7 @@ from femupdate.dynamics.tracking import (
 from femupdate.errors import StudyError
 from femupdate.inference.posterior import Posterior, load_posterior, save_posterior
 from femupdate.measurement.observation import Observation
-from femupdate.report import scenes
+from femupdate.report import rendering
 from femupdate.report.rendering import Rendering
 from femupdate.study import Study
 from femupdate.workflow.model import open_study
@@ -105,7 +105,7 @@ def test_the_modes_of_a_frame(cabin):
 
 def test_without_graphics_matplotlib_draws(cabin, monkeypatch):
     study, model, _ = cabin
-    monkeypatch.setattr(scenes, "rendering", lambda: Rendering(False, "no libraries"))
+    monkeypatch.setattr(rendering, "rendering", lambda: Rendering(False, "no libraries"))
     report = render_study(study, model, modes=1, samples=5)
     shown(report.pictures[0])
 

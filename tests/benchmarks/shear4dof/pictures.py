@@ -15,8 +15,7 @@ from femupdate.dynamics.modal import modal_data
 from femupdate.inference.likelihood import LatentLikelihood
 from femupdate.report.density import density_1d
 from femupdate.report.figure import add_head, new_figure, save_figure
-from femupdate.report.plot_frf import Observation as Measured
-from femupdate.report.plot_frf import Prediction, frf_fit
+from femupdate.report.plot_frf import MeasuredFrf, Prediction, frf_fit
 from femupdate.report.style import INK, MAGNITUDE_MAP, ORANGE, SERIES, styled
 from femupdate.surrogate.storage import TrainedSurrogate
 from femupdate.workflow.model import StudyModel
@@ -181,7 +180,7 @@ def draw_benchmark(
         roof.frequency_hz,
         model.building.floors,
         Prediction(predicted.mean(axis=0), low, high),
-        Measured(measured),
+        MeasuredFrf(measured),
         title="Measured at the roof alone: response of the other floors",
     )
     pairs, modes = posterior_pairs(model, draws), mode_densities(model, case, draws)
