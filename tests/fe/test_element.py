@@ -1,0 +1,104 @@
+"""What holds for elements of every kind: how they are found, chosen, cut, scaled and checked."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from femupdate.errors import ModelError
+from femupdate.fe.assembly import assemble
+from femupdate.fe.elements.beam import Beams
+from femupdate.fe.elements.shell import Shells
+from femupdate.fe.elements.triangle import Triangles
+from femupdate.fe.model import FiniteElementModel
+from femupdate.fe.registry import cell_types, element_for, element_kinds
+from femupdate.fe.stress import element_forces
+
+
+@pytest.fixture
+def model(meshes):
+    points, elements = meshes.frame_with_wall()
+    fixed = meshes.hold(len(points), (points[:, 2] == 0, range(6)))
+    return meshes.model(points, fixed, groups=2, **elements)
+
+
+def test_the_kinds_of_the_folder_are_found():
+    assert element_kinds() == {"beam": Beams, "shell": Shells, "triangle": Triangles}
+    assert cell_types() == {"line": 2, "quad": 4, "triangle": 3}
+
+
+@pytest.mark.parametrize("cell_type", ["line", "triangle", "quad"])
+def test_each_type_of_cell_has_one_usual_kind(cell_type):
+    usual = [k for k in element_kinds().values() if k.cell_type == cell_type and k.standard]
+    assert usual == [element_for(cell_type)]
+    assert element_for(cell_type, usual[0].name) is usual[0]
+
+
+def test_a_kind_of_other_cells_is_refused():
+    with pytest.raises(ModelError, match=r"no element named 'beam' is made of quad cells.* shell"):
+        element_for("quad", "beam")
+
+
+def test_some_elements_have_their_own_matrices(model):
+    chosen = np.array([3, 1])
+    shells = model.elements_of(Shells)
+    some, every = (one.matrices(model.nodes) for one in (shells.taken(chosen), shells))
+    np.testing.assert_allclose(some.stiffness, every.stiffness[chosen], rtol=1e-9, atol=1e-3)
+    released = np.zeros((2, 12), dtype=bool)
+    beams = replace(model.elements_of(Beams), released=released).taken(chosen[:1] - 2)
+    assert beams.offset is None
+    assert beams.released.shape == (1, 12)
+
+
+@pytest.mark.parametrize("kind", [Shells, Beams])
+def test_scaled_elements_are_stiffer_and_weigh_the_same(model, kind):
+    block = model.elements_of(kind)
+    factor = np.linspace(0.5, 3.0, len(block))
+    before, after = (one.matrices(model.nodes) for one in (block, block.scaled(factor)))
+    np.testing.assert_allclose(after.stiffness, factor[:, None, None] * before.stiffness, rtol=1e-9)
+    np.testing.assert_allclose(after.mass, before.mass, rtol=1e-9, atol=1e-9)
+
+
+def test_the_mass_of_elements_is_what_they_are_assembled_to(model):
+    operators = assemble(model)
+    motion = operators.rigid_translation(2)
+    total = sum(block.mass(model.nodes).sum() for block in model.elements)
+    assert motion @ operators.mass_full @ motion == pytest.approx(total, rel=1e-12)
+
+
+def test_a_model_keeps_the_order_of_its_blocks_and_drops_empty_ones(model):
+    shells, beams = model.elements
+    assert [type(block) for block in model.elements] == [Shells, Beams]
+    changed = model.with_elements(shells.taken(np.array([0, 1])), Triangles())
+    assert [len(block) for block in changed.elements] == [2, len(beams)]
+    assert len(model.elements_of(Triangles)) == 0
+    assert model.element_count == len(model.faces) + len(model.lines) == len(shells) + len(beams)
+
+
+def test_triangles_repeat_their_last_node_among_the_faces():
+    block = Triangles(nodes=np.array([[0, 1, 2]]))
+    one = FiniteElementModel(np.eye(3), np.zeros((3, 6), dtype=bool), 1, (block,))
+    np.testing.assert_array_equal(one.faces, [[0, 1, 2, 2]])
+
+
+@pytest.mark.parametrize("name", [one.name for one in fields(Shells) if one.name != "nodes"])
+def test_a_property_that_is_left_out_is_named(model, name):
+    shells = model.elements_of(Shells)
+    short = replace(shells, **{name: getattr(shells, name)[:-1]})
+    with pytest.raises(
+        ModelError, match=f"{name} of the shell elements has {len(shells) - 1} rows"
+    ):
+        short.matrices(model.nodes)
+
+
+def test_two_blocks_of_one_kind_are_refused(model):
+    double = replace(model, elements=(*model.elements, model.elements_of(Beams)))
+    with pytest.raises(ModelError, match="2 blocks of beam elements; join them"):
+        assemble(double)
+
+
+def test_a_kind_without_forces_says_so():
+    block = Triangles(nodes=np.array([[0, 1, 2]]), group=np.zeros(1, dtype=np.int64))
+    one = FiniteElementModel(np.eye(3), np.zeros((3, 6), dtype=bool), 1, (block,))
+    with pytest.raises(ModelError, match="forces inside a triangle are not available"):
+        element_forces(one, block, np.zeros(18), np.ones(1))
