@@ -9,7 +9,7 @@ from femupdate.arrays import Floats, Integers
 from femupdate.fe.element import ElementMatrices, area_vectors, repeated, rows
 from femupdate.fe.membrane import integrate, plane_stress
 from femupdate.fe.plate import SHEAR_CORRECTION
-from femupdate.fe.surface import Surface
+from femupdate.fe.surface import SHELL_FORCES, Surface
 
 _FLAT = 1e-6  # height over the longest side below which a triangle has no area
 _SIDES = np.array([[0, 1], [1, 2], [2, 0]])
@@ -37,11 +37,17 @@ class Triangles(Surface):
     Mech. Engrg. 192, 2125-2168. Plate: DKMT, discrete Kirchhoff-Mindlin (Katili 1993), Int. J.
     Numer. Meth. Engng 36, 1859-1883, for thin and thick plates. Inertias are those of the
     four-node shell.
+
+    The forces are resultants at the corners as for `Shells`; the local x axis runs along the first
+    side. Forces n are the mean over the element, moments m are linear in it.
     """
 
     name: ClassVar[str] = "triangle"
     cell_type: ClassVar[str] = "triangle"
     standard: ClassVar[bool] = True
+    force_names: ClassVar[tuple[str, ...]] = tuple(
+        f"{force}_{corner}" for corner in range(1, 4) for force in SHELL_FORCES
+    )
     opensees_types: ClassVar[tuple[str, ...]] = ("ASDShellT3",)
 
     nodes: Integers = rows(3, dtype=np.int64)
@@ -62,6 +68,24 @@ class Triangles(Surface):
             stiffness[:, own[:, None], own] = part
         local = ElementMatrices(stiffness, self._mass(shape.area))
         return local.moved_by(repeated(shape.axes, 6))
+
+    def force_rows(self, points: Floats) -> Floats:
+        """Resultants at the corners per unit motion of the nodes, (n, 18, 18)."""
+        shape = _Shape.of(self.corners(points))
+        elasticity = plane_stress(self.youngs_modulus, self.poisson_ratio)
+        lumping = _lumping(shape.plane, np.ones(len(self)))
+        mean = (
+            elasticity @ np.swapaxes(lumping, 1, 2) * (self.thickness / shape.area)[:, None, None]
+        )
+        curvature = _plate_curvature(
+            shape, _middle_rotations(shape, self.thickness, self.poisson_ratio)
+        )
+        bending = elasticity * (self.thickness**3 / 12.0)[:, None, None]
+        moment = np.einsum("cp,npik->ncik", np.linalg.inv(_MIDDLES), bending[:, None] @ curvature)
+        local = np.zeros((len(self), 3, 6, 18))
+        local[:, :, :3, self.directions(0, 1, 5)] = mean[:, None]
+        local[:, :, 3:, self.directions(2, 3, 4)] = moment
+        return np.asarray(local.reshape(-1, 18, 18) @ repeated(shape.axes, 6), dtype=np.float64)
 
     def check(self, points: Floats) -> None:
         """As `Elements.check`; a triangle needs an area as well."""
@@ -184,18 +208,23 @@ def _plate(
     for constant moments.
     """
     bending = plane_stress(youngs_modulus, poisson_ratio) * (thickness**3 / 12.0)[:, None, None]
-    shear_modulus = 0.5 * youngs_modulus / (1.0 + poisson_ratio)
-    rigidity = SHEAR_CORRECTION * shear_modulus * thickness
-    flexible = 12.0 * bending[:, :1, 0] / (rigidity[:, None] * shape.length**2)  # phi of the sides
-    extra = _middle_rotations(shape, flexible)
+    rigidity = SHEAR_CORRECTION * thickness * 0.5 * youngs_modulus / (1.0 + poisson_ratio)
+    extra = _middle_rotations(shape, thickness, poisson_ratio)
     area = np.repeat(shape.area[:, None] / 3.0, 3, axis=1)
     curvature = _plate_curvature(shape, extra)
     stiffness = integrate(curvature, bending[:, None] @ curvature, area)
+    flexible = _shear_flexibility(shape, thickness, poisson_ratio)
     shear = _plate_shear(shape.direction, flexible, extra)
     return stiffness + integrate(shear, rigidity[:, None, None, None] * shear, area)
 
 
-def _middle_rotations(shape: _Shape, flexible: Floats) -> Floats:
+def _shear_flexibility(shape: _Shape, thickness: Floats, poisson_ratio: Floats) -> Floats:
+    """phi = 12 D / (k G t L^2) of each side, (n, 3), in which Young's modulus cancels."""
+    own = 2.0 * thickness**2 / (SHEAR_CORRECTION * (1.0 - poisson_ratio))
+    return own[:, None] / shape.length**2
+
+
+def _middle_rotations(shape: _Shape, thickness: Floats, poisson_ratio: Floats) -> Floats:
     """Rotation along each side that exceeds the linear one at its middle, (n, 3, 9).
 
     With the section's rotation b along the side s (u = z b), shear g = w,s + b and
@@ -203,6 +232,7 @@ def _middle_rotations(shape: _Shape, flexible: Floats) -> Floats:
     2/3 L (1 + phi) d = w_i - w_j - L/2 (b_i + b_j).
     """
     length, direction = shape.length, shape.direction
+    flexible = _shear_flexibility(shape, thickness, poisson_ratio)
     matrix = np.zeros((len(length), 3, 9))
     for number, (first, second) in enumerate(_SIDES):
         matrix[:, number, 3 * first], matrix[:, number, 3 * second] = 1.0, -1.0
