@@ -36,12 +36,21 @@ DRAWS = 2000  # of predictions
 
 @dataclass(frozen=True)
 class Run:
-    """One command: its arguments, what is read from its JSON, processor seconds it may take."""
+    """One command.
+
+    Attributes:
+        name: in the record.
+        arguments: of femupdate.
+        read: takes the figures from its JSON.
+        limit_s: processor seconds after which it is stopped.
+        writes: file that must not be there before.
+    """
 
     name: str
     arguments: tuple[str, ...]
     read: Callable[[Content], Figures]
     limit_s: float = 600.0
+    writes: Path | None = None
 
 
 def read_model(content: Content) -> Figures:
@@ -182,9 +191,9 @@ def _model(name: str) -> Run:
 
 def _simulation(folders: Folders, name: str, building: str, *options: str) -> Run:
     """Files of other buildings than the stick, which need femupdate itself."""
-    file = str(folders.work / "data" / f"{name}.csv")
-    arguments = ("simulate", "--building", building, "-o", file, *options)
-    return Run(f"simulate {name}", arguments, read_simulation)
+    file = folders.work / "data" / f"{name}.csv"
+    arguments = ("simulate", "--building", building, "-o", str(file), *options)
+    return Run(f"simulate {name}", arguments, read_simulation, writes=file)
 
 
 def _stick_posteriors(folders: Folders) -> Iterator[Run]:
@@ -262,6 +271,9 @@ def record(run: Run, folders: Folders) -> Content:
     paths = {"PYTHONPATH": str(folders.checkout), "OMP_NUM_THREADS": "1"}
     command = [sys.executable, "-c", MAIN, *run.arguments, "--json"]
     log = folders.work / "logs" / run.name.replace(" ", "_")
+    if run.writes is not None:
+        run.writes.parent.mkdir(exist_ok=True)
+        run.writes.unlink(missing_ok=True)
     usage = measure(command, {**os.environ, **paths}, folders.work, log, run.limit_s)
     kept: Content = {
         "status": "finished",
@@ -278,7 +290,10 @@ def record(run: Run, folders: Folders) -> Content:
             message = message.replace(f"{path}/", "")
         kept["status"] = f"failed: {message}"
     else:
-        kept["figures"] = run.read(json.loads(Path(f"{log}.json").read_text()))
+        try:
+            kept["figures"] = run.read(json.loads(Path(f"{log}.json").read_text()))
+        except (KeyError, ValueError, TypeError) as error:  # a key has another name now
+            kept["status"] = f"unreadable: {type(error).__name__} {error}"
     return kept
 
 
