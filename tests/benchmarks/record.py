@@ -301,21 +301,25 @@ def write(folders: Folders, output: Path, only: str, again: bool) -> None:
     """Run what is not recorded yet, and add it to the output file run by run."""
     (folders.work / "logs").mkdir(parents=True, exist_ok=True)
     make_observations(folders.data, folders.checkout)
-    runs: Content = json.loads(output.read_text())["runs"] if output.exists() else {}
     for run in all_runs(folders):
-        if not fnmatch.fnmatch(run.name, only) or (run.name in runs and not again):
+        if not fnmatch.fnmatch(run.name, only) or (run.name in read_record(output) and not again):
             continue
-        runs[run.name] = record(run, folders)
+        kept = record(run, folders)
+        runs = {**read_record(output), run.name: kept}
         temporary = output.with_suffix(".part")
         temporary.write_text(json.dumps({"runs": runs}, indent=1) + "\n", encoding="utf-8")
         temporary.replace(output)
-        kept = runs[run.name]
         print(f"{run.name}: {kept['status']}, {kept['processor_seconds']} s", flush=True)
+
+
+def read_record(file: Path) -> Content:
+    """Runs by name; none where there is no such file."""
+    return json.loads(file.read_text())["runs"] if file.exists() else {}
 
 
 def compare(before: Path, after: Path) -> int:
     """Print the table; 1 when a tolerance is broken."""
-    rows = list(compare_records(*(json.loads(p.read_text())["runs"] for p in (before, after))))
+    rows = list(compare_records(read_record(before), read_record(after)))
     print(comparison_text(rows))
     return int(any(row.broken for row in rows))
 
