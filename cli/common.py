@@ -4,7 +4,6 @@ import functools
 import logging
 import sys
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any, TypeVar
 
 import click
@@ -51,7 +50,7 @@ def study_options(
             show_default=True,
             help="Folder that holds everything for one building.",
         )
-        @_running
+        @running
         @functools.wraps(function)
         def wrapper(*args: Any, study: Study, as_json: bool, **kwargs: Any) -> None:
             if needs is not None:
@@ -102,26 +101,7 @@ def reading_options(function: F) -> F:
     return wrapper  # type: ignore[return-value]
 
 
-def benchmark_options(function: F) -> F:
-    """Add --output, --seed, --json and -v, and turn the library's errors into exit code 1."""
-
-    @click.option(
-        "--output",
-        "output_folder",
-        type=click.Path(file_okay=False, path_type=Path),
-        default=Path("benchmarks"),
-        show_default=True,
-        help="Folder for the results.",
-    )
-    @_running
-    @functools.wraps(function)
-    def wrapper(*args: Any, **kwargs: Any) -> Any:
-        return function(*args, **kwargs)
-
-    return wrapper  # type: ignore[return-value]
-
-
-def _running(function: F) -> F:
+def running(function: F) -> F:
     """Add --seed, --json and -v, and turn the library's errors into exit code 1."""
     seed = click.option(
         "--seed",

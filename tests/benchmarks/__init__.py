@@ -5,7 +5,7 @@ benchmark NAME runs as `femupdate benchmark NAME`, and from the checkout's root 
 `python -m femupdate.benchmarks NAME`.
 
 A new benchmark is a line in `COMMANDS` and a module that holds its click command as `command`,
-with `benchmark_options` of `femupdate.cli.common` for --output, --seed, --json and -v.
+made with `command.benchmark_options`, which hands it a `Job` and prints its `Report`.
 """
 
 # Name of a benchmark to the module here that holds its command, and its line in the help.

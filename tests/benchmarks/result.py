@@ -1,46 +1,107 @@
-"""Writing the result of a benchmark: JSON for programs, Markdown for people."""
+"""The result of a benchmark: JSON for programs, Markdown for people."""
 
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, is_dataclass
+from dataclasses import asdict, dataclass, field, is_dataclass
 from pathlib import Path
 from typing import Any
 
+from femupdate.progress import SILENT, Progress
 from femupdate.study import write_text
 
-from .machine import Machine
+from .machine import Machine, this_machine
+
+
+@dataclass(frozen=True, kw_only=True)
+class Report:
+    """What a benchmark found.
+
+    Attributes:
+        machine: it ran on.
+        text: tables in Markdown.
+        json, markdown: files written.
+        pictures: drawn.
+        answer: main figures, for --json.
+    """
+
+    machine: Machine
+    text: str
+    json: Path
+    markdown: Path
+    pictures: tuple[Path, ...] = ()
+    answer: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def files(self) -> tuple[Path, Path]:
+        """Both files of the result."""
+        return self.json, self.markdown
+
+    def as_dict(self) -> dict[str, Any]:
+        """What the command prints with --json."""
+        return {"machine": self.machine.sentence(), **self.answer, "results": self.files}
+
+    def lines(self) -> list[str]:
+        """What the command prints without it."""
+        return [self.text]
+
+    def content(self) -> dict[str, Any]:
+        """Read the JSON file."""
+        found: dict[str, Any] = json.loads(self.json.read_text(encoding="utf-8"))
+        return found
 
 
 @dataclass(frozen=True)
-class ResultFiles:
-    """Where a result was written."""
+class Job:
+    """One run of a benchmark.
 
-    json: Path
-    markdown: Path
-
-
-def write_result(
-    folder: Path, name: str, machine: Machine, seed: int, content: Mapping[str, Any], text: str
-) -> ResultFiles:
-    """Write NAME.json and NAME.md into a folder, each whole or not at all.
-
-    Args:
-        folder: made where missing.
-        name: of the benchmark.
-        machine: what it ran on.
-        seed: of everything random in it.
-        content: of the JSON file beside machine and seed; dataclasses and arrays are taken apart.
-        text: Markdown below the line with the machine.
-
-    Raises:
-        StudyError: a file cannot be written.
+    Attributes:
+        folder: of the results, made where missing.
+        seed: of everything random.
+        progress: told what is done.
     """
-    files = ResultFiles(folder / f"{name}.json", folder / f"{name}.md")
-    everything = {"benchmark": name, "machine": machine, "seed": seed, **content}
-    write_text(files.json, json.dumps(plain(everything), indent=1) + "\n")
-    write_text(files.markdown, f"{machine.sentence()}, seed {seed}.\n\n{text.rstrip()}\n")
-    return files
+
+    folder: Path
+    seed: int = 0
+    progress: Progress = SILENT
+
+    def write(
+        self,
+        name: str,
+        content: Mapping[str, Any],
+        text: str,
+        *,
+        packages: Sequence[str] = (),
+        pictures: Sequence[Path] = (),
+        answer: Mapping[str, Any] | None = None,
+    ) -> Report:
+        """Write NAME.json and NAME.md into the folder, each whole or not at all.
+
+        Args:
+            name: of the files.
+            content: of the JSON file beside machine and seed; dataclasses and arrays are taken
+                apart.
+            text: Markdown below the line with the machine.
+            packages: whose versions matter beside those that always do.
+            pictures, answer: for the report.
+
+        Raises:
+            StudyError: a file cannot be written.
+        """
+        machine = this_machine(*packages)
+        report = Report(
+            machine=machine,
+            text=text,
+            json=self.folder / f"{name}.json",
+            markdown=self.folder / f"{name}.md",
+            pictures=tuple(pictures),
+            answer=answer or {},
+        )
+        everything = {"benchmark": name, "machine": machine, "seed": self.seed, **content}
+        write_text(report.json, json.dumps(plain(everything), indent=1) + "\n")
+        head = f"{machine.sentence()}, seed {self.seed}."
+        write_text(report.markdown, f"{head}\n\n{text.rstrip()}\n")
+        return report
 
 
 def markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

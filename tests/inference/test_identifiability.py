@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 import torch
-from femupdate.benchmarks.shear4dof.case import authors_case, benchmark_model, data_likelihood
+from femupdate.benchmarks.shear4dof.case import authors_case, data_likelihood
+from femupdate.benchmarks.shipped import benchmark_model
 from scipy.stats import loguniform, uniform
 
 from femupdate.inference.identifiability import _log_moments, identifiability

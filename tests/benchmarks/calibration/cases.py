@@ -9,10 +9,10 @@ from femupdate.arrays import Floats
 from femupdate.dynamics.effect_modal import effect_log_frf
 from femupdate.dynamics.frf import log_frf
 from femupdate.dynamics.modal import modal_data
-from femupdate.inference.bridge import Start, bridge
+from femupdate.inference.bridge import BridgeResult, Start, bridge
 from femupdate.inference.likelihood import DataLikelihood, LatentLikelihood
 from femupdate.inference.predictive_check import PredictiveCheck, check_predictions
-from femupdate.inference.smc import SmcResult, TemperedSmc
+from femupdate.inference.smc import LogLikelihood, SmcResult, TemperedSmc
 from femupdate.measurement.observation import Observation
 from femupdate.surrogate.storage import ANY_FLOORS, TrainedSurrogate
 from femupdate.workflow.calibrate_draws import latent_zeta
@@ -70,7 +70,7 @@ class Widths:
     shift: Floats
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class CalibrationCase:
     """One simulated building.
 
@@ -90,6 +90,27 @@ class CalibrationCase:
     responses: int
     effective_share: float
     widths: Widths | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class CaseSettings:
+    """What is made of every simulated building.
+
+    Attributes:
+        floors: observed; `ANY_FLOORS` alone for a set drawn at random in every case.
+        particles: of each posterior.
+        beside: the first so many cases also get the data-space posterior.
+        power: of the latent likelihood; default the surrogate's own.
+        seed: of everything random; every case has its own stream.
+        noise_sd: of ln|H|; default that of the surrogate's training.
+    """
+
+    floors: tuple[str, ...]
+    particles: int = 1000
+    beside: int = 0
+    power: float | None = None
+    seed: int = 0
+    noise_sd: float | None = None
 
 
 def simulate(
@@ -123,27 +144,6 @@ def _response(model: StudyModel, theta: torch.Tensor, zeta: torch.Tensor) -> tor
     return log_frf(modal, model.frequency_hz, model.law, zeta)
 
 
-@dataclass(frozen=True)
-class CaseSettings:
-    """What is made of every simulated building.
-
-    Attributes:
-        floors: observed; `ANY_FLOORS` alone for a set drawn at random in every case.
-        particles: of each posterior.
-        beside: the first so many cases also get the data-space posterior.
-        power: of the latent likelihood; default the surrogate's own.
-        seed: of everything random; every case has its own stream.
-        noise_sd: of ln|H|; default that of the surrogate's training.
-    """
-
-    floors: tuple[str, ...]
-    particles: int = 1000
-    beside: int = 0
-    power: float | None = None
-    seed: int = 0
-    noise_sd: float | None = None
-
-
 def calibration_case(
     model: StudyModel, surrogate: TrainedSurrogate, settings: CaseSettings, number: int
 ) -> CalibrationCase:
@@ -168,27 +168,22 @@ def calibration_case(
         least_noise=noise_sd,
     )
     start = TemperedSmc(model.prior, latent).run(settings.particles, seed)
-    known = SimulatedCase(
-        start.log_likelihood.numpy(), float(latent(torch.from_numpy(building.theta)[None])[0])
-    )
-    judged, share, widths = None, float("nan"), None
+    judge = _Judge(model, building, centre, seed)
+    exact, widths, share = None, None, float("nan")
     if number < settings.beside:
-        draws, of_target, share = _exact(model, building, latent, start, settings.particles, seed)
-        theta = draws[:, : model.prior.size]
-        check = _check(model, building.observation, theta, draws[:, model.prior.size :], seed)
-        judged = replace(_judge(model, building, theta, of_target, centre), check=check)
+        draws, likelihoods, share = _exact(model, building, latent, start, seed)
+        theta, zeta = draws[:, : model.prior.size], draws[:, model.prior.size :]
+        exact = judge(theta, zeta, likelihoods)
         widths = _widths(start.theta, theta)
-    check = _check(
-        model, building.observation, start.theta, _zeta(model, latent, start, seed), seed
-    )
+    likelihoods = _simulated(start, latent, building.theta)
     return CalibrationCase(
-        replace(_judge(model, building, start.theta, known, centre), check=check),
-        judged,
-        known,
-        latent.found.misfit,
-        latent.found.responses,
-        share,
-        widths,
+        latent=judge(start.theta, _zeta(model, latent, start, seed), likelihoods),
+        exact=exact,
+        likelihoods=likelihoods,
+        misfit=latent.found.misfit,
+        responses=latent.found.responses,
+        effective_share=share,
+        widths=widths,
     )
 
 
@@ -204,7 +199,6 @@ def _exact(
     building: SimulatedBuilding,
     latent: LatentLikelihood,
     start: SmcResult,
-    particles: int,
     seed: int,
 ) -> tuple[torch.Tensor, SimulatedCase, float]:
     """Draws from the data-space posterior, its likelihoods and effective share.
@@ -222,7 +216,7 @@ def _exact(
         truth = np.append(truth, building.zeta)
         # The latent likelihood does not know zeta: its posterior there is the prior.
         generator = torch.Generator().manual_seed(seed)
-        zeta = torch.rand(particles, 1, generator=generator, dtype=torch.float64)
+        zeta = torch.rand(len(start.theta), 1, generator=generator, dtype=torch.float64)
         both = torch.cat([start.theta, bounds[0] + (bounds[1] - bounds[0]) * zeta], dim=1)
         start = replace(start, theta=both)
 
@@ -230,10 +224,15 @@ def _exact(
         return latent(parameters[:, :size])
 
     found = bridge(prior, target, Start(start, on_theta), seed)
-    known = SimulatedCase(
-        found.log_likelihood.numpy(), float(target(torch.from_numpy(truth)[None])[0])
-    )
-    return found.theta, known, found.effective_share
+    return found.theta, _simulated(found, target, truth), found.effective_share
+
+
+def _simulated(
+    found: SmcResult | BridgeResult, log_likelihood: LogLikelihood, truth: Floats
+) -> SimulatedCase:
+    """Log likelihoods of draws and of the true parameters (p,)."""
+    at_truth = float(log_likelihood(torch.from_numpy(truth)[None])[0])
+    return SimulatedCase(found.log_likelihood.numpy(), at_truth)
 
 
 def _zeta(model: StudyModel, latent: LatentLikelihood, start: SmcResult, seed: int) -> torch.Tensor:
@@ -244,35 +243,46 @@ def _zeta(model: StudyModel, latent: LatentLikelihood, start: SmcResult, seed: i
     return torch.from_numpy(drawn)[:, None]
 
 
-def _check(
-    model: StudyModel,
-    observation: Observation,
-    theta: torch.Tensor,
-    zeta: torch.Tensor,
-    seed: int,
-) -> PredictiveCheck:
-    """Posterior predictive check by some of the draws theta (n, p) and zeta (n, 1 or 0)."""
-    some = torch.from_numpy(np.random.default_rng(seed).permutation(len(theta))[:_CHECKED])
-    ratio = theta.new_full((len(some),), model.building.damping.ratio)
-    rows = [model.building.floors.index(name) for name in observation.floors]
-    predicted = _response(model, theta[some], zeta[some, 0] if zeta.shape[1] else ratio)
-    return check_predictions(observation, predicted[:, rows].numpy())
-
-
 def _widths(latent: torch.Tensor, exact: torch.Tensor) -> Widths:
     sd = exact.std(dim=0)
     ratio, shift = latent.std(dim=0) / sd, (latent.mean(dim=0) - exact.mean(dim=0)) / sd
     return Widths(ratio.numpy(), shift.numpy())
 
 
-def _judge(
-    model: StudyModel,
-    building: SimulatedBuilding,
-    draws: torch.Tensor,
-    known: SimulatedCase,
-    centre: Floats,
-) -> Judged:
-    unit = model.prior.to_unit(draws).numpy()
-    truth = model.prior.to_unit(torch.from_numpy(building.theta)).numpy()
-    level = density_level(known.log_likelihood, known.log_likelihood_of_truth, np.ones(len(unit)))
-    return Judged(level, ranks(unit, truth), tarp_level(unit, truth, centre))
+@dataclass(frozen=True)
+class _Judge:
+    """Says where the truth of a building lies in a posterior.
+
+    Attributes:
+        model: of the building.
+        building: with its truth and observation.
+        centre: (p,) point of the unit cube that distances are taken from.
+        seed: of the draws that the predictive check takes.
+    """
+
+    model: StudyModel
+    building: SimulatedBuilding
+    centre: Floats
+    seed: int
+
+    def __call__(
+        self, theta: torch.Tensor, zeta: torch.Tensor, likelihoods: SimulatedCase
+    ) -> Judged:
+        """Judge draws theta (n, p) and zeta (n, 1), or (n, 0) where it is known."""
+        unit = self.model.prior.to_unit(theta).numpy()
+        truth = self.model.prior.to_unit(torch.from_numpy(self.building.theta)).numpy()
+        level = density_level(
+            likelihoods.log_likelihood, likelihoods.log_likelihood_of_truth, np.ones(len(unit))
+        )
+        tarp = tarp_level(unit, truth, self.centre)
+        return Judged(level, ranks(unit, truth), tarp, self._check(theta, zeta))
+
+    def _check(self, theta: torch.Tensor, zeta: torch.Tensor) -> PredictiveCheck:
+        """Posterior predictive check by some of the draws."""
+        model, observation = self.model, self.building.observation
+        order = np.random.default_rng(self.seed).permutation(len(theta))
+        some = torch.from_numpy(order[:_CHECKED])
+        ratio = theta.new_full((len(some),), model.building.damping.ratio)
+        rows = [model.building.floors.index(name) for name in observation.floors]
+        predicted = _response(model, theta[some], zeta[some, 0] if zeta.shape[1] else ratio)
+        return check_predictions(observation, predicted[:, rows].numpy())

@@ -1,12 +1,10 @@
 """femupdate benchmark calibration."""
 
-from pathlib import Path
-
 import click
-from femupdate.cli.answer import print_json, print_pictures
-from femupdate.cli.bars import Bars
-from femupdate.cli.common import benchmark_options
 from femupdate.cli.parameters import Names
+
+from ..command import benchmark_options
+from ..result import Job, Report
 
 
 @click.command("calibration")
@@ -30,6 +28,7 @@ from femupdate.cli.parameters import Names
 )
 @benchmark_options
 def command(
+    job: Job,
     building: str,
     sensors: tuple[str, ...],
     cases: int,
@@ -37,10 +36,7 @@ def command(
     latent: bool,
     beside: int | None,
     noise: float | None,
-    output_folder: Path,
-    seed: int,
-    as_json: bool,
-) -> None:
+) -> Report:
     """Coverage, ranks and TARP of latent and data-space posteriors over simulated buildings.
 
     200 cases give the coverage of the 90 % region a binomial error of 2 %, 1000 of 1 %. Cases are
@@ -49,30 +45,11 @@ def command(
     from .run import CalibrationPlan, run_calibration
 
     plan = CalibrationPlan(
-        building,
-        sensors,
-        cases,
-        particles,
-        0 if latent and beside is None else beside,
+        building=building,
+        floors=sensors,
+        cases=cases,
+        particles=particles,
+        beside=0 if latent and beside is None else beside,
         noise_sd=noise,
     )
-    with Bars() as bars:
-        report = run_calibration(output_folder, plan, seed, bars)
-    if as_json:
-        print_json(
-            {
-                "machine": report.machine.sentence(),
-                "coverage": {
-                    "nominal": report.latent.density.nominal,
-                    "latent": report.latent.density.found,
-                    "exact": None if report.exact is None else report.exact.density.found,
-                    "error": report.latent.density.error,
-                },
-                "power": report.fit.power,
-                "power_error": report.fit.error,
-                "results": [report.files.json, report.files.markdown],
-            }
-        )
-        return
-    click.echo(report.text)
-    print_pictures((report.files.json, report.files.markdown))
+    return run_calibration(job, plan)

@@ -1,11 +1,9 @@
 """femupdate benchmark hidden-effects."""
 
-from pathlib import Path
-
 import click
-from femupdate.cli.answer import print_json, print_pictures
-from femupdate.cli.bars import Bars
-from femupdate.cli.common import benchmark_options
+
+from ..command import benchmark_options
+from ..result import Job, Report
 
 
 @click.command("hidden-effects")
@@ -20,41 +18,22 @@ from femupdate.cli.common import benchmark_options
 @click.option("--quick", is_flag=True, help="A dozen trials, to see it work.")
 @benchmark_options
 def command(
+    job: Job,
     building: str,
-    clean: int,
-    one: int,
-    two: int,
-    outside: int,
     mesh_size: float | None,
     no_phase: bool,
     minutes: float | None,
     quick: bool,
-    output_folder: Path,
-    seed: int,
-    as_json: bool,
-) -> None:
-    """Hide effects in simulated measurements and count what the finder makes of them.
+    **counts: int,
+) -> Report:
+    """Put effects into simulated measurements and count what the finder makes of them.
 
     Outcomes are written one by one: called again, the command goes on where it stopped.
     """
-    from .cases import TrialSettings
-    from .run import QUICK, Plan, run_hidden_effects
+    from .measurement import TrialSettings
+    from .run import QUICK, TrialPlan, run_hidden_effects
 
-    plan = QUICK if quick else Plan(clean, one, two, outside)
+    plan = QUICK if quick else TrialPlan(**counts)
     settings = TrialSettings(mesh_size=mesh_size, use_phase=not no_phase)
-    with Bars() as bars:
-        report = run_hidden_effects(
-            output_folder,
-            building,
-            plan,
-            settings,
-            seed,
-            bars,
-            minutes=float("inf") if minutes is None else minutes,
-        )
-    if as_json:
-        rows = [{"what": r.what, "found": r.found, "cases": r.of} for r in report.rows]
-        print_json({"rows": rows, "results": [report.files.json, report.files.markdown]})
-        return
-    click.echo(report.text)
-    print_pictures((report.files.json, report.files.markdown))
+    limit = float("inf") if minutes is None else minutes
+    return run_hidden_effects(job, building, plan, settings, limit)

@@ -4,11 +4,14 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from operator import attrgetter
 
 import numpy as np
 
 from ..result import markdown_table
-from .cases import CLEAN, FOREIGN, ONE, TWO, Outcome, TrialSettings
+from .draw import CLEAN, ONE, OUTSIDE, TWO
+from .measurement import TrialSettings
+from .trial import Outcome
 
 _SEEN = 0.99  # absorbed beyond this an effect is theta itself
 _STRENGTHS = (5.0, 10.0, 20.0, 50.0, 100.0)  # D at which the table is cut
@@ -27,119 +30,96 @@ class Row:
 
 def summary(outcomes: Sequence[Outcome]) -> list[Row]:
     """The table of the targets."""
+    clear = [o for o in outcomes if _visible(o) and o.strength >= 6.0]
+    right = [o for o in clear if o.verdict == "named" and o.named_right]
+    seconds = _median("seconds a case (median)", [o.seconds for o in outcomes], "<= 60", "<= 10")
+    return [*_detections(outcomes), *_names(outcomes, clear), *_repairs(right), seconds]
+
+
+def _visible(outcome: Outcome) -> bool:
+    """Whether one effect was hidden that theta does not absorb."""
+    return outcome.kind == ONE and outcome.absorbed < _SEEN
+
+
+def _detections(outcomes: Sequence[Outcome]) -> list[Row]:
     clean = [o for o in outcomes if o.kind == CLEAN]
-    one = [o for o in outcomes if o.kind == ONE]
-    visible = [o for o in one if o.absorbed < _SEEN]
-    strong = [o for o in visible if o.strength >= 5.0]
-    clear = [o for o in visible if o.strength >= 6.0]
-    unseen = [o for o in one if o.absorbed >= _SEEN]
-    foreign = [o for o in outcomes if o.kind == FOREIGN and o.strength >= 10.0]
-    right = [o for o in clear if o.verdict == "named" and o.named == o.hidden[0]]
-
-    def named_right(o: Outcome) -> bool:
-        return o.named == o.hidden[0]
-
-    def first_three(o: Outcome) -> bool:
-        return o.hidden[0] in o.ranking[:3]
-
-    share = _share
+    strong = [o for o in outcomes if _visible(o) and o.strength >= 5.0]
+    detected = attrgetter("detected")
     return [
-        Row("false alarms on clean cases", "<= 7 %", "<= 5 %", *share(clean, _alarm)),
-        Row("detected, D >= 5", ">= 90 %", ">= 97 %", *share(strong, _alarm)),
-        Row(
+        _share("false alarms on clean cases", clean, detected, "<= 7 %", "<= 5 %"),
+        _share("detected, D >= 5", strong, detected, ">= 90 %", ">= 97 %"),
+    ]
+
+
+def _names(outcomes: Sequence[Outcome], clear: Sequence[Outcome]) -> list[Row]:
+    """How often names are right, of all outcomes and of effects that are clear (D >= 6)."""
+    named = [o for o in outcomes if o.verdict == "named"]
+    strong = [o for o in outcomes if _visible(o) and o.strength >= 5.0]
+    absorbed = [o for o in outcomes if o.kind == ONE and o.absorbed >= _SEEN]
+    foreign = [o for o in outcomes if o.kind == OUTSIDE and o.strength >= 10.0]
+    two = [o for o in outcomes if o.kind == TWO]
+    first_right = attrgetter("named_right")
+    together = "right, or named together with what these sensors cannot tell from it, D >= 6"
+    return [
+        _share(
             "first name and place right, D >= 6",
+            clear,
+            first_right,
             ">= 80 to 90 %",
             ">= 90 to 97 %",
-            *share(clear, named_right),
         ),
-        Row(
-            "right, or named together with what these sensors cannot tell from it, D >= 6",
-            "",
-            "",
-            *share(clear, lambda o: named_right(o) or _named_together(o)),
-        ),
-        Row(
+        _share(together, clear, lambda o: o.named_right or _named_together(o)),
+        _share(
             "verdict 'named' and the name right, D >= 6",
-            "",
-            "",
-            *share(clear, lambda o: o.verdict == "named" and named_right(o)),
+            clear,
+            lambda o: o.verdict == "named" and o.named_right,
         ),
-        Row(
-            "right among all names given",
-            "",
-            "",
-            *share([o for o in outcomes if o.verdict == "named"], lambda o: o.named in o.hidden),
+        _share("right among all names given", named, lambda o: o.named in o.hidden),
+        _share(
+            "among the first three, D >= 5",
+            strong,
+            attrgetter("in_first_three"),
+            ">= 95 %",
+            ">= 98 %",
         ),
-        Row("among the first three, D >= 5", ">= 95 %", ">= 98 %", *share(strong, first_three)),
-        Row(
+        _share(
             "what theta absorbs is not named",
+            absorbed,
+            lambda o: o.verdict != "named" or o.named_right,
             ">= 90 %",
             "100 %",
-            *share(unseen, lambda o: o.verdict != "named" or named_right(o)),
         ),
-        Row(
+        _share(
             "outside the catalogue, D >= 10: unknown or ambiguous",
+            foreign,
+            lambda o: o.verdict in ("unknown", "ambiguous", "indistinguishable"),
             ">= 70 %",
             ">= 90 %",
-            *share(foreign, lambda o: o.verdict in ("unknown", "ambiguous", "indistinguishable")),
         ),
-        Row(
-            "two effects: the first name is one of them",
-            "",
-            "",
-            *share([o for o in outcomes if o.kind == TWO], lambda o: o.named in o.hidden),
-        ),
-        Row(
-            "excess chi2 removed (median)",
-            ">= 85 %",
-            ">= 95 %",
-            *_median(right, [o.excess_removed for o in right], "%"),
-        ),
-        Row(
-            "excess held-out error removed (median)",
-            ">= 50 %",
-            ">= 80 %",
-            *_median(right, [_held(o) for o in right], "%"),
-        ),
-        Row(
-            "theta bias after, posterior sd (median)",
-            "<= 2",
-            "<= 1",
-            *_median(right, [o.bias_after for o in right], ""),
-        ),
-        Row(
-            "theta bias before, relative (median)",
-            "",
-            "",
-            *_median(right, [o.bias_share_before for o in right], "%"),
-        ),
-        Row(
-            "theta bias after, relative (median)",
-            "",
-            "",
-            *_median(right, [o.bias_share_after for o in right], "%"),
-        ),
-        Row(
+        _share("two effects: the first name is one of them", two, lambda o: o.named in o.hidden),
+    ]
+
+
+def _repairs(right: Sequence[Outcome]) -> list[Row]:
+    """What adding the effect does, of outcomes whose verdict and name are right."""
+    sized = [o for o in right if np.isfinite(o.size_true)]  # an exchange has none
+    removed, held = [o.excess_removed for o in right], [_held_out_removed(o) for o in right]
+    before, after = [o.bias_share_before for o in right], [o.bias_share_after for o in right]
+    deviations = [o.bias_after for o in right]
+    errors = [_size_error(o) for o in right]
+    return [
+        _median("excess chi2 removed (median)", removed, ">= 85 %", ">= 95 %", "%"),
+        _median("excess held-out error removed (median)", held, ">= 50 %", ">= 80 %", "%"),
+        _median("theta bias after, posterior sd (median)", deviations, "<= 2", "<= 1"),
+        _median("theta bias before, relative (median)", before, unit="%"),
+        _median("theta bias after, relative (median)", after, unit="%"),
+        _share(
             "size within 2 sd",
-            "",
-            "95 %",
-            *share(
-                [o for o in right if np.isfinite(o.size_true)],  # an exchange has none
-                lambda o: abs(o.size - o.size_true) <= 2.0 * o.size_sd,
-            ),
+            sized,
+            lambda o: abs(o.size - o.size_true) <= 2.0 * o.size_sd,
+            goal="95 %",
         ),
-        Row(
-            "error of the size, relative (median)",
-            "",
-            "",
-            *_median(right, [_size_error(o) for o in right], "%"),
-        ),
-        Row(
-            "seconds a case (median)",
-            "<= 60",
-            "<= 10",
-            *_median(outcomes, [o.seconds for o in outcomes], ""),
-        ),
+        _median("error of the size, relative (median)", errors, unit="%"),
     ]
 
 
@@ -155,36 +135,41 @@ def _size_error(outcome: Outcome) -> float:
     return abs(outcome.size - outcome.size_true) / abs(outcome.size_true)
 
 
-def _alarm(outcome: Outcome) -> bool:
-    return outcome.verdict != "none"
-
-
-def _held(outcome: Outcome) -> float:
+def _held_out_removed(outcome: Outcome) -> float:
     """Share of the error beyond what remains when all is right that was removed."""
     excess = outcome.held_before - outcome.held_floor
     return (outcome.held_before - outcome.held_after) / max(excess, 1e-9)
 
 
-def _share(cases: Sequence[Outcome], good: Callable[[Outcome], bool]) -> tuple[str, int]:
+def _share(
+    what: str,
+    cases: Sequence[Outcome],
+    good: Callable[[Outcome], bool],
+    first: str = "",
+    goal: str = "",
+) -> Row:
     if not cases:
-        return "-", 0
-    hits = sum(map(good, cases))
-    p = hits / len(cases)
+        return Row(what, first, goal, "-", 0)
+    p = sum(map(good, cases)) / len(cases)
     error = np.sqrt(max(p * (1.0 - p), 0.25 / len(cases)) / len(cases))
-    return f"{p:.1%} +- {error:.1%}", len(cases)
+    return Row(what, first, goal, f"{p:.1%} +- {error:.1%}", len(cases))
 
 
-def _median(cases: Sequence[Outcome], values: list[float], unit: str) -> tuple[str, int]:
-    finite = [v for v in values if np.isfinite(v)]
+def _median(
+    what: str, values: Sequence[float], first: str = "", goal: str = "", unit: str = ""
+) -> Row:
+    finite = [value for value in values if np.isfinite(value)]
     if not finite:
-        return "-", 0
+        return Row(what, first, goal, "-", 0)
     middle = float(np.median(finite))
-    return (f"{middle:.1%}" if unit == "%" else f"{middle:.2f}"), len(finite)
+    found = f"{middle:.1%}" if unit == "%" else f"{middle:.2f}"
+    return Row(what, first, goal, found, len(finite))
 
 
 def summary_text(
     building: str, settings: TrialSettings, outcomes: Sequence[Outcome], rows: Sequence[Row]
 ) -> str:
+    """All tables in Markdown."""
     table = markdown_table(
         ("", "first", "goal", "found", "cases"),
         [(r.what, r.first, r.goal, r.found, str(r.of)) for r in rows],
@@ -202,17 +187,16 @@ def summary_text(
 def _by_strength(outcomes: Sequence[Outcome]) -> str:
     """Detection and naming of single effects against their strength."""
     rows = []
-    seen = [o for o in outcomes if o.kind == ONE and o.absorbed < _SEEN]
+    seen = [o for o in outcomes if _visible(o)]
     for low, high in pairwise((0.0, *_STRENGTHS, np.inf)):
         own = [o for o in seen if low <= o.strength < high]
         if own:
-            shares = (
-                sum(map(_alarm, own)),
-                sum(o.named == o.hidden[0] for o in own),
-                sum(o.hidden[0] in o.ranking[:3] for o in own),
+            counts = (
+                sum(getattr(o, name) for o in own)
+                for name in ("detected", "named_right", "in_first_three")
             )
             band = f"{low:g} to {high:g}" if np.isfinite(high) else f"from {low:g}"
-            rows.append((band, str(len(own)), *map(str, shares)))
+            rows.append((band, str(len(own)), *map(str, counts)))
     return markdown_table(
         ("D", "cases", "detected", "first name right", "in the first three"), rows
     )
@@ -225,8 +209,8 @@ def _confusion(outcomes: Sequence[Outcome]) -> str:
     clear = [o for o in outcomes if o.kind == ONE and o.strength >= 6.0]
     for effect in sorted({_effect(o.hidden[0]) for o in clear}):
         own = [o for o in clear if _effect(o.hidden[0]) == effect]
-        right = sum(o.named == o.hidden[0] for o in own)
-        place = sum(o.named != o.hidden[0] and _effect(o.named) == effect for o in own)
+        right = sum(o.named_right for o in own)
+        place = sum(not o.named_right and _effect(o.named) == effect for o in own)
         missed = sum(not o.named for o in own)
         wrong = Counter(_effect(o.named) for o in own if o.named and _effect(o.named) != effect)
         listed = ", ".join(f"{name} {count}" for name, count in wrong.most_common(3))

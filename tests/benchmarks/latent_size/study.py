@@ -1,7 +1,7 @@
 """How many latent coordinates the data need: what is lost where some directions are left out.
 
-A latent space of d coordinates that is linear in the parameters' places keeps a subspace of them;
-the one looked at is spanned by the leading eigenvectors of the mean outer product of the
+A latent space of d coordinates that is linear in those of the parameters keeps a subspace of them.
+The one looked at is spanned by the leading eigenvectors of the mean outer product of the
 response's derivatives (active subspaces: Constantine, Dow & Wang 2014, SIAM J. Sci. Comput. 36,
 A1500). Whatever a decoder does with its coordinates, what ln|H| varies by while they stay the
 same it cannot follow: that conditional variance is the least mean square error of any decoder, and
@@ -19,7 +19,7 @@ from femupdate.inference.prior import UniformPrior
 Respond = Callable[[Tensor], Tensor]
 """ln|H| (n, m) of parameters theta (n, p), float64."""
 
-# Step of the differences, in places that run from -1 to 1.
+# Step of the differences, in coordinates that run from -1 to 1.
 _STEP = 1e-4
 # Moves within a slice of the prior's box. They start from a draw of the prior, so that none is
 # needed for the distribution to be right, but only to forget where they started.
@@ -43,15 +43,15 @@ class SizeLoss:
     nats: float
 
 
-def parameter_places(prior: UniformPrior, theta: Tensor) -> Tensor:
-    """Places (n, p) of theta in the prior's box by square root, from -1 to 1."""
+def box_coordinates(prior: UniformPrior, theta: Tensor) -> Tensor:
+    """Coordinates (n, p) of theta in the prior's box: square roots, scaled from -1 to 1."""
     low, high = prior.lower.sqrt(), prior.upper.sqrt()
     return 2.0 * (theta.sqrt() - low) / (high - low) - 1.0
 
 
-def parameters_of(prior: UniformPrior, place: Tensor) -> Tensor:
-    """The inverse of `parameter_places`."""
-    return _root(prior, place).square()
+def from_box_coordinates(prior: UniformPrior, point: Tensor) -> Tensor:
+    """The inverse of `box_coordinates`."""
+    return _root(prior, point).square()
 
 
 def sensitive_directions(
@@ -66,16 +66,16 @@ def sensitive_directions(
         generator: of the draws.
 
     Returns:
-        The largest first; the sum over the m responses, a unit of place squared.
+        The largest first; the sum over the m responses, a unit of the coordinates squared.
     """
-    place = parameter_places(prior, prior.sample(count, generator))
-    total = torch.zeros(prior.size, prior.size, dtype=place.dtype)
+    point = box_coordinates(prior, prior.sample(count, generator))
+    total = torch.zeros(prior.size, prior.size, dtype=point.dtype)
     # Towards the middle, so that nothing leaves the box.
-    shift = torch.eye(prior.size, dtype=place.dtype)
-    for row in place:
+    shift = torch.eye(prior.size, dtype=point.dtype)
+    for row in point:
         step = torch.where(row > 0.0, -_STEP, _STEP)
         moved = torch.cat([row[None], row + step[:, None] * shift])
-        values = respond(parameters_of(prior, moved))
+        values = respond(from_box_coordinates(prior, moved))
         slope = (values[1:] - values[0]) / step[:, None]
         total += slope @ slope.T / count
     value, vector = torch.linalg.eigh(total)
@@ -102,13 +102,13 @@ def size_losses(
         count: pairs of draws of the prior that agree in all that is kept.
         generator: of the draws.
     """
-    place = parameter_places(prior, prior.sample(count, generator))
-    values = respond(parameters_of(prior, place))
+    point = box_coordinates(prior, prior.sample(count, generator))
+    values = respond(from_box_coordinates(prior, point))
     losses = []
     for size in sizes:
-        other = _resliced(prior, place, directions[:, size:], generator)
+        other = _resliced(prior, point, directions[:, size:], generator)
         # Half the mean square difference of two draws is their variance.
-        variance = 0.5 * (respond(parameters_of(prior, other)) - values).square().mean(0)
+        variance = 0.5 * (respond(from_box_coordinates(prior, other)) - values).square().mean(0)
         rms, nats = variance.mean().sqrt(), 0.5 * variance.sum() / noise_sd**2
         losses.append(SizeLoss(size, float(rms), float(nats)))
     return losses
@@ -120,29 +120,29 @@ def enough_coordinates(losses: Sequence[SizeLoss], full: int) -> int:
 
 
 def _resliced(
-    prior: UniformPrior, place: Tensor, free: Tensor, generator: torch.Generator
+    prior: UniformPrior, point: Tensor, free: Tensor, generator: torch.Generator
 ) -> Tensor:
     """Other draws (n, p) of the prior where only the directions `free` (p, q) may change.
 
-    Hit-and-run within the slice of the box (Smith 1984, Oper. Res. 32, 1296): a place anywhere on
+    Hit-and-run within the slice of the box (Smith 1984, Oper. Res. 32, 1296): a point anywhere on
     the chord, accepted by the prior's density, which is uniform in theta and not in its root.
     """
     if not free.shape[1]:
-        return place
+        return point
     for _ in range(_MOVES):
-        course = torch.randn(len(place), free.shape[1], generator=generator, dtype=place.dtype)
+        course = torch.randn(len(point), free.shape[1], generator=generator, dtype=point.dtype)
         course = course @ free.T
-        ends = torch.stack([(-1.0 - place) / course, (1.0 - place) / course])
+        ends = torch.stack([(-1.0 - point) / course, (1.0 - point) / course])
         start, end = ends.amin(0).amax(1), ends.amax(0).amin(1)
-        share = torch.rand(len(place), generator=generator, dtype=place.dtype)
-        moved = place + (start + (end - start) * share)[:, None] * course
+        share = torch.rand(len(point), generator=generator, dtype=point.dtype)
+        moved = point + (start + (end - start) * share)[:, None] * course
         moved = moved.clamp(-1.0, 1.0)  # rounding
-        ratio = (_root(prior, moved) / _root(prior, place)).prod(1)
-        take = torch.rand(len(place), generator=generator, dtype=place.dtype) < ratio
-        place = torch.where(take[:, None], moved, place)
-    return place
+        ratio = (_root(prior, moved) / _root(prior, point)).prod(1)
+        take = torch.rand(len(point), generator=generator, dtype=point.dtype) < ratio
+        point = torch.where(take[:, None], moved, point)
+    return point
 
 
-def _root(prior: UniformPrior, place: Tensor) -> Tensor:
+def _root(prior: UniformPrior, point: Tensor) -> Tensor:
     low, high = prior.lower.sqrt(), prior.upper.sqrt()
-    return low + 0.5 * (place + 1.0) * (high - low)
+    return low + 0.5 * (point + 1.0) * (high - low)

@@ -12,21 +12,16 @@ from numpy.typing import ArrayLike
 from scipy.stats import norm
 
 from femupdate.arrays import Floats
-from femupdate.building.files import load_building
 from femupdate.building.shear import shear_operators
 from femupdate.dynamics.frf import log_frf
 from femupdate.dynamics.modal import modal_data
 from femupdate.inference.importance import WeightedDraws, importance_draws
-from femupdate.inference.likelihood import DataLikelihood
+from femupdate.inference.likelihood import DataLikelihood, LatentLikelihood
 from femupdate.inference.smc import TemperedSmc
 from femupdate.measurement.observation import Observation
-from femupdate.progress import SILENT, Progress
+from femupdate.surrogate.storage import TrainedSurrogate
 from femupdate.workflow.model import (
     StudyModel,
-    damping_law,
-    reduce_building,
-    theta_prior,
-    zeta_bounds,
 )
 
 from .equivalent import equivalent_stiffness
@@ -80,18 +75,19 @@ class ExactPosterior:
     modes: ModeSummary
 
 
-def benchmark_model(name: str = NAME, progress: Progress | None = None) -> StudyModel:
-    """A shipped building, ready for inference; frames are reduced, which takes a minute."""
-    building = load_building(name)
-    reduction = reduce_building(building, progress=progress or SILENT)
-    return StudyModel(
-        building,
-        reduction.model,
-        damping_law(building),
-        theta_prior(building),
-        zeta_bounds(building),
-        reduction.rms_error,
-    )
+@dataclass(frozen=True)
+class Shear4dof:
+    """The building with its surrogate, and one observation with its exact posterior."""
+
+    model: StudyModel
+    surrogate: TrainedSurrogate
+    case: Case
+    exact: ExactPosterior
+
+    def latent(self, case: Case | None = None) -> LatentLikelihood:
+        """The latent likelihood of this observation, or of another one."""
+        observation = (case or self.case).observation
+        return LatentLikelihood(self.surrogate, self.model.reduced, self.model.law, observation)
 
 
 def equivalent_theta(model: StudyModel, theta: ArrayLike) -> Floats:

@@ -1,11 +1,11 @@
 """femupdate benchmark shear4dof."""
 
-from pathlib import Path
+from dataclasses import replace
 
 import click
-from femupdate.cli.answer import print_json, print_pictures
-from femupdate.cli.bars import Bars
-from femupdate.cli.common import benchmark_options
+
+from ..command import benchmark_options
+from ..result import Job, Report
 
 
 @click.command("shear4dof")
@@ -29,34 +29,9 @@ from femupdate.cli.common import benchmark_options
 )
 @click.option("--quick", is_flag=True, help="A few runs of few particles, to see it work.")
 @benchmark_options
-def command(
-    runs: int,
-    observations: int,
-    nuts: int,
-    quick: bool,
-    output_folder: Path,
-    seed: int,
-    as_json: bool,
-) -> None:
+def command(job: Job, runs: int, observations: int, nuts: int, quick: bool) -> Report:
     """The four-story posterior with four modes: published tables, beside the exact posterior."""
-    from dataclasses import replace
+    from .run import QUICK, Shear4dofPlan, run_shear4dof
 
-    from .run import QUICK, Plan, run_shear4dof
-
-    plan = replace(QUICK if quick else Plan(runs=runs, observations=observations), nuts=nuts)
-    with Bars() as bars:
-        report = run_shear4dof(output_folder, seed, plan, bars)
-    if as_json:
-        print_json(
-            {
-                "machine": report.machine.sentence(),
-                "solutions": report.case.solutions,
-                "exact_weight": report.exact.modes.weight,
-                "log_evidence": report.exact.weighted.log_evidence,
-                "results": [report.files.json, report.files.markdown],
-                "pictures": report.pictures,
-            }
-        )
-        return
-    click.echo(report.text)
-    print_pictures((report.files.json, report.files.markdown, *report.pictures))
+    plan = QUICK if quick else Shear4dofPlan(runs=runs, observations=observations)
+    return run_shear4dof(job, replace(plan, nuts=nuts))

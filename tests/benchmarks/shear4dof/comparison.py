@@ -18,7 +18,7 @@ from .metrics import (
 _LEAST_WEIGHT = 0.05
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Comparison:
     """How draws differ from the exact posterior.
 
@@ -29,7 +29,7 @@ class Comparison:
         mean_shift: (m, p) of each mode's mean, in exact standard deviations; NaN likewise.
         weight_distance: total variation of the mode weights.
         mmd: to the exact draws.
-        c2st: accuracy of a classifier in coordinates local to the modes; NaN where not asked for.
+        c2st: accuracy of a classifier in coordinates local to the modes.
     """
 
     weight: Floats
@@ -41,34 +41,23 @@ class Comparison:
 
 
 def compare(
-    case: Case,
-    exact: ExactPosterior,
-    reference: MmdReference,
-    theta: Floats,
-    *,
-    classifier: bool = True,
-    seed: int = 0,
+    case: Case, exact: ExactPosterior, reference: MmdReference, theta: Floats, seed: int = 0
 ) -> Comparison:
-    """Judge draws (n, p) of a case."""
+    """Judge draws (n, p) of a case; the seed is that of the classifier."""
     found, true = case_modes(case, theta), exact.modes
     known = (true.weight >= _LEAST_WEIGHT)[:, None]
-    sd_ratio = np.where(known, found.sd / true.sd, np.nan)
-    mean_shift = np.where(known, (found.mean - true.mean) / true.sd, np.nan)
-    accuracy = np.nan
-    if classifier:
-        safe_sd = np.where(np.isfinite(true.sd), true.sd, case.sd)
-        safe_mean = np.where(np.isfinite(true.mean), true.mean, case.solutions)
-        rows = np.random.default_rng(seed).permutation(len(exact.theta))[: len(theta)]
-        one, other = (
-            local_coordinates(draws, case.solutions, safe_mean, safe_sd)
-            for draws in (exact.theta[rows], theta)
-        )
-        accuracy = classifier_accuracy(one, other, seed=seed)
+    safe_sd = np.where(np.isfinite(true.sd), true.sd, case.sd)
+    safe_mean = np.where(np.isfinite(true.mean), true.mean, case.solutions)
+    rows = np.random.default_rng(seed).permutation(len(exact.theta))[: len(theta)]
+    one, other = (
+        local_coordinates(draws, case.solutions, safe_mean, safe_sd)
+        for draws in (exact.theta[rows], theta)
+    )
     return Comparison(
-        found.weight,
-        sd_ratio,
-        mean_shift,
-        total_variation(found.weight, true.weight),
-        reference(theta),
-        accuracy,
+        weight=found.weight,
+        sd_ratio=np.where(known, found.sd / true.sd, np.nan),
+        mean_shift=np.where(known, (found.mean - true.mean) / true.sd, np.nan),
+        weight_distance=total_variation(found.weight, true.weight),
+        mmd=reference(theta),
+        c2st=classifier_accuracy(one, other, seed=seed),
     )

@@ -13,7 +13,6 @@ whose roots are followed from those of a system that is solved by hand (total-de
 a random complex factor; Sommese & Wampler 2005, The Numerical Solution of Systems of Polynomials).
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -61,15 +60,12 @@ class _System:
         return value, np.einsum("js,bsi->bji", gather, weighted)
 
 
-def equivalent_stiffness(
-    stiffness: Floats, mass: Floats, floors: Sequence[int] = (), seed: int = 0
-) -> Floats:
-    """Return all positive stiffness vectors (m, n) that the observed floors cannot tell apart.
+def equivalent_stiffness(stiffness: Floats, mass: Floats, seed: int = 0) -> Floats:
+    """Return all positive stiffness vectors (m, n) that the roof cannot tell apart.
 
     Args:
         stiffness: (n,) of the stories, bottom to top, N/m.
         mass: (n,) of the floors, bottom to top, kg.
-        floors: indices of the observed floors, 0 the lowest; the roof alone where empty.
         seed: of the path's complex factor; any value finds the same roots.
 
     Returns:
@@ -79,24 +75,6 @@ def equivalent_stiffness(
         InferenceError: more than six stories, or the given vector was not found again.
     """
     stiffness, mass = np.asarray(stiffness, float), np.asarray(mass, float)
-    same = _same_frequencies(stiffness, mass, seed)
-    if tuple(floors) in {(), (len(stiffness) - 1,)}:
-        return same
-    wanted = _residues(stiffness, mass, floors)
-    differ = [np.abs(_residues(row, mass, floors) - wanted).max() for row in same]
-    return same[np.array(differ) < 1e-6]
-
-
-def _residues(stiffness: Floats, mass: Floats, floors: Sequence[int]) -> Floats:
-    """Floor shape times participation factor of every mode, (f, n)."""
-    drift = np.eye(len(stiffness)) - np.eye(len(stiffness), k=1)
-    root = np.sqrt(mass)
-    _, shapes = np.linalg.eigh((drift * stiffness) @ drift.T / np.outer(root, root))
-    return np.asarray((shapes / root[:, None])[list(floors)] * (root @ shapes))
-
-
-def _same_frequencies(stiffness: Floats, mass: Floats, seed: int) -> Floats:
-    """All positive stiffness vectors (m, n) with the natural frequencies of `stiffness`."""
     count = len(stiffness)
     if count > MOST_STORIES:
         raise InferenceError(

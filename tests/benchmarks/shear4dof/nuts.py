@@ -12,9 +12,8 @@ from femupdate.errors import InferenceError
 from femupdate.inference.prior import UniformPrior
 from femupdate.inference.smc import LogLikelihood
 
-from .case import Case, case_modes
-from .metrics import total_variation
-from .samplers import References, SamplerRow, Spread
+from .case import Shear4dof
+from .samplers import SamplerRow, SamplerTarget, row_of_runs
 
 _WARM_UP = 0.1
 
@@ -100,19 +99,20 @@ def nuts_chain(
     return Chain(prior.from_normal(xi), evaluations, time.monotonic() - started)
 
 
-def nuts_row(label: str, case: Case, chain: Chain, references: References) -> SamplerRow:
-    """The chain in the table of samplers."""
-    theta = chain.theta.numpy()
-    distance = total_variation(case_modes(case, theta).weight, references.weight)
-    return SamplerRow(
-        label,
-        "NUTS, one chain",
-        len(theta),
-        float(chain.evaluations),
-        Spread.of([references.own(theta)]),
-        Spread.of([references.exact(theta)]),
-        Spread.of([distance]),
-        Spread.of([float("nan")]),
-        len(torch.unique(chain.theta[:, 0])) / len(theta),
-        chain.seconds,
-    )
+def nuts_row(
+    problem: Shear4dof,
+    target: SamplerTarget,
+    iterations: int,
+    seed: int,
+    advance: Callable[[], None],
+) -> SamplerRow:
+    """One chain in the table of samplers."""
+    chain = nuts_chain(problem.model.prior, target.log_likelihood, iterations, seed, advance)
+    figures = {
+        "evaluations": float(chain.evaluations),
+        "log_evidence": float("nan"),
+        "unique": len(torch.unique(chain.theta[:, 0])) / len(chain.theta),
+        "seconds": chain.seconds,
+        **target.figures(problem.case, chain.theta.numpy()),
+    }
+    return row_of_runs(target.label, "NUTS, one chain", len(chain.theta), [figures])

@@ -1,35 +1,19 @@
-"""Latent posterior and bridge against the exact posterior, over several observations."""
+"""Latent posterior and bridge against the exact posterior of one observation."""
 
 import time
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
-import numpy as np
-from numpy.typing import ArrayLike
-
-from femupdate.inference.bridge import BridgeResult, Start, bridge
-from femupdate.inference.likelihood import LatentLikelihood
+from femupdate.inference.bridge import Start, bridge
 from femupdate.inference.smc import TemperedSmc
-from femupdate.surrogate.storage import TrainedSurrogate
-from femupdate.workflow.model import StudyModel
 
-from ..kept_parts import KeptParts
-from .case import (
-    Case,
-    ExactPosterior,
-    authors_case,
-    data_likelihood,
-    exact_posterior,
-    random_case,
-)
+from .case import Case, Shear4dof, data_likelihood, exact_posterior
 from .comparison import Comparison, compare
 from .metrics import MmdReference
 
 PARTICLES = 2000
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ObservationResult:
     """Both posteriors of one observation.
 
@@ -60,107 +44,31 @@ class ObservationResult:
     bridge_seconds: float
 
 
-def observation_results(
-    model: StudyModel,
-    surrogate: TrainedSurrogate,
-    authors: ExactPosterior,
-    count: int,
-    seed: int,
-    advance: Callable[[], None],
-    *,
-    reference_draws: int = 20_000,
-    kept: KeptParts,
-) -> list[ObservationResult]:
-    """The authors' observation, whose exact posterior is given, and random ones.
-
-    Results that are kept are not made again.
-    """
-    rng = np.random.default_rng(seed)
-    results = []
-    for number in range(count):
-        case = random_case(model, rng) if number else authors_case(model)
-
-        def result(
-            case: Case = case, own: int = seed + number, first: bool = not number
-        ) -> ObservationResult:
-            exact = authors if first else exact_posterior(model, case, reference_draws, own)
-            return _result(model, surrogate, case, exact, own)
-
-        results.append(kept(f"observation {number}", result, result_back))
-        advance()
-    return results
-
-
-def result_back(content: dict[str, Any]) -> ObservationResult:
-    """A result from its plain content."""
-    parts: dict[str, Any] = {}
-    for which in ("latent", "bridged"):
-        own: dict[str, Any] = {
-            k: np.array(v) if isinstance(v, list) else v for k, v in content[which].items()
-        }
-        parts[which] = Comparison(**own)
-    return ObservationResult(**{**content, **parts})
-
-
-def _result(
-    model: StudyModel, surrogate: TrainedSurrogate, case: Case, exact: ExactPosterior, seed: int
+def observation_result(
+    problem: Shear4dof, case: Case, seed: int, reference_draws: int
 ) -> ObservationResult:
+    """Sample both posteriors of a case and compare them with its exact one."""
+    exact = problem.exact
+    if case is not problem.case:
+        exact = exact_posterior(problem.model, case, reference_draws, seed)
     reference = MmdReference(exact.theta[:20_000])
+    prior, latent = problem.model.prior, problem.latent(case)
     started = time.monotonic()
-    latent = LatentLikelihood(surrogate, model.reduced, model.law, case.observation)
-    start = TemperedSmc(model.prior, latent).run(PARTICLES, seed)
+    start = TemperedSmc(prior, latent).run(PARTICLES, seed)
     middle = time.monotonic()
-    found: BridgeResult = bridge(
-        model.prior, data_likelihood(model, case), Start(start, latent), seed
-    )
+    found = bridge(prior, data_likelihood(problem.model, case), Start(start, latent), seed)
     ended = time.monotonic()
     return ObservationResult(
-        len(case.solutions),
-        compare(case, exact, reference, start.theta.numpy(), seed=seed),
-        compare(case, exact, reference, found.theta.numpy(), seed=seed),
-        found.log_evidence - exact.weighted.log_evidence,
-        found.log_evidence_error,
-        found.effective_share,
-        found.tempered,
-        start.evaluations,
-        latent.found.responses,
-        found.evaluations,
-        middle - started,
-        ended - middle,
+        solutions=len(case.solutions),
+        latent=compare(case, exact, reference, start.theta.numpy(), seed),
+        bridged=compare(case, exact, reference, found.theta.numpy(), seed),
+        evidence_error=found.log_evidence - exact.weighted.log_evidence,
+        evidence_sd=found.log_evidence_error,
+        effective_share=found.effective_share,
+        tempered=found.tempered,
+        latent_evaluations=start.evaluations,
+        latent_responses=latent.found.responses,
+        responses=found.evaluations,
+        latent_seconds=middle - started,
+        bridge_seconds=ended - middle,
     )
-
-
-def summary_rows(results: Sequence[ObservationResult]) -> list[tuple[str, ...]]:
-    """What is asked of each figure, with its median and its worst over the observations."""
-
-    def pair(values: ArrayLike, style: str) -> str:
-        numbers = np.asarray(values, dtype=float)
-        return f"{np.nanmedian(numbers):{style}} ({np.nanmax(numbers):{style}})"
-
-    columns = []
-    for which in ("latent", "bridged"):
-        parts: list[Comparison] = [getattr(result, which) for result in results]
-        ratios = np.concatenate([part.sd_ratio.ravel() for part in parts])
-        shifts = np.concatenate([np.abs(part.mean_shift).ravel() for part in parts])
-        many = [p.weight_distance for p, r in zip(parts, results, strict=True) if r.solutions > 1]
-        columns.append(
-            (
-                f"{np.nanquantile(ratios, 0.05):.2f} to {np.nanquantile(ratios, 0.95):.2f}",
-                pair(shifts, ".2f"),
-                pair(many or [np.nan], ".3f"),
-                pair([part.c2st for part in parts], ".3f"),
-                pair([part.mmd for part in parts], ".3f"),
-            )
-        )
-    names = (
-        "sd inside each mode / exact, 5 to 95 %",
-        "shift of a mode's mean in exact sd",
-        "mode weights, total variation (cases with several modes)",
-        "C2ST",
-        "MMD to exact",
-    )
-    wanted = (
-        (".8 to 1.5", "-", "<= .05", "<= .70", "<= .04"),
-        (".95 to 1.10", "-", "<= .02", "<= .55", "<= .02"),
-    )
-    return list(zip(names, *columns, *wanted, strict=True))

@@ -12,71 +12,49 @@ from matplotlib.patches import Ellipse
 
 from femupdate.arrays import Floats
 from femupdate.dynamics.modal import modal_data
-from femupdate.inference.likelihood import LatentLikelihood
 from femupdate.report.density import density_1d
 from femupdate.report.figure import add_head, new_figure, save_figure
 from femupdate.report.plot_frf import MeasuredFrf, Prediction, frf_fit
 from femupdate.report.style import INK, MAGNITUDE_MAP, ORANGE, SERIES, styled
-from femupdate.surrogate.storage import TrainedSurrogate
 from femupdate.workflow.model import StudyModel
 
-from .case import Case, case_modes, roof_log_frf
+from .case import Case, Shear4dof, case_modes, roof_log_frf
 
 _MARKERS = "osD^vP*X"
 
 
 @styled
-def latent_space(
-    model: StudyModel, surrogate: TrainedSurrogate, case: Case, samples: int = 4000
-) -> Figure:
+def latent_space(problem: Shear4dof, samples: int = 4000) -> Figure:
     """Means of q(z|theta) over the prior in their first two principal axes.
 
     Coloured by the first natural frequency; the equivalent solutions and the components of q(z|x)
     of the observation are marked.
     """
+    model, case = problem.model, problem.case
     theta = model.prior.sample(samples, torch.Generator().manual_seed(0))
-    likelihood = LatentLikelihood(surrogate, model.reduced, model.law, case.observation)
 
     def means(points: torch.Tensor) -> Floats:
         with torch.inference_mode():
-            return surrogate.mvae.encode_parameters(points.float()).double().numpy()
+            return problem.surrogate.mvae.encode_parameters(points.float()).double().numpy()
 
-    cloud, marked = means(theta), means(torch.from_numpy(case.solutions))
+    cloud = means(theta)
     centre = cloud.mean(axis=0)
     _, spread, axes = np.linalg.svd(cloud - centre, full_matrices=False)
-    seen = likelihood.found.posterior
-    places = [(x - centre) @ axes[:2].T for x in (cloud, marked, seen.mean.numpy())]
-    covariance = axes[:2] @ np.linalg.inv(seen.precision.numpy()) @ axes[:2].T
-    frequency = modal_data(model.reduced, theta).omega[:, 0].numpy() / (2.0 * np.pi)
+    plane = axes[:2]
     figure = new_figure(6.4, 4.9)
     panel = figure.add_subplot()
+    frequency = modal_data(model.reduced, theta).omega[:, 0].numpy() / (2.0 * np.pi)
     order = np.argsort(frequency)
-    across, up = places[0][order].T
+    across, up = ((cloud - centre) @ plane.T)[order].T
     points = panel.scatter(
         across, up, c=frequency[order], s=5, cmap=MAGNITUDE_MAP, linewidths=0, alpha=0.75
     )
     figure.colorbar(points, ax=panel, label="First natural frequency, Hz")
-    handles = []
-    for number, place in enumerate(places[1]):
-        style: dict[str, Any] = {
-            "marker": _MARKERS[number % len(_MARKERS)],
-            "markersize": 13 - 2 * number,
-            "markerfacecolor": "none",
-            "markeredgecolor": INK,
-            "markeredgewidth": 1.6,
-            "linestyle": "none",
-        }
-        panel.plot(*place, **style)
-        label = "(" + ", ".join(f"{value:.3g}" for value in case.solutions[number]) + ")"
-        handles.append(Line2D([], [], label=label, **{**style, "markersize": 7}))
-    for place, spread_there in zip(places[2], covariance, strict=True):
-        panel.plot(*place, "+", color=ORANGE, markersize=15, markeredgewidth=2.2)
-        variance, directions = np.linalg.eigh(spread_there)
-        angle = np.degrees(np.arctan2(directions[1, 1], directions[0, 1]))
-        width, height = 4.0 * np.sqrt(variance[::-1])
-        panel.add_patch(
-            Ellipse(place, width, height, angle=angle, fill=False, edgecolor=ORANGE, lw=1.2)
-        )
+    solutions = (means(torch.from_numpy(case.solutions)) - centre) @ plane.T
+    handles = _mark_solutions(panel, case, solutions)
+    seen = problem.latent().found.posterior
+    covariance = plane @ np.linalg.inv(seen.precision.numpy()) @ plane.T
+    _mark_components(panel, (seen.mean.numpy() - centre) @ plane.T, covariance)
     handles.append(
         Line2D([], [], marker="+", color=ORANGE, linestyle="none", label="q(z|x), ± 2 sd")
     )
@@ -88,6 +66,35 @@ def latent_space(
     note = "Where the prior's buildings lie; open marks have one roof FRF"
     add_head(figure, "Latent space", handles, note=note, columns=3)
     return figure
+
+
+def _mark_solutions(panel: Axes, case: Case, points: Floats) -> list[Line2D]:
+    """Open marks at points (m, 2), and their entries in the legend."""
+    handles = []
+    for number, (point, solution) in enumerate(zip(points, case.solutions, strict=True)):
+        style: dict[str, Any] = {
+            "marker": _MARKERS[number % len(_MARKERS)],
+            "markersize": 13 - 2 * number,
+            "markerfacecolor": "none",
+            "markeredgecolor": INK,
+            "markeredgewidth": 1.6,
+            "linestyle": "none",
+        }
+        panel.plot(*point, **style)
+        label = "(" + ", ".join(f"{value:.3g}" for value in solution) + ")"
+        handles.append(Line2D([], [], label=label, **{**style, "markersize": 7}))
+    return handles
+
+
+def _mark_components(panel: Axes, means: Floats, covariances: Floats) -> None:
+    """Means (c, 2) with ellipses of two standard deviations."""
+    for mean, covariance in zip(means, covariances, strict=True):
+        panel.plot(*mean, "+", color=ORANGE, markersize=15, markeredgewidth=2.2)
+        variance, directions = np.linalg.eigh(covariance)
+        angle = np.degrees(np.arctan2(directions[1, 1], directions[0, 1]))
+        width, height = 4.0 * np.sqrt(variance[::-1])
+        ellipse = Ellipse(mean, width, height, angle=angle, fill=False, edgecolor=ORANGE, lw=1.2)
+        panel.add_patch(ellipse)
 
 
 @styled
@@ -161,32 +168,31 @@ def _handles(draws: dict[str, Floats]) -> list[Line2D]:
     ]
 
 
-def draw_benchmark(
-    folder: Path,
-    model: StudyModel,
-    surrogate: TrainedSurrogate,
-    case: Case,
-    draws: dict[str, Floats],
-) -> tuple[Path, ...]:
+def draw_benchmark(folder: Path, problem: Shear4dof, draws: dict[str, Floats]) -> tuple[Path, ...]:
     """Write the four pictures; `draws` are posteriors by their labels, the last the best."""
-    best = list(draws.values())[-1]
-    predicted = roof_log_frf(model, best[:: max(1, len(best) // 400)])
+    model, case = problem.model, problem.case
+    figures = {
+        "latent_space": latent_space(problem),
+        "posterior": posterior_pairs(model, draws),
+        "modes": mode_densities(model, case, draws),
+        "predicted": _predicted(model, case, list(draws.values())[-1]),
+    }
+    return tuple(
+        save_figure(figure, folder / f"shear4dof_{name}.png") for name, figure in figures.items()
+    )
+
+
+def _predicted(model: StudyModel, case: Case, theta: Floats) -> Figure:
+    """Responses of all floors by draws (n, p), with what the roof measured."""
+    predicted = roof_log_frf(model, theta[:: max(1, len(theta) // 400)])
     low, high = np.quantile(predicted, [0.05, 0.95], axis=0)
     roof = case.observation
-    shape = (len(model.building.floors), roof.frequency_hz.size)
-    measured = np.full(shape, np.nan)
+    measured = np.full((len(model.building.floors), roof.frequency_hz.size), np.nan)
     measured[-1] = roof.log_frf[0]
-    fit = frf_fit(
+    return frf_fit(
         roof.frequency_hz,
         model.building.floors,
         Prediction(predicted.mean(axis=0), low, high),
         MeasuredFrf(measured),
         title="Measured at the roof alone: response of the other floors",
-    )
-    pairs, modes = posterior_pairs(model, draws), mode_densities(model, case, draws)
-    return (
-        save_figure(latent_space(model, surrogate, case), folder / "shear4dof_latent_space.png"),
-        save_figure(pairs, folder / "shear4dof_posterior.png"),
-        save_figure(modes, folder / "shear4dof_modes.png"),
-        save_figure(fit, folder / "shear4dof_predicted.png"),
     )

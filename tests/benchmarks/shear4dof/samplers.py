@@ -1,25 +1,16 @@
 """The published table of samplers, for two samplers and two likelihoods, with the floor."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
-from typing import Any
 
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.inference.importance import WeightedDraws, importance_draws
+from femupdate.inference.importance import importance_draws
 from femupdate.inference.smc import PAPER, LogLikelihood, SmcSettings, TemperedSmc
-from femupdate.workflow.model import StudyModel
 
-from ..kept_parts import KeptParts
-from .case import (
-    Case,
-    ExactPosterior,
-    case_modes,
-    data_likelihood,
-)
+from .case import Case, Shear4dof, case_modes, data_likelihood
 from .metrics import MmdReference, total_variation
 
 SAMPLERS = {"random walk (paper)": PAPER, "mixture": SmcSettings()}
@@ -48,7 +39,7 @@ class Spread:
         return cls(float(np.mean(values)), sd)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SamplerRow:
     """Several runs of one sampler with one number of particles.
 
@@ -77,130 +68,118 @@ class SamplerRow:
     seconds: float
 
 
-@dataclass(frozen=True)
-class References:
-    """What draws of one likelihood are compared with: its own posterior and the exact one."""
+@dataclass(frozen=True, kw_only=True)
+class SamplerTarget:
+    """A posterior that samplers are judged by.
 
+    Attributes:
+        label: of its likelihood, "latent" or "data".
+        log_likelihood: with gradients.
+        own: draws of it.
+        weight: (m,) share of each mode in them.
+        exact: draws of the exact posterior.
+    """
+
+    label: str
+    log_likelihood: LogLikelihood
     own: MmdReference
     weight: Floats
     exact: MmdReference
 
-
-def own_posterior(
-    model: StudyModel, log_likelihood: LogLikelihood, draws: int, seed: int
-) -> WeightedDraws:
-    """Importance draws, three for every two wanted, of any likelihood's posterior."""
-    found = TemperedSmc(model.prior, log_likelihood).run(min(4000, draws), seed)
-    return importance_draws(model.prior, log_likelihood, found.theta, draws + draws // 2, seed + 1)
-
-
-def sampler_rows(
-    model: StudyModel,
-    case: Case,
-    likelihood: tuple[str, LogLikelihood],
-    references: References,
-    sizes: Sequence[int],
-    runs: int,
-    advance: Callable[[], None],
-    kept: KeptParts,
-) -> list[SamplerRow]:
-    """Both samplers at all sizes; rows that are kept are not made again."""
-    rows = []
-    for name in SAMPLERS:
-        for size in sizes:
-            make = partial(_row_of_runs, model, case, likelihood, references, (name, size, runs))
-            rows.append(kept(f"{likelihood[0]}, {name}, {size}", make, row_back))
-            advance()
-    return rows
+    def figures(self, case: Case, theta: Floats) -> dict[str, float]:
+        """How far draws (n, p) are from it."""
+        weight = case_modes(case, theta).weight
+        return {
+            "mmd_own": self.own(theta),
+            "mmd_exact": self.exact(theta),
+            "weight_distance": total_variation(weight, self.weight),
+        }
 
 
-def _row_of_runs(
-    model: StudyModel,
-    case: Case,
-    likelihood: tuple[str, LogLikelihood],
-    references: References,
-    what: tuple[str, int, int],
+def sampler_targets(
+    problem: Shear4dof, draws: int, seed: int
+) -> tuple[SamplerTarget, SamplerTarget]:
+    """The latent posterior, by three importance draws for every two wanted, and the exact one."""
+    prior, case, latent = problem.model.prior, problem.case, problem.latent()
+    exact = MmdReference(problem.exact.theta)
+    found = TemperedSmc(prior, latent).run(min(4000, draws), seed)
+    own = importance_draws(prior, latent, found.theta, draws + draws // 2, seed + 1)
+    theta = own.resample(draws, seed)[0].numpy()
+    return (
+        SamplerTarget(
+            label="latent",
+            log_likelihood=latent,
+            own=MmdReference(theta),
+            weight=case_modes(case, theta).weight,
+            exact=exact,
+        ),
+        SamplerTarget(
+            label="data",
+            log_likelihood=data_likelihood(problem.model, case),
+            own=exact,
+            weight=problem.exact.modes.weight,
+            exact=exact,
+        ),
+    )
+
+
+def sampler_row(
+    problem: Shear4dof, target: SamplerTarget, name: str, size: int, runs: int
 ) -> SamplerRow:
-    """Several runs of one sampler; `what` names it, its particles and the number of runs."""
-    label, log_likelihood = likelihood
-    name, size, runs = what
-    sampler = TemperedSmc(model.prior, log_likelihood, settings=SAMPLERS[name])
+    """Several runs of the sampler of a name, each of `size` particles."""
+    sampler = TemperedSmc(problem.model.prior, target.log_likelihood, settings=SAMPLERS[name])
     found = []
     for run in range(runs):
         started = time.monotonic()
         result = sampler.run(size, 1000 * size + run)
-        seconds = time.monotonic() - started
-        theta = result.theta.numpy()
-        found.append(
-            (
-                float(result.evaluations),
-                references.own(theta),
-                references.exact(theta),
-                total_variation(case_modes(case, theta).weight, references.weight),
-                result.log_evidence if label == "data" else float("nan"),
-                result.levels[-1].unique,
-                seconds,
-            )
-        )
-    return _row(label, name, size, found)
-
-
-def row_back(content: dict[str, Any]) -> SamplerRow:
-    """A row from its plain content."""
-    parts: dict[str, Any] = {
-        k: Spread(**v) if isinstance(v, dict) else v for k, v in content.items()
-    }
-    return SamplerRow(**parts)
+        figures = {
+            "seconds": time.monotonic() - started,
+            "evaluations": float(result.evaluations),
+            "log_evidence": result.log_evidence if target.label == "data" else float("nan"),
+            "unique": result.levels[-1].unique,
+        }
+        found.append(figures | target.figures(problem.case, result.theta.numpy()))
+    return row_of_runs(target.label, name, size, found)
 
 
 def floor_rows(
-    case: Case,
-    exact: ExactPosterior,
-    fresh: WeightedDraws,
-    reference: MmdReference,
-    sizes: Sequence[int],
-    runs: int,
+    problem: Shear4dof, target: SamplerTarget, sizes: Sequence[int], runs: int, seed: int
 ) -> list[SamplerRow]:
     """Independent draws of the exact posterior, which no sampler can beat but by design.
 
-    Args:
-        fresh: other draws than those of the reference.
+    They are none of those that the target holds.
     """
+    start = problem.exact.weighted.resample(2000, seed)[0]
+    likelihood = data_likelihood(problem.model, problem.case)
+    fresh = importance_draws(problem.model.prior, likelihood, start, 20_000, seed + 1)
     draws = fresh.independent(1)[0].numpy()
     rng = np.random.default_rng(2)
     rows = []
     for size in sizes:
+        none = {"log_evidence": float("nan"), "seconds": float("nan")}
         found = []
         for _ in range(runs):
             theta = draws[rng.choice(len(draws), size, replace=len(draws) < size)]
-            distance = reference(theta)
-            weights = case_modes(case, theta).weight
-            far = total_variation(weights, exact.modes.weight)
-            found.append((float(size), distance, distance, far, float("nan"), 1.0, float("nan")))
-        rows.append(_row("data", "independent draws", size, found))
+            figures = target.figures(problem.case, theta)
+            found.append({"evaluations": float(size), "unique": 1.0, **none, **figures})
+        rows.append(row_of_runs("data", "independent draws", size, found))
     return rows
 
 
-def fresh_exact(model: StudyModel, case: Case, exact: ExactPosterior, seed: int) -> WeightedDraws:
-    """Importance draws of the exact posterior that are none of those in `exact`."""
-    target = data_likelihood(model, case)
-    start = exact.weighted.resample(2000, seed)[0]
-    return importance_draws(model.prior, target, start, 20_000, seed + 1)
-
-
-def _row(
-    likelihood: str, sampler: str, particles: int, found: Sequence[tuple[float, ...]]
+def row_of_runs(
+    likelihood: str, sampler: str, particles: int, found: Sequence[dict[str, float]]
 ) -> SamplerRow:
-    evaluations, own, exact, distance, evidence, unique, seconds = zip(*found, strict=True)
+    """A row from the figures of every run, by the names of the row's attributes."""
+    values = {name: [one[name] for one in found] for name in found[0]}
     return SamplerRow(
-        likelihood,
-        sampler,
-        particles,
-        float(np.mean(evaluations)),
-        Spread.of(own),
-        Spread.of(exact),
-        Spread.of(distance),
-        Spread.of(evidence),
-        float(np.mean(unique)),
-        float(np.mean(seconds)),
+        likelihood=likelihood,
+        sampler=sampler,
+        particles=particles,
+        evaluations=float(np.mean(values["evaluations"])),
+        mmd_own=Spread.of(values["mmd_own"]),
+        mmd_exact=Spread.of(values["mmd_exact"]),
+        weight_distance=Spread.of(values["weight_distance"]),
+        log_evidence=Spread.of(values["log_evidence"]),
+        unique=float(np.mean(values["unique"])),
+        seconds=float(np.mean(values["seconds"])),
     )

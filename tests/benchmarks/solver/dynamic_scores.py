@@ -1,6 +1,7 @@
 """The vibration tests with their targets, scored."""
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -8,6 +9,7 @@ from femupdate.fe.model import FiniteElementModel
 
 from .forced import (
     Peak,
+    PlateModes,
     first_mode_only,
     harmonic_peak,
     plate_modes,
@@ -15,7 +17,7 @@ from .forced import (
     step_peak,
 )
 from .peers import frequency_peer
-from .score import Score
+from .score import ElementTest, Score
 from .vibrations import (
     deep_beam,
     distorted_cantilever,
@@ -83,94 +85,85 @@ _SOFT = (
 
 def vibration_scores() -> Iterator[Score]:
     """Free vibration tests on the published mesh, plates on one or two finer meshes too."""
-    yield from _scores("FV2", double_cross(), "4 an arm", True, "")
-    yield from _scores("FV4", off_centre_masses(), "5 + 2 arms", True, _SHORT_WAVE)
-    yield from _scores("FV5", deep_beam(), "5", True, _SHORT_WAVE)
+    yield from _scores("FV2", double_cross(), "4 an arm")
+    yield from _scores("FV4", off_centre_masses(), "5 + 2 arms", _SHORT_WAVE)
+    yield from _scores("FV5", deep_beam(), "5", _SHORT_WAVE)
     for count in (8, 16, 32):
-        mesh, coarse = f"{count}x{count}", count == 8
-        yield from _scores(
-            "FV12", square_plate(count, 0.05, "free"), mesh, coarse, _SKEWED, floating=3
-        )
-        yield from _scores("FV13", square_plate(count, 0.05, "hard"), mesh, coarse, _SKEWED)
-        yield from _scores("FV16", square_plate(count, 0.05, "clamped"), mesh, coarse, _SKEWED)
-        yield from _scores("FV21", square_plate(count, 1.0, "hard"), mesh, coarse, _SKEWED)
-    yield from _scores("FV16 T2", distorted_cantilever(), "4x4 distorted", True, _DISTORTED)
+        square = partial(_plate_scores, count, published=8)
+        yield from square("FV12", square_plate(count, 0.05, "free"), floating=3)
+        yield from square("FV13", square_plate(count, 0.05, "hard"))
+        yield from square("FV16", square_plate(count, 0.05, "clamped"))
+        yield from square("FV21", square_plate(count, 1.0, "hard"))
+    yield from _scores("FV16 T2", distorted_cantilever(), "4x4 distorted", _DISTORTED)
     for count in (12, 24, 48):
-        mesh = f"{count}x{count}"
-        yield from _scores("FV15", rhombic_plate(count, 0.05), mesh, count == 12, _SKEWED)
+        yield from _plate_scores(count, "FV15", rhombic_plate(count, 0.05), published=12)
     for count in (10, 20, 40):
-        mesh = f"{count}x{count}"
-        yield from _scores("FV22", rhombic_plate(count, 1.0), mesh, count == 10, _SKEWED)
-    yield from _scores("FV32", tapered_membrane(16, 8), "16x8", True, "")
-    yield from _scores("FV32", tapered_membrane(32, 16), "32x16", False, "")
-    yield from _scores(
-        "FV52", square_plate(16, 1.0, "soft"), "16x16 shells", False, _SOFT, floating=3
-    )
+        yield from _plate_scores(count, "FV22", rhombic_plate(count, 1.0), published=10)
+    yield from _scores("FV32", tapered_membrane(16, 8), "16x8")
+    yield from _scores("FV32", tapered_membrane(32, 16), "32x16", peers=False)
+    solid = square_plate(16, 1.0, "soft")
+    yield from _scores("FV52", solid, "16x16 shells", _SOFT, peers=False, floating=3)
+
+
+def _plate_scores(
+    count: int, test: str, plate: FiniteElementModel, *, published: int, floating: int = 0
+) -> Iterator[Score]:
+    """Of a plate of count x count elements; peers are known on the published mesh."""
+    mesh, peers = f"{count}x{count}", count == published
+    return _scores(test, plate, mesh, _SKEWED, peers=peers, floating=floating)
 
 
 def _scores(
-    test: str,
+    name: str,
     structure: FiniteElementModel,
     mesh: str,
-    published_mesh: bool,
-    reason: str,
+    reason: str = "",
+    *,
+    peers: bool = True,
     floating: int = 0,
 ) -> Iterator[Score]:
     """One score a distinct frequency; of modes that share one, the farthest counts."""
-    found = frequencies(structure, sum(count for _, count in TARGETS[test]), floating)
+    test = ElementTest(NAMES[name], "Hz", FREE, reason)
+    found = frequencies(structure, sum(count for _, count in TARGETS[name]), floating)
     start = 0
-    for number, (target, count) in enumerate(TARGETS[test]):
+    for number, (target, count) in enumerate(TARGETS[name]):
         group = found[start : start + count]
         value = float(group[np.abs(group / target - 1.0).argmax()])
         modes = f"mode {start + 1}" if count == 1 else f"modes {start + 1} to {start + count}"
-        peer = frequency_peer(test, number) if published_mesh else None
-        yield Score(NAMES[test], modes, mesh, target, value, "Hz", FREE, peer, reason)
+        peer = frequency_peer(name, number) if peers else None
+        yield test.score(modes, mesh, target, value, peer)
         start += count
 
 
 def forced_scores(counts: Sequence[int] = (8, 16, 32)) -> Iterator[Score]:
     """Forced vibration tests by superposition of 16 modes."""
-    navier = "thin plate theory (Navier)"
     for count in counts:
         mesh = f"{count}x{count}"
         thin = plate_modes(count, 0.05, 100.0)
-        yield from _peak("13H thin plate, harmonic", mesh, harmonic_peak(thin), 45.42, 30.03)
-        first = first_mode_only(thin)
-        step = "13T thin plate, step"
-        yield Score(
-            step, "peak, first mode", mesh, 3.523, 1e3 * step_peak(first).displacement, "mm", FORCED
-        )
-        yield Score(
-            step, "static, first mode", mesh, 1.817, 1e3 * static_value(first), "mm", FORCED
-        )
-        yield Score(step, "static, 16 modes", mesh, 1.774, 1e3 * static_value(thin), "mm", navier)
-        thick = plate_modes(count, 1.0, 1e6)
-        yield from _peak("21H thick plate, harmonic", mesh, harmonic_peak(thick), 58.33, 800.8)
+        name, targets = "13H thin plate, harmonic", (2.377, 45.42, 30.03)
+        yield from _peak(name, mesh, harmonic_peak(thin), targets, ("", _STRESS_13H))
+        yield from _step(mesh, thin)
+        thick = harmonic_peak(plate_modes(count, 1.0, 1e6))
+        name, targets = "21H thick plate, harmonic", (45.90, 58.33, 800.8)
+        yield from _peak(name, mesh, thick, targets, (_THICK_21H, _COARSE_STRESS))
 
 
 def _peak(
-    test: str, mesh: str, peak: Peak, displacement_mm: float, stress_mpa: float
+    name: str, mesh: str, peak: Peak, targets: tuple[float, float, float], reasons: tuple[str, str]
 ) -> Iterator[Score]:
-    thin = test.startswith("13H")
-    frequency = 2.377 if thin else 45.90
-    yield Score(test, "frequency of the peak", mesh, frequency, peak.at, "Hz", FORCED)
-    yield Score(
-        test,
-        "peak displacement",
-        mesh,
-        displacement_mm,
-        1e3 * peak.displacement,
-        "mm",
-        FORCED,
-        reason="" if thin else _THICK_21H,
-    )
-    yield Score(
-        test,
-        "peak stress",
-        mesh,
-        stress_mpa,
-        1e-6 * peak.stress,
-        "MPa",
-        FORCED,
-        reason=_STRESS_13H if thin else _COARSE_STRESS,
-    )
+    """Frequency (Hz), displacement (mm) and stress (MPa), with reasons for the last two."""
+    at, displacement, stress = targets
+    yield ElementTest(name, "Hz", FORCED).score("frequency of the peak", mesh, at, peak.at)
+    test = ElementTest(name, "mm", FORCED, reasons[0])
+    yield test.score("peak displacement", mesh, displacement, 1e3 * peak.displacement)
+    test = ElementTest(name, "MPa", FORCED, reasons[1])
+    yield test.score("peak stress", mesh, stress, 1e-6 * peak.stress)
+
+
+def _step(mesh: str, plate: PlateModes) -> Iterator[Score]:
+    first, name = first_mode_only(plate), "13T thin plate, step"
+    test = ElementTest(name, "mm", FORCED)
+    yield test.score("peak, first mode", mesh, 3.523, 1e3 * step_peak(first).displacement)
+    yield test.score("static, first mode", mesh, 1.817, 1e3 * static_value(first))
+    test = ElementTest(name, "mm", "thin plate theory (Navier)")
+    yield test.score("static, 16 modes", mesh, 1.774, 1e3 * static_value(plate))

@@ -3,11 +3,12 @@
 import re
 from collections.abc import Sequence
 from dataclasses import asdict
+from itertools import chain
 from typing import Any
 
 import numpy as np
 
-from femupdate.progress import Progress, Silent
+from femupdate.progress import SILENT, Progress
 
 from ..result import markdown_table
 from .dynamic_scores import forced_scores, vibration_scores
@@ -43,26 +44,20 @@ _PANELS = (
 )
 
 
-def element_scores(progress: Progress | None = None) -> tuple[Score, ...]:
+def element_scores(progress: Progress = SILENT) -> tuple[Score, ...]:
     """Run all element tests, in about ten seconds."""
-    show = progress or Silent()
-    show.start("Element tests", _EXPECTED)
+    progress.start("Element tests", _EXPECTED)
     found = []
-    for scores in (static_scores(), vibration_scores(), forced_scores()):
-        for score in scores:
-            found.append(score)
-            show.advance(note=score.test)
+    for score in chain(static_scores(), vibration_scores(), forced_scores()):
+        found.append(score)
+        progress.advance(note=score.test)
     return tuple(found)
 
 
 def score_record(score: Score) -> dict[str, Any]:
     """A score with all that follows from it, for the JSON file."""
-    return {
-        **asdict(score),
-        "ratio": score.ratio,
-        "reached": score.reached,
-        "verdict": score.verdict,
-    }
+    more = {"ratio": score.ratio, "reached": score.reached, "verdict": score.verdict}
+    return {**asdict(score), **more}
 
 
 def score_rows(scores: Sequence[Score]) -> list[tuple[str, ...]]:
@@ -85,28 +80,29 @@ SCORE_HEAD = ("test", "mesh", "target", "ours", "ratio", "best other", "verdict"
 
 
 def score_markdown(scores: Sequence[Score]) -> str:
-    """The table, a count, and the reasons of the rows that are behind."""
+    """The table, a count, the reasons of the rows that are behind, and the sources."""
     behind = [score for score in scores if not score.reached]
-    lines = [
+    parts = [
         "## Elements",
-        "",
         f"{len(scores) - len(behind)} of {len(scores)} rows reach the best other four-node element "
         "on the same mesh, or the target where none is known, within 2 %.",
-        "",
         markdown_table(SCORE_HEAD, score_rows(scores)),
     ]
     if behind:
-        lines += ["", "Why the others do not:", ""]
-        reasons: dict[str, list[str]] = {}
-        for score in behind:
-            row = f"{score.test}, {score.case} ({score.mesh})"
-            reasons.setdefault(score.reason or "not known", []).append(row)
-        lines += [f"* {'; '.join(rows)}: {reason}." for reason, rows in reasons.items()]
-    sources: dict[str, dict[str, None]] = {}
-    for score in scores:
-        sources.setdefault(score.source, {})[score.test] = None
-    named = "; ".join(f"{source} ({', '.join(tests)})" for source, tests in sources.items())
-    return "\n".join([*lines, "", f"Sources of the targets: {named}."])
+        rows = [(s.reason or "not known", f"{s.test}, {s.case} ({s.mesh})") for s in behind]
+        reasons = [f"* {'; '.join(rows)}: {reason}." for reason, rows in _gathered(rows).items()]
+        parts += ["Why the others do not:", "\n".join(reasons)]
+    tests = _gathered([(score.source, score.test) for score in scores])
+    named = "; ".join(f"{source} ({', '.join(found)})" for source, found in tests.items())
+    return "\n\n".join([*parts, f"Sources of the targets: {named}."])
+
+
+def _gathered(pairs: Sequence[tuple[str, str]]) -> dict[str, list[str]]:
+    """Different second texts by the first, in the order in which they come."""
+    found: dict[str, list[str]] = {}
+    for key, value in dict.fromkeys(pairs):
+        found.setdefault(key, []).append(value)
+    return found
 
 
 def convergence_panels(scores: Sequence[Score]) -> tuple[ConvergencePanel, ...]:

@@ -102,17 +102,17 @@ def model(
 def hold(count: int, *rules: tuple[Flags, Sequence[int]]) -> Flags:
     """Support flags (count, 6) from pairs of a node mask and directions."""
     fixed = np.zeros((count, 6), dtype=bool)
-    for where, directions in rules:
-        fixed[np.ix_(np.flatnonzero(where), np.array(directions, dtype=np.int64))] = True
+    for nodes, directions in rules:
+        fixed[np.ix_(np.flatnonzero(nodes), np.array(directions, dtype=np.int64))] = True
     return fixed
 
 
-def line_weights(where: Flags, position: Floats) -> Floats:
+def line_weights(on_line: Flags, position: Floats) -> Floats:
     """Shares (n,) of a uniform line load on the nodes of a line, which add up to one."""
-    nodes = np.flatnonzero(where)
+    nodes = np.flatnonzero(on_line)
     nodes = nodes[np.argsort(position[nodes])]
     lengths = np.diff(position[nodes])
-    shares = np.zeros(len(where))
+    shares = np.zeros(len(on_line))
     shares[nodes[:-1]] += 0.5 * lengths
     shares[nodes[1:]] += 0.5 * lengths
     return shares / shares.sum()

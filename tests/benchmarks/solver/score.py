@@ -18,7 +18,7 @@ class Peer:
     ratio: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Score:
     """Our value of one quantity of one test on one mesh.
 
@@ -71,7 +71,33 @@ class Score:
         return "best" if self.error <= abs(self.peer.ratio - 1.0) + 5e-4 else "within 2 % of best"
 
 
-def best(peers: dict[str, float]) -> Peer | None:
+@dataclass(frozen=True)
+class ElementTest:
+    """What rows of one test share: its name, unit, source of the targets, and why we miss them."""
+
+    name: str
+    unit: str
+    source: str
+    reason: str = ""
+
+    def score(
+        self, case: str, mesh: str, target: float, value: float, peer: Peer | None = None
+    ) -> Score:
+        """One row."""
+        return Score(
+            test=self.name,
+            case=case,
+            mesh=mesh,
+            target=target,
+            value=value,
+            unit=self.unit,
+            source=self.source,
+            peer=peer,
+            reason=self.reason,
+        )
+
+
+def best_peer(peers: dict[str, float]) -> Peer | None:
     """The peer nearest to one."""
     if not peers:
         return None

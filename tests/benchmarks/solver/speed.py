@@ -7,7 +7,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from femupdate.errors import ModelError
 from femupdate.fe.cholmod import cholmod_is_there
 from femupdate.fe.export_opensees import opensees_script
 from femupdate.fe.factorization import ENVIRONMENT, Backend
-from femupdate.progress import Progress, Silent
+from femupdate.progress import SILENT, Progress
 
 from ..result import markdown_table
 from .tower import SIZES, tower
@@ -25,10 +25,11 @@ from .tower import SIZES, tower
 MODES = 20
 OPENSEES_SHELL = "ShellMITC4"  # the fastest of its shells; stiffer in walls
 OPENSEES_SOLVER = "SparseGeneral"  # SuperLU: the fastest of its solvers that is right here
+_WORKER = "femupdate.benchmarks.solver.speed_worker"
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Run:
     """One program on one mesh.
 
@@ -49,7 +50,7 @@ class Run:
     steps: Mapping[str, float]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SpeedRow:
     """Both programs on one mesh.
 
@@ -88,9 +89,7 @@ def opensees_is_there() -> bool:
     return importlib.util.find_spec("openseespy") is not None
 
 
-def compare_speed(
-    sizes: Sequence[str], progress: Progress | None = None, opensees: bool = True
-) -> tuple[SpeedRow, ...]:
+def compare_speed(sizes: Sequence[str], progress: Progress = SILENT) -> tuple[SpeedRow, ...]:
     """Run femupdate, and OpenSees where it is installed, on the building of several sizes.
 
     Raises:
@@ -99,61 +98,60 @@ def compare_speed(
     unknown = [size for size in sizes if size not in SIZES]
     if unknown:
         raise ModelError(f"there is no size {unknown[0]!r}; choose from {', '.join(SIZES)}")
-    show = progress or Silent()
-    beside = opensees and opensees_is_there()
-    show.start("Speed", len(sizes) * (1 + beside))
-    rows = []
-    for size in sizes:
-        structure = tower(SIZES[size])
-        with tempfile.TemporaryDirectory() as folder:
-            ours, dof = _run_ours(SIZES[size], Path(folder), "superlu")
-            faster = None
-            if cholmod_is_there():
-                faster, _ = _run_ours(SIZES[size], Path(folder), "cholmod")
-            show.advance(note=f"femupdate, {size}")
-            theirs = None
-            if beside:
-                script = Path(folder) / "tower.py"
-                script.write_text(
-                    opensees_script(
-                        structure, np.ones(1), name=size, types={"shell": OPENSEES_SHELL}
-                    ),
-                    encoding="utf-8",
-                )
-                theirs = _run_theirs(script)
-                show.advance(note=f"OpenSees, {size}")
-        counts = len(structure.faces), len(structure.lines), dof
-        rows.append(SpeedRow(size, *counts, ours, faster, theirs))
-    return tuple(rows)
+    progress.start("Speed", len(sizes) * (1 + opensees_is_there()))
+    return tuple(_speed_row(size, progress) for size in sizes)
+
+
+def _speed_row(size: str, progress: Progress) -> SpeedRow:
+    structure = tower(SIZES[size])
+    with tempfile.TemporaryDirectory() as folder:
+        ours, dof = _run_ours(SIZES[size], Path(folder), "superlu")
+        faster = _run_ours(SIZES[size], Path(folder), "cholmod")[0] if cholmod_is_there() else None
+        progress.advance(note=f"femupdate, {size}")
+        theirs = None
+        if opensees_is_there():
+            script = Path(folder) / "tower.py"
+            text = opensees_script(
+                structure, np.ones(1), name=size, types={"shell": OPENSEES_SHELL}
+            )
+            script.write_text(text, encoding="utf-8")
+            theirs = _run_theirs(script)
+            progress.advance(note=f"OpenSees, {size}")
+    return SpeedRow(
+        size=size,
+        shells=len(structure.faces),
+        beams=len(structure.lines),
+        dof=dof,
+        ours=ours,
+        faster=faster,
+        theirs=theirs,
+    )
 
 
 def _run_ours(per_bay: int, folder: Path, backend: Backend) -> tuple[Run, int]:
     target = folder / "ours.json"
-    module = "femupdate.benchmarks.solver.speed_worker"
-    command = [sys.executable, "-m", module, str(per_bay), str(MODES), str(target)]
+    command = [sys.executable, "-m", _WORKER, str(per_bay), str(MODES), str(target)]
     _, memory = _process(command, **{ENVIRONMENT: backend})
     found = json.loads(target.read_text(encoding="utf-8"))
     name = {"superlu": "femupdate, SciPy alone", "cholmod": "femupdate, CHOLMOD"}[found["backend"]]
-    return _run_of(name, found, memory, found["cpu_steps"]), found["dof"]
+    return _run_of(name, found, memory), found["dof"]
 
 
 def _run_theirs(script: Path) -> Run:
     options = ["--json", "--modes", str(MODES), "--solver", OPENSEES_SOLVER]
     text, memory = _process([sys.executable, str(script), *options])
     found = json.loads(text.strip().splitlines()[-1])
-    return _run_of(f"OpenSees, {OPENSEES_SHELL}, {OPENSEES_SOLVER}", found, memory, {})
+    return _run_of(f"OpenSees, {OPENSEES_SHELL}, {OPENSEES_SOLVER}", found, memory)
 
 
-def _run_of(
-    program: str, found: Mapping[str, Any], memory: float, steps: Mapping[str, float]
-) -> Run:
+def _run_of(program: str, found: Mapping[str, Any], memory: float) -> Run:
     return Run(
-        program,
-        tuple(found["frequencies_hz"]),
-        found["cpu_seconds"],
-        found["seconds"],
-        memory,
-        steps,
+        program=program,
+        frequencies_hz=tuple(found["frequencies_hz"]),
+        cpu_seconds=found["cpu_seconds"],
+        seconds=found["seconds"],
+        peak_memory_gb=memory,
+        steps=found.get("cpu_steps", {}),
     )
 
 
@@ -176,18 +174,14 @@ def _process(command: Sequence[str], **settings: str) -> tuple[str, float]:
         return out.read().decode(errors="replace"), memory
 
 
-SPEED_HEAD = (
-    "program",
-    "mesh",
-    "f1 Hz",
-    "f2 Hz",
-    "f3 Hz",
-    "f20 Hz",
-    "CPU s",
-    "clock s",
-    "peak GB",
-    "CPU over SciPy alone",
-)
+def speed_record(row: SpeedRow) -> dict[str, Any]:
+    """A row with its ratio, for the JSON file."""
+    return {**asdict(row), "ratio": row.ratio, "largest_difference": row.largest_difference}
+
+
+_FREQUENCIES = ("f1 Hz", "f2 Hz", "f3 Hz", "f20 Hz")
+_COSTS = ("CPU s", "clock s", "peak GB", "CPU over SciPy alone")
+SPEED_HEAD = ("program", "mesh", *_FREQUENCIES, *_COSTS)
 
 
 def speed_rows(rows: Sequence[SpeedRow]) -> list[tuple[str, ...]]:

@@ -1,6 +1,7 @@
 """The static element tests with their targets, scored."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 
 from .membranes import (
     CANTILEVER_CASES,
@@ -13,7 +14,7 @@ from .membranes import (
     twisted_beam,
 )
 from .peers import COUPLED_LIMITS, coupled_wall_peers, static_peer
-from .score import Peer, Score, best
+from .score import ElementTest, Peer, Score, best_peer
 from .surfaces import (
     Edges,
     Loading,
@@ -69,17 +70,7 @@ _STRETCHED = (
 _PINCHED = "the load acts on a wrinkle narrower than one element; DKMQ is softer there"
 _PLATE_STRIP = "ours is MITC4 in bending; DKMQ is ahead by 2.4 % on trapezoids, at 0.74 in twist"
 _ROOF = "on 2x2 elements both bending and membrane are too soft (they share that with ASDShellQ4)"
-
-
-def static_scores() -> Iterator[Score]:
-    """All static element tests, one after the other."""
-    yield from _patch()
-    yield from _cantilevers()
-    yield from _plates()
-    yield from _curved_shells()
-    yield from _walls()
-    yield from _z_section()
-
+_HEMISPHERE = "elements of 18 x 22 degrees; every element errs by 2.5 % or more here"
 
 _PATCH_CASES = {
     "membrane": "constant strain in its plane",
@@ -88,202 +79,120 @@ _PATCH_CASES = {
     "twist": "constant twist",
     "shear": "constant transverse shear, rotations held",
 }
+_SHAPES: dict[Shape, str] = {"rect": "rectangles", "trap": "trapezoids", "para": "parallelograms"}
+
+
+def static_scores() -> Iterator[Score]:
+    """All static element tests, one after the other."""
+    yield from _patch()
+    yield from _straight_cantilevers()
+    yield from _curved_and_twisted()
+    yield from _cook()
+    yield from _plates()
+    yield from _curved_shells()
+    yield from _plain_wall()
+    yield from _coupled_wall()
+    yield from _z_section()
 
 
 def _patch() -> Iterator[Score]:
+    test = ElementTest("Patch test", "-", MACNEAL)
     for name in PATCH_FIELDS:
-        yield Score(
-            "Patch test",
-            _PATCH_CASES[name],
-            "5 distorted",
-            0.0,
-            patch_error(name),
-            "-",
-            MACNEAL,
-        )
+        yield test.score(_PATCH_CASES[name], "5 distorted", 0.0, patch_error(name))
 
 
-def _cantilevers() -> Iterator[Score]:
-    shapes: dict[Shape, str] = {
-        "rect": "rectangles",
-        "trap": "trapezoids",
-        "para": "parallelograms",
-    }
-    for shape, name in shapes.items():
+def _straight_cantilevers() -> Iterator[Score]:
+    reasons = {"in-plane": _TRAPEZOIDS, "out-of-plane": _PLATE_STRIP}
+    for shape, name in _SHAPES.items():
         for case in CANTILEVER_CASES:
-            reason = {"in-plane": _TRAPEZOIDS, "out-of-plane": _PLATE_STRIP}.get(case, "")
-            yield _score(
-                "Straight cantilever",
-                f"{name}, {case}",
-                "6x1",
-                CANTILEVER_TARGETS[case],
-                straight_cantilever(shape, case),
-                "in" if case != "twist" else "rad",
-                f"cant {shape} {case}",
-                reason=reason,
-            )
+            unit = "in" if case != "twist" else "rad"
+            test = ElementTest("Straight cantilever", unit, MACNEAL, reasons.get(case, ""))
+            value, peer = straight_cantilever(shape, case), static_peer(f"cant {shape} {case}")
+            yield test.score(f"{name}, {case}", "6x1", CANTILEVER_TARGETS[case], value, peer)
+
+
+def _curved_and_twisted() -> Iterator[Score]:
+    test = ElementTest("Curved cantilever", "in", MACNEAL, _TRAPEZOIDS)
     for case, target in CURVED_TARGETS.items():
-        yield _score(
-            "Curved cantilever",
-            case,
-            "6x1",
-            target,
-            curved_cantilever(case),
-            "in",
-            f"curved {case}",
-            reason=_TRAPEZOIDS,
+        yield test.score(
+            case, "6x1", target, curved_cantilever(case), static_peer(f"curved {case}")
         )
+    test = ElementTest("Twisted beam", "in", MACNEAL)
     for (thickness, along), target in TWISTED_TARGETS.items():
-        yield _score(
-            "Twisted beam",
-            f"t = {thickness:g}, load along the {along}",
-            "12x2 warped",
-            target,
-            twisted_beam(thickness, along),
-            "in",
-            f"twisted t={thickness:g} {along}",
-        )
-    for count in (2, 4, 8, 16, 32):
-        yield _score(
-            "Cook's membrane",
-            "middle of the loaded edge",
-            f"{count}x{count}",
-            COOK,
-            cook(count),
-            "-",
-            f"Cook N={count}",
-            source="converged (23.964 at N = 128)",
-        )
+        case, value = f"t = {thickness:g}, load along the {along}", twisted_beam(thickness, along)
+        peer = static_peer(f"twisted t={thickness:g} {along}")
+        yield test.score(case, "12x2 warped", target, value, peer)
+
+
+def _cook() -> Iterator[Score]:
+    test = ElementTest("Cook's membrane", "-", "converged (23.964 at N = 128)")
+    yield from _refined(test, "middle of the loaded edge", COOK, cook, "Cook", (2, 4, 8, 16, 32))
 
 
 def _plates() -> Iterator[Score]:
     for (ratio, edges, loading), target in PLATE_TARGETS.items():
-        for count in (2, 4, 8):
-            yield _score(
-                f"Rectangular plate b/a = {ratio}",
-                f"{'simply supported' if edges == 'ss' else 'clamped'}, "
-                f"{'pressure' if loading == 'q' else 'force in the middle'}",
-                f"{count}x{count}",
-                target,
-                rectangular_plate(2.0 * ratio, edges, loading, count),
-                "in",
-                f"plate b/a={ratio} {edges} {loading} N={count}",
-                reason=_STRETCHED,
-            )
+        test = ElementTest(f"Rectangular plate b/a = {ratio}", "in", MACNEAL, _STRETCHED)
+        support = "simply supported" if edges == "ss" else "clamped"
+        case = f"{support}, {'pressure' if loading == 'q' else 'force in the middle'}"
+        plate = partial(rectangular_plate, 2.0 * ratio, edges, loading)
+        key = f"plate b/a={ratio} {edges} {loading}"
+        yield from _refined(test, case, target, plate, key, (2, 4, 8))
 
 
 def _curved_shells() -> Iterator[Score]:
-    for count in (2, 4, 6, 8, 16):
-        yield _score(
-            "Scordelis-Lo roof",
-            "middle of the free edge",
-            f"{count}x{count}",
-            SCORDELIS_LO,
-            scordelis_lo(count),
-            "ft",
-            f"Scordelis-Lo N={count}",
-            reason=_ROOF,
-        )
-    for count in (4, 8, 12, 16):
-        yield _score(
-            "Hemisphere with a hole",
-            "under the load",
-            f"{count}x{count}",
-            HEMISPHERE,
-            hemisphere(count),
-            "in",
-            f"hemisphere N={count}",
-            reason="elements of 18 x 22 degrees; every element errs by 2.5 % or more here",
-        )
-    yield _score(
-        "Hemisphere with a hole",
-        "under the load",
-        "32x32",
-        HEMISPHERE_LIMIT,
-        hemisphere(32),
-        "in",
-        "",
-        source="converged (0.0935 by two other elements at N = 64)",
-    )
-    for count in (4, 8, 16, 32):
-        yield _score(
-            "Pinched cylinder",
-            "under the load",
-            f"{count}x{count}",
-            PINCHED,
-            pinched_cylinder(count),
-            "in",
-            f"pinched cylinder N={count}",
-            reason=_PINCHED,
-        )
+    roof = ElementTest("Scordelis-Lo roof", "ft", MACNEAL, _ROOF)
+    case, counts = "middle of the free edge", [2, 4, 6, 8, 16]
+    yield from _refined(roof, case, SCORDELIS_LO, scordelis_lo, "Scordelis-Lo", counts)
+    case, counts = "under the load", [4, 8, 12, 16]
+    test = ElementTest("Hemisphere with a hole", "in", MACNEAL, _HEMISPHERE)
+    yield from _refined(test, case, HEMISPHERE, hemisphere, "hemisphere", counts)
+    limit = "converged (0.0935 by two other elements at N = 64)"
+    test = ElementTest("Hemisphere with a hole", "in", limit)
+    yield test.score(case, "32x32", HEMISPHERE_LIMIT, hemisphere(32))
+    test, counts = ElementTest("Pinched cylinder", "in", MACNEAL, _PINCHED), [4, 8, 16, 32]
+    yield from _refined(test, case, PINCHED, pinched_cylinder, "pinched cylinder", counts)
 
 
-def _walls() -> Iterator[Score]:
-    target = timoshenko_wall()
+def _refined(
+    test: ElementTest,
+    case: str,
+    target: float,
+    value: Callable[[int], float],
+    key: str,
+    counts: Sequence[int],
+) -> Iterator[Score]:
+    """One row a mesh; `value` takes the elements along a side, `key` leads to the peers."""
+    for count in counts:
+        peer = static_peer(f"{key} N={count}")
+        yield test.score(case, f"{count}x{count}", target, value(count), peer)
+
+
+def _plain_wall() -> Iterator[Score]:
+    source = "Timoshenko beam (the plane stress limit is 0.997 of it)"
+    test, target = ElementTest("Wall 6 m x 21 m", "m", source), timoshenko_wall()
     for columns, rows in ((1, 6), (2, 6), (2, 12), (4, 24), (16, 48)):
-        yield _score(
-            "Wall 6 m x 21 m",
-            "top displacement",
-            f"{columns}x{rows}",
-            target,
-            plain_wall(columns, rows),
-            "m",
-            f"plain wall {columns}x{rows}",
-            source="Timoshenko beam (the plane stress limit is 0.997 of it)",
-        )
+        mesh, value = f"{columns}x{rows}", plain_wall(columns, rows)
+        yield test.score("top displacement", mesh, target, value, static_peer(f"plain wall {mesh}"))
+
+
+def _coupled_wall() -> Iterator[Score]:
     source = "extrapolated (Richardson) from OpenSees runs"
+    names = (("top displacement", "mm"), ("first frequency in its plane", "Hz"))
     for fine in (1, 2, 4, 8):
         wall = coupled_wall(fine)
         values = (1e3 * coupled_wall_top(wall), float(coupled_wall_frequencies(wall)[0]))
-        names = (("top displacement", "mm"), ("first frequency in its plane", "Hz"))
+        mesh = f"{len(wall.faces)} shells"
+        reason = "one element over the depth of a lintel" if fine == 1 else ""
         for k, (name, unit) in enumerate(names):
-            yield Score(
-                "Coupled wall, six stories",
-                name,
-                f"{len(wall.faces)} shells",
-                COUPLED_LIMITS[k],
-                values[k],
-                unit,
-                source,
-                best(coupled_wall_peers(fine, k)),
-                "one element over the depth of a lintel" if fine == 1 else "",
-            )
+            test = ElementTest("Coupled wall, six stories", unit, source, reason)
+            peer = best_peer(coupled_wall_peers(fine, k))
+            yield test.score(name, mesh, COUPLED_LIMITS[k], values[k], peer)
 
 
 def _z_section() -> Iterator[Score]:
-    peers = {"Abaqus S4": -110.36e6 / LE5, "OptiStruct CQUAD4": -112.2e6 / LE5}
-    yield Score(
-        "LE5 Z-section",
-        "axial stress at A",
-        "8x4",
-        LE5,
-        axial_stress(8, 1)["tip"],
-        "Pa",
-        "NAFEMS TNSB rev. 3 (1990)",
-        best(peers),
-    )
-    yield Score(
-        "LE5 Z-section",
-        "axial stress at A",
-        "32x16",
-        LE5,
-        axial_stress(32, 4)["tip"],
-        "Pa",
-        "NAFEMS TNSB rev. 3 (1990)",
-        Peer("Abaqus S4", -110.38e6 / LE5),
-    )
-
-
-def _score(
-    test: str,
-    case: str,
-    mesh: str,
-    target: float,
-    value: float,
-    unit: str,
-    key: str,
-    *,
-    source: str = MACNEAL,
-    reason: str = "",
-) -> Score:
-    return Score(test, case, mesh, target, value, unit, source, static_peer(key), reason)
+    test = ElementTest("LE5 Z-section", "Pa", "NAFEMS TNSB rev. 3 (1990)")
+    coarse = best_peer({"Abaqus S4": -110.36e6 / LE5, "OptiStruct CQUAD4": -112.2e6 / LE5})
+    fine = Peer("Abaqus S4", -110.38e6 / LE5)
+    for along, across, mesh, peer in ((8, 1, "8x4", coarse), (32, 4, "32x16", fine)):
+        value = axial_stress(along, across)["tip"]
+        yield test.score("axial stress at A", mesh, LE5, value, peer)

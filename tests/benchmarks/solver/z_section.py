@@ -52,7 +52,7 @@ def axial_stress(along: int = 8, across: int = 1) -> dict[str, float]:
     flange = np.abs(structure.nodes[structure.faces, 2] - 0.5 * WEB).max(axis=1) < 1e-9
     found = {}
     for name, y in (("tip", -FLANGE), ("corner", 0.0)):
-        where = np.linalg.norm(structure.nodes - [_AT, y, 0.5 * WEB], axis=1)
-        corner = (structure.faces == where.argmin()) & flange[:, None]
+        distance = np.linalg.norm(structure.nodes - [_AT, y, 0.5 * WEB], axis=1)
+        corner = (structure.faces == distance.argmin()) & flange[:, None]
         found[name] = float(stress[corner][:, 0].mean())
     return found

@@ -1,7 +1,6 @@
 """The calibration benchmark: what it simulates, and a small run."""
 
 import copy
-import json
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -9,15 +8,15 @@ import numpy as np
 import pytest
 from femupdate.benchmarks.calibration import run as calibration_run
 from femupdate.benchmarks.calibration.cases import Judged, simulate
-from femupdate.benchmarks.calibration.log import surrogate_mark
 from femupdate.benchmarks.calibration.run import (
     CalibrationPlan,
     calibrated,
-    predictive_rows,
     run_calibration,
-    scores,
 )
-from femupdate.benchmarks.shear4dof.case import benchmark_model, roof_log_frf
+from femupdate.benchmarks.calibration.tables import predictive_rows, scores
+from femupdate.benchmarks.result import Job
+from femupdate.benchmarks.shear4dof.case import roof_log_frf
+from femupdate.benchmarks.shipped import benchmark_model, surrogate_mark
 
 from femupdate.inference.predictive_check import PredictiveCheck
 from femupdate.surrogate.storage import TrainedSurrogate, load_surrogate, save_surrogate
@@ -80,27 +79,27 @@ def test_predictive_p_values_are_told_by_their_quantiles():
     )
     assert rows[1][:5] == ("latent, floor by floor", "11", "0.03", "0.12", "0.25")
     assert len(predictive_rows("latent", [judged(0.5, 0.5)])) == 1
-    # Cases of before have none.
-    assert predictive_rows("latent", [Judged(0.5, np.zeros(2), 0.5)]) == []
+    assert predictive_rows("data-space", []) == []
 
 
 @pytest.mark.slow
 def test_small_run(tmp_path):
     plan = CalibrationPlan(cases=10, particles=300)
-    report = run_calibration(tmp_path, plan, seed=3)
-    assert report.exact is not None
+    report = run_calibration(Job(tmp_path, 3), plan)
+    content = report.content()
     # Ten cases: seven or more of the truths in the 90 % region but once in a hundred.
-    assert report.exact.density.found[2] >= 0.7
-    content = json.loads(report.files.json.read_text())
+    assert content["exact"]["density"]["found"][2] >= 0.7
     assert len(content["density_levels"]) == 10
-    assert report.files.json.name == "calibration_shear_4dof_roof.json"
+    assert report.json.name == "calibration_shear_4dof_roof.json"
     assert "data-space, highest density" in report.text
 
 
 def test_unknown_damping_is_integrated_over_and_a_run_goes_on(tmp_path, monkeypatch):
-    plan = CalibrationPlan("shear_3dof", ("2F", "RF"), cases=3, particles=300, beside=1)
-    report = run_calibration(tmp_path, plan, seed=2)
-    content = json.loads(report.files.json.read_text())
+    floors = ("2F", "RF")
+    plan = CalibrationPlan(building="shear_3dof", floors=floors, cases=3, particles=300, beside=1)
+    job = Job(tmp_path, 2)
+    report = run_calibration(job, plan)
+    content = report.content()
     assert len(content["density_levels"]) == 3
     (widths,) = content["widths"]
     assert len(widths["ratio"]) == 3
@@ -126,11 +125,11 @@ def test_unknown_damping_is_integrated_over_and_a_run_goes_on(tmp_path, monkeypa
         return real(*args)
 
     monkeypatch.setattr(calibration_run, "calibration_case", case)
-    again = run_calibration(tmp_path, plan, seed=2)
+    again = run_calibration(job, plan)
     assert made == [2]
     assert again.text == report.text
     # Other particles: none of the cases can be used.
-    run_calibration(tmp_path, replace(plan, particles=200), seed=2)
+    run_calibration(job, replace(plan, particles=200))
     assert made == [2, 0, 1, 2]
 
 

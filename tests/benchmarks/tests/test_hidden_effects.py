@@ -4,17 +4,12 @@ import json
 from dataclasses import replace
 
 import pytest
-from femupdate.benchmarks.hidden_effects.cases import (
-    CLEAN,
-    FOREIGN,
-    ONE,
-    Trial,
-    TrialSettings,
-    kept_models,
-    run_trial,
-)
-from femupdate.benchmarks.hidden_effects.run import Plan, run_hidden_effects
+from femupdate.benchmarks.hidden_effects.draw import CLEAN, ONE, OUTSIDE
+from femupdate.benchmarks.hidden_effects.measurement import TrialSettings
+from femupdate.benchmarks.hidden_effects.run import TrialPlan, run_hidden_effects
 from femupdate.benchmarks.hidden_effects.summary import summary, summary_text
+from femupdate.benchmarks.hidden_effects.trial import Trial, run_trial, trial_models
+from femupdate.benchmarks.result import Job
 
 from femupdate.study import Study
 from femupdate.workflow.model import open_study
@@ -25,12 +20,11 @@ _NUMBERS = (9_000_001, 9_000_002, 9_000_003)
 
 @pytest.fixture(scope="module")
 def outcomes(tmp_path_factory):
-    study, settings = Study(tmp_path_factory.mktemp("study")), TrialSettings()
-    model = open_study(study, "shear_4dof")
-    kept = kept_models(study, model, settings)
+    study = Study(tmp_path_factory.mktemp("study"))
+    models = trial_models(study, open_study(study, "shear_4dof"), TrialSettings())
     return {
-        kind: [run_trial(Trial(number, kind), model, settings, kept) for number in _NUMBERS]
-        for kind in (CLEAN, ONE, FOREIGN)
+        kind: [run_trial(Trial(number, kind), models) for number in _NUMBERS]
+        for kind in (CLEAN, ONE, OUTSIDE)
     }
 
 
@@ -48,7 +42,7 @@ def test_what_is_hidden_and_visible_is_named_and_the_gap_closes(outcomes):
 
 
 def test_what_the_catalogue_lacks_is_not_called_nothing(outcomes):
-    strong = [one for one in outcomes[FOREIGN] if one.strength >= 10.0]
+    strong = [one for one in outcomes[OUTSIDE] if one.strength >= 10.0]
     assert strong
     assert all(one.verdict != "none" for one in strong)
 
@@ -80,10 +74,10 @@ def test_names_that_are_wrong_are_counted_whatever_was_hidden(outcomes):
         right,
         replace(one, verdict="unknown"),
         replace(one, verdict="named", named="roll_off@floors"),
-        replace(right, kind=FOREIGN, hidden=("ground_tie@RF",), strength=30.0),
-        replace(right, kind=FOREIGN, hidden=("ground_tie@RF",), strength=30.0, verdict="none"),
-        replace(right, kind=FOREIGN, hidden=("ground_tie@RF",), strength=30.0, verdict="unknown"),
-        replace(right, kind=FOREIGN, hidden=("ground_tie@RF",), strength=3.0, verdict="none"),
+        replace(right, kind=OUTSIDE, hidden=("ground_tie@RF",), strength=30.0),
+        replace(right, kind=OUTSIDE, hidden=("ground_tie@RF",), strength=30.0, verdict="none"),
+        replace(right, kind=OUTSIDE, hidden=("ground_tie@RF",), strength=30.0, verdict="unknown"),
+        replace(right, kind=OUTSIDE, hidden=("ground_tie@RF",), strength=3.0, verdict="none"),
     ]
     rows = {row.what: row.found for row in summary(cases)}
     assert rows["right among all names given"].startswith("33.3%")
@@ -107,23 +101,24 @@ def test_names_are_counted_by_strength(outcomes):
 
 
 def test_the_result_is_written_with_machine_and_seed(tmp_path):
-    plan = Plan(clean=1, one=1, two=0, outside=0)
-    report = run_hidden_effects(tmp_path, "shear_4dof", plan, TrialSettings(), seed=7)
-    content = json.loads(report.files.json.read_text(encoding="utf-8"))
+    plan = TrialPlan(clean=1, one=1, two=0, outside=0)
+    report = run_hidden_effects(Job(tmp_path, 7), "shear_4dof", plan)
+    content = report.content()
     assert content["seed"] == 7
     assert [one["kind"] for one in content["outcomes"]] == [CLEAN, ONE]
-    assert "false alarms" in report.files.markdown.read_text(encoding="utf-8")
+    assert "false alarms" in report.markdown.read_text(encoding="utf-8")
 
 
 def test_trials_that_were_cut_off_go_on(tmp_path):
-    plan, settings = Plan(clean=2, one=0, two=0, outside=0), TrialSettings()
-    none = run_hidden_effects(tmp_path, "shear_4dof", plan, settings, seed=7, minutes=0.0)
-    assert not none.outcomes
-    whole = run_hidden_effects(tmp_path, "shear_4dof", plan, settings, seed=7)
+    plan, job = TrialPlan(clean=2, one=0, two=0, outside=0), Job(tmp_path, 7)
+    none = run_hidden_effects(job, "shear_4dof", plan, minutes=0.0)
+    assert not none.content()["outcomes"]
+    whole = run_hidden_effects(job, "shear_4dof", plan).content()["outcomes"]
     log = tmp_path / "hidden_effects_shear_4dof.jsonl"
     lines = log.read_text(encoding="utf-8").splitlines()
-    marked = json.loads(lines[1]) | {"seconds": 123.0}
+    marked = json.loads(lines[1])
+    marked["content"]["seconds"] = 123.0
     log.write_text("\n".join([lines[0], json.dumps(marked), lines[2][:40]]), encoding="utf-8")
-    again = run_hidden_effects(tmp_path, "shear_4dof", plan, settings, seed=7)
-    assert [one.number for one in again.outcomes] == [one.number for one in whole.outcomes]
-    assert sorted(one.seconds == 123.0 for one in again.outcomes) == [False, True]
+    again = run_hidden_effects(job, "shear_4dof", plan).content()["outcomes"]
+    assert [one["number"] for one in again] == [one["number"] for one in whole]
+    assert sorted(one["seconds"] == 123.0 for one in again) == [False, True]

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import torch
 from femupdate.benchmarks.latent_size.study import (
+    box_coordinates,
     enough_coordinates,
-    parameter_places,
-    parameters_of,
+    from_box_coordinates,
     sensitive_directions,
     size_losses,
 )
@@ -24,7 +24,7 @@ def prior(size):
 def linear(matrix):
     """ln|H| that is linear in the places."""
     rows = torch.from_numpy(matrix)
-    return lambda theta: parameter_places(prior(matrix.shape[1]), theta) @ rows.T
+    return lambda theta: box_coordinates(prior(matrix.shape[1]), theta) @ rows.T
 
 
 def generator(seed=0):
@@ -40,9 +40,9 @@ def place_density(grid):
 
 def test_places_and_back():
     theta = torch.tensor([[LOWER, 1.0, UPPER]], dtype=torch.float64)
-    place = parameter_places(prior(3), theta)
+    place = box_coordinates(prior(3), theta)
     np.testing.assert_allclose(place[0, ::2], [-1.0, 1.0], atol=1e-12)
-    np.testing.assert_allclose(parameters_of(prior(3), place), theta, rtol=1e-12)
+    np.testing.assert_allclose(from_box_coordinates(prior(3), place), theta, rtol=1e-12)
 
 
 def test_directions_of_a_linear_response_are_those_of_its_matrix():

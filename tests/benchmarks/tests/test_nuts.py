@@ -1,13 +1,16 @@
 """The chain of the No-U-Turn sampler, and what is said without Pyro."""
 
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
-from femupdate.benchmarks.shear4dof.case import authors_case, benchmark_model, data_likelihood
+from femupdate.benchmarks.result import Job
+from femupdate.benchmarks.shear4dof.case import authors_case, data_likelihood
 from femupdate.benchmarks.shear4dof.nuts import nuts_chain
 from femupdate.benchmarks.shear4dof.run import QUICK, run_shear4dof
+from femupdate.benchmarks.shipped import benchmark_model
 
 from femupdate.errors import InferenceError
 from femupdate.inference.likelihood import LatentLikelihood
@@ -18,7 +21,7 @@ from femupdate.workflow.surrogates import shipped_surrogate
 def test_without_pyro_one_sentence_says_what_to_install(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyro", None)
     with pytest.raises(InferenceError, match=r'pip install "femupdate\[nuts\]"'):
-        run_shear4dof(tmp_path, plan=type(QUICK)(**{**vars(QUICK), "nuts": 100}))
+        run_shear4dof(Job(tmp_path), replace(QUICK, nuts=100))
 
 
 def test_a_gaussian(monkeypatch):

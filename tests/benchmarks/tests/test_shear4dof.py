@@ -1,19 +1,18 @@
 """The four-story benchmark as a whole: its truth, its tables and its small run."""
 
-import json
-
 import numpy as np
 import pytest
+from femupdate.benchmarks.result import Job
 from femupdate.benchmarks.shear4dof.case import (
     PUBLISHED_SOLUTIONS,
     authors_case,
-    benchmark_model,
     case_modes,
     exact_posterior,
     random_case,
     roof_log_frf,
 )
-from femupdate.benchmarks.shear4dof.run import Plan, run_shear4dof
+from femupdate.benchmarks.shear4dof.run import Shear4dofPlan, run_shear4dof
+from femupdate.benchmarks.shipped import benchmark_model
 
 # Long runs of another sampler over the exact likelihood (tests/inference/test_benchmark.py).
 WEIGHT = [0.337, 0.132, 0.346, 0.185]
@@ -57,23 +56,24 @@ def _refuse(*_):
 @pytest.mark.slow
 def test_small_run(tmp_path, monkeypatch):
     pytest.importorskip("sklearn")
-    report = run_shear4dof(tmp_path, 0, Plan((200,), 2, 2000, 1))
+    job, plan = Job(tmp_path), Shear4dofPlan((200,), 2, 2000, 1)
+    report = run_shear4dof(job, plan)
     assert all(path.stat().st_size > 10_000 for path in report.pictures)
-    content = json.loads(report.files.json.read_text())
+    content = report.content()
     assert content["log_evidence"] == pytest.approx(-580.9, abs=0.1)
-    (judged,) = report.observations
-    assert judged.bridged.weight_distance < 0.05
-    assert judged.bridged.c2st < 0.56
-    assert abs(judged.evidence_error) < 0.1
+    (judged,) = content["observations"]
+    assert judged["bridged"]["weight_distance"] < 0.05
+    assert judged["bridged"]["c2st"] < 0.56
+    assert abs(judged["evidence_error"]) < 0.1
     # The latent posterior takes no response, the bridge a few for each particle.
-    assert judged.responses < 20 * 2000
-    rows = {(row.likelihood, row.sampler): row for row in report.samplers}
+    assert judged["responses"] < 20 * 2000
+    rows = {(row["likelihood"], row["sampler"]): row for row in content["samplers"]}
     assert len(rows) == 5
     walk, mixture = rows["data", "random walk (paper)"], rows["data", "mixture"]
-    assert mixture.unique > walk.unique
-    assert mixture.evaluations < 0.5 * walk.evaluations
-    assert "| solution 4 | 2.63969 |" in report.files.markdown.read_text()
+    assert mixture["unique"] > walk["unique"]
+    assert mixture["evaluations"] < 0.5 * walk["evaluations"]
+    assert "| solution 4 | 2.63969 |" in report.markdown.read_text()
     # All of it is kept: a second run makes neither rows nor observations again.
-    for part in ("observations._result", "samplers._row_of_runs"):
-        monkeypatch.setattr(f"femupdate.benchmarks.shear4dof.{part}", _refuse)
-    assert run_shear4dof(tmp_path, 0, Plan((200,), 2, 2000, 1)).text == report.text
+    for part in ("observation_result", "sampler_row"):
+        monkeypatch.setattr(f"femupdate.benchmarks.shear4dof.run.{part}", _refuse)
+    assert run_shear4dof(job, plan).text == report.text

@@ -1,13 +1,12 @@
 """The benchmark of the solver: what its tables say, and what it writes."""
 
-import json
-
 import numpy as np
 import pytest
+from femupdate.benchmarks.result import Job
 from femupdate.benchmarks.solver import run as solver
 from femupdate.benchmarks.solver import speed
 from femupdate.benchmarks.solver.elements import score_markdown
-from femupdate.benchmarks.solver.score import Peer, Score
+from femupdate.benchmarks.solver.score import ElementTest, Peer
 from femupdate.benchmarks.solver.tower import tower
 
 from femupdate.errors import ModelError
@@ -17,7 +16,8 @@ from femupdate.fe.solve import lowest_modes
 
 def score(value, peer=None, target=2.0):
     other = None if peer is None else Peer("other", peer)
-    return Score("Test", "case", "2x2", target, value, "m", "source", other, "a reason")
+    test = ElementTest("Test", "m", "source", "a reason")
+    return test.score("case", "2x2", target, value, other)
 
 
 @pytest.mark.parametrize(
@@ -61,18 +61,23 @@ def test_results_are_written_with_machine_and_date(tmp_path, monkeypatch):
     scores = (score(2.0), score(1.5))
     monkeypatch.setattr(solver, "element_scores", lambda progress: scores)
     monkeypatch.setattr(solver, "draw_convergence", lambda scores, path: path)
-    run = speed.Run("program", tuple(np.arange(1.0, 21.0)), 2.0, 3.0, 0.5, {})
-    other = speed.Run("another", tuple(1.01 * np.arange(1.0, 21.0)), 9.0, 12.0, 0.4, {})
-    row = speed.SpeedRow("small", 10, 20, 30, run, None, other)
+    frequencies = np.arange(1.0, 21.0)
+    costs = {"seconds": 3.0, "peak_memory_gb": 0.5, "steps": {}}
+    run, other = (
+        speed.Run(program=name, frequencies_hz=tuple(scale * frequencies), cpu_seconds=cpu, **costs)
+        for name, scale, cpu in (("program", 1.0, 2.0), ("another", 1.01, 9.0))
+    )
+    counts = {"shells": 10, "beams": 20, "dof": 30}
+    row = speed.SpeedRow(size="small", **counts, ours=run, faster=None, theirs=other)
     monkeypatch.setattr(solver, "compare_speed", lambda sizes, progress: (row,))
-    report = solver.run_solver_benchmark(tmp_path, ("small",), seed=5)
-    found = json.loads(report.files.json.read_text(encoding="utf-8"))
+    report = solver.run_solver(Job(tmp_path, 5), ("small",))
+    found = report.content()
     assert found["seed"] == 5
     assert found["machine"]["packages"]["numpy"] == np.__version__
     assert found["speed"][0]["ratio"] == 4.5
     assert found["speed"][0]["largest_difference"] == pytest.approx(0.01)
     assert [one["reached"] for one in found["elements"]] == [True, False]
-    text = report.files.markdown.read_text(encoding="utf-8")
+    text = report.markdown.read_text(encoding="utf-8")
     assert text.startswith(found["machine"]["date"][:10])
     assert "| another |" in text
 

@@ -1,12 +1,12 @@
 """Our training beside the published layout: its layers, the race, and what is written."""
 
-import json
 import math
 import time
 
 import numpy as np
 import pytest
 import torch
+from femupdate.benchmarks.result import Job
 from femupdate.benchmarks.training.plot_race import race_figure
 from femupdate.benchmarks.training.published_network import (
     LATENT,
@@ -30,7 +30,7 @@ from femupdate.benchmarks.training.race import (
     score,
     turn_ends,
 )
-from femupdate.benchmarks.training.run import OURS, PUBLISHED, Plan, Reached, run_training_benchmark
+from femupdate.benchmarks.training.run import OURS, PUBLISHED, Reached, TrainingPlan, run_training
 from scipy.stats import norm
 
 from femupdate.errors import ReportError, SurrogateError
@@ -226,11 +226,11 @@ def test_times_are_compared_where_a_loss_is_first_had():
 def written(tmp_path_factory):
     """Some second of training each, on the benchmark's own building."""
     folder = tmp_path_factory.mktemp("training")
-    return run_training_benchmark(folder, Plan(700, 0.015, 1.0), seed=3)
+    return run_training(Job(folder, 3), TrainingPlan(700, 0.015, 1.0))
 
 
 def test_the_files_hold_what_was_measured(written):
-    found = json.loads(written.files.json.read_text(encoding="utf-8"))
+    found = written.content()
     assert found["seed"] == 3
     assert found["machine"]["packages"]["torch"] == torch.__version__
     assert found["plan"] == {"samples": 700, "minutes": 0.015, "turn": 1.0}
@@ -247,28 +247,28 @@ def test_the_files_hold_what_was_measured(written):
     first = next((entry for entry in ours[1:] if entry["loss"] <= best["loss"]), None)
     ratio = None if first is None else best["cpu_seconds"] / first["cpu_seconds"]
     assert found["cpu_ratio"] == (ratio if ratio is None else pytest.approx(ratio))
-    text = written.files.markdown.read_text(encoding="utf-8")
+    text = written.markdown.read_text(encoding="utf-8")
     assert text.startswith(found["machine"]["date"][:10])
     assert "708,070" in text
     assert f"{best['loss']:.1f}" in text
-    assert written.picture.read_bytes().startswith(b"\x89PNG")
+    assert written.pictures[0].read_bytes().startswith(b"\x89PNG")
 
 
 def test_both_are_judged_on_the_same_responses(written):
     """Neither has learned yet: errors are those of a mean, about the spread of ln|H|."""
-    for curve in written.curves.values():
-        assert 0.5 < curve[0].rms < 3.0
+    for curve in written.content()["curves"].values():
+        assert 0.5 < curve[0]["rms"] < 3.0
 
 
 def test_too_few_samples_are_refused(tmp_path):
     with pytest.raises(SurrogateError, match="500 samples are too few for batches of 512"):
-        run_training_benchmark(tmp_path, Plan(samples=500))
+        run_training(Job(tmp_path), TrainingPlan(samples=500))
     assert not list(tmp_path.iterdir())
 
 
 def test_a_race_without_runners_cannot_be_drawn():
     with pytest.raises(ReportError, match="there is no training to draw"):
-        race_figure([], 1.0)
+        race_figure({}, 0.0, 1.0)
 
 
 def test_an_interrupt_ends_the_race_with_what_there_is():

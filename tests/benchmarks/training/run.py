@@ -1,31 +1,25 @@
 """The benchmark `training`: our MVAE and the published layout, trained side by side."""
 
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import torch
 from torch import Tensor
 
 from femupdate.dynamics.modal import ModalData
 from femupdate.errors import SurrogateError
-from femupdate.progress import Progress, Silent
 from femupdate.report.figure import save_figure
 from femupdate.surrogate.dataset import DatasetPlan, ModalDataset, compute_dataset, log_frf_pool
 from femupdate.surrogate.training import TrainingSettings, TrainingTask, watched_training
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.train import default_settings, training_task
 
-from ..machine import Machine, this_machine
-from ..result import ResultFiles, markdown_table, write_result
-from ..shear4dof.case import benchmark_model
-from .plot_race import RaceCurve, race_figure
-from .published_network import (
-    PUBLISHED_PARAMETERS,
-    parameter_counts,
-)
+from ..result import Job, Report, markdown_table
+from ..shipped import benchmark_model
+from .plot_race import race_figure
+from .published_network import PUBLISHED_PARAMETERS, parameter_counts
 from .published_training import published_training, start_published
 from .race import HeldOut, Point, Runner, first_to, race, turn_ends
 
@@ -41,7 +35,7 @@ _OUR_PARTS = ("bend", "observation_encoder", "decoder")
 
 
 @dataclass(frozen=True)
-class Plan:
+class TrainingPlan:
     """How long is trained, on what.
 
     Attributes:
@@ -79,67 +73,34 @@ class Reached:
         return None if self.ours is None else self.published.clock_seconds / self.ours.clock_seconds
 
 
-@dataclass(frozen=True)
-class TrainingReport:
-    """What the benchmark found.
-
-    Attributes:
-        machine: it ran on.
-        curves: points of both trainings by name.
-        limit: loss of a perfect emulator.
-        reached: times to the loss that the published layout came to.
-        text: tables in Markdown.
-        files: written.
-        picture: drawn.
-    """
-
-    machine: Machine
-    curves: Mapping[str, Sequence[Point]]
-    limit: float
-    reached: Reached
-    text: str
-    files: ResultFiles
-    picture: Path
-
-
-def run_training_benchmark(
-    folder: Path,
-    plan: Plan | None = None,
-    seed: int = 0,
-    progress: Progress | None = None,
-    model: StudyModel | None = None,
-) -> TrainingReport:
+def run_training(job: Job, plan: TrainingPlan, model: StudyModel | None = None) -> Report:
     """Run the benchmark and write its results.
 
     Args:
-        folder: for the results.
+        job: its seed is that of samples, weights and noise.
         plan: how long, on what.
-        seed: of samples, weights, noise.
-        progress: told what is done.
         model: of the building; default the four-story benchmark.
 
     Raises:
         SurrogateError: too few samples.
         StudyError, ReportError: a file cannot be written.
     """
-    plan, show, machine = plan or Plan(), progress or Silent(), this_machine()
     model = model or benchmark_model()
-    settings = default_settings(model, seed=seed)
+    settings = default_settings(model, seed=job.seed)
     if (1.0 - _VALIDATION) * plan.samples < settings.batch:
         raise SurrogateError(
             f"{plan.samples} samples are too few for batches of {settings.batch}; ask for more"
         )
-    show.start("Solving modes of parameter samples", plan.samples)
-    task = _task(model, plan.samples, seed, show)
+    job.progress.start("Solving modes of parameter samples", plan.samples)
+    task = _task(model, plan.samples, job)
     ends = turn_ends(60.0 * plan.minutes, plan.turn)
-    show.start("Training in turns", 2 * len(ends))
+    job.progress.start("Training in turns", 2 * len(ends))
     with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(seed)  # of dropout
-        entries, held_out = _line_up(task, settings, plan)
-        race(
-            [entry.runner for entry in entries], held_out, ends, lambda note: show.advance(1, note)
-        )
-    return _report(folder, machine, plan, seed, entries, held_out.limit)
+        torch.manual_seed(job.seed)  # of dropout
+        entries, held_out = _prepared(task, settings)
+        runners = [entry.runner for entry in entries]
+        race(runners, held_out, ends, lambda note: job.progress.advance(1, note))
+    return _report(job, plan, entries, held_out.limit)
 
 
 @dataclass(frozen=True)
@@ -150,16 +111,16 @@ class _Entry:
     parameters: dict[str, int]
 
 
-def _task(model: StudyModel, samples: int, seed: int, show: Progress) -> TrainingTask:
+def _task(model: StudyModel, samples: int, job: Job) -> TrainingTask:
     top = float(model.frequency_hz[-1])
-    plan = DatasetPlan(samples, model.reduced.size, top, seed + 1)
+    plan = DatasetPlan(samples, model.reduced.size, top, job.seed + 1)
     with tempfile.TemporaryDirectory() as shards:
-        dataset = compute_dataset(model.reduced, model.prior, plan, Path(shards), show)
+        dataset = compute_dataset(model.reduced, model.prior, plan, Path(shards), job.progress)
     return training_task(model, dataset)
 
 
-def _line_up(
-    task: TrainingTask, settings: TrainingSettings, plan: Plan
+def _prepared(
+    task: TrainingTask, settings: TrainingSettings
 ) -> tuple[tuple[_Entry, _Entry], HeldOut]:
     """Both trainings, ready for their first step, on the same samples; and what is held out."""
     generator = torch.Generator().manual_seed(settings.seed)
@@ -210,52 +171,39 @@ def _roof(task: TrainingTask, rows: Tensor) -> tuple[Tensor, Tensor]:
     return theta.float(), pool[:, 0]
 
 
-def _report(
-    folder: Path,
-    machine: Machine,
-    plan: Plan,
-    seed: int,
-    entries: tuple[_Entry, _Entry],
-    limit: float,
-) -> TrainingReport:
+def _report(job: Job, plan: TrainingPlan, entries: tuple[_Entry, _Entry], limit: float) -> Report:
     published, ours = (entry.runner.points for entry in entries)
     best = min(published, key=lambda point: point.loss)
     reached = Reached(best.loss, best, first_to(ours, best.loss))
     curves = {entry.runner.name: tuple(entry.runner.points) for entry in entries}
+    answer = {
+        "limit": limit,
+        "cpu_ratio": reached.cpu_ratio,
+        "clock_ratio": reached.clock_ratio,
+    }
     content = {
         "plan": plan,
         "threads": torch.get_num_threads(),
         "parameters": {entry.runner.name: entry.parameters for entry in entries},
         "published_parameters": PUBLISHED_PARAMETERS,
-        "limit": limit,
         "reached": reached,
-        "cpu_ratio": reached.cpu_ratio,
-        "clock_ratio": reached.clock_ratio,
         "curves": curves,
+        **answer,
     }
-    text = training_markdown(entries, plan, reached, limit)
-    files = write_result(folder, NAME, machine, seed, content, text)
-    picture = draw_race(curves, reached, limit, folder / f"{NAME}.png")
-    return TrainingReport(machine, curves, limit, reached, text, files, picture)
+    figure = race_figure(curves, limit, reached.loss)
+    return job.write(
+        NAME,
+        content,
+        training_markdown(entries, plan, reached, limit),
+        pictures=[save_figure(figure, job.folder / f"{NAME}.png")],
+        answer={"loss": reached.loss, **answer},
+    )
 
 
-def training_markdown(entries: Sequence[_Entry], plan: Plan, reached: Reached, limit: float) -> str:
+def training_markdown(
+    entries: Sequence[_Entry], plan: TrainingPlan, reached: Reached, limit: float
+) -> str:
     """What was trained, what came of it, and how soon, in tables."""
-    names = [entry.runner.name for entry in entries]
-    counts = [[f"{n:,}" for n in entry.parameters.values()] for entry in entries]
-    last = [entry.runner.points[-1] for entry in entries]
-    best = [min(entry.runner.points, key=lambda point: point.loss) for entry in entries]
-    rows = [
-        *(
-            (f"parameters, {part}", *count)
-            for part, *count in zip(entries[0].parameters, *counts, strict=True)
-        ),
-        ("processor seconds", *(f"{point.cpu_seconds:.0f}" for point in last)),
-        ("seconds on the clock", *(f"{point.clock_seconds:.0f}" for point in last)),
-        ("steps", *(f"{point.steps:,}" for point in last)),
-        (f"lowest loss (limit {limit:.1f})", *(f"{point.loss:.1f}" for point in best)),
-        ("rms error of ln\\|H\\| there", *(f"{point.rms:.4f}" for point in best)),
-    ]
     threads = torch.get_num_threads()
     intro = (
         f"{plan.samples:,} simulations of the four-story building, a tenth held out, "
@@ -263,7 +211,24 @@ def training_markdown(entries: Sequence[_Entry], plan: Plan, reached: Reached, l
         f"{'s' if threads > 1 else ''}, in turns of at most {plan.turn:g} s. "
         "Loss: -ln p(x'|theta) of a noisy roof FRF, nats a sample."
     )
-    return "\n\n".join([intro, markdown_table(["", *names], rows), _reached_markdown(reached)])
+    return "\n\n".join([intro, _trained_markdown(entries, limit), _reached_markdown(reached)])
+
+
+def _trained_markdown(entries: Sequence[_Entry], limit: float) -> str:
+    names = [entry.runner.name for entry in entries]
+    counts = [[f"{n:,}" for n in entry.parameters.values()] for entry in entries]
+    last = [entry.runner.points[-1] for entry in entries]
+    best = [min(entry.runner.points, key=lambda point: point.loss) for entry in entries]
+    parts = zip(entries[0].parameters, *counts, strict=True)
+    rows = [
+        *((f"parameters, {part}", *count) for part, *count in parts),
+        ("processor seconds", *(f"{point.cpu_seconds:.0f}" for point in last)),
+        ("seconds on the clock", *(f"{point.clock_seconds:.0f}" for point in last)),
+        ("steps", *(f"{point.steps:,}" for point in last)),
+        (f"lowest loss (limit {limit:.1f})", *(f"{point.loss:.1f}" for point in best)),
+        ("rms error of ln\\|H\\| there", *(f"{point.rms:.4f}" for point in best)),
+    ]
+    return markdown_table(["", *names], rows)
 
 
 def _reached_markdown(reached: Reached) -> str:
@@ -272,30 +237,10 @@ def _reached_markdown(reached: Reached) -> str:
         ("seconds on the clock", "clock_seconds", reached.clock_ratio),
         ("steps", "steps", None),
     ]
-    rows = [
-        (
-            name,
-            f"{getattr(reached.published, key):.4g}",
-            "-" if reached.ours is None else f"{getattr(reached.ours, key):.4g}",
-            "-" if ratio is None else f"{ratio:.1f}",
-        )
-        for name, key, ratio in pairs
-    ]
+    rows = []
+    for name, key, ratio in pairs:
+        ours = "-" if reached.ours is None else f"{getattr(reached.ours, key):.4g}"
+        times = "-" if ratio is None else f"{ratio:.1f}"
+        rows.append((name, f"{getattr(reached.published, key):.4g}", ours, times))
     head = [f"until a loss of {reached.loss:.1f}", PUBLISHED, OURS, "times less"]
     return markdown_table(head, rows)
-
-
-def draw_race(
-    curves: Mapping[str, Sequence[Point]], reached: Reached, limit: float, path: Path
-) -> Path:
-    """Draw loss and error against processor time."""
-    drawn = [
-        RaceCurve(
-            name,
-            np.array([point.cpu_seconds for point in points[1:]]),
-            np.array([point.loss - limit for point in points[1:]]),
-            np.array([point.rms for point in points[1:]]),
-        )
-        for name, points in curves.items()
-    ]
-    return save_figure(race_figure(drawn, reached.loss - limit), path)

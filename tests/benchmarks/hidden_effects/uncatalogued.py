@@ -1,10 +1,15 @@
 """Effects that are not in the catalogue, to see that the finder does not give them a wrong name."""
 
+import math
+
 from scipy.sparse import csc_matrix
 from torch import Tensor
 
+from femupdate.arrays import Floats
 from femupdate.effects.effect import UNSCALED, Effect, Parameter, Terms, as_complex
 from femupdate.effects.structure import Structure
+
+_TOP_HZ = 20.0
 
 
 class GroundTie(Effect):
@@ -21,10 +26,7 @@ class GroundTie(Effect):
 
     def terms(self, structure: Structure, place: str) -> Terms:
         """A spring that takes the base shear over the roof's displacement."""
-        row = csc_matrix(structure.floor_rows[[structure.floors.index(place)]])
-        roof = float(structure.floor_rows[-1] @ structure.static)
-        spring = float(structure.rigid_mass[0, 0]) / roof
-        return Terms(stiffness=((UNSCALED, csc_matrix(spring * (row.T @ row))),))
+        return _spring(structure, structure.floor_rows[[structure.floors.index(place)]])
 
 
 class LongBrace(Effect):
@@ -42,10 +44,16 @@ class LongBrace(Effect):
     def terms(self, structure: Structure, place: str) -> Terms:
         """A spring that takes the base shear over the roof's displacement."""
         floor = structure.floors.index(place)
-        row = csc_matrix(structure.floor_rows[[floor]] - structure.floor_rows[[floor - 2]])
-        roof = float(structure.floor_rows[-1] @ structure.static)
-        spring = float(structure.rigid_mass[0, 0]) / roof
-        return Terms(stiffness=((UNSCALED, csc_matrix(spring * (row.T @ row))),))
+        rows = structure.floor_rows
+        return _spring(structure, rows[[floor]] - rows[[floor - 2]])
+
+
+def _spring(structure: Structure, stretch: Floats) -> Terms:
+    """A spring along a row (1, n), as stiff as the base shear over the roof's displacement."""
+    row = csc_matrix(stretch)
+    roof = float(structure.floor_rows[-1] @ structure.static)
+    spring = float(structure.rigid_mass[0, 0]) / roof
+    return Terms(stiffness=((UNSCALED, csc_matrix(spring * (row.T @ row))),))
 
 
 class SensorResonance(Effect):
@@ -67,7 +75,7 @@ class SensorResonance(Effect):
 
     def observe(self, frf: Tensor, omega: Tensor, sizes: Tensor, rows: tuple[int, ...]) -> Tensor:
         """A share of the signal comes through a mount of 0.4 times the top frequency."""
-        ratio = omega / (0.4 * 2.0 * 3.141592653589793 * _TOP_HZ)
+        ratio = omega / (0.4 * 2.0 * math.pi * _TOP_HZ)
         carried = as_complex(ratio.new_ones(()), 0.1 * ratio)
         mount = carried / (carried - ratio**2)
         changed = frf.clone()
@@ -76,5 +84,4 @@ class SensorResonance(Effect):
         return changed
 
 
-_TOP_HZ = 20.0
-OUTSIDE: tuple[Effect, ...] = (GroundTie(), LongBrace(), SensorResonance())
+UNCATALOGUED: tuple[Effect, ...] = (GroundTie(), LongBrace(), SensorResonance())

@@ -1,0 +1,149 @@
+"""Tables of the calibration benchmark."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..result import markdown_table
+from .cases import CalibrationCase, Judged, Widths
+from .coverage import (
+    REGIONS,
+    Coverage,
+    central_level,
+    coverage,
+    rank_histogram_p_value,
+    uniformity_p_value,
+)
+from .coverage_power import PowerFit
+
+
+@dataclass(frozen=True)
+class Scores:
+    """How one kind of posterior does over all cases.
+
+    Attributes:
+        density: coverage of highest-density regions.
+        central: coverage of the central intervals of all parameters together.
+        rank_p: (p,) chi-square p-values of the rank histograms.
+        tarp_p: Kolmogorov-Smirnov p-value of the TARP levels.
+    """
+
+    density: Coverage
+    central: Coverage
+    rank_p: tuple[float, ...]
+    tarp_p: float
+
+
+def scores(judged: Sequence[Judged]) -> Scores:
+    """Scores of some cases."""
+    rank = np.array([case.rank for case in judged])
+    central = coverage(central_level(rank.ravel()))
+    # The parameters of a case are not independent: count cases, not parameters.
+    error = np.sqrt(central.nominal * (1.0 - central.nominal) / len(judged))
+    return Scores(
+        coverage([case.density for case in judged]),
+        replace(central, error=error, cases=len(judged)),
+        tuple(rank_histogram_p_value(column) for column in rank.T),
+        uniformity_p_value([case.tarp for case in judged]),
+    )
+
+
+def calibration_text(names: Sequence[str], cases: Sequence[CalibrationCase], fit: PowerFit) -> str:
+    """All tables in Markdown.
+
+    Args:
+        names: of the parameters.
+        cases: simulated buildings.
+        fit: the power that would calibrate the latent likelihood.
+    """
+    kinds = {
+        "latent": [case.latent for case in cases],
+        "data-space": [case.exact for case in cases if case.exact is not None],
+    }
+    parts = [coverage_table(kinds)]
+    widths = [case.widths for case in cases if case.widths is not None]
+    if widths:
+        parts.append(markdown_table(_WIDTH_HEAD, width_rows(names, widths)))
+    checks = [row for name, judged in kinds.items() for row in predictive_rows(name, judged)]
+    if checks:
+        parts += [markdown_table(_CHECK_HEAD, checks), _CHECK_NOTE]
+    parts.append(
+        f"The power that would calibrate the latent likelihood, beside the one in use: "
+        f"{fit.power:.2f} ± {fit.error:.2f}; with it the 90 % region holds "
+        f"{(fit.level <= 0.9).mean():.1%}. Responses of the building that a latent likelihood "
+        f"took: {np.median([case.responses for case in cases]):.0f} (median)."
+    )
+    return "\n\n".join(parts)
+
+
+def coverage_table(kinds: Mapping[str, Sequence[Judged]]) -> str:
+    """Coverage of both kinds of regions, for every kind of posterior that there is."""
+    head = ("region", *(f"{region:.0%}" for region in REGIONS), "p, ranks (least)", "p, TARP")
+    rows = []
+    for name, judged in kinds.items():
+        if judged:
+            found = scores(judged)
+            last = (f"{min(found.rank_p):.3f}", f"{found.tarp_p:.3f}")
+            rows.append((f"{name}, highest density", *_cells(found.density), *last))
+            rows.append((f"{name}, central intervals", *_cells(found.central), "", ""))
+    return markdown_table(head, rows)
+
+
+_CHECK_HEAD = (
+    "posterior predictive p-values",
+    "number",
+    *("5 %", "25 %", "median", "75 %", "95 %"),
+    "below .05",
+)
+_CHECK_NOTE = (
+    "Replicated data miss the response of a posterior draw by more than the data do, in chi-square "
+    "(Gelman, Meng & Stern 1996). The data judge a posterior that they have moved: of a right one "
+    "the p-values gather about a half, and at most .1 of them lie below .05 (Meng 1994)."
+)
+
+
+def predictive_rows(name: str, judged: Sequence[Judged]) -> list[tuple[str, ...]]:
+    """Quantiles of the predictive p-values of a kind of posterior, whole and floor by floor."""
+    checks = [one.check for one in judged if one.check is not None]
+    kinds = [("all floors together", [check.whole for check in checks])]
+    if any(len(check.floors) > 1 for check in checks):
+        each = [value for check in checks for value in check.floors if np.isfinite(value)]
+        kinds.append(("floor by floor", each))
+    rows = []
+    for what, values in kinds:
+        if values:
+            quantiles = np.quantile(values, [0.05, 0.25, 0.5, 0.75, 0.95])
+            numbers = (f"{value:.2f}" for value in (*quantiles, np.mean(np.less(values, 0.05))))
+            rows.append((f"{name}, {what}", str(len(values)), *numbers))
+    return rows
+
+
+_WIDTH_HEAD = (
+    "latent against data-space",
+    "cases",
+    "sd ratio, median",
+    "5 to 95 %",
+    "shift of the mean, exact sd",
+)
+
+
+def width_rows(names: Sequence[str], widths: Sequence[Widths]) -> list[tuple[str, ...]]:
+    """A row a parameter: how wide the latent posterior is, and how far its mean is off."""
+    ratio = np.array([one.ratio for one in widths])
+    shift = np.abs([one.shift for one in widths])
+    low, middle, high = np.quantile(ratio, [0.05, 0.5, 0.95], axis=0)
+    return [
+        (
+            name,
+            str(len(widths)),
+            f"{middle[k]:.2f}",
+            f"{low[k]:.2f} to {high[k]:.2f}",
+            f"{np.median(shift[:, k]):.2f} (largest {shift[:, k].max():.2f})",
+        )
+        for k, name in enumerate(names)
+    ]
+
+
+def _cells(found: Coverage) -> list[str]:
+    return [f"{share:.3f} ± {sd:.3f}" for share, sd in zip(found.found, found.error, strict=True)]

@@ -1,0 +1,91 @@
+"""What a trial measures: a building of known parameters and effects, its records and FRFs."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from femupdate.arrays import Floats
+from femupdate.building.schema import Building
+from femupdate.effects.effect import Placed
+from femupdate.measurement.columns import BASE, Channel
+from femupdate.measurement.frf import estimate_frf
+from femupdate.measurement.observation import Observation
+from femupdate.measurement.observation_file import Histories
+from femupdate.workflow.effect_truth import FineModel, Truth, effect_truth
+from femupdate.workflow.model import damping_law
+from femupdate.workflow.simulate import white_noise
+
+# What is put into a building: an effect at its place, with the values of its parameters.
+HiddenEffect = tuple[Placed, tuple[float, ...]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrialSettings:
+    """How the trials are measured.
+
+    Attributes:
+        duration_s, sampling_hz, rms_m_s2: of the base motion, white over the grid.
+        sensor_noise_m_s2: rms on every channel.
+        quantisation_m_s2: step of the recorder.
+        mesh_size: m, of the truth of a frame; two fifths of the building's own where None.
+        use_phase: whether phases are compared.
+    """
+
+    duration_s: float = 120.0
+    sampling_hz: float = 200.0
+    rms_m_s2: float = 0.3
+    sensor_noise_m_s2: float = 0.003
+    quantisation_m_s2: float = 5e-4
+    mesh_size: float | None = None
+    use_phase: bool = True
+
+
+@dataclass(frozen=True)
+class MeasuredBuilding:
+    """A building whose parameters and effects are known, as it can be measured.
+
+    Attributes:
+        building: as its file says.
+        settings: of the measurement.
+        theta: (p,) stiffness factors.
+        zeta: damping ratio.
+        effects: in the building, and missing in its file.
+    """
+
+    building: Building
+    settings: TrialSettings
+    theta: Floats
+    zeta: float
+    effects: tuple[HiddenEffect, ...]
+
+    def truth(self, fine: FineModel) -> Truth:
+        """Its response, on the fine mesh."""
+        law, top_hz = damping_law(self.building), self.building.frequency_grid.stop
+        return effect_truth(fine, self.theta, self.effects, law, top_hz)
+
+    def record(self, truth: Truth, rng: np.random.Generator, share: float = 1.0) -> Histories:
+        """What the recorder writes, of a share of the duration."""
+        settings = self.settings
+        top = min(self.building.frequency_grid.stop, 0.44 * settings.sampling_hz)
+        duration = share * settings.duration_s
+        motion = white_noise(duration, settings.sampling_hz, settings.rms_m_s2, (0.3, top), rng)
+        exact = np.vstack([motion.acceleration, truth.respond(self.zeta, motion)])
+        noisy = exact + settings.sensor_noise_m_s2 * rng.standard_normal(exact.shape)
+        step = settings.quantisation_m_s2
+        base = Channel(BASE, BASE, "", truth.seen.direction)
+        channels = (base, *truth.seen.channels)
+        return Histories(motion.time_step, channels, step * np.round(noisy / step), "trial")
+
+    def observe(self, truth: Truth, rng: np.random.Generator) -> Observation:
+        """FRFs by Welch's method of what the recorder wrote."""
+        grid = self.building.frequency_grid.frequencies_hz()
+        return estimate_frf(self.record(truth, rng), grid, truth.seen.direction)
+
+
+def floor_means(histories: Histories, floors: tuple[str, ...], direction: str) -> Floats:
+    """Accelerations (f, t) of floors, each the mean of its channels in one direction, m/s2."""
+    rows: dict[str, list[int]] = {floor: [] for floor in floors}
+    for row, channel in enumerate(histories.channels):
+        if channel.floor != BASE and channel.direction == direction:
+            rows[channel.floor].append(row)
+    return np.stack([histories.acceleration[own].mean(axis=0) for own in rows.values()])

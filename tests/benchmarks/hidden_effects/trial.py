@@ -1,0 +1,273 @@
+"""One trial of the effect finder: a building with something hidden in it, and what comes of it."""
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from femupdate.arrays import Floats
+from femupdate.building.frame import FrameBuilding
+from femupdate.discrepancy.diagnose import Diagnosis, DiagnosisSettings
+from femupdate.discrepancy.fit import Fit, extended, fit
+from femupdate.discrepancy.problem import Problem
+from femupdate.discrepancy.score import score, starts
+from femupdate.dynamics.effect_history import effect_histories
+from femupdate.measurement.observation import Observation
+from femupdate.progress import Progress
+from femupdate.study import Study
+from femupdate.workflow.diagnose import ModelParts, model_parts, prepared, refined, sought
+from femupdate.workflow.effect_truth import FineModel, Truth, fine_model
+from femupdate.workflow.model import StudyModel
+
+from .draw import KINDS, draw_effects, draw_parameters
+from .measurement import HiddenEffect, MeasuredBuilding, TrialSettings, floor_means
+
+# Of the building's mesh size: finer than the finder's, and than what it learns of.
+_TRUTH_MESH = 0.4
+
+
+@dataclass(frozen=True, eq=False)
+class TrialModels:
+    """What all trials of a building share.
+
+    Attributes:
+        model: of the finder.
+        parts: of that model.
+        fine: of the truth.
+        settings: of the measurement.
+    """
+
+    model: StudyModel
+    parts: ModelParts
+    fine: FineModel
+    settings: TrialSettings
+
+
+def trial_models(
+    study: Study, model: StudyModel, settings: TrialSettings, progress: Progress | None = None
+) -> TrialModels:
+    """Mesh the truth, and open the finder's model."""
+    parts = model_parts(study, model, progress)
+    building = model.building
+    if not isinstance(building, FrameBuilding):
+        return TrialModels(model, parts, fine_model(building, settings.mesh_size), settings)
+    size = settings.mesh_size or _TRUTH_MESH * building.mesh.size
+    return TrialModels(model, parts, fine_model(building, size, building.sensors.points), settings)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One building with what is hidden in it.
+
+    Attributes:
+        number: seed of everything in it.
+        kind: "clean", "one", "two" or "outside".
+    """
+
+    number: int
+    kind: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """What the finder made of one trial; NaN or empty where a figure has no meaning.
+
+    Attributes:
+        number, kind: of the trial.
+        hidden: labels of the effects that were hidden.
+        strength: root of the chi2 that the first hidden effect explains beyond theta and zeta (D).
+        absorbed: share of it that theta and zeta absorb.
+        verdict, named: of the finder; `named` is its first label.
+        ranking: labels of its findings, best first.
+        twins: labels that it cannot tell the first from.
+        log_evidence: of the first finding over the model without it.
+        p_value: of the model as it is.
+        size_true, size, size_sd: of the first hidden effect, when it was named.
+        excess_removed: share of the chi2 beyond noise that the named effect removes.
+        bias_before, bias_after: largest error of a stiffness factor in posterior sd.
+        bias_share_before, bias_share_after: largest relative error of a stiffness factor.
+        held_before, held_after, held_floor: error of histories in another motion; the last is
+            that of the truth itself with its sensor noise.
+        seconds: of the diagnosis, with the repair.
+    """
+
+    number: int
+    kind: str
+    hidden: tuple[str, ...]
+    strength: float
+    absorbed: float
+    verdict: str
+    named: str
+    ranking: tuple[str, ...]
+    twins: tuple[str, ...]
+    log_evidence: float
+    p_value: float
+    size_true: float
+    size: float
+    size_sd: float
+    excess_removed: float
+    bias_before: float
+    bias_after: float
+    bias_share_before: float
+    bias_share_after: float
+    held_before: float
+    held_after: float
+    held_floor: float
+    seconds: float
+
+    @property
+    def detected(self) -> bool:
+        """Whether the finder says that something is missing."""
+        return self.verdict != "none"
+
+    @property
+    def named_right(self) -> bool:
+        """Whether its first name is the first effect that was hidden, and the place is right."""
+        return bool(self.hidden) and self.named == self.hidden[0]
+
+    @property
+    def in_first_three(self) -> bool:
+        """Whether the first effect that was hidden is among the three it ranks highest."""
+        return self.hidden[0] in self.ranking[:3]
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What the finder says, with the fits before and after it adds what it names."""
+
+    problem: Problem
+    before: Fit
+    after: Fit
+    diagnosis: Diagnosis
+    seconds: float
+
+
+def run_trial(trial: Trial, models: TrialModels) -> Outcome:
+    """Hide, measure, diagnose, add what is named, and compare with the truth."""
+    torch.set_num_threads(1)
+    building, settings = models.model.building, models.settings
+    streams = np.random.default_rng([trial.number, KINDS.index(trial.kind)]).spawn(4)
+    theta, zeta = draw_parameters(building, streams[0])
+    structure = models.parts.plain.structure
+    effects = draw_effects(trial.kind, building, structure, settings.use_phase, streams[1])
+    measured = MeasuredBuilding(building, settings, theta, zeta, effects)
+    truth = measured.truth(models.fine)
+    found = _find(trial, models, measured.observe(truth, streams[2]))
+    diagnosis, leading = found.diagnosis, found.diagnosis.leading
+    hidden = tuple(placed.label for placed, _ in effects)
+    named = leading.placed.label if leading and diagnosis.verdict != "none" else ""
+    strength, absorbed = _true_strength(found.problem, diagnosis, effects)
+    size, size_sd = _size(found) if hidden and named == hidden[0] else (np.nan, np.nan)
+    before, after = (_bias(one, theta, diagnosis.inflation) for one in (found.before, found.after))
+    held = _held_out_errors(measured, truth, found, streams[3])
+    return Outcome(
+        number=trial.number,
+        kind=trial.kind,
+        hidden=hidden,
+        strength=strength,
+        absorbed=absorbed,
+        verdict=diagnosis.verdict,
+        named=named,
+        ranking=tuple(one.placed.label for one in diagnosis.findings[:5]),
+        twins=diagnosis.twins,
+        log_evidence=leading.evidence.log_evidence if leading else -np.inf,
+        p_value=diagnosis.p_value,
+        size_true=effects[0][1][0] if effects and effects[0][1] else np.nan,
+        size=size,
+        size_sd=size_sd,
+        excess_removed=_excess_removed(found),
+        bias_before=before[0],
+        bias_after=after[0],
+        bias_share_before=before[1],
+        bias_share_after=after[1],
+        held_before=held[0],
+        held_after=held[1],
+        held_floor=held[2],
+        seconds=found.seconds,
+    )
+
+
+def _find(trial: Trial, models: TrialModels, observation: Observation) -> _Found:
+    """Diagnose an observation and add what is named."""
+    model, parts = models.model, models.parts
+    started = time.monotonic()
+    chosen = DiagnosisSettings(seed=trial.number)
+    problem, base = prepared(model, parts, observation, models.settings.use_phase, chosen)
+    problem, base, diagnosis = sought(model, parts, problem, base, chosen)
+    after = base
+    if diagnosis.leading and diagnosis.verdict == "named":
+        after = refined(model, parts, problem, diagnosis.leading.fitted, alone=True)[1]
+    return _Found(problem, base, after, diagnosis, time.monotonic() - started)
+
+
+def _true_strength(
+    problem: Problem, found: Diagnosis, effects: tuple[HiddenEffect, ...]
+) -> tuple[float, float]:
+    """D of the first hidden effect, by fitting it, and how much of it theta absorbs."""
+    if not effects:
+        return 0.0, 0.0
+    placed, values = effects[0]
+    for one in found.findings:
+        if one.placed.label == placed.label:
+            return _root(found.base.chi2 - one.fitted.chi2), one.score.absorbed
+    test = score(problem, found.base, placed)
+    start = values if values else starts(problem, placed)[0]
+    known = np.concatenate([found.base.known, start])
+    together = (*found.base.placed, placed)
+    fitted = fit(problem, together, extended(problem, found.base, together, known))
+    return _root(found.base.chi2 - fitted.chi2), test.absorbed
+
+
+def _root(gain: float) -> float:
+    return float(np.sqrt(max(gain, 0.0)))
+
+
+def _size(found: _Found) -> tuple[float, float]:
+    """Size of the leading effect and its standard deviation."""
+    leading = found.diagnosis.leading
+    if leading is None:
+        return np.nan, np.nan
+    if found.diagnosis.verdict != "named" or not leading.placed.effect.parameters:
+        return leading.size, leading.size_sd
+    sizes, sd = found.after.sizes(found.diagnosis.inflation)
+    first = len(sizes) - len(leading.placed.effect.parameters)
+    return float(sizes[first]), float(sd[first])
+
+
+def _excess_removed(found: _Found) -> float:
+    """Share of the chi2 beyond noise that what was added removes; NaN where nothing was."""
+    excess = found.before.chi2 - (found.problem.effective - found.before.coordinates.size)
+    if found.after is found.before or excess <= 0:
+        return np.nan
+    return (found.before.chi2 - found.after.chi2) / excess
+
+
+def _bias(fitted: Fit, theta: Floats, inflation: float) -> tuple[float, float]:
+    """Largest error of a stiffness factor in standard deviations, and relative."""
+    mean, sd = fitted.theta(inflation)
+    error = np.abs(mean - theta)
+    return float((error / np.maximum(sd, 1e-12)).max()), float((error / theta).max())
+
+
+def _held_out_errors(
+    measured: MeasuredBuilding, truth: Truth, found: _Found, rng: np.random.Generator
+) -> tuple[float, float, float]:
+    """Relative error of predicted histories in another motion, before, after, and of noise."""
+    histories = measured.record(truth, rng, share=0.5)
+    floors = floor_means(histories, measured.building.floors, truth.seen.direction)
+    size = float(np.sqrt((floors**2).mean()))
+    errors = []
+    for fitted in (found.before, found.after):
+        (predicted,) = effect_histories(
+            fitted.system,
+            fitted.theta()[0][None],
+            np.array([fitted.zeta(found.problem.fixed_zeta)]),
+            fitted.sizes()[0][None],
+            histories.acceleration[0],
+            histories.time_step,
+            instruments=True,
+        )
+        difference = predicted.floor_acceleration[0] - floors
+        errors.append(float(np.sqrt((difference**2).mean())) / size)
+    return errors[0], errors[1], measured.settings.sensor_noise_m_s2 / size

@@ -1,0 +1,129 @@
+"""Tables of the four-story benchmark."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..result import markdown_table
+from .case import PUBLISHED_SOLUTIONS, Case, ExactPosterior
+from .comparison import Comparison
+from .observations import ObservationResult
+from .samplers import PUBLISHED, SamplerRow, Spread
+
+
+def solutions_table(case: Case) -> str:
+    """Table 1: ours and the published one."""
+    head = ("", *(f"theta_{k + 1}" for k in range(4)), "published")
+    rows = []
+    for k, row in enumerate(case.solutions):
+        known = k < len(PUBLISHED_SOLUTIONS)
+        published = ", ".join(f"{v:.5f}" for v in PUBLISHED_SOLUTIONS[k]) if known else "-"
+        rows.append((f"solution {k + 1}", *(f"{value:.5f}" for value in row), published))
+    return markdown_table(head, rows)
+
+
+def exact_table(exact: ExactPosterior) -> str:
+    """Weight and standard deviations of every mode."""
+    modes = exact.modes
+    rows = [
+        (f"mode {k + 1}", f"{modes.weight[k]:.4f}", *(f"{value:.4f}" for value in modes.sd[k]))
+        for k in range(len(modes.weight))
+    ]
+    return markdown_table(("", "weight", *(f"sd theta_{k + 1}" for k in range(4))), rows)
+
+
+_DISTANCES = ("MMD to its own posterior", "MMD to the exact one", "weights, total variation")
+SAMPLER_HEAD = ("sampler", "N", "evaluations", *_DISTANCES, "log evidence", "unique", "s")
+
+
+def sampler_text(rows: Sequence[SamplerRow]) -> list[tuple[str, ...]]:
+    """Cells of the sampler table."""
+    return [
+        (
+            f"{row.likelihood}, {row.sampler}",
+            str(row.particles),
+            f"{row.evaluations:.0f}",
+            _pm(row.mmd_own, 4),
+            _pm(row.mmd_exact, 4),
+            _pm(row.weight_distance, 3),
+            _pm(row.log_evidence, 2),
+            f"{row.unique:.2f}",
+            "-" if np.isnan(row.seconds) else f"{row.seconds:.2f}",
+        )
+        for row in rows
+    ]
+
+
+def sampler_table(rows: Sequence[SamplerRow]) -> str:
+    """Table 2: the published rows and ours, each a mean ± sd over the runs."""
+    published = [
+        (f"published, {name}", str(n or "-"), str(calls), f"{mmd:.3f} ± {sd:.3f}", *"----", f"{s}")
+        for name, n, calls, mmd, sd, s in PUBLISHED
+    ]
+    return markdown_table(SAMPLER_HEAD, [*published, *sampler_text(rows)])
+
+
+def _pm(spread: Spread, digits: int) -> str:
+    if np.isnan(spread.mean):
+        return "-"
+    if np.isnan(spread.sd):
+        return f"{spread.mean:.{digits}f}"
+    return f"{spread.mean:.{digits}f} ± {spread.sd:.{digits}f}"
+
+
+def observation_table(results: Sequence[ObservationResult]) -> str:
+    """Median (worst) of every figure, and what was asked for."""
+    errors = np.abs([result.evidence_error for result in results])
+    evidence = f"{np.median(errors):.3f} ({errors.max():.3f})"
+
+    def mean(name: str) -> str:
+        return f"{np.mean([getattr(result, name) for result in results]):.0f}"
+
+    def seconds(name: str) -> str:
+        return f"{np.median([getattr(result, name) for result in results]):.2f}"
+
+    rows = [
+        *_comparison_rows(results),
+        ("log evidence, difference from the exact one", "-", evidence, "-", "<= .1"),
+        ("responses of the building", mean("latent_responses"), mean("responses"), "-", "-"),
+        ("latent likelihoods", mean("latent_evaluations"), "-", "-", "-"),
+        ("seconds", seconds("latent_seconds"), seconds("bridge_seconds"), "-", "-"),
+    ]
+    head = ("median (worst)", "latent", "bridge", "asked of the latent", "asked of the bridge")
+    return markdown_table(head, rows)
+
+
+def _comparison_rows(results: Sequence[ObservationResult]) -> list[tuple[str, ...]]:
+    names = (
+        "sd inside each mode / exact, 5 to 95 %",
+        "shift of a mode's mean in exact sd",
+        "mode weights, total variation (cases with several modes)",
+        "C2ST",
+        "MMD to exact",
+    )
+    asked_of_latent = (".8 to 1.5", "-", "<= .05", "<= .70", "<= .04")
+    asked_of_bridge = (".95 to 1.10", "-", "<= .02", "<= .55", "<= .02")
+    several = [result.solutions > 1 for result in results]
+    latent = _comparison_cells([result.latent for result in results], several)
+    bridged = _comparison_cells([result.bridged for result in results], several)
+    return list(zip(names, latent, bridged, asked_of_latent, asked_of_bridge, strict=True))
+
+
+def _comparison_cells(parts: Sequence[Comparison], several: Sequence[bool]) -> tuple[str, ...]:
+    """Every figure of one kind of posterior; `several` says which cases have several modes."""
+
+    def pair(values: ArrayLike, style: str) -> str:
+        numbers = np.asarray(values, dtype=float)
+        return f"{np.nanmedian(numbers):{style}} ({np.nanmax(numbers):{style}})"
+
+    ratios = np.concatenate([part.sd_ratio.ravel() for part in parts])
+    shifts = np.concatenate([np.abs(part.mean_shift).ravel() for part in parts])
+    distances = [p.weight_distance for p, many in zip(parts, several, strict=True) if many]
+    return (
+        f"{np.nanquantile(ratios, 0.05):.2f} to {np.nanquantile(ratios, 0.95):.2f}",
+        pair(shifts, ".2f"),
+        pair(distances or [np.nan], ".3f"),
+        pair([part.c2st for part in parts], ".3f"),
+        pair([part.mmd for part in parts], ".3f"),
+    )

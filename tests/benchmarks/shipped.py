@@ -1,0 +1,35 @@
+"""Shipped buildings and surrogates, ready for a benchmark."""
+
+import hashlib
+
+from femupdate.building.files import load_building
+from femupdate.surrogate.storage import TrainedSurrogate
+from femupdate.workflow.model import (
+    StudyModel,
+    damping_law,
+    reduce_building,
+    theta_prior,
+    zeta_bounds,
+)
+
+
+def benchmark_model(name: str = "shear_4dof") -> StudyModel:
+    """A shipped building, ready for inference; frames are reduced, which takes a minute."""
+    building = load_building(name)
+    reduction = reduce_building(building)
+    return StudyModel(
+        building,
+        reduction.model,
+        damping_law(building),
+        theta_prior(building),
+        zeta_bounds(building),
+        reduction.rms_error,
+    )
+
+
+def surrogate_mark(surrogate: TrainedSurrogate) -> str:
+    """A hash of all weights and the power: cases of another likelihood are other cases."""
+    digest = hashlib.sha256(repr(surrogate.info.likelihood_power).encode())
+    for tensor in surrogate.mvae.state_dict().values():
+        digest.update(tensor.detach().cpu().numpy().tobytes())
+    return digest.hexdigest()
