@@ -89,12 +89,12 @@ def command(
     if output.exists() and not force:
         raise Failure(f"{output} is there already; choose another name, or replace it by --force")
     from femupdate.measurement.record import read_record
-    from femupdate.workflow.model import choose_building
-    from femupdate.workflow.simulate import (
+    from femupdate.simulation.simulate import (
         SimulationSettings,
         simulate_observation,
         write_simulation,
     )
+    from femupdate.workflow.model import choose_building
 
     chosen = choose_building(study, building)
     motion = None if record is None else read_record(record, unit, channel).scaled(scale)

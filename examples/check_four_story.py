@@ -13,13 +13,14 @@ import torch
 from scipy.stats import norm
 
 from femupdate.building.files import load_building
+from femupdate.dynamics.damping import damping_law
 from femupdate.dynamics.frf import log_frf
 from femupdate.dynamics.modal import modal_data
 from femupdate.inference.likelihood import LatentLikelihood
 from femupdate.inference.smc import TemperedSmc
 from femupdate.measurement.observation import Observation
 from femupdate.study import Study
-from femupdate.workflow.model import StudyModel, damping_law, reduce_building, theta_prior
+from femupdate.workflow.model import StudyModel, reduce_building, theta_prior
 from femupdate.workflow.surrogates import require_surrogate
 
 SOLUTIONS = np.array(

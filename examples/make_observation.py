@@ -8,7 +8,7 @@ another one.
 from pathlib import Path
 
 from femupdate.building.files import load_building
-from femupdate.workflow.simulate import SimulationSettings, simulate_observation, write_simulation
+from femupdate.simulation.simulate import SimulationSettings, simulate_observation, write_simulation
 
 BUILDING = "six_story_wall_frame"
 FILE = "six_story_white_noise.csv"

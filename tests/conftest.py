@@ -206,7 +206,7 @@ def cabin_file(buildings: Path) -> Path:
 def tower_observation(buildings: Path, tower_file: Path) -> SimpleNamespace:
     """Histories of the tower: `path`, and the true `theta` and `zeta` behind them."""
     from femupdate.building.files import load_building
-    from femupdate.workflow.simulate import (
+    from femupdate.simulation.simulate import (
         SimulationSettings,
         simulate_observation,
         write_simulation,

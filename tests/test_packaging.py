@@ -64,8 +64,9 @@ def test_computing_needs_no_pictures():
 
 
 def test_the_steps_of_the_work_draw_nothing():
-    steps = ("build", "calibrate", "predict", "diagnose", "repair", "simulate", "train", "render")
-    loaded = loaded_after("\n".join(f"import femupdate.workflow.{name}" for name in steps))
+    steps = ("build", "calibrate", "predict", "diagnose", "repair", "train", "render")
+    steps = (*(f"workflow.{name}" for name in steps), "simulation.simulate")
+    loaded = loaded_after("\n".join(f"import femupdate.{name}" for name in steps))
     assert "torch" in loaded
     assert loaded.isdisjoint({"pyvista", "vtk", "vtkmodules", "matplotlib"})
 

@@ -51,6 +51,15 @@ def stiffness_factors(building: Building) -> tuple[StiffnessFactor, ...]:
     )
 
 
+def factor_ranges(building: Building) -> dict[str, tuple[float, float]]:
+    """Return lowest and highest value of every stiffness factor, by its name."""
+    ranges = {
+        one.name: building.prior.theta_of(building.story_names[one.story])
+        for one in stiffness_factors(building)
+    }
+    return {name: (found.lower, found.upper) for name, found in ranges.items()}
+
+
 def with_factors(
     model: FiniteElementModel, factors: tuple[StiffnessFactor, ...]
 ) -> FiniteElementModel:

@@ -5,6 +5,8 @@ from typing import Protocol, runtime_checkable
 import torch
 from torch import Tensor
 
+from femupdate.building.schema import Building
+
 
 @runtime_checkable
 class DampingLaw(Protocol):
@@ -42,3 +44,10 @@ class RayleighDamping:
     def ratio(self, omega: Tensor, zeta: Tensor) -> Tensor:
         """Damping ratios (N, m); `zeta` is not used."""
         return self.mass_coefficient / (2.0 * omega) + self.stiffness_coefficient * omega / 2.0
+
+
+def damping_law(building: Building) -> DampingLaw:
+    """The law that a building file names."""
+    if building.damping.anchors is not None:
+        return RayleighDamping(building.damping.ratio, building.damping.anchors)
+    return ConstantDamping()

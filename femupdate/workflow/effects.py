@@ -16,6 +16,7 @@ from femupdate.building.frame import FrameBuilding
 from femupdate.building.schema import Building
 from femupdate.discrepancy.mesh_error import FINER, MeshError
 from femupdate.discrepancy.problem import Problem, make_problem
+from femupdate.dynamics.damping import damping_law
 from femupdate.dynamics.effect_local import Sized, local_structure
 from femupdate.dynamics.effect_modal import parameters_of
 from femupdate.dynamics.effect_reduction import reduce_structure, structure_on
@@ -29,7 +30,7 @@ from femupdate.inference.prior import TruncatedPrior, UniformPrior
 from femupdate.measurement.observation import Observation
 from femupdate.progress import Progress, Silent
 from femupdate.study import Study
-from femupdate.workflow.model import StudyModel, damping_law, theta_prior, zeta_bounds
+from femupdate.workflow.model import StudyModel, theta_prior, zeta_bounds
 
 BASIS = "effect basis"
 _FILE = "effect_basis.npz"

@@ -14,10 +14,10 @@ from femupdate.building.files import (
     save_building,
 )
 from femupdate.building.mesh import BuildingMesh, mesh_building
-from femupdate.building.parameters import stiffness_factors
+from femupdate.building.parameters import factor_ranges
 from femupdate.building.schema import Building
 from femupdate.building.shear import shear_operators
-from femupdate.dynamics.damping import ConstantDamping, DampingLaw, RayleighDamping
+from femupdate.dynamics.damping import DampingLaw, damping_law
 from femupdate.dynamics.effect_response import EffectSystem
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.dynamics.reduction import (
@@ -101,22 +101,11 @@ class FrameParts:
     operators: AffineOperators
 
 
-def damping_law(building: Building) -> DampingLaw:
-    """The law that a building file names."""
-    if building.damping.anchors is not None:
-        return RayleighDamping(building.damping.ratio, building.damping.anchors)
-    return ConstantDamping()
-
-
 def theta_prior(building: Building) -> UniformPrior:
     """The prior of the stiffness factors, one a story or one a story and kind of member."""
-    factors = stiffness_factors(building)
-    ranges = [building.prior.theta_of(building.story_names[one.story]) for one in factors]
-    return UniformPrior(
-        tuple(one.name for one in factors),
-        torch.tensor([r.lower for r in ranges], dtype=torch.float64),
-        torch.tensor([r.upper for r in ranges], dtype=torch.float64),
-    )
+    ranges = factor_ranges(building)
+    lower, upper = torch.tensor(list(ranges.values()), dtype=torch.float64).T
+    return UniformPrior(tuple(ranges), lower, upper)
 
 
 def zeta_bounds(building: Building) -> tuple[float, float] | None:

@@ -9,13 +9,14 @@ import torch
 
 from femupdate.building.document import from_document
 from femupdate.discrepancy.problem import make_problem
+from femupdate.dynamics.damping import damping_law
 from femupdate.dynamics.effect_reduction import reduce_structure
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import structure_of
 from femupdate.measurement.observation import Observation
 from femupdate.workflow.effects import reduction_target
-from femupdate.workflow.model import damping_law, theta_prior, zeta_bounds
+from femupdate.workflow.model import theta_prior, zeta_bounds
 
 
 @pytest.fixture(scope="session")

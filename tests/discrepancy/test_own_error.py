@@ -6,9 +6,10 @@ import pytest
 from femupdate.discrepancy.fit import extended, fit, fit_baseline
 from femupdate.discrepancy.posterior import draw
 from femupdate.discrepancy.problem import make_problem
+from femupdate.dynamics.damping import damping_law
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
-from femupdate.workflow.model import damping_law, theta_prior, zeta_bounds
+from femupdate.workflow.model import theta_prior, zeta_bounds
 
 GRID = 0.2 * np.arange(1, 61)
 FLOORS, THETA, SD = ("2F", "3F", "RF"), np.array([0.7, 1.4, 0.9]), 0.02

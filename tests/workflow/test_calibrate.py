@@ -14,6 +14,11 @@ from femupdate.inference.decoded_chains import DecodedSettings
 from femupdate.inference.posterior import load_posterior
 from femupdate.inference.smc import SmcSettings
 from femupdate.measurement.observation import on_all_floors
+from femupdate.simulation.simulate import (
+    SimulationSettings,
+    simulate_observation,
+    write_simulation,
+)
 from femupdate.study import Study
 from femupdate.surrogate.storage import TrainedSurrogate
 from femupdate.surrogate.training import TrainingSettings
@@ -24,11 +29,6 @@ from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource, read_observation
 from femupdate.workflow.pictures_posterior import draw_posterior
-from femupdate.workflow.simulate import (
-    SimulationSettings,
-    simulate_observation,
-    write_simulation,
-)
 from femupdate.workflow.surrogates import require_surrogate
 from femupdate.workflow.train import train_study
 

@@ -14,16 +14,16 @@ from femupdate.inference.likelihood import DataLikelihood
 from femupdate.inference.posterior import load_posterior
 from femupdate.inference.smc import SmcSettings
 from femupdate.measurement.pooled import pooled
+from femupdate.simulation.simulate import (
+    SimulationSettings,
+    simulate_observation,
+    write_simulation,
+)
 from femupdate.study import Study, file_hash
 from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource, read_observation, runs_of
-from femupdate.workflow.simulate import (
-    SimulationSettings,
-    simulate_observation,
-    write_simulation,
-)
 
 QUICK = CalibrationSettings(
     particles=200, exact=True, chains=2, smc=SmcSettings(moves=4, independence_moves=2)

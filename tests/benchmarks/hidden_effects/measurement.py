@@ -11,9 +11,9 @@ from femupdate.measurement.columns import BASE, Channel
 from femupdate.measurement.frf import estimate_frf
 from femupdate.measurement.observation import Observation
 from femupdate.measurement.observation_file import Histories
-from femupdate.workflow.effect_truth import FineModel, Truth, effect_truth
+from femupdate.simulation.effect_truth import FineModel, Truth, effect_truth
+from femupdate.simulation.white_noise import white_noise
 from femupdate.workflow.model import damping_law
-from femupdate.workflow.simulate import white_noise
 
 # What is put into a building: an effect at its place, with the values of its parameters.
 HiddenEffect = tuple[Placed, tuple[float, ...]]

@@ -15,9 +15,9 @@ from femupdate.discrepancy.score import score, starts
 from femupdate.dynamics.effect_history import effect_histories
 from femupdate.measurement.observation import Observation
 from femupdate.progress import Progress
+from femupdate.simulation.effect_truth import FineModel, Truth, fine_model
 from femupdate.study import Study
 from femupdate.workflow.diagnose import ModelParts, model_parts, prepared, refined, sought
-from femupdate.workflow.effect_truth import FineModel, Truth, fine_model
 from femupdate.workflow.model import StudyModel
 
 from .draw import KINDS, draw_effects, draw_parameters

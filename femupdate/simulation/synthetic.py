@@ -11,10 +11,10 @@ from femupdate import __version__
 from femupdate.arrays import Floats
 from femupdate.measurement.observation_file import Histories
 from femupdate.measurement.record import GroundMotion
-from femupdate.workflow.full_model import SensorModel, SensorPoints
+from femupdate.simulation.full_model import SensorModel, SensorPoints
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SimulationSettings:
     """What is simulated.
 
@@ -48,8 +48,8 @@ class SimulationSettings:
     seed: int = 0
 
 
-@dataclass(frozen=True, eq=False)
-class Truth:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SimulationTruth:
     """What inference should find.
 
     Attributes:
@@ -103,7 +103,7 @@ class Simulation:
     """
 
     histories: Histories
-    truth: Truth
+    truth: SimulationTruth
     comments: tuple[str, ...]
 
 
@@ -119,7 +119,7 @@ class WrittenSimulation:
 
     observation: Path
     truth_file: Path
-    truth: Truth
+    truth: SimulationTruth
 
     def as_dict(self) -> dict[str, Any]:
         """What `--json` holds."""
@@ -133,7 +133,7 @@ class WrittenSimulation:
 
 
 def label(
-    seen: SensorModel, truth: Truth, settings: SimulationSettings, motion: GroundMotion
+    seen: SensorModel, truth: SimulationTruth, settings: SimulationSettings, motion: GroundMotion
 ) -> tuple[str, ...]:
     """Return the sentences that say what a simulated observation is."""
     quantised = settings.quantisation_m_s2

@@ -24,7 +24,7 @@ from femupdate.fe.factorization import factorize
 from femupdate.fe.model import DOF_PER_NODE
 from femupdate.measurement.columns import Channel
 from femupdate.measurement.record import GroundMotion
-from femupdate.workflow.full_model import SensorModel, SensorPoints, sensor_model, sensor_places
+from femupdate.simulation.full_model import SensorModel, SensorPoints, sensor_model, sensor_places
 
 # Silence behind the record, so that its end does not disturb its beginning: until the slowest
 # motion has decayed to this share, within limits.
@@ -169,14 +169,14 @@ def effect_truth(
     below = found.frequency_hz < top_hz
     participation = (found.shapes[:, below].T @ structure.rigid_force[:, 0]) ** 2
     seen = SensorModel(
-        by_sensor,
-        fine.channels,
-        fine.places,
-        found.frequency_hz[below],
-        participation / structure.rigid_mass[0, 0],
-        "xy"[structure.direction],
-        fine.mesh_size,
-        len(structure.axis),
+        model=by_sensor,
+        channels=fine.channels,
+        places=fine.places,
+        frequency_hz=found.frequency_hz[below],
+        effective_mass=participation / structure.rigid_mass[0, 0],
+        direction="xy"[structure.direction],
+        mesh_size=fine.mesh_size,
+        dof=len(structure.axis),
     )
     return Truth(seen, EffectSystem(reduced, law, placed, projected), theta, values)
 

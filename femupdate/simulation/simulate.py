@@ -15,44 +15,33 @@ import numpy as np
 from femupdate import __version__
 from femupdate.arrays import Floats
 from femupdate.building.files import mechanics_hash
-from femupdate.building.frame import FrameBuilding
+from femupdate.building.parameters import factor_ranges
 from femupdate.building.schema import Building
+from femupdate.dynamics.damping import damping_law
 from femupdate.dynamics.history import HistorySettings, floor_histories
 from femupdate.effects.effect import Placed
-from femupdate.effects.registry import effect_named
-from femupdate.effects.structure import structure_of
 from femupdate.errors import BuildingError, MeasurementError, ModelError
 from femupdate.measurement.columns import BASE, Channel, channel_name
 from femupdate.measurement.observation_file import Histories
 from femupdate.measurement.record import GroundMotion
 from femupdate.measurement.write import write_observation_histories
 from femupdate.progress import Progress, Silent
-from femupdate.study import file_hash, write_text
-from femupdate.workflow.effect_truth import effect_truth, fine_model
-from femupdate.workflow.full_model import SensorModel, sensor_model
-from femupdate.workflow.model import damping_law, theta_prior
-from femupdate.workflow.synthetic import (
+from femupdate.simulation.effect_truth import effect_truth, fine_model
+from femupdate.simulation.full_model import SensorModel, sensor_model
+from femupdate.simulation.hidden_effect import parse_effect
+from femupdate.simulation.synthetic import (
     Simulation,
     SimulationSettings,
-    Truth,
+    SimulationTruth,
     WrittenSimulation,
     label,
 )
-
-__all__ = [
-    "Simulation",
-    "SimulationSettings",
-    "Truth",
-    "simulate_observation",
-    "truth_path",
-    "white_noise",
-    "write_simulation",
-]
+from femupdate.simulation.white_noise import white_noise
+from femupdate.study import file_hash, write_text
 
 logger = logging.getLogger(__name__)
 
 DIGITS = 6  # of the numbers in the file
-_RAMP_S = 1.0  # a table starts and stops smoothly
 _LARGEST_BAND = 0.9  # of the Nyquist frequency; the record is interpolated flat up to 0.92
 # The record is taken as straight between 32 points a sample: at half the Nyquist frequency that
 # loses 2e-4 of the response.
@@ -133,38 +122,6 @@ def truth_path(observation: str | Path) -> Path:
     return Path(observation).with_suffix(".truth.json")
 
 
-def white_noise(
-    duration_s: float,
-    sampling_hz: float,
-    rms: float,
-    band_hz: tuple[float, float],
-    rng: np.random.Generator,
-) -> GroundMotion:
-    """Return Gaussian noise of an even spectrum within a band and nothing outside it.
-
-    The noise has just the given rms (m/s2) before its first and last second rise from and fall to
-    zero by half a cosine.
-
-    Raises:
-        MeasurementError: the record is too short for the band.
-    """
-    count = round(duration_s * sampling_hz)
-    frequency = np.fft.rfftfreq(count, 1.0 / sampling_hz)
-    inside = (frequency >= band_hz[0]) & (frequency <= band_hz[1])
-    ramp = round(_RAMP_S * sampling_hz)
-    if np.count_nonzero(inside) < 2 or count < 4 * ramp:
-        raise MeasurementError(
-            f"{duration_s:g} s are too short for white noise from {band_hz[0]:g} to "
-            f"{band_hz[1]:g} Hz; take {4 * _RAMP_S:g} s or more"
-        )
-    noise = np.fft.irfft(np.where(inside, np.fft.rfft(rng.standard_normal(count)), 0.0), count)
-    noise *= rms / np.sqrt(np.mean(noise**2))
-    rise = 0.5 - 0.5 * np.cos(np.pi * np.arange(ramp) / ramp)
-    noise[:ramp] *= rise
-    noise[-ramp:] *= rise[::-1]
-    return GroundMotion(noise, 1.0 / sampling_hz, "white noise")
-
-
 def _check_settings(settings: SimulationSettings) -> None:
     for name in ("duration_s", "sampling_hz", "rms_m_s2", "quantisation_m_s2"):
         value = getattr(settings, name)
@@ -185,21 +142,18 @@ def _check_settings(settings: SimulationSettings) -> None:
 
 
 def _theta(building: Building, asked: tuple[float, ...] | None, rng: np.random.Generator) -> Floats:
-    prior = theta_prior(building)
-    lower, upper = prior.lower.numpy(), prior.upper.numpy()
+    ranges = factor_ranges(building)
+    lower, upper = np.array(list(ranges.values())).T
     if asked is None:
-        return lower + (upper - lower) * rng.random(prior.size)
+        return np.asarray(lower + (upper - lower) * rng.random(len(ranges)))
     theta = np.asarray(asked, dtype=np.float64)
-    if theta.shape != (prior.size,) or not (np.isfinite(theta) & (theta > 0.0)).all():
+    if theta.shape != lower.shape or not (np.isfinite(theta) & (theta > 0.0)).all():
         raise ModelError(
-            f"theta is {theta.tolist()}; the building {building.name} needs {prior.size} numbers "
-            f"above zero: {', '.join(prior.names)}"
+            f"theta is {theta.tolist()}; the building {building.name} needs {len(ranges)} numbers "
+            f"above zero: {', '.join(ranges)}"
         )
-    outside = [
-        name
-        for name, out in zip(prior.names, (theta < lower) | (theta > upper), strict=True)
-        if out
-    ]
+    far = (theta < lower) | (theta > upper)
+    outside = [name for name, out in zip(ranges, far, strict=True) if out]
     if outside:
         logger.warning("%s: %s lies outside the prior", building.name, ", ".join(outside))
     return theta
@@ -232,53 +186,6 @@ def _top(settings: SimulationSettings) -> float:
     """Frequency up to which modes are kept: the Nyquist frequency, well above the motion's band."""
     nyquist = 0.5 * settings.sampling_hz
     return nyquist if settings.base_motion else max(nyquist, 1.5 * settings.band_hz[1])
-
-
-def parse_effect(
-    building: Building, label: str, values: tuple[float, ...]
-) -> tuple[Placed, tuple[float, ...]]:
-    """An effect and its parameters from its label, such as "added_mass@3F".
-
-    Args:
-        building: where it is.
-        label: its name and place.
-        values: its first parameters; the others are neutral.
-
-    Raises:
-        BuildingError: no such effect or place, or too few, too many or impossible parameters.
-    """
-    name, _, place = label.partition("@")
-    effect = effect_named(name)
-    if effect.needs_levels:
-        raise BuildingError(
-            f"{building.name}: {name} shows between two levels of motion; simulate each with its "
-            "own --theta, --zeta and --rms"
-        )
-    places = effect.places(structure_of(building, _coarse(building)))
-    if place not in places:
-        raise BuildingError(
-            f"{building.name}: {name} cannot sit at {place!r}; it can at "
-            f"{', '.join(places) or 'no place here'}"
-        )
-    own = effect.parameters
-    if len(values) > len(own):
-        raise BuildingError(
-            f"{label}: {len(values)} numbers were given; it takes "
-            f"{', '.join(p.name for p in own) or 'none'}"
-        )
-    if own and not values:
-        raise BuildingError(f"{label}: give its {own[0].name}, such as {label}={own[0].scale:g}")
-    for one, value in zip(own, values, strict=False):
-        if not one.lower <= value <= one.upper:
-            raise BuildingError(
-                f"{label}: {one.name} {value:g} must lie from {one.lower:g} to {one.upper:g}"
-            )
-    return Placed(effect, place), (*values, *(p.neutral for p in own[len(values) :]))
-
-
-def _coarse(building: Building) -> float | None:
-    """A mesh size that is enough to know the places of effects."""
-    return 2.0 * building.mesh.size if isinstance(building, FrameBuilding) else None
 
 
 def _motion(
@@ -332,16 +239,16 @@ def _record(exact: Floats, settings: SimulationSettings, rng: np.random.Generato
 
 def _truth(
     building: Building, seen: SensorModel, theta: Floats, zeta: float | None, seed: int
-) -> Truth:
+) -> SimulationTruth:
     driven = seen.effective_mass >= _EXCITED
-    return Truth(
-        theta_prior(building).names,
-        theta,
-        zeta,
-        seen.frequency_hz[driven],
-        seen.effective_mass[driven],
-        building.name,
-        mechanics_hash(building),
-        seen.mesh_size,
-        seed,
+    return SimulationTruth(
+        parameters=tuple(factor_ranges(building)),
+        theta=theta,
+        zeta=zeta,
+        frequency_hz=seen.frequency_hz[driven],
+        effective_mass=seen.effective_mass[driven],
+        building=building.name,
+        building_hash=mechanics_hash(building),
+        mesh_size=seen.mesh_size,
+        seed=seed,
     )

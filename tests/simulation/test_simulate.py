@@ -19,15 +19,15 @@ from femupdate.fe.solve import lowest_modes
 from femupdate.measurement.frf import estimate_frf
 from femupdate.measurement.observation_file import Histories, read_observation_file
 from femupdate.measurement.record import GroundMotion
-from femupdate.study import file_hash
-from femupdate.workflow.full_model import modes_below, sensor_model
-from femupdate.workflow.simulate import (
+from femupdate.simulation.full_model import modes_below, sensor_model
+from femupdate.simulation.simulate import (
     SimulationSettings,
     simulate_observation,
     truth_path,
-    white_noise,
     write_simulation,
 )
+from femupdate.simulation.white_noise import white_noise
+from femupdate.study import file_hash
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"

@@ -29,7 +29,7 @@ SensorPoints = Mapping[str, tuple[str, ...]] | tuple[str, ...]
 _NOTHING_LEFT = 1e-20  # of the static shape's energy: all modes are there
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SensorModel:
     """A building at one theta as a model without parameters, with a row for every sensor.
 
@@ -121,14 +121,14 @@ def _shear_model(building: ShearBuilding, theta: Floats) -> SensorModel:
     squared, vectors = np.linalg.eigh(model.stiffness(theta))
     modal_mass = (vectors.T @ model.excitation) ** 2
     return SensorModel(
-        _at_theta(model, theta),
-        tuple(Channel(floor, floor) for floor in building.floors),
-        ("",) * len(building.floors),
-        np.sqrt(np.maximum(squared, 0.0)) / (2.0 * np.pi),
-        modal_mass / modal_mass.sum(),
-        "x",
-        None,
-        len(building.floors),
+        model=_at_theta(model, theta),
+        channels=tuple(Channel(floor, floor) for floor in building.floors),
+        places=("",) * len(building.floors),
+        frequency_hz=np.sqrt(np.maximum(squared, 0.0)) / (2.0 * np.pi),
+        effective_mass=modal_mass / modal_mass.sum(),
+        direction="x",
+        mesh_size=None,
+        dof=len(building.floors),
     )
 
 
@@ -151,14 +151,15 @@ def _frame_model(
     nodes = np.concatenate([mesh.floor_nodes[floor] for floor in mesh.floors])
     rows = operators.expand(basis)[DOF_PER_NODE * nodes + mesh.direction]
     return SensorModel(
-        _model(stiffness, basis.T @ excitation, rows, channels),
-        channels,
-        places,
-        modes.frequency_hz,
-        (modes.shapes.T @ excitation) ** 2 / (everything @ (operators.mass_full @ everything)),
-        building.sensors.direction,
-        size,
-        len(operators.free),
+        model=_model(stiffness, basis.T @ excitation, rows, channels),
+        channels=channels,
+        places=places,
+        frequency_hz=modes.frequency_hz,
+        effective_mass=(modes.shapes.T @ excitation) ** 2
+        / (everything @ (operators.mass_full @ everything)),
+        direction=building.sensors.direction,
+        mesh_size=size,
+        dof=len(operators.free),
     )
 
 

@@ -1,0 +1,1 @@
+"""Synthetic observations: a building's own equations, seen by accelerometers."""
