@@ -318,7 +318,7 @@ def test_sensors_by_default_by_floor_and_where_a_corner_is_missing():
         ({"theta": (1.0, -1.0, 1.0)}, ModelError, "above zero"),
         ({"zeta": 1.5}, ModelError, "between 0 and 1"),
         ({"band_hz": (0.5, 95.0)}, MeasurementError, "below 90 Hz"),
-        ({"band_hz": (5.0, 1.0)}, MeasurementError, "two that rise"),
+        ({"band_hz": (5.0, 1.0)}, MeasurementError, "the lower first"),
         ({"duration_s": 2.0}, MeasurementError, "too short"),
         ({"duration_s": float("nan")}, MeasurementError, "duration_s"),
         ({"sensor_noise_m_s2": -1.0}, MeasurementError, "zero or more"),
