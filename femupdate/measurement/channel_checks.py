@@ -64,18 +64,23 @@ def channel_findings(
     """
     if np.ptp(channel.values) == 0.0:
         return (f"it is dead: every value is {channel.values[0]:g}.",)
-    moving = channel.values - channel.values.mean()
+    # Over the peak, so that no square overflows.
+    peak = float(np.abs(channel.values).max())
+    values = channel.values / peak
+    mean = float(values.mean())
     return (
-        *_of_scale(channel, moving, si, limits),
+        *_of_scale(channel, (peak, peak * float(np.abs(values - mean).max())), si, limits),
+        *_of_offset(channel, values - mean, mean, peak, limits),
         *_of_sampling(channel, limits),
-        *_of_shape(channel, moving, limits),
+        *_of_shape(values, channel.time_step, limits),
     )
 
 
 def _of_scale(
-    channel: RecordedChannel, moving: Floats, si: float | None, limits: Limits
+    channel: RecordedChannel, peaks: tuple[float, float], si: float | None, limits: Limits
 ) -> Iterator[str]:
-    swing, peak = float(np.abs(moving).max()), float(np.abs(channel.values).max())
+    """Sentences on the unit and the peak, given as it is and about the mean."""
+    peak, swing = peaks
     if channel.quantity == "acceleration" and si is None:
         given = f"its unit {channel.unit!r} is not one of acceleration"
         yield f"{given if channel.unit else 'the file does not say its unit'}; give it with --unit."
@@ -94,9 +99,14 @@ def _of_scale(
     # Some headers state the peak about the mean.
     if stated and min(abs(peak - stated), abs(swing - stated)) > limits.peak * stated + 5e-4:
         yield f"it peaks at {peak:.4g} {channel.unit}, but its header says {stated:.4g}."
-    offset = abs(float(channel.values.mean()))
-    if offset > limits.offset * swing:
-        yield f"its mean is {offset:.3g} {channel.unit or ''}".rstrip() + ", an offset to remove."
+
+
+def _of_offset(
+    channel: RecordedChannel, moving: Floats, mean: float, peak: float, limits: Limits
+) -> Iterator[str]:
+    if abs(mean) > limits.offset * float(np.abs(moving).max()):
+        unit = f" {channel.unit}" if channel.unit else ""
+        yield f"its mean is {mean * peak:.3g}{unit}, an offset to remove."
 
 
 def _of_sampling(channel: RecordedChannel, limits: Limits) -> Iterator[str]:
@@ -108,8 +118,8 @@ def _of_sampling(channel: RecordedChannel, limits: Limits) -> Iterator[str]:
         )
 
 
-def _of_shape(channel: RecordedChannel, moving: Floats, limits: Limits) -> Iterator[str]:
-    values = channel.values
+def _of_shape(values: Floats, time_step: float, limits: Limits) -> Iterator[str]:
+    moving = values - values.mean()
     peak, step = float(np.abs(moving).max()), _quantum(values)
     if peak < limits.steps * step:
         yield (
@@ -121,13 +131,13 @@ def _of_shape(channel: RecordedChannel, moving: Floats, limits: Limits) -> Itera
         yield f"it is clipped: {max(ends)} samples in a row stand at its largest value."
     spikes = np.flatnonzero(_spikes(moving, peak, limits))
     if spikes.size:
-        at = ", ".join(f"{k * channel.time_step:.4g} s" for k in spikes[:3])
+        at = ", ".join(f"{k * time_step:.4g} s" for k in spikes[:3])
         more = " ..." if spikes.size > 3 else ""
         plural = "s" if spikes.size > 1 else ""
         yield f"it has {spikes.size} spike{plural} of one sample: {at}{more}."
     start, count = _stuck(values)
-    if count * channel.time_step >= limits.stuck_s:
-        first, last = start * channel.time_step, (start + count) * channel.time_step
+    if count * time_step >= limits.stuck_s:
+        first, last = start * time_step, (start + count) * time_step
         yield f"it stands still from {first:.4g} to {last:.4g} s: a gap that was filled?"
 
 
@@ -219,8 +229,11 @@ def _runs_against(base: RecordedChannel, channel: RecordedChannel, limits: Limit
         return False
     segment = base.values.size // limits.segments
     options = {"fs": 1.0 / base.time_step, "nperseg": segment}
-    frequency, seen = coherence(base.values, channel.values, **options)
-    cross = csd(base.values, channel.values, **options)[1]
+    ground, floor = (
+        one / max(float(np.abs(one).max()), 1e-300) for one in (base.values, channel.values)
+    )
+    frequency, seen = coherence(ground, floor, **options)
+    cross = csd(ground, floor, **options)[1]
     peak = frequency[1 + int(np.argmax(np.abs(cross[1:])))]
     low = (frequency > 0.0) & (frequency < 0.5 * peak) & (seen > limits.coherence)
     return bool(low.sum() >= limits.least_bins and np.mean(cross[low].real < 0.0) > 0.9)

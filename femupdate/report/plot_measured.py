@@ -145,7 +145,7 @@ def _draw_response(
     options = {"fs": 1.0 / base.time_step, "nperseg": _segment(base)}
     frequency, power = welch(base.values, **options)
     # Where the base has no power, leakage alone would make a response.
-    shown = (frequency > 0.0) & (power > 1e-7 * power.max())
+    shown = (frequency > 0.0) & (power > 1e-5 * power.max())
     for k, each in floors.items():
         cross = csd(base.values, each.values, **options)[1]
         size = np.abs(cross[shown]) / power[shown]

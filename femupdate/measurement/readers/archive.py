@@ -38,7 +38,9 @@ def _read(path: Path) -> Recording:
             members = _members(file, archive)
             unpacked = {m.filename: _unpack(archive, m, k, folder) for k, m in enumerate(members)}
             return _together(file, unpacked)
-    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, OSError, EOFError) as error:
+    except MeasurementError:
+        raise
+    except Exception as error:  # a damaged archive makes zipfile raise nearly anything
         raise file.error(
             f"this is a workbook or an archive that cannot be opened ({error}); export it as CSV"
             " or unpack it"
