@@ -64,7 +64,8 @@ def draw_repair(study: Study, report: RepairReport) -> tuple[Path, ...]:
     placed = [one.finding.placed for one in done.rounds]
     headline = "Nothing was added"
     if placed:
-        headline = f"Added: {'; '.join(one.in_words for one in placed)}"
+        words = "; ".join(one.in_words for one in placed)
+        headline = f"Added: {words[0].lower()}{words[1:]}"
     residuals = residual_map(floors, edges, maps, title=headline)
     story = gap_story(
         GapStory(
