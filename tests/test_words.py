@@ -94,7 +94,7 @@ def test_pictures_are_used_and_small():
     text = "".join(page.read_text(encoding="utf-8") for page in PAGES)
     for picture in (DOCS / "pictures").iterdir():
         assert f"pictures/{picture.name}" in text
-        assert 5_000 < picture.stat().st_size < 400_000
+        assert 5_000 < picture.stat().st_size < 300_000
 
 
 def commands(command, path=()):
