@@ -50,10 +50,7 @@ class PredictionReport:
     Attributes:
         summary: bands and peaks.
         path: the netCDF file.
-        peak_acceleration: (f,) statistics over the samples, m/s2.
-        story_stiffness: (s,) statistics, N/m.
         damping: what damping was used, in words.
-        comparison: with measured floors, where there are any.
         notes: what the user should know.
         seconds: all the time taken.
         motion: of the base.
@@ -64,16 +61,28 @@ class PredictionReport:
 
     summary: HistorySummary
     path: Path
-    peak_acceleration: Statistics
-    story_stiffness: Statistics
     damping: str
-    comparison: Comparison | None
     notes: tuple[str, ...]
     seconds: float
     motion: GroundMotion
     measured: Floats | None = None
     floor_spectra: FloorSpectra | None = None
     members: tuple[MemberForces, ...] = ()
+
+    @property
+    def peak_acceleration(self) -> Statistics:
+        """(f,) statistics over the samples, m/s2."""
+        return statistics(self.summary.peak_acceleration)
+
+    @property
+    def story_stiffness(self) -> Statistics:
+        """(s,) statistics over the samples, N/m."""
+        return statistics(self.summary.story_stiffness)
+
+    @property
+    def comparison(self) -> Comparison | None:
+        """With measured floors, where there are any."""
+        return None if self.measured is None else compare(self.summary, self.measured)
 
     def as_dict(self) -> dict[str, Any]:
         """What `--json` holds."""
@@ -154,34 +163,16 @@ def predict_study(
     chosen = choose_members(model.building, settings.members) if settings.members else None
     show.start("Integrating the response", len(theta))
     summary = summarise(response_histories(system, model, theta, zeta, motion, show), _EXAMPLES)
-    comparison = None if reference is None else compare(summary, reference)
-    spectra = None
-    if settings.spectrum_damping is not None:
-        floors = summary.examples.floor_acceleration
-        step, ratio = motion.time_step, settings.spectrum_damping
-        spectra = floor_spectra(floors, motion.acceleration, step, ratio)
+    spectra = _spectra(summary, motion, settings.spectrum_damping)
     few = np.linspace(0, len(theta) - 1, min(settings.member_draws, len(theta))).astype(int)
     members = _members(study, model, chosen, theta[few], zeta[few], motion, show)
     path = study.path("prediction.nc")
     save_prediction(summary, motion, path, damping, spectra)
-    study.record(
-        PREDICTION,
-        "prediction.nc",
-        "predict",
-        {
-            **model.made_from(),
-            "posterior": study.artefacts()["posterior"].sha256,
-            "record": file_hash(record.path),
-        },
-        {"file": str(record.path), "scale": record.scale, "damping": damping},
-    )
+    _record(study, model, record, damping)
     return PredictionReport(
         summary=summary,
         path=path,
-        peak_acceleration=statistics(summary.peak_acceleration),
-        story_stiffness=statistics(summary.story_stiffness),
         damping=damping,
-        comparison=comparison,
         notes=(*_notes(model, motion), *at_level),
         seconds=time.monotonic() - started,
         motion=motion,
@@ -189,6 +180,27 @@ def predict_study(
         floor_spectra=spectra,
         members=members,
     )
+
+
+def _spectra(
+    summary: HistorySummary, motion: GroundMotion, damping: float | None
+) -> FloorSpectra | None:
+    """Response spectra of the floors where a damping ratio of oscillators is given."""
+    if damping is None:
+        return None
+    floors = summary.examples.floor_acceleration
+    return floor_spectra(floors, motion.acceleration, motion.time_step, damping)
+
+
+def _record(study: Study, model: StudyModel, record: RecordSource, damping: str) -> None:
+    """Note in the study what the prediction was made from."""
+    origin = {
+        **model.made_from(),
+        "posterior": study.artefacts()["posterior"].sha256,
+        "record": file_hash(record.path),
+    }
+    settings = {"file": str(record.path), "scale": record.scale, "damping": damping}
+    study.record(PREDICTION, "prediction.nc", "predict", origin, settings)
 
 
 def _members(

@@ -3,10 +3,10 @@
 import hashlib
 
 from femupdate.building.files import load_building
+from femupdate.dynamics.damping import damping_law
 from femupdate.surrogate.storage import TrainedSurrogate
 from femupdate.workflow.model import (
     StudyModel,
-    damping_law,
     reduce_building,
     theta_prior,
     zeta_bounds,

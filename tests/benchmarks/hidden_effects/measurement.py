@@ -6,6 +6,7 @@ import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.building.schema import Building
+from femupdate.dynamics.damping import damping_law
 from femupdate.effects.effect import Placed
 from femupdate.measurement.columns import BASE, Channel
 from femupdate.measurement.frf import estimate_frf
@@ -13,7 +14,6 @@ from femupdate.measurement.observation import Observation
 from femupdate.measurement.observation_file import Histories
 from femupdate.simulation.effect_truth import FineModel, Truth, effect_truth
 from femupdate.simulation.white_noise import white_noise
-from femupdate.workflow.model import damping_law
 
 # What is put into a building: an effect at its place, with the values of its parameters.
 HiddenEffect = tuple[Placed, tuple[float, ...]]
