@@ -2,7 +2,6 @@
 
 import io
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -33,8 +32,8 @@ def write_observation_histories(
         MeasurementError: the file cannot be written.
     """
     names = [channel.name for channel in histories.channels]
-    columns = _Columns(names, histories.acceleration, digits)
-    return _write_table(path, columns, histories.time_step, comments)
+    values = histories.acceleration
+    return _write_table(path, names, values, histories.time_step, comments, digits=digits)
 
 
 def write_record(path: str | Path, motion: GroundMotion, comments: Sequence[str] = ()) -> Path:
@@ -49,30 +48,26 @@ def write_record(path: str | Path, motion: GroundMotion, comments: Sequence[str]
         MeasurementError: the file cannot be written.
     """
     name = " ".join(motion.channel.replace(",", " ").split()) or "acceleration"
-    columns = _Columns([name], motion.acceleration[None], DIGITS)
-    return _write_table(path, columns, motion.time_step, comments)
-
-
-@dataclass(frozen=True, eq=False)
-class _Columns:
-    """Accelerations (c, n) in m/s2, what their columns are called, and how many digits they get."""
-
-    names: Sequence[str]
-    values: Floats
-    digits: int
+    return _write_table(path, [name], motion.acceleration[None], motion.time_step, comments)
 
 
 def _write_table(
-    path: str | Path, columns: _Columns, time_step: float, comments: Sequence[str]
+    path: str | Path,
+    names: Sequence[str],
+    values: Floats,
+    time_step: float,
+    comments: Sequence[str],
+    *,
+    digits: int = DIGITS,
 ) -> Path:
-    names, values = columns.names, columns.values
+    """Write accelerations (c, n) in m/s2 under the names of their columns."""
     buffer = io.StringIO()
     for comment in comments:
         buffer.writelines(f"# {line}\n" for line in comment.splitlines())
     buffer.write(",".join([TIME, *names]) + "\n")
     buffer.write(",".join(["s", *["m/s2"] * len(names)]) + "\n")
     time = np.arange(values.shape[1]) * time_step
-    formats = [_TIME_FORMAT, *[f"%.{columns.digits}g"] * len(names)]
+    formats = [_TIME_FORMAT, *[f"%.{digits}g"] * len(names)]
     np.savetxt(buffer, np.column_stack([time, values.T]), fmt=formats, delimiter=",")
     target = Path(path)
     with atomic_path(target, MeasurementError) as temporary:
