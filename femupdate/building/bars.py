@@ -1,40 +1,21 @@
 """Columns and beams of a frame building as blocks of beam elements on the mesh lines."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 
 from femupdate.arrays import Flags, Floats, Integers
+from femupdate.building.blocks import Block
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.lattice import ExtraLines, Lattice, strips
-from femupdate.building.members import BeamLines, Columns, Material
+from femupdate.building.members import BeamLines, Columns
 from femupdate.building.references import Stretch, beam_stretches, intersections, resolve, spans
-from femupdate.building.sections import SectionFigures
+from femupdate.fe.elements.beam import Beams
 
 # Which way a section's depth points: z is vertical in a beam; in a column z is the global y.
 _BEAM_UP = (0.0, 0.0, 1.0)
 _COLUMN_UP = (0.0, 1.0, 0.0)
-
-
-@dataclass(frozen=True)
-class Bar:
-    """The beam elements of one column in one story, or of one beam on one floor.
-
-    `kind` is "column" or "beam", `nodes` (n, 2) crossings, `offset` (n, 2, 3) and `released`
-    (n, 12) as for `femupdate.fe.model.BeamLines`; the rest as for `Panel`.
-    """
-
-    key: str
-    nodes: Integers
-    group: int
-    kind: str
-    section: SectionFigures
-    material: Material
-    up: tuple[float, float, float]
-    offset: Floats | None = None
-    released: Flags | None = None
 
 
 def column_lines(building: FrameBuilding) -> ExtraLines:
@@ -43,8 +24,8 @@ def column_lines(building: FrameBuilding) -> ExtraLines:
     return ExtraLines(x=tuple(x for x, _ in points), y=tuple(y for _, y in points))
 
 
-def column_bars(building: FrameBuilding, lattice: Lattice) -> Iterator[Bar]:
-    """Yield the columns, one bar a story and place."""
+def column_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[Block]:
+    """Yield the columns, one block a story and place."""
     for number, columns in enumerate(building.columns):
         key = f"columns[{number}]"
         section = building.sections[columns.section]
@@ -55,8 +36,9 @@ def column_bars(building: FrameBuilding, lattice: Lattice) -> Iterator[Bar]:
                 offset = None
                 if columns.eccentricity is not None:
                     offset = np.tile([*columns.eccentricity, 0.0], (len(nodes), 2, 1))
-                yield Bar(
+                yield Block(
                     key=key,
+                    element=Beams,
                     nodes=nodes,
                     group=group,
                     kind="column",
@@ -77,8 +59,8 @@ def _places(
     return [(lattice.x.at[point.x], lattice.y.at[point.y]) for point in points]
 
 
-def beam_bars(building: FrameBuilding, lattice: Lattice) -> Iterator[Bar]:
-    """Yield the beams, one bar a floor and line, or a floor and span where spans have ends."""
+def beam_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[Block]:
+    """Yield the beams, one block a floor and line, or a floor and span where spans have ends."""
     for number, beams in enumerate(building.beams):
         key = f"beams[{number}]"
         section = building.sections[beams.section]
@@ -91,8 +73,9 @@ def beam_bars(building: FrameBuilding, lattice: Lattice) -> Iterator[Bar]:
             for floor, part in product(floors, parts):
                 points = lattice.along(part, np.array([lattice.z.at[floor]]))[:, 0]
                 nodes = strips(_touched(lattice, beams, part, points))
-                yield Bar(
+                yield Block(
                     key=key,
+                    element=Beams,
                     nodes=nodes,
                     group=building.floors.index(floor),
                     kind="beam",

@@ -8,8 +8,8 @@ from femupdate.arrays import Floats
 from femupdate.building.entry import Complaint
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.own_mesh import MeshBuilding
-from femupdate.building.panels import DeadWall
 from femupdate.building.references import resolve
+from femupdate.building.walls import DeadWall
 from femupdate.fe.model import FiniteElementModel, PointMasses
 
 Massive = FrameBuilding | MeshBuilding

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from femupdate.atomic import atomic_path
-from femupdate.building.mesh import BuildingMesh
+from femupdate.building.building_mesh import BuildingMesh
 from femupdate.errors import BuildingError
 
 GROUPS = ("slab", "wall", "non_structural_wall", "column", "beam")

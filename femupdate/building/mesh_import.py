@@ -1,17 +1,17 @@
 """A user's own mesh as a building: groups of cells become walls, slabs, columns and beams."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from femupdate.arrays import Flags, Floats, Integers, Strings
+from femupdate.building.blocks import Block, by_element, joined
+from femupdate.building.building_mesh import BuildingMesh
 from femupdate.building.connections import connected
 from femupdate.building.entry import Complaint, unknown
 from femupdate.building.masses import place_masses
-from femupdate.building.mesh import BuildingMesh
 from femupdate.building.mesh_check import check_connected, check_elements, merge_nodes
 from femupdate.building.mesh_reader import RawMesh, read_mesh
 from femupdate.building.mesh_spans import beam_arms, beam_releases, span_ends
@@ -26,17 +26,6 @@ from femupdate.units import factor
 
 _LEVEL = 1e-3  # m; nodes nearer than this to a floor's level are on it
 _UPRIGHT = 0.9  # vertical component of the axis of what is a column, of the normal of a slab
-
-
-@dataclass(frozen=True)
-class _Block:
-    """The cells that belong to one part and become elements of one kind."""
-
-    part: int
-    element: type[Elements]
-    nodes: Integers
-    group: Integers
-    kind: Strings
 
 
 def import_mesh(building: MeshBuilding) -> BuildingMesh:
@@ -68,7 +57,13 @@ def _import(building: MeshBuilding) -> BuildingMesh:
         text = f"no node lies at the base; the lowest is {nodes[used, 2].min():g} m above it"
         raise Complaint("mesh.base", f"{text}; correct the level of the base or the unit")
     check_connected(nodes, list(by_type.values()), base)
-    model = _model(building, blocks, nodes[used], used)
+    blocks = list(_with_ends(building, blocks, nodes))
+    model = FiniteElementModel(
+        nodes=nodes[used],
+        fixed=np.zeros((len(used), DOF_PER_NODE), dtype=np.bool_),
+        groups=len(building.stories),
+        elements=joined(blocks, used),
+    )
     floors = _floor_nodes(building, model.nodes)
     masses = place_masses(building, model, [])
     on_base = np.searchsorted(used, base)
@@ -83,18 +78,11 @@ def _import(building: MeshBuilding) -> BuildingMesh:
         direction="xy".index(building.sensors.direction),
         story_names=building.story_names,
         factors=stiffness_factors(building),
-        ground_mass=0.0,
-        parts=tuple(_owners(own) for own in _by_element(blocks).values()),
+        parts=tuple(_owners(own) for own in by_element(blocks).values()),
     )
 
 
-def _by_element(blocks: Sequence[_Block]) -> dict[type[Elements], list[_Block]]:
-    """The blocks of each kind of element, in the order of the model's elements."""
-    kinds = dict.fromkeys(block.element for block in blocks)
-    return {kind: [block for block in blocks if block.element is kind] for kind in kinds}
-
-
-def _owners(blocks: Sequence[_Block]) -> Integers:
+def _owners(blocks: Sequence[Block]) -> Integers:
     """Part of every element of one kind."""
     return np.concatenate([np.full(len(block.nodes), block.part) for block in blocks])
 
@@ -107,7 +95,7 @@ def _merged(building: MeshBuilding, raw: RawMesh, nodes: Floats) -> RawMesh:
     return replace(raw, cells=cells)
 
 
-def _blocks(building: MeshBuilding, raw: RawMesh, nodes: Floats) -> Iterator[_Block]:
+def _blocks(building: MeshBuilding, raw: RawMesh, nodes: Floats) -> Iterator[Block]:
     """Yield the cells of all parts; every cell must belong to one, or be ignored."""
     taken = {kind: np.full(len(cells.nodes), -1) for kind, cells in raw.cells.items()}
     ignored = {
@@ -167,7 +155,7 @@ def _refuse_left(raw: RawMesh, kind: str, left: Flags, nodes: Floats) -> None:
 
 def _block(
     building: MeshBuilding, number: int, part: Part, kind: str, cells: Integers, nodes: Floats
-) -> _Block:
+) -> Block:
     middle = nodes[cells].mean(axis=1)[:, 2]
     if part.story is not None:
         group = np.full(len(cells), building.story_names.index(part.story))
@@ -178,11 +166,20 @@ def _block(
             worst = middle[int(np.abs(middle - top[-1] / 2).argmax())]
             text = f"cells at {worst:g} m lie outside the stories (0 to {top[-1]:g} m)"
             raise Complaint("stories", f"{text}; correct the heights, mesh.base or mesh.unit")
-    names = np.full(len(cells), part.kind or "", dtype="<U24")
-    if part.kind is None:
-        names = _kinds(nodes[cells])
-    element = _element_of(part, kind, f"parts[{number}]")
-    return _Block(number, element, cells, group.astype(np.int64), names)
+    section = building.sections[part.section] if part.section is not None else None
+    material = part.material or (section.material if section is not None else None)
+    return Block(
+        key=f"parts[{number}]",
+        part=number,
+        element=_element_of(part, kind, f"parts[{number}]"),
+        nodes=cells,
+        group=group.astype(np.int64),
+        kind=part.kind if part.kind is not None else _kinds(nodes[cells]),
+        material=building.material(material),
+        thickness=part.thickness,
+        section=None if section is None else section.figures(),
+        up=None if section is None else _up(part, nodes[cells]),
+    )
 
 
 def _element_of(part: Part, cell_type: str, key: str) -> type[Elements]:
@@ -208,87 +205,28 @@ def _kinds(points: Floats) -> Strings:
     return np.where(level, "slab", "wall").astype("<U24")
 
 
-def _model(
-    building: MeshBuilding, blocks: Sequence[_Block], points: Floats, used: Integers
-) -> FiniteElementModel:
-    kinds = _by_element(blocks)
-    return FiniteElementModel(
-        nodes=points,
-        fixed=np.zeros((len(points), DOF_PER_NODE), dtype=np.bool_),
-        groups=len(building.stories),
-        elements=tuple(_elements(building, kind, own, points, used) for kind, own in kinds.items()),
-    )
-
-
-def _elements(
-    building: MeshBuilding,
-    kind: type[Elements],
-    blocks: Sequence[_Block],
-    points: Floats,
-    used: Integers,
-) -> Elements:
-    """The elements of one kind; of what the parts say each kind takes what it has fields for."""
-    nodes = np.searchsorted(used, np.concatenate([block.nodes for block in blocks]))
-    counts = [len(block.nodes) for block in blocks]
-    known: dict[str, Any] = {
-        "nodes": nodes,
-        "group": np.concatenate([block.group for block in blocks]),
-        "kind": np.concatenate([block.kind for block in blocks]),
-    }
-    constants = [_constants(building, building.parts[block.part]) for block in blocks]
-    for name in constants[0]:
-        known[name] = np.repeat(np.array([own[name] for own in constants]), counts, axis=0)
-    if kind.dimension() == 1:
-        known["up"] = _up(building, blocks, points[nodes])
-        known["offset"], known["released"] = _ends(building, blocks, points, nodes)
-    fitting = {one.name for one in fields(kind)}
-    return kind(**{name: values for name, values in known.items() if name in fitting})
-
-
-def _constants(building: MeshBuilding, part: Part) -> dict[str, Any]:
-    """Material, and thickness or figures of the section, of a part."""
-    section = building.sections[part.section] if part.section else None
-    material = building.material(part.material or (section.material if section else None))
-    own = {name: getattr(material, name) for name in ("youngs_modulus", "poisson_ratio", "density")}
-    if section is None:
-        return {**own, "thickness": part.thickness}
-    figures = section.figures()
-    names = [one.name for one in fields(figures) if one.name != "extent"]
-    return {**own, **{name: getattr(figures, name) for name in names}, "size": figures.size}
-
-
-def _up(building: MeshBuilding, blocks: Sequence[_Block], ends: Floats) -> Floats:
+def _up(part: Part, ends: Floats) -> Floats:
     """Direction (n, 3) of the depth of lines (n, 2, 3): along y in upright ones, else upwards."""
+    if part.up is not None:
+        return np.tile(part.up, (len(ends), 1))
     axis = ends[:, 1] - ends[:, 0]
     steep = np.abs(axis[:, 2]) > _UPRIGHT * np.linalg.norm(axis, axis=1)
-    up = np.where(steep[:, None], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0])
-    owner = _owners(blocks)
-    for number in np.unique(owner):
-        if (own := building.parts[number].up) is not None:
-            up[owner == number] = own
-    return up
+    return np.where(steep[:, None], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0])
 
 
-def _ends(
-    building: MeshBuilding, blocks: Sequence[_Block], points: Floats, lines: Integers
-) -> tuple[Floats | None, Flags | None]:
-    """Arms (n, 2, 3) and releases (n, 12) of all beams, None where no part has any."""
-    parts = [building.parts[block.part] for block in blocks]
-    offset = np.zeros((len(lines), 2, 3)) if any(part.has_arms for part in parts) else None
-    released = np.zeros((len(lines), 12), np.bool_) if any(part.hinges for part in parts) else None
-    start = 0
-    for block, part in zip(blocks, parts, strict=True):
-        own = slice(start, start + len(block.nodes))
-        start = own.stop
-        if not part.has_arms and part.hinges is None:
-            continue
-        others = np.delete(lines, np.arange(own.start, own.stop), axis=0)
-        spans = span_ends(points, lines[own], others.ravel())
-        if offset is not None:
-            offset[own] = beam_arms(part, points, lines[own], spans, f"parts[{block.part}]")
-        if released is not None:
-            released[own] = beam_releases(part, spans)
-    return offset, released
+def _with_ends(building: MeshBuilding, blocks: Sequence[Block], nodes: Floats) -> Iterator[Block]:
+    """Yield the blocks with the arms and hinges that their parts have at the ends of spans."""
+    lines = [block for block in blocks if block.section is not None]
+    for block in blocks:
+        part = building.parts[block.part]
+        if part.has_arms or part.hinges is not None:
+            others = [one.nodes.ravel() for one in lines if one is not block]
+            meeting = np.concatenate([np.zeros(0, dtype=np.int64), *others])
+            spans = span_ends(nodes, block.nodes, meeting)
+            arms = beam_arms(part, nodes, block.nodes, spans, block.key) if part.has_arms else None
+            hinges = beam_releases(part, spans) if part.hinges is not None else None
+            block = replace(block, offset=arms, released=hinges)
+        yield block
 
 
 def _floor_nodes(building: MeshBuilding, points: Floats) -> dict[str, Integers]:
@@ -306,7 +244,7 @@ def _floor_nodes(building: MeshBuilding, points: Floats) -> dict[str, Integers]:
 
 
 def _diaphragms(
-    building: MeshBuilding, blocks: Sequence[_Block], nodes: Floats, used: Integers
+    building: MeshBuilding, blocks: Sequence[Block], nodes: Floats, used: Integers
 ) -> Iterator[Integers]:
     for block in blocks:
         if building.parts[block.part].diaphragm != "rigid":

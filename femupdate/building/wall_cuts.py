@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from femupdate.arrays import Flags, Floats, Integers
+from femupdate.building.building_mesh import BuildingMesh
 from femupdate.building.entry import unknown
 from femupdate.building.frame import FrameBuilding
-from femupdate.building.mesh import BuildingMesh
 from femupdate.building.own_mesh import MeshBuilding
 from femupdate.building.references import resolve, wall_stretch
 from femupdate.errors import BuildingError

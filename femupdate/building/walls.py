@@ -1,4 +1,4 @@
-"""Walls of a frame building cut into one piece a story: panels of shells, or weight alone."""
+"""Walls of a frame building cut into one piece a story: blocks of shells, or weight alone."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -6,12 +6,35 @@ from dataclasses import dataclass
 import numpy as np
 
 from femupdate.arrays import Flags, Floats, Integers
+from femupdate.building.blocks import Block
 from femupdate.building.entry import Complaint
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.lattice import ExtraLines, Lattice, quadrilaterals
 from femupdate.building.members import Wall
-from femupdate.building.panels import DeadWall, Panel
 from femupdate.building.references import Stretch, resolve, wall_stretch
+from femupdate.fe.elements.shell import Shells
+
+
+@dataclass(frozen=True)
+class DeadWall:
+    """A wall of one story that only weighs.
+
+    Attributes:
+        above, below: (n,) crossings along the wall on the floor above and below (below is empty
+            on the ground).
+        share: (n,) mass for each of those, kg: half of the wall's in all.
+    """
+
+    key: str
+    group: int
+    above: Integers
+    below: Integers
+    share: Floats
+
+    @property
+    def mass(self) -> float:
+        """Mass of the whole wall, kg."""
+        return 2.0 * float(self.share.sum())
 
 
 @dataclass(frozen=True)
@@ -64,8 +87,8 @@ def _wall_stories(building: FrameBuilding) -> Iterator[_WallStory]:
             yield _WallStory(key, wall, run, group, openings)
 
 
-def wall_panels(building: FrameBuilding, lattice: Lattice) -> Iterator[Panel]:
-    """Yield the walls that have stiffness, one panel a story, without what is open.
+def wall_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[Block]:
+    """Yield the walls that have stiffness, one block a story, without what is open.
 
     Raises:
         Complaint: the openings leave nothing of a wall.
@@ -79,8 +102,9 @@ def wall_panels(building: FrameBuilding, lattice: Lattice) -> Iterator[Panel]:
             story = building.story_names[one.group]
             text = f"the openings leave nothing of the wall in story {story}; make them smaller"
             raise Complaint(f"{one.key}.openings", text)
-        yield Panel(
+        yield Block(
             key=one.key,
+            element=Shells,
             nodes=nodes[~open_],
             group=one.group,
             kind="wall" if one.wall.role == "shear" else "non_structural_wall",

@@ -12,8 +12,9 @@ from scipy.sparse import coo_matrix, csc_matrix
 from scipy.spatial import cKDTree
 
 from femupdate.arrays import Flags, Floats, Integers
+from femupdate.building.building_mesh import BuildingMesh
 from femupdate.building.frame import FrameBuilding
-from femupdate.building.mesh import BuildingMesh, mesh_building
+from femupdate.building.mesh import mesh_building
 from femupdate.building.references import resolve
 from femupdate.fe.assembly import AffineOperators
 from femupdate.fe.elements.shell import Shells

@@ -13,8 +13,9 @@ import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix
 
 from femupdate.arrays import Flags, Floats, Integers
+from femupdate.building.building_mesh import BuildingMesh
 from femupdate.building.frame import FrameBuilding
-from femupdate.building.mesh import BuildingMesh, mesh_building
+from femupdate.building.mesh import mesh_building
 from femupdate.building.own_mesh import MeshBuilding
 from femupdate.building.schema import Building
 from femupdate.building.shear import ShearBuilding, shear_operators

@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from femupdate.arrays import Floats
+from femupdate.building.building_mesh import BuildingMesh
 from femupdate.building.frame import FrameBuilding
-from femupdate.building.mesh import BuildingMesh, mesh_building
+from femupdate.building.mesh import mesh_building
 from femupdate.building.own_mesh import MeshBuilding
 from femupdate.building.quantities import ALL
 from femupdate.building.schema import Building

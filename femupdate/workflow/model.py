@@ -8,12 +8,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from femupdate.building.building_mesh import BuildingMesh
 from femupdate.building.files import (
     load_building,
     mechanics_hash,
     save_building,
 )
-from femupdate.building.mesh import BuildingMesh, mesh_building
+from femupdate.building.mesh import mesh_building
 from femupdate.building.parameters import factor_ranges
 from femupdate.building.schema import Building
 from femupdate.building.shear import shear_operators

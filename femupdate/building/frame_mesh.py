@@ -1,0 +1,189 @@
+"""Meshes a frame building: nodes, shells, bars, masses, supports, and where the floors are."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from femupdate.arrays import Integers
+from femupdate.building.bars import beam_blocks, column_blocks, column_lines
+from femupdate.building.blocks import Block, by_element, joined
+from femupdate.building.building_mesh import BuildingMesh
+from femupdate.building.connections import connected, face_lines
+from femupdate.building.entry import Complaint
+from femupdate.building.frame import CLOSEST_LINES, FrameBuilding
+from femupdate.building.lattice import Lattice, lattice_of
+from femupdate.building.masses import ground_mass, place_masses
+from femupdate.building.parameters import stiffness_factors, with_factors
+from femupdate.building.references import intersections
+from femupdate.building.slabs import slab_blocks
+from femupdate.building.walls import DeadWall, dead_walls, opening_lines, wall_blocks
+from femupdate.errors import BuildingError
+from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel
+
+
+def mesh_frame(building: FrameBuilding, size: float, least: int = 1) -> BuildingMesh:
+    """Return the mesh of a frame; size and least as for `lattice_of`.
+
+    Raises:
+        BuildingError: as for `mesh_building`.
+    """
+    try:
+        extra = column_lines(building) + opening_lines(building)
+        if _may_have_joints(building):
+            coarse = lattice_of(building.grid, building.stories, math.inf, 2, extra)
+            parts = _parts_on(building, coarse)
+            extra += face_lines(parts.model)
+        lattice = lattice_of(building.grid, building.stories, size, least, extra)
+        return _mesh_on(building, lattice)
+    except Complaint as complaint:
+        raise BuildingError(f"{complaint.key}: {complaint}") from None
+
+
+def _may_have_joints(building: FrameBuilding) -> bool:
+    return bool(building.walls or building.slabs) and bool(building.beams or building.columns)
+
+
+@dataclass(frozen=True)
+class _Parts:
+    """The elements of a building on the crossings of a lattice.
+
+    Attributes:
+        model: elements only, no supports.
+        used: (N,) crossing of each node.
+        blocks: the elements, member by member.
+    """
+
+    model: FiniteElementModel
+    used: Integers
+    blocks: tuple[Block, ...]
+
+
+def _parts_on(building: FrameBuilding, lattice: Lattice) -> _Parts:
+    blocks = [
+        *slab_blocks(building, lattice),
+        *wall_blocks(building, lattice),
+        *column_blocks(building, lattice),
+        *beam_blocks(building, lattice),
+    ]
+    for own in by_element(blocks).values():
+        _refuse_doubles(own, lattice)
+    used = np.unique(np.concatenate([block.nodes.ravel() for block in blocks]))
+    model = FiniteElementModel(
+        nodes=lattice.coordinates(used),
+        fixed=np.zeros((len(used), DOF_PER_NODE), dtype=np.bool_),
+        groups=len(building.stories),
+        elements=joined(blocks, used),
+    )
+    return _Parts(model, used, tuple(blocks))
+
+
+def _mesh_on(building: FrameBuilding, lattice: Lattice) -> BuildingMesh:
+    parts = _parts_on(building, lattice)
+    used, dead = parts.used, list(dead_walls(building, lattice))
+    base = np.flatnonzero(lattice.level(used) == 0)
+    _refuse_floating(parts.model, base)
+    _refuse_loose_columns(building, parts)
+    masses = place_masses(building, parts.model, list(_on_nodes(dead, used, lattice)))
+    rigid = {f"slabs[{n}]" for n, slab in enumerate(building.slabs) if slab.diaphragm == "rigid"}
+    diaphragms = [
+        np.searchsorted(used, np.unique(block.nodes))
+        for block in parts.blocks
+        if block.key in rigid
+    ]
+    model = connected(parts.model, base, building.supports, diaphragms)
+    factors = stiffness_factors(building)
+    if building.by_kind:
+        model = with_factors(model, factors)
+    return BuildingMesh(
+        model=replace(model, masses=masses),
+        floors=building.floors,
+        floor_nodes=_floor_nodes(building, lattice, used),
+        floor_level=building.floor_levels,
+        base_nodes=base,
+        direction="xy".index(building.sensors.direction),
+        story_names=building.story_names,
+        factors=factors,
+        ground_mass=ground_mass(dead),
+    )
+
+
+def _refuse_doubles(blocks: Sequence[Block], lattice: Lattice) -> None:
+    """Raise Complaint where two blocks have an element between the same nodes."""
+    nodes = np.sort(np.concatenate([block.nodes for block in blocks]), axis=1)
+    owner = np.repeat(np.arange(len(blocks)), [len(block.nodes) for block in blocks])
+    _, first, inverse = np.unique(nodes, axis=0, return_index=True, return_inverse=True)
+    double = np.flatnonzero(first[inverse.ravel()] != np.arange(len(nodes)))
+    if len(double):
+        later, earlier = owner[double[0]], owner[first[inverse.ravel()[double[0]]]]
+        x, y, z = lattice.coordinates(nodes[double[0]]).mean(axis=0)
+        text = f"it lies on {blocks[earlier].key} at ({x:.3g}, {y:.3g}, {z:.3g}) m; remove one"
+        raise Complaint(blocks[later].key, text)
+
+
+def _refuse_floating(model: FiniteElementModel, base: Integers) -> None:
+    """Raise Complaint where a node has no path of elements down to the base."""
+    edges = np.concatenate(
+        [part.nodes[:, [0, k]] for part in model.elements for k in range(1, part.node_count())]
+    )
+    count = len(model.nodes)
+    graph = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(count, count))
+    _, part = connected_components(graph, directed=False)
+    floating = np.flatnonzero(~np.isin(part, part[base]))
+    if len(floating):
+        x, y, z = model.nodes[floating[0]]
+        raise Complaint(
+            "columns",
+            f"nothing connects what is at ({x:.3g}, {y:.3g}, {z:.3g}) m to the base; add a "
+            "column, wall, beam or slab that does",
+        )
+
+
+def _refuse_loose_columns(building: FrameBuilding, parts: _Parts) -> None:
+    """Raise Complaint for a column off the grid whose top nothing meets."""
+    met = np.concatenate(
+        [part.nodes[part.kind != "column"].ravel() for part in parts.model.elements]
+    )
+    for n, columns in enumerate(building.columns):
+        for m, point in enumerate(columns.points):
+            away = np.linalg.norm(parts.model.nodes[:, :2] - point, axis=1)
+            if not np.isin(np.flatnonzero(away < CLOSEST_LINES), met).any():
+                text = "no slab, beam or wall meets the column there; move it or add one"
+                raise Complaint(f"columns[{n}].points[{m}]", text)
+
+
+def _on_nodes(dead: Sequence[DeadWall], used: Integers, lattice: Lattice) -> Iterator[DeadWall]:
+    """Yield the walls without stiffness with node indices in place of crossings."""
+    for wall in dead:
+        _refuse_uncarried(wall, used, lattice)
+        above, below = np.searchsorted(used, wall.above), np.searchsorted(used, wall.below)
+        yield replace(wall, above=above, below=below)
+
+
+def _refuse_uncarried(wall: DeadWall, used: Integers, lattice: Lattice) -> None:
+    for place, crossings in (("above", wall.above), ("below", wall.below)):
+        missing = crossings[~np.isin(crossings, used)]
+        if len(missing):
+            x, y, z = lattice.coordinates(missing[:1])[0]
+            text = f"nothing at ({x:.3g}, {y:.3g}, {z:.3g}) m, {place} the wall, carries its weight"
+            raise Complaint(wall.key, f"{text}; put a beam or a slab along it")
+
+
+def _floor_nodes(
+    building: FrameBuilding, lattice: Lattice, used: Integers
+) -> Mapping[str, Integers]:
+    nodes = {}
+    for floor in building.floors:
+        key, names = building.sensors.of(floor)
+        points = intersections(building.grid, names, key)
+        level = np.array([lattice.z.at[floor]])
+        crossings = np.concatenate([lattice.upright(point, level) for point in points])
+        for point, crossing in zip(points, crossings, strict=True):
+            if crossing not in used:
+                text = f"nothing is built at {point.y}-{point.x} on {floor}; name another point"
+                raise Complaint(key, text)
+        nodes[floor] = np.searchsorted(used, crossings)
+    return nodes
