@@ -13,18 +13,32 @@ from ..result import Job, Report
     "--sensors",
     type=Names(),
     default=(),
-    help="Floors observed, or `any`: sets drawn at random; default the roof alone.",
+    help="Observed floors, or `any` for random sets; default: the roof alone.",
 )
-@click.option("--cases", type=click.IntRange(min=10), default=200, show_default=True)
-@click.option("--particles", type=click.IntRange(min=200), default=1000, show_default=True)
+@click.option(
+    "--cases",
+    type=click.IntRange(min=10),
+    default=200,
+    show_default=True,
+    help="Simulated buildings.",
+)
+@click.option(
+    "--particles",
+    type=click.IntRange(min=200),
+    default=1000,
+    show_default=True,
+    help="Posterior draws for each.",
+)
 @click.option("--latent", is_flag=True, help="Leave out the data-space posteriors.")
 @click.option(
     "--beside",
     type=click.IntRange(min=0),
-    help="Data-space posteriors for the first so many cases only; default all.",
+    help="Number of cases with data-space posteriors; default: all.",
 )
 @click.option(
-    "--noise", type=click.FloatRange(min=1e-3), help="Noise on ln|H|; default as trained."
+    "--noise",
+    type=click.FloatRange(min=1e-3),
+    help="Noise on ln|H|; default: that of the training.",
 )
 @benchmark_options
 def command(
@@ -39,8 +53,8 @@ def command(
 ) -> Report:
     """Coverage, ranks and TARP of latent and data-space posteriors over simulated buildings.
 
-    200 cases give the coverage of the 90 % region a binomial error of 2 %, 1000 of 1 %. Cases are
-    kept in the folder --output as they are done: a run that was cut off goes on.
+    The binomial error of the coverage of the 90 % region is 2 % with 200 cases and 1 % with 1000.
+    Every case is kept in the folder --output, so an interrupted run resumes.
     """
     from .run import CalibrationPlan, run_calibration
 

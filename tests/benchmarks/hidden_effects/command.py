@@ -8,14 +8,40 @@ from ..result import Job, Report
 
 @click.command("hidden-effects")
 @click.option("--building", default="shear_4dof", show_default=True, help="Shipped name or file.")
-@click.option("--clean", type=click.IntRange(min=0), default=100, show_default=True)
-@click.option("--one", type=click.IntRange(min=0), default=150, show_default=True)
-@click.option("--two", type=click.IntRange(min=0), default=30, show_default=True)
-@click.option("--outside", type=click.IntRange(min=0), default=30, show_default=True)
-@click.option("--mesh-size", type=float, help="Of the truth of a frame, m; default .4 of its own.")
-@click.option("--no-phase", is_flag=True, help="Use |H| alone.")
-@click.option("--minutes", type=click.FloatRange(min=0), help="Start no trial after so many.")
-@click.option("--quick", is_flag=True, help="A dozen trials, to see it work.")
+@click.option(
+    "--clean",
+    type=click.IntRange(min=0),
+    default=100,
+    show_default=True,
+    help="Cases without an effect.",
+)
+@click.option(
+    "--one",
+    type=click.IntRange(min=0),
+    default=150,
+    show_default=True,
+    help="Cases with one effect.",
+)
+@click.option(
+    "--two",
+    type=click.IntRange(min=0),
+    default=30,
+    show_default=True,
+    help="Cases with two effects.",
+)
+@click.option(
+    "--outside",
+    type=click.IntRange(min=0),
+    default=30,
+    show_default=True,
+    help="Cases with an effect outside the catalogue.",
+)
+@click.option("--mesh-size", type=float, help="Mesh size of the truth, m; default: .4 of its own.")
+@click.option("--no-phase", is_flag=True, help="Use the amplitude alone.")
+@click.option(
+    "--minutes", type=click.FloatRange(min=0), help="Minutes after which no trial is started."
+)
+@click.option("--quick", is_flag=True, help="A dozen trials, to try it out.")
 @benchmark_options
 def command(
     job: Job,
@@ -28,7 +54,7 @@ def command(
 ) -> Report:
     """Put effects into simulated measurements and count what the finder makes of them.
 
-    Outcomes are written one by one: called again, the command goes on where it stopped.
+    Outcomes are written one by one, so an interrupted run resumes.
     """
     from .measurement import TrialSettings
     from .run import QUICK, TrialPlan, run_hidden_effects

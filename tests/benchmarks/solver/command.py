@@ -13,8 +13,8 @@ from ..result import Job, Report
     type=Names(),
     default="small",
     show_default=True,
-    help="Of the building of the speed comparison: small, medium, large with commas (1,680, 8,640 "
-    'and 31,110 shells; seconds, minutes and a quarter of an hour), or "" for none.',
+    help="Buildings of the speed comparison: small, medium, large, with commas (1,680, 8,640 and "
+    '31,110 shells; seconds, minutes and a quarter of an hour), or "" for none.',
 )
 @benchmark_options
 def command(job: Job, sizes: tuple[str, ...]) -> Report:
