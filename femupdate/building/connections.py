@@ -4,12 +4,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from femupdate.arrays import Flags, Integers
 from femupdate.building.lattice import ExtraLines
 from femupdate.building.members import Supports
+from femupdate.building.pieces import piece_of
 from femupdate.fe.joints import EdgeJoint, edge_joints, joint_links
 from femupdate.fe.model import (
     CONSTANT,
@@ -123,8 +122,7 @@ def _merged(count: int, slabs: Sequence[Integers]) -> list[Integers]:
     edges = np.concatenate(
         [np.stack([np.full(len(s) - 1, s[0]), s[1:]], axis=1) for s in map(np.unique, slabs)]
     )
-    graph = coo_array((np.ones(len(edges)), edges.T), shape=(count, count))
-    _, part = connected_components(graph, directed=False)
+    part = piece_of(count, edges)
     mine: Flags = np.zeros(count, dtype=np.bool_)
     mine[edges.ravel()] = True
     return [np.flatnonzero(mine & (part == label)) for label in np.unique(part[mine])]

@@ -1,8 +1,8 @@
-"""A building as a plain document: tables as the file holds them, its hashes, its leaf keys."""
+"""A building as a plain document: tables as the file holds them, and its hashes."""
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -93,19 +93,3 @@ def mechanics_hash(building: Building) -> str:
     if not building.damping.is_rayleigh and building.prior.zeta is not None:
         document["damping"] = {"law": building.damping.law}
     return _digest(document)
-
-
-def leaf_keys(document: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the dotted keys of all values of a document; a list of plain values counts as one."""
-    return tuple(_leaves(document, ""))
-
-
-def _leaves(value: Any, path: str) -> Iterator[str]:
-    if isinstance(value, Mapping):
-        for name, item in value.items():
-            yield from _leaves(item, f"{path}.{name}" if path else str(name))
-    elif isinstance(value, list) and any(isinstance(item, Mapping) for item in value):
-        for number, item in enumerate(value):
-            yield from _leaves(item, f"{path}[{number}]")
-    else:
-        yield path

@@ -5,8 +5,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from femupdate.arrays import Integers
 from femupdate.building.bars import beam_blocks, column_blocks, column_lines
@@ -18,6 +16,7 @@ from femupdate.building.frame import CLOSEST_LINES, FrameBuilding
 from femupdate.building.lattice import Lattice, lattice_of
 from femupdate.building.masses import ground_mass, place_masses
 from femupdate.building.parameters import stiffness_factors, with_factors
+from femupdate.building.pieces import first_double, piece_of, place
 from femupdate.building.references import intersections
 from femupdate.building.slabs import slab_blocks
 from femupdate.building.walls import DeadWall, dead_walls, opening_lines, wall_blocks
@@ -113,15 +112,13 @@ def _mesh_on(building: FrameBuilding, lattice: Lattice) -> BuildingMesh:
 
 def _refuse_doubles(blocks: Sequence[Block], lattice: Lattice) -> None:
     """Raise Complaint where two blocks have an element between the same nodes."""
-    nodes = np.sort(np.concatenate([block.nodes for block in blocks]), axis=1)
-    owner = np.repeat(np.arange(len(blocks)), [len(block.nodes) for block in blocks])
-    _, first, inverse = np.unique(nodes, axis=0, return_index=True, return_inverse=True)
-    double = np.flatnonzero(first[inverse.ravel()] != np.arange(len(nodes)))
-    if len(double):
-        later, earlier = owner[double[0]], owner[first[inverse.ravel()[double[0]]]]
-        x, y, z = lattice.coordinates(nodes[double[0]]).mean(axis=0)
-        text = f"it lies on {blocks[earlier].key} at ({x:.3g}, {y:.3g}, {z:.3g}) m; remove one"
-        raise Complaint(blocks[later].key, text)
+    nodes = np.concatenate([block.nodes for block in blocks])
+    double = first_double(nodes)
+    if double is not None:
+        owner = np.repeat(np.arange(len(blocks)), [len(block.nodes) for block in blocks])
+        later, earlier = (blocks[owner[one]] for one in double)
+        where = place(lattice.coordinates(nodes[double[0]]).mean(axis=0))
+        raise Complaint(later.key, f"it lies on {earlier.key} at {where}; remove one")
 
 
 def _refuse_floating(model: FiniteElementModel, base: Integers) -> None:
@@ -129,15 +126,12 @@ def _refuse_floating(model: FiniteElementModel, base: Integers) -> None:
     edges = np.concatenate(
         [part.nodes[:, [0, k]] for part in model.elements for k in range(1, part.node_count())]
     )
-    count = len(model.nodes)
-    graph = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(count, count))
-    _, part = connected_components(graph, directed=False)
-    floating = np.flatnonzero(~np.isin(part, part[base]))
+    piece = piece_of(len(model.nodes), edges)
+    floating = np.flatnonzero(~np.isin(piece, piece[base]))
     if len(floating):
-        x, y, z = model.nodes[floating[0]]
         raise Complaint(
             "columns",
-            f"nothing connects what is at ({x:.3g}, {y:.3g}, {z:.3g}) m to the base; add a "
+            f"nothing connects what is at {place(model.nodes[floating[0]])} to the base; add a "
             "column, wall, beam or slab that does",
         )
 
@@ -164,11 +158,11 @@ def _on_nodes(dead: Sequence[DeadWall], used: Integers, lattice: Lattice) -> Ite
 
 
 def _refuse_uncarried(wall: DeadWall, used: Integers, lattice: Lattice) -> None:
-    for place, crossings in (("above", wall.above), ("below", wall.below)):
+    for side, crossings in (("above", wall.above), ("below", wall.below)):
         missing = crossings[~np.isin(crossings, used)]
         if len(missing):
-            x, y, z = lattice.coordinates(missing[:1])[0]
-            text = f"nothing at ({x:.3g}, {y:.3g}, {z:.3g}) m, {place} the wall, carries its weight"
+            where = place(lattice.coordinates(missing[:1])[0])
+            text = f"nothing at {where}, {side} the wall, carries its weight"
             raise Complaint(wall.key, f"{text}; put a beam or a slab along it")
 
 

@@ -3,12 +3,11 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from femupdate.arrays import Floats, Integers
 from femupdate.building.entry import Complaint
+from femupdate.building.pieces import first_double, piece_of, place
 from femupdate.fe.element import area_vectors
 
 _SAME = 1e-6  # of the structure's size: nodes nearer than this are in the same place
@@ -23,10 +22,9 @@ def merge_nodes(nodes: Floats, distance: float) -> Integers:
     pairs = cKDTree(nodes).query_pairs(distance, output_type="ndarray")
     if not len(pairs):
         return number
-    graph = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(nodes), len(nodes)))
-    _, part = connected_components(graph, directed=False)
-    _, first = np.unique(part, return_index=True)
-    return first[part]
+    piece = piece_of(len(nodes), pairs)
+    _, first = np.unique(piece, return_index=True)
+    return first[piece]
 
 
 def check_elements(nodes: Floats, cells: Mapping[str, Integers], *, doubles_allowed: bool) -> None:
@@ -63,24 +61,19 @@ def check_connected(nodes: Floats, cells: Sequence[Integers], base: Integers) ->
         Complaint: with the number of such pieces and a place in the largest.
     """
     edges = np.concatenate([c[:, [0, k]] for c in cells for k in range(1, c.shape[1])])
-    graph = coo_array((np.ones(len(edges)), edges.T), shape=(len(nodes), len(nodes)))
-    _, part = connected_components(graph, directed=False)
+    part = piece_of(len(nodes), edges)
     used = np.unique(edges)
     loose = used[~np.isin(part[used], part[base])]
     if len(loose):
         labels, first, count = np.unique(part[loose], return_index=True, return_counts=True)
         biggest = int(count.argmax())
-        place = _at(nodes[loose[first[biggest]]])
+        where = place(nodes[loose[first[biggest]]])
         pieces = "1 piece is" if len(labels) == 1 else f"{len(labels)} pieces are"
         raise Complaint(
             _KEY,
-            f"{pieces} not connected to the base, such as {count[biggest]} nodes around {place}; "
+            f"{pieces} not connected to the base, such as {count[biggest]} nodes around {where}; "
             "join the nodes where the parts meet (mesh.merge merges near ones)",
         )
-
-
-def _at(point: Floats) -> str:
-    return f"({', '.join(f'{value:.4g}' for value in point)}) m"
 
 
 def _name(kind: str, number: int, corners: Integers) -> str:
@@ -101,10 +94,10 @@ def _refuse_degenerate(nodes: Floats, kind: str, corners: Integers) -> None:
     bad |= (np.diff(np.sort(corners, axis=1), axis=1) == 0).any(axis=1)
     if bad.any():
         first = int(bad.argmax())
-        place = _at(points[first].mean(axis=0))
+        where = place(points[first].mean(axis=0))
         others = f" (and {int(bad.sum()) - 1} more)" if bad.sum() > 1 else ""
         raise Complaint(
-            _KEY, f"{_name(kind, first, corners)} at {place} {what}{others}; correct the mesh there"
+            _KEY, f"{_name(kind, first, corners)} at {where} {what}{others}; correct the mesh there"
         )
 
 
@@ -116,25 +109,21 @@ def _refuse_crossed(nodes: Floats, kind: str, corners: Integers) -> None:
     bad = (turn <= 0.0).any(axis=1)
     if bad.any():
         first = int(bad.argmax())
-        place = _at(points[first].mean(axis=0))
+        where = place(points[first].mean(axis=0))
         raise Complaint(
             _KEY,
-            f"{_name(kind, first, corners)} at {place} is inverted: its sides cross or a corner "
+            f"{_name(kind, first, corners)} at {where} is inverted: its sides cross or a corner "
             "points inwards; list its nodes in order around a convex quadrilateral",
         )
 
 
 def _refuse_doubles(nodes: Floats, kind: str, corners: Integers) -> None:
-    ordered = np.sort(corners, axis=1)
-    _, first, inverse = np.unique(ordered, axis=0, return_index=True, return_inverse=True)
-    double = np.flatnonzero(first[inverse.ravel()] != np.arange(len(corners)))
-    if len(double):
-        later = int(double[0])
-        earlier = int(first[inverse.ravel()[later]])
-        place = _at(nodes[corners[later]].mean(axis=0))
-        raise Complaint(
-            _KEY, f"{kind} {later} lies on {kind} {earlier} at {place}; remove one of the two"
-        )
+    double = first_double(corners)
+    if double is not None:
+        later, earlier = double
+        where = place(nodes[corners[later]].mean(axis=0))
+        text = f"{kind} {later} lies on {kind} {earlier} at {where}; remove one of the two"
+        raise Complaint(_KEY, text)
 
 
 def _refuse_double_nodes(nodes: Floats, used: Integers) -> None:
@@ -145,7 +134,7 @@ def _refuse_double_nodes(nodes: Floats, used: Integers) -> None:
         raise Complaint(
             _KEY,
             f"{len(pairs)} pairs of nodes are in the same place, such as nodes {one} and {other} "
-            f"at {_at(nodes[one])}: the elements there are not connected; write "
+            f"at {place(nodes[one])}: the elements there are not connected; write "
             'mesh.merge = "1 mm" to merge them, or "0 m" where the gap is meant',
         )
 
@@ -174,7 +163,7 @@ def _refuse_hanging(nodes: Floats, cells: Mapping[str, Integers], used: Integers
         a, b = side[which[first]]
         raise Complaint(
             _KEY,
-            f"node {node[first]} at {_at(nodes[node[first]])} lies on the side between nodes {a} "
+            f"node {node[first]} at {place(nodes[node[first]])} lies on the side between nodes {a} "
             f"and {b} but is no corner there ({int(bad.sum())} such places): the elements are not "
             "connected; let both sides of a line have the same nodes",
         )

@@ -17,6 +17,7 @@ from femupdate.building.mesh_reader import RawMesh, read_mesh
 from femupdate.building.mesh_spans import beam_arms, beam_releases, span_ends
 from femupdate.building.own_mesh import MeshBuilding, Part
 from femupdate.building.parameters import stiffness_factors
+from femupdate.building.pieces import place
 from femupdate.building.quantities import ALL
 from femupdate.errors import BuildingError, ModelError
 from femupdate.fe.element import Elements, area_vectors
@@ -144,11 +145,11 @@ def _refuse_left(raw: RawMesh, kind: str, left: Flags, nodes: Floats) -> None:
     if left.any():
         first = int(left.argmax())
         own = [name for name, flags in raw.cells[kind].groups.items() if flags[first]]
-        place = ", ".join(f"{v:.4g}" for v in nodes[raw.cells[kind].nodes[first]].mean(axis=0))
+        where = place(nodes[raw.cells[kind].nodes[first]].mean(axis=0))
         said = f"group {own[-1]!r}" if own else "no group"
         raise Complaint(
             "parts",
-            f"{int(left.sum())} {kind} cells belong to no part, such as the one at ({place}) m in "
+            f"{int(left.sum())} {kind} cells belong to no part, such as the one at {where} in "
             f"{said}; add a [[parts]] table, or name the group in mesh.ignore",
         )
 

@@ -9,6 +9,7 @@ from scipy.sparse.csgraph import connected_components
 from femupdate.arrays import Flags, Floats, Integers
 from femupdate.building.entry import Complaint
 from femupdate.building.own_mesh import Part
+from femupdate.building.pieces import place
 
 _STRAIGHT = 0.985  # cosine of the angle by which one span turns at most
 _LEAST = 1e-3  # m; a beam between rigid ends is longer
@@ -91,8 +92,8 @@ def beam_arms(part: Part, nodes: Floats, lines: Integers, spans: SpanEnds, key: 
     rigid = first * spans.start + last * spans.end
     short = np.flatnonzero(rigid.sum(axis=1) > length - _LEAST)
     if len(short):
-        place = ", ".join(f"{value:.4g}" for value in nodes[lines[short[0]]].mean(axis=0))
-        text = f"they leave nothing of the element at ({place}) m, {length[short[0]]:.4g} m long"
+        where = place(nodes[lines[short[0]]].mean(axis=0))
+        text = f"they leave nothing of the element at {where}, {length[short[0]]:.4g} m long"
         raise Complaint(f"{key}.rigid_ends", f"{text}; shorten them or make that element longer")
     inwards = np.stack([axis, -axis], axis=1) / length[:, None, None]
     return arms + rigid[:, :, None] * inwards

@@ -1,6 +1,6 @@
 """Sections of beams and columns by shape: rectangle, T, I, pipe, circle, or by their figures."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Annotated, Literal
 
 import numpy as np
@@ -55,13 +55,18 @@ def rectangle_torsion_constant(width: float, depth: float) -> float:
     return float(long * short**3 * (1.0 / 3.0 - 64.0 * short / (np.pi**5 * long) * series))
 
 
-class RectangleSection(Entry):
+class _Shape(Entry):
+    """What every section has: the material of its members, where the building has several."""
+
+    material: Label | None = None
+
+
+class RectangleSection(_Shape):
     """A solid rectangle."""
 
     shape: Literal["rectangle"]
     width: Length
     depth: Length
-    material: Label | None = None
 
     def figures(self) -> SectionFigures:
         """Return the section's figures; the shear areas are 5/6 of the area."""
@@ -77,7 +82,7 @@ class RectangleSection(Entry):
         )
 
 
-class TSection(Entry):
+class TSection(_Shape):
     """A web under a flange, such as a beam with the slab that works with it.
 
     `depth` is the whole depth, flange included; `flange_width` is the effective width.
@@ -88,7 +93,6 @@ class TSection(Entry):
     depth: Length
     flange_width: Length
     flange_thickness: Length
-    material: Label | None = None
 
     @model_validator(mode="after")
     def _flange_on_web(self) -> "TSection":
@@ -126,7 +130,7 @@ class TSection(Entry):
         )
 
 
-class ISection(Entry):
+class ISection(_Shape):
     """A doubly symmetric I or H, rolled (with a root radius) or welded."""
 
     shape: Literal["I"]
@@ -135,7 +139,6 @@ class ISection(Entry):
     web_thickness: Length
     flange_thickness: Length
     root_radius: Length | None = None
-    material: Label | None = None
 
     @model_validator(mode="after")
     def _thin_enough(self) -> "ISection":
@@ -211,13 +214,12 @@ def _rolled_torsion_constant(
     return float(plates + 2.0 * alpha * circle**4 - 0.420 * flange**4)
 
 
-class PipeSection(Entry):
+class PipeSection(_Shape):
     """A circular pipe of this outer diameter and wall thickness."""
 
     shape: Literal["pipe"]
     diameter: Length
     thickness: Length
-    material: Label | None = None
 
     @model_validator(mode="after")
     def _hollow(self) -> "PipeSection":
@@ -231,12 +233,11 @@ class PipeSection(Entry):
         return _round(self.diameter, self.diameter - 2.0 * self.thickness)
 
 
-class CircleSection(Entry):
+class CircleSection(_Shape):
     """A solid circle."""
 
     shape: Literal["circle"]
     diameter: Length
-    material: Label | None = None
 
     def figures(self) -> SectionFigures:
         """Return the section's figures; shear areas by Cowper (1966)."""
@@ -251,7 +252,7 @@ def _round(outer: float, inner: float) -> SectionFigures:
     return SectionFigures(area, shear, shear, inertia, inertia, 2.0 * inertia, (outer, outer))
 
 
-class FiguresSection(Entry):
+class FiguresSection(_Shape):
     """A section of any shape, given by its figures (axes as in `SectionFigures`)."""
 
     shape: Literal["figures"]
@@ -261,18 +262,11 @@ class FiguresSection(Entry):
     inertia_y: Inertia
     inertia_z: Inertia
     torsion_constant: Inertia
-    material: Label | None = None
 
     def figures(self) -> SectionFigures:
         """Return the section's figures."""
-        return SectionFigures(
-            area=self.area,
-            shear_area_y=self.shear_area_y,
-            shear_area_z=self.shear_area_z,
-            inertia_y=self.inertia_y,
-            inertia_z=self.inertia_z,
-            torsion_constant=self.torsion_constant,
-        )
+        names = [one.name for one in fields(SectionFigures) if one.name != "extent"]
+        return SectionFigures(**{name: getattr(self, name) for name in names})
 
 
 Section = Annotated[
