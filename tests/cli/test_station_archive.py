@@ -57,5 +57,5 @@ def test_an_archive_without_the_mapping_is_refused_with_its_channels(
 ):
     done = femupdate("calibrate", archive, "--building", tower_file, "--study", tmp_path / "new")
     assert "say it by the columns option, such as base=1,RF=2; its channels are" in done.complaint
-    assert "3 = HNE, 2 (peak" in done.complaint
+    assert "3 = HNE, Roof (peak" in done.complaint
     assert not (tmp_path / "new").exists()

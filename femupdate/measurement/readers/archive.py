@@ -114,12 +114,16 @@ def _member(file: TextFile, name: str, path: Path, alone: bool) -> Recording | N
 
 
 def _distinct(found: list[tuple[str, RecordedChannel]]) -> tuple[RecordedChannel, ...]:
-    """Channels whose names are told apart, where they are the same, by the name of their file."""
-    count = Counter(channel.name for _, channel in found)
-    return tuple(
-        replace(channel, name=f"{channel.name}, {stem}") if count[channel.name] > 1 else channel
-        for stem, channel in found
-    )
+    """Channels whose names are told apart by their locations, else by the names of their files."""
+    names = [channel.name for _, channel in found]
+    for more in ([channel.location for _, channel in found], [stem for stem, _ in found]):
+        count = Counter(names)
+        names = [
+            f"{name}, {words}" if count[name] > 1 and words not in name else name
+            for name, words in zip(names, more, strict=True)
+        ]
+    channels = (channel for _, channel in found)
+    return tuple(replace(channel, name=name) for channel, name in zip(channels, names, strict=True))
 
 
 def _notes(left_out: list[str]) -> tuple[str, ...]:
