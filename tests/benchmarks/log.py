@@ -9,7 +9,7 @@ from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from .result import plain
+from .result import json_content
 
 T = TypeVar("T")
 
@@ -26,7 +26,7 @@ class ResumableLog:
     """
 
     def __init__(self, path: Path, header: Any) -> None:
-        self._path, self._header = path, json.dumps(plain(header))
+        self._path, self._header = path, json.dumps(json_content(header))
         self._lines: dict[str, str] = {}
         self._open = False
         lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
@@ -55,7 +55,7 @@ class ResumableLog:
                 file.write(f"{line}\n")
         self._open = True
 
-    def kept(self, key: str, kind: type[T], make: Callable[[], T]) -> T:
+    def get_or_make(self, key: str, kind: type[T], make: Callable[[], T]) -> T:
         """Return a part, which is made and added where it is not there."""
         part = self.get(key, kind)
         if part is None:

@@ -13,7 +13,7 @@ from femupdate.processors import processor_count
 _PACKAGES = ("numpy", "scipy", "torch")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Machine:
     """Where and when a benchmark ran.
 

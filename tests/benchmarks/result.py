@@ -98,7 +98,7 @@ class Job:
             answer=answer or {},
         )
         everything = {"benchmark": name, "machine": machine, "seed": self.seed, **content}
-        write_text(report.json, json.dumps(plain(everything), indent=1) + "\n")
+        write_text(report.json, json.dumps(json_content(everything), indent=1) + "\n")
         head = f"{machine.sentence()}, seed {self.seed}."
         write_text(report.markdown, f"{head}\n\n{text.rstrip()}\n")
         return report
@@ -110,18 +110,18 @@ def markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(row) + " |" for row in (head, rule, *rows))
 
 
-def plain(value: Any) -> Any:
+def json_content(value: Any) -> Any:
     """Return what JSON can hold: dataclasses as objects, what is not a number as null."""
     if is_dataclass(value) and not isinstance(value, type):
-        return plain(asdict(value))
+        return json_content(asdict(value))
     if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
+        return {str(key): json_content(item) for key, item in value.items()}
     if isinstance(value, Path):
         return str(value)
     if hasattr(value, "tolist"):
-        return plain(value.tolist())
+        return json_content(value.tolist())
     if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
+        return [json_content(item) for item in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value

@@ -158,7 +158,7 @@ def calibration_case(
     if floors == (ANY_FLOORS,):
         floors = _random_floors(model.building.floors, rng)
     building = simulate(model, floors, noise_sd, rng)
-    centre, seed = rng.random(model.prior.size), 1009 * settings.seed + number
+    reference, seed = rng.random(model.prior.size), 1009 * settings.seed + number
     latent = LatentLikelihood(
         surrogate,
         model.responder,
@@ -168,7 +168,7 @@ def calibration_case(
         least_noise=noise_sd,
     )
     start = TemperedSmc(model.prior, latent).run(settings.particles, seed)
-    judge = _Judge(model, building, centre, seed)
+    judge = _Judge(model, building, reference, seed)
     exact, widths, share = None, None, float("nan")
     if number < settings.beside:
         draws, likelihoods, share = _exact(model, building, latent, start, seed)
@@ -256,13 +256,13 @@ class _Judge:
     Attributes:
         model: of the building.
         building: with its truth and observation.
-        centre: (p,) point of the unit cube that distances are taken from.
+        reference: (p,) point of the unit cube from which distances are measured.
         seed: of the draws that the predictive check takes.
     """
 
     model: StudyModel
     building: SimulatedBuilding
-    centre: Floats
+    reference: Floats
     seed: int
 
     def __call__(
@@ -274,7 +274,7 @@ class _Judge:
         level = density_level(
             likelihoods.log_likelihood, likelihoods.log_likelihood_of_truth, np.ones(len(unit))
         )
-        tarp = tarp_level(unit, truth, self.centre)
+        tarp = tarp_level(unit, truth, self.reference)
         return Judged(level, ranks(unit, truth), tarp, self._check(theta, zeta))
 
     def _check(self, theta: torch.Tensor, zeta: torch.Tensor) -> PredictiveCheck:

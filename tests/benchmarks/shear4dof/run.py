@@ -107,12 +107,12 @@ def _samplers(
         job.progress.start(f"Samplers, {target.label} likelihood", 2 * len(plan.sizes))
         for name, size in product(SAMPLERS, plan.sizes):
             make = partial(sampler_row, problem, target, name, size, plan.runs)
-            rows.append(log.kept(f"{target.label}, {name}, {size}", SamplerRow, make))
+            rows.append(log.get_or_make(f"{target.label}, {name}, {size}", SamplerRow, make))
             advance()
         if plan.nuts:
             job.progress.start(f"NUTS, {target.label} likelihood", plan.nuts)
             make = partial(nuts_row, problem, target, plan.nuts, job.seed, advance)
-            rows.append(log.kept(f"{target.label}, NUTS, {plan.nuts}", SamplerRow, make))
+            rows.append(log.get_or_make(f"{target.label}, NUTS, {plan.nuts}", SamplerRow, make))
     return rows + floor_rows(problem, targets[1], plan.sizes, plan.runs, job.seed + 17)
 
 
@@ -126,7 +126,7 @@ def _observations(
     for number in range(plan.observations):
         case = random_case(problem.model, rng) if number else problem.case
         make = partial(observation_result, problem, case, job.seed + number, draws)
-        results.append(log.kept(f"observation {number}", ObservationResult, make))
+        results.append(log.get_or_make(f"observation {number}", ObservationResult, make))
         job.progress.advance()
     return results
 

@@ -50,7 +50,7 @@ def same(one, other):
 def path(tmp_path):
     """Of a log of both parts."""
     log = ResumableLog(tmp_path / "folder" / "parts.jsonl", ["a plan", np.nan])
-    assert log.kept("first", Part, lambda: FIRST) is FIRST
+    assert log.get_or_make("first", Part, lambda: FIRST) is FIRST
     assert log.get("second", Part) is None
     log.add("second", SECOND)
     return tmp_path / "folder" / "parts.jsonl"
@@ -58,15 +58,15 @@ def path(tmp_path):
 
 def test_parts_come_back_as_they_were(path):
     log = ResumableLog(path, ["a plan", np.nan])
-    same(log.kept("first", Part, refuse), FIRST)
-    same(log.kept("second", Part, refuse), SECOND)
+    same(log.get_or_make("first", Part, refuse), FIRST)
+    same(log.get_or_make("second", Part, refuse), SECOND)
 
 
 def test_half_a_line_and_another_plan_are_made_again(path):
     path.write_text(path.read_text()[:-40])
     log = ResumableLog(path, ["a plan", np.nan])
-    same(log.kept("first", Part, refuse), FIRST)
-    assert log.kept("second", Part, lambda: SECOND) is SECOND
+    same(log.get_or_make("first", Part, refuse), FIRST)
+    assert log.get_or_make("second", Part, lambda: SECOND) is SECOND
     assert len(path.read_text().splitlines()) == 3
     assert ResumableLog(path, "another plan").get("first", Part) is None
 

@@ -1,0 +1,74 @@
+"""The commands of benchmarks: what they print and write, and what they refuse."""
+
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from femupdate.benchmarks.solver import run as solver
+from femupdate.benchmarks.solver.score import ElementTest
+from femupdate.cli.main import group
+
+
+@pytest.fixture
+def run(tmp_path):
+    """Run a benchmark with its results in `tmp_path`; an unhandled exception fails the test."""
+
+    def call(*arguments):
+        words = ["benchmark", *arguments, "--output", str(tmp_path)]
+        return CliRunner().invoke(group, words, catch_exceptions=False)
+
+    return call
+
+
+def answer(done):
+    assert done.exit_code == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def test_solver(run, tmp_path, monkeypatch):
+    scores = tuple(
+        ElementTest("Test", "m", "source").score("case", mesh, 1.0, value)
+        for mesh, value in (("2x2", 1.2), ("4x4", 1.01))
+    )
+    monkeypatch.setattr(solver, "element_scores", lambda progress: scores)
+    monkeypatch.setattr(solver, "draw_convergence", lambda scores, path: path)
+    found = answer(run("solver", "--sizes", "", "--json"))
+    assert found["elements_reached"] == 1
+    assert [one["verdict"] for one in found["elements"]] == ["behind", "within 2 %"]
+    assert found["results"] == [str(tmp_path / "solver.json"), str(tmp_path / "solver.md")]
+    assert found["pictures"] == [str(tmp_path / "convergence.png")]
+    assert json.loads((tmp_path / "solver.json").read_text(encoding="utf-8"))["speed"] == []
+    done = run("solver", "--sizes", "")
+    assert "1 of 2 rows reach the best other" in done.stdout
+    assert str(tmp_path / "solver.md") in done.stdout
+
+
+def test_an_unknown_size_is_one_sentence(run, monkeypatch):
+    monkeypatch.setattr(solver, "element_scores", lambda progress: ())
+    done = run("solver", "--sizes", "huge")
+    assert done.exit_code == 1
+    assert done.stderr.strip().splitlines()[-1].startswith("Error: there is no size 'huge'")
+
+
+def test_training(run, tmp_path):
+    found = answer(run("training", "--samples", "600", "--minutes", "0.005", "--json"))
+    written = json.loads((tmp_path / "training.json").read_text(encoding="utf-8"))
+    assert found["loss"] == written["reached"]["loss"]
+    assert found["cpu_ratio"] == written["cpu_ratio"]
+    assert found["pictures"] == [str(tmp_path / "training.png")]
+    done = run("training", "--samples", "100")
+    assert done.exit_code == 1
+    assert "100 samples are too few for batches of 512" in done.stderr
+
+
+def test_latent_size(run):
+    """Every story's stiffness counts, at the roof of four stories as well."""
+    arguments = ("latent-size", "--draws", "30", "--sensors")
+    found = answer(run(*arguments, "RF", "--json"))
+    assert found["enough"] == 4
+    assert found["nats"] == sorted(found["nats"], reverse=True)
+    assert "Enough: 4 of 4." in Path(found["results"][1]).read_text(encoding="utf-8")
+    done = run(*arguments, "9F")
+    assert done.exit_code == 1
+    assert "shear_4dof has no floor 9F to observe; it has 2F, 3F, 4F, RF" in done.stderr
