@@ -1,6 +1,7 @@
 """femupdate predict."""
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -9,7 +10,7 @@ from femupdate.study import Study
 from .answer import Answer
 from .bars import Bars
 from .common import study_options
-from .parameters import Channel, Columns, InputFile, Member, Place
+from .parameters import Channel, Columns, InputFile, Member
 
 
 @click.command("predict")
@@ -67,18 +68,14 @@ def command(
     channel: int | str | None,
     unit: str | None,
     scale: float,
-    damping: float | None,
-    samples: int,
     measured: Path | None,
+    columns: dict[str, str] | None,
     floor_spectra: bool,
     spectrum_damping: float,
-    members: tuple[Place | str, ...],
-    member_draws: int,
-    columns: dict[str, str] | None,
     study: Study,
-    seed: int,
     bars: Bars,
     pictures: bool,
+    **settings: Any,
 ) -> Answer:
     """Predict floor accelerations and story shears for a ground motion.
 
@@ -89,19 +86,12 @@ def command(
     from femupdate.workflow.predict import predict_study
     from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource
 
-    settings = PredictionSettings(
-        samples=samples,
-        damping=damping,
-        seed=seed,
-        spectrum_damping=spectrum_damping if floor_spectra else None,
-        members=members,
-        member_draws=member_draws,
-    )
+    oscillators = spectrum_damping if floor_spectra else None
     report = predict_study(
         study,
         open_calibrated(study, bars),
         RecordSource(record, unit, channel, scale),
-        settings,
+        PredictionSettings(spectrum_damping=oscillators, **settings),
         measured=measured,
         columns=columns,
         progress=bars,

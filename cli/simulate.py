@@ -1,6 +1,7 @@
 """femupdate simulate."""
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -26,15 +27,28 @@ from .parameters import Band, BuildingName, Channel, InputFile, Numbers, SizedEf
 @click.option("--theta", type=Numbers(), help="Stiffness factors; default: random.")
 @click.option("--zeta", type=click.FloatRange(0.0, 1.0), help="Damping ratio of all modes.")
 @click.option("--mesh-size", type=float, help="Mesh size, m; default: half of the building's own.")
-@click.option("--duration", type=float, default=80.0, show_default=True, help="Length, s.")
 @click.option(
-    "--sampling", type=float, default=200.0, show_default=True, help="Samples per second."
+    "--duration", "duration_s", type=float, default=80.0, show_default=True, help="Length, s."
 )
 @click.option(
-    "--rms", type=float, default=0.3, show_default=True, help="Rms acceleration of the base, m/s2."
+    "--sampling",
+    "sampling_hz",
+    type=float,
+    default=200.0,
+    show_default=True,
+    help="Samples per second.",
+)
+@click.option(
+    "--rms",
+    "rms_m_s2",
+    type=float,
+    default=0.3,
+    show_default=True,
+    help="Rms acceleration of the base, m/s2.",
 )
 @click.option(
     "--band",
+    "band_hz",
     type=Band(),
     default="0.5,50",
     show_default=True,
@@ -54,6 +68,7 @@ from .parameters import Band, BuildingName, Channel, InputFile, Numbers, SizedEf
 @click.option("--force", is_flag=True, help="Replace an existing file.")
 @click.option(
     "--sensor-noise",
+    "sensor_noise_m_s2",
     type=float,
     default=0.003,
     show_default=True,
@@ -63,23 +78,14 @@ from .parameters import Band, BuildingName, Channel, InputFile, Numbers, SizedEf
 def command(
     output: Path,
     building: str | None,
-    theta: tuple[float, ...] | None,
-    zeta: float | None,
-    mesh_size: float | None,
-    duration: float,
-    sampling: float,
-    rms: float,
-    band: tuple[float, float],
     record: Path | None,
     channel: int | str | None,
     unit: str | None,
     scale: float,
-    effects: tuple[tuple[str, tuple[float, ...]], ...],
     force: bool,
-    sensor_noise: float,
     study: Study,
-    seed: int,
     bars: Bars,
+    **settings: Any,
 ) -> Answer:
     """Make a synthetic observation file of a building with known stiffness factors.
 
@@ -96,20 +102,9 @@ def command(
     )
     from femupdate.workflow.model import choose_building
 
+    if record is not None:
+        motion = read_record(record, unit, channel).scaled(scale)
+        settings.update(base_motion=motion, sampling_hz=1.0 / motion.time_step)
     chosen = choose_building(study, building)
-    motion = None if record is None else read_record(record, unit, channel).scaled(scale)
-    settings = SimulationSettings(
-        theta=theta,
-        zeta=zeta,
-        mesh_size=mesh_size,
-        base_motion=motion,
-        duration_s=duration,
-        sampling_hz=sampling if motion is None else 1.0 / motion.time_step,
-        rms_m_s2=rms,
-        band_hz=band,
-        sensor_noise_m_s2=sensor_noise,
-        effects=effects,
-        seed=seed,
-    )
-    simulation = simulate_observation(chosen, settings, bars)
+    simulation = simulate_observation(chosen, SimulationSettings(**settings), bars)
     return Answer(write_simulation(simulation, output))

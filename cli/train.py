@@ -1,7 +1,7 @@
 """femupdate train."""
 
-from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -56,15 +56,11 @@ from .parameters import BuildingName
 def command(
     building: str | None,
     samples: int,
-    epochs: int,
-    batch: int,
-    learning_rate: float,
-    roof_share: float,
     start: Path | None,
     fresh: bool,
     study: Study,
-    seed: int,
     bars: Bars,
+    **settings: Any,
 ) -> Answer:
     """Train the surrogate of the study's building.
 
@@ -77,15 +73,8 @@ def command(
     from femupdate.workflow.model import open_study
     from femupdate.workflow.train import default_settings, train_study
 
-    check_training(study, samples, batch, start, building)
+    check_training(study, samples, settings["batch"], start, building)
     model = open_study(study, building, bars)
-    default = default_settings(model, epochs, seed)
-    settings = replace(
-        default,
-        batch=batch,
-        learning_rate=learning_rate,
-        roof_share=roof_share,
-        full_share=min(default.full_share, 1.0 - roof_share),
-    )
-    report = train_study(study, model, samples, settings, fresh=fresh, start=start, progress=bars)
+    chosen = default_settings(model, **settings)
+    report = train_study(study, model, samples, chosen, fresh=fresh, start=start, progress=bars)
     return Answer(report, more={"study": study.folder})

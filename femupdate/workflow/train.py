@@ -2,7 +2,7 @@
 
 import shutil
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -158,10 +158,17 @@ def _described(
     return TrainedSurrogate(result.mvae, info)
 
 
-def default_settings(model: StudyModel, epochs: int = 45, seed: int = 0) -> TrainingSettings:
-    """Settings for a building: its own noise, everything else as shipped."""
-    noise = model.building.observation.noise_sd
-    return TrainingSettings(epochs=epochs, seed=seed, loss=LossSettings(noise_sd=noise))
+def default_settings(model: StudyModel, **changes: Any) -> TrainingSettings:
+    """Settings for a building: its own noise, everything else as shipped but for the changes.
+
+    Args:
+        model: of the study.
+        changes: fields of `TrainingSettings`.
+    """
+    loss = LossSettings(noise_sd=model.building.observation.noise_sd)
+    settings = replace(TrainingSettings(loss=loss), **changes)
+    # Samples seen with the roof alone leave fewer to be seen with all floors.
+    return replace(settings, full_share=min(settings.full_share, 1.0 - settings.roof_share))
 
 
 def network_sizes(model: StudyModel) -> NetworkSizes:

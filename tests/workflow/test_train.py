@@ -254,9 +254,9 @@ def test_a_shipped_surrogate_is_taken_by_name_and_mechanics(
 def test_settings_follow_the_building(tower_model, tmp_path, tower_file):
     sizes = network_sizes(tower_model)
     assert (sizes.floors, sizes.points, sizes.parameters) == (2, 60, 2)
-    assert default_settings(tower_model, 7, 3).loss.noise_sd == 0.2
-    assert default_settings(tower_model, 7, 3).epochs == 7
-    assert default_settings(tower_model, 7, 3).seed == 3
+    settings = default_settings(tower_model, epochs=7, seed=3, roof_share=0.9)
+    assert (settings.loss.noise_sd, settings.epochs, settings.seed) == (0.2, 7, 3)
+    assert settings.full_share == pytest.approx(0.1)
     quiet = tmp_path / "quiet.toml"
     quiet.write_text(tower_file.read_text() + "\n[observation]\nnoise_sd = 0.1\n")
     model = open_study(Study(tmp_path / "study"), str(quiet))
