@@ -47,20 +47,20 @@ def reduction_notes(model: StudyModel, observation: Observation) -> tuple[str, .
         return ()
     return (
         f"The reduced model misses the full one by {model.reduction_error:.2g} in ln|H| (rms, at "
-        f"the lowest damping), the data show a noise of {typical:.2g}: this posterior is narrower "
-        "than the model deserves.",
+        f"the lowest damping), but the data show a noise of {typical:.2g}. This posterior is "
+        "narrower than the model deserves.",
     )
 
 
 def noise_notes(info: SurrogateInfo, observation: Observation) -> tuple[str, ...]:
-    """Where the data are better than the surrogate believes."""
+    """Where the data have less noise than the surrogate assumes."""
     typical = float(np.median(observation.noise_sd[observation.valid]))
     if typical >= _MUCH_LESS * info.noise_sd:
         return ()
     return (
-        f"The latent likelihood allows ln|H| an error of {info.noise_sd:g} (noise and "
-        f"idealisation), the data show a noise of {typical:.2g}: this posterior is wider than the "
-        "data allow; --exact uses the file's noise.",
+        f"The latent likelihood assumes an error of {info.noise_sd:g} in ln|H| (noise and "
+        f"idealisation), but the data show a noise of {typical:.2g}. This posterior is wider than "
+        "necessary; --exact uses the noise of the file.",
     )
 
 
@@ -69,8 +69,8 @@ def latent_notes(likelihood: LatentLikelihood) -> tuple[str, ...]:
     found = likelihood.found
     count = len(found.posterior.log_weight)
     return (
-        f"The surrogate proposed, {found.responses:,} responses of the reduced model led to "
-        + ("one solution." if count == 1 else f"{count} solutions."),
+        f"{found.responses:,} responses of the reduced model refined the surrogate's proposal to "
+        + ("one Gaussian." if count == 1 else f"a mixture of {count} Gaussians."),
         *misfit_notes(found.misfit, likelihood.usual_misfit),
     )
 
@@ -80,21 +80,20 @@ def misfit_notes(misfit: float, usual: float) -> tuple[str, ...]:
     if misfit <= usual:
         return ()
     return (
-        "The observation is unlike anything that this building can do: its best response "
-        f"misses it by {np.sqrt(misfit):.2f} times the noise (rms), where 99.5 % of "
-        f"simulations are missed by less than {np.sqrt(usual):.2f}; do not "
-        "trust this posterior, use `femupdate diagnose`.",
+        "The observation is unlike anything that this building can do. The best response misses "
+        f"it by {np.sqrt(misfit):.2f} times the noise (rms); in 99.5 % of simulations it is less "
+        f"than {np.sqrt(usual):.2f}. Do not trust this posterior; use `femupdate diagnose`.",
     )
 
 
 def calibration_notes(info: SurrogateInfo, observation: Observation) -> tuple[str, ...]:
-    """What simulations say about the posteriors of a surrogate."""
+    """How often posteriors of the surrogate contained the truth in simulations."""
     notes, floors = [], observation.floors
     kept = info.calibration
     if kept:
         power = info.likelihood_power
         notes.append(
-            f"On {kept['cases']} fresh simulations the 90 % region held "
+            f"In {kept['cases']} simulations the 90 % region contained "
             f"{kept['coverage_90_after']:.0%} of the truths"
             + (
                 "."
