@@ -6,10 +6,10 @@ from itertools import product
 import numpy as np
 
 from femupdate.arrays import Flags, Floats, Integers
-from femupdate.building.blocks import Block
+from femupdate.building.blocks import ElementBlock
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.lattice import ExtraLines, Lattice, strips
-from femupdate.building.members import BeamLines, Columns
+from femupdate.building.members import BeamLines, ColumnGroup
 from femupdate.building.references import Stretch, beam_stretches, intersections, resolve, spans
 from femupdate.fe.elements.beam import Beams
 
@@ -24,7 +24,7 @@ def column_lines(building: FrameBuilding) -> ExtraLines:
     return ExtraLines(x=tuple(x for x, _ in points), y=tuple(y for _, y in points))
 
 
-def column_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[Block]:
+def column_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[ElementBlock]:
     """Yield the columns, one block a story and place."""
     for number, columns in enumerate(building.columns):
         key = f"columns[{number}]"
@@ -36,7 +36,7 @@ def column_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[Block]:
                 offset = None
                 if columns.eccentricity is not None:
                     offset = np.tile([*columns.eccentricity, 0.0], (len(nodes), 2, 1))
-                yield Block(
+                yield ElementBlock(
                     key=key,
                     element=Beams,
                     nodes=nodes,
@@ -50,7 +50,7 @@ def column_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[Block]:
 
 
 def _places(
-    building: FrameBuilding, lattice: Lattice, columns: Columns, key: str
+    building: FrameBuilding, lattice: Lattice, columns: ColumnGroup, key: str
 ) -> list[tuple[int, int]]:
     """Return the mesh lines in x and y at which columns stand."""
     if columns.points:
@@ -59,7 +59,7 @@ def _places(
     return [(lattice.x.at[point.x], lattice.y.at[point.y]) for point in points]
 
 
-def beam_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[Block]:
+def beam_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[ElementBlock]:
     """Yield the beams, one block a floor and line, or a floor and span where spans have ends."""
     for number, beams in enumerate(building.beams):
         key = f"beams[{number}]"
@@ -73,7 +73,7 @@ def beam_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[Block]:
             for floor, part in product(floors, parts):
                 points = lattice.along(part, np.array([lattice.z.at[floor]]))[:, 0]
                 nodes = strips(_touched(lattice, beams, part, points))
-                yield Block(
+                yield ElementBlock(
                     key=key,
                     element=Beams,
                     nodes=nodes,

@@ -16,7 +16,7 @@ _SHAPES = {"up": (3,), "size": (2,), "offset": (2, 3), "released": (12,)}
 
 
 @dataclass(frozen=True, kw_only=True)
-class Block:
+class ElementBlock:
     """The n elements of one member in one story or on one floor, or of one part of a read mesh.
 
     Attributes:
@@ -55,13 +55,13 @@ class Block:
         return found
 
 
-def by_element(blocks: Sequence[Block]) -> dict[type[Elements], list[Block]]:
+def by_element(blocks: Sequence[ElementBlock]) -> dict[type[Elements], list[ElementBlock]]:
     """Return the blocks of each kind of element, in the order of a model's elements."""
     kinds = dict.fromkeys(block.element for block in blocks)
     return {kind: [block for block in blocks if block.element is kind] for kind in kinds}
 
 
-def joined(blocks: Sequence[Block], used: Integers) -> tuple[Elements, ...]:
+def joined(blocks: Sequence[ElementBlock], used: Integers) -> tuple[Elements, ...]:
     """Return the elements of blocks, one block a kind.
 
     Args:
@@ -71,7 +71,7 @@ def joined(blocks: Sequence[Block], used: Integers) -> tuple[Elements, ...]:
     return tuple(_joined(kind, own, used) for kind, own in by_element(blocks).items())
 
 
-def _joined(kind: type[Elements], blocks: Sequence[Block], used: Integers) -> Elements:
+def _joined(kind: type[Elements], blocks: Sequence[ElementBlock], used: Integers) -> Elements:
     nodes = np.searchsorted(used, np.concatenate([block.nodes for block in blocks]))
     known = [block.values() for block in blocks]
     filled: dict[str, Any] = {"nodes": nodes}

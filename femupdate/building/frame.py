@@ -9,7 +9,7 @@ from femupdate.building.common import MeshedBuilding
 from femupdate.building.entry import Complaint
 from femupdate.building.members import (
     BeamLines,
-    Columns,
+    ColumnGroup,
     Grid,
     Mesh,
     Opening,
@@ -35,7 +35,7 @@ class FrameBuilding(MeshedBuilding):
 
     kind: Literal["frame"]
     grid: Grid
-    columns: tuple[Columns, ...] = ()
+    columns: tuple[ColumnGroup, ...] = ()
     beams: tuple[BeamLines, ...] = ()
     walls: tuple[Wall, ...] = ()
     slabs: tuple[Slab, ...] = ()

@@ -8,7 +8,7 @@ import numpy as np
 
 from femupdate.arrays import Integers
 from femupdate.building.bars import beam_blocks, column_blocks, column_lines
-from femupdate.building.blocks import Block, by_element, joined
+from femupdate.building.blocks import ElementBlock, by_element, joined
 from femupdate.building.building_mesh import BuildingMesh
 from femupdate.building.connections import connected, face_lines
 from femupdate.building.entry import Complaint
@@ -58,7 +58,7 @@ class _Parts:
 
     model: FiniteElementModel
     used: Integers
-    blocks: tuple[Block, ...]
+    blocks: tuple[ElementBlock, ...]
 
 
 def _parts_on(building: FrameBuilding, lattice: Lattice) -> _Parts:
@@ -110,7 +110,7 @@ def _mesh_on(building: FrameBuilding, lattice: Lattice) -> BuildingMesh:
     )
 
 
-def _refuse_doubles(blocks: Sequence[Block], lattice: Lattice) -> None:
+def _refuse_doubles(blocks: Sequence[ElementBlock], lattice: Lattice) -> None:
     """Raise Complaint where two blocks have an element between the same nodes."""
     nodes = np.concatenate([block.nodes for block in blocks])
     double = first_double(nodes)

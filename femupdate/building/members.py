@@ -57,7 +57,7 @@ class FrameStory(Story):
     height: Length
 
 
-class Columns(Entry):
+class ColumnGroup(Entry):
     """Columns of one section through these stories.
 
     They stand at intersections of grid lines ("X1-Y1"), or at `points` given by their coordinates.
@@ -71,7 +71,7 @@ class Columns(Entry):
     eccentricity: tuple[Coordinate, Coordinate] | None = None
 
     @model_validator(mode="after")
-    def _one_way_of_placing(self) -> "Columns":
+    def _one_way_of_placing(self) -> "ColumnGroup":
         if self.points and self.at != ALL:
             text = "give either intersections (at) or coordinates (points); put the others into"
             raise Complaint("points", f"{text} another [[columns]] table")

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from femupdate.arrays import Flags, Floats, Integers, Strings
-from femupdate.building.blocks import Block, by_element, joined
+from femupdate.building.blocks import ElementBlock, by_element, joined
 from femupdate.building.building_mesh import BuildingMesh
 from femupdate.building.connections import connected
 from femupdate.building.entry import Complaint, unknown
@@ -83,7 +83,7 @@ def _import(building: MeshBuilding) -> BuildingMesh:
     )
 
 
-def _owners(blocks: Sequence[Block]) -> Integers:
+def _owners(blocks: Sequence[ElementBlock]) -> Integers:
     """Part of every element of one kind."""
     return np.concatenate([np.full(len(block.nodes), block.part) for block in blocks])
 
@@ -96,7 +96,7 @@ def _merged(building: MeshBuilding, raw: RawMesh, nodes: Floats) -> RawMesh:
     return replace(raw, cells=cells)
 
 
-def _blocks(building: MeshBuilding, raw: RawMesh, nodes: Floats) -> Iterator[Block]:
+def _blocks(building: MeshBuilding, raw: RawMesh, nodes: Floats) -> Iterator[ElementBlock]:
     """Yield the cells of all parts; every cell must belong to one, or be ignored."""
     taken = {kind: np.full(len(cells.nodes), -1) for kind, cells in raw.cells.items()}
     ignored = {
@@ -156,7 +156,7 @@ def _refuse_left(raw: RawMesh, kind: str, left: Flags, nodes: Floats) -> None:
 
 def _block(
     building: MeshBuilding, number: int, part: Part, kind: str, cells: Integers, nodes: Floats
-) -> Block:
+) -> ElementBlock:
     middle = nodes[cells].mean(axis=1)[:, 2]
     if part.story is not None:
         group = np.full(len(cells), building.story_names.index(part.story))
@@ -169,7 +169,7 @@ def _block(
             raise Complaint("stories", f"{text}; correct the heights, mesh.base or mesh.unit")
     section = building.sections[part.section] if part.section is not None else None
     material = part.material or (section.material if section is not None else None)
-    return Block(
+    return ElementBlock(
         key=f"parts[{number}]",
         part=number,
         element=_element_of(part, kind, f"parts[{number}]"),
@@ -215,7 +215,9 @@ def _up(part: Part, ends: Floats) -> Floats:
     return np.where(steep[:, None], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0])
 
 
-def _with_ends(building: MeshBuilding, blocks: Sequence[Block], nodes: Floats) -> Iterator[Block]:
+def _with_ends(
+    building: MeshBuilding, blocks: Sequence[ElementBlock], nodes: Floats
+) -> Iterator[ElementBlock]:
     """Yield the blocks with the arms and hinges that their parts have at the ends of spans."""
     lines = [block for block in blocks if block.section is not None]
     for block in blocks:
@@ -245,7 +247,7 @@ def _floor_nodes(building: MeshBuilding, points: Floats) -> dict[str, Integers]:
 
 
 def _diaphragms(
-    building: MeshBuilding, blocks: Sequence[Block], nodes: Floats, used: Integers
+    building: MeshBuilding, blocks: Sequence[ElementBlock], nodes: Floats, used: Integers
 ) -> Iterator[Integers]:
     for block in blocks:
         if building.parts[block.part].diaphragm != "rigid":

@@ -55,13 +55,13 @@ def rectangle_torsion_constant(width: float, depth: float) -> float:
     return float(long * short**3 * (1.0 / 3.0 - 64.0 * short / (np.pi**5 * long) * series))
 
 
-class _Shape(Entry):
+class _SectionShape(Entry):
     """What every section has: the material of its members, where the building has several."""
 
     material: Label | None = None
 
 
-class RectangleSection(_Shape):
+class RectangleSection(_SectionShape):
     """A solid rectangle."""
 
     shape: Literal["rectangle"]
@@ -82,7 +82,7 @@ class RectangleSection(_Shape):
         )
 
 
-class TSection(_Shape):
+class TSection(_SectionShape):
     """A web under a flange, such as a beam with the slab that works with it.
 
     `depth` is the whole depth, flange included; `flange_width` is the effective width.
@@ -130,7 +130,7 @@ class TSection(_Shape):
         )
 
 
-class ISection(_Shape):
+class ISection(_SectionShape):
     """A doubly symmetric I or H, rolled (with a root radius) or welded."""
 
     shape: Literal["I"]
@@ -214,7 +214,7 @@ def _rolled_torsion_constant(
     return float(plates + 2.0 * alpha * circle**4 - 0.420 * flange**4)
 
 
-class PipeSection(_Shape):
+class PipeSection(_SectionShape):
     """A circular pipe of this outer diameter and wall thickness."""
 
     shape: Literal["pipe"]
@@ -233,7 +233,7 @@ class PipeSection(_Shape):
         return _round(self.diameter, self.diameter - 2.0 * self.thickness)
 
 
-class CircleSection(_Shape):
+class CircleSection(_SectionShape):
     """A solid circle."""
 
     shape: Literal["circle"]
@@ -252,7 +252,7 @@ def _round(outer: float, inner: float) -> SectionFigures:
     return SectionFigures(area, shear, shear, inertia, inertia, 2.0 * inertia, (outer, outer))
 
 
-class FiguresSection(_Shape):
+class FiguresSection(_SectionShape):
     """A section of any shape, given by its figures (axes as in `SectionFigures`)."""
 
     shape: Literal["figures"]

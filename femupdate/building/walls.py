@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from femupdate.arrays import Flags, Floats, Integers
-from femupdate.building.blocks import Block
+from femupdate.building.blocks import ElementBlock
 from femupdate.building.entry import Complaint
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.lattice import ExtraLines, Lattice, quadrilaterals
@@ -87,7 +87,7 @@ def _wall_stories(building: FrameBuilding) -> Iterator[_WallStory]:
             yield _WallStory(key, wall, run, group, openings)
 
 
-def wall_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[Block]:
+def wall_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[ElementBlock]:
     """Yield the walls that have stiffness, one block a story, without what is open.
 
     Raises:
@@ -102,7 +102,7 @@ def wall_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[Block]:
             story = building.story_names[one.group]
             text = f"the openings leave nothing of the wall in story {story}; make them smaller"
             raise Complaint(f"{one.key}.openings", text)
-        yield Block(
+        yield ElementBlock(
             key=one.key,
             element=Shells,
             nodes=nodes[~open_],

@@ -10,9 +10,9 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from femupdate.arrays import Flags, Floats, Integers
+from femupdate.arrays import Flags, Floats, Integers, Strings
 from femupdate.errors import ModelError
 from femupdate.fe.opensees import OpenSeesPart
 
@@ -92,7 +92,7 @@ class Elements(ABC):
     youngs_modulus: Floats = column()
     density: Floats = column(NOT_NEGATIVE)
     group: Integers = rows(dtype=np.int64)
-    kind: NDArray[np.str_] = rows(dtype="<U24")
+    kind: Strings = rows(dtype="<U24")
 
     @property
     @abstractmethod

@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from femupdate.arrays import Floats, Integers
+
 
 @dataclass(frozen=True)
 class OpenSeesTable:
@@ -42,7 +44,7 @@ def numbers(values: Iterable[Any]) -> str:
     return " ".join(f"{value:.12g}" for value in values)
 
 
-def sections(*columns: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def sections(*columns: Floats) -> tuple[Floats, Integers]:
     """The distinct rows (m, c) of some columns (n,), and the row of each element, (n,)."""
     kinds, which = np.unique(np.column_stack(columns), axis=0, return_inverse=True)
     return kinds, which.ravel()

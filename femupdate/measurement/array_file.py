@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from femupdate.arrays import Floats
 from femupdate.measurement.columns import FREQUENCY, TIME
 from femupdate.measurement.quantity import is_unit
 from femupdate.measurement.recording import TIME_NAME, Recording
@@ -35,7 +36,7 @@ def table_of_arrays(file: TextFile, arrays: Mapping[str, Any]) -> Recording:
     """
     numbers = {name: np.squeeze(a) for name, a in arrays.items() if _is_numeric(a)}
     scalars = {name: float(a.real) for name, a in numbers.items() if a.ndim == 0}
-    columns: dict[str, NDArray[np.float64]] = {}
+    columns: dict[str, Floats] = {}
     for name, array in numbers.items():
         columns |= _columns(name, array)
     if not columns:
@@ -61,7 +62,7 @@ def _is_numeric(array: Any) -> bool:
     )
 
 
-def _columns(name: str, array: NDArray[Any]) -> dict[str, NDArray[np.float64]]:
+def _columns(name: str, array: NDArray[Any]) -> dict[str, Floats]:
     if array.ndim == 2:
         rows = array if array.shape[0] <= array.shape[1] else array.T
         found = [_columns(f"{name}_{k}", row) for k, row in enumerate(rows, start=1)]
@@ -73,9 +74,7 @@ def _columns(name: str, array: NDArray[Any]) -> dict[str, NDArray[np.float64]]:
     return {name: array.astype(np.float64)}
 
 
-def _axis(
-    file: TextFile, columns: dict[str, NDArray[np.float64]], scalars: Mapping[str, float]
-) -> str:
+def _axis(file: TextFile, columns: dict[str, Floats], scalars: Mapping[str, float]) -> str:
     """Name of the column of times or frequencies; one is added where a rate gives it."""
     for kind, name in ((TIME_NAME, TIME), (_FREQUENCY, FREQUENCY)):
         found = next((key for key in columns if kind.match(key.rpartition(".")[2])), None)
@@ -101,7 +100,7 @@ def _step(scalars: Mapping[str, float]) -> float | None:
     return None
 
 
-def _require_finite(file: TextFile, columns: Mapping[str, NDArray[np.float64]]) -> None:
+def _require_finite(file: TextFile, columns: Mapping[str, Floats]) -> None:
     for name, column in columns.items():
         wrong = np.flatnonzero(~np.isfinite(column))
         if wrong.size:
