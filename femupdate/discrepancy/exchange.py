@@ -13,7 +13,6 @@ from torch import Tensor
 
 from femupdate.discrepancy.fit import Fit, coarse, fit, prior_draws
 from femupdate.discrepancy.problem import Problem
-from femupdate.dynamics.effect_response import ReducedTerms
 from femupdate.effects.effect import Placed
 
 _DRAWS = 384
@@ -88,14 +87,8 @@ def _acting(problem: Problem, base: Fit) -> list[int]:
     return [
         number
         for number, one in enumerate(base.placed)
-        if serves or _shapeless(problem.reduced.terms(one))
+        if serves or problem.reduced.terms(one).shapeless
     ]
-
-
-def _shapeless(terms: ReducedTerms) -> bool:
-    """Whether an effect adds nothing to the structure, so that it acts on any basis."""
-    nothing = not terms.stiffness and terms.mass is None and terms.port is None
-    return nothing and terms.flexibility == (0.0, 0.0) and terms.pitch == 0.0
 
 
 def _columns(base: Fit, kept: list[int]) -> list[int]:

@@ -14,7 +14,7 @@ from torch import Tensor
 from femupdate.arrays import Floats
 from femupdate.discrepancy.common_errors import CommonErrors
 from femupdate.discrepancy.problem import Problem
-from femupdate.dynamics.effect_response import EffectSystem
+from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed
 from femupdate.seeds import Seed, torch_generator
 
@@ -127,7 +127,7 @@ class Fit:
     z: Tensor
     residual: Tensor
     jacobian: Tensor
-    system: EffectSystem
+    system: System
     common: CommonErrors | None = None
     own_error: float = 0.0
 
@@ -201,7 +201,7 @@ class Fit:
         return float(self.weighed.z[self.coordinates.stories].exp())
 
 
-def evaluate(problem: Problem, system: EffectSystem, where: Coordinates, z: Tensor) -> Tensor:
+def evaluate(problem: Problem, system: System, where: Coordinates, z: Tensor) -> Tensor:
     """Whitened residuals (N, n) at the unknowns z (N, d)."""
     return problem.residuals(system, *where.split(z, problem.fixed_zeta))
 
@@ -223,7 +223,7 @@ def fit(
     placed: tuple[Placed, ...],
     start: Tensor,
     iterations: int = 15,
-    system: EffectSystem | None = None,
+    system: System | None = None,
 ) -> Fit:
     """Fit a model with effects from a starting point z (d,)."""
     model = system or problem.system(placed)
@@ -266,7 +266,7 @@ def _objective(where: Coordinates, z: Tensor, residual: Tensor) -> float:
 
 
 def _linearise(
-    problem: Problem, system: EffectSystem, where: Coordinates, z: Tensor
+    problem: Problem, system: System, where: Coordinates, z: Tensor
 ) -> tuple[Tensor, Tensor]:
     """Residuals (n,) and Jacobian of the prediction (n, d), by differences into the box."""
     steps = torch.where(z + _STEP <= where.upper, _STEP, -_STEP)

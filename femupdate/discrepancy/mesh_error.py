@@ -18,8 +18,8 @@ from scipy.optimize import linear_sum_assignment
 
 from femupdate.arrays import Floats
 from femupdate.discrepancy.mesh_points import error_of_points
-from femupdate.dynamics.effect_reduction import structure_on
-from femupdate.dynamics.effect_response import ReducedStructure
+from femupdate.dynamics.projection import reduced_on
+from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.effects.effect import UNSCALED, Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import TRANSLATION, Structure
@@ -202,7 +202,7 @@ def _on_driven_shapes(fine: Structure, theta: Floats, top_hz: float) -> ReducedS
     force = fine.rigid_force[:, [TRANSLATION]]
     factors = factorize(fine.stiffness(theta))
     found = driven_shapes(factors, fine.mass, force, fine.floor_rows, top_hz)
-    return structure_on(fine, found.shapes)
+    return reduced_on(fine, found.shapes)
 
 
 def _effect_errors(ours: "ShownModes", theirs: "ShownModes") -> tuple[Floats, Floats, Floats]:

@@ -4,8 +4,8 @@ import numpy as np
 import torch
 
 from femupdate.arrays import Floats
-from femupdate.dynamics.damping import ConstantDamping
-from femupdate.dynamics.effect_response import EffectSystem, ReducedStructure
+from femupdate.dynamics.reduced_terms import ReducedStructure
+from femupdate.dynamics.system import System
 
 _STEP = 1e-3  # relative, of the unknowns
 RATIO = 0.01  # damping ratio at which meshes are compared
@@ -50,7 +50,7 @@ def at_damping(error: float, zeta: float) -> float:
 
 def _frf(structure: ReducedStructure, unknowns: Floats, frequency_hz: Floats) -> Floats:
     """Complex FRFs (N, f, k) at stiffness factors and a damping ratio (N, p + 1)."""
-    system = EffectSystem(structure, ConstantDamping(), (), ())
+    system = System(structure.model)
     values = torch.from_numpy(unknowns)
     none = values.new_zeros((len(values), 0))
     frequency = torch.from_numpy(frequency_hz)

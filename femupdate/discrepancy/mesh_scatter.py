@@ -16,8 +16,8 @@ from torch import Tensor
 from femupdate.arrays import Floats
 from femupdate.discrepancy.mesh_error import MeshError, ShownModes, modes_shown
 from femupdate.discrepancy.problem import Problem
-from femupdate.dynamics.effect_modal import effect_log_frf
-from femupdate.dynamics.effect_response import EffectSystem, ReducedStructure
+from femupdate.dynamics.reduced_terms import ReducedStructure
+from femupdate.dynamics.system import Responses, System
 from femupdate.effects.effect import Placed
 
 _BEYOND = 1.25  # times the highest frequency: modes that far above it show in the responses, too
@@ -34,7 +34,7 @@ class MeshScatter:
         steps: (c, q) one standard deviation of every error, as sizes of the latter.
     """
 
-    system: EffectSystem
+    system: System
     steps: Tensor
 
     def __call__(
@@ -62,18 +62,16 @@ class MeshScatter:
             dim=1,
         )
         ratio = zeta.repeat_interleave(count + 1)
-        values = effect_log_frf(self.system, both, frequency_hz, ratio, seen)
+        values = self.system.log_frf(both, ratio, frequency_hz, Responses(seen=seen))
         values = values.reshape(len(parameters), count + 1, *values.shape[1:])
         return values[:, 1:] - values[:, :1]
 
 
-def mesh_scatter(system: EffectSystem, mesh: MeshError) -> MeshScatter:
-    """What the correction leaves open of a system whose structure is `corrected`."""
-    placed = (*system.placed, *mesh.placed)
-    terms = tuple(system.reduced.terms(one) for one in placed)
-    return MeshScatter(
-        EffectSystem(system.reduced, system.law, placed, terms), torch.from_numpy(mesh.steps)
-    )
+def mesh_scatter(reduced: ReducedStructure, system: System, mesh: MeshError) -> MeshScatter:
+    """What the correction leaves open of a system on a structure that is `corrected`."""
+    terms = (*system.terms, *(reduced.terms(one) for one in mesh.placed))
+    wide = System(system.model, system.law, (*system.placed, *mesh.placed), terms)
+    return MeshScatter(wide, torch.from_numpy(mesh.steps))
 
 
 def with_mesh_error(problem: Problem, mesh: MeshError) -> Problem:

@@ -9,7 +9,8 @@ from torch import Tensor
 
 from femupdate.discrepancy.mesh_points import at_damping
 from femupdate.dynamics.damping import DampingLaw
-from femupdate.dynamics.effect_response import EffectSystem, ReducedStructure
+from femupdate.dynamics.reduced_terms import ReducedStructure
+from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed
 from femupdate.measurement.estimated import HANN, as_estimated, segment_of
 from femupdate.measurement.observation import Observation
@@ -136,12 +137,12 @@ class Problem:
         """Whether there are records of different levels."""
         return len({block.level for block in self.blocks}) > 1
 
-    def system(self, placed: tuple[Placed, ...] = ()) -> EffectSystem:
+    def system(self, placed: tuple[Placed, ...] = ()) -> System:
         """The structure with effects."""
         terms = tuple(self.reduced.terms(one) for one in placed)
-        return EffectSystem(self.reduced, self.law, placed, terms)
+        return System(self.reduced.model, self.law, placed, terms)
 
-    def predicted(self, system: EffectSystem, theta: Tensor, zeta: Tensor, sizes: Tensor) -> Tensor:
+    def predicted(self, system: System, theta: Tensor, zeta: Tensor, sizes: Tensor) -> Tensor:
         """Complex FRFs (N, f, k) of all floors, as each record shows them."""
         parts, first = [], 0
         for block in self.blocks:
@@ -152,7 +153,7 @@ class Problem:
             parts.append(as_estimated(frf, block.segment_s, frequency))
         return torch.cat(parts, dim=2)
 
-    def residuals(self, system: EffectSystem, theta: Tensor, zeta: Tensor, sizes: Tensor) -> Tensor:
+    def residuals(self, system: System, theta: Tensor, zeta: Tensor, sizes: Tensor) -> Tensor:
         """Whitened residuals (N, n), observed less predicted, zero where not valid.
 
         Args:
@@ -167,10 +168,10 @@ class Problem:
         weight = (1.0 / self.sd) * self.independent**0.5
         size = frf.abs().clamp_min(1e-12).log()
         # One wild point, where an anti-resonance is a sample off, must not decide anything.
-        parts = [((self.log_frf - size) * weight).clamp(-WILD, WILD).flatten(1)]
+        parts = [_tame((self.log_frf - size) * weight)]
         if self.phase is not None:
             turn = torch.remainder(self.phase - frf.angle() + torch.pi, 2.0 * torch.pi) - torch.pi
-            parts.append((turn * weight).clamp(-WILD, WILD).flatten(1))
+            parts.append(_tame(turn * weight))
         return torch.cat(parts, dim=1)
 
     def moved(self, from_: Tensor, to: Tensor) -> Tensor:
@@ -182,6 +183,12 @@ class Problem:
         if self.phase is not None:
             parts.append((ratio.angle() * weight).flatten(1))
         return torch.cat(parts, dim=1)
+
+
+def _tame(residuals: Tensor) -> Tensor:
+    """Residuals (N, n) of (N, f, k) that count no more than `WILD`, as those of a model that is
+    none (a negative stiffness gives no number) do."""
+    return residuals.nan_to_num(nan=WILD).clamp(-WILD, WILD).flatten(1)
 
 
 def together(first: Problem, second: Problem, level: float) -> Problem:

@@ -4,7 +4,7 @@ import numpy as np
 import torch
 
 from femupdate.arrays import Floats
-from femupdate.dynamics.effect_response import EffectSystem
+from femupdate.dynamics.system import System
 from femupdate.measurement.observation import Observation
 
 _LOW = 0.35  # of the first frequency, below which |H| is that of a rigid body but for (f / f1)^2
@@ -14,9 +14,7 @@ _LEVER = 2.0  # highest over lowest frequency, below which the value at zero is 
 _WRONG_UNIT = np.log(2.0)  # no sensor is off by more, but g, gal and m/s2 are
 
 
-def screen_channels(
-    observation: Observation, system: EffectSystem, theta: Floats
-) -> tuple[str, ...]:
+def screen_channels(observation: Observation, system: System, theta: Floats) -> tuple[str, ...]:
     """Sentences on gains, signs and delays, from the low end of the FRFs.
 
     Well below the first frequency f1 a floor does what the base does: ln|H| = ln(gain) + c f^2,
@@ -30,7 +28,6 @@ def screen_channels(
     count = system.sizes
     modes = system.modes(
         torch.from_numpy(np.atleast_2d(theta)),
-        torch.tensor([0.02], dtype=torch.float64),
         torch.zeros(1, count, dtype=torch.float64),
     )
     first = float(modes.frequency_hz[0, modes.participation[0].abs().argmax()])

@@ -1,7 +1,12 @@
-"""Floor accelerations, story shears and story drifts of many parameter samples under one record."""
+"""Floor accelerations, story shears and story drifts of many parameter samples under one record.
+
+Where modes are real the motion is followed mode by mode, exactly for a record that is linear
+between its points; where they are not, by the Fourier transform (`femupdate.dynamics.transformed`).
+"""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import torch
@@ -9,21 +14,16 @@ from numpy.typing import ArrayLike
 from torch import Tensor
 
 from femupdate.arrays import Floats
-from femupdate.dynamics.damping import ConstantDamping, DampingLaw
-from femupdate.dynamics.modal import ReducedTensors, solve_modes
 from femupdate.dynamics.modal_response import keep_dynamic, project, see_modes
 from femupdate.dynamics.recurrence import interpolate_record, modal_states
-from femupdate.dynamics.reduced import ReducedModel
-from femupdate.dynamics.story import (
-    Outputs,
-    floor_acceleration_outputs,
-    story_drift_outputs,
-    story_shear_outputs,
-)
+from femupdate.dynamics.story import story_rows
+from femupdate.dynamics.system import System
+from femupdate.dynamics.transformed import transformed_outputs
 from femupdate.errors import MeasurementError, ModelError
 from femupdate.progress import SILENT, Progress
 
 Numbers = ArrayLike | Tensor
+_MASSLESS = 1e9  # rad/s
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,6 @@ class HistorySettings:
     """How histories are computed.
 
     Attributes:
-        law: damping law; `zeta` in all modes unless another is given.
         oversampling: points a step at which the record is interpolated, band-limited, before the
             exact integration along straight lines. 1 draws straight lines between the samples
             themselves, as Nigam and Jennings (1969) do, and so loses a share 1 - sinc^2(f dt) of
@@ -71,7 +70,6 @@ class HistorySettings:
         device: where to compute; it must know float64.
     """
 
-    law: DampingLaw = field(default_factory=ConstantDamping)
     oversampling: int = 8
     tolerance: float = 1e-4
     batch: int = 50
@@ -79,8 +77,8 @@ class HistorySettings:
 
 
 def floor_histories(
-    model: ReducedModel,
-    theta: Numbers,
+    system: System,
+    parameters: Numbers,
     zeta: Numbers,
     acceleration: ArrayLike,
     time_step: float,
@@ -94,20 +92,20 @@ def floor_histories(
     `history_batches` and summarise those.
 
     Args:
-        model: the reduced model, p parameters, f floors and s stories.
-        theta: (S, p) stiffness factors.
+        system: the structure with its effects, f floors and s stories.
+        parameters: (S, p + q) stiffness factors, then sizes of the effects.
         zeta: damping ratio, (S,) or one for all.
         acceleration: (n,) base acceleration, m/s2.
         time_step: s.
-        settings: damping law, accuracy, batch and device.
+        settings: accuracy, batch and device.
         progress: advances by one a sample.
 
     Raises:
         MeasurementError: the record is too short, not finite or has no positive time step.
-        ModelError: theta or zeta does not fit, or a sample's stiffness is not positive definite.
+        ModelError: parameters or zeta do not fit, or a stiffness is not positive definite.
     """
     batches = history_batches(
-        model, theta, zeta, acceleration, time_step, settings=settings, progress=progress
+        system, parameters, zeta, acceleration, time_step, settings=settings, progress=progress
     )
     return join_histories(list(batches))
 
@@ -124,8 +122,8 @@ def join_histories(parts: list[Histories]) -> Histories:
 
 
 def history_batches(
-    model: ReducedModel,
-    theta: Numbers,
+    system: System,
+    parameters: Numbers,
     zeta: Numbers,
     acceleration: ArrayLike,
     time_step: float,
@@ -138,69 +136,77 @@ def history_batches(
     Arguments and errors as for `floor_histories`.
     """
     chosen = settings or HistorySettings()
-    samples = _check_theta(theta, model)
+    samples = _check_parameters(parameters, system)
     ratios = _check_zeta(zeta, len(samples))
     record = _check_record(acceleration, time_step)
-    task = _Task(
-        model,
-        ReducedTensors.of(model, chosen.device),
-        torch.as_tensor(record, device=chosen.device),
-        torch.as_tensor(interpolate_record(record, chosen.oversampling), device=chosen.device),
-        float(time_step),
-        chosen,
-    )
-    return _walk(task, samples, ratios, progress)
+    return _walk(_Task(system, record, float(time_step), chosen), samples, ratios, progress)
 
 
 @dataclass(frozen=True)
 class _Task:
-    """What all batches share; `fine` is the record with `settings.oversampling` points a step."""
+    """What all batches share."""
 
-    model: ReducedModel
-    tensors: ReducedTensors
-    record: Tensor
-    fine: Tensor
+    system: System
+    record: Floats
     time_step: float
     settings: HistorySettings
 
+    @cached_property
+    def fine(self) -> Tensor:
+        """The record with `settings.oversampling` points a step."""
+        fine = interpolate_record(self.record, self.settings.oversampling)
+        return torch.as_tensor(fine, device=self.settings.device)
 
-def _walk(task: _Task, theta: Tensor, zeta: Tensor, progress: Progress) -> Iterator[Histories]:
-    for start in range(0, len(theta), task.settings.batch):
-        rows = slice(start, start + task.settings.batch)
-        yield _named(task, _respond(task, theta[rows], zeta[rows], start))
-        progress.advance(len(theta[rows]))
+    @property
+    def by_transform(self) -> bool:
+        """Whether a recurrence mode by mode does not follow the motion."""
+        return self.system.complex_modes or any(terms.pitch for terms in self.system.terms)
 
 
-def _respond(task: _Task, theta: Tensor, zeta: Tensor, first: int) -> Floats:
+def _walk(task: _Task, parameters: Tensor, zeta: Tensor, progress: Progress) -> Iterator[Histories]:
+    step = 1 if task.by_transform else task.settings.batch
+    respond = _transform if task.by_transform else _recur
+    for start in range(0, len(parameters), step):
+        rows = slice(start, start + step)
+        yield _named(task, respond(task, parameters[rows], zeta[rows], start))
+        progress.advance(len(parameters[rows]))
+
+
+def _transform(task: _Task, parameters: Tensor, zeta: Tensor, first: int) -> Floats:
+    """Outputs (1, o, n) of one sample, number `first`."""
+    theta, sizes = task.system.split(parameters)
+    _check_stable(task.system.modes(theta, sizes).omega, first)
+    return transformed_outputs(task.system, (theta, zeta, sizes), task.record, task.time_step)[None]
+
+
+def _recur(task: _Task, parameters: Tensor, zeta: Tensor, first: int) -> Floats:
     """Outputs (S, o, n) of one batch, the first of whose samples is number `first`."""
-    settings = task.settings
-    omega, vectors = solve_modes(task.tensors, theta.to(settings.device))
-    _check_stable(omega, first)
-    modes = see_modes(_outputs(task.model), omega, vectors, task.tensors.excitation)
+    settings, system = task.settings, task.system
+    theta, sizes = system.split(parameters)
+    rows = story_rows(system, sizes)
+    found = system.modes(theta.to(settings.device), sizes.to(settings.device), rows)
+    _check_stable(found.omega, first)
+    modes = see_modes(found, len(system.floors), len(system.model.story_mass))
     modes = keep_dynamic(modes, 0.5 / task.time_step, settings.tolerance)
-    ratio = settings.law.ratio(modes.omega, zeta.to(settings.device))
+    ratio = system.ratio(modes.omega, zeta.to(settings.device), sizes.to(settings.device))
     states = modal_states(modes.omega, ratio, task.fine, task.time_step, settings.oversampling)
-    return project(states, modes, ratio, task.record).cpu().numpy()
-
-
-def _outputs(model: ReducedModel) -> Outputs:
-    floors = floor_acceleration_outputs(model)
-    return floors + story_shear_outputs(model) + story_drift_outputs(model)
+    record = torch.as_tensor(task.record, device=settings.device)
+    return project(states, modes, ratio, record).cpu().numpy()
 
 
 def _named(task: _Task, response: Floats) -> Histories:
-    """Tell the rows of (S, o, n) apart; they come in the order of `_outputs`."""
-    floors, stories = len(task.model.floor_shapes), len(task.model.story_mass)
+    """Tell the rows of (S, o, n) apart; they come in the order of `story_rows`."""
+    floors, stories = len(task.system.floors), len(task.system.model.story_mass)
     acceleration, shear, drift = np.split(response, [floors, floors + stories], axis=1)
-    return Histories(task.time_step, task.model.floors, acceleration, shear, drift)
+    return Histories(task.time_step, task.system.floors, acceleration, shear, drift)
 
 
-def _check_theta(theta: Numbers, model: ReducedModel) -> Tensor:
-    samples = torch.as_tensor(theta, dtype=torch.float64)
-    if samples.ndim != 2 or samples.shape[1] != model.parameters or len(samples) == 0:
+def _check_parameters(parameters: Numbers, system: System) -> Tensor:
+    samples = torch.as_tensor(parameters, dtype=torch.float64)
+    if samples.ndim != 2 or samples.shape[1] != system.parameters or len(samples) == 0:
         raise ModelError(
             f"theta has the shape {tuple(samples.shape)}; "
-            f"the model needs (samples, {model.parameters})"
+            f"the model needs (samples, {system.parameters})"
         )
     if not torch.isfinite(samples).all():
         row = int(torch.isfinite(samples).all(dim=1).logical_not().nonzero()[0])
@@ -240,8 +246,11 @@ def _check_record(acceleration: ArrayLike, time_step: float) -> Floats:
 
 
 def _check_stable(omega: Tensor, first: int) -> None:
-    """`solve_modes` gives 0 for a negative eigenvalue; a building at rest has neither."""
-    unstable = (omega.amin(dim=1) <= 1e-7 * omega.amax(dim=1)).nonzero()
+    """A building at rest has no negative stiffness, which gives NaN, and no mode at rest."""
+    # What has no mass at all (a base on springs) is infinitely fast.
+    fastest = torch.where(omega < _MASSLESS, omega, 0.0).amax(dim=1)
+    slow = omega.amin(dim=1) <= 1e-7 * fastest
+    unstable = (slow | omega.isnan().any(dim=1)).nonzero()
     if len(unstable):
         raise ModelError(
             f"the stiffness of sample {first + int(unstable[0])} is not positive definite: "

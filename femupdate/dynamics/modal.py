@@ -1,17 +1,14 @@
-"""Modes of the reduced model for many theta at once, and the few numbers that a FRF needs."""
+"""Modes as the few numbers that a frequency response needs, and the sum over them."""
 
 from dataclasses import dataclass
 
-import numpy as np
 import torch
 from torch import Tensor
-
-from femupdate.dynamics.reduced import ReducedModel
-from femupdate.progress import SILENT, Progress
 
 # How far above the grid's top a mode must lie to be replaced by its power series.
 _ABOVE = 1.05
 SERIES_TERMS = 3
+_SLOWEST = 1e-6  # rad/s: what an unstable structure would divide by zero by
 
 
 @dataclass(frozen=True)
@@ -25,7 +22,7 @@ class ModalData:
     Attributes:
         omega: (N, m) circular frequencies, rad/s.
         effect: (N, f, m) floor shape times participation factor of each mode.
-        residual: (N, f, 3) first terms of the power series of the modes left out, s^2, s^4, s^6.
+        residual: (N, f, t) first terms of the power series of the modes left out, s^2, s^4, ...
     """
 
     omega: Tensor
@@ -43,85 +40,50 @@ class ModalData:
         moved = (t.to(device=device, dtype=dtype) for t in (self.omega, self.effect, self.residual))
         return ModalData(*moved)
 
+    def of_floors(self, rows: list[int]) -> "ModalData":
+        """The same data of some floors."""
+        return ModalData(self.omega, self.effect[:, rows], self.residual[:, rows])
 
-@dataclass(frozen=True)
-class ReducedTensors:
-    """The arrays of a reduced model as float64 tensors on a device."""
+    def response(self, omega: Tensor, ratio: Tensor) -> tuple[Tensor, Tensor]:
+        """Real and imaginary part of H (N, f, k).
 
-    stiffness_terms: Tensor
-    stiffness_constant: Tensor
-    excitation: Tensor
-    floor_shapes: Tensor
-
-    @classmethod
-    def of(cls, model: ReducedModel, device: torch.device | str = "cpu") -> "ReducedTensors":
-        """Move a reduced model to a device."""
-
-        def tensor(array: np.ndarray) -> Tensor:
-            return torch.as_tensor(array, dtype=torch.float64, device=device)
-
-        return cls(
-            tensor(model.stiffness_terms),
-            tensor(model.stiffness_constant),
-            tensor(model.excitation),
-            tensor(model.floor_shapes),
-        )
-
-    def stiffness(self, theta: Tensor) -> Tensor:
-        """Stiffness matrices (N, r, r), 1/s2, for theta (N, p)."""
-        terms = self.stiffness_terms
-        size = terms.shape[-1]
-        scaled = theta @ terms.reshape(terms.shape[0], size * size)
-        return self.stiffness_constant + scaled.reshape(-1, size, size)
+        Args:
+            omega: (k,) rad/s.
+            ratio: (N, m) damping ratios of the modes.
+        """
+        inverse = self.omega.clamp_min(_SLOWEST) ** -2
+        real, imaginary = modal_sum(inverse, ratio, self.effect * inverse[:, None, :], omega)
+        squared = omega**2
+        powers = torch.stack([squared ** (k + 1) for k in range(self.residual.shape[-1])])
+        return 1.0 + squared * real + self.residual @ powers, squared * imaginary
 
 
-def solve_modes(tensors: ReducedTensors, theta: Tensor) -> tuple[Tensor, Tensor]:
-    """Return all circular frequencies (N, r), rad/s, and M-orthonormal modes (N, r, r).
+def joined(parts: list[ModalData]) -> ModalData:
+    """Data of consecutive samples as one."""
+    return ModalData(
+        torch.cat([part.omega for part in parts]),
+        torch.cat([part.effect for part in parts]),
+        torch.cat([part.residual for part in parts]),
+    )
 
-    Eigenvalues need float64: squared frequencies of one building span six decades.
-    """
-    squared, vectors = torch.linalg.eigh(tensors.stiffness(theta.to(torch.float64)))
-    return squared.clamp_min(0.0).sqrt(), vectors
 
+def modal_sum(
+    inverse: Tensor, ratio: Tensor, pairs: Tensor, omega: Tensor
+) -> tuple[Tensor, Tensor]:
+    """Real and imaginary part (N, p, k) of sum_j pairs_j / (1 - w^2/w_j^2 + 2 i zeta_j w/w_j).
 
-def modal_data(
-    model: ReducedModel,
-    theta: Tensor,
-    *,
-    modes: int | None = None,
-    top_frequency_hz: float | None = None,
-    batch: int = 256,
-    device: torch.device | str = "cpu",
-    progress: Progress = SILENT,
-) -> ModalData:
-    """Solve the modes of every theta and keep those that the observed floors feel.
+    Two real sums are faster than a complex one.
 
     Args:
-        model: the reduced model, r coordinates.
-        theta: (N, p) stiffness factors.
-        modes: how many modes to keep a sample; default all r.
-        top_frequency_hz: top of the frequency grid; needed when `modes` leaves some out.
-        batch: samples solved at a time.
-        device: where to solve.
-        progress: advances by one a sample.
-
-    Returns:
-        float64 data on the CPU.
+        inverse: (N, m) 1 / omega_j^2.
+        ratio: (N, m) damping ratios.
+        pairs: (N, p, m) static displacement of an output in each mode.
+        omega: (k,) rad/s.
     """
-    tensors = ReducedTensors.of(model, device)
-    parts = []
-    for rows in theta.split(batch):
-        omega, vectors = solve_modes(tensors, rows.to(device))
-        participation = torch.einsum("nrj,r->nj", vectors, tensors.excitation)
-        shapes = torch.einsum("fr,nrj->nfj", tensors.floor_shapes, vectors)
-        effect = shapes * participation[:, None, :]
-        parts.append(keep_modes(omega, effect, modes, top_frequency_hz).to("cpu"))
-        progress.advance(len(rows))
-    return ModalData(
-        torch.cat([p.omega for p in parts]),
-        torch.cat([p.effect for p in parts]),
-        torch.cat([p.residual for p in parts]),
-    )
+    elastic = 1.0 - inverse[:, :, None] * omega**2
+    viscous = (2.0 * ratio * inverse.sqrt())[:, :, None] * omega
+    size = 1.0 / (elastic.square() + viscous.square())
+    return torch.bmm(pairs, elastic * size), -torch.bmm(pairs, viscous * size)
 
 
 def keep_modes(

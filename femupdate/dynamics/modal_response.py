@@ -6,9 +6,10 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from femupdate.dynamics.story import Outputs
+from femupdate.dynamics.modes import Modes
 
 IN_BAND = 1.5  # modes below this many Nyquist frequencies can resonate
+_NOTHING = 1e-18
 RESONANCE = 100.0  # amplification at a damping ratio of 0.005
 
 
@@ -30,23 +31,23 @@ class ModalOutputs:
     base: Tensor
 
 
-def see_modes(outputs: Outputs, omega: Tensor, vectors: Tensor, excitation: Tensor) -> ModalOutputs:
-    """Express the outputs of the reduced coordinates by the modes.
+def see_modes(modes: Modes, floors: int, stories: int) -> ModalOutputs:
+    """Express floor accelerations, story shears and story drifts by the modes.
 
     Args:
-        outputs: o rows over r coordinates.
-        omega: (S, m) rad/s.
-        vectors: (S, r, m) mass-orthonormal modes.
-        excitation: (r,) force on each coordinate per unit base acceleration.
+        modes: with the rows of `femupdate.dynamics.story.story_rows`.
+        floors, stories: number of rows of each.
     """
-    participation = torch.einsum("srj,r->sj", vectors, excitation)
-    scaled = vectors * participation[:, None, :]
-    displacement, acceleration, base = (
-        torch.as_tensor(rows, dtype=omega.dtype, device=omega.device)
-        for rows in (outputs.displacement, outputs.acceleration, outputs.base)
-    )
+    effect, zero = modes.effect, torch.zeros_like(modes.effect)
+    ends = [floors, stories, stories]
+    of_floor, of_inertia, of_drift = effect.split(ends, dim=1)
+    nothing = zero.split(ends, dim=1)
+    direct = modes.direct.split(ends, dim=1)
     return ModalOutputs(
-        omega, displacement @ scaled, acceleration @ scaled, base.expand(len(omega), -1)
+        modes.omega,
+        torch.cat([nothing[0], nothing[1], of_drift], dim=1),
+        torch.cat([of_floor, -of_inertia, nothing[2]], dim=1),
+        torch.cat([direct[0], -direct[1], torch.zeros_like(direct[2])], dim=1),
     )
 
 
@@ -56,7 +57,8 @@ def keep_dynamic(modes: ModalOutputs, nyquist_hz: float, tolerance: float) -> Mo
     Which modes stay is decided for each sample by itself, so that its response does not depend on
     the batch; the modes kept are as many as the sample with the most needs.
     """
-    matters = importance(modes, 2.0 * torch.pi * nyquist_hz) > tolerance
+    # A base without mass is static whatever the tolerance.
+    matters = importance(modes, 2.0 * torch.pi * nyquist_hz) > max(tolerance, _NOTHING)
     count = max(1, int(matters.sum(dim=1).max()))
     order = matters.to(torch.int8).argsort(dim=1, descending=True, stable=True)[:, :count]
     pick = order[:, None, :].expand(-1, modes.base.shape[1], -1)

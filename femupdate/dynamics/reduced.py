@@ -1,6 +1,6 @@
 """The reduced model: the building seen through a few shapes, affine in theta."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,7 +8,24 @@ from numpy.typing import NDArray
 from femupdate.arrays import Floats
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BaseRotation:
+    """What a base that turns does to a reduced model.
+
+    Attributes:
+        force: (r,) force on each coordinate per unit angular acceleration of the base.
+        mass: (2, 2) mass, first and second moment of it about the base.
+        story_moment: (s,) first moment of the mass above the middle of each story.
+        levels: (f,) heights above the base of what the floor rows observe, m.
+    """
+
+    force: Floats
+    mass: Floats
+    story_moment: Floats
+    levels: Floats
+
+
+@dataclass(frozen=True, eq=False)
 class ReducedModel:
     """Galerkin projection of a building on a mass-orthonormal basis V (mass matrix = identity).
 
@@ -28,6 +45,7 @@ class ReducedModel:
         story_mass: (s,) mass above the middle of story i in the direction of motion, kg.
         story_drift: (s, r) displacement of the floor above less that of the floor below.
         node_shapes: (N, 3, r) displacement of every node, float32, or None where not kept.
+        rotation: of the base; None where the model knows of its translation alone.
     """
 
     stiffness_terms: Floats
@@ -39,6 +57,7 @@ class ReducedModel:
     story_mass: Floats
     story_drift: Floats
     node_shapes: NDArray[np.float32] | None = None
+    rotation: BaseRotation | None = None
 
     @property
     def size(self) -> int:
@@ -53,3 +72,18 @@ class ReducedModel:
     def stiffness(self, theta: Floats) -> Floats:
         """Reduced stiffness matrices, (..., p) -> (..., r, r), 1/s2."""
         return self.stiffness_constant + np.einsum("...p,pij->...ij", theta, self.stiffness_terms)
+
+    def first(self, count: int) -> "ReducedModel":
+        """The model on the first shapes of its basis."""
+        own, rotation = slice(count), self.rotation
+        return replace(
+            self,
+            stiffness_terms=self.stiffness_terms[:, own, own],
+            stiffness_constant=self.stiffness_constant[own, own],
+            excitation=self.excitation[own],
+            floor_shapes=self.floor_shapes[:, own],
+            story_inertia=self.story_inertia[:, own],
+            story_drift=self.story_drift[:, own],
+            node_shapes=None,
+            rotation=None if rotation is None else replace(rotation, force=rotation.force[own]),
+        )

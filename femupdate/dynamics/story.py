@@ -1,58 +1,49 @@
 """Story shear and story drift: what the structure carries and how far it gives way."""
 
-from dataclasses import dataclass
-
 import numpy as np
+import torch
+from torch import Tensor
 
 from femupdate.arrays import Floats
-from femupdate.dynamics.reduced import ReducedModel
+from femupdate.dynamics.closed_form import split_sizes
+from femupdate.dynamics.system import Rows, System
 from femupdate.errors import ModelError
 
 
-@dataclass(frozen=True)
-class Outputs:
-    """Quantities that are linear in the response: displacement q + acceleration q'' + base a_g.
+def story_rows(system: System, sizes: Tensor) -> Rows:
+    """Rows (N, f + 2 s, r) of the floors, the inertia above each story, and the story drifts.
 
-    Attributes:
-        displacement: (o, r) share of the reduced displacements q.
-        acceleration: (o, r) share of the reduced relative accelerations q''.
-        base: (o,) share of the base acceleration.
-    """
-
-    displacement: Floats
-    acceleration: Floats
-    base: Floats
-
-    def __add__(self, other: "Outputs") -> "Outputs":
-        return Outputs(
-            np.concatenate([self.displacement, other.displacement]),
-            np.concatenate([self.acceleration, other.acceleration]),
-            np.concatenate([self.base, other.base]),
-        )
-
-
-def floor_acceleration_outputs(model: ReducedModel) -> Outputs:
-    """Absolute acceleration of the f observed floors, m/s2: relative plus base."""
-    shapes = model.floor_shapes
-    return Outputs(np.zeros_like(shapes), shapes, np.ones(len(shapes)))
-
-
-def story_shear_outputs(model: ReducedModel) -> Outputs:
-    """Shear Q of the s stories, N.
-
-    The story carries the inertia of all that lies above it,
-        Q_i = -(story_inertia_i . q'' + story_mass_i a_g),
+    The story carries the inertia of all that lies above it, Q_i = -(inertia_i . q'' + mass_i a_g),
     positive when the floor above is pushed back from a positive drift, so that Q / d = +k in a
-    shear building. What damping carries is part of Q.
+    shear building. What damping carries is part of Q. The drift d is the displacement of the floor
+    above less that of the floor below.
+
+    Args:
+        system: with its effects, whose masses count.
+        sizes: (N, q) of the effects.
     """
-    inertia = model.story_inertia
-    return Outputs(np.zeros_like(inertia), -inertia, -np.asarray(model.story_mass, dtype=float))
-
-
-def story_drift_outputs(model: ReducedModel) -> Outputs:
-    """Drift d of the s stories, m: displacement of the floor above less that of the floor below."""
-    drift = model.story_drift
-    return Outputs(drift, np.zeros_like(drift), np.zeros(len(drift)))
+    model, count = system.model, len(sizes)
+    rotation, stories = model.rotation, len(model.story_mass)
+    levels = np.zeros(len(model.floors)) if rotation is None else rotation.levels
+    moment = np.zeros(stories) if rotation is None else rotation.story_moment
+    # Sensors may be more than floors; a story's drift is that of the floors themselves.
+    turned = np.diff(levels[-stories:], prepend=0.0) if stories else np.zeros(0)
+    shapes = np.concatenate([model.floor_shapes, model.story_inertia, model.story_drift])
+    rigid = np.concatenate(
+        [
+            np.column_stack([np.ones(len(levels)), levels]),
+            np.column_stack([model.story_mass, moment]),
+            np.column_stack([np.zeros(stories), turned]),
+        ]
+    )
+    wide = [torch.from_numpy(part).expand(count, -1, -1).clone() for part in (shapes, rigid)]
+    own = slice(len(levels), len(levels) + stories)
+    for terms, values in zip(system.terms, split_sizes(system.placed, sizes), strict=True):
+        if terms.mass is not None:
+            weight = values[:, 0, None, None]
+            wide[0][:, own] += weight * terms.mass.above
+            wide[1][:, own] += weight * terms.mass.above_rigid
+    return Rows(*wide)
 
 
 def story_stiffness(shear: Floats, drift: Floats) -> Floats:

@@ -3,10 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 
 from femupdate.arrays import Floats
-from femupdate.dynamics.modal import ReducedTensors, solve_modes
 from femupdate.dynamics.reduced import ReducedModel
 
 # A mode counts as driven when some floor sees at least this share of the base motion in it.
@@ -58,8 +56,8 @@ class TrackedMode:
 
 def reduced_modes(model: ReducedModel, theta: Floats) -> ReducedModes:
     """Modes at theta (S, p)."""
-    omega, vectors = solve_modes(ReducedTensors.of(model), torch.from_numpy(theta))
-    return ReducedModes(omega.numpy() / (2.0 * np.pi), vectors.numpy())
+    squared, vectors = np.linalg.eigh(model.stiffness(theta))
+    return ReducedModes(np.sqrt(squared.clip(0.0)) / (2.0 * np.pi), vectors)
 
 
 def driven_modes(model: ReducedModel, modes: ReducedModes, count: int) -> list[int]:

@@ -66,11 +66,16 @@ class AddedMass:
         matrix: (n, n).
         force: (n, 2) it times the rigid motions of the base.
         rigid: (2, 2) it by the rigid motions on both sides.
+        above: (s, n) force of inertia of what lies above the middle of each story, per unit
+            acceleration of each degree of freedom.
+        above_rigid: (s, 2) the same per unit acceleration of the base.
     """
 
     matrix: csc_matrix
     force: Floats
     rigid: Floats
+    above: Floats
+    above_rigid: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +98,11 @@ class Terms:
     pitch: float = 0.0
     port: Port | None = None
     constants: tuple[float, ...] = ()
+
+    @property
+    def changes_shapes(self) -> bool:
+        """Whether the shapes that a basis must hold change."""
+        return bool(self.stiffness) or self.mass is not None
 
 
 class Effect(ABC):
@@ -130,6 +140,24 @@ class Effect(ABC):
         """What unit size adds to the structure."""
         return Terms()
 
+    def basis_questions(self, structure: Structure) -> tuple[tuple[str, float], ...]:
+        """Places, each with a size, whose responses a basis of a frame must hold.
+
+        The widest places, with sizes to both sides: they hold what one floor or story does. Where
+        all places are single stories or floors, each of them.
+        """
+        if self.instrument or not self.parameters:
+            return ()
+        places = self.places(structure)
+        narrow = {*structure.floors, *structure.building.story_names}
+        wide = [place for place in places if place not in narrow and "/" not in place]
+        one = self.parameters[0]
+        both = [one.neutral + sign * one.scale for sign in (-1.0, 1.0)]
+        sizes = [size for size in both if one.lower <= size <= one.upper]
+        if wide or len(places) == 1:
+            return tuple((place, size) for place in wide or places for size in sizes)
+        return tuple((place, sizes[-1]) for place in places)
+
     def port_stiffness(self, omega: Tensor, sizes: Tensor, constants: tuple[float, ...]) -> Tensor:
         """Complex dynamic stiffness (N, k), N/m, of the port at omega (k,), rad/s."""
         raise NotImplementedError
@@ -141,7 +169,12 @@ class Effect(ABC):
         return ratio
 
     def at_level(
-        self, theta: Tensor, zeta: Tensor, sizes: Tensor, level: float, story: int | None
+        self,
+        theta: Tensor,
+        zeta: Tensor,
+        sizes: Tensor,
+        level: float,
+        constants: tuple[float, ...],
     ) -> tuple[Tensor, Tensor]:
         """Stiffness factors (N, p) and damping ratios (N,) at another level of motion.
 
@@ -149,7 +182,7 @@ class Effect(ABC):
             theta, zeta: at the reference level.
             sizes: (N, q) of the effect.
             level: doublings of the amplitude above the reference.
-            story: number of the story that the place names; None for all.
+            constants: of the effect's terms.
         """
         return theta, zeta
 
@@ -193,7 +226,9 @@ def mass_terms(structure: Structure, values: Floats, constants: tuple[float, ...
     points = structure.points
     matrix = csc_matrix(points.motion.T @ diags(values) @ points.motion)
     force = values[:, None] * points.rigid
-    mass = AddedMass(matrix, points.motion.T @ force, points.rigid.T @ force)
+    mass = AddedMass(
+        matrix, points.motion.T @ force, points.rigid.T @ force, *structure.inertia_above(values)
+    )
     return Terms(mass=mass, constants=constants)
 
 

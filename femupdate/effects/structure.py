@@ -104,10 +104,49 @@ class Structure:
 
     def stiffness(self, theta: Floats) -> csc_matrix:
         """K (n, n) at theta (p,)."""
+        if self.operators is not None:
+            return self.operators.stiffness(theta)
         total = self.stiffness_constant
         for factor, term in zip(theta, self.stiffness_terms, strict=True):
             total = total + factor * term
         return csc_matrix(total)
+
+    @property
+    def is_stick(self) -> bool:
+        """Whether masses are lumped: the structure is then its own reduction."""
+        return self.operators is None
+
+    @cached_property
+    def story_inertia(self) -> Floats:
+        """(s, n) force of inertia above the middle of each story, per unit acceleration, kg."""
+        if self.operators is None:
+            return np.asarray(self._above[:, : len(self.axis)] * self.points.mass)
+        weighted = (self.operators.mass_full @ self._above.T).T
+        return self.operators.gather(weighted.T).T
+
+    @cached_property
+    def story_rigid(self) -> Floats:
+        """(s, 2) mass above the middle of each story, and its moment about the base."""
+        if self.operators is None:
+            return self.story_inertia @ self.rigid_shapes
+        return np.asarray((self.operators.mass_full @ self._above.T).T @ self.points.rigid)
+
+    @cached_property
+    def _above(self) -> Floats:
+        """(s, m) share of each point's motion that lies above the middle of each story.
+
+        A point at mid-height carries as much from above as from below: rounding must not decide.
+        """
+        levels = np.concatenate([[0.0], self.levels])
+        middle, height = 0.5 * (levels[1:] + levels[:-1]), np.diff(levels)
+        apart = self.points.position[:, 2] - middle[:, None]
+        share = np.where(np.abs(apart) < 1e-6 * height[:, None], 0.5, apart > 0.0)
+        return np.where(self.points.axis == self.direction, share, 0.0)
+
+    def inertia_above(self, values: Floats) -> tuple[Floats, Floats]:
+        """The same two of point masses (m,) alone, (s, n) and (s, 2)."""
+        weighted = self._above * values
+        return np.asarray((self.points.motion.T @ weighted.T).T), weighted @ self.points.rigid
 
     @cached_property
     def _factorization(self) -> Factorization:
@@ -192,6 +231,19 @@ class Structure:
         return infills(self.building, self.mesh, self.operators, self.mesh_size)
 
 
+def require_story_factors(building: Building) -> None:
+    """Make sure that effects can act: their matrices are scaled story by story.
+
+    Raises:
+        BuildingError: the building has factors of its own on kinds of members.
+    """
+    if building.by_kind:
+        raise BuildingError(
+            f"{building.name}: parameters: what is missing in a model is looked for with one "
+            "factor a story; remove [parameters] from a copy of the file and use that"
+        )
+
+
 def structure_of(building: Building, mesh_size: float | None = None) -> Structure:
     """Assemble a building's full model.
 
@@ -233,11 +285,6 @@ def _stick(building: ShearBuilding) -> Structure:
 
 
 def _frame(building: FrameBuilding | MeshBuilding, mesh_size: float | None) -> Structure:
-    if building.by_kind:
-        raise BuildingError(
-            f"{building.name}: parameters: effects need one stiffness factor for each story; "
-            "remove [parameters] from a copy of the file and use that"
-        )
     mesh = mesh_building(building, mesh_size)
     operators = assemble(mesh.model)
     rows = np.zeros((len(mesh.floors), operators.dof))

@@ -12,12 +12,7 @@ from scipy.stats import chi2
 from torch import Tensor
 from torch.nn.functional import pad
 
-from femupdate.dynamics.damping import DampingLaw
-from femupdate.dynamics.effect_modal import effect_log_frf
-from femupdate.dynamics.effect_response import EffectSystem
-from femupdate.dynamics.frf import log_frf_batches
-from femupdate.dynamics.modal import ModalData, modal_data
-from femupdate.dynamics.reduced import ReducedModel
+from femupdate.dynamics.system import Responses, System
 from femupdate.errors import SurrogateError
 from femupdate.inference.encoder_input import encoder_input
 from femupdate.inference.latent_search import Control, find_latent
@@ -34,7 +29,7 @@ from femupdate.surrogate.visibility import Visibility
 # lowest damping of its prior, far below any measured noise.
 _MODES = 40
 _CPU_ROWS = 4096
-_EFFECT_ROWS = 256
+_ROWS = 1024
 _SEARCH_SEED = 0
 # Share of observations whose misfit is usual.
 _USUAL = 0.995
@@ -59,9 +54,8 @@ class LatentLikelihood:
 
     Args:
         surrogate: trained for the building.
-        model: the building's reduced model, with its effects if it lists any, of which some
+        system: the building's reduced model, with its effects if it lists any, of which some
             hundreds of responses are asked.
-        law: its damping law.
         observation: on the surrogate's frequency grid.
         device: where to evaluate.
         power: that the likelihood is raised to; default the surrogate's own, from its calibration.
@@ -84,8 +78,7 @@ class LatentLikelihood:
     def __init__(
         self,
         surrogate: TrainedSurrogate,
-        model: ReducedModel | EffectSystem,
-        law: DampingLaw,
+        system: System,
         observation: Observation,
         *,
         device: torch.device | str = "cpu",
@@ -112,7 +105,7 @@ class LatentLikelihood:
         generator = torch_generator(_SEARCH_SEED)
         control = Control(
             clean,
-            floor_responses(model, law, observation, clean.log_frf),
+            floor_responses(system, observation, clean.log_frf),
             None if shared is None else _shared_changes(shared, observation),
         )
         self.found = find_latent(
@@ -169,14 +162,14 @@ def _with_decoder_error(data: LatentData, mvae: Mvae) -> LatentData:
 
 
 def floor_responses(
-    model: ReducedModel | EffectSystem, law: DampingLaw, observation: Observation, like: Tensor
+    system: System, observation: Observation, like: Tensor
 ) -> Callable[[Tensor, Tensor], Tensor]:
     """The reduced model's ln|H| (n, f, k) at theta (n, p) and damping ratios (n,).
 
     On the surrogate's floors, as `like` (f, k) has them; zero where not observed.
     """
     # Differences of these are taken: they must be smooth.
-    exact = DataLikelihood(model, law, observation, device=like.device, modes=None)
+    exact = DataLikelihood(system, observation, device=like.device, modes=None)
     rows = list(exact.terms.rows)
 
     def respond(theta: Tensor, zeta: Tensor) -> Tensor:
@@ -260,9 +253,8 @@ class DataLikelihood:
     Where the damping ratio is a nuisance it is the last column of the parameters.
 
     Args:
-        model: reduced model, or reduced structure with effects, whose sizes follow theta; its
-            responses keep all modes and are blunted as the estimate of an observation is.
-        law: damping law.
+        system: the reduced model with its effects, whose sizes follow theta. Responses of a
+            building that lists effects are blunted as the estimate of an observation is.
         observation: on `observation.frequency_hz`.
         zeta: fixed damping ratio, or None where it is the last parameter.
         batch: responses at a time; default what is fastest.
@@ -275,8 +267,7 @@ class DataLikelihood:
 
     def __init__(
         self,
-        model: ReducedModel | EffectSystem,
-        law: DampingLaw,
+        system: System,
         observation: Observation,
         zeta: float | None = None,
         *,
@@ -285,16 +276,18 @@ class DataLikelihood:
         precision: torch.dtype = torch.float64,
         modes: int | None = _MODES,
     ) -> None:
-        self._model = model
-        self._modes = modes
-        self._law = law
+        self._system = system
         self._zeta = zeta
-        self._batch = batch
         self._device = device
-        self._precision = precision
         self._frequency = torch.from_numpy(observation.frequency_hz).to(device)
-        self._seen = _estimate(observation)
-        self.terms = data_terms(observation, model.floors)
+        self.terms = data_terms(observation, system.floors)
+        self._how = Responses(
+            modes=None if system.placed else modes,
+            precision=precision,
+            floors=self.terms.rows,
+            seen=_estimate(observation) if system.placed else None,
+            batch=batch,
+        )
 
     def __call__(self, parameters: Tensor) -> Tensor:
         """Log likelihood (n,) of parameters (n, p) or, with zeta last, (n, p + 1)."""
@@ -320,40 +313,16 @@ class DataLikelihood:
         return torch.cat(list(self._batches(theta, zeta)))
 
     def _responses(self, parameters: Tensor) -> Iterator[Tensor]:
-        count = self._model.parameters
+        count = self._system.parameters
         theta = parameters[:, :count]
         if self._zeta is None:
             return self._batches(theta, parameters[:, count])
         return self._batches(theta, theta.new_full((len(theta),), self._zeta))
 
-    def _batches(self, theta: Tensor, zeta: Tensor) -> Iterator[Tensor]:
-        if isinstance(self._model, EffectSystem):
-            return self._with_effects(self._model, theta, zeta)
-        modal = modal_data(
-            self._model,
-            theta,
-            modes=self._modes,
-            top_frequency_hz=float(self._frequency[-1]),
-            device=self._device,
-        )
-        rows = list(self.terms.rows)
-        seen = ModalData(modal.omega, modal.effect[:, rows], modal.residual[:, rows])
-        return log_frf_batches(
-            seen.to(self._device, self._precision),
-            self._frequency,
-            self._law,
-            zeta,
-            batch=self._batch,
-        )
-
-    def _with_effects(
-        self, system: EffectSystem, parameters: Tensor, zeta: Tensor
-    ) -> Iterator[Tensor]:
-        rows, frequency = list(self.terms.rows), self._frequency.cpu()
-        known = parameters.cpu().to(torch.float64), zeta.cpu().to(torch.float64)
-        for some, ratio in zip(*(part.split(_EFFECT_ROWS) for part in known), strict=True):
-            values = effect_log_frf(system, some, frequency, ratio, self._seen)
-            yield values[:, rows].to(self._device)
+    def _batches(self, parameters: Tensor, zeta: Tensor) -> Iterator[Tensor]:
+        known = parameters.to(self._device, torch.float64), zeta.to(self._device, torch.float64)
+        for some, ratio in zip(*(part.split(_ROWS) for part in known), strict=True):
+            yield self._system.log_frf(some, ratio, self._frequency, self._how)
 
     def _misfit(self, predicted: Tensor) -> Tensor:
         residual = (predicted - self.terms.log_frf.to(predicted)) ** 2

@@ -5,31 +5,27 @@ that the forces in the changed structure drive. Histories come from the complex 
 at every frequency of the padded record, which is exact for a linear structure.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import torch
-from scipy.sparse import csc_matrix
 
-from femupdate.arrays import Complexes, Floats
+from femupdate.arrays import Floats
 from femupdate.building.schema import Building
 from femupdate.building.shear import ShearBuilding
 from femupdate.dynamics.damping import DampingLaw
-from femupdate.dynamics.effect_reduction import structure_on
-from femupdate.dynamics.effect_response import EffectSystem, ReducedStructure, reduce_terms
-from femupdate.effects.effect import UNSCALED, Placed, Terms
-from femupdate.effects.structure import ROTATION, Structure, structure_of
-from femupdate.fe.driven import driven_shapes
-from femupdate.fe.factorization import factorize
+from femupdate.dynamics.equations import Sensors, driven_system
+from femupdate.dynamics.projection import lumped
+from femupdate.dynamics.system import System
+from femupdate.dynamics.transformed import transformed_sensors
+from femupdate.effects.effect import Placed
+from femupdate.effects.structure import Structure, require_story_factors, structure_of
 from femupdate.fe.model import DOF_PER_NODE
 from femupdate.measurement.columns import Channel
 from femupdate.measurement.record import GroundMotion
 from femupdate.simulation.full_model import SensorModel, SensorPoints, sensor_model, sensor_places
 
-# Silence behind the record, so that its end does not disturb its beginning: until the slowest
-# motion has decayed to this share, within limits.
-_REST, _SHORTEST_S, _LONGEST_S = 1e-5, 5.0, 600.0
-_BLOCK = 2048  # frequencies at a time
+_REST = 1e-5  # share to which motion has decayed behind the record
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,42 +35,25 @@ class Truth:
     Attributes:
         seen: its sensors and modes.
         system: its response, a row for every sensor.
-        theta: (p,) stiffness factors.
+        theta: (p,) stiffness factors; none where they are in the system already.
         values: parameters of the effects.
     """
 
     seen: SensorModel
-    system: EffectSystem
+    system: System
     theta: Floats
     values: tuple[float, ...]
 
-    def frf(self, frequency_hz: Floats, zeta: float) -> Complexes:
-        """Complex FRFs (c, k) of every sensor."""
-        theta = torch.from_numpy(np.atleast_2d(self.theta))
-        sizes = torch.tensor([self.values], dtype=torch.float64).reshape(1, -1)
-        ratio = torch.tensor([zeta], dtype=torch.float64)
-        blocks = np.array_split(frequency_hz, max(1, len(frequency_hz) // _BLOCK))
-        parts = [self.system.frf(theta, ratio, sizes, torch.from_numpy(b))[0] for b in blocks]
-        return torch.cat(parts, dim=1).numpy()
-
     def respond(self, zeta: float, motion: GroundMotion) -> Floats:
         """Absolute accelerations (c, n), m/s2, under a base motion."""
-        samples = len(motion.acceleration)
-        padded = samples + round(self._rest(zeta) / motion.time_step)
-        spectrum = np.fft.rfft(motion.acceleration, padded)
-        frequency = np.asarray(np.fft.rfftfreq(padded, motion.time_step), dtype=np.float64)
-        frequency[0] = 1e-3 * frequency[1]  # the rigid limit, without a division by zero
-        response = np.fft.irfft(self.frf(frequency, zeta) * spectrum, padded, axis=1)
-        return np.asarray(response[:, :samples])
-
-    def _rest(self, zeta: float) -> float:
-        """How long motion lasts after the record, s."""
-        theta = torch.from_numpy(np.atleast_2d(self.theta))
-        sizes = torch.tensor([self.values], dtype=torch.float64).reshape(1, -1)
-        modes = self.system.modes(theta, torch.tensor([zeta], dtype=torch.float64), sizes)
-        rate = 2.0 * np.pi * modes.frequency_hz * modes.ratio  # of decay, 1/s
-        longest = -np.log(_REST) / float(rate.min())
-        return float(np.clip(longest, _SHORTEST_S, _LONGEST_S))
+        sample = (
+            torch.from_numpy(self.theta)[None],
+            torch.tensor([zeta], dtype=torch.float64),
+            torch.tensor([self.values], dtype=torch.float64).reshape(1, -1),
+        )
+        return transformed_sensors(
+            self.system, sample, motion.acceleration, motion.time_step, _REST
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,6 +88,7 @@ def fine_model(
     Raises:
         BuildingError, ModelError: as `sensor_model`.
     """
+    require_story_factors(building)
     if isinstance(building, ShearBuilding):
         ones = np.ones(len(building.stories))
         seen = sensor_model(building, ones, 1.0, mesh_size=mesh_size, sensors=sensors)
@@ -136,40 +116,26 @@ def effect_truth(
     Raises:
         ModelError: the structure is a mechanism, or theta does not fit.
     """
-    structure = fine.structure
-    placed = tuple(one for one, _ in effects)
+    structure, placed = fine.structure, tuple(one for one, _ in effects)
     values = tuple(v for _, own in effects for v in own)
-    terms = tuple(one.effect.terms(structure, one.place) for one in placed)
     if structure.operators is None or structure.mesh is None:
-        seen = sensor_model(fine.building, theta, top_hz)
-        reduced = structure_on(structure, np.diag(structure.points.mass**-0.5))
-        projected = tuple(reduce_terms(reduced, own) for own in terms)
-        return Truth(seen, EffectSystem(reduced, law, placed, projected), theta, values)
-    stiffness, mass, force = _changed(structure, theta, terms, values, placed)
-    rocks = any(own.pitch or own.flexibility[ROTATION] for own in terms)
-    ports = [own.port.row for own in terms if own.port is not None]
-    forces = np.column_stack([force if rocks else force[:, :1], *ports])
-    found = driven_shapes(factorize(stiffness), mass, forces, structure.floor_rows, top_hz)
-    heavier = any(own.mass is not None for own in terms)
-    basis = _orthonormal(structure, found.shapes) if heavier else found.shapes
-    reduced = structure_on(structure, basis)
-    nodes = np.concatenate([structure.mesh.floor_nodes[floor] for floor in structure.mesh.floors])
-    rows = structure.operators.expand(basis)[DOF_PER_NODE * nodes + structure.direction]
-    floors = tuple(channel.floor for channel in fine.channels)
-    by_sensor = replace(reduced.model, floor_shapes=rows, floors=floors)
-    heights = [structure.levels[structure.floors.index(floor)] for floor in floors]
-    reduced = ReducedStructure(
+        reduced = lumped(structure)
+        system = System(reduced.model, law, placed, tuple(reduced.terms(one) for one in placed))
+        return Truth(sensor_model(fine.building, theta, top_hz), system, theta, values)
+    found = driven_system(
         structure,
-        by_sensor,
-        basis,
-        reduced.rigid_force,
-        np.column_stack([np.ones(len(floors)), heights]),
+        placed,
+        tuple(one.effect.terms(structure, one.place) for one in placed),
+        theta,
+        np.array(values),
+        top_hz,
+        law,
+        _sensors(fine),
     )
-    projected = tuple(reduce_terms(reduced, own) for own in terms)
     below = found.frequency_hz < top_hz
     participation = (found.shapes[:, below].T @ structure.rigid_force[:, 0]) ** 2
     seen = SensorModel(
-        model=by_sensor,
+        model=found.system.model,
         channels=fine.channels,
         places=fine.places,
         frequency_hz=found.frequency_hz[below],
@@ -178,37 +144,17 @@ def effect_truth(
         mesh_size=fine.mesh_size,
         dof=len(structure.axis),
     )
-    return Truth(seen, EffectSystem(reduced, law, placed, projected), theta, values)
+    return Truth(seen, found.system, np.zeros(0), values)
 
 
-def _changed(
-    structure: Structure,
-    theta: Floats,
-    terms: tuple[Terms, ...],
-    values: tuple[float, ...],
-    placed: tuple[Placed, ...],
-) -> tuple[csc_matrix, csc_matrix, Floats]:
-    """Stiffness and mass (n, n) and force (n, 2) at one theta with those of the effects."""
-    stiffness, mass = structure.stiffness(theta), structure.mass
-    force = structure.rigid_force
-    first = 0
-    for own, one in zip(terms, placed, strict=True):
-        if not one.effect.parameters:
-            continue
-        size = values[first]
-        first += len(one.effect.parameters)
-        for story, matrix in own.stiffness:
-            stiffness = stiffness + size * (1.0 if story == UNSCALED else theta[story]) * matrix
-        if own.mass is not None:
-            mass = mass + size * own.mass.matrix
-            force = force + size * own.mass.force
-    return csc_matrix(stiffness), csc_matrix(mass), force
-
-
-def _orthonormal(structure: Structure, basis: Floats) -> Floats:
-    """The shapes (n, r) made orthonormal in the mass of the unchanged structure."""
-    for _ in range(2):  # shapes of the changed structure may be far from it
-        energy, directions = np.linalg.eigh(basis.T @ (structure.mass @ basis))
-        kept = energy > 1e-12 * energy[-1]
-        basis = basis @ (directions[:, kept] / np.sqrt(energy[kept]))
-    return basis
+def _sensors(fine: FineModel) -> Sensors:
+    """Every sensor of a frame along the motion."""
+    structure, mesh, operators = fine.structure, fine.structure.mesh, fine.structure.operators
+    if mesh is None or operators is None:
+        raise AssertionError("a frame has a mesh")
+    nodes = np.concatenate([mesh.floor_nodes[floor] for floor in mesh.floors])
+    rows = np.zeros((len(nodes), operators.dof))
+    rows[np.arange(len(nodes)), DOF_PER_NODE * nodes + structure.direction] = 1.0
+    floors = tuple(channel.floor for channel in fine.channels)
+    heights = np.array([structure.levels[structure.floors.index(floor)] for floor in floors])
+    return Sensors(floors, operators.gather(rows.T).T, heights)

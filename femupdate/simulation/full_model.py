@@ -17,8 +17,8 @@ from femupdate.building.own_mesh import MeshBuilding
 from femupdate.building.quantities import ALL
 from femupdate.building.schema import Building
 from femupdate.building.shear import ShearBuilding, shear_operators
+from femupdate.dynamics.projection import reduce_lumped
 from femupdate.dynamics.reduced import ReducedModel
-from femupdate.dynamics.reduction import reduce_lumped
 from femupdate.errors import BuildingError
 from femupdate.fe.assembly import AffineOperators, assemble
 from femupdate.fe.model import DOF_PER_NODE

@@ -4,7 +4,7 @@ from femupdate.building.frame import FrameBuilding
 from femupdate.building.schema import Building
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import effect_named
-from femupdate.effects.structure import structure_of
+from femupdate.effects.structure import require_story_factors, structure_of
 from femupdate.errors import BuildingError
 
 
@@ -28,6 +28,7 @@ def parse_effect(
             f"{building.name}: {name} shows between two levels of motion; simulate each with its "
             "own --theta, --zeta and --rms"
         )
+    require_story_factors(building)
     places = effect.places(structure_of(building, _coarse(building)))
     if place not in places:
         raise BuildingError(

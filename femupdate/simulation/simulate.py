@@ -19,6 +19,7 @@ from femupdate.building.parameters import factor_ranges
 from femupdate.building.schema import Building
 from femupdate.dynamics.damping import damping_law
 from femupdate.dynamics.history import HistorySettings, floor_histories
+from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed
 from femupdate.errors import BuildingError, MeasurementError, ModelError
 from femupdate.measurement.columns import BASE, Channel, channel_name
@@ -218,9 +219,9 @@ def _respond(
     building: Building, seen: SensorModel, zeta: float | None, motion: GroundMotion
 ) -> Floats:
     """Absolute acceleration of every sensor (c, n), m/s2."""
-    settings = HistorySettings(damping_law(building), oversampling=_OVERSAMPLING, tolerance=0.0)
+    settings = HistorySettings(oversampling=_OVERSAMPLING, tolerance=0.0)
     found = floor_histories(
-        seen.model,
+        System(seen.model, damping_law(building)),
         np.zeros((1, 0)),
         0.0 if zeta is None else zeta,
         motion.acceleration,

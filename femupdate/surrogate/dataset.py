@@ -14,12 +14,8 @@ import torch
 from torch import Tensor
 
 from femupdate.atomic import atomic_path
-from femupdate.dynamics.damping import DampingLaw
-from femupdate.dynamics.effect_modal import effect_log_frf_batches, effect_modal_data
-from femupdate.dynamics.effect_response import EffectSystem
-from femupdate.dynamics.frf import log_frf_batches
-from femupdate.dynamics.modal import ModalData, modal_data
-from femupdate.dynamics.reduced import ReducedModel
+from femupdate.dynamics.modal import ModalData, joined
+from femupdate.dynamics.system import System
 from femupdate.errors import SurrogateError
 from femupdate.inference.prior import UniformPrior
 from femupdate.processors import processor_count
@@ -66,7 +62,7 @@ class DatasetPlan:
 
 
 def compute_dataset(
-    model: ReducedModel | EffectSystem,
+    system: System,
     prior: UniformPrior,
     plan: DatasetPlan,
     folder: Path,
@@ -75,11 +71,11 @@ def compute_dataset(
     """Solve the modes of all samples in shards; valid shards in `folder` are kept.
 
     Two or more shards are solved at a time, one thread each: small eigenproblems gain nothing
-    from several threads. After an interruption, the next call resumes where this one stopped.
-    The caller chooses a folder for this model, prior and plan alone.
+    from threads of their own. Killed half-way, the next call goes on where this one stopped.
+    The caller chooses a folder that belongs to this system, prior and plan alone.
 
     Args:
-        model: the reduced model, or the reduced structure with effects.
+        system: the reduced model with its effects, if any.
         prior: box of the parameters.
         plan: what to compute.
         folder: of the shards; made where it is missing.
@@ -97,9 +93,9 @@ def compute_dataset(
 
     def solve(k: int) -> ModalDataset:
         rows = theta[k * SHARD : (k + 1) * SHARD]
-        shard = _kept_shard(paths[k], rows, modes_kept(model, plan.modes))
+        shard = _kept_shard(paths[k], rows, modes_kept(system, plan.modes))
         if shard is None:
-            _write_shard(paths[k], rows, _solve_shard(model, rows, plan))
+            _write_shard(paths[k], rows, _solve_shard(system, rows, plan))
             shard = _read_shard(paths[k])
         progress.advance(len(rows))
         return shard
@@ -142,24 +138,15 @@ def sample_zeta(count: int, bounds: tuple[float, float], generator: torch.Genera
 def log_frf_pool(
     dataset: ModalDataset,
     frequency_hz: Tensor,
-    law: DampingLaw,
+    system: System,
     zeta: Tensor,
     progress: Progress = SILENT,
     batch: int | None = None,
-    system: EffectSystem | None = None,
 ) -> Tensor:
-    """ln|H| of all samples, (N, f, k), as float16; rounding (.002) is far below the noise.
-
-    With effects, their `system` gives the damping.
-    """
+    """ln|H| of all samples, (N, f, k), as float16: its rounding, .002, is far below the noise."""
     modal = dataset.modal
     pool = torch.empty(len(dataset), modal.effect.shape[1], len(frequency_hz), dtype=torch.float16)
-    if system is None:
-        parts = log_frf_batches(modal, frequency_hz, law, zeta, batch=batch)
-    else:
-        parts = effect_log_frf_batches(
-            system, modal, dataset.theta, frequency_hz, zeta, batch=batch
-        )
+    parts = system.log_frf_batches(modal, dataset.theta, zeta, frequency_hz, batch=batch)
     start = 0
     for part in parts:
         pool[start : start + len(part)] = part.to(torch.float16)
@@ -168,18 +155,14 @@ def log_frf_pool(
     return pool
 
 
-def modes_kept(model: ReducedModel | EffectSystem, most: int) -> int:
-    """Number of modes kept for each sample: `most`, or all that a rigid base leaves."""
-    reduced = model.reduced.model if isinstance(model, EffectSystem) else model
-    return min(most, reduced.size)
+def modes_kept(system: System, most: int) -> int:
+    """Modes kept a sample: `most`, or as many as the structure on a rigid base has."""
+    return min(most, system.model.size)
 
 
-def _solve_shard(model: ReducedModel | EffectSystem, theta: Tensor, plan: DatasetPlan) -> ModalData:
-    count, top = modes_kept(model, plan.modes), plan.top_frequency_hz
-    if isinstance(model, EffectSystem):
-        solved = effect_modal_data(model, theta, modes=count, top_frequency_hz=top, batch=32)
-    else:
-        solved = modal_data(model, theta, modes=count, top_frequency_hz=top, batch=64)
+def _solve_shard(system: System, theta: Tensor, plan: DatasetPlan) -> ModalData:
+    count = modes_kept(system, plan.modes)
+    solved = system.modal_data(theta, modes=count, top_frequency_hz=plan.top_frequency_hz)
     return solved.to("cpu", torch.float32)
 
 
@@ -216,11 +199,5 @@ def _read_shard(path: Path) -> ModalDataset:
 
 
 def _join(parts: list[ModalDataset]) -> ModalDataset:
-    return ModalDataset(
-        torch.cat([part.theta for part in parts]),
-        ModalData(
-            torch.cat([part.modal.omega for part in parts]),
-            torch.cat([part.modal.effect for part in parts]),
-            torch.cat([part.modal.residual for part in parts]),
-        ),
-    )
+    theta = torch.cat([part.theta for part in parts])
+    return ModalDataset(theta, joined([part.modal for part in parts]))

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
+from femupdate.dynamics.modal import ModalData
 from femupdate.surrogate.layers import residual_blocks
 from femupdate.surrogate.sizes import NetworkSizes
 
@@ -69,16 +70,10 @@ class ModalDecoder(nn.Module):
         return 0.5 * torch.log(real**2 + imaginary**2 + LEAST_SQUARE)
 
     def frf_parts(self, z: Tensor, points: Tensor | slice = slice(None)) -> tuple[Tensor, Tensor]:
-        """Real part and minus the imaginary part of H (B, f, k)."""
+        """Real and imaginary part of H (B, f, k)."""
         modes = self.decode_modes(z)
-        w = self.frequency[points]
-        stiffness = modes.omega[:, :, None] ** 2 - w**2
-        damping = (2.0 * modes.ratio * modes.omega)[:, :, None] * w
-        gain = w**2 / (stiffness**2 + damping**2)
-        powers = torch.stack([w ** (2 * k + 2) for k in range(_SERIES)])
-        real = 1.0 + torch.bmm(modes.effect, stiffness * gain) + modes.series @ powers
-        imaginary = torch.bmm(modes.effect, damping * gain)
-        return real, imaginary
+        data = ModalData(modes.omega, modes.effect, modes.series)
+        return data.response(self.frequency[points], modes.ratio)
 
     def excess_variance(self, points: Tensor | slice = slice(None)) -> Tensor:
         """Variance of ln|H| (f, k) that the decoder leaves unexplained, without the noise."""

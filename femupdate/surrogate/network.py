@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
-from femupdate.dynamics.effect_modal import ClosedForm, log_size
+from femupdate.dynamics.closed_form import ClosedForm
 from femupdate.surrogate.layers import FloorLinear, residual_blocks
 from femupdate.surrogate.modal_decoder import LEAST_SQUARE, ModalDecoder
 from femupdate.surrogate.places import from_place, parameter_features, to_place
@@ -107,7 +107,7 @@ class Mvae(nn.Module):
 
     Args:
         sizes: of the networks.
-        form: effects that act in closed form, after the modes; None without effects.
+        form: what the building's effects do in closed form, after the modes; nothing where None.
 
     Buffers hold the prior box and the mean and scale (f, k) that standardise ln|H| for the
     observation encoder, so that a weights file is complete.
@@ -121,7 +121,7 @@ class Mvae(nn.Module):
     def __init__(self, sizes: NetworkSizes, form: ClosedForm | None = None) -> None:
         super().__init__()
         self.sizes = sizes
-        self.form = form
+        self.form = form or ClosedForm()
         self.observation_encoder = ObservationEncoder(sizes)
         self.bend = Bend(sizes)
         self.decoder = ModalDecoder(sizes)
@@ -162,9 +162,10 @@ class Mvae(nn.Module):
         theta = self.parameters_at(z)
         features = parameter_features(theta, self.lower, self.upper, self.sizes.effect_sizes)
         inner = torch.cat([self.bend(features), z[:, self.sizes.parameters :]], dim=1)
-        if self.form is None:
+        if not self.form.changes:
             values: Tensor = self.decoder(inner, points)
             return values
-        real, imaginary = self.decoder.frf_parts(inner, points)
+        parts = self.decoder.frf_parts(inner, points)
         omega = 2.0 * math.pi * self.form.top_hz * self.decoder.frequency[points]
-        return log_size(self.form.frf((real, -imaginary), omega, theta), LEAST_SQUARE)
+        sizes = theta[:, self.form.stories :]
+        return self.form.log_frf(parts, omega, sizes, least=LEAST_SQUARE)

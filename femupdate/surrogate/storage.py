@@ -12,7 +12,7 @@ from safetensors.torch import save_file
 from torch import Tensor
 
 from femupdate.atomic import atomic_path
-from femupdate.dynamics.effect_modal import ClosedForm
+from femupdate.dynamics.closed_form import ClosedForm
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.errors import SurrogateError
@@ -78,7 +78,7 @@ def save_surrogate(surrogate: TrainedSurrogate, path: Path) -> None:
         "settings": dict(info.settings),
         "metrics": dict(info.metrics),
     }
-    if surrogate.mvae.form is not None:
+    if surrogate.mvae.form.placed:
         header["effects"] = _form_entry(surrogate.mvae.form)
     if info.calibration:
         header |= {
@@ -120,18 +120,18 @@ def _form_entry(form: ClosedForm) -> dict[str, Any]:
     }
 
 
-def _form(entry: Mapping[str, Any] | None) -> ClosedForm | None:
-    """Inverse of `_form_entry`."""
+def _form(entry: Mapping[str, Any] | None) -> ClosedForm:
+    """Inverse of `_form_entry`; nothing where a building lists no effects."""
     if entry is None:
-        return None
+        return ClosedForm()
     lists = {name: tuple(entry[name]) for name in ("pitch", "floors", "levels")}
     placed = tuple(Placed(CATALOGUE[name], place) for name, place in entry["placed"])
     return ClosedForm(placed, **lists, stories=entry["stories"], top_hz=entry["top_hz"])
 
 
-def _filled(sizes: Mapping[str, Any], state: Mapping[str, Tensor], form: ClosedForm | None) -> Mvae:
-    """Return networks with these weights."""
-    # Initial weights are random: leave the random state of the caller alone.
+def _filled(sizes: Mapping[str, Any], state: Mapping[str, Tensor], form: ClosedForm) -> Mvae:
+    """Networks with these weights."""
+    # The weights that they start from are drawn at random: leave the caller's random state alone.
     with torch.random.fork_rng(devices=[]):
         mvae = Mvae(NetworkSizes(**sizes), form)
     mvae.load_state_dict(state)

@@ -12,9 +12,7 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from femupdate.dynamics.damping import DampingLaw
-from femupdate.dynamics.effect_modal import closed_form
-from femupdate.dynamics.effect_response import EffectSystem
+from femupdate.dynamics.system import System
 from femupdate.errors import SurrogateError
 from femupdate.inference.prior import UniformPrior
 from femupdate.progress import SILENT, Percent, Progress
@@ -82,25 +80,21 @@ class TrainingTask:
     Attributes:
         dataset: samples and their modes.
         frequency_hz: (k,) grid.
-        law: damping law.
-        zeta_bounds: range of the damping ratio, a nuisance parameter.
+        system: of the data set.
+        zeta_bounds: range of the damping ratio, a nuisance.
         prior: box of the parameters.
         sizes: of the networks.
-        system: of the data set, where the building lists effects.
     """
 
     dataset: ModalDataset
     frequency_hz: Tensor
-    law: DampingLaw
+    system: System
     zeta_bounds: tuple[float, float]
     prior: UniformPrior
     sizes: NetworkSizes
-    system: EffectSystem | None = None
 
     def ratio(self, omega: Tensor, zeta: Tensor, theta: Tensor) -> Tensor:
         """Damping ratios (N, m) of modes omega (N, m), rad/s, at parameters theta (N, p)."""
-        if self.system is None:
-            return self.law.ratio(omega, zeta)
         first = self.sizes.parameters - self.sizes.effect_sizes
         return self.system.ratio(omega, zeta, theta[:, first:])
 
@@ -232,7 +226,7 @@ def _start(
     task: TrainingTask, settings: TrainingSettings, initial: Mvae | None = None
 ) -> TrainingRun:
     top_hz = float(task.frequency_hz[-1])
-    form = None if task.system is None else closed_form(task.system, top_hz)
+    form = task.system.closed_form(top_hz)
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(settings.seed)
         mvae = Mvae(task.sizes, form)
@@ -310,7 +304,7 @@ def _draw_samples(
     generator = _generator(settings.seed, 1_000_000 + draw)
     zeta = sample_zeta(len(task.dataset), task.zeta_bounds, generator)[rows]
     some = ModalDataset(task.dataset.theta[rows], task.dataset.modal[rows])
-    pool = log_frf_pool(some, task.frequency_hz, task.law, zeta, system=task.system)
+    pool = log_frf_pool(some, task.frequency_hz, task.system, zeta)
     return _Samples(some.theta.to(torch.float32), zeta.to(torch.float32), pool)
 
 

@@ -15,9 +15,9 @@ import torch
 from scipy.optimize import brentq
 
 from femupdate.arrays import Floats
-from femupdate.dynamics.effect_history import effect_histories
-from femupdate.dynamics.effect_response import EffectSystem
+from femupdate.dynamics.history import floor_histories
 from femupdate.dynamics.level import motion_level
+from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed
 from femupdate.errors import MeasurementError
 from femupdate.measurement.record import GroundMotion
@@ -78,7 +78,7 @@ def changes_with_level(placed: tuple[Placed, ...]) -> bool:
 
 
 def at_own_level(
-    system: EffectSystem,
+    system: System,
     draws: tuple[Floats, Floats, Floats],
     motion: GroundMotion,
     settings: Mapping[str, Any],
@@ -121,7 +121,7 @@ def at_own_level(
 class _Draw:
     """One posterior draw: theta (p,), zeta and sizes (q,)."""
 
-    system: EffectSystem
+    system: System
     theta: Floats
     zeta: float
     sizes: Floats
@@ -140,16 +140,8 @@ class _Draw:
     def reached(self, motion: GroundMotion, reference: Mapping[str, float], level: float) -> float:
         """Level of the response with the stiffness of a level."""
         theta, zeta = self.at(level)
-        response = next(
-            effect_histories(
-                self.system,
-                theta[None],
-                np.array([zeta]),
-                self.sizes[None],
-                motion.acceleration,
-                motion.time_step,
-            )
-        )
+        both = np.concatenate([theta, self.sizes])[None]
+        response = floor_histories(self.system, both, zeta, motion.acceleration, motion.time_step)
         levels = motion_level(response.floor_acceleration[0])
         return doublings(reference, dict(zip(response.floors, levels.tolist(), strict=True)))
 

@@ -8,21 +8,22 @@ import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.building.files import load_building
-from femupdate.building.mesh import mesh_building
+from femupdate.building.mesh import BuildingMesh, mesh_building
 from femupdate.building.schema import Building
 from femupdate.dynamics.reduction import CONFIDENCE, Reduction
 from femupdate.dynamics.tracking import reduced_modes
+from femupdate.effects.structure import Structure, structure_of
 from femupdate.errors import StudyError
+from femupdate.fe.assembly import AffineOperators
 from femupdate.fe.export_opensees import opensees_script
 from femupdate.fe.solve import Modes, lowest_modes
 from femupdate.progress import Progress, Silent
 from femupdate.study import Study, atomic_path, write_text
 from femupdate.tables import table
 from femupdate.workflow.model import (
-    FrameParts,
+    KeptReduction,
     StudyModel,
     choose_building,
-    frame_parts,
     keep_model,
     reduce_building,
 )
@@ -83,6 +84,21 @@ class BuildReport:
         )
 
 
+@dataclass(frozen=True)
+class MeshedFrame:
+    """Mesh and operators of a frame."""
+
+    mesh: BuildingMesh
+    operators: AffineOperators
+
+    @staticmethod
+    def of(structure: Structure) -> "MeshedFrame":
+        """Those of a structure that is no stick."""
+        if structure.mesh is None or structure.operators is None:
+            raise AssertionError("a shear building has no mesh")
+        return MeshedFrame(structure.mesh, structure.operators)
+
+
 def build_study(
     study: Study, building: str | None = None, progress: Progress | None = None
 ) -> BuildReport:
@@ -98,10 +114,11 @@ def build_study(
     _refuse_other(study, chosen)
     if chosen.kind == "shear":
         return _build_lumped(study, chosen)
-    parts = frame_parts(chosen)
+    structure = structure_of(chosen)
+    parts = MeshedFrame.of(structure)
     modes = lowest_modes(parts.operators, np.ones(parts.operators.parameters), _MODES)
-    reduction = reduce_building(chosen, parts, show)
-    model = keep_model(study, chosen, reduction)
+    reduction = reduce_building(chosen, structure, show)
+    model = keep_model(study, chosen, KeptReduction.of(reduction))
     write_mesh(parts, study.path("mesh.vtu"), modes)
     direction = parts.mesh.direction
     excitation = parts.operators.inertia(direction)
@@ -118,7 +135,7 @@ def build_study(
     )
 
 
-def write_mesh(parts: FrameParts, path: Path, modes: Modes | None = None) -> None:
+def write_mesh(parts: MeshedFrame, path: Path, modes: Modes | None = None) -> None:
     """Write the mesh as VTU, with story and thickness of the cells and some mode shapes."""
     import meshio
 
@@ -182,7 +199,7 @@ def _refuse_other(study: Study, building: Building) -> None:
 
 
 def _build_lumped(study: Study, building: Building) -> BuildReport:
-    model = keep_model(study, building, reduce_building(building))
+    model = keep_model(study, building, KeptReduction.of(reduce_building(building)))
     modes = reduced_modes(model.reduced, np.ones((1, model.reduced.parameters)))
     excitation = np.einsum("rj,r->j", modes.vectors[0], model.reduced.excitation)
     mass = float(model.reduced.story_mass[0])
@@ -197,19 +214,19 @@ def _build_lumped(study: Study, building: Building) -> BuildReport:
     )
 
 
-def _total_mass(parts: FrameParts) -> float:
+def _total_mass(parts: MeshedFrame) -> float:
     everything = parts.operators.rigid_translation(parts.mesh.direction)
     return float(everything @ (parts.operators.mass_full @ everything))
 
 
-def _checks(parts: FrameParts, reduction: Reduction, modes: Modes) -> tuple[str, ...]:
+def _checks(parts: MeshedFrame, reduction: Reduction, modes: Modes) -> tuple[str, ...]:
     mass = _total_mass(parts)
     stand = f"The structure stands: lowest frequency {modes.frequency_hz[0]:.3f} Hz."
     weighs = f"Mass of the model {mass / 1e3:.1f} t."
     follows = (
-        f"Reduced model: {reduction.model.size} shapes follow {len(parts.operators.free)} degrees "
-        f"of freedom within {reduction.rms_error:.2g} rms in ln|H| at {reduction.checks} unseen "
-        "sets of stiffness factors."
+        f"Reduced model: {reduction.reduced.model.size} shapes follow "
+        f"{len(parts.operators.free)} degrees of freedom within {reduction.rms_error:.2g} rms in "
+        f"ln|H| at {reduction.checks} unseen sets of stiffness factors."
     )
     certain = (
         f"Reduced model: {reduction.worst_error:.2g} rms at the worst of them, so no more than "

@@ -6,6 +6,7 @@ from scipy.special import ndtr
 from torch import Tensor
 
 from femupdate.arrays import Floats
+from femupdate.dynamics.system import System
 from femupdate.inference.latent_search import FoundLatent
 from femupdate.inference.likelihood import DataLikelihood
 from femupdate.inference.posterior import Posterior
@@ -91,7 +92,7 @@ def draw_zeta(
     rng = np.random.default_rng(seed)
     some = torch.from_numpy(theta[rng.permutation(len(theta))[:_ZETA_SAMPLES]])
     grid = torch.linspace(*model.zeta_bounds, _ZETA_GRID, dtype=torch.float64)
-    likelihood = DataLikelihood(model.responder, model.law, observation)
+    likelihood = DataLikelihood(model.system, observation)
     both = torch.cat([some.repeat_interleave(len(grid), 0), grid.repeat(len(some))[:, None]], dim=1)
     misfit = likelihood.misfit(both).reshape(len(some), len(grid))
     inflation = max(1.0, float(misfit.min()) / likelihood.terms.count)
@@ -115,23 +116,14 @@ def latent_zeta(latent: FoundLatent, bounds: tuple[float, float], count: int, se
 
 
 def predictive_log_frf(
-    model: StudyModel, posterior: Posterior, count: int = PREDICTIVE, seed: Seed = 0
+    system: System, model: StudyModel, posterior: Posterior, count: int = PREDICTIVE, seed: int = 0
 ) -> Floats:
     """ln|H| (n, f, k) of all floors at n posterior draws, measured or not."""
-    from femupdate.dynamics.frf import log_frf
-    from femupdate.dynamics.modal import modal_data
-
-    theta, zeta = posterior.thinned(count, seed)
-    ratio = zeta if zeta is not None else np.full(len(theta), model.building.damping.ratio)
-    frequency = model.frequency_hz
-    modal = modal_data(
-        model.reduced, torch.from_numpy(theta), modes=40, top_frequency_hz=float(frequency[-1])
-    )
-    parts = [
-        log_frf(modal[rows], frequency, model.law, torch.from_numpy(ratio[rows]))
-        for rows in (slice(k, k + 50) for k in range(0, len(theta), 50))
-    ]
-    return torch.cat(parts).numpy()
+    draws, zeta = posterior.thinned(count, seed)
+    ratio = zeta if zeta is not None else np.full(len(draws), model.building.damping.ratio)
+    theta, sizes = system.split(torch.from_numpy(np.ascontiguousarray(draws)))
+    frf = system.frf(theta, torch.from_numpy(ratio), sizes, model.frequency_hz)
+    return np.asarray(frf.abs().clamp_min(1e-12).log().numpy())
 
 
 def against_data(
@@ -142,7 +134,7 @@ def against_data(
     observation = posterior.observation
     theta, zeta = posterior.thinned(_CHECKED, seed)
     ratio = zeta if zeta is not None else np.full(len(theta), model.building.damping.ratio)
-    likelihood = DataLikelihood(model.responder, model.law, observation)
+    likelihood = DataLikelihood(model.system, observation)
     predicted = likelihood.predict(torch.from_numpy(theta), torch.from_numpy(ratio)).numpy()
     squares = floor_squares(observation, predicted).sum(axis=1)
     points = independent_share(observation) * np.count_nonzero(observation.valid)

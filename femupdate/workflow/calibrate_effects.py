@@ -3,16 +3,12 @@
 import time
 from collections.abc import Sequence
 
-import numpy as np
 import torch
 
-from femupdate.arrays import Floats
 from femupdate.discrepancy.fit import Fit, weighed_residuals
-from femupdate.discrepancy.mesh_error import corrected
 from femupdate.discrepancy.posterior import Draws, draw
 from femupdate.discrepancy.problem import Problem
-from femupdate.dynamics.effect_response import EffectSystem, reduce_terms
-from femupdate.inference.posterior import Posterior, save_posterior
+from femupdate.inference.posterior import save_posterior
 from femupdate.inference.predictive_check import PredictiveCheck, predictive_check
 from femupdate.measurement.observation import Observation
 from femupdate.progress import Progress, Silent
@@ -22,14 +18,7 @@ from femupdate.workflow.calibrate_draws import r_hat
 from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.calibration_report import POSTERIOR, CalibrationReport
 from femupdate.workflow.diagnose import model_parts, prepared, refined
-from femupdate.workflow.effect_surrogate import kept_structure
-from femupdate.workflow.effects import (
-    building_effects,
-    check_places,
-    keep_basis,
-    open_structure,
-)
-from femupdate.workflow.mesh_error import kept_mesh_error
+from femupdate.workflow.effects import building_effects, keep_basis
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource, as_one, runs_of
 from femupdate.workflow.repaired import effect_posterior
@@ -136,35 +125,4 @@ def _notes(problem: Problem, fitted: Fit, effective: float, count: int) -> tuple
     return tuple(notes)
 
 
-def open_effects(study: Study, model: StudyModel, progress: Progress | None = None) -> EffectSystem:
-    """The study's structure with the effects that its building lists."""
-    reduced = kept_structure(study, model) or open_structure(study, model.building, progress)
-    mesh = kept_mesh_error(study, model.building)
-    if mesh is not None:
-        reduced = corrected(reduced, mesh)
-    effects = building_effects(model.building)
-    check_places(reduced.structure, effects)
-    terms = tuple(
-        reduce_terms(reduced, one.effect.terms(reduced.structure, one.place))
-        for one in effects.placed
-    )
-    return EffectSystem(reduced, model.law, effects.placed, terms)
-
-
-def predictive_with_effects(
-    system: EffectSystem, posterior: Posterior, ratio: float, frequency_hz: Floats, count: int
-) -> Floats:
-    """ln|H| (n, f, k) of all floors at n posterior draws of a building with effects."""
-    draws, zeta = posterior.thinned(count, 0)
-    stories = system.reduced.model.parameters
-    damping = zeta if zeta is not None else np.full(len(draws), ratio)
-    frf = system.frf(
-        torch.from_numpy(np.ascontiguousarray(draws[:, :stories])),
-        torch.from_numpy(damping),
-        torch.from_numpy(np.ascontiguousarray(draws[:, stories:])),
-        torch.from_numpy(frequency_hz),
-    )
-    return np.asarray(frf.abs().clamp_min(1e-12).log().numpy())
-
-
-__all__ = ["calibrate_with_effects", "open_effects", "predictive_with_effects"]
+__all__ = ["calibrate_with_effects"]

@@ -32,8 +32,7 @@ def sample_exact(
     prior = model.prior if bounds is None else model.prior.joined("zeta", *bounds)
     fixed = model.building.damping.ratio if bounds is None else None
     target = DataLikelihood(
-        model.reduced,
-        model.law,
+        model.system,
         observation,
         fixed,
         device=settings.device,
@@ -52,9 +51,7 @@ def sample_exact(
         )
     else:
         size = model.prior.size
-        latent = LatentLikelihood(
-            found[0], model.reduced, model.law, observation, device=settings.device
-        )
+        latent = LatentLikelihood(found[0], model.system, observation, device=settings.device)
 
         def base(parameters: Tensor) -> Tensor:
             return latent(parameters[:, :size])

@@ -37,13 +37,12 @@ def sample_latent(
         told(surrogate.info, observation) for told in (noise_notes, calibration_notes)
     )
     # Draws on the decoder know no effects.
-    if model.prior.size > FEW and model.system is None:
+    if model.prior.size > FEW and not model.system.placed:
         results, notes = _sample_decoded(surrogate, model, observation, settings, run)
         return Sampled(results, (*noise, *notes, *calibration), None, least)
     likelihood = LatentLikelihood(
         surrogate,
-        model.responder,
-        model.law,
+        model.system,
         observation,
         device=settings.device,
         shared=model.shared,

@@ -75,7 +75,7 @@ def sample_decoded(
 
 def _responses(model: StudyModel, observation: Observation, data: LatentData) -> Respond:
     """The building's own, at parameters with the damping ratio last where it is unknown."""
-    respond = floor_responses(model.reduced, model.law, observation, data.log_frf)
+    respond = floor_responses(model.system, observation, data.log_frf)
     size, ratio = model.prior.size, model.building.damping.ratio
 
     def answer(parameters: Tensor) -> Tensor:

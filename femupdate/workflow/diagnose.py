@@ -20,8 +20,8 @@ from femupdate.discrepancy.mesh_scatter import with_mesh_error
 from femupdate.discrepancy.problem import Problem, together
 from femupdate.discrepancy.score import candidates
 from femupdate.discrepancy.screen import screen_channels
-from femupdate.dynamics.effect_local import SPREAD, Sized
-from femupdate.dynamics.effect_response import ReducedStructure
+from femupdate.dynamics.local_basis import SPREAD, Sized
+from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.effects.effect import Placed
 from femupdate.effects.structure import Structure
 from femupdate.measurement.observation import Observation

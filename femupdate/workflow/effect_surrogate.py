@@ -8,10 +8,10 @@ from femupdate.atomic import atomic_path
 from femupdate.building.schema import Building
 from femupdate.discrepancy.mesh_error import corrected
 from femupdate.discrepancy.mesh_scatter import mesh_scatter
-from femupdate.dynamics.effect_box import reduce_over_box
-from femupdate.dynamics.effect_modal import makes_modes_complex
-from femupdate.dynamics.effect_reduction import structure_on
-from femupdate.dynamics.effect_response import EffectSystem, ReducedStructure
+from femupdate.dynamics.projection import reduced_on
+from femupdate.dynamics.reduced_terms import ReducedStructure
+from femupdate.dynamics.reduction import reduce_structure
+from femupdate.dynamics.system import System, makes_modes_complex
 from femupdate.effects.effect import Placed
 from femupdate.effects.structure import Structure
 from femupdate.errors import SurrogateError
@@ -22,11 +22,11 @@ from femupdate.workflow.effects import (
     building_effects,
     check_places,
     finder_structure,
-    reduction_target,
+    open_structure,
     with_sizes,
 )
-from femupdate.workflow.mesh_error import open_mesh_error
-from femupdate.workflow.model import StudyModel
+from femupdate.workflow.mesh_error import kept_mesh_error, open_mesh_error
+from femupdate.workflow.model import StudyModel, reduction_target
 
 BASIS = "surrogate's basis"
 _FILE = "surrogate_basis.npz"
@@ -63,9 +63,23 @@ def with_effects(study: Study, model: StudyModel, progress: Progress | None = No
     mesh = open_mesh_error(study, model.building, structure, progress)
     reduced = reduced if mesh is None else corrected(reduced, mesh)
     terms = tuple(reduced.terms(one) for one in effects.placed)
-    system = EffectSystem(reduced, model.law, effects.placed, terms)
-    shared = None if mesh is None else mesh_scatter(system, mesh)
+    system = System(reduced.model, model.law, effects.placed, terms)
+    shared = None if mesh is None else mesh_scatter(reduced, system, mesh)
     return replace(model, system=system, shared=shared, prior=prior)
+
+
+def open_system(study: Study, model: StudyModel, progress: Progress | None = None) -> System:
+    """The study's reduced model with the effects that its building lists, if any."""
+    if len(model.building.effects) == len(model.system.placed):
+        return model.system
+    reduced = kept_structure(study, model) or open_structure(study, model.building, progress)
+    mesh = kept_mesh_error(study, model.building)
+    if mesh is not None:
+        reduced = corrected(reduced, mesh)
+    effects = building_effects(model.building)
+    check_places(reduced.structure, effects)
+    terms = tuple(reduced.terms(one) for one in effects.placed)
+    return System(reduced.model, model.law, effects.placed, terms)
 
 
 def kept_structure(
@@ -83,7 +97,7 @@ def kept_structure(
         return None
     with np.load(kept) as data:
         basis = data["basis"]
-    return structure_on(structure or finder_structure(model.building), basis)
+    return reduced_on(structure or finder_structure(model.building), basis)
 
 
 def _reduced(
@@ -100,8 +114,8 @@ def _reduced(
         return kept
     lower, upper = prior.lower.numpy(), prior.upper.numpy()
     target = replace(reduction_target(model.building), lower=lower, upper=upper)
-    found = reduce_over_box(structure, placed, target, progress or Silent())
-    if structure.operators is None:
+    found = reduce_structure(structure, target, placed, progress or Silent())
+    if structure.is_stick:
         return found.reduced
     path = study.path(_FILE)
     with atomic_path(path) as temporary, open(temporary, "wb") as file:

@@ -17,20 +17,21 @@ from femupdate.building.schema import Building
 from femupdate.discrepancy.mesh_error import FINER, MeshError
 from femupdate.discrepancy.problem import Problem, make_problem
 from femupdate.dynamics.damping import damping_law
-from femupdate.dynamics.effect_local import Sized, local_structure
-from femupdate.dynamics.effect_modal import parameters_of
-from femupdate.dynamics.effect_reduction import reduce_structure, structure_on
-from femupdate.dynamics.effect_response import ReducedStructure
-from femupdate.dynamics.reduction import ReductionTarget
+from femupdate.dynamics.local_basis import Sized, local_structure
+from femupdate.dynamics.projection import lumped, reduced_on
+from femupdate.dynamics.reduced_terms import ReducedStructure
+from femupdate.dynamics.reduction import reduce_structure
+from femupdate.dynamics.snapshots import ReductionTarget
+from femupdate.dynamics.system import parameters_of
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
-from femupdate.effects.structure import Structure, structure_of
+from femupdate.effects.structure import Structure, require_story_factors, structure_of
 from femupdate.errors import BuildingError
 from femupdate.inference.prior import TruncatedPrior, UniformPrior
 from femupdate.measurement.observation import Observation
 from femupdate.progress import Progress, Silent
 from femupdate.study import Study
-from femupdate.workflow.model import StudyModel, theta_prior, zeta_bounds
+from femupdate.workflow.model import StudyModel, reduction_target, theta_prior, zeta_bounds
 
 BASIS = "effect basis"
 _FILE = "effect_basis.npz"
@@ -67,21 +68,31 @@ def open_structure(
 ) -> ReducedStructure:
     """The reduced structure of a study's building, on the basis that the study keeps.
 
-    Without one a basis for the whole prior is made (of a frame, in minutes), and kept.
+    Without one a basis for the building's effects over the whole prior is made (of a frame, in
+    minutes), and kept.
     """
-    plain = without_effects(building)
-    structure = finder_structure(plain)
-    target = reduction_target(plain)
-    if structure.operators is None:
-        return reduce_structure(structure, target)
-    origin = finder_origin(plain)
-    kept = study.find(BASIS, origin)
+    structure = finder_structure(building)
+    if structure.is_stick:
+        return lumped(structure)
+    kept = study.find(BASIS, finder_origin(building))
     if kept is not None:
         with np.load(kept) as data:
-            return structure_on(structure, data["basis"])
-    reduced = reduce_structure(structure, target, progress or Silent())
-    keep_basis(study, reduced, plain)
+            return reduced_on(structure, data["basis"])
+    placed = building_effects(building).placed
+    target = with_size_ranges(reduction_target(building), placed)
+    reduced = reduce_structure(structure, target, placed, progress or Silent()).reduced
+    keep_basis(study, reduced, building)
     return reduced
+
+
+def with_size_ranges(target: ReductionTarget, placed: Sequence[Placed]) -> ReductionTarget:
+    """A target whose box holds what is likely of the sizes of effects besides."""
+    likely = np.array([one.likely for one in parameters_of(placed)]).reshape(-1, 2)
+    return replace(
+        target,
+        lower=np.concatenate([target.lower, likely[:, 0]]),
+        upper=np.concatenate([target.upper, likely[:, 1]]),
+    )
 
 
 def finder_structure(building: Building) -> Structure:
@@ -90,6 +101,7 @@ def finder_structure(building: Building) -> Structure:
     The study's mesh is chosen for a hundred thousand responses; here some twenty solutions are
     needed, and half of the error of a mesh is worth them.
     """
+    require_story_factors(building)
     return structure_of(without_effects(building), finder_mesh_size(building))
 
 
@@ -107,11 +119,11 @@ def finder_origin(building: Building) -> dict[str, str]:
 
 def plain_structure(model: StudyModel) -> ReducedStructure:
     """The structure on the study's own basis, which knows the story factors alone."""
+    require_story_factors(model.building)
     structure = structure_of(without_effects(model.building))
-    if structure.operators is None:
-        return reduce_structure(structure, reduction_target(model.building))
-    force = np.column_stack([model.reduced.excitation, np.zeros(model.reduced.size)])
-    return ReducedStructure(structure, model.reduced, np.zeros((len(structure.axis), 0)), force)
+    if structure.is_stick:
+        return lumped(structure)
+    return ReducedStructure(structure, model.reduced, np.zeros((len(structure.axis), 0)))
 
 
 def structure_near(
@@ -234,18 +246,6 @@ def with_effect(building: Building, placed: Placed, values: Floats) -> Building:
     }
     entry = EffectEntry(name=placed.effect.name, place=placed.place, parameters=parameters)
     return building.model_copy(update={"effects": (*building.effects, entry)})
-
-
-def reduction_target(building: Building) -> ReductionTarget:
-    """What a reduced model of a building must reproduce."""
-    prior, bounds = theta_prior(building), zeta_bounds(building)
-    return ReductionTarget(
-        prior.lower.numpy(),
-        prior.upper.numpy(),
-        building.frequency_grid.frequencies_hz(),
-        bounds[0] if bounds else building.damping.ratio,
-        building.reduction.tolerance,
-    )
 
 
 def problem_of(

@@ -9,7 +9,7 @@ from femupdate.discrepancy.fit import Fit
 from femupdate.discrepancy.mesh_error import MeshError
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.repair import Repair
-from femupdate.dynamics.effect_history import effect_histories
+from femupdate.dynamics.transformed import transformed_sensors
 from femupdate.errors import MeasurementError
 from femupdate.measurement.columns import BASE
 from femupdate.measurement.observation import Observation
@@ -93,18 +93,8 @@ def hold(
     for fitted in (done.before, done.after):
         theta, zeta, sizes = fitted.coordinates.split(fitted.weighed.z[None], problem.fixed_zeta)
         theta, zeta = fitted.system.at_level(theta, zeta, sizes, level)
-        histories = next(
-            effect_histories(
-                fitted.system,
-                theta.numpy(),
-                zeta.numpy(),
-                sizes.numpy(),
-                base,
-                data.time_step,
-                instruments=True,
-            )
-        )
-        predicted.append(histories.floor_acceleration[0][rows])
+        sample = (theta, zeta, sizes)
+        predicted.append(transformed_sensors(fitted.system, sample, base, data.time_step)[rows])
     size = np.sqrt((measured**2).mean())
     errors = [float(np.sqrt(((one - measured) ** 2).mean()) / size) for one in predicted]
     instants = data.time_step * np.arange(measured.shape[1], dtype=np.float64)

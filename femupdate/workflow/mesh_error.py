@@ -10,7 +10,7 @@ from femupdate.arrays import Floats
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.schema import Building
 from femupdate.discrepancy.mesh_error import FINER, MeshError, learn_mesh_error
-from femupdate.dynamics.effect_response import ReducedStructure
+from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.effects.structure import Structure, structure_of
 from femupdate.progress import Progress, Silent
 from femupdate.study import Study, write_text

@@ -1,34 +1,29 @@
 """The building of a study with its reduced model: made once, then read back."""
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from femupdate.building.building_mesh import BuildingMesh
 from femupdate.building.files import (
     load_building,
     mechanics_hash,
     save_building,
 )
-from femupdate.building.mesh import mesh_building
 from femupdate.building.parameters import factor_ranges
 from femupdate.building.schema import Building
-from femupdate.building.shear import shear_operators
 from femupdate.dynamics.damping import DampingLaw, damping_law
-from femupdate.dynamics.effect_response import EffectSystem
-from femupdate.dynamics.reduced import ReducedModel
-from femupdate.dynamics.reduction import (
-    Reduction,
-    ReductionTarget,
-    reduce_lumped,
-    reduce_operators,
-)
+from femupdate.dynamics.reduced import BaseRotation, ReducedModel
+from femupdate.dynamics.reduction import Reduction, reduce_structure
+from femupdate.dynamics.snapshots import ReductionTarget
+from femupdate.dynamics.system import System
+from femupdate.effects.structure import Structure, structure_of
 from femupdate.errors import StudyError
-from femupdate.fe.assembly import AffineOperators, assemble
 from femupdate.inference.likelihood import SharedErrors
 from femupdate.inference.prior import UniformPrior
 from femupdate.progress import SILENT, Progress
@@ -47,6 +42,7 @@ _ARRAYS = (
     "story_mass",
     "story_drift",
 )
+_ROTATION = ("force", "mass", "story_moment", "levels")
 
 
 @dataclass(frozen=True)
@@ -56,28 +52,26 @@ class StudyModel:
     Attributes:
         building: as its file says.
         reduced: the reduced model.
-        law: damping law.
         prior: of the stiffness factors.
         zeta_bounds: range of the damping ratio where it is a nuisance, else None.
         reduction_error: rms difference of ln|H| from the full model; 0 for lumped buildings.
-        system: with the effects that the building lists, where a surrogate of them is at work; the
-            prior is then of their sizes as well.
+        system: the reduced model and its damping; with the effects that the building lists where a
+            surrogate of them is at work, and the prior is then of their sizes as well.
         shared: what the mesh of that system leaves open; None for a stick.
     """
 
     building: Building
     reduced: ReducedModel
-    law: DampingLaw
+    system: System
     prior: UniformPrior
     zeta_bounds: tuple[float, float] | None
     reduction_error: float
-    system: EffectSystem | None = None
     shared: SharedErrors | None = None
 
     @property
-    def responder(self) -> ReducedModel | EffectSystem:
-        """What responses are asked of."""
-        return self.system or self.reduced
+    def law(self) -> DampingLaw:
+        """Damping law."""
+        return self.system.law
 
     @property
     def frequency_hz(self) -> Tensor:
@@ -95,11 +89,34 @@ class StudyModel:
 
 
 @dataclass(frozen=True)
-class FrameParts:
-    """The full model behind a frame building's reduced one."""
+class KeptReduction:
+    """A reduced model as a study keeps it, with what is known of its error."""
 
-    mesh: BuildingMesh
-    operators: AffineOperators
+    model: ReducedModel
+    rms_error: float
+    settings: Mapping[str, Any]
+
+    @staticmethod
+    def of(reduction: Reduction) -> "KeptReduction":
+        """As it was certified."""
+        return KeptReduction(
+            reduction.reduced.model,
+            reduction.rms_error,
+            {
+                "size": reduction.reduced.model.size,
+                "rms_error": reduction.rms_error,
+                "largest_error": reduction.largest_error,
+                "checks": reduction.checks,
+                "worst_error": reduction.worst_error,
+                "share_no_worse": reduction.share,
+            },
+        )
+
+    @staticmethod
+    def again(model: StudyModel) -> "KeptReduction":
+        """That of a study's model, for another study of the same structure."""
+        error = model.reduction_error
+        return KeptReduction(model.reduced, error, {"size": model.reduced.size, "rms_error": error})
 
 
 def theta_prior(building: Building) -> UniformPrior:
@@ -115,12 +132,6 @@ def zeta_bounds(building: Building) -> tuple[float, float] | None:
     if zeta is None or building.damping.is_rayleigh:
         return None
     return zeta.lower, zeta.upper
-
-
-def frame_parts(building: Building, mesh_size: float | None = None) -> FrameParts:
-    """Mesh and assemble a frame building."""
-    mesh = mesh_building(building, mesh_size)
-    return FrameParts(mesh, assemble(mesh.model))
 
 
 def open_study(
@@ -143,62 +154,37 @@ def open_study(
     if kept is not None:
         reduced, error = load_reduced(kept)
         return _study_model(chosen, reduced, error)
-    reduction = reduce_building(chosen, progress=progress or SILENT)
-    return keep_model(study, chosen, reduction)
+    reduction = reduce_building(chosen, progress=progress)
+    return keep_model(study, chosen, KeptReduction.of(reduction))
 
 
-def keep_model(study: Study, building: Building, reduction: Reduction) -> StudyModel:
+def keep_model(study: Study, building: Building, reduced: KeptReduction) -> StudyModel:
     """Write a building and its reduced model into a study."""
     save_building(building, study.path(_BUILDING_FILE))
-    save_reduced(reduction.model, reduction.rms_error, study.path(_REDUCED_FILE))
-    model = _study_model(building, reduction.model, reduction.rms_error)
-    study.record(
-        REDUCED,
-        _REDUCED_FILE,
-        "build-model",
-        model.made_from(),
-        {
-            "size": reduction.model.size,
-            "rms_error": reduction.rms_error,
-            "largest_error": reduction.largest_error,
-            "checks": reduction.checks,
-            "worst_error": reduction.worst_error,
-            "share_no_worse": reduction.share,
-        },
-    )
+    save_reduced(reduced.model, reduced.rms_error, study.path(_REDUCED_FILE))
+    model = _study_model(building, reduced.model, reduced.rms_error)
+    study.record(REDUCED, _REDUCED_FILE, "build-model", model.made_from(), reduced.settings)
     return model
 
 
-def reduce_building(
-    building: Building, parts: FrameParts | None = None, progress: Progress = SILENT
-) -> Reduction:
-    """Make the reduced model of any building."""
-    if building.kind == "shear":
-        lumped = shear_operators(building)
-        model = reduce_lumped(lumped.stiffness_terms, lumped.mass, lumped.floors)
-        return Reduction(model, 0.0, 0.0, 0)
-    parts = parts or frame_parts(building)
+def reduction_target(building: Building) -> ReductionTarget:
+    """What a reduced model of a building must reproduce."""
     prior, bounds = theta_prior(building), zeta_bounds(building)
-    target = ReductionTarget(
+    return ReductionTarget(
         prior.lower.numpy(),
         prior.upper.numpy(),
         building.frequency_grid.frequencies_hz(),
         bounds[0] if bounds else building.damping.ratio,
         building.reduction.tolerance,
     )
-    return reduce_operators(
-        parts.operators,
-        parts.mesh.floor_nodes,
-        np.concatenate([[0.0], parts.mesh.floor_level]),
-        parts.mesh.direction,
-        target,
-        progress,
-    )
 
 
-def reduction_of(model: StudyModel) -> Reduction:
-    """The reduction behind a study's model, to be kept in another study of the same structure."""
-    return Reduction(model.reduced, model.reduction_error, model.reduction_error, 0)
+def reduce_building(
+    building: Building, structure: Structure | None = None, progress: Progress | None = None
+) -> Reduction:
+    """Make the reduced model of any building, without its effects."""
+    plain = structure or structure_of(building)
+    return reduce_structure(plain, reduction_target(building), progress=progress or SILENT)
 
 
 def save_reduced(model: ReducedModel, rms_error: float, path: Path) -> None:
@@ -206,6 +192,8 @@ def save_reduced(model: ReducedModel, rms_error: float, path: Path) -> None:
     arrays = {name: getattr(model, name) for name in _ARRAYS}
     if model.node_shapes is not None:
         arrays["node_shapes"] = model.node_shapes
+    if model.rotation is not None:
+        arrays |= {f"rotation_{name}": getattr(model.rotation, name) for name in _ROTATION}
     header = json.dumps({"floors": model.floors, "rms_error": rms_error})
     with atomic_path(path) as temporary, open(temporary, "wb") as file:
         np.savez(file, header=np.array(header), **arrays)
@@ -217,7 +205,12 @@ def load_reduced(path: Path) -> tuple[ReducedModel, float]:
         header = json.loads(str(data["header"]))
         shapes = data.get("node_shapes")
         arrays = {name: data[name] for name in _ARRAYS}
-    model = ReducedModel(**arrays, floors=tuple(header["floors"]), node_shapes=shapes)
+        turned = {
+            name: data[f"rotation_{name}"] for name in _ROTATION if f"rotation_{name}" in data
+        }
+    rotation = BaseRotation(**turned) if turned else None
+    floors = tuple(header["floors"])
+    model = ReducedModel(**arrays, floors=floors, node_shapes=shapes, rotation=rotation)
     return model, float(header["rms_error"])
 
 
@@ -246,7 +239,7 @@ def _study_model(building: Building, reduced: ReducedModel, error: float) -> Stu
     return StudyModel(
         building,
         reduced,
-        damping_law(building),
+        System(reduced, damping_law(building)),
         theta_prior(building),
         zeta_bounds(building),
         error,

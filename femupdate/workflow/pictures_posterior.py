@@ -4,15 +4,12 @@ from pathlib import Path
 
 import numpy as np
 
-from femupdate.arrays import Floats
-from femupdate.inference.posterior import Posterior
 from femupdate.measurement.observation import on_all_floors
 from femupdate.progress import Progress, Silent
 from femupdate.study import Study
-from femupdate.workflow.calibrate_draws import PREDICTIVE, predictive_log_frf
-from femupdate.workflow.calibrate_effects import open_effects, predictive_with_effects
+from femupdate.workflow.calibrate_draws import predictive_log_frf
 from femupdate.workflow.calibration_report import CalibrationReport
-from femupdate.workflow.model import StudyModel
+from femupdate.workflow.effect_surrogate import open_system
 
 
 def draw_posterior(
@@ -26,7 +23,8 @@ def draw_posterior(
 
     model, posterior, show = report.model, report.posterior, progress or Silent()
     show.start("Drawing", 3)
-    predicted = _predictive(study, model, posterior)
+    system = open_system(study, model)
+    predicted = predictive_log_frf(system, model, posterior)
     low, high = np.quantile(predicted, [0.05, 0.95], axis=0)
     observation = on_all_floors(posterior.observation, model.building.floors)
     names = [_pretty(name) for name in posterior.names]
@@ -48,14 +46,6 @@ def draw_posterior(
     paths.append(save_figure(intervals, study.path("pictures", "stiffness_factors.png")))
     show.advance()
     return tuple(paths)
-
-
-def _predictive(study: Study, model: StudyModel, posterior: Posterior) -> Floats:
-    if not model.building.effects:
-        return predictive_log_frf(model, posterior)
-    ratio, grid = model.building.damping.ratio, model.frequency_hz.numpy()
-    system = model.system or open_effects(study, model)
-    return predictive_with_effects(system, posterior, ratio, grid, PREDICTIVE)
 
 
 def _pretty(name: str) -> str:

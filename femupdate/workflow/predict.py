@@ -11,6 +11,7 @@ import torch
 
 from femupdate.arrays import Floats
 from femupdate.dynamics.comparison import Comparison, compare
+from femupdate.dynamics.history import history_batches
 from femupdate.dynamics.member_histories import (
     ChosenMembers,
     MemberForces,
@@ -25,13 +26,9 @@ from femupdate.inference.posterior import load_posterior
 from femupdate.measurement.record import GroundMotion, read_record
 from femupdate.progress import Progress, Silent
 from femupdate.study import Study, file_hash
+from femupdate.workflow.effect_surrogate import open_system
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.predict_draws import (
-    at_reached_level,
-    effects_of,
-    prediction_draws,
-    response_histories,
-)
+from femupdate.workflow.predict_draws import at_reached_level, prediction_draws
 from femupdate.workflow.prediction_file import save_prediction
 from femupdate.workflow.prediction_inputs import (
     PredictionSettings,
@@ -158,11 +155,14 @@ def predict_study(
     posterior = load_posterior(study.require("posterior", "calibrate"))
     study.check_fresh("posterior", model.made_from(), "calibrate")
     theta, zeta, damping = prediction_draws(model, posterior, settings)
-    system = effects_of(study, model)
+    system = open_system(study, model)
     theta, zeta, at_level = at_reached_level(system, posterior, theta, zeta, motion, settings, show)
     chosen = choose_members(model.building, settings.members) if settings.members else None
     show.start("Integrating the response", len(theta))
-    summary = summarise(response_histories(system, model, theta, zeta, motion, show), _EXAMPLES)
+    histories = history_batches(
+        system, theta, zeta, motion.acceleration, motion.time_step, progress=show
+    )
+    summary = summarise(histories, _EXAMPLES)
     spectra = _spectra(summary, motion, settings.spectrum_damping)
     few = np.linspace(0, len(theta) - 1, min(settings.member_draws, len(theta))).astype(int)
     members = _members(study, model, chosen, theta[few], zeta[few], motion, show)

@@ -1,22 +1,15 @@
 """Posterior draws that a prediction follows, and their response histories."""
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
-
 import numpy as np
 import torch
 
-from femupdate.dynamics.history import Histories, HistorySettings, history_batches
+from femupdate.dynamics.system import System
 from femupdate.errors import BuildingError
 from femupdate.inference.posterior import Posterior
 from femupdate.measurement.record import GroundMotion
 from femupdate.progress import Progress
-from femupdate.study import Study
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.prediction_inputs import PredictionSettings
-
-if TYPE_CHECKING:
-    from femupdate.dynamics.effect_response import EffectSystem
 
 
 def prediction_draws(
@@ -45,17 +38,8 @@ def prediction_draws(
     return torch.from_numpy(theta), torch.from_numpy(ratio), text
 
 
-def effects_of(study: Study, model: StudyModel) -> "EffectSystem | None":
-    """The structure with the effects that the building lists, if any."""
-    if not model.building.effects:
-        return None
-    from femupdate.workflow.calibrate_effects import open_effects
-
-    return open_effects(study, model)
-
-
 def at_reached_level(
-    system: "EffectSystem | None",
+    system: System,
     posterior: Posterior,
     parameters: torch.Tensor,
     zeta: torch.Tensor,
@@ -66,50 +50,17 @@ def at_reached_level(
     """Draws at the level of motion that they reach, and what is to be said of it."""
     from femupdate.workflow.amplitude import at_own_level, changes_with_level
 
-    if system is None or not changes_with_level(system.placed):
+    if not changes_with_level(system.placed):
         return parameters, zeta, ()
-    stories = system.reduced.model.parameters
+    theta, sizes = system.split(parameters)
     show.start("Finding the level of the motion", len(parameters))
     found = at_own_level(
         system,
-        (parameters[:, :stories].numpy(), zeta.numpy(), parameters[:, stories:].numpy()),
+        (theta.numpy(), zeta.numpy(), sizes.numpy()),
         motion,
         posterior.settings,
         keep_damping=settings.damping is not None,
         progress=show,
     )
-    moved = torch.cat([torch.from_numpy(found.theta), parameters[:, stories:]], dim=1)
+    moved = torch.cat([torch.from_numpy(found.theta), sizes], dim=1)
     return moved, torch.from_numpy(found.zeta), (found.note,)
-
-
-def response_histories(
-    system: "EffectSystem | None",
-    model: StudyModel,
-    parameters: torch.Tensor,
-    zeta: torch.Tensor,
-    motion: GroundMotion,
-    show: Progress,
-) -> Iterator[Histories]:
-    """Response histories; a building with effects has their parameters behind its factors."""
-    if system is None:
-        return history_batches(
-            model.reduced,
-            parameters,
-            zeta,
-            motion.acceleration,
-            motion.time_step,
-            settings=HistorySettings(law=model.law),
-            progress=show,
-        )
-    from femupdate.dynamics.effect_history import effect_histories
-
-    stories = model.reduced.parameters
-    return effect_histories(
-        system,
-        parameters[:, :stories].numpy(),
-        zeta.numpy(),
-        parameters[:, stories:].numpy(),
-        motion.acceleration,
-        motion.time_step,
-        show,
-    )

@@ -17,7 +17,7 @@ from femupdate.workflow.calibration_report import POSTERIOR
 from femupdate.workflow.diagnose import ModelParts
 from femupdate.workflow.effects import building_effects, keep_basis, with_effect, without_effects
 from femupdate.workflow.mesh_error import keep_mesh_error
-from femupdate.workflow.model import StudyModel, keep_model, reduction_of
+from femupdate.workflow.model import KeptReduction, StudyModel, keep_model
 from femupdate.workflow.observed import ObservationSource
 
 REPAIRED = "repaired"
@@ -64,7 +64,7 @@ def keep_repaired(
     kept = Study(study.path(REPAIRED))
     kept.folder.mkdir(parents=True, exist_ok=True)
     save_building(building, kept.path("building.toml"))
-    repaired = keep_model(kept, building, reduction_of(model))
+    repaired = keep_model(kept, building, KeptReduction.again(model))
     if problem.reduced.structure.operators is not None:
         keep_basis(kept, problem.reduced, building)
     if parts.mesh is not None:

@@ -117,7 +117,7 @@ def train_study(
     settings = settings or default_settings(model)
     check_samples(samples, settings)
     initial = None if start is None else load_surrogate(start).mvae
-    if model.building.effects and model.system is None:
+    if len(model.building.effects) > len(model.system.placed):
         from femupdate.workflow.effect_surrogate import with_effects
 
         model = with_effects(study, model, show)
@@ -179,9 +179,9 @@ def network_sizes(model: StudyModel) -> NetworkSizes:
         points=len(model.frequency_hz),
         parameters=model.prior.size,
         free_damping=model.zeta_bounds is not None,
-        modes=modes_kept(model.responder, _MODES_DECODED),
+        modes=modes_kept(model.system, _MODES_DECODED),
         floor_features=max(24, 384 // floors),
-        effect_sizes=0 if model.system is None else model.system.sizes,
+        effect_sizes=model.system.sizes,
     )
 
 
@@ -190,7 +190,7 @@ def _dataset(
 ) -> tuple[ModalDataset, Path]:
     plan = DatasetPlan(
         samples,
-        modes_kept(model.responder, _MODES_KEPT),
+        modes_kept(model.system, _MODES_KEPT),
         float(model.frequency_hz[-1]),
         seed + 1,
     )
@@ -199,12 +199,11 @@ def _dataset(
     show.start("Solving modes of parameter samples", samples)
     # All over the box alike: sizes that their prior thinks unlikely are learned as well.
     box = UniformPrior(model.prior.names, model.prior.lower, model.prior.upper)
-    return compute_dataset(model.responder, box, plan, folder, show), folder
+    return compute_dataset(model.system, box, plan, folder, show), folder
 
 
 def _shapes(model: StudyModel) -> int:
-    reduced = model.reduced if model.system is None else model.system.reduced.model
-    return reduced.size
+    return model.system.model.size
 
 
 def training_task(model: StudyModel, dataset: ModalDataset) -> TrainingTask:
@@ -213,9 +212,8 @@ def training_task(model: StudyModel, dataset: ModalDataset) -> TrainingTask:
     return TrainingTask(
         dataset,
         model.frequency_hz.float(),
-        model.law,
+        model.system,
         model.zeta_bounds or (ratio, ratio),
         model.prior,
         network_sizes(model),
-        model.system,
     )

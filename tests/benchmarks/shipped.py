@@ -4,6 +4,7 @@ import hashlib
 
 from femupdate.building.files import load_building
 from femupdate.dynamics.damping import damping_law
+from femupdate.dynamics.system import System
 from femupdate.surrogate.storage import TrainedSurrogate
 from femupdate.workflow.model import (
     StudyModel,
@@ -17,10 +18,11 @@ def benchmark_model(name: str = "shear_4dof") -> StudyModel:
     """A shipped building, ready for inference; frames are reduced, which takes a minute."""
     building = load_building(name)
     reduction = reduce_building(building)
+    reduced = reduction.reduced.model
     return StudyModel(
         building,
-        reduction.model,
-        damping_law(building),
+        reduced,
+        System(reduced, damping_law(building)),
         theta_prior(building),
         zeta_bounds(building),
         reduction.rms_error,

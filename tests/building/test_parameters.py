@@ -9,7 +9,7 @@ import pytest
 from femupdate.building.document import from_document, mechanics_hash
 from femupdate.building.mesh import mesh_building
 from femupdate.building.parameters import stiffness_factors
-from femupdate.effects.structure import structure_of
+from femupdate.effects.structure import require_story_factors
 from femupdate.errors import BuildingError
 from femupdate.fe.assembly import assemble
 from femupdate.workflow.model import theta_prior
@@ -86,4 +86,4 @@ def test_effects_need_factors_by_story(document):
     with pytest.raises(BuildingError, match="effects need one factor a story"):
         building(document, parameters=BY_KIND, effects=[effect])
     with pytest.raises(BuildingError, match="effects need one stiffness factor for each story"):
-        structure_of(building(document, parameters=BY_KIND))
+        require_story_factors(building(document, parameters=BY_KIND))

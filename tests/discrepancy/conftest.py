@@ -10,12 +10,11 @@ import torch
 from femupdate.building.document import from_document
 from femupdate.discrepancy.problem import make_problem
 from femupdate.dynamics.damping import damping_law
-from femupdate.dynamics.effect_reduction import reduce_structure
+from femupdate.dynamics.projection import lumped
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import structure_of
 from femupdate.measurement.observation import Observation
-from femupdate.workflow.effects import reduction_target
 from femupdate.workflow.model import theta_prior, zeta_bounds
 
 
@@ -81,7 +80,7 @@ def reduced_of():
     """A function: a shear building on its own degrees of freedom."""
 
     def make(building):
-        return reduce_structure(structure_of(building), reduction_target(building))
+        return lumped(structure_of(building))
 
     return make
 

@@ -13,7 +13,8 @@ from femupdate.discrepancy.exchange import exchange_fits, promising
 from femupdate.discrepancy.fit import extended, fit, fit_baseline
 from femupdate.discrepancy.repair import repair
 from femupdate.discrepancy.score import candidates
-from femupdate.dynamics.effect_response import EffectSystem, ReducedStructure
+from femupdate.dynamics.reduced_terms import ReducedStructure
+from femupdate.dynamics.system import System
 
 GRID = 0.2 * np.arange(1, 61)
 FLOORS = ("2F", "3F", "4F", "5F", "RF")
@@ -41,8 +42,8 @@ def exchanges(problem):
 def for_searching(reduced):
     """The structure as the prior's own basis knows it: no effect can act on its shapes."""
     basis = np.zeros((len(reduced.basis), 0))
-    force = reduced.rigid_force * np.array([1.0, 0.0])
-    return ReducedStructure(reduced.structure, reduced.model, basis, force)
+    model = replace(reduced.model, rotation=None)
+    return ReducedStructure(reduced.structure, model, basis)
 
 
 WRONG = {
@@ -82,13 +83,13 @@ def test_the_structure_answers_once_for_all_exchanges(hidden, monkeypatch):
     problem, base = hidden(**WRONG["swapped_channels@2F,3F"])
     asked = exchanges(problem)
     assert len(asked) == 15
-    answer, rows = EffectSystem.frf, []
+    answer, rows = System.frf, []
 
     def counted(system, theta, *others):
         rows.append(len(theta))
         return answer(system, theta, *others)
 
-    monkeypatch.setattr(EffectSystem, "frf", counted)
+    monkeypatch.setattr(System, "frf", counted)
     promising(problem, base, asked[:3])
     three = sum(rows)
     rows.clear()

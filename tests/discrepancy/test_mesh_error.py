@@ -14,8 +14,8 @@ from femupdate.discrepancy.mesh_points import at_damping, error_of_points
 from femupdate.discrepancy.mesh_scatter import mesh_scatter, with_mesh_error
 from femupdate.discrepancy.problem import make_problem
 from femupdate.dynamics.damping import ConstantDamping
-from femupdate.dynamics.effect_reduction import structure_on
-from femupdate.dynamics.effect_response import EffectSystem
+from femupdate.dynamics.projection import reduced_on
+from femupdate.dynamics.system import System
 from femupdate.effects.structure import structure_of
 from femupdate.errors import ModelError
 from femupdate.fe.driven import driven_shapes
@@ -60,13 +60,13 @@ def near(structure):
         left, size, _ = np.linalg.svd(np.column_stack(shapes), full_matrices=False)
         basis = left[:, size > 1e-8 * size[0]]
         root = np.linalg.cholesky(basis.T @ (structure.mass @ basis))
-        return structure_on(structure, np.linalg.solve(root, basis.T).T)
+        return reduced_on(structure, np.linalg.solve(root, basis.T).T)
 
     return make
 
 
 def frf(reduced, theta):
-    system = EffectSystem(reduced, ConstantDamping(), (), ())
+    system = System(reduced.model, ConstantDamping(), (), ())
     zeta, none = torch.tensor([0.05], dtype=torch.float64), torch.zeros((1, 0))
     return system.frf(torch.from_numpy(theta[None]), zeta, none, torch.from_numpy(GRID))[0].numpy()
 
@@ -147,7 +147,7 @@ def test_what_the_unknowns_make_up_for_is_no_error_of_points(coarse, learned):
     finer = near(structure_of(frame(1.5), 1.0))(theta)
 
     def complex_frf(structure, theta, zeta):
-        system = EffectSystem(structure, ConstantDamping(), (), ())
+        system = System(structure.model, ConstantDamping(), (), ())
         at = torch.tensor(theta[None]), torch.tensor([zeta], dtype=torch.float64)
         return system.frf(*at, torch.zeros((1, 0)), torch.from_numpy(GRID))[0].numpy()
 
@@ -246,7 +246,7 @@ def test_what_is_left_open_is_the_same_in_ln_h(coarse, learned):
     """As the finder's problem has it, whitened."""
     reduced, _, problem, base = amplitudes_at_one(coarse, learned)
     whitened = errors_left_open(problem, learned, base).numpy().reshape(-1, 2, GRID.size)
-    scatter = mesh_scatter(EffectSystem(reduced, ConstantDamping(), (), ()), learned)
+    scatter = mesh_scatter(reduced, System(reduced.model), learned)
     here = torch.from_numpy(base.theta()[0][None])
     zeta = torch.full((1,), 0.05, dtype=torch.float64)
     change = scatter(here, torch.from_numpy(GRID), zeta)[0]

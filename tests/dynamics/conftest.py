@@ -9,9 +9,8 @@ import torch
 from scipy.linalg import eigh
 
 from femupdate.building.document import from_document
-from femupdate.building.mesh import mesh_building
-from femupdate.dynamics.reduction import reduce_lumped
-from femupdate.fe.assembly import assemble
+from femupdate.dynamics.projection import reduce_lumped
+from femupdate.effects.structure import structure_of
 
 
 @dataclass(frozen=True)
@@ -84,15 +83,18 @@ def tensor():
 class Frame:
     """A frame building, meshed and assembled."""
 
-    mesh: object
-    operators: object
+    structure: object
     heights: tuple[float, ...]
     story_mass: tuple[float, ...]  # of columns, walls, beams and slab of each story, kg
     column_mass: tuple[float, ...]  # of columns and walls alone
 
     @property
-    def levels(self):
-        return np.concatenate([[0.0], self.mesh.floor_level])
+    def mesh(self):
+        return self.structure.mesh
+
+    @property
+    def operators(self):
+        return self.structure.operators
 
 
 _CONCRETE = {"youngs_modulus": 25e9, "poisson_ratio": 0.2, "density": 2400.0}
@@ -126,14 +128,13 @@ def small_frame():
             "prior": {"theta": {"lower": 1 / 3, "upper": 3.0}},
             "damping": {"law": "constant", "ratio": 0.02},
         }
-        mesh = mesh_building(from_document(document))
+        structure = structure_of(from_document(document))
         wall = 0.15 * widths[0]
         upright = [2400.0 * h * (6 * 0.4 * 0.6 + wall) for h in heights]
         bars = 2 * sum(widths) + 3 * depth
         flat = 2400.0 * (bars * 0.3 * 0.5 + sum(widths) * depth * 0.15)
         return Frame(
-            mesh,
-            assemble(mesh.model),
+            structure,
             heights,
             tuple(mass + flat for mass in upright),
             tuple(upright),

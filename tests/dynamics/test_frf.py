@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from femupdate.dynamics.damping import ConstantDamping, RayleighDamping
-from femupdate.dynamics.frf import complex_frf, fast_batch, log_frf, log_frf_batches
-from femupdate.dynamics.modal import modal_data
+from femupdate.dynamics.frf import complex_frf, log_frf
+from femupdate.dynamics.system import System, fast_batch
 
 FREQUENCY = np.linspace(0.0, 20.0, 57)
 # Equal masses m and springs theta_i 1000 m, one roof curve for all four (Katafygiotis and Lam 2002,
@@ -24,7 +24,7 @@ EQUIVALENT = [
 @pytest.mark.parametrize("zeta", [0.0, 0.005, 0.02, 0.3])
 def test_constant_modal_damping_against_a_direct_solution(chain, thetas, tensor, zeta):
     found = complex_frf(
-        modal_data(chain.reduced(), tensor(thetas)),
+        System(chain.reduced()).modal_data(tensor(thetas)),
         tensor(FREQUENCY),
         ConstantDamping(),
         tensor([zeta] * 3),
@@ -40,7 +40,10 @@ def test_rayleigh_damping_against_a_direct_solution(chain, thetas, tensor):
     low, high = 2.0 * np.pi * 1.0, 2.0 * np.pi * 20.0
     of_mass, of_stiffness = 0.04 * low * high / (low + high), 0.04 / (low + high)
     found = complex_frf(
-        modal_data(chain.reduced(), tensor(thetas)), tensor(FREQUENCY), law, tensor([9.9] * 3)
+        System(chain.reduced()).modal_data(tensor(thetas)),
+        tensor(FREQUENCY),
+        law,
+        tensor([9.9] * 3),
     )
     for row, theta in enumerate(thetas):
         M, K = chain.matrices(theta)
@@ -50,7 +53,7 @@ def test_rayleigh_damping_against_a_direct_solution(chain, thetas, tensor):
 
 def test_every_sample_has_its_own_damping(chain, thetas, tensor):
     zeta = [0.01, 0.05, 0.002]
-    data = modal_data(chain.reduced(), tensor(thetas))
+    data = System(chain.reduced()).modal_data(tensor(thetas))
     found = log_frf(data, tensor(FREQUENCY), ConstantDamping(), tensor(zeta))
     for row, theta in enumerate(thetas):
         expected = chain.frf(theta, FREQUENCY, chain.modal_damping(theta, zeta[row]))
@@ -59,7 +62,7 @@ def test_every_sample_has_its_own_damping(chain, thetas, tensor):
 
 def test_floors_move_with_a_base_that_hardly_moves(chain, thetas, tensor):
     """|H(0)| = 1: absolute floor acceleration over base acceleration."""
-    data = modal_data(chain.reduced(), tensor(thetas))
+    data = System(chain.reduced()).modal_data(tensor(thetas))
     found = complex_frf(data, tensor([0.0]), ConstantDamping(), tensor([0.02] * 3))
     assert bool((found == 1.0).all())
     assert bool((log_frf(data, tensor([0.0]), ConstantDamping(), tensor([0.02] * 3)) == 0).all())
@@ -67,7 +70,7 @@ def test_floors_move_with_a_base_that_hardly_moves(chain, thetas, tensor):
 
 def test_response_lags_the_base(chain, thetas, tensor):
     """exp(+i omega t): at the first resonance H is near -i times a positive number."""
-    data = modal_data(chain.reduced(), tensor(thetas))
+    data = System(chain.reduced()).modal_data(tensor(thetas))
     first = data.omega[:, 0] / (2.0 * np.pi)
     for row in range(3):
         found = complex_frf(
@@ -80,7 +83,7 @@ def test_response_lags_the_base(chain, thetas, tensor):
 def test_the_four_solutions_of_the_benchmark_have_one_roof_curve(make_chain, tensor):
     equal = make_chain(np.ones(4), np.full(4, 1000.0))
     frequency = 0.02 * np.arange(1, 1025)
-    data = modal_data(equal.reduced(), tensor(EQUIVALENT))
+    data = System(equal.reduced()).modal_data(tensor(EQUIVALENT))
     found = log_frf(data, tensor(frequency), RayleighDamping(0.02, (1.0, 20.0)), torch.zeros(4))
     roof, low = found[:, 3], found[:, 0]
     # Half a unit of the fifth printed digit, 5e-6 of 2.6, moves the curve by up to 2e-4 near peaks.
@@ -94,7 +97,7 @@ def test_the_four_solutions_of_the_benchmark_have_one_roof_curve(make_chain, ten
 def test_single_precision_is_enough_for_the_response(tall_chain, tensor):
     theta = tensor(np.random.default_rng(3).uniform(0.4, 2.5, (6, 30)))
     frequency, zeta = torch.linspace(0.02, 20.0, 500), torch.full((6,), 0.01)
-    data = modal_data(tall_chain.reduced(), theta, modes=28, top_frequency_hz=20.0)
+    data = System(tall_chain.reduced()).modal_data(theta, modes=28, top_frequency_hz=20.0)
     exact = log_frf(data, frequency.double(), ConstantDamping(), zeta.double())
     found = log_frf(data.to("cpu", torch.float32), frequency, ConstantDamping(), zeta)
     assert found.dtype == torch.float32
@@ -107,8 +110,9 @@ def test_single_precision_is_enough_for_the_response(tall_chain, tensor):
 def test_batches_equal_one_by_one(chain, tensor, batch):
     theta = tensor(np.random.default_rng(0).uniform(0.4, 2.5, (5, 4)))
     zeta = tensor(np.linspace(0.01, 0.05, 5))
-    data, law = modal_data(chain.reduced(), theta), ConstantDamping()
-    parts = list(log_frf_batches(data, tensor(FREQUENCY), law, zeta, batch=batch))
+    system, law = System(chain.reduced()), ConstantDamping()
+    data = system.modal_data(theta)
+    parts = list(system.log_frf_batches(data, theta, zeta, tensor(FREQUENCY), batch=batch))
     assert [len(part) for part in parts[:-1]] == [batch] * (len(parts) - 1)
     joined = torch.cat(parts)
     for row in range(5):
@@ -118,15 +122,14 @@ def test_batches_equal_one_by_one(chain, tensor, batch):
 
 def test_the_batch_chosen_keeps_arrays_small(tall_chain, tensor):
     """About a megabyte on a processor, whatever the precision, and never nothing at a time."""
-    data = modal_data(tall_chain.reduced(), tensor(np.ones((40, 30))))
+    system, theta = System(tall_chain.reduced()), tensor(np.ones((40, 30)))
+    data = system.modal_data(theta)
     double, single = fast_batch(data, 1000), fast_batch(data.to("cpu", torch.float32), 1000)
     assert double * 30 * 1000 * 8 <= 2**20 < (double + 1) * 30 * 1000 * 8
     assert single >= 2 * double
     assert fast_batch(data, 10**9) == 1
     zeta = tensor([0.02] * 40)
-    parts = list(
-        log_frf_batches(data, tensor(np.linspace(0.1, 9.0, 1000)), ConstantDamping(), zeta)
-    )
+    parts = list(system.log_frf_batches(data, theta, zeta, tensor(np.linspace(0.1, 9.0, 1000))))
     assert [len(part) for part in parts] == [4] * 10
 
 
@@ -140,7 +143,7 @@ def test_stiffness_and_frequency_scale_together(chain, theta, scale, zeta):
     """K -> s K is a change of the time's unit: H(f sqrt(s)) of the stiff one is H(f)."""
     grid = torch.linspace(0.1, 15.0, 40, dtype=torch.float64)
     values = torch.tensor([theta, [scale * one for one in theta]], dtype=torch.float64)
-    data, law = modal_data(chain.reduced(), values), ConstantDamping()
+    data, law = System(chain.reduced()).modal_data(values), ConstantDamping()
     ratio = torch.full((1,), zeta, dtype=torch.float64)
     soft = log_frf(data[:1], grid, law, ratio)
     stiff = log_frf(data[1:], grid * scale**0.5, law, ratio)
@@ -151,8 +154,10 @@ def test_stiffness_and_frequency_scale_together(chain, theta, scale, zeta):
 def test_a_gpu_gives_the_same(tall_chain, tensor):
     theta = tensor(np.random.default_rng(3).uniform(0.4, 2.5, (6, 30)))
     frequency, zeta = tensor(FREQUENCY[1:]), tensor([0.02] * 6)
-    here = log_frf(modal_data(tall_chain.reduced(), theta), frequency, ConstantDamping(), zeta)
-    solved = modal_data(tall_chain.reduced(), theta, device="cuda")
+    here = log_frf(
+        System(tall_chain.reduced()).modal_data(theta), frequency, ConstantDamping(), zeta
+    )
+    solved = System(tall_chain.reduced()).modal_data(theta, device="cuda")
     assert solved.omega.device.type == "cpu"
     there = log_frf(solved.to("cuda"), frequency, ConstantDamping(), zeta).cpu()
     # Another eigenvalue solver, in double precision as well.

@@ -7,12 +7,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from femupdate.dynamics.damping import RayleighDamping
+from femupdate.dynamics.damping import ConstantDamping, RayleighDamping
 from femupdate.dynamics.history import HistorySettings, floor_histories, history_batches
 from femupdate.dynamics.recurrence import interpolate_record, step_matrices
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.dynamics.story import story_stiffness
 from femupdate.dynamics.summary import summarise
+from femupdate.dynamics.system import System
 from femupdate.errors import MeasurementError, ModelError
 
 STRAIGHT = HistorySettings(oversampling=1, tolerance=0.0)
@@ -21,14 +22,14 @@ SPRING = np.array([9e6, 5e6, 4e6, 1.5e6])
 THETA = np.array([[1.0, 1.0, 1.0, 1.0], [0.5, 2.1, 0.8, 1.3], [2.7, 0.4, 1.9, 0.6]])
 
 
-def shear_building(mass: np.ndarray, spring: np.ndarray, seed: int = 7) -> ReducedModel:
+def shear_building(mass, spring, seed=7, law=None) -> System:
     """A chain in rotated mass-orthonormal coordinates: nothing is diagonal, nothing symmetric."""
     count = len(mass)
     rotation = np.linalg.qr(np.random.default_rng(seed).normal(size=(count, count)))[0]
     basis = rotation / np.sqrt(mass)[:, None]
     drift = np.eye(count) - np.eye(count, k=-1)
     above = np.triu(np.ones((count, count))) * mass
-    return ReducedModel(
+    model = ReducedModel(
         stiffness_terms=np.stack(
             [k * np.outer(basis.T @ d, basis.T @ d) for k, d in zip(spring, drift, strict=True)]
         ),
@@ -40,9 +41,10 @@ def shear_building(mass: np.ndarray, spring: np.ndarray, seed: int = 7) -> Reduc
         story_mass=above.sum(axis=1),
         story_drift=drift @ basis,
     )
+    return System(model, law or ConstantDamping())
 
 
-def oscillator(omega: float) -> ReducedModel:
+def oscillator(omega: float) -> System:
     return shear_building(np.array([2.5]), np.array([2.5 * omega**2]))
 
 
@@ -164,9 +166,9 @@ def test_rayleigh_damping_against_scipy():
     M, K = chain_matrices(THETA[1])
     C = law.mass_coefficient * M + law.stiffness_coefficient * K
     _, absolute = integrate(M, K, C, record, step)
-    chosen = HistorySettings(law=law, oversampling=1, tolerance=0.0)
+    chosen = HistorySettings(oversampling=1, tolerance=0.0)
     found = floor_histories(
-        shear_building(MASS, SPRING), THETA[1:2], 0.9, record, step, settings=chosen
+        shear_building(MASS, SPRING, law=law), THETA[1:2], 0.9, record, step, settings=chosen
     )
     scale = np.abs(absolute).max()
     np.testing.assert_allclose(found.floor_acceleration[0], absolute.T, atol=1e-7 * scale)
@@ -343,12 +345,16 @@ def test_step_matrices_against_the_published_recurrence():
 @pytest.mark.parametrize(
     ("change", "error", "message"),
     [
-        ({"theta": np.ones((2, 3))}, ModelError, r"needs \(samples, 4\)"),
-        ({"theta": np.ones(4)}, ModelError, r"needs \(samples, 4\)"),
-        ({"theta": np.ones((0, 4))}, ModelError, r"needs \(samples, 4\)"),
-        ({"theta": np.array([[1, 1, 1, 1], [1, np.nan, 1, 1]])}, ModelError, "sample 1 is not"),
+        ({"parameters": np.ones((2, 3))}, ModelError, r"needs \(samples, 4\)"),
+        ({"parameters": np.ones(4)}, ModelError, r"needs \(samples, 4\)"),
+        ({"parameters": np.ones((0, 4))}, ModelError, r"needs \(samples, 4\)"),
         (
-            {"theta": np.array([[1, 1, 1, 1], [1, -1, 1, 1]])},
+            {"parameters": np.array([[1, 1, 1, 1], [1, np.nan, 1, 1]])},
+            ModelError,
+            "sample 1 is not",
+        ),
+        (
+            {"parameters": np.array([[1, 1, 1, 1], [1, -1, 1, 1]])},
             ModelError,
             "sample 1 is not positive",
         ),
@@ -364,7 +370,7 @@ def test_step_matrices_against_the_published_recurrence():
 )
 def test_wrong_input_is_told_in_one_sentence(change, error, message):
     arguments = {
-        "theta": np.ones((2, 4)),
+        "parameters": np.ones((2, 4)),
         "zeta": 0.02,
         "acceleration": np.ones(50),
         "time_step": 0.01,

@@ -7,34 +7,34 @@ from scipy.linalg import eigh
 
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.frf import complex_frf
-from femupdate.dynamics.modal import ModalData, ReducedTensors, modal_data, solve_modes
+from femupdate.dynamics.modal import ModalData
 from femupdate.dynamics.reduced import ReducedModel
+from femupdate.dynamics.system import System
 
 
 def test_modes_are_those_of_scipy(chain, thetas, tensor):
-    model = chain.reduced()
-    omega, vectors = solve_modes(ReducedTensors.of(model), tensor(thetas))
+    modes = System(chain.reduced()).modes(tensor(thetas), tensor(np.zeros((3, 0))))
     for row, theta in enumerate(thetas):
         M, K = chain.matrices(theta)
         squared = eigh(K, M, eigvals_only=True)
         # Two eigenvalue solvers in float64.
-        np.testing.assert_allclose(omega[row] ** 2, squared, rtol=1e-12)
-        shapes = model.floor_shapes @ vectors[row].numpy()
+        np.testing.assert_allclose(modes.omega[row] ** 2, squared, rtol=1e-12)
+        shapes = (modes.rows[row] * modes.omega[row]).numpy()  # of unit mass
         np.testing.assert_allclose(shapes.T @ M @ shapes, np.eye(4), atol=1e-12)
         np.testing.assert_allclose(K @ shapes, M @ shapes * squared, rtol=1e-9, atol=1e-6)
 
 
 def test_effects_add_up_to_the_rigid_motion(chain, thetas, tensor):
     """sum_j phi_fj Gamma_j = 1 at every floor: the modes are complete."""
-    data = modal_data(chain.reduced(), tensor(thetas))
+    data = System(chain.reduced()).modal_data(tensor(thetas))
     np.testing.assert_allclose(data.effect.sum(-1), 1.0, rtol=1e-12)
     assert bool((data.residual == 0).all())
 
 
 def test_a_single_precision_theta_is_solved_in_double(chain, thetas):
     single = torch.as_tensor(thetas, dtype=torch.float32)
-    data = modal_data(chain.reduced(), single)
-    again = modal_data(chain.reduced(), single.double())
+    data = System(chain.reduced()).modal_data(single)
+    again = System(chain.reduced()).modal_data(single.double())
     assert data.omega.dtype == torch.float64
     assert torch.equal(data.omega, again.omega)
 
@@ -43,16 +43,16 @@ def test_a_single_precision_theta_is_solved_in_double(chain, thetas):
 def test_batches_equal_one_by_one(chain, tensor, batch, recorder):
     theta = tensor(np.random.default_rng(0).uniform(0.4, 2.5, (5, 4)))
     told = recorder()
-    data = modal_data(chain.reduced(), theta, batch=batch, progress=told)
+    data = System(chain.reduced()).modal_data(theta, batch=batch, progress=told)
     assert sum(told.counts) == 5
     for row in range(5):
-        one = modal_data(chain.reduced(), theta[row : row + 1])
+        one = System(chain.reduced()).modal_data(theta[row : row + 1])
         np.testing.assert_allclose(data.omega[row], one.omega[0], rtol=1e-13)
         np.testing.assert_allclose(data.effect[row], one.effect[0], atol=1e-12)
 
 
 def test_rows_are_taken_and_moved_together(chain, thetas, tensor):
-    data = modal_data(chain.reduced(), tensor(thetas))
+    data = System(chain.reduced()).modal_data(tensor(thetas))
     some = data[torch.tensor([2, 0])].to("cpu", torch.float32)
     assert len(some) == 2
     assert some.omega.dtype == some.effect.dtype == some.residual.dtype == torch.float32
@@ -64,10 +64,10 @@ def errors_of_leaving_out(model, theta, kept, top_hz):
     """Largest change of the complex H, whose size is 1 at rest and ten or more at resonances."""
     frequency, law = torch.linspace(0.05, top_hz, 400, dtype=torch.float64), ConstantDamping()
     zeta = torch.full((len(theta),), 0.01, dtype=torch.float64)
-    full = complex_frf(modal_data(model, theta), frequency, law, zeta)
+    full = complex_frf(System(model).modal_data(theta), frequency, law, zeta)
     errors = []
     for modes in kept:
-        data = modal_data(model, theta, modes=modes, top_frequency_hz=top_hz)
+        data = System(model).modal_data(theta, modes=modes, top_frequency_hz=top_hz)
         assert data.omega.shape[1] == modes
         errors.append(float((complex_frf(data, frequency, law, zeta) - full).abs().max()))
     return errors
@@ -76,7 +76,9 @@ def errors_of_leaving_out(model, theta, kept, top_hz):
 def test_leaving_modes_out_converges_to_all_of_them(tall_chain, tensor):
     theta = tensor(np.random.default_rng(1).uniform(0.5, 2.0, (4, 30)))
     top = 8.0
-    assert bool(((modal_data(tall_chain.reduced(), theta).omega < 16.0 * np.pi).sum(1) == 5).all())
+    assert bool(
+        ((System(tall_chain.reduced()).modal_data(theta).omega < 16.0 * np.pi).sum(1) == 5).all()
+    )
     errors = errors_of_leaving_out(tall_chain.reduced(), theta, [7, 9, 12, 16, 22, 30], top)
     # Five modes lie in the band; the seventh above 10 Hz. The series has no damping: what is left
     # is 2 zeta r^3 of each effect, r < .8 the top over the frequency left out.
@@ -104,7 +106,7 @@ def test_modes_in_the_band_that_no_floor_feels_do_not_spoil_the_series():
         zeros,
     )
     theta = torch.ones(1, 1, dtype=torch.float64)
-    kept = modal_data(model, theta, modes=2, top_frequency_hz=10.0)
+    kept = System(model).modal_data(theta, modes=2, top_frequency_hz=10.0)
     np.testing.assert_allclose(kept.omega[0], omega[[0, 4]], rtol=1e-12)
     # The stiff ones lose 2 zeta (10 / 40)^3 of an effect of .2, the others their peak of 1e-8. In
     # the series the one at 0.4 Hz would count (10 / 0.4)^6 times its effect, .02.
@@ -125,9 +127,11 @@ def test_the_power_series_is_that_of_the_modes_left_out():
         zeros[0],
         zeros,
     )
-    found = modal_data(
-        model, torch.ones(1, 1, dtype=torch.float64), modes=1, top_frequency_hz=10.0
-    ).residual[0]
+    found = (
+        System(model)
+        .modal_data(torch.ones(1, 1, dtype=torch.float64), modes=1, top_frequency_hz=10.0)
+        .residual[0]
+    )
     effect = np.array([[1.5, -1.4], [-0.3, -0.8]])
     expected = np.stack([effect @ omega[1:] ** -(2.0 * k + 2.0) for k in range(3)], axis=1)
     np.testing.assert_allclose(found, expected, rtol=1e-12)
@@ -135,7 +139,7 @@ def test_the_power_series_is_that_of_the_modes_left_out():
 
 def test_leaving_modes_out_needs_the_top_of_the_grid(chain, thetas, tensor):
     with pytest.raises(ValueError, match="top_frequency_hz"):
-        modal_data(chain.reduced(), tensor(thetas), modes=2)
+        System(chain.reduced()).modal_data(tensor(thetas), modes=2)
 
 
 @pytest.mark.parametrize("size", [1, 2])
@@ -143,13 +147,13 @@ def test_the_smallest_buildings(make_chain, tensor, size):
     chain = make_chain(np.array([2.0, 1.0])[:size], np.array([700.0, 300.0])[:size])
     theta = np.array([[1.7, 0.6]])[:, :size]
     frequency = np.array([0.5, 1.9, 4.0])
-    data = modal_data(chain.reduced(), tensor(theta))
+    data = System(chain.reduced()).modal_data(tensor(theta))
     found = complex_frf(data, tensor(frequency), ConstantDamping(), tensor([0.03]))
     expected = chain.frf(theta[0], frequency, chain.modal_damping(theta[0], 0.03))
     np.testing.assert_allclose(found[0], expected, rtol=1e-11)
 
 
 def test_modal_data_of_nothing_has_no_rows(chain):
-    data = modal_data(chain.reduced(), torch.zeros(0, 4))
+    data = System(chain.reduced()).modal_data(torch.zeros(0, 4))
     assert isinstance(data, ModalData)
     assert len(data) == 0

@@ -8,15 +8,15 @@ from scipy.sparse import csc_matrix
 
 from femupdate.dynamics import reduction
 from femupdate.dynamics.damping import ConstantDamping, RayleighDamping
+from femupdate.dynamics.equations import driven_system
 from femupdate.dynamics.frf import complex_frf, log_frf
-from femupdate.dynamics.full_response import floor_sensors, full_modes, superposition_log_frf
-from femupdate.dynamics.modal import modal_data
-from femupdate.dynamics.reduction import ReductionTarget, reduce_lumped, reduce_operators
+from femupdate.dynamics.projection import reduce_lumped
+from femupdate.dynamics.reduction import reduce_structure
+from femupdate.dynamics.snapshots import TOP, ReductionTarget
+from femupdate.dynamics.system import System
 from femupdate.errors import ModelError
-from femupdate.fe.assembly import assemble
-from femupdate.fe.elements.beam import Beams
-from femupdate.fe.model import FiniteElementModel, PointMasses
 from femupdate.fe.solve import static_displacement
+from femupdate.progress import SILENT
 
 GRID = 0.2 * np.arange(1, 151)
 UNSEEN = np.array([[0.41, 2.3], [2.7, 0.9], [1.0, 1.0]])
@@ -28,11 +28,8 @@ def target(tolerance=0.02, zeta=0.01, samples=16, seed=0, stories=2):
     )
 
 
-def reduce(frame, aim, *progress):
-    mesh = frame.mesh
-    return reduce_operators(
-        frame.operators, mesh.floor_nodes, frame.levels, mesh.direction, aim, *progress
-    )
+def reduce(frame, aim, progress=SILENT):
+    return reduce_structure(frame.structure, aim, progress=progress)
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +67,7 @@ def full_log_frf(frame, theta, zeta):
 
 
 def reduced_log_frf(model, theta, zeta):
-    data = modal_data(model, torch.as_tensor(theta)[None])
+    data = System(model).modal_data(torch.as_tensor(theta)[None])
     zetas = torch.full((1,), zeta, dtype=torch.float64)
     return log_frf(data, torch.from_numpy(GRID), ConstantDamping(), zetas)[0].numpy()
 
@@ -124,7 +121,7 @@ def compare_with_direct(harmonic, frame, model, theta, C, law, zeta):
     load = frame.operators.expand(frame.operators.inertia(0))
     u = np.array(harmonic(frame.operators, theta, frequency, load, C))[:, frame.operators.free]
     expected = 1.0 + (2.0 * np.pi * frequency) ** 2 * (mean_rows(frame) @ u.T)
-    data = modal_data(model, torch.from_numpy(theta)[None])
+    data = System(model).modal_data(torch.from_numpy(theta)[None])
     zetas = torch.full((1,), zeta, dtype=torch.float64)
     found = complex_frf(data, torch.from_numpy(frequency), law, zetas)[0].numpy()
     # The tolerance of the reduction, at single frequencies up to a few times its rms.
@@ -140,27 +137,18 @@ def test_reduced_frequencies_bound_the_full_ones_from_above(frame, reduced):
     np.testing.assert_allclose(small[:3], full[:3], rtol=1e-3)  # inside the prior they are close
 
 
-def test_the_stiffness_is_affine_in_theta(frame, reduced, monkeypatch):
+def test_the_stiffness_is_affine_in_theta(frame, reduced):
     """V^T K(theta) V for any theta, inside the prior or not, and V^T M V = I."""
-    kept = []
-    project = reduction.project
-
-    def spy(operators, basis, *others):
-        kept.append(basis)
-        return project(operators, basis, *others)
-
-    monkeypatch.setattr(reduction, "project", spy)
-    again = reduce(frame, target())
-    V = kept[-1]
+    V, model = reduced.reduced.basis, reduced.model
     np.testing.assert_allclose(V.T @ (frame.operators.mass @ V), np.eye(V.shape[1]), atol=1e-11)
     for theta in ([0.4, 2.0], [7.0, 0.0], [0.0, 0.0]):
         expected = V.T @ (frame.operators.stiffness(np.array(theta)) @ V)
-        found = again.model.stiffness(np.array(theta))
+        found = model.stiffness(np.array(theta))
         np.testing.assert_allclose(found, expected, atol=1e-12 * np.abs(expected).max() + 1e-9)
         np.testing.assert_array_equal(found, found.T)
-    np.testing.assert_allclose(again.model.excitation, V.T @ frame.operators.inertia(0), atol=1e-9)
+    np.testing.assert_allclose(model.excitation, V.T @ frame.operators.inertia(0), atol=1e-9)
     full = frame.operators.expand(V).reshape(-1, 6, V.shape[1])
-    np.testing.assert_allclose(again.model.node_shapes, full[:, :3], rtol=1e-5, atol=1e-7)
+    np.testing.assert_allclose(model.node_shapes, full[:, :3], rtol=1e-5, atol=1e-7)
 
 
 def test_a_seed_gives_one_model_and_another_seed_another(frame, reduced):
@@ -258,60 +246,6 @@ def test_a_tolerance_that_cannot_be_met(frame):
         reduce(frame, target(tolerance=1e-9, samples=1))
 
 
-def stick():
-    """A massless cantilever with three point masses: most degrees of freedom carry none."""
-    count = 3
-    nodes = np.column_stack([np.zeros(4), np.zeros(4), [0.0, 3.0, 5.5, 8.5]])
-    fixed = np.zeros((4, 6), dtype=bool)
-    fixed[0] = True
-    ones = np.ones(count)
-    beams = Beams(
-        nodes=np.array([[0, 1], [1, 2], [2, 3]]),
-        area=0.3 * ones,
-        shear_area_y=np.inf * ones,
-        shear_area_z=np.inf * ones,
-        inertia_y=0.02 * ones,
-        inertia_z=0.03 * ones,
-        torsion_constant=0.01 * ones,
-        youngs_modulus=25e9 * ones,
-        poisson_ratio=0.2 * ones,
-        density=0.0 * ones,
-        up=np.tile([1.0, 0.0, 0.0], (count, 1)),
-        group=np.arange(count),
-        kind=np.full(count, "column"),
-    )
-    masses = PointMasses(np.array([1, 2, 3]), np.array([9e4, 5e4, 7e4]), np.zeros((3, 3)))
-    return FiniteElementModel(nodes=nodes, fixed=fixed, groups=3, elements=(beams,), masses=masses)
-
-
-def test_modes_of_a_stick_whose_rotations_carry_no_mass():
-    """Nine of eighteen degrees of freedom carry mass: no more modes than that are asked for."""
-    operators = assemble(stick())
-    theta = np.array([0.5, 2.2, 1.1])
-    levels = np.array([3.0, 5.5, 8.5])
-    nodes = {"2F": np.array([1]), "3F": np.array([2]), "RF": np.array([3])}
-    found = full_modes(operators, floor_sensors(operators, nodes, 0), theta, 1e4)
-    assert len(found.felt.omega) <= 9
-    # Bending along x, condensed by hand: deflections of the cantilever under unit loads.
-    flexibility = cantilever_flexibility(levels, 25e9 * 0.02 * theta)
-    mass = np.array([9e4, 5e4, 7e4])
-    squared = eigh(np.linalg.inv(flexibility), np.diag(mass), eigvals_only=True)
-    felt = np.abs(found.felt.effect).max(axis=0) > 1e-6
-    np.testing.assert_allclose(found.felt.omega[felt], np.sqrt(squared[: felt.sum()]), rtol=1e-6)
-    assert felt.sum() >= 2
-    held = found.felt.effect @ found.felt.omega**-2.0 + found.felt.missed[:, 0]
-    np.testing.assert_allclose(held, flexibility @ mass, rtol=1e-6)
-
-
-def cantilever_flexibility(levels, bending):
-    """Deflection at i under a unit load at j: the integral of both moments over E I."""
-    edges = np.concatenate([[0.0], levels])
-    z = np.concatenate([np.linspace(*pair, 2001) for pair in zip(edges, levels, strict=False)])
-    stiffness = np.repeat(bending, 2001)
-    arms = np.clip(levels[:, None] - z, 0.0, None)
-    return np.array([[np.trapezoid(a * b / stiffness, z) for a in arms] for b in arms])
-
-
 def test_lumped_building_by_hand():
     """Three floors of 4, 3 and 2 kg on springs of 50, 30 and 20 N/m at theta = 1."""
     terms = np.zeros((3, 3, 3))
@@ -340,42 +274,23 @@ def test_stiffness_takes_many_theta_at_once(chain, thetas):
     np.testing.assert_allclose(many[1, 0], model.stiffness(thetas[1]), rtol=1e-14)
 
 
-def test_modes_of_the_full_model_are_found_up_to_a_frequency(frame):
-    """However many there are, and the static response makes up for the rest."""
+@pytest.mark.parametrize("zeta", [0.0066, 0.03])
+def test_the_full_model_at_one_theta_is_that_of_all_its_modes(frame, zeta):
+    """What a reduced model is judged by, up to the top of the grid."""
     theta = np.array([0.4, 2.0])
-    squared, shapes = eigh(*dense(frame, theta))
-    sensors = floor_sensors(frame.operators, frame.mesh.floor_nodes, 0)
-    np.testing.assert_allclose(sensors.rows, mean_rows(frame))
-    for top in (5.0, 150.0, 400.0):
-        found = full_modes(frame.operators, sensors, theta, top)
-        below = np.sqrt(squared) < 2.0 * np.pi * top
-        count = len(found.felt.omega)
-        assert count >= below.sum()
-        np.testing.assert_allclose(found.felt.omega, np.sqrt(squared[:count]), rtol=1e-6)
-        effect = (mean_rows(frame) @ shapes) * (shapes.T @ frame.operators.inertia(0))
-        rest = effect[:, count:] @ (1.0 / squared[count:])
-        np.testing.assert_allclose(
-            found.felt.missed[:, 0], rest, atol=1e-8 * np.abs(found.static).max()
-        )
-
-
-def test_the_power_series_stands_in_for_the_modes_above(frame):
-    """Up to 1/1.4 of the top, six terms follow ln|H| of all modes within 2e-3 rms at zeta .0066.
-
-    What is left is the damping of the modes above, which the series does not have.
-    """
-    theta, top = np.array([0.4, 2.0]), 60.0
-    squared, shapes = eigh(*dense(frame, theta))
-    effect = (mean_rows(frame) @ shapes) * (shapes.T @ frame.operators.inertia(0))
-    grid = np.linspace(0.5, top / 1.4, 200)
-    none = np.zeros((len(effect), 0))
-    everything = superposition_log_frf(np.sqrt(squared), effect, none, grid, 0.0066)
-    sensors = floor_sensors(frame.operators, frame.mesh.floor_nodes, 0)
-    errors = []
-    for terms in (1, 6):
-        found = full_modes(frame.operators, sensors, theta, top, terms=terms)
-        assert len(found.felt.omega) < len(squared)
-        error = found.felt.log_frf(grid, 0.0066) - everything
-        errors.append(np.sqrt((error**2).mean()))
-    print(errors)
-    assert errors[1] < 2e-3 < errors[0]
+    found = driven_system(
+        frame.structure, (), (), theta, np.zeros(0), TOP * GRID[-1], ConstantDamping()
+    )
+    ratio, none = torch.tensor([zeta], dtype=torch.float64), torch.zeros((1, 0)).double()
+    frf = found.system.frf(none, ratio, none, torch.from_numpy(GRID))[0]
+    error = frf.abs().log().numpy() - full_log_frf(frame, theta, zeta)
+    assert np.sqrt((error**2).mean()) < 1e-3
+    model = found.system.model
+    assert model.parameters == 0
+    # The static response is that of the full structure.
+    load = frame.operators.expand(frame.operators.inertia(0))
+    u = static_displacement(frame.operators, theta, load)
+    q = np.linalg.solve(model.stiffness_constant, model.excitation)
+    expected = mean_rows(frame) @ u[frame.operators.free]
+    np.testing.assert_allclose(model.floor_shapes @ q, expected, rtol=1e-9)
+    np.testing.assert_allclose(model.story_mass, frame.structure.story_rigid[:, 0])

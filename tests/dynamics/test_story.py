@@ -4,18 +4,15 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
 from femupdate.dynamics.history import Histories
-from femupdate.dynamics.reduced import ReducedModel
-from femupdate.dynamics.story import (
-    floor_acceleration_outputs,
-    story_drift_outputs,
-    story_shear_outputs,
-    story_stiffness,
-)
+from femupdate.dynamics.reduced import BaseRotation, ReducedModel
+from femupdate.dynamics.story import story_rows, story_stiffness
 from femupdate.dynamics.summary import statistics, summarise
+from femupdate.dynamics.system import System
 from femupdate.errors import ModelError
 
 FLOORS = ("2F", "3F", "RF")
@@ -77,7 +74,8 @@ def test_shear_and_drift_of_different_shape():
         story_stiffness(np.zeros((2, 50)), np.zeros((3, 50)))
 
 
-def test_signs_and_shares_of_the_outputs():
+def test_rows_of_floors_inertia_and_drift():
+    """What moves with a base that translates by one and turns by one besides."""
     model = ReducedModel(
         stiffness_terms=np.ones((1, 2, 2)),
         stiffness_constant=np.eye(2),
@@ -87,24 +85,18 @@ def test_signs_and_shares_of_the_outputs():
         story_inertia=np.array([[11.0, 13.0], [17.0, 19.0]]),
         story_mass=np.array([30.0, 20.0]),
         story_drift=np.array([[1.0, 2.0], [4.0, 5.0]]),
+        rotation=BaseRotation(
+            force=np.array([5.0, 6.0]),
+            mass=np.eye(2),
+            story_moment=np.array([90.0, 70.0]),
+            levels=np.array([3.0, 7.5]),
+        ),
     )
-    floor, shear, drift = (
-        make(model)
-        for make in (floor_acceleration_outputs, story_shear_outputs, story_drift_outputs)
-    )
-    everything = floor + shear + drift
-    q, acceleration, base = np.array([0.3, -0.7]), np.array([2.0, 1.0]), 0.4
-    value = everything.displacement @ q + everything.acceleration @ acceleration
-    value += everything.base * base
-    expected = [
-        2.0 + 2.0 + 0.4,
-        10.0 + 7.0 + 0.4,
-        -(22.0 + 13.0 + 30.0 * 0.4),
-        -(34.0 + 19.0 + 20.0 * 0.4),
-        0.3 - 1.4,
-        1.2 - 3.5,
-    ]
-    np.testing.assert_allclose(value, expected, rtol=1e-14)
+    rows = story_rows(System(model), torch.zeros(1, 0))
+    shapes = [model.floor_shapes, model.story_inertia, model.story_drift]
+    np.testing.assert_array_equal(rows.shapes[0], np.concatenate(shapes))
+    rigid = [[1.0, 3.0], [1.0, 7.5], [30.0, 90.0], [20.0, 70.0], [0.0, 3.0], [0.0, 4.5]]
+    np.testing.assert_array_equal(rows.rigid[0], rigid)
 
 
 @pytest.mark.parametrize("stops", [(), (1,), (3, 4), (2, 5, 9)])

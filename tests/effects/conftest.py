@@ -10,9 +10,9 @@ from scipy.linalg import eigh
 from femupdate.building.document import from_document
 from femupdate.building.files import load_building
 from femupdate.dynamics.damping import ConstantDamping
-from femupdate.dynamics.effect_response import EffectSystem, ReducedStructure, reduce_terms
-from femupdate.dynamics.full_response import floor_sensors
-from femupdate.dynamics.reduction import project, reduce_lumped
+from femupdate.dynamics.projection import lumped, reduced_on
+from femupdate.dynamics.reduced_terms import ReducedStructure
+from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import structure_of
@@ -237,11 +237,8 @@ class Case:
 
     def system(self, *labels, law=None):
         placed = self.placed(*labels)
-        terms = tuple(
-            reduce_terms(self.reduced, one.effect.terms(self.structure, one.place))
-            for one in placed
-        )
-        return EffectSystem(self.reduced, law or ConstantDamping(), placed, terms)
+        terms = tuple(self.reduced.terms(one) for one in placed)
+        return System(self.reduced.model, law or ConstantDamping(), placed, terms)
 
     def frf(self, *labels, sizes=(), zeta=0.03, law=None):
         """(f, k) of the program."""
@@ -252,18 +249,12 @@ class Case:
 
 def _exact(structure, theta, frequency_hz, equations):
     """The structure on a complete mass-orthonormal basis: nothing is left out."""
-    if structure.operators is None:
-        basis = np.diag(structure.points.mass**-0.5)
-        terms = np.stack([term.toarray() for term in structure.stiffness_terms])
-        model = reduce_lumped(terms, structure.mass.toarray(), structure.floors)
+    if structure.is_stick:
+        reduced = lumped(structure)
     else:
         mass = structure.mass.toarray()
         basis = eigh(structure.stiffness(np.ones(len(theta))).toarray(), mass)[1]
-        nodes = structure.mesh.floor_nodes
-        sensors = floor_sensors(structure.operators, nodes, structure.direction)
-        levels = np.concatenate([[0.0], structure.levels])
-        model = project(structure.operators, basis, nodes, levels, sensors)
-    reduced = ReducedStructure(structure, model, basis, basis.T @ structure.rigid_force)
+        reduced = reduced_on(structure, basis)
     return Case(structure, reduced, np.asarray(theta), frequency_hz, equations)
 
 

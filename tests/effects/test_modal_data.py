@@ -5,13 +5,7 @@ import pytest
 import torch
 
 from femupdate.dynamics.damping import RayleighDamping
-from femupdate.dynamics.effect_modal import (
-    closed_form,
-    effect_log_frf,
-    effect_log_frf_batches,
-    effect_modal_data,
-    makes_modes_complex,
-)
+from femupdate.dynamics.system import Responses, makes_modes_complex
 from femupdate.effects.registry import CATALOGUE
 
 ZETA = 0.03
@@ -27,8 +21,8 @@ def one(case, sizes):
 def ours(case, system, parameters, **options):
     grid = torch.from_numpy(case.frequency_hz)
     zeta = torch.full((len(parameters),), ZETA, dtype=torch.float64)
-    modal = effect_modal_data(system, parameters, top_frequency_hz=float(grid[-1]), **options)
-    return torch.cat(list(effect_log_frf_batches(system, modal, parameters, grid, zeta))).numpy()
+    modal = system.modal_data(parameters, top_frequency_hz=float(grid[-1]), **options)
+    return torch.cat(list(system.log_frf_batches(modal, parameters, zeta, grid))).numpy()
 
 
 def by_hand(case):
@@ -51,7 +45,7 @@ def test_all_modes(case):
 def test_as_many_modes_as_a_stick_has_on_a_rigid_base(stick):
     """A base without mass has modes of its own that are static only: they go to the series."""
     system = stick.system(*GROUND)
-    kept = effect_modal_data(system, one(stick, SIZES), modes=4, top_frequency_hz=20.0)
+    kept = system.modal_data(one(stick, SIZES), modes=4, top_frequency_hz=20.0)
     assert kept.omega.shape == (1, 4)
     assert float(kept.omega.max()) < 1e4
     found = ours(stick, system, one(stick, SIZES), modes=4)[0]
@@ -85,7 +79,7 @@ def test_beyond_a_limit_the_response_goes_on_smoothly(stick):
     grid, zeta = torch.from_numpy(stick.frequency_hz), torch.full((5,), ZETA, dtype=torch.float64)
     sizes = 1e-4 * np.arange(-2, 3)
     both = torch.from_numpy(np.column_stack([np.tile(stick.theta, (5, 1)), sizes]))
-    values = effect_log_frf(system, both, grid, zeta).numpy()
+    values = system.log_frf(both, zeta, grid).numpy()
     slopes = np.diff(values, axis=0) / 1e-4
     largest = np.abs(slopes).max()
     assert largest > 0.1
@@ -98,7 +92,7 @@ def test_samples_that_differ_in_damping_alone_share_their_modes(stick):
     system, grid = stick.system("added_mass@3F"), torch.from_numpy(stick.frequency_hz)
     both = one(stick, [0.1]).expand(3, -1)
     zeta = torch.tensor([0.02, 0.03, 0.05], dtype=torch.float64)
-    together = effect_log_frf(system, both, grid, zeta)
+    together = system.log_frf(both, zeta, grid)
     for row, ratio in enumerate(zeta.tolist()):
         alone = stick.frf("added_mass@3F", sizes=[0.1], zeta=ratio)
         np.testing.assert_allclose(together[row], np.log(np.abs(alone)), atol=1e-9)
@@ -107,7 +101,7 @@ def test_samples_that_differ_in_damping_alone_share_their_modes(stick):
 def test_what_an_estimate_shows_is_taken_before_the_logarithm(stick):
     system, grid = stick.system("added_mass@3F"), torch.from_numpy(stick.frequency_hz)
     zeta = torch.tensor([0.02], dtype=torch.float64)
-    found = effect_log_frf(system, one(stick, [0.1]), grid, zeta, lambda frf: frf + 1.0)
+    found = system.log_frf(one(stick, [0.1]), zeta, grid, Responses(seen=lambda frf: frf + 1.0))
     alone = stick.frf("added_mass@3F", sizes=[0.1], zeta=0.02)
     np.testing.assert_allclose(found[0], np.log(np.abs(alone + 1.0)), atol=1e-9)
 
@@ -122,6 +116,6 @@ def test_only_what_acts_along_lines_makes_modes_complex(stick, frame, name):
 
 
 def test_the_closed_form_knows_the_heights_of_the_floors(case):
-    form = closed_form(case.system("table_pitch@base"), 20.0)
+    form = case.system("table_pitch@base").closed_form(20.0)
     np.testing.assert_allclose(form.levels, case.equations.levels)
     assert (form.floors, form.pitch, form.top_hz) == (case.structure.floors, (1.0,), 20.0)

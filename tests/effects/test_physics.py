@@ -8,8 +8,8 @@ import torch
 
 from femupdate.building.document import from_document
 from femupdate.dynamics.damping import ConstantDamping
-from femupdate.dynamics.effect_reduction import structure_on
-from femupdate.dynamics.effect_response import EffectSystem, reduce_terms
+from femupdate.dynamics.projection import reduced_on
+from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import structure_of
@@ -37,10 +37,10 @@ def single(mass=MASS, height=HEIGHT):
 def frf(document, effects=(), zeta=ZETA, theta=None, frequency_hz=GRID):
     """(f, k) of a shear building with effects (name, place, parameters)."""
     structure = structure_of(from_document(document))
-    reduced = structure_on(structure, np.diag(structure.points.mass**-0.5))
+    reduced = reduced_on(structure, np.diag(structure.points.mass**-0.5))
     placed = tuple(Placed(CATALOGUE[name], place) for name, place, _ in effects)
-    terms = tuple(reduce_terms(reduced, one.effect.terms(structure, one.place)) for one in placed)
-    system = EffectSystem(reduced, ConstantDamping(), placed, terms)
+    terms = tuple(reduced.terms(one) for one in placed)
+    system = System(reduced.model, ConstantDamping(), placed, terms)
     values = [v for _, _, own in effects for v in own]
     theta = [1.0] * len(structure.floors) if theta is None else theta
     tensors = [torch.tensor([v], dtype=torch.float64) for v in (theta, zeta, values)]

@@ -12,8 +12,8 @@ from femupdate.building.files import load_building
 from femupdate.building.shear import shear_operators
 from femupdate.dynamics.damping import RayleighDamping
 from femupdate.dynamics.frf import log_frf
-from femupdate.dynamics.modal import modal_data
-from femupdate.dynamics.reduction import reduce_lumped
+from femupdate.dynamics.projection import reduce_lumped
+from femupdate.dynamics.system import System
 from femupdate.inference.likelihood import DataLikelihood
 from femupdate.inference.prior import UniformPrior
 from femupdate.inference.smc import TemperedSmc
@@ -47,14 +47,14 @@ def likelihood():
     law = RayleighDamping(building.damping.ratio, building.damping.anchors)
     frequency = building.frequency_grid.frequencies_hz()
     assert (frequency.size, frequency[0], frequency[-1]) == pytest.approx((1024, 0.02, 20.48))
-    truth = modal_data(model, torch.ones(1, 4))
+    truth = System(model).modal_data(torch.ones(1, 4))
     clean = log_frf(truth, torch.from_numpy(frequency), law, torch.zeros(1))[0, 3].numpy()
     noise = norm.rvs(size=1024, random_state=101) * 0.2
     shape = (1, 1024)
     observation = Observation(
         frequency, ("RF",), (clean + noise)[None], np.full(shape, 0.2), np.ones(shape, dtype=bool)
     )
-    return DataLikelihood(model, law, observation, building.damping.ratio)
+    return DataLikelihood(System(model, law), observation, building.damping.ratio)
 
 
 def test_the_four_modes_fit_equally_well(likelihood):

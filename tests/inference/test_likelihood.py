@@ -5,8 +5,9 @@ import pytest
 import torch
 from scipy.stats import chi2, kstest
 
-from femupdate.dynamics.damping import ConstantDamping, RayleighDamping
-from femupdate.dynamics.reduction import reduce_lumped
+from femupdate.dynamics.damping import RayleighDamping
+from femupdate.dynamics.projection import reduce_lumped
+from femupdate.dynamics.system import System
 from femupdate.errors import SurrogateError
 from femupdate.inference.likelihood import DataLikelihood, LatentLikelihood, data_terms
 from femupdate.measurement.observation import Observation, select_floors
@@ -60,7 +61,7 @@ def test_misfit_by_hand(model):
     sd = rng.uniform(0.1, 0.4, (3, 120))
     measured = observation(sd, floors=("RF", "2F"))
     theta = np.array([[0.8, 1.4, 2.2], [1.3, 0.7, 1.1]])
-    found = DataLikelihood(model, ConstantDamping(), measured, ZETA)
+    found = DataLikelihood(System(model), measured, ZETA)
     for row, one in enumerate(theta):
         expected = exact_log_frf(one, ZETA)[[2, 0]]
         whitened = (measured.log_frf - expected) / sd[[2, 0]]
@@ -76,11 +77,11 @@ def test_misfit_by_hand(model):
 
 def test_the_last_parameter_is_the_damping_where_it_is_open(model):
     measured = observation(0.2)
-    open_zeta = DataLikelihood(model, ConstantDamping(), measured)
+    open_zeta = DataLikelihood(System(model), measured)
     both = tensor([[*TRUTH, 0.03], [*TRUTH, 0.05], [0.9, 0.8, 1.7, 0.01]])
     found = open_zeta.misfit(both)
     for row in range(3):
-        fixed = DataLikelihood(model, ConstantDamping(), measured, float(both[row, 3]))
+        fixed = DataLikelihood(System(model), measured, float(both[row, 3]))
         one = fixed.misfit(both[row : row + 1, :3])
         assert float(found[row]) == pytest.approx(float(one), rel=1e-12)
     assert float(found[0]) < float(found[1])
@@ -90,8 +91,8 @@ def test_the_last_parameter_is_the_damping_where_it_is_open(model):
 def test_batches_do_not_change_it(model, batch):
     theta = tensor(np.random.default_rng(0).uniform(0.4, 2.5, (7, 3)))
     law, measured = RayleighDamping(0.02, (1.0, 10.0)), observation(0.2)
-    whole = DataLikelihood(model, law, measured, 0.02)(theta)
-    parts = DataLikelihood(model, law, measured, 0.02, batch=batch)(theta)
+    whole = DataLikelihood(System(model, law), measured, 0.02)(theta)
+    parts = DataLikelihood(System(model, law), measured, 0.02, batch=batch)(theta)
     torch.testing.assert_close(parts, whole, rtol=1e-12, atol=0.0)
 
 
@@ -104,8 +105,8 @@ def test_points_that_are_not_valid_do_not_count(model):
     noise[1, 30], spoiled[1, 31] = 0.0, -np.inf
     other = Observation(FREQUENCY, FLOORS, spoiled, noise, valid)
     theta = tensor([TRUTH])
-    one = DataLikelihood(model, ConstantDamping(), measured, ZETA)
-    two = DataLikelihood(model, ConstantDamping(), other, ZETA)
+    one = DataLikelihood(System(model), measured, ZETA)
+    two = DataLikelihood(System(model), other, ZETA)
     assert one.terms.count == two.terms.count == 360 - 25
     assert float(one(theta)) == float(two(theta))
     whitened = ((measured.log_frf - exact_log_frf(TRUTH, ZETA)) / 0.2)[valid]
@@ -117,7 +118,7 @@ def test_misfit_of_the_truth_is_chi_square(model):
     misfits = []
     for seed in range(200):
         likelihood = DataLikelihood(
-            model, ConstantDamping(), observation(np.linspace(0.05, 0.5, 120), seed), ZETA
+            System(model), observation(np.linspace(0.05, 0.5, 120), seed), ZETA
         )
         assert likelihood.terms.count == 360
         misfits.append(float(likelihood.misfit(tensor([TRUTH]))))
@@ -130,8 +131,8 @@ def test_points_closer_than_the_resolution_count_less(model):
     coarse, fine = observation(0.2, resolution_hz=0.4), observation(0.2, resolution_hz=0.02)
     assert data_terms(coarse, FLOORS).independent == pytest.approx(0.25)
     assert data_terms(fine, FLOORS).independent == 1.0
-    likelihood = DataLikelihood(model, ConstantDamping(), coarse, ZETA)
-    full = DataLikelihood(model, ConstantDamping(), plain, ZETA)
+    likelihood = DataLikelihood(System(model), coarse, ZETA)
+    full = DataLikelihood(System(model), plain, ZETA)
     assert float(likelihood(theta)) == pytest.approx(0.25 * float(full(theta)), rel=1e-12)
     assert float(likelihood.misfit(theta)) == float(full.misfit(theta))
 
@@ -150,7 +151,7 @@ def test_weights_by_hand():
 
 def test_the_data_find_the_truth(model):
     """Away from it by a few percent, the likelihood falls as its curvature says."""
-    likelihood = DataLikelihood(model, ConstantDamping(), observation(1e-3), ZETA)
+    likelihood = DataLikelihood(System(model), observation(1e-3), ZETA)
     assert float(likelihood(tensor([TRUTH]))) > float(likelihood(tensor([TRUTH * 1.01]))) + 50.0
     assert float(likelihood(tensor([TRUTH]))) > float(likelihood(tensor([TRUTH * 0.99]))) + 50.0
 
@@ -173,7 +174,7 @@ def surrogate():
 def test_latent_likelihood_is_the_integral_of_its_gaussians(model, surrogate):
     """By completing the square with numpy, component by component."""
     measured = select_floors(observation(0.2), ["3F", "RF"])
-    likelihood = LatentLikelihood(surrogate, model, ConstantDamping(), measured)
+    likelihood = LatentLikelihood(surrogate, System(model), measured)
     theta = tensor(np.random.default_rng(0).uniform(0.4, 2.5, (6, 3)))
     found = likelihood(theta)
     with torch.no_grad():
@@ -205,11 +206,11 @@ def test_what_is_not_observed_does_not_matter_to_the_latent_likelihood(model, su
     spoiled = np.where(valid, measured.log_frf, 77.0)
     noise = np.where(valid, 0.2, np.nan)
     one = LatentLikelihood(
-        surrogate, model, ConstantDamping(), Observation(FREQUENCY, ("2F",), spoiled, noise, valid)
+        surrogate, System(model), Observation(FREQUENCY, ("2F",), spoiled, noise, valid)
     )
     spoiled = np.where(valid, measured.log_frf, np.nan)
     two = LatentLikelihood(
-        surrogate, model, ConstantDamping(), Observation(FREQUENCY, ("2F",), spoiled, noise, valid)
+        surrogate, System(model), Observation(FREQUENCY, ("2F",), spoiled, noise, valid)
     )
     theta = tensor([TRUTH])
     assert float(one(theta)) == float(two(theta))
@@ -226,19 +227,19 @@ def test_an_observation_on_another_grid_is_refused(model, surrogate):
         measured.valid[:, :100],
     )
     with pytest.raises(SurrogateError, match=r"knows 120 frequencies, .* has 100"):
-        LatentLikelihood(surrogate, model, ConstantDamping(), shorter)
+        LatentLikelihood(surrogate, System(model), shorter)
 
 
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")
 def test_a_gpu_gives_the_same_and_answers_where_it_was_asked(model, surrogate):
     theta = tensor(np.random.default_rng(0).uniform(0.4, 2.5, (6, 3)))
     measured = observation(0.2)
-    here = DataLikelihood(model, ConstantDamping(), measured, ZETA)(theta)
-    there = DataLikelihood(model, ConstantDamping(), measured, ZETA, device="cuda")
+    here = DataLikelihood(System(model), measured, ZETA)(theta)
+    there = DataLikelihood(System(model), measured, ZETA, device="cuda")
     assert there(theta).device.type == "cpu"
     torch.testing.assert_close(there(theta), here, rtol=1e-9, atol=1e-9)
     torch.testing.assert_close(there(theta.cuda()).cpu(), here, rtol=1e-9, atol=1e-9)
-    latent = LatentLikelihood(surrogate, model, ConstantDamping(), measured)(theta)
-    there = LatentLikelihood(surrogate, model, ConstantDamping(), measured, device="cuda")
+    latent = LatentLikelihood(surrogate, System(model), measured)(theta)
+    there = LatentLikelihood(surrogate, System(model), measured, device="cuda")
     torch.testing.assert_close(there(theta), latent, rtol=1e-3, atol=1e-3)
     assert surrogate.mvae.lower.device.type == "cpu"  # the networks given stay where they were

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from femupdate.dynamics.damping import ConstantDamping
-from femupdate.dynamics.reduction import reduce_lumped
+from femupdate.dynamics.projection import reduce_lumped
+from femupdate.dynamics.system import System
 from femupdate.inference.prior import UniformPrior
 from femupdate.surrogate.dataset import DatasetPlan, compute_dataset
 from femupdate.surrogate.loss import LossSettings
@@ -36,7 +36,7 @@ def model():
     spring, mass = np.array([3000.0, 2000.0]), np.array([2.0, 1.3])
     drift = np.eye(2) - np.eye(2, k=-1)
     terms = spring[:, None, None] * drift[:, :, None] * drift[:, None, :]
-    return reduce_lumped(terms, np.diag(mass), ("2F", "RF"))
+    return System(reduce_lumped(terms, np.diag(mass), ("2F", "RF")))
 
 
 @pytest.fixture(scope="session")
@@ -54,7 +54,7 @@ def make_task(model, prior, tmp_path_factory):
         folder = tmp_path_factory.mktemp("shards")
         dataset = compute_dataset(model, prior, DatasetPlan(samples, 2, 12.8, seed), folder)
         frequency = torch.from_numpy(FREQUENCY).float()
-        return TrainingTask(dataset, frequency, ConstantDamping(), (0.02, 0.05), prior, SIZES)
+        return TrainingTask(dataset, frequency, model, (0.02, 0.05), prior, SIZES)
 
     return make
 

@@ -8,7 +8,7 @@ import torch
 
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.frf import log_frf
-from femupdate.dynamics.modal import ModalData, modal_data
+from femupdate.dynamics.modal import ModalData
 from femupdate.errors import SurrogateError
 from femupdate.surrogate import dataset as room
 from femupdate.surrogate.dataset import (
@@ -54,7 +54,7 @@ def test_modes_are_those_of_the_samples(model, prior, tmp_path):
     data = compute_dataset(model, prior, PLAN, tmp_path)
     assert len(data) == 110
     assert data.theta.dtype == torch.float64
-    exact = modal_data(model, data.theta)
+    exact = model.modal_data(data.theta)
     np.testing.assert_allclose(data.modal.omega, exact.omega, rtol=1e-6)
     np.testing.assert_allclose(data.modal.effect, exact.effect, rtol=1e-3)  # half precision
     assert bool(((data.theta >= prior.lower) & (data.theta <= prior.upper)).all())
@@ -171,9 +171,9 @@ def test_pool_of_responses(model, prior, tmp_path, batch, recorder):
     data = compute_dataset(model, prior, PLAN, tmp_path)
     zeta = torch.linspace(0.02, 0.05, 110)
     told = recorder()
-    pool = log_frf_pool(data, FREQUENCY, ConstantDamping(), zeta, told, batch)
+    pool = log_frf_pool(data, FREQUENCY, model, zeta, told, batch)
     exact = log_frf(
-        modal_data(model, data.theta), FREQUENCY.double(), ConstantDamping(), zeta.double()
+        model.modal_data(data.theta), FREQUENCY.double(), ConstantDamping(), zeta.double()
     )
     assert pool.dtype == torch.float16
     assert pool.shape == exact.shape

@@ -9,9 +9,9 @@ from scipy.signal import StateSpace, lsim
 
 from femupdate.building.document import from_document
 from femupdate.dynamics.damping import ConstantDamping
-from femupdate.dynamics.effect_reduction import structure_on
-from femupdate.dynamics.effect_response import EffectSystem
 from femupdate.dynamics.level import motion_level
+from femupdate.dynamics.projection import reduced_on
+from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import structure_of
@@ -38,10 +38,10 @@ def house():
         }
     )
     structure = structure_of(building)
-    reduced = structure_on(structure, np.diag(structure.points.mass**-0.5))
+    reduced = reduced_on(structure, np.diag(structure.points.mass**-0.5))
     placed = (Placed(CATALOGUE["amplitude_softening"], "all"),)
     terms = tuple(reduced.terms(one) for one in placed)
-    system = EffectSystem(reduced, ConstantDamping(), placed, terms)
+    system = System(reduced.model, ConstantDamping(), placed, terms)
     (floor,) = reduced.model.floors
     return SimpleNamespace(system=system, settings={"level_m_s2": {floor: WEAK}})
 

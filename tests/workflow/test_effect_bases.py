@@ -13,9 +13,9 @@ from scipy.linalg import eigh
 
 from femupdate.discrepancy.diagnose import diagnose
 from femupdate.discrepancy.fit import extended, fit, fit_baseline
-from femupdate.dynamics.effect_local import local_structure
-from femupdate.dynamics.effect_reduction import structure_on
-from femupdate.dynamics.effect_response import EffectSystem
+from femupdate.dynamics.local_basis import local_structure
+from femupdate.dynamics.projection import reduced_on
+from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.measurement.observation import Observation
@@ -40,7 +40,7 @@ def cabin(cabin_built):
     plain = plain_structure(model)
     stiffness = plain.structure.stiffness(np.ones(2)).toarray()
     modes = eigh(stiffness, plain.structure.mass.toarray())[1]
-    exact = structure_on(plain.structure, modes)
+    exact = reduced_on(plain.structure, modes)
     return SimpleNamespace(
         model=model,
         building=model.building,
@@ -53,7 +53,7 @@ def cabin(cabin_built):
 def frf(cabin, reduced, theta, placed=(), sizes=()):
     """Complex FRFs (f, k) of a reduced cabin with effects."""
     terms = tuple(reduced.terms(one) for one in placed)
-    system = EffectSystem(reduced, cabin.model.law, placed, terms)
+    system = System(reduced.model, cabin.model.law, placed, terms)
     values = [torch.tensor(np.atleast_2d(v), dtype=torch.float64) for v in (theta, sizes)]
     zeta = torch.tensor([ZETA], dtype=torch.float64)
     return system.frf(values[0], zeta, values[1], torch.from_numpy(cabin.grid))[0].numpy()
@@ -97,7 +97,7 @@ def test_refined_moves_the_basis_to_where_theta_ended(cabin, observation):
     moved, after = refined(cabin.model, parts, problem, fitted)
     (ended, _), (mass, _) = after.theta(), after.sizes()
     assert after.placed == HEAVY
-    assert after.system.reduced is moved.reduced
+    assert after.system.model is moved.reduced.model
     assert error(cabin, moved.reduced, ended, HEAVY, mass) < 0.01
     assert error(cabin, away, ended, HEAVY, mass) > 0.05
     assert (np.abs(ended - THETA) < 0.01 * THETA).all()

@@ -7,8 +7,7 @@ import pytest
 import torch
 
 from femupdate.building.files import load_building
-from femupdate.dynamics.effect_history import effect_histories
-from femupdate.dynamics.effect_modal import effect_log_frf
+from femupdate.dynamics.history import floor_histories
 from femupdate.errors import SurrogateError
 from femupdate.inference.posterior import load_posterior
 from femupdate.measurement.record import GroundMotion
@@ -83,7 +82,7 @@ def observation(home, trained):
     model = with_effects(trained[0], open_study(trained[0]))
     both = torch.tensor([[*THETA, *SIZES]], dtype=torch.float64)
     zeta = torch.tensor([ZETA], dtype=torch.float64)
-    clean = effect_log_frf(model.system, both, model.frequency_hz, zeta)[0].numpy()
+    clean = model.system.log_frf(both, zeta, model.frequency_hz)[0].numpy()
     noisy = np.exp(clean + NOISE * np.random.default_rng(2).standard_normal(clean.shape))
     path = home / "observed.csv"
     np.savetxt(
@@ -145,8 +144,7 @@ def test_predict_takes_the_latent_posterior_of_effects(trained, observation, tmp
     model = open_study(study)
     report = predict_study(study, model, RecordSource(record), PredictionSettings(samples=100))
     system = with_effects(study, model).system
-    theta, sizes = np.array([THETA]), np.array([SIZES])
-    truth = next(effect_histories(system, theta, np.array([ZETA]), sizes, wave, 0.01))
+    truth = floor_histories(system, np.array([[*THETA, *SIZES]]), ZETA, wave, 0.01)
     peak = np.abs(truth.floor_acceleration[0]).max(axis=1)
     found = report.peak_acceleration
     assert (np.abs(found.mean - peak) < 4.0 * found.sd).all()

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from femupdate.building.files import load_building
+from femupdate.effects.structure import structure_of
 from femupdate.errors import StudyError
 from femupdate.study import Study
 from femupdate.workflow.build import export_opensees
-from femupdate.workflow.model import frame_parts
 
 
 def test_a_building_has_the_same_frequencies_in_opensees(cabin_file, tmp_path):
@@ -30,7 +30,7 @@ def test_a_building_has_the_same_frequencies_in_opensees(cabin_file, tmp_path):
         pytest.skip("OpenSeesPy lacks BLAS on this system")
     assert done.returncode == 0, done.stderr
     theirs = json.loads(done.stdout.strip().splitlines()[-1])["frequencies_hz"]
-    operators = frame_parts(building).operators
+    operators = structure_of(building).operators
     ours = lowest_modes(operators, np.ones(operators.parameters), 5).frequency_hz
     np.testing.assert_allclose(theirs, ours, rtol=0.01)
 

@@ -12,6 +12,7 @@ from femupdate.dynamics.tracking import (
     reduced_modes,
     track_mode,
 )
+from femupdate.effects.structure import structure_of
 from femupdate.errors import StudyError
 from femupdate.inference.posterior import Posterior, load_posterior, save_posterior
 from femupdate.measurement.observation import Observation
@@ -79,9 +80,8 @@ def cabin(cabin_study):
 def full_frequencies(model, theta):
     """Driven modes of the full model, not the reduced one, at one theta."""
     from femupdate.fe.solve import lowest_modes
-    from femupdate.workflow.model import frame_parts
 
-    parts = frame_parts(model.building)
+    parts = structure_of(model.building)
     modes = lowest_modes(parts.operators, theta, 6)
     effect = modes.shapes.T @ parts.operators.inertia(parts.mesh.direction)
     return modes.frequency_hz[effect**2 > 0.01 * (effect**2).sum()]

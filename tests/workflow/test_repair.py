@@ -12,6 +12,7 @@ import pytest
 from femupdate.building.files import load_building
 from femupdate.discrepancy.repair import as_fitted
 from femupdate.dynamics.history import floor_histories
+from femupdate.dynamics.system import System
 from femupdate.errors import MeasurementError, SurrogateError
 from femupdate.inference.posterior import load_posterior
 from femupdate.measurement.record import GroundMotion
@@ -200,14 +201,14 @@ def test_predict_takes_the_repaired_study(repaired, tmp_path):
     report = predict_study(
         study, open_study(study), RecordSource(record), PredictionSettings(samples=20)
     )
-    from femupdate.dynamics.reduction import reduce_lumped
+    from femupdate.dynamics.projection import reduce_lumped
 
     chain = reduce_lumped(
         np.stack([_unit(n) * SPRINGS[n] for n in range(3)]),
         np.diag(MASSES * MORE),
         ("2F", "3F", "RF"),
     )
-    reference = floor_histories(chain, THETA[None], ZETA, wave, STEP)
+    reference = floor_histories(System(chain), THETA[None], ZETA, wave, STEP)
     peak = np.abs(reference.floor_acceleration[0]).max(axis=1)
     np.testing.assert_allclose(report.peak_acceleration.mean, peak, rtol=0.02)
 

@@ -67,9 +67,7 @@ def test_log_likelihood_and_evidence_are_those_of_both_runs(tmp_path, tower_file
     study = Study(tmp_path)
     model = open_study(study, str(tower_file))
     source = source_of(*tables[:2])
-    apart = [
-        DataLikelihood(model.reduced, model.law, run) for run in runs_of(model.building, source)
-    ]
+    apart = [DataLikelihood(model.system, run) for run in runs_of(model.building, source)]
     settings = CalibrationSettings(particles=2000, exact=True)
     posterior = calibrate_study(study, model, source, settings).posterior
     draws = np.column_stack([posterior.samples, posterior.zeta_samples])
@@ -101,7 +99,7 @@ def test_pooled_runs_have_the_likelihood_of_each_other_s_product_at_any_theta(to
     unit = torch.from_numpy(rng.random((50, 2)))
     theta = tower_model.prior.from_unit(unit)
     both, *apart = (
-        DataLikelihood(tower_model.reduced, tower_model.law, run, ZETA)(theta)
+        DataLikelihood(tower_model.system, run, ZETA)(theta)
         for run in (pooled(runs, tower_model.building.floors), *runs)
     )
     torch.testing.assert_close(both, sum(apart), rtol=1e-10, atol=1e-8)
@@ -117,7 +115,7 @@ def test_two_runs_know_by_the_root_of_two_more(tmp_path):
     path = write_table(tmp_path / "clean.csv", blank, 0.2, floors, model.frequency_hz.numpy())
     shape = read_observation(model, ObservationSource(path))
     zeta = torch.tensor([model.building.damping.ratio], dtype=torch.float64)
-    clean = DataLikelihood(model.reduced, model.law, shape, 0.02).predict(theta, zeta)[0].numpy()
+    clean = DataLikelihood(model.system, shape, 0.02).predict(theta, zeta)[0].numpy()
     paths = [
         write_table(
             tmp_path / f"{k}.csv",

@@ -30,3 +30,7 @@ class AddedMass(Effect):
         here = structure.level_of == structure.floors.index(place)
         values = np.where(here, structure.points.mass, 0.0)
         return mass_terms(structure, values)
+
+    def basis_questions(self, structure: Structure) -> tuple[tuple[str, float], ...]:
+        """None: mass that is spread like a floor's own hardly changes a shape."""
+        return ()

@@ -2,7 +2,7 @@
 
 from torch import Tensor
 
-from femupdate.effects.effect import Effect, Parameter
+from femupdate.effects.effect import ALL_STORIES, Effect, Parameter, Terms
 from femupdate.effects.structure import Structure
 
 _ALL = "all"
@@ -44,18 +44,23 @@ class AmplitudeSoftening(Effect):
         names = structure.building.story_names
         return (_ALL, *names) if len(names) > 1 else (_ALL,)
 
+    def terms(self, structure: Structure, place: str) -> Terms:
+        """Number of the story that softens."""
+        names = structure.building.story_names
+        return Terms(constants=(float(names.index(place) if place in names else ALL_STORIES),))
+
     def at_level(
         self,
         theta: Tensor,
         zeta: Tensor,
         sizes: Tensor,
         level: float,
-        story: int | None,
+        constants: tuple[float, ...],
     ) -> tuple[Tensor, Tensor]:
         """Both times (1 + size)^level, level the number of doublings above the reference."""
-        softer = (1.0 + sizes[:, :1]) ** level
+        softer, story = (1.0 + sizes[:, :1]) ** level, int(constants[0])
         changed = theta * softer
-        if story is not None:
+        if story != ALL_STORIES:
             changed = theta.clone()
             changed[:, story] = theta[:, story] * softer[:, 0]
         return changed, zeta * (1.0 + sizes[:, 1]) ** level

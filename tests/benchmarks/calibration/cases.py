@@ -6,9 +6,7 @@ import numpy as np
 import torch
 
 from femupdate.arrays import Floats
-from femupdate.dynamics.effect_modal import effect_log_frf
-from femupdate.dynamics.frf import log_frf
-from femupdate.dynamics.modal import modal_data
+from femupdate.dynamics.system import Responses
 from femupdate.inference.bridge import BridgeResult, Start, bridge
 from femupdate.inference.likelihood import DataLikelihood, LatentLikelihood
 from femupdate.inference.predictive_check import PredictiveCheck, check_predictions
@@ -137,11 +135,7 @@ def simulate(
 
 def _response(model: StudyModel, theta: torch.Tensor, zeta: torch.Tensor) -> torch.Tensor:
     """ln|H| (n, f, k) of all floors without noise."""
-    if model.system is not None:
-        return effect_log_frf(model.system, theta, model.frequency_hz, zeta)
-    top = float(model.frequency_hz[-1])
-    modal = modal_data(model.reduced, theta, modes=_MODES, top_frequency_hz=top)
-    return log_frf(modal, model.frequency_hz, model.law, zeta)
+    return model.system.log_frf(theta, zeta, model.frequency_hz, Responses(modes=_MODES))
 
 
 def calibration_case(
@@ -161,8 +155,7 @@ def calibration_case(
     reference, seed = rng.random(model.prior.size), 1009 * settings.seed + number
     latent = LatentLikelihood(
         surrogate,
-        model.responder,
-        model.law,
+        model.system,
         building.observation,
         power=settings.power,
         least_noise=noise_sd,
@@ -207,9 +200,7 @@ def _exact(
     """
     bounds, size = model.zeta_bounds, model.prior.size
     fixed = model.building.damping.ratio if bounds is None else None
-    target = DataLikelihood(
-        model.responder, model.law, building.observation, fixed, precision=torch.float32
-    )
+    target = DataLikelihood(model.system, building.observation, fixed, precision=torch.float32)
     truth, prior = building.theta, model.prior
     if bounds is not None:
         prior = model.prior.joined("zeta", *bounds)

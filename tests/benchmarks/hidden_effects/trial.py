@@ -12,7 +12,7 @@ from femupdate.discrepancy.diagnose import Diagnosis, DiagnosisSettings
 from femupdate.discrepancy.fit import Fit, extended, fit
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.score import score, starts
-from femupdate.dynamics.effect_history import effect_histories
+from femupdate.dynamics.transformed import transformed_sensors
 from femupdate.measurement.observation import Observation
 from femupdate.progress import Progress
 from femupdate.simulation.effect_truth import FineModel, Truth, fine_model
@@ -259,15 +259,9 @@ def _held_out_errors(
     size = float(np.sqrt((floors**2).mean()))
     errors = []
     for fitted in (found.before, found.after):
-        (predicted,) = effect_histories(
-            fitted.system,
-            fitted.theta()[0][None],
-            np.array([fitted.zeta(found.problem.fixed_zeta)]),
-            fitted.sizes()[0][None],
-            histories.acceleration[0],
-            histories.time_step,
-            instruments=True,
+        sample = fitted.coordinates.split(fitted.weighed.z[None], found.problem.fixed_zeta)
+        predicted = transformed_sensors(
+            fitted.system, sample, histories.acceleration[0], histories.time_step
         )
-        difference = predicted.floor_acceleration[0] - floors
-        errors.append(float(np.sqrt((difference**2).mean())) / size)
+        errors.append(float(np.sqrt(((predicted - floors) ** 2).mean())) / size)
     return errors[0], errors[1], measured.settings.sensor_noise_m_s2 / size

@@ -7,8 +7,7 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from femupdate.dynamics.frf import log_frf_batches
-from femupdate.dynamics.modal import modal_data
+from femupdate.dynamics.system import Responses
 from femupdate.errors import MeasurementError
 from femupdate.progress import Progress
 from femupdate.study import Study
@@ -74,11 +73,10 @@ def _respond(model: StudyModel, floors: Sequence[str], progress: Progress) -> Re
 
     def respond(theta: Tensor) -> Tensor:
         # All modes: which ones floors feel most changes from place to place.
-        modal = modal_data(model.reduced, theta, top_frequency_hz=float(frequency[-1]))
         zeta = theta.new_full((len(theta),), model.building.damping.ratio)
-        parts = list(log_frf_batches(modal, frequency, model.law, zeta))
+        values = model.system.log_frf(theta, zeta, frequency, Responses(floors=tuple(rows)))
         progress.advance(len(theta))
-        return torch.cat(parts)[:, rows].flatten(1)
+        return values.flatten(1)
 
     return respond
 

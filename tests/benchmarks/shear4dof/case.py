@@ -13,8 +13,6 @@ from scipy.stats import norm
 
 from femupdate.arrays import Floats
 from femupdate.building.shear import shear_operators
-from femupdate.dynamics.frf import log_frf
-from femupdate.dynamics.modal import modal_data
 from femupdate.inference.importance import WeightedDraws, importance_draws
 from femupdate.inference.likelihood import DataLikelihood, LatentLikelihood
 from femupdate.inference.smc import TemperedSmc
@@ -87,7 +85,7 @@ class Shear4dof:
     def latent(self, case: Case | None = None) -> LatentLikelihood:
         """The latent likelihood of this observation, or of another one."""
         observation = (case or self.case).observation
-        return LatentLikelihood(self.surrogate, self.model.reduced, self.model.law, observation)
+        return LatentLikelihood(self.surrogate, self.model.system, observation)
 
 
 def equivalent_theta(model: StudyModel, theta: ArrayLike) -> Floats:
@@ -103,7 +101,7 @@ def roof_log_frf(model: StudyModel, theta: ArrayLike) -> Floats:
     """ln|H| (n, floors, k) without noise at theta (n, p)."""
     points = torch.from_numpy(np.atleast_2d(np.asarray(theta, dtype=float)))
     ratio = torch.full((len(points),), model.building.damping.ratio, dtype=torch.float64)
-    return log_frf(modal_data(model.reduced, points), model.frequency_hz, model.law, ratio).numpy()
+    return model.system.log_frf(points, ratio, model.frequency_hz).numpy()
 
 
 def authors_case(model: StudyModel) -> Case:
@@ -159,8 +157,7 @@ def _curvature_sd(model: StudyModel, solutions: Floats) -> Floats:
 def data_likelihood(model: StudyModel, case: Case) -> DataLikelihood:
     """exp(-|r|^2 / 2 sigma^2) of the roof."""
     return DataLikelihood(
-        model.reduced,
-        model.law,
+        model.system,
         case.observation,
         model.building.damping.ratio,
         precision=torch.float32,

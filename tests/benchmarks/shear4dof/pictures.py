@@ -11,7 +11,6 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Ellipse
 
 from femupdate.arrays import Floats
-from femupdate.dynamics.modal import modal_data
 from femupdate.report.density import density_1d
 from femupdate.report.figure import add_head, new_figure, save_figure
 from femupdate.report.plot_frf import MeasuredFrf, Prediction, frf_fit
@@ -43,7 +42,7 @@ def latent_space(problem: Shear4dof, samples: int = 4000) -> Figure:
     plane = axes[:2]
     figure = new_figure(6.4, 4.9)
     panel = figure.add_subplot()
-    frequency = modal_data(model.reduced, theta).omega[:, 0].numpy() / (2.0 * np.pi)
+    frequency = model.system.modal_data(theta).omega[:, 0].numpy() / (2.0 * np.pi)
     order = np.argsort(frequency)
     across, up = ((cloud - centre) @ plane.T)[order].T
     points = panel.scatter(

@@ -49,7 +49,7 @@ def test_a_gaussian(monkeypatch):
 def test_both_likelihoods_have_gradients():
     model = benchmark_model()
     case, surrogate = authors_case(model), shipped_surrogate(model.building)
-    latent = LatentLikelihood(surrogate, model.reduced, model.law, case.observation)
+    latent = LatentLikelihood(surrogate, model.system, case.observation)
     data = data_likelihood(model, case)
     theta = torch.tensor([[1.02, 0.97, 1.01, 1.0]], dtype=torch.float64)
     step = 1e-3 * torch.eye(4, dtype=torch.float64)

@@ -115,7 +115,7 @@ def _task(model: StudyModel, samples: int, job: Job) -> TrainingTask:
     top = float(model.frequency_hz[-1])
     plan = DatasetPlan(samples, model.reduced.size, top, job.seed + 1)
     with tempfile.TemporaryDirectory() as shards:
-        dataset = compute_dataset(model.reduced, model.prior, plan, Path(shards), job.progress)
+        dataset = compute_dataset(model.system, model.prior, plan, Path(shards), job.progress)
     return training_task(model, dataset)
 
 
@@ -167,7 +167,7 @@ def _roof(task: TrainingTask, rows: Tensor) -> tuple[Tensor, Tensor]:
     roof = ModalData(modal.omega, modal.effect[:, -1:], modal.residual[:, -1:])
     theta = task.dataset.theta[rows]
     zeta = torch.full((len(rows),), task.zeta_bounds[0])
-    pool = log_frf_pool(ModalDataset(theta, roof), task.frequency_hz, task.law, zeta)
+    pool = log_frf_pool(ModalDataset(theta, roof), task.frequency_hz, task.system, zeta)
     return theta.float(), pool[:, 0]
 
 

@@ -1,4 +1,4 @@
-"""Modes of a reduced structure with effects, and the response that they add up to.
+"""Modes of a reduced structure, and the response that they add up to.
 
 Shapes are of unit modal stiffness, so that coordinates without mass or on rigid springs (a rigid
 ground) have modes of zero 1 / omega^2, not of infinite frequency.
@@ -13,6 +13,8 @@ import torch
 from numpy.polynomial import chebyshev
 from torch import Tensor
 
+from femupdate.dynamics.modal import modal_sum
+
 _TINY = 1e-30
 # What modes far above the grid's top add varies smoothly over the grid: it is summed at a few
 # Chebyshev points and interpolated, with an error of 2.6^-20 of it (a pole at 1.25 times the top).
@@ -26,47 +28,39 @@ class Modes:
     """Modes of unit modal stiffness, m of them.
 
     Attributes:
-        inverse: (N, m) 1 / omega^2, largest first.
-        ratio: (N, m) damping ratios.
-        rows: (N, o, m) displacement of floors and, after them, ports.
+        inverse: (N, m) 1 / omega^2, largest first; NaN where a structure is pushed away by a
+            negative stiffness.
+        rows: (N, o, m) displacement of what is observed and, after that, of the ports.
         participation: (N, m) modal force per unit base acceleration.
-        direct: (N, o) rigid motion of floors and ports per unit base translation.
-        floors: how many of the rows are floors.
+        direct: (N, o) rigid motion of the rows per unit base translation.
     """
 
     inverse: Tensor
-    ratio: Tensor
     rows: Tensor
     participation: Tensor
     direct: Tensor
-    floors: int
+
+    @property
+    def omega(self) -> Tensor:
+        """(N, m) circular frequencies, rad/s, huge where a mode has no mass."""
+        return self.inverse.clamp_min(_TINY).rsqrt()
 
     @property
     def frequency_hz(self) -> Tensor:
         """(N, m) natural frequencies."""
-        return natural(self.inverse) / (2.0 * torch.pi)
+        return self.omega / (2.0 * torch.pi)
 
-    def __getitem__(self, samples: slice) -> "Modes":
-        return Modes(
-            self.inverse[samples],
-            self.ratio[samples],
-            self.rows[samples],
-            self.participation[samples],
-            self.direct[samples],
-            self.floors,
-        )
-
-
-def natural(inverse: Tensor) -> Tensor:
-    """Circular frequencies (N, m), huge where a mode has no mass."""
-    return inverse.clamp_min(_TINY).rsqrt()
+    @property
+    def effect(self) -> Tensor:
+        """(N, o, m) motion of the rows in modes of unit mass, times participation factor."""
+        return self.rows * (self.participation * self.omega.square())[:, None, :]
 
 
 def normal_modes(stiffness: Tensor, mass: Tensor | None, sides: Tensor) -> tuple[Tensor, Tensor]:
     """What shapes of unit modal stiffness show of some vectors, and 1 / omega^2.
 
     Args:
-        stiffness: (N, r, r) positive definite.
+        stiffness: (N, r, r) positive definite; what is not gives NaN.
         mass: (N, r, r), or None for the identity.
         sides: (N, s, r) vectors.
 
@@ -75,33 +69,39 @@ def normal_modes(stiffness: Tensor, mass: Tensor | None, sides: Tensor) -> tuple
     """
     if mass is None:
         squared, vectors = torch.linalg.eigh(stiffness)
+        squared = torch.where(squared > 0.0, squared, torch.nan)
         return (sides @ vectors) * squared.rsqrt()[:, None, :], 1.0 / squared
-    factor = torch.linalg.cholesky(stiffness)
-    half = torch.linalg.solve_triangular(factor, mass, upper=False)
-    flexibility = torch.linalg.solve_triangular(factor, half.mT, upper=False)
+    factor, failed = torch.linalg.cholesky_ex(stiffness)
+    sound = torch.where((failed == 0)[:, None, None], factor, torch.eye(factor.shape[-1]).to(mass))
+    half = torch.linalg.solve_triangular(sound, mass, upper=False)
+    flexibility = torch.linalg.solve_triangular(sound, half.mT, upper=False)
     inverse, vectors = torch.linalg.eigh(flexibility)
-    seen = torch.linalg.solve_triangular(factor, sides.mT, upper=False)
-    return (seen.mT @ vectors).flip(-1), inverse.flip(-1).clamp_min(0.0)
+    seen = torch.linalg.solve_triangular(sound, sides.mT, upper=False).mT @ vectors
+    inverse = torch.where((failed == 0)[:, None], inverse.clamp_min(0.0), torch.nan)
+    return seen.flip(-1), inverse.flip(-1)
 
 
-def response(modes: Modes, omega: Tensor, port_stiffness: Sequence[Tensor]) -> Tensor:
-    """Complex FRFs (N, f, k): absolute acceleration of the floors over that of the base.
+def response(
+    modes: Modes, ratio: Tensor, omega: Tensor, port_stiffness: Sequence[Tensor]
+) -> Tensor:
+    """Complex FRFs (N, f, k): absolute acceleration of the rows over that of the base.
 
     Args:
-        modes: of the structure without what acts in its ports.
+        modes: of the structure without what acts in its ports, which are its last rows.
+        ratio: (N, m) damping ratios.
         omega: (k,) rad/s.
         port_stiffness: (N, k) complex dynamic stiffness in each port, N/m.
     """
-    flexible = _receptance(modes, omega)
-    squared, floors = omega**2, modes.floors
+    rows = modes.rows.shape[1] - len(port_stiffness)
+    flexible = _receptance(modes, ratio, omega, rows)
     # Absolute displacements times -omega^2, per unit base acceleration.
-    free = modes.direct[:, :, None] + squared * flexible[:, :, 0]
+    free = modes.direct[:, :, None] + omega**2 * flexible[:, :, 0]
     if not port_stiffness:
         return free
     stiffness = torch.stack(list(port_stiffness), dim=1)  # (N, j, k)
-    moved = _with_ports(flexible[:, floors:, 1:], stiffness, free[:, floors:])
+    moved = _with_ports(flexible[:, rows:, 1:], stiffness, free[:, rows:])
     forces = stiffness * moved
-    return free[:, :floors] - torch.einsum("nfjk,njk->nfk", flexible[:, :floors, 1:], forces)
+    return free[:, :rows] - torch.einsum("nfjk,njk->nfk", flexible[:, :rows, 1:], forces)
 
 
 def _with_ports(between: Tensor, stiffness: Tensor, free: Tensor) -> Tensor:
@@ -116,25 +116,22 @@ def _with_ports(between: Tensor, stiffness: Tensor, free: Tensor) -> Tensor:
     return torch.linalg.solve(system, free.mT[..., None])[..., 0].mT
 
 
-def _receptance(modes: Modes, omega: Tensor) -> Tensor:
-    """Displacement (N, o, c, k) of the rows under unit base acceleration and forces in the ports.
-
-    Two real sums are faster than a complex one.
-    """
+def _receptance(modes: Modes, ratio: Tensor, omega: Tensor, rows: int) -> Tensor:
+    """Displacement (N, o, c, k) of all rows under base acceleration and forces in the ports."""
     count, outputs, size = modes.rows.shape
-    columns = torch.cat([modes.participation[:, None, :], modes.rows[:, modes.floors :]], dim=1)
+    columns = torch.cat([modes.participation[:, None, :], modes.rows[:, rows:]], dim=1)
     pairs = (modes.rows[:, :, None, :] * columns[:, None, :, :]).reshape(count, -1, size)
     near = _near(modes.inverse, omega)
     parts = []
     for start in range(0, count, step := max(1, _ROOM // (near * len(omega)))):
         own = slice(start, start + step)
-        inverse, ratio, pair = modes.inverse[own], modes.ratio[own], pairs[own]
-        real, imaginary = _summed(inverse[:, :near], ratio[:, :near], pair[..., :near], omega)
+        inverse, damping, pair = modes.inverse[own], ratio[own], pairs[own]
+        real, imaginary = modal_sum(inverse[:, :near], damping[:, :near], pair[..., :near], omega)
         if near < size:
             low, high = float(omega.min()), float(omega.max())
             points, weights = _interpolation(low, high, omega)
-            far = _summed(inverse[:, near:], ratio[:, near:], pair[..., near:], points)
-            real, imaginary = real + far[0] @ weights, imaginary + far[1] @ weights
+            rest = modal_sum(inverse[:, near:], damping[:, near:], pair[..., near:], points)
+            real, imaginary = real + rest[0] @ weights, imaginary + rest[1] @ weights
         parts.append(torch.complex(real, imaginary))
     return torch.cat(parts).reshape(count, outputs, columns.shape[1], len(omega))
 
@@ -145,14 +142,6 @@ def _near(inverse: Tensor, omega: Tensor) -> int:
         return inverse.shape[1]
     top = _ABOVE * float(omega.max())
     return max(1, int((inverse > top**-2).sum(dim=1).max()))
-
-
-def _summed(inverse: Tensor, ratio: Tensor, pairs: Tensor, omega: Tensor) -> tuple[Tensor, Tensor]:
-    """Real and imaginary part (N, p, k) of sum_j pairs_j / (1 - w^2/w_j^2 + 2 i zeta_j w/w_j)."""
-    elastic = 1.0 - inverse[:, :, None] * omega**2
-    viscous = (2.0 * ratio * inverse.sqrt())[:, :, None] * omega
-    size = elastic.square().addcmul_(viscous, viscous).reciprocal_()
-    return pairs @ elastic.mul_(size), -(pairs @ viscous.mul_(size))
 
 
 def _interpolation(low: float, high: float, omega: Tensor) -> tuple[Tensor, Tensor]:

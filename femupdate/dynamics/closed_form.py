@@ -1,0 +1,87 @@
+"""What effects do to frequency responses beside what they do to modes, in closed form."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from femupdate.effects.effect import Placed
+
+# |H|^2 below this is rounding; its logarithm would be all that is seen.
+_LEAST_SQUARE = 1e-24
+
+
+def split_sizes(placed: Sequence[Placed], sizes: Tensor) -> list[Tensor]:
+    """The parameters (N, q) of all effects, one after the other, each effect's by themselves."""
+    counts = [len(one.effect.parameters) for one in placed]
+    return list(sizes.split(counts, dim=1)) if counts else []
+
+
+def observed(
+    placed: Sequence[Placed], floors: tuple[str, ...], frf: Tensor, omega: Tensor, sizes: Tensor
+) -> Tensor:
+    """FRFs (N, f, k) of the floors at omega (k,), rad/s, as instruments with effects give them."""
+    for one, own in zip(placed, split_sizes(placed, sizes), strict=True):
+        frf = one.effect.observe(frf, omega, own, one.effect.place_rows(one.place, floors))
+    return frf
+
+
+@dataclass(frozen=True)
+class ClosedForm:
+    """Pitch of the base and errors of instruments; nothing where there are no effects.
+
+    Attributes:
+        placed: the effects.
+        pitch: of each effect, rotation of the base per unit translation and size, rad/m.
+        floors: names, bottom to top.
+        levels: (f,) heights of the floors above the base, m.
+        stories: number of stiffness factors, which come before the sizes.
+        top_hz: top of the frequency grid.
+    """
+
+    placed: tuple[Placed, ...] = ()
+    pitch: tuple[float, ...] = ()
+    floors: tuple[str, ...] = ()
+    levels: tuple[float, ...] = ()
+    stories: int = 0
+    top_hz: float = 0.0
+
+    @property
+    def changes(self) -> bool:
+        """Whether any effect does something here."""
+        return any(self.pitch) or any(one.effect.instrument for one in self.placed)
+
+    def log_frf(
+        self,
+        parts: tuple[Tensor, Tensor],
+        omega: Tensor,
+        sizes: Tensor,
+        *,
+        least: float = _LEAST_SQUARE,
+        seen: Callable[[Tensor], Tensor] | None = None,
+    ) -> Tensor:
+        """ln|H| (N, f, k) as it is measured.
+
+        Args:
+            parts: real and imaginary part (N, f, k) as if the base only translated.
+            omega: (k,) rad/s.
+            sizes: (N, q) of the effects.
+            least: added to |H|^2.
+            seen: what an estimate makes of complex FRFs, before the logarithm is taken.
+        """
+        if self.changes or seen is not None:
+            frf = torch.complex(*parts)
+            frf = self._frf(frf, omega, sizes) if self.changes else frf
+            frf = frf if seen is None else seen(frf)
+            parts = frf.real, frf.imag
+        return 0.5 * torch.log(parts[0].square() + parts[1].square() + least)
+
+    def _frf(self, frf: Tensor, omega: Tensor, sizes: Tensor) -> Tensor:
+        rotation, first = sizes.new_zeros(len(sizes)), 0
+        for one, pitch in zip(self.placed, self.pitch, strict=True):
+            if pitch:
+                rotation = rotation + pitch * sizes[:, first]
+            first += len(one.effect.parameters)
+        leaning = rotation[:, None] * sizes.new_tensor(self.levels)
+        return observed(self.placed, self.floors, frf + leaning[:, :, None], omega, sizes)

@@ -1,0 +1,170 @@
+"""The full equations of a structure with effects of given sizes, and their response.
+
+The effects' stiffness and mass are put into the full matrices; what moves is followed by the
+shapes that the forces in the changed structure drive. What effects do besides (ground, damping,
+lines, instruments) is added to the response on those shapes, which is exact.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.sparse import csc_matrix
+
+from femupdate.arrays import Floats
+from femupdate.dynamics.damping import DampingLaw
+from femupdate.dynamics.reduced import BaseRotation, ReducedModel
+from femupdate.dynamics.reduced_terms import reduce_terms
+from femupdate.dynamics.system import System
+from femupdate.effects.effect import UNSCALED, Placed, Terms
+from femupdate.effects.structure import ROTATION, TRANSLATION, Structure
+from femupdate.fe.driven import driven_shapes
+from femupdate.fe.factorization import factorize
+from femupdate.fe.mechanism import factorize_held
+
+
+@dataclass(frozen=True, eq=False)
+class Equations:
+    """M u'' + K u = -force y'', y = (translation, rotation) of the base.
+
+    Attributes:
+        stiffness, mass: (n, n).
+        force: (n, 2).
+        rigid_mass: (2, 2).
+        story_inertia: (s, n) and story_rigid (s, 2), as those of a `Structure`.
+    """
+
+    stiffness: csc_matrix
+    mass: csc_matrix
+    force: Floats
+    rigid_mass: Floats
+    story_inertia: Floats
+    story_rigid: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Sensors:
+    """What is observed of the full model along the motion.
+
+    Attributes:
+        names: of the floor that each sensor stands on.
+        rows: (c, n) displacement of each sensor.
+        levels: (c,) heights above the base, m.
+    """
+
+    names: tuple[str, ...]
+    rows: Floats
+    levels: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class DrivenSystem:
+    """The full model at one sample, on the shapes that forces drive.
+
+    Attributes:
+        system: without stiffness factors, with what effects do beside stiffness and mass.
+        equations: of the full model.
+        frequency_hz: (r,) of the shapes; a natural frequency where one has converged.
+        shapes: (n, r) orthonormal in the mass.
+    """
+
+    system: System
+    equations: Equations
+    frequency_hz: Floats
+    shapes: Floats
+
+
+def first_sizes(placed: Sequence[Placed], sizes: Floats) -> list[float]:
+    """The parameter that each effect's terms scale with; zero for an effect without parameters."""
+    found, first = [], 0
+    for one in placed:
+        count = len(one.effect.parameters)
+        found.append(float(sizes[first]) if count else 0.0)
+        first += count
+    return found
+
+
+def equations_at(
+    structure: Structure, theta: Floats, added: Sequence[tuple[Terms, float]] = ()
+) -> Equations:
+    """The full equations at stiffness factors theta (p,) with terms of some sizes."""
+    stiffness, mass = structure.stiffness(theta), structure.mass
+    force, rigid = structure.rigid_force, structure.rigid_mass
+    inertia, story_rigid = structure.story_inertia, structure.story_rigid
+    for terms, size in added:
+        for story, matrix in terms.stiffness:
+            stiffness = stiffness + size * (1.0 if story == UNSCALED else theta[story]) * matrix
+        if terms.mass is not None:
+            mass = mass + size * terms.mass.matrix
+            force = force + size * terms.mass.force
+            rigid = rigid + size * terms.mass.rigid
+            inertia = inertia + size * terms.mass.above
+            story_rigid = story_rigid + size * terms.mass.above_rigid
+    return Equations(csc_matrix(stiffness), csc_matrix(mass), force, rigid, inertia, story_rigid)
+
+
+def driven_system(
+    structure: Structure,
+    placed: Sequence[Placed],
+    terms: Sequence[Terms],
+    theta: Floats,
+    sizes: Floats,
+    top_hz: float,
+    law: DampingLaw,
+    sensors: Sensors | None = None,
+) -> DrivenSystem:
+    """Solve the full model at one sample.
+
+    Args:
+        structure: the full model.
+        placed: effects on it.
+        terms: of each.
+        theta: (p,) stiffness factors.
+        sizes: (q,) parameters of the effects.
+        top_hz: up to where the response to every force must be right.
+        law: of the damping.
+        sensors: what is observed; the floors where None.
+
+    Raises:
+        ModelError: the structure is a mechanism, or too many shapes would be needed.
+    """
+    whole = equations_at(
+        structure, theta, list(zip(terms, first_sizes(placed, sizes), strict=True))
+    )
+    turns = any(own.pitch or own.flexibility[ROTATION] for own in terms)
+    ports = [own.port.row for own in terms if own.port is not None]
+    translated = whole.force if turns else whole.force[:, [TRANSLATION]]
+    forces = np.column_stack([translated, *ports])
+    held = structure.operators
+    factors = factorize(whole.stiffness) if held is None else factorize_held(held, whole.stiffness)
+    found = driven_shapes(factors, whole.mass, forces, structure.floor_rows, top_hz)
+    seen = sensors or Sensors(structure.floors, structure.floor_rows, structure.levels)
+    model = _on_shapes(structure, whole, seen, found.frequency_hz, found.shapes)
+    rest = tuple(reduce_terms(found.shapes, replace(own, stiffness=(), mass=None)) for own in terms)
+    return DrivenSystem(
+        System(model, law, tuple(placed), rest), whole, found.frequency_hz, found.shapes
+    )
+
+
+def _on_shapes(
+    structure: Structure, whole: Equations, seen: Sensors, frequency_hz: Floats, shapes: Floats
+) -> ReducedModel:
+    """A model without stiffness factors, on shapes (n, r) on which it is diagonal."""
+    size, force = shapes.shape[1], shapes.T @ whole.force
+    floors = structure.floor_rows @ shapes
+    return ReducedModel(
+        stiffness_terms=np.zeros((0, size, size)),
+        stiffness_constant=np.diag((2.0 * np.pi * frequency_hz) ** 2),
+        excitation=force[:, TRANSLATION],
+        floor_shapes=seen.rows @ shapes,
+        floors=seen.names,
+        story_inertia=whole.story_inertia @ shapes,
+        story_mass=whole.story_rigid[:, TRANSLATION],
+        story_drift=np.diff(floors, axis=0, prepend=np.zeros((1, size))),
+        rotation=BaseRotation(
+            force=force[:, ROTATION],
+            mass=whole.rigid_mass,
+            story_moment=whole.story_rigid[:, ROTATION],
+            levels=seen.levels,
+        ),
+    )

@@ -1,0 +1,222 @@
+"""A small basis for the neighbourhood of one theta, where effects are tried one at a time.
+
+A basis that serves stiffness factors over a range of nine, members apart, with torsion, needs many
+hundred shapes, too many to be evaluated thousands of times. Near the most probable theta far fewer
+do, when the responses they are taken from are those of the finder's own questions: the structure
+itself, its neighbours, and each effect alone.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from scipy.linalg import eigh
+from scipy.sparse import csc_matrix
+from scipy.stats import qmc
+
+from femupdate.arrays import Floats
+from femupdate.dynamics.equations import Equations, equations_at
+from femupdate.dynamics.projection import lumped, reduced_on
+from femupdate.dynamics.reduced_terms import ReducedStructure
+from femupdate.dynamics.snapshots import STATIC_WEIGHT, FeltModes, ReductionTarget, compressed
+from femupdate.effects.effect import Placed, Terms
+from femupdate.effects.registry import CATALOGUE
+from femupdate.effects.structure import TRANSLATION, Structure
+from femupdate.fe.assembly import AffineOperators, with_terms
+from femupdate.fe.factorization import factorize
+from femupdate.fe.solve import modes_below
+from femupdate.processors import everywhere
+from femupdate.progress import SILENT, Progress
+
+SPREAD = 0.2  # of ln theta to both sides
+_SIZE = 220
+_NEIGHBOURS = 8
+_CHANGED = 0.2  # share of its size by which an effect that is present is changed
+_NOTHING = 1e-10  # of the largest energy among shapes: it adds nothing new
+# Of the largest energy among responses: some twenty questions are asked, and their answers are
+# compressed again.
+_LEAST = 1e-6
+
+Sized = tuple[tuple[Placed, float], ...]
+"""Effects, each with its first parameter."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Question:
+    """What is solved: terms of some sizes at stiffness factors theta (p,)."""
+
+    added: tuple[tuple[Terms, float], ...]
+    theta: Floats
+
+
+def local_structure(
+    structure: Structure,
+    theta: Floats,
+    target: ReductionTarget,
+    progress: Progress = SILENT,
+    *,
+    spread: float = SPREAD,
+    size: int = _SIZE,
+    present: Sequence[Sized] | None = None,
+) -> ReducedStructure:
+    """A frame on a basis for the neighbourhood of theta, from its full model.
+
+    One full eigenproblem, and for some questions one step each from there: some thirty where every
+    effect of the catalogue may act, each alone; ten where only those that are present do, all
+    together. A stick is its own reduction and comes back as it is.
+
+    Args:
+        structure: the full model.
+        theta: (p,) story factors.
+        target: grid and damping.
+        progress: advances by one a question.
+        spread: half width of the neighbourhood in ln theta.
+        size: number of shapes.
+        present: effects that the model has, and the first parameter of each, where no others need
+            act; several such sets where it may have one or another; None for the catalogue.
+    """
+    if structure.operators is None:
+        return lumped(structure)
+    sets = _of_catalogue(structure) if present is None else _about(structure, present)
+    questions = [_Question(one, theta) for one in sets]
+    questions += [_Question(sets[0], near) for near in _neighbours(theta, spread)]
+    middle = equations_at(structure, theta, sets[0])
+    known = modes_below(_alone(structure.operators, middle), np.zeros(0), target.top_hz)
+    shapes: list[Floats] = []
+    progress.start("Reducing the model for effects", len(questions))
+    task = partial(_answer, structure, known.shapes, target)
+    for one in everywhere(task, questions, len(structure.axis)):
+        shapes.append(one)
+        progress.advance()
+    basis = compressed(structure.mass, np.concatenate(shapes, axis=1), size)
+    return reduced_on(structure, basis)
+
+
+def _alone(operators: AffineOperators, equations: Equations) -> AffineOperators:
+    """The operators of changed equations, without stiffness factors."""
+    changed = replace(operators, stiffness_constant=equations.stiffness, mass=equations.mass)
+    return with_terms(changed, ())
+
+
+def _of_catalogue(structure: Structure) -> list[tuple[tuple[Terms, float], ...]]:
+    """No effect, and every effect of stiffness or mass where a basis must know it."""
+    found: list[tuple[tuple[Terms, float], ...]] = [()]
+    for effect in CATALOGUE.values():
+        for place, size in effect.basis_questions(structure):
+            terms = effect.terms(structure, place)
+            if terms.changes_shapes:
+                found.append(((terms, size),))
+    return found
+
+
+def _about(structure: Structure, sets: Sequence[Sized]) -> list[tuple[tuple[Terms, float], ...]]:
+    """All effects of each set as they are, and with the size of one after the other changed."""
+    return [one for present in sets for one in _changes(structure, present)]
+
+
+def _changes(structure: Structure, present: Sized) -> list[tuple[tuple[Terms, float], ...]]:
+    terms = [placed.effect.terms(structure, placed.place) for placed, _ in present]
+    sizes = [size for _, size in present]
+    asked = [tuple(zip(terms, sizes, strict=True))]
+    for number, (placed, size) in enumerate(present):
+        if not placed.effect.parameters or not terms[number].changes_shapes:
+            continue
+        own = placed.effect.parameters[0]
+        step = max(_CHANGED * abs(size), 0.5 * own.scale)
+        for other in (size - step, size + step):
+            if own.lower <= other <= own.upper:
+                moved = [*sizes[:number], other, *sizes[number + 1 :]]
+                asked.append(tuple(zip(terms, moved, strict=True)))
+    return asked
+
+
+def _neighbours(theta: Floats, spread: float) -> Floats:
+    """Some theta (n, p) around one, evenly within the half width in ln theta."""
+    sobol = qmc.Sobol(len(theta), seed=np.random.default_rng(3)).random(_NEIGHBOURS)
+    return np.asarray(theta * np.exp(spread * (2.0 * sobol - 1.0)))
+
+
+def _answer(
+    structure: Structure, known: Floats, target: ReductionTarget, question: _Question
+) -> Floats:
+    equations = equations_at(structure, question.theta, question.added)
+    return nearby_shapes(equations, structure.floor_rows, known, target)
+
+
+def nearby_shapes(
+    equations: Equations, rows: Floats, known: Floats, target: ReductionTarget
+) -> Floats:
+    """Weighted shapes (n, c) that span the responses of a changed model over the grid.
+
+    The response among the known modes, and one step of inverse iteration from it (Bathe 2014,
+    section 11.6): u = K^-1 (f + w^2 M u) with the K and M of the changed model. It takes one
+    factorisation and a third as many solutions as there are modes, for of the modes of a building
+    with slabs the floors feel a few.
+
+    Args:
+        equations: of the changed model.
+        rows: (f, n) where its floors are observed.
+        known: (n, m) modes of the model that it differs little from.
+        target: grid and damping.
+    """
+    factorization = factorize(equations.stiffness)
+    force = equations.force[:, TRANSLATION]
+    static = factorization.apply(force)
+    image = _times(equations.mass, known)
+    stiffness = known.T @ _times(factorization.matrix, known)
+    seen = _Seen(rows, force, static)
+    first = seen.responses(stiffness, known.T @ image, known, target)
+    # What the stiffness makes of the new shapes are the right-hand sides that they solve.
+    right = np.column_stack([image @ first, force])
+    fresh = np.column_stack([factorization.apply(right[:, :-1]), static])
+    moved = _times(equations.mass, fresh)
+    stiffness = _symmetric(stiffness, known.T @ right, fresh.T @ right)
+    mass = _symmetric(known.T @ image, known.T @ moved, fresh.T @ moved)
+    both = np.column_stack([known, fresh])
+    combined = seen.responses(stiffness, mass, both, target)
+    return np.column_stack([both @ combined, STATIC_WEIGHT * static])
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """Where the floors are observed (f, n), what drives the model (n,), and the displacement (n,)
+    that it does so statically."""
+
+    rows: Floats
+    force: Floats
+    static: Floats
+
+    def responses(
+        self, stiffness: Floats, mass: Floats, basis: Floats, target: ReductionTarget
+    ) -> Floats:
+        """Combinations (b, c) of a basis (n, b) that span the responses of the model on it.
+
+        Args:
+            stiffness, mass: (b, b) of the model on the basis.
+            basis: the shapes.
+            target: grid and damping.
+        """
+        scale = np.sqrt(mass.diagonal())
+        # Not NumPy's: the method of divide and conquer has failed on such matrices.
+        energy, directions = eigh(mass / np.outer(scale, scale))
+        kept = energy > _NOTHING * energy[-1]
+        onto = (directions[:, kept] / np.sqrt(energy[kept])) / scale[:, None]
+        squared, vectors = eigh(onto.T @ stiffness @ onto)
+        modes = onto @ vectors
+        participation = modes.T @ (basis.T @ self.force)
+        floors = (self.rows @ basis) @ modes
+        missed = self.rows @ self.static - (floors * participation) @ (1.0 / squared)
+        felt = FeltModes(np.sqrt(squared), participation, floors, missed)
+        return modes @ felt.combinations(target, _LEAST)
+
+
+def _times(matrix: csc_matrix, shapes: Floats) -> Floats:
+    """Symmetric matrix times shapes, by its rows: three times as fast as by its columns."""
+    return np.asarray(matrix.T @ np.ascontiguousarray(shapes))
+
+
+def _symmetric(first: Floats, between: Floats, second: Floats) -> Floats:
+    """Symmetric matrix of its blocks."""
+    whole = np.block([[first, between], [between.T, second]])
+    return 0.5 * (whole + whole.T)

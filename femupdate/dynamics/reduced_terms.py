@@ -1,0 +1,145 @@
+"""What effects add to a reduced model."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import torch
+from scipy.sparse import csc_matrix
+from torch import Tensor
+
+from femupdate.arrays import Floats
+from femupdate.dynamics.reduced import ReducedModel
+from femupdate.effects.effect import AddedMass, Placed, Terms
+from femupdate.effects.structure import Structure
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedMass:
+    """Mass of an effect of unit size in r reduced coordinates.
+
+    Attributes:
+        matrix: (r, r).
+        force: (r, 2) per unit acceleration of base translation and rotation.
+        rigid: (2, 2) by the rigid motions on both sides.
+        above: (s, r) force of inertia of its part above each story, per unit acceleration.
+        above_rigid: (s, 2) the same per unit acceleration of the base.
+    """
+
+    matrix: Tensor
+    force: Tensor
+    rigid: Tensor
+    above: Tensor
+    above_rigid: Tensor
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedTerms:
+    """`Terms` of an effect as a reduced model has them (r coordinates)."""
+
+    stiffness: tuple[tuple[int, Tensor], ...] = ()
+    mass: ReducedMass | None = None
+    flexibility: tuple[float, float] = (0.0, 0.0)
+    pitch: float = 0.0
+    port: tuple[Tensor, Tensor] | None = None
+    constants: tuple[float, ...] = ()
+
+    @property
+    def shapeless(self) -> bool:
+        """Whether nothing is added to the structure, so that any basis serves the effect."""
+        nothing = not self.stiffness and self.mass is None and self.port is None
+        return nothing and self.flexibility == (0.0, 0.0) and self.pitch == 0.0
+
+    def first(self, count: int) -> "ReducedTerms":
+        """The same in the first coordinates."""
+        mass, port, own = self.mass, self.port, slice(count)
+        return replace(
+            self,
+            stiffness=tuple((story, matrix[own, own]) for story, matrix in self.stiffness),
+            mass=None
+            if mass is None
+            else replace(
+                mass,
+                matrix=mass.matrix[own, own],
+                force=mass.force[own],
+                above=mass.above[:, own],
+            ),
+            port=None if port is None else (port[0][own], port[1]),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedStructure:
+    """A structure seen through a mass-orthonormal basis of r shapes.
+
+    Attributes:
+        structure: the full model.
+        model: its reduced model.
+        basis: (n, r) the shapes.
+        known: what effects add, by label, once it was asked for.
+        whole: the structure on more shapes whose first these are, or None.
+    """
+
+    structure: Structure
+    model: ReducedModel
+    basis: Floats
+    known: dict[str, ReducedTerms] = field(default_factory=dict, repr=False)
+    whole: "ReducedStructure | None" = None
+
+    def terms(self, placed: Placed) -> ReducedTerms:
+        """What an effect adds."""
+        if placed.label not in self.known:
+            if self.whole is not None:
+                added = self.whole.terms(placed).first(self.model.size)
+            else:
+                added = reduce_terms(self.basis, placed.effect.terms(self.structure, placed.place))
+            self.known[placed.label] = added
+        return self.known[placed.label]
+
+    def first(self, count: int) -> "ReducedStructure":
+        """The structure on the first shapes of its basis, which count most."""
+        if count >= self.model.size:
+            return self
+        return replace(
+            self,
+            model=self.model.first(count),
+            basis=self.basis[:, :count],
+            known={},
+            whole=self,
+        )
+
+
+def projected(basis: Floats, matrix: csc_matrix) -> Floats:
+    """basis^T matrix basis (r, r), through the rows that the matrix has."""
+    by_row = matrix.tocsr()
+    rows = np.flatnonzero(np.diff(by_row.indptr))
+    own = basis[rows]
+    result = own.T @ (by_row[rows][:, rows] @ own)
+    return 0.5 * (result + result.T)
+
+
+def reduce_terms(basis: Floats, terms: Terms) -> ReducedTerms:
+    """Project what an effect adds onto a basis (n, r)."""
+    port = None
+    if terms.port is not None:
+        port = (torch.from_numpy(terms.port.row @ basis), torch.from_numpy(terms.port.rigid))
+    return ReducedTerms(
+        stiffness=tuple(
+            (story, torch.from_numpy(projected(basis, own))) for story, own in terms.stiffness
+        ),
+        mass=None if terms.mass is None else _reduced_mass(basis, terms.mass),
+        flexibility=terms.flexibility,
+        pitch=terms.pitch,
+        port=port,
+        constants=terms.constants,
+    )
+
+
+def _reduced_mass(basis: Floats, mass: AddedMass) -> ReducedMass:
+    parts = (
+        projected(basis, mass.matrix),
+        basis.T @ mass.force,
+        mass.rigid,
+        mass.above @ basis,
+        mass.above_rigid,
+    )
+    return ReducedMass(*(torch.from_numpy(np.asarray(part)) for part in parts))

@@ -1,0 +1,99 @@
+"""Shapes that span responses, and bases made of them.
+
+Most modes of a building with slabs are vertical slab modes that a horizontal base motion hardly
+drives. A basis is therefore taken from responses: to the base motion, and to a force at each
+observed floor (the dual problem: a Galerkin FRF errs by the product of the two errors), over the
+whole frequency grid, each frequency weighted by how small the response of the floors is there,
+since it is the logarithm that must be right. The responses are compressed by their weighted Gram
+matrix (proper orthogonal decomposition).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import eigh, solve_triangular
+from scipy.sparse import csc_matrix
+
+from femupdate.arrays import Floats
+
+TOP = 1.3  # times the top of the grid: up to where responses are right that shapes are taken from
+STATIC_WEIGHT = 1e-2  # of the static response among the shapes
+# Duals matter less than the motion itself: a twentieth of its weight was best of those tried.
+_DUAL = 0.05
+_SMALLEST = 1e-3  # |H| below which a frequency weighs no more
+_LEAST_NEW = 1e-14  # energy of a shape, of the largest, that is kept
+
+
+@dataclass(frozen=True)
+class ReductionTarget:
+    """What a reduced model must reproduce.
+
+    Attributes:
+        lower, upper: (p,) prior box of the parameters: stiffness factors, then sizes of effects.
+        frequency_hz: (k,) grid.
+        zeta: lowest damping ratio of interest, the hardest.
+        tolerance: rms difference of ln|H| allowed, over floors, grid and unseen parameters.
+        samples: parameter samples that the basis is taken from.
+        seed: of samples and checks.
+    """
+
+    lower: Floats
+    upper: Floats
+    frequency_hz: Floats
+    zeta: float
+    tolerance: float
+    samples: int = 48
+    seed: int = 0
+
+    @property
+    def top_hz(self) -> float:
+        """Up to where responses are right that shapes are taken from."""
+        return TOP * float(self.frequency_hz[-1])
+
+
+@dataclass(frozen=True, eq=False)
+class FeltModes:
+    """Modes as base and floors feel them, at one sample.
+
+    Attributes:
+        omega: (m,) circular frequencies, rad/s.
+        participation: (m,) participation factors.
+        floors: (f, m) floor shapes.
+        missed: (f,) what the modes lack of the floors' static displacement, s2.
+    """
+
+    omega: Floats
+    participation: Floats
+    floors: Floats
+    missed: Floats
+
+    def combinations(self, target: ReductionTarget, least: float = 1e-9) -> Floats:
+        """Weighted combinations (m, c) of the modes that span their responses over the grid.
+
+        Args:
+            target: grid and damping.
+            least: energy of a combination, of the largest, that is kept.
+        """
+        omega, w = self.omega[:, None], 2.0 * np.pi * target.frequency_hz[::2]
+        moved = 1.0 / (omega**2 - w**2 + 2j * target.zeta * omega * w)
+        frf = 1.0 + (self.floors * self.participation) @ (w**2 * moved)
+        size = np.abs(frf + self.missed[:, None] * w**2).clip(_SMALLEST)
+        primal = self.participation[:, None] * moved * (w**2 / size.min(axis=0))
+        dual = [
+            _DUAL**0.5 * shape[:, None] * moved * (w**2 / one)
+            for shape, one in zip(self.floors, size, strict=True)
+        ]
+        gram = sum((c @ c.conj().T).real for c in (primal, *dual))
+        energy, directions = eigh(gram)
+        kept = energy > least * energy[-1]
+        return directions[:, kept] * np.sqrt(energy[kept] / energy[-1])
+
+
+def compressed(mass: csc_matrix, shapes: Floats, size: int) -> Floats:
+    """Mass-orthonormal basis (n, r) of weighted shapes (n, c), most energetic first."""
+    energy, directions = eigh(shapes.T @ (mass @ shapes))
+    kept = np.flatnonzero(energy > _LEAST_NEW * energy[-1])[::-1][:size]
+    basis = shapes @ (directions[:, kept] / np.sqrt(energy[kept]))
+    # Once more: the energies span many decades and the first pass loses orthogonality with them.
+    factor = np.linalg.cholesky(basis.T @ (mass @ basis))
+    return np.asarray(solve_triangular(factor, basis.T, lower=True).T)

@@ -1,0 +1,420 @@
+"""A reduced structure with a sum of effects on it, for many parameter vectors at once.
+
+A building without effects is the empty sum. Undamped modes of the structure with the effects'
+stiffness, mass and ground flexibility; modal damping by the building's law; what acts along lines
+(dampers, appendages) by the receptance between those lines, which makes modes complex without an
+eigenproblem of its own (Sherman and Morrison's formula, frequency by frequency); what the
+instruments do last of all.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from femupdate.dynamics.closed_form import ClosedForm, observed, split_sizes
+from femupdate.dynamics.damping import ConstantDamping, DampingLaw
+from femupdate.dynamics.modal import ModalData, joined, keep_modes
+from femupdate.dynamics.modes import Modes, normal_modes, response
+from femupdate.dynamics.reduced import ReducedModel
+from femupdate.dynamics.reduced_terms import ReducedTerms
+from femupdate.effects.effect import UNSCALED, Effect, Parameter, Placed
+from femupdate.progress import SILENT, Progress
+
+_BATCH = 16  # responses of a hundred shapes at a few hundred frequencies stay in the cache
+_MATRICES = 2**20  # numbers in the matrices of a batch of eigenproblems
+# Size of one intermediate array (samples x modes x frequencies).
+_CPU_BYTES = 2**20
+_GPU_BYTES = 512 * 2**20
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """What is observed of a motion.
+
+    Attributes:
+        shapes: (o, r) or (N, o, r) per unit coordinate.
+        rigid: (o, 2) or (N, o, 2) per unit base translation and rotation.
+    """
+
+    shapes: Tensor
+    rigid: Tensor
+
+
+@dataclass(frozen=True, kw_only=True)
+class Responses:
+    """How ln|H| is made.
+
+    Attributes:
+        modes: kept for a response; all where None, which makes responses smooth in theta: which
+            modes are kept changes from place to place.
+        precision: of the sum over the modes; they are always solved in float64. float32 takes half
+            the time and moves a log likelihood by a few thousandths.
+        floors: whose responses are wanted; all where None.
+        seen: what an estimate makes of complex FRFs (N, f, k), before the logarithm is taken.
+        batch: responses at a time; default what is fastest.
+    """
+
+    modes: int | None = None
+    precision: torch.dtype = torch.float64
+    floors: tuple[int, ...] | None = None
+    seen: Callable[[Tensor], Tensor] | None = None
+    batch: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """A reduced model with effects at their places.
+
+    Attributes:
+        model: the reduced model.
+        law: of the damping.
+        placed: the effects; none by default.
+        terms: of each, on the model's basis.
+    """
+
+    model: ReducedModel
+    law: DampingLaw = field(default_factory=ConstantDamping)
+    placed: tuple[Placed, ...] = ()
+    terms: tuple[ReducedTerms, ...] = ()
+
+    @property
+    def factors(self) -> int:
+        """Number of stiffness factors."""
+        return self.model.parameters
+
+    @property
+    def sizes(self) -> int:
+        """Number of parameters of all effects together."""
+        return sum(len(one.effect.parameters) for one in self.placed)
+
+    @property
+    def parameters(self) -> int:
+        """Number of stiffness factors and of parameters of effects together."""
+        return self.factors + self.sizes
+
+    @property
+    def floors(self) -> tuple[str, ...]:
+        """Names of the floors, bottom to top."""
+        return self.model.floors
+
+    @property
+    def complex_modes(self) -> bool:
+        """Whether something acts along lines, so that modes are complex."""
+        return any(terms.port is not None for terms in self.terms)
+
+    def split(self, parameters: Tensor) -> tuple[Tensor, Tensor]:
+        """Stiffness factors (N, p) and sizes (N, q) of parameters (N, p + q)."""
+        return parameters[:, : self.factors], parameters[:, self.factors :]
+
+    def frf(self, theta: Tensor, zeta: Tensor, sizes: Tensor, frequency_hz: Tensor) -> Tensor:
+        """Complex FRFs (N, f, k) of all floors as their sensors give them.
+
+        Args:
+            theta: (N, p) stiffness factors.
+            zeta: (N,) damping ratio.
+            sizes: (N, q) the parameters of the effects, one after the other.
+            frequency_hz: (k,).
+        """
+        omega = 2.0 * torch.pi * frequency_hz.to(torch.float64)
+        parts = zip(theta.split(_BATCH), zeta.split(_BATCH), sizes.split(_BATCH), strict=True)
+        return torch.cat([self._frf(*rows, omega=omega) for rows in parts])
+
+    def log_frf(
+        self,
+        parameters: Tensor,
+        zeta: Tensor,
+        frequency_hz: Tensor,
+        how: "Responses | None" = None,
+    ) -> Tensor:
+        """ln|H| (N, f, k) of parameters (N, p + q); smooth, also beyond sizes' limits.
+
+        What an effect cannot be (a spring of negative flexibility) is carried on from its limit: a
+        point as far inside, reflected.
+
+        Args:
+            parameters: on any device.
+            zeta: (N,) damping ratios.
+            frequency_hz: (k,).
+            how: see `Responses`.
+        """
+        chosen = how or Responses()
+        low, high = (limit.to(parameters.device) for limit in self.limits())
+        inside = torch.minimum(torch.maximum(parameters, low), high)
+        values = self._log_frf(inside, zeta, frequency_hz, chosen)
+        out = (inside != parameters).any(dim=1)
+        if out.any():
+            mirrored = 2.0 * inside[out] - parameters[out]
+            reflected = self._log_frf(mirrored, zeta[out], frequency_hz, chosen)
+            values[out] = 2.0 * values[out] - reflected
+        return values
+
+    def modal_data(
+        self,
+        parameters: Tensor,
+        *,
+        modes: int | None = None,
+        top_frequency_hz: float | None = None,
+        batch: int | None = None,
+        progress: Progress = SILENT,
+    ) -> ModalData:
+        """Solve the modes of every parameter vector and keep those that the floors feel.
+
+        The leading one of `ModalData`'s formula stands for a base that only translates.
+
+        Args:
+            parameters: (N, p + q) stiffness factors, then sizes of effects; on any device.
+            modes: how many to keep a sample; default all.
+            top_frequency_hz: top of the frequency grid; needed when `modes` leaves some out.
+            batch: samples solved at a time; default what is fastest.
+            progress: advances by one a sample.
+
+        Returns:
+            float64 data.
+        """
+        floors, parts = len(self.floors), []
+        step = batch or max(16, min(1024, _MATRICES // self.model.size**2))
+        for rows in parameters.to(torch.float64).split(step):
+            found = self.modes(*self.split(rows))
+            parts.append(keep_modes(found.omega, found.effect[:, :floors], modes, top_frequency_hz))
+            progress.advance(len(rows))
+        return joined(parts)
+
+    def log_frf_batches(
+        self,
+        modal: ModalData,
+        parameters: Tensor,
+        zeta: Tensor,
+        frequency_hz: Tensor,
+        *,
+        batch: int | None = None,
+        seen: Callable[[Tensor], Tensor] | None = None,
+    ) -> Iterator[Tensor]:
+        """Yield ln|H| of consecutive samples (n, f, k), in the precision of their modal data.
+
+        Args:
+            modal: of the samples, N of them.
+            parameters: (N, p + q).
+            zeta: (N,) damping ratios.
+            frequency_hz: (k,).
+            batch: samples at a time; default what is fastest.
+            seen: what an estimate makes of FRFs, before the logarithm is taken.
+        """
+        form = self.closed_form(float(frequency_hz[-1]))
+        sizes = self.split(parameters)[1].to(modal.omega)
+        omega = 2.0 * torch.pi * frequency_hz.to(modal.omega)
+        step = batch or fast_batch(modal, len(frequency_hz))
+        for start in range(0, len(modal), step):
+            rows = slice(start, start + step)
+            ratio = self.ratio(modal.omega[rows], zeta[rows].to(modal.omega), sizes[rows])
+            parts = modal[rows].response(omega, ratio)
+            yield form.log_frf(parts, omega, sizes[rows], seen=seen)
+
+    def modes(self, theta: Tensor, sizes: Tensor, rows: Rows | None = None) -> Modes:
+        """Undamped modes with the effects, lowest first; rows are those of the floors by default.
+
+        The ports of the effects follow the rows.
+        """
+        own = split_sizes(self.placed, sizes)
+        stiffness, mass, force, rigid_mass = self._matrices(theta, own)
+        base = self._base_motion(theta, own)
+        shapes, rigid = self._with_ports(rows or self._floor_rows(theta), len(theta))
+        load = torch.einsum("nrb,nb->nr", force, base)
+        flexibility = self._flexibility(theta, own)
+        if flexibility is not None:
+            root = flexibility.sqrt()  # (N, 2)
+            stiffness, mass = _on_flexible_base(stiffness, mass, force, rigid_mass, root)
+            on_base = root * torch.einsum("nab,nb->na", rigid_mass, base)
+            load = torch.cat([load, on_base], dim=1)
+            shapes = torch.cat([shapes, rigid * root[:, None, :]], dim=2)
+        seen, inverse = normal_modes(stiffness, mass, torch.cat([shapes, load[:, None]], dim=1))
+        direct = torch.einsum("nob,nb->no", rigid, base)
+        return Modes(inverse, seen[:, :-1], seen[:, -1], direct)
+
+    def ratio(self, omega: Tensor, zeta: Tensor, sizes: Tensor) -> Tensor:
+        """Damping ratios (N, m) of modes omega (N, m), rad/s, with the effects."""
+        ratio = self.law.ratio(omega, zeta)
+        own = split_sizes(self.placed, sizes)
+        for one, terms, size in zip(self.placed, self.terms, own, strict=True):
+            ratio = one.effect.damping(ratio, omega, size, terms.constants)
+        return ratio
+
+    def observe(self, frf: Tensor, omega: Tensor, sizes: Tensor) -> Tensor:
+        """FRFs (N, f, k) at omega (k,), rad/s, as their sensors give them."""
+        return observed(self.placed, self.floors, frf, omega, sizes)
+
+    def at_level(
+        self, theta: Tensor, zeta: Tensor, sizes: Tensor, level: float
+    ) -> tuple[Tensor, Tensor]:
+        """Stiffness factors and damping ratios at a level of motion (see `Effect`)."""
+        if level == 0.0:
+            return theta, zeta
+        own = split_sizes(self.placed, sizes)
+        for one, terms, size in zip(self.placed, self.terms, own, strict=True):
+            theta, zeta = one.effect.at_level(theta, zeta, size, level, terms.constants)
+        return theta, zeta
+
+    def port_stiffness(self, omega: Tensor, sizes: Tensor) -> list[Tensor]:
+        """Complex dynamic stiffness (N, k), N/m, in every port."""
+        own = split_sizes(self.placed, sizes)
+        return [
+            one.effect.port_stiffness(omega, size, terms.constants)
+            for one, terms, size in zip(self.placed, self.terms, own, strict=True)
+            if terms.port is not None
+        ]
+
+    def closed_form(self, top_hz: float) -> ClosedForm:
+        """What the effects do in closed form, on a grid up to a frequency."""
+        rotation = self.model.rotation
+        return ClosedForm(
+            self.placed,
+            tuple(terms.pitch for terms in self.terms),
+            self.floors,
+            () if rotation is None else tuple(float(level) for level in rotation.levels),
+            self.factors,
+            top_hz,
+        )
+
+    def limits(self) -> tuple[Tensor, Tensor]:
+        """(p + q,) physical limits of the parameters; a stiffness factor has none here."""
+        sizes = parameters_of(self.placed)
+        free = torch.full((self.factors,), torch.inf, dtype=torch.float64)
+        low = torch.tensor([one.lower for one in sizes], dtype=torch.float64)
+        high = torch.tensor([one.upper for one in sizes], dtype=torch.float64)
+        return torch.cat([-free, low]), torch.cat([free, high])
+
+    def _frf(self, theta: Tensor, zeta: Tensor, sizes: Tensor, omega: Tensor) -> Tensor:
+        modes = self.modes(theta, sizes)
+        ratio = self.ratio(modes.omega, zeta, sizes)
+        frf = response(modes, ratio, omega, self.port_stiffness(omega, sizes))
+        return self.observe(frf, omega, sizes)
+
+    def _log_frf(
+        self,
+        parameters: Tensor,
+        zeta: Tensor,
+        frequency_hz: Tensor,
+        how: "Responses",
+    ) -> Tensor:
+        # Damping leaves the modes alone: neighbours that differ in it only share theirs.
+        fresh = torch.ones(len(parameters), dtype=torch.bool, device=parameters.device)
+        fresh[1:] = (parameters[1:] != parameters[:-1]).any(dim=1)
+        modal = self.modal_data(
+            parameters[fresh], modes=how.modes, top_frequency_hz=float(frequency_hz[-1])
+        ).to(parameters.device, how.precision)[fresh.cumsum(0) - 1]
+        some = how.floors is not None and not self.closed_form(0.0).changes
+        parts = self.log_frf_batches(
+            modal.of_floors(list(how.floors)) if some and how.floors is not None else modal,
+            parameters,
+            zeta,
+            frequency_hz,
+            batch=how.batch,
+            seen=how.seen,
+        )
+        values = torch.cat(list(parts))
+        return values if some or how.floors is None else values[:, list(how.floors)]
+
+    def _matrices(
+        self, theta: Tensor, own: Sequence[Tensor]
+    ) -> tuple[Tensor, Tensor | None, Tensor, Tensor]:
+        """K (N, r, r), M (N, r, r) or None for the identity, forces (N, r, 2), mass (N, 2, 2)."""
+        model, count = self.model, len(theta)
+        size = model.size
+        terms = torch.from_numpy(model.stiffness_terms).to(theta).reshape(self.factors, size**2)
+        constant = torch.from_numpy(model.stiffness_constant).to(theta)
+        stiffness = constant + (theta @ terms).reshape(count, size, size)
+        force, rigid = (part.expand(count, -1, -1) for part in _base_forces(model, theta))
+        mass = None
+        for added, values in zip(self.terms, own, strict=True):
+            for story, matrix in added.stiffness:
+                factor = values[:, 0] if story == UNSCALED else values[:, 0] * theta[:, story]
+                stiffness = stiffness + factor[:, None, None] * matrix.to(theta)
+            if added.mass is not None:
+                mass = torch.eye(size).to(theta) if mass is None else mass
+                weight = values[:, 0, None, None]
+                mass = mass + weight * added.mass.matrix.to(theta)
+                force = force + weight * added.mass.force.to(theta)
+                rigid = rigid + weight * added.mass.rigid.to(theta)
+        return stiffness, mass, force, rigid
+
+    def _base_motion(self, theta: Tensor, own: Sequence[Tensor]) -> Tensor:
+        """(N, 2) translation and rotation of the base per unit translation."""
+        pitch = theta.new_zeros(len(theta))
+        for terms, size in zip(self.terms, own, strict=True):
+            if terms.pitch:
+                pitch = pitch + terms.pitch * size[:, 0]
+        return torch.stack([torch.ones_like(pitch), pitch], dim=1)
+
+    def _flexibility(self, theta: Tensor, own: Sequence[Tensor]) -> Tensor | None:
+        """(N, 2) of the ground, or None where it is rigid."""
+        total = None
+        for terms, size in zip(self.terms, own, strict=True):
+            if any(terms.flexibility):
+                unit = theta.new_tensor(terms.flexibility)
+                total = (0.0 if total is None else total) + size[:, :1].clamp_min(0.0) * unit
+        return total
+
+    def _floor_rows(self, like: Tensor) -> Rows:
+        model = self.model
+        levels = np.zeros(len(model.floors)) if model.rotation is None else model.rotation.levels
+        rigid = np.column_stack([np.ones(len(levels)), levels])
+        return Rows(torch.from_numpy(model.floor_shapes).to(like), torch.from_numpy(rigid).to(like))
+
+    def _with_ports(self, rows: Rows, count: int) -> tuple[Tensor, Tensor]:
+        """Rows (N, o, r) and their rigid motion (N, o, 2), those of the ports last."""
+        shapes, rigid = (part.expand(count, -1, -1) for part in (rows.shapes, rows.rigid))
+        for terms in self.terms:
+            if terms.port is not None:
+                line, with_base = (part.to(shapes).expand(count, 1, -1) for part in terms.port)
+                shapes, rigid = (
+                    torch.cat([shapes, line], dim=1),
+                    torch.cat([rigid, with_base], dim=1),
+                )
+        return shapes, rigid
+
+
+def makes_modes_complex(effect: Effect) -> bool:
+    """Whether an effect acts along a line: then there are no real modes."""
+    return type(effect).port_stiffness is not Effect.port_stiffness
+
+
+def parameters_of(placed: Sequence[Placed]) -> list[Parameter]:
+    """The parameters of effects, one effect after the other."""
+    return [parameter for one in placed for parameter in one.effect.parameters]
+
+
+def fast_batch(modal: ModalData, points: int) -> int:
+    """Samples at a time whose intermediate arrays stay in the processor's cache.
+
+    Larger batches are up to seven times slower on a CPU; a GPU wants larger ones.
+    """
+    room = _CPU_BYTES if modal.omega.device.type == "cpu" else _GPU_BYTES
+    return max(1, room // (modal.omega.shape[1] * points * modal.omega.element_size()))
+
+
+def _base_forces(model: ReducedModel, like: Tensor) -> tuple[Tensor, Tensor]:
+    """Forces (r, 2) and mass (2, 2) per unit acceleration of the base; no rotation, no mass."""
+    rotation = model.rotation
+    turned = np.zeros_like(model.excitation) if rotation is None else rotation.force
+    mass = np.zeros((2, 2)) if rotation is None else rotation.mass
+    force = np.column_stack([model.excitation, turned])
+    return torch.from_numpy(force).to(like), torch.from_numpy(mass).to(like)
+
+
+def _on_flexible_base(
+    stiffness: Tensor, mass: Tensor | None, force: Tensor, rigid: Tensor, root: Tensor
+) -> tuple[Tensor, Tensor]:
+    """Add the base's own motion, scaled so that its springs are of unit stiffness."""
+    count, size = stiffness.shape[0], stiffness.shape[1]
+    eye = torch.eye(size + 2).to(stiffness).expand(count, -1, -1)
+    wide_stiffness, wide_mass = eye.clone(), eye.clone()
+    wide_stiffness[:, :size, :size] = stiffness
+    if mass is not None:
+        wide_mass[:, :size, :size] = mass
+    coupling = force * root[:, None, :]
+    wide_mass[:, :size, size:] = coupling
+    wide_mass[:, size:, :size] = coupling.mT
+    wide_mass[:, size:, size:] = rigid * root[:, :, None] * root[:, None, :]
+    return wide_stiffness, wide_mass
