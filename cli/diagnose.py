@@ -48,7 +48,7 @@ def command(
     Every effect of the catalogue is tested at every place. The leading ones are fitted, and their
     evidence is weighed. Nothing is changed: `femupdate repair` adds what was found.
     """
-    from femupdate.discrepancy.diagnose import DiagnosisSettings
+    from femupdate.discrepancy.thresholds import DiagnosisSettings
     from femupdate.workflow.checks import readable
     from femupdate.workflow.diagnose import diagnose_study
     from femupdate.workflow.model import open_study

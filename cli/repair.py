@@ -42,7 +42,7 @@ def command(
     At most three effects are added, each only on clear evidence. The repaired building is a study
     of its own in the folder `repaired` of this study. Every command takes it.
     """
-    from femupdate.discrepancy.diagnose import DiagnosisSettings
+    from femupdate.discrepancy.thresholds import DiagnosisSettings
     from femupdate.workflow.checks import readable
     from femupdate.workflow.model import open_study
     from femupdate.workflow.pictures_discrepancy import draw_repair

@@ -4,68 +4,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from femupdate.discrepancy.deciding import Worth, deciding
 from femupdate.discrepancy.evidence import Evidence, laplace, sampled
 from femupdate.discrepancy.exchange import exchange_fits
 from femupdate.discrepancy.fit import Fit, extended, fit, fit_baseline
-from femupdate.discrepancy.hidden import hidden_effects, same_to_sensors
+from femupdate.discrepancy.further_measurements import MeasurementValue, measurement_values
+from femupdate.discrepancy.observability import same_to_sensors, unobservable_effects
 from femupdate.discrepancy.problem import Problem
+from femupdate.discrepancy.residual_map import Cell, p_value, residual_cells
 from femupdate.discrepancy.score import Score, candidates, score
-from femupdate.discrepancy.where import Cell, p_value, residual_cells
+from femupdate.discrepancy.thresholds import FIT, VERDICT, DiagnosisSettings
 from femupdate.effects.effect import Placed
 from femupdate.progress import SILENT, Progress
 
 NONE, NAMED, AMBIGUOUS = "none", "named", "ambiguous"
-_FEWEST = 3.0  # independent points an unknown, below which nothing can be told
 INDISTINGUISHABLE, UNKNOWN = "indistinguishable", "unknown"
-_FIRST_STEPS, _STEPS = 5, 15  # of the fit of a candidate
-# Of all other effects the first steps are taken of a fit; those ahead are followed, and the few
-# that leave not much more than the best are fitted.
-_GLANCE, _AHEAD, _OTHERS, _MORE = 2, 12, 4, 1.5
-# A candidate that leaves so many times what the best leaves, and so much more, is out of the race.
-_FAR_BEHIND, _BEHIND = 2.0, 200.0
-# Findings less than a twentieth of the log evidence (or six) behind the first are close to it.
-_CLOSE, _CLOSE_BY, _CLOSEST = 0.05, 6.0, 4
-_COMPARED, _SHOWN = 3, 3  # twins of the first finding; further measurements that are named
-
-
-@dataclass(frozen=True)
-class DiagnosisSettings:
-    """How much is asked of the data.
-
-    Attributes:
-        fitted: how many leading candidates are fitted.
-        sampled: how many of them get an importance sample.
-        draws: of each importance sample.
-        over_none: log evidence over the model without effects that a name needs.
-        over_next: log evidence over the runner-up that a name needs.
-        own_error: share of its own log evidence that it needs beyond that: what an effect does is
-            known no better than the model is, and the more there is of it the more that counts.
-        alike: cosine from which two effects count as the same to these sensors.
-        least_strength: D per prior standard deviation below which an effect cannot be seen.
-        smallest_gain: share of the residual sum of squares that a name must explain.
-        unknown_left: share of the excess that an effect, or a pair of them, may leave beyond noise
-            before the verdict is that it is something else.
-        paired: how many leading effects are tried with a second one where they leave more.
-        seed: of starts and samples.
-    """
-
-    fitted: int = 10
-    sampled: int = 0
-    draws: int = 200
-    over_none: float = 6.0
-    over_next: float = 3.0
-    own_error: float = 0.01
-    alike: float = 0.97
-    least_strength: float = 1.0
-    smallest_gain: float = 0.002
-    unknown_left: float = 0.1
-    paired: int = 2
-    seed: int = 0
-
-    def margin(self, log_evidence: float) -> float:
-        """Log evidence over the runner-up that a name of so much of it needs."""
-        return self.over_next + self.own_error * max(log_evidence, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,8 +63,8 @@ class Diagnosis:
         verdict: "none", "named", "ambiguous", "indistinguishable" or "unknown".
         findings: fitted candidates, the most probable first.
         scores: all score tests, the strongest first.
-        hidden: labels of effects that these sensors could not show.
-        where: residuals of the model as it is, by floor and band.
+        unobservable: labels of effects that these sensors could not show.
+        residuals: of the model as it is, by floor and band.
         twins: labels that the leading finding cannot be told from.
         partner: label of a second effect, with which the first explains what it does not alone.
         worth: of further measurements, the best first, where the first is not told from its twins.
@@ -125,11 +77,11 @@ class Diagnosis:
     verdict: str
     findings: tuple[Finding, ...]
     scores: tuple[Score, ...]
-    hidden: tuple[str, ...]
-    where: tuple[Cell, ...]
+    unobservable: tuple[str, ...]
+    residuals: tuple[Cell, ...]
     twins: tuple[str, ...]
     partner: str
-    worth: tuple[Worth, ...]
+    worth: tuple[MeasurementValue, ...]
     sentence: str
 
     @property
@@ -143,11 +95,11 @@ class Diagnosis:
         if self.leading is None or self.verdict in (NONE, UNKNOWN):
             return ()
         value = self.leading.evidence.log_evidence
-        least = value - max(_CLOSE * value, _CLOSE_BY)
+        least = value - max(VERDICT.close * value, VERDICT.close_by)
         near = [one for one in self.findings if one.evidence.log_evidence > least]
-        return tuple(near[:_CLOSEST])
+        return tuple(near[: VERDICT.closest])
 
-    def deciding(self, settings: DiagnosisSettings) -> tuple[str, ...]:
+    def would_decide(self, settings: DiagnosisSettings) -> tuple[str, ...]:
         """Sentences on what would decide, where the first is not told from its twins.
 
         Args:
@@ -158,7 +110,9 @@ class Diagnosis:
         found, needed = [], settings.margin(self.leading.evidence.log_evidence)
         enough = [one for one in self.worth if one.log_evidence >= needed]
         if enough:
-            best = "; ".join(f"{one.what} ({one.log_evidence:.0f})" for one in enough[:_SHOWN])
+            best = "; ".join(
+                f"{one.what} ({one.log_evidence:.0f})" for one in enough[: VERDICT.shown]
+            )
             found.append(f"Measured as well, it would decide (log evidence to expect): {best}.")
         elif self.worth:
             found.append(
@@ -166,7 +120,7 @@ class Diagnosis:
                 f"log evidence of {self.worth[0].log_evidence:.1f}, from {self.worth[0].what}."
             )
         placed = [one.placed for one in self.findings if one.placed.label in self.twins]
-        for one in [self.leading.placed, *placed[:_COMPARED]]:
+        for one in [self.leading.placed, *placed[: VERDICT.compared]]:
             found.append(f"Without the model, {one.label} is settled by {one.effect.settled_by}.")
         return tuple(found)
 
@@ -176,7 +130,7 @@ def diagnose(
     settings: DiagnosisSettings | None = None,
     base: Fit | None = None,
     progress: Progress = SILENT,
-    far: Fit | None = None,
+    distant: Fit | None = None,
     among: frozenset[str] | None = None,
 ) -> Diagnosis:
     """Find where a model fails, and rank what could be missing.
@@ -186,7 +140,7 @@ def diagnose(
         settings: thresholds.
         base: the model so far, fitted; by default that without effects.
         progress: advances by one a step, with a note of what is being done.
-        far: with one effect more, at a theta from where all are fitted as well.
+        distant: with one effect more, at a theta from where all are fitted as well.
         among: labels of the only candidates that are fitted; None for the leading ones.
     """
     chosen = settings or DiagnosisSettings()
@@ -198,17 +152,17 @@ def diagnose(
         (score(problem, base, placed) for placed in candidates(problem, base.placed)),
         key=lambda one: -abs(one.statistic),
     )
-    hidden = hidden_effects(problem, base, scores, chosen.least_strength)
+    unobservable = unobservable_effects(problem, base, scores, chosen.least_strength)
     progress.advance(note="fitting the leading effects")
     leading = _leading(scores, chosen.fitted)
-    if far is not None:
-        leading = _with(leading, scores, far.placed[-1])
+    if distant is not None:
+        leading = _with(leading, scores, distant.placed[-1])
     if among is not None:
         leading = [one for one in scores if one.placed.label in among]
-    fits = _fit_candidates(problem, base, leading, far)
+    fits = _fit_candidates(problem, base, leading, distant)
     if among is None and _worth_all(problem, base, fits, chosen):
         progress.advance(note="fitting every effect")
-        fits += _others(problem, base, scores, fits, far)
+        fits += _others(problem, base, scores, fits, distant)
     freedom = max(problem.effective - base.coordinates.size, 1.0)
     best = _best(problem, [base, *fits])
     if _too_much_left(problem, base, best, chosen):
@@ -231,13 +185,13 @@ def diagnose(
         verdict,
         findings,
         tuple(scores),
-        hidden,
+        unobservable,
         residual_cells(problem, base),
         twins,
         partner if verdict != UNKNOWN else "",
         _worth(problem, findings, twins),
         _few_points(problem, base)
-        if verdict == NONE and problem.effective < _FEWEST * base.coordinates.size
+        if verdict == NONE and problem.effective < VERDICT.fewest_points * base.coordinates.size
         else _sentence(verdict, findings, twins, partner, inflation),
     )
 
@@ -248,14 +202,14 @@ def _exchanges(
     """Fits with channels exchanged: without the exchange theta may lie far off."""
     exchanges = [one.placed for one in scores if one.placed.exchange]
     fits = exchange_fits(problem, base, exchanges, seed)
-    return [one for one in fits if one.chi2 < 0.8 * best]
+    return [one for one in fits if one.chi2 < VERDICT.better_exchange * best]
 
 
 def _excess(problem: Problem, base: Fit, chi2: float) -> tuple[float, bool]:
     """What a sum of squares is more than noise leaves, and whether that is beyond chance."""
     freedom = max(problem.effective - base.coordinates.size, 1.0)
     excess = chi2 - freedom
-    return excess, excess > 5.0 * np.sqrt(2.0 * freedom)
+    return excess, excess > VERDICT.beyond_chance * np.sqrt(2.0 * freedom)
 
 
 def _left(problem: Problem, fitted: Fit) -> float:
@@ -288,7 +242,7 @@ def _too_much_left(problem: Problem, base: Fit, best: Fit, settings: DiagnosisSe
 def _poor(problem: Problem, best: Fit) -> bool:
     """Whether a fit leaves more than noise and the usual error of a right model do."""
     expected = problem.expected(best.zeta(problem.fixed_zeta))
-    return best.misfit > expected + 5.0 * np.sqrt(2.0 * problem.effective)
+    return best.misfit > expected + VERDICT.beyond_chance * np.sqrt(2.0 * problem.effective)
 
 
 def _with_partner(
@@ -301,7 +255,7 @@ def _with_partner(
         strongest = sorted(tests, key=lambda test: -abs(test.statistic))[:2]
         for test in strongest:
             both = _fit_candidates(problem, one.fitted, [test])[0]
-            if _left(problem, both) < 0.98 * _left(problem, best):
+            if _left(problem, both) < VERDICT.better_pair * _left(problem, best):
                 best, chosen, partner = both, number, test.placed.label
     if not partner:
         return findings, "", best
@@ -329,21 +283,21 @@ def _with(leading: list[Score], scores: list[Score], placed: Placed) -> list[Sco
 
 
 def _fit_candidates(
-    problem: Problem, base: Fit, tests: list[Score], far: Fit | None = None
+    problem: Problem, base: Fit, tests: list[Score], distant: Fit | None = None
 ) -> list[Fit]:
-    """Fits with one effect more each; those that fall far behind are not followed to their end."""
+    """Fits with one effect more each; those that fall far behind are not followed."""
     small = problem.on_fewer()
-    begun = [_begun(small, base, one, far) for one in tests]
+    begun = [_begun(small, base, one, distant) for one in tests]
     enough = _enough(begun)
     followed = [one if one.misfit > enough else _further(small, one) for one in begun]
     enough = _enough(followed)
     return [
-        fit(problem, one.placed, one.z, 0 if one.misfit > enough else _STEPS) for one in followed
+        fit(problem, one.placed, one.z, 0 if one.misfit > enough else FIT.steps) for one in followed
     ]
 
 
 def _others(
-    problem: Problem, base: Fit, scores: list[Score], fits: list[Fit], far: Fit | None
+    problem: Problem, base: Fit, scores: list[Score], fits: list[Fit], distant: Fit | None
 ) -> list[Fit]:
     """Fits of those among all other effects that explain more than the leading ones.
 
@@ -353,15 +307,15 @@ def _others(
     known, small = {one.placed[-1].label for one in fits}, problem.on_fewer()
     best = min([base.misfit, *(one.misfit for one in fits)])
     tests = [one for one in scores if one.placed.label not in known]
-    begun = (_begun(small, base, one, far, _GLANCE) for one in tests)
-    ahead = sorted(begun, key=lambda one: one.misfit)[:_AHEAD]
+    begun = (_begun(small, base, one, distant, FIT.glance) for one in tests)
+    ahead = sorted(begun, key=lambda one: one.misfit)[: FIT.ahead]
     ahead = sorted(
-        (_further(small, one, _FIRST_STEPS) for one in ahead), key=lambda one: one.misfit
+        (_further(small, one, FIT.first_steps) for one in ahead), key=lambda one: one.misfit
     )
     return [
-        fit(problem, one.placed, _further(small, one).z, _STEPS)
-        for one in ahead[:_OTHERS]
-        if one.misfit < _MORE * best
+        fit(problem, one.placed, _further(small, one).z, FIT.steps)
+        for one in ahead[: FIT.others]
+        if one.misfit < FIT.more * best
     ]
 
 
@@ -369,33 +323,33 @@ def _worth_all(problem: Problem, base: Fit, fits: list[Fit], settings: Diagnosis
     """Whether something may be named, so that every effect is due its chance; or nothing fits."""
     best = min([base, *fits], key=lambda one: one.misfit)
     gain = 0.5 * (base.chi2 - min([base.chi2, *(one.chi2 for one in fits)]))
-    return gain > settings.over_none + problem.mimicked or _poor(problem, best)
+    return gain > settings.over_none + problem.mesh_evidence or _poor(problem, best)
 
 
 def _enough(fits: list[Fit]) -> float:
     """The misfit from which a candidate is out of the race."""
-    return _FAR_BEHIND * min((one.misfit for one in fits), default=0.0) + _BEHIND
+    return FIT.far_behind * min((one.misfit for one in fits), default=0.0) + FIT.behind
 
 
 def _begun(
-    problem: Problem, base: Fit, one: Score, far: Fit | None, steps: int = _FIRST_STEPS
+    problem: Problem, base: Fit, one: Score, distant: Fit | None, steps: int = FIT.first_steps
 ) -> Fit:
-    """The first steps of a fit with an effect, from the base or from far off."""
+    """The first steps of a fit with an effect, from the base or from that distant fit."""
     placed = (*base.placed, one.placed)
     start = list(one.start)
     if start:
         start[0] = one.size
     own = np.concatenate([base.known, start])
     near = fit(problem, placed, extended(problem, base, placed, own), steps)
-    if far is None:
+    if distant is None:
         return near
-    if far.placed[-1].label == one.placed.label:
-        own = far.known
-    other = fit(problem, placed, extended(problem, far, placed, own), steps)
+    if distant.placed[-1].label == one.placed.label:
+        own = distant.known
+    other = fit(problem, placed, extended(problem, distant, placed, own), steps)
     return min(near, other, key=lambda fitted: fitted.misfit)
 
 
-def _further(problem: Problem, begun: Fit, steps: int = _STEPS) -> Fit:
+def _further(problem: Problem, begun: Fit, steps: int = FIT.steps) -> Fit:
     return fit(problem, begun.placed, begun.z, steps)
 
 
@@ -469,7 +423,7 @@ def _verdict(
         return (UNKNOWN if significant else NONE), ()
     first = findings[0]
     gain = base.chi2 - first.fitted.chi2
-    carried = first.evidence.log_evidence >= settings.over_none + problem.mimicked
+    carried = first.evidence.log_evidence >= settings.over_none + problem.mesh_evidence
     if not (carried and gain >= settings.smallest_gain * base.chi2):
         return (UNKNOWN if significant else NONE), ()
     if _too_much_left(problem, base, best, settings):
@@ -487,10 +441,10 @@ def _verdict(
 
 def _worth(
     problem: Problem, findings: tuple[Finding, ...], twins: tuple[str, ...]
-) -> tuple[Worth, ...]:
+) -> tuple[MeasurementValue, ...]:
     """What would tell the first finding from the first few of its twins."""
-    others = [one.fitted for one in findings[1:] if one.placed.label in twins[:_COMPARED]]
-    return deciding(problem, findings[0].fitted, others) if others else ()
+    others = [one.fitted for one in findings[1:] if one.placed.label in twins[: VERDICT.compared]]
+    return measurement_values(problem, findings[0].fitted, others) if others else ()
 
 
 def _few_points(problem: Problem, base: Fit) -> str:

@@ -13,12 +13,9 @@ from torch import Tensor
 
 from femupdate.discrepancy.fit import Fit, coarse, fit, prior_draws
 from femupdate.discrepancy.problem import Problem
+from femupdate.discrepancy.thresholds import SEARCH, VERDICT
 from femupdate.effects.effect import Placed
 
-_DRAWS = 384
-_NEAREST = 3  # exchanges that are fitted coarsely
-_STARTS = 2  # draws from which each of them is
-_BETTER = 0.8  # share of the coarse residuals, squared, that an exchange may leave
 _BATCH = 16
 
 
@@ -66,19 +63,21 @@ def promising(problem: Problem, base: Fit, exchanges: list[Placed], seed: int = 
     columns = _columns(base, kept)
     alone = fit(wide, tuple(base.placed[k] for k in kept), base.z[columns], 10)
     where = alone.coordinates
-    drawn = prior_draws(wide, where, alone.z[where.first_size :], _DRAWS, seed)
+    drawn = prior_draws(wide, where, alone.z[where.first_size :], SEARCH.exchange_draws, seed)
     z = torch.cat([alone.z[None], drawn])
     misfit = _misfits(wide, alone, exchanges, z)
     found = []
-    for number in misfit.amin(dim=1).argsort()[:_NEAREST].tolist():
+    for number in misfit.amin(dim=1).argsort()[: SEARCH.exchanges].tolist():
         placed = (*alone.placed, exchanges[number])
-        nearest = misfit[number].argsort()[:_STARTS]
+        nearest = misfit[number].argsort()[: SEARCH.starts]
         fits = [fit(wide, placed, z[k], 10) for k in nearest.tolist()]
         best = min(fits, key=lambda one: one.chi2)
         moved = base.z.clone()
         moved[columns] = best.z
         found.append(Promise(exchanges[number], moved, best.chi2 / max(alone.chi2, 1e-12)))
-    return sorted((one for one in found if one.share < _BETTER), key=lambda one: one.share)
+    return sorted(
+        (one for one in found if one.share < VERDICT.better_exchange), key=lambda one: one.share
+    )
 
 
 def _acting(problem: Problem, base: Fit) -> list[int]:

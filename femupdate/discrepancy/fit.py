@@ -14,13 +14,10 @@ from torch import Tensor
 from femupdate.arrays import Floats
 from femupdate.discrepancy.common_errors import CommonErrors
 from femupdate.discrepancy.problem import Problem
+from femupdate.discrepancy.thresholds import FIT
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed
 from femupdate.seeds import Seed, torch_generator
-
-_STEP = 1e-3
-_COARSE = 0.3  # noise on ln|H| in the first steps of a search
-_SMALLEST = 1e-4  # relative decrease of the objective at which the search ends
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,7 +249,7 @@ def fit(
         z, objective = trials[best], values[best]
         damping = max(dampings[best] / 10.0, 1e-6)
         residual, jacobian = _linearise(problem, model, where, z)
-        if gain < _SMALLEST:
+        if gain < FIT.smallest_decrease:
             break
     common = None
     if problem.left_open is not None:
@@ -269,7 +266,7 @@ def _linearise(
     problem: Problem, system: System, where: Coordinates, z: Tensor
 ) -> tuple[Tensor, Tensor]:
     """Residuals (n,) and Jacobian of the prediction (n, d), by differences into the box."""
-    steps = torch.where(z + _STEP <= where.upper, _STEP, -_STEP)
+    steps = torch.where(z + FIT.difference <= where.upper, FIT.difference, -FIT.difference)
     points = torch.cat([z[None], z + torch.diag(steps)])
     residuals = evaluate(problem, system, where, points)
     return residuals[0], (-(residuals[1:] - residuals[0]) / steps[:, None]).T
@@ -295,8 +292,8 @@ def fit_baseline(
     placed: tuple[Placed, ...] = (),
     sizes: tuple[float, ...] = (),
     seed: int = 0,
-    samples: int = 384,
-    starts: int = 8,
+    samples: int = FIT.baseline_draws,
+    starts: int = FIT.baseline_starts,
 ) -> list[Fit]:
     """Fit a model from the best of many draws of its prior, best first.
 
@@ -339,7 +336,7 @@ def prior_draws(
 
 def coarse(problem: Problem) -> Problem:
     """The problem as if its noise were coarse, and every point erred alone."""
-    return replace(problem.on_fewer(), sd=(problem.sd**2 + _COARSE**2).sqrt())
+    return replace(problem.on_fewer(), sd=(problem.sd**2 + FIT.coarse_noise**2).sqrt())
 
 
 def extended(problem: Problem, base: Fit, placed: tuple[Placed, ...], sizes: Floats) -> Tensor:

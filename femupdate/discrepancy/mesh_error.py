@@ -18,6 +18,7 @@ from scipy.optimize import linear_sum_assignment
 
 from femupdate.arrays import Floats
 from femupdate.discrepancy.mesh_points import error_of_points
+from femupdate.discrepancy.thresholds import MESH_ERROR
 from femupdate.dynamics.projection import reduced_on
 from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.effects.effect import UNSCALED, Placed
@@ -28,14 +29,6 @@ from femupdate.fe.driven import driven_shapes
 from femupdate.fe.factorization import factorize
 from femupdate.progress import SILENT, Progress
 
-FINER = 2.0 / 3.0  # mesh size of the finer mesh, of the model's own
-# The mean error is between what the finer mesh shows and Richardson's limit, which for errors of
-# second order is 9/5 of it: the middle, and 0.6 of the distance to both sides as its deviation.
-_SHARE, _SHARE_SD = 1.4, 0.25
-# How much further than learned from a few theta a finer mesh may be off: without it stiffness
-# factors of buildings without effects, made on a mesh of 3/5 the size, were off by 1.5 standard
-# deviations (rms).
-_OPEN = 1.5
 _MEMBERS = (
     "wall_stiffness",
     "slab_participation",
@@ -43,14 +36,6 @@ _MEMBERS = (
     "cracked_beams",
     "cracked_columns",
 )
-# Modes of less effect than this share of the largest are left out.
-_SHOWN = 0.003
-# Modes of two meshes are the same where frequency and effect differ by no more, and the effects on
-# the floors are as nearly proportional.
-_SHIFT, _CHANGE, _UNLIKE = 0.02, 0.4, 0.05
-_WIDE = 0.1  # prior standard deviation of the mean factors
-_ROUNDS = 100
-_ALIKE = 2.0  # modes of one theta that err alike
 
 
 @dataclass(frozen=True)
@@ -88,7 +73,9 @@ class MeshError:
     @property
     def steps(self) -> Floats:
         """(c, q) one standard deviation of every error of the corrected model, as sizes."""
-        return _OPEN * np.vstack([np.diag(self.sd), _SHARE_SD * np.asarray(self.mean)])
+        return MESH_ERROR.open_factor * np.vstack(
+            [np.diag(self.sd), MESH_ERROR.share_sd * np.asarray(self.mean)]
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +156,7 @@ def learn_mesh_error(
 
 
 def corrected(
-    reduced: ReducedStructure, mesh: MeshError, share: float = _SHARE
+    reduced: ReducedStructure, mesh: MeshError, share: float = MESH_ERROR.share
 ) -> ReducedStructure:
     """The reduced structure with the stiffness that a fine mesh would give it.
 
@@ -258,7 +245,7 @@ def modes_shown(reduced: ReducedStructure, theta: Floats, top_hz: float) -> Show
     squared, vectors = np.linalg.eigh(model.stiffness(theta))
     effect = (model.floor_shapes @ vectors) * (model.excitation @ vectors)
     size = np.abs(effect).max(axis=0)
-    shown = (squared < (2.0 * np.pi * top_hz) ** 2) & (size > _SHOWN * size.max())
+    shown = (squared < (2.0 * np.pi * top_hz) ** 2) & (size > MESH_ERROR.shown * size.max())
     return ShownModes(squared[shown], vectors[:, shown], effect[:, shown])
 
 
@@ -268,12 +255,16 @@ def _matched(ours: ShownModes, theirs: ShownModes) -> tuple[NDArray[np.intp], ND
     sizes = [np.linalg.norm(one.effect, axis=0) for one in (ours, theirs)]
     change = np.abs(np.log(sizes[0][:, None] / sizes[1]))
     alike = np.abs(ours.effect.T @ theirs.effect) / (sizes[0][:, None] * sizes[1])
-    cost = shift / _SHIFT + change / _CHANGE + (1.0 - alike) / _UNLIKE
+    cost = (
+        shift / MESH_ERROR.same_frequency
+        + change / MESH_ERROR.same_effect
+        + (1.0 - alike) / MESH_ERROR.same_shape
+    )
     rows, columns = linear_sum_assignment(cost)
     sure = (
-        (shift[rows, columns] < _SHIFT)
-        & (change[rows, columns] < _CHANGE)
-        & (1.0 - alike[rows, columns] < _UNLIKE)
+        (shift[rows, columns] < MESH_ERROR.same_frequency)
+        & (change[rows, columns] < MESH_ERROR.same_effect)
+        & (1.0 - alike[rows, columns] < MESH_ERROR.same_shape)
     )
     return rows[sure], columns[sure]
 
@@ -306,10 +297,10 @@ def _estimate(lessons: list[_Lesson], kinds: list[str]) -> tuple[Floats, Floats,
     member = np.eye(groups.max() + 1)[groups]  # (q, kinds)
     variance, noise = np.full(size, 0.01**2), 0.01**2
     sums, total_weight = [one.sums() for one in lessons], sum(one.weight.sum() for one in lessons)
-    for _ in range(_ROUNDS):
-        each = _ALIKE * noise
+    for _ in range(MESH_ERROR.rounds):
+        each = MESH_ERROR.alike * noise
         inside = [np.linalg.inv(products / each + np.diag(1.0 / variance)) for products, *_ in sums]
-        normal, right = np.eye(member.shape[1]) / _WIDE**2, np.zeros(member.shape[1])
+        normal, right = np.eye(member.shape[1]) / MESH_ERROR.prior**2, np.zeros(member.shape[1])
         for (products, sought, _), own in zip(sums, inside, strict=True):
             weight = np.eye(size) - products @ own / each
             normal += member.T @ weight @ products @ member / each
@@ -331,7 +322,6 @@ def _estimate(lessons: list[_Lesson], kinds: list[str]) -> tuple[Floats, Floats,
 
 
 __all__ = [
-    "FINER",
     "MeshError",
     "ShownModes",
     "corrected",

@@ -4,14 +4,11 @@ import numpy as np
 import torch
 
 from femupdate.arrays import Floats
+from femupdate.discrepancy.thresholds import MESH_ERROR
 from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.dynamics.system import System
 
 _STEP = 1e-3  # relative, of the unknowns
-RATIO = 0.01  # damping ratio at which meshes are compared
-# A mode whose frequency is off errs as 1/zeta on a peak as wide as zeta: between the powers 1/2 and
-# 1. A house erred by .022 (rms of ln|H|) at a damping ratio of .01, .014 at .02 and .010 at .03.
-_POWER = 0.7
 
 
 def error_of_points(
@@ -19,7 +16,7 @@ def error_of_points(
     fine: ReducedStructure,
     theta: Floats,
     frequency_hz: Floats,
-    zeta: float = RATIO,
+    zeta: float = MESH_ERROR.damping,
 ) -> float:
     """rms of ln|H| and phase (rad) by which the coarse model misses the fine one.
 
@@ -44,8 +41,12 @@ def error_of_points(
 
 
 def at_damping(error: float, zeta: float) -> float:
-    """What an error of points at the ratio of comparison is at another damping ratio."""
-    return error * (RATIO / zeta) ** _POWER
+    """What an error of points at the ratio of comparison is at another damping ratio.
+
+    A mode whose frequency is off errs as 1/zeta on a peak as wide as zeta: between the powers 1/2
+    and 1.
+    """
+    return error * (MESH_ERROR.damping / zeta) ** MESH_ERROR.damping_power
 
 
 def _frf(structure: ReducedStructure, unknowns: Floats, frequency_hz: Floats) -> Floats:
@@ -63,4 +64,4 @@ def _ratio(values: Floats, reference: Floats) -> Floats:
     return np.concatenate([np.log(np.abs(ratio)).ravel(), np.angle(ratio).ravel()])
 
 
-__all__ = ["RATIO", "at_damping", "error_of_points"]
+__all__ = ["at_damping", "error_of_points"]

@@ -16,13 +16,12 @@ from torch import Tensor
 from femupdate.arrays import Floats
 from femupdate.discrepancy.mesh_error import MeshError, ShownModes, modes_shown
 from femupdate.discrepancy.problem import Problem
+from femupdate.discrepancy.thresholds import MESH_ERROR
 from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.dynamics.system import Responses, System
 from femupdate.effects.effect import Placed
 
-_BEYOND = 1.25  # times the highest frequency: modes that far above it show in the responses, too
 _STEP = 0.01  # of what the floors show of a mode, for differences
-_LEFT = 2.0  # times what the mean correction leaves at the theta that it was learned from
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +110,7 @@ class _About:
 
     def errors(self) -> Tensor:
         """One standard deviation of each (c, n), in the unit of the residuals."""
-        top_hz = _BEYOND * float(self.problem.frequency_hz.max())
+        top_hz = MESH_ERROR.beyond_top * float(self.problem.frequency_hz.max())
         modes = modes_shown(self.problem.reduced, self.theta[0].numpy(), top_hz)
         here = self._predicted(self.problem.reduced)
         stiffness = torch.cat([self._members(), *self._frequencies(modes)])
@@ -131,7 +130,7 @@ class _About:
 
     def _frequencies(self, modes: ShownModes) -> list[Tensor]:
         """FRFs (1, f, k) with one mode's frequency after the other off by what is left."""
-        reduced, more = self.problem.reduced, 2.0 * _LEFT * self.mesh.left
+        reduced, more = self.problem.reduced, 2.0 * MESH_ERROR.left_factor * self.mesh.left
         return [
             self._predicted(_with_stiffness(reduced, more * squared * np.outer(vector, vector)))
             for squared, vector in zip(modes.squared, modes.vectors.T, strict=True)
@@ -152,7 +151,7 @@ class _About:
         rows = list(self.problem.rows)
         each = moved.reshape(-1, len(rows), self.problem.sd.shape[1])
         alone = torch.eye(len(rows)).to(each)[:, None, :, None] * each
-        alone = alone.flatten(1) * (_LEFT / _STEP)
+        alone = alone.flatten(1) * (MESH_ERROR.left_factor / _STEP)
         share = torch.from_numpy(shown / np.linalg.norm(shown))[rows]
         return torch.cat([self.mesh.effect * (share @ alone)[None], self.mesh.shape * alone])
 

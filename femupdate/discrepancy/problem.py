@@ -8,6 +8,8 @@ import torch
 from torch import Tensor
 
 from femupdate.discrepancy.mesh_points import at_damping
+from femupdate.discrepancy.thresholds import FIT
+from femupdate.discrepancy.thresholds import MODEL_ERROR as THRESHOLDS
 from femupdate.dynamics.damping import DampingLaw
 from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.dynamics.system import System
@@ -16,14 +18,6 @@ from femupdate.measurement.estimated import HANN, as_estimated, segment_of
 from femupdate.measurement.observation import Observation
 
 Effects = tuple[Placed, ...]
-# What no model of a building resolves and no mesh estimate sees, in ln|H|: it keeps a very quiet
-# record from deciding on details of the model.
-MODEL_ERROR = 0.02
-_FEWER = (
-    140  # shapes of a search: a frame's responses err by .01 (rms) on them, a third of the time
-)
-_USUAL = 0.5  # of the squared error of a model at the worst: a sixth to a half was seen
-WILD = 8.0  # residuals, in standard deviations, that count no more than this
 
 
 @dataclass(frozen=True)
@@ -63,7 +57,7 @@ class Problem:
         left_open: gives one standard deviation (c, n) of every error of the model that many points
             share, in the unit of the residuals, of this problem with some effects at theta (1, p),
             zeta (1,) and sizes (1, q); None where there is none.
-        mimicked: log evidence that errors of the model itself may bring to an effect.
+        mesh_evidence: log evidence that errors of the model itself may bring to an effect.
         own_error: share of an effect's size by which the model of the effect may err.
         model_error: what of `sd` is not the data's noise but what the model errs at the worst.
         usual_error: rms of ln|H| by which a right model is known to err.
@@ -84,7 +78,7 @@ class Problem:
     sd: Tensor
     blocks: tuple[Block, ...]
     left_open: "Callable[[Problem, Effects, Tensor, Tensor, Tensor], Tensor] | None" = None
-    mimicked: float = 0.0
+    mesh_evidence: float = 0.0
     own_error: float = 0.0
     model_error: float = 0.0
     usual_error: float = 0.0
@@ -96,7 +90,7 @@ class Problem:
 
     def on_fewer(self) -> "Problem":
         """The same on the shapes that count most: for searches, which the whole basis ends."""
-        return replace(self, reduced=self.reduced.first(_FEWER), left_open=None)
+        return replace(self, reduced=self.reduced.first(FIT.fewer_shapes), left_open=None)
 
     @property
     def points(self) -> int:
@@ -116,7 +110,7 @@ class Problem:
         Args:
             zeta: damping ratio: sharp peaks show more of an error of frequencies.
         """
-        error = max(_USUAL * self.model_error**2, at_damping(self.usual_error, zeta) ** 2)
+        error = max(THRESHOLDS.usual * self.model_error**2, at_damping(self.usual_error, zeta) ** 2)
         usual = 1.0 + (error - self.model_error**2) / self.sd**2
         left = float((torch.isfinite(self.sd) * self.independent * usual).sum())
         return left if self.phase is None else 2.0 * left
@@ -186,9 +180,12 @@ class Problem:
 
 
 def _tame(residuals: Tensor) -> Tensor:
-    """Residuals (N, n) of (N, f, k) that count no more than `WILD`, as those of a model that is
-    none (a negative stiffness gives no number) do."""
-    return residuals.nan_to_num(nan=WILD).clamp(-WILD, WILD).flatten(1)
+    """Residuals (N, n) of (N, f, k), none beyond what counts.
+
+    A model that is none (a negative stiffness gives no number) misses every point by that much.
+    """
+    most = THRESHOLDS.wild
+    return residuals.nan_to_num(nan=most).clamp(-most, most).flatten(1)
 
 
 def together(first: Problem, second: Problem, level: float) -> Problem:
@@ -221,7 +218,6 @@ def _on_rows(values: Tensor, own: tuple[int, ...], rows: tuple[int, ...], missin
     return wide
 
 
-_NOISY = 0.15  # sd of ln|H|
 # Errors of H1 at frequencies x / T apart are correlated by 1, 4/9, 1/36, 0 at x = 0, 1, 2, 3: the
 # spectrum of the squared window, squared, as base and noise both have it. What changes slowly with
 # frequency is therefore known no better than from points 1.94 / T apart.
@@ -236,8 +232,8 @@ def make_problem(
     observation: Observation,
     *,
     use_phase: bool = True,
-    model_error: float = MODEL_ERROR,
-    mimicked: float = 0.0,
+    model_error: float = 0.0,
+    mesh_evidence: float = 0.0,
     own_error: float = 0.0,
     usual_error: float = 0.0,
 ) -> Problem:
@@ -251,7 +247,7 @@ def make_problem(
         observation: on its own grid.
         use_phase: compare phases where they were measured.
         model_error: added to the noise of ln|H|.
-        mimicked: log evidence that errors of the model itself may bring to an effect.
+        mesh_evidence: log evidence that errors of the model itself may bring to an effect.
         own_error: share of an effect's size by which the model of the effect may err.
         usual_error: rms of ln|H| by which a right model of 1 % damping is known to err.
     """
@@ -261,7 +257,7 @@ def make_problem(
     if not table:
         # Where noise reaches the response, ln|H| of an estimate lies too high, and what is kept
         # for its coherence higher still.
-        valid = valid & (noise < _NOISY)
+        valid = valid & (noise < THRESHOLDS.noisy)
     infinite = torch.full_like(noise, torch.inf)
     spacing = float(np.median(np.diff(observation.frequency_hz)))
     resolution = observation.resolution_hz or spacing
@@ -286,7 +282,7 @@ def make_problem(
                 segment_of(observation),
             ),
         ),
-        mimicked=mimicked,
+        mesh_evidence=mesh_evidence,
         own_error=own_error,
         model_error=model_error,
         usual_error=usual_error,

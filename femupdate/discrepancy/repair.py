@@ -3,14 +3,12 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from femupdate.discrepancy.diagnose import NAMED, Diagnosis, DiagnosisSettings, Finding, diagnose
+from femupdate.discrepancy.diagnose import NAMED, Diagnosis, Finding, diagnose
 from femupdate.discrepancy.fit import Fit
 from femupdate.discrepancy.problem import Problem
-from femupdate.discrepancy.where import p_value
+from femupdate.discrepancy.residual_map import p_value
+from femupdate.discrepancy.thresholds import VERDICT, DiagnosisSettings
 from femupdate.progress import SILENT, Progress
-
-MOST_ROUNDS = 3
-_GOOD = 0.05  # p-value at which nothing is left to explain
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +81,7 @@ def repair(
     while True:
         found = found or diagnose(now, settings, current, progress)
         leading = found.leading
-        enough = p_value(now, current) > _GOOD or len(rounds) == MOST_ROUNDS
+        enough = p_value(now, current) > VERDICT.repaired or len(rounds) == VERDICT.most_rounds
         if found.verdict != NAMED or leading is None or (rounds and enough):
             break
         rounds.append(Round(found, leading, current.chi2, leading.fitted.chi2))

@@ -12,10 +12,10 @@ from torch import Tensor
 
 from femupdate.discrepancy.fit import Fit, coordinates, evaluate, extended
 from femupdate.discrepancy.problem import Problem
+from femupdate.discrepancy.thresholds import FIT
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 
-_STEP = 0.5  # of the prior's standard deviation: some effects are even in their size
 _NOTHING = 1e-9
 
 
@@ -84,7 +84,7 @@ def starts(problem: Problem, placed: Placed) -> list[tuple[float, ...]]:
         return [()]
     size = own[0]
     sign = -1.0 if size.upper <= size.neutral else 1.0
-    first = size.neutral + sign * _STEP * size.scale
+    first = size.neutral + sign * FIT.score_step * size.scale
     if len(own) == 1 or placed.effect.needs_levels:
         return [(first, *(p.neutral for p in own[1:]))]
     tunings = _tunings(problem)

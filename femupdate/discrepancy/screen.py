@@ -4,14 +4,9 @@ import numpy as np
 import torch
 
 from femupdate.arrays import Floats
+from femupdate.discrepancy.thresholds import SCREEN
 from femupdate.dynamics.system import System
 from femupdate.measurement.observation import Observation
-
-_LOW = 0.35  # of the first frequency, below which |H| is that of a rigid body but for (f / f1)^2
-_FEWEST = 4
-_CLEAR = 3.0  # standard deviations
-_LEVER = 2.0  # highest over lowest frequency, below which the value at zero is a guess
-_WRONG_UNIT = np.log(2.0)  # no sensor is off by more, but g, gal and m/s2 are
 
 
 def screen_channels(observation: Observation, system: System, theta: Floats) -> tuple[str, ...]:
@@ -31,32 +26,34 @@ def screen_channels(observation: Observation, system: System, theta: Floats) -> 
         torch.zeros(1, count, dtype=torch.float64),
     )
     first = float(modes.frequency_hz[0, modes.participation[0].abs().argmax()])
-    low = observation.frequency_hz < _LOW * first
+    low = observation.frequency_hz < SCREEN.low * first
     gains, foreign, turned, late = [], [], [], []
     # Neighbouring estimates repeat each other.
     spacing = float(np.median(np.diff(observation.frequency_hz)))
     repeated = max(1.0, (observation.resolution_hz or spacing) / spacing) ** 0.5
     for row, floor in enumerate(observation.floors):
         used = low & observation.valid[row]
-        if used.sum() < _FEWEST:
+        if used.sum() < SCREEN.fewest:
             continue
         frequency = observation.frequency_hz[used]
         weight = 1.0 / (repeated * observation.noise_sd[row, used])
         gain, sd = _intercept(frequency**2, observation.log_frf[row, used], weight)
-        if abs(gain) > max(_CLEAR * sd, _WRONG_UNIT):
+        if abs(gain) > max(SCREEN.clear * sd, SCREEN.wrong_unit):
             foreign.append(f"{floor} reads {np.exp(gain):.3g} times the base")
-        elif frequency[-1] > _LEVER * frequency[0] and abs(gain) > max(_CLEAR * sd, 0.02):
+        elif frequency[-1] > SCREEN.lever * frequency[0] and abs(gain) > max(
+            SCREEN.clear * sd, SCREEN.least_gain
+        ):
             gains.append(f"{floor} reads {np.expm1(gain):+.1%}")
         if observation.phase is None:
             continue
         phase = np.unwrap(observation.phase[row, used])
-        if abs(np.median(np.abs(observation.phase[row, used])) - np.pi) < 0.5:
+        if abs(np.median(np.abs(observation.phase[row, used])) - np.pi) < SCREEN.turned:
             turned.append(floor)
             continue
         slope = float((weight**2 * frequency * phase).sum() / (weight**2 * frequency**2).sum())
         error = float((weight**2 * frequency**2).sum() ** -0.5)
         delay = -slope / (2.0 * np.pi)
-        if abs(slope) > _CLEAR * error and abs(delay) > 5e-4:
+        if abs(slope) > SCREEN.clear * error and abs(delay) > SCREEN.least_delay_s:
             late.append(f"{floor} {1e3 * delay:+.1f} ms")
     notes = []
     if gains:

@@ -10,8 +10,8 @@ there are points, whatever theta, so that the share is the mean of its tail.
 Such p-values are conservative: the same data have moved the posterior and are judged by it. Over
 data of the model itself they gather about a half, and at most 2 alpha of them lie below alpha (Meng
 1994, Annals of Statistics 22); where parameters are few beside the points they are nearly uniform.
-The effect finder's p-value (`femupdate.discrepancy.where`) takes the fitted parameters off the
-degrees of freedom and is uniform instead.
+The effect finder's p-value (`femupdate.discrepancy.residual_map`) takes the fitted parameters off
+the degrees of freedom and is uniform instead.
 
 Of several runs pooled into one observation it is their mean that is judged; whether they agree with
 one another is another question (`femupdate.measurement.agreement`).

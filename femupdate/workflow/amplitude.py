@@ -15,6 +15,7 @@ import torch
 from scipy.optimize import brentq
 
 from femupdate.arrays import Floats
+from femupdate.discrepancy.thresholds import LEVEL
 from femupdate.dynamics.history import floor_histories
 from femupdate.dynamics.level import motion_level
 from femupdate.dynamics.system import System
@@ -27,9 +28,6 @@ from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.second_record import doublings, record_levels
 
 _LEVELS, _SPAN = "level_m_s2", "level_span"  # in the settings of a posterior
-_EXACT = 0.005  # doublings
-_STEPS = 30
-_BEYOND = 0.5  # doublings outside of the records that are worth a word
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,14 +156,14 @@ def own_level(reached: Callable[[float], float], start: float) -> float:
     """
     ask = cache(reached)
     level, gap = start, ask(start) - start
-    for _ in range(_STEPS):
-        if abs(gap) < _EXACT:
+    for _ in range(LEVEL.steps):
+        if abs(gap) < LEVEL.exact:
             break
         following = level + gap
         after = ask(following) - following
-        if abs(after) >= _EXACT and gap * after < 0.0:
+        if abs(after) >= LEVEL.exact and gap * after < 0.0:
             ends = sorted((level, following))
-            return float(brentq(lambda x: ask(x) - x, *ends, xtol=_EXACT))
+            return float(brentq(lambda x: ask(x) - x, *ends, xtol=LEVEL.exact))
         level, gap = following, after
     return level + gap
 
@@ -181,7 +179,7 @@ def _note(level: Floats, stiffness: Floats, damping: Floats, span: list[float] |
         f"The motion is {2.0**mean:.2g} times as strong as the record behind the stiffness "
         f"factors: stiffness is multiplied by {most:.3g}, damping by {damping.mean():.3g}."
     )
-    if span and span[1] > span[0] and not span[0] - _BEYOND < mean < span[1] + _BEYOND:
+    if span and span[1] > span[0] and not span[0] - LEVEL.beyond < mean < span[1] + LEVEL.beyond:
         text += (
             f" That is beyond the records ({2.0 ** span[0]:.2g} to {2.0 ** span[1]:.2g} times) "
             "that show this change."

@@ -10,16 +10,17 @@ from typing import Any
 import numpy as np
 from torch import Tensor
 
-from femupdate.discrepancy.diagnose import AMBIGUOUS, UNKNOWN, Diagnosis, DiagnosisSettings, Finding
+from femupdate.discrepancy.diagnose import AMBIGUOUS, UNKNOWN, Diagnosis, Finding
 from femupdate.discrepancy.diagnose import diagnose as find
 from femupdate.discrepancy.exchange import promising
-from femupdate.discrepancy.far import far_fit
 from femupdate.discrepancy.fit import Fit, extended, fit, fit_baseline
+from femupdate.discrepancy.global_search import global_fit
 from femupdate.discrepancy.mesh_error import MeshError, corrected
 from femupdate.discrepancy.mesh_scatter import with_mesh_error
 from femupdate.discrepancy.problem import Problem, together
 from femupdate.discrepancy.score import candidates
 from femupdate.discrepancy.screen import screen_channels
+from femupdate.discrepancy.thresholds import FIT, VERDICT, DiagnosisSettings
 from femupdate.dynamics.local_basis import SPREAD, Sized
 from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.effects.effect import Placed
@@ -43,12 +44,7 @@ from femupdate.workflow.observed import ObservationSource, observation_of
 from femupdate.workflow.second_record import SecondRecord, second_record
 
 DIAGNOSIS = "diagnosis"
-_SHOWN = 6
-_ROUGH = 100  # shapes with which the stiffness factors are searched for
-_MOVES = 4  # bases, one after the other, at most
-_TRIED, _STARTS = 192, 4  # draws of theta with the listed effects, and searches from them
-_CLEARLY = 0.9  # share of what a fit leaves that another one may leave to take its place
-_OBVIOUS = 0.5  # share of the coarse residuals, squared, that a wrong name leaves when mended
+_SHOWN = 6  # rows of the table of effects
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -78,7 +74,7 @@ class DiagnosisReport:
     @property
     def would_decide(self) -> tuple[str, ...]:
         """Sentences on what would tell the first effect from others, where the data do not."""
-        return self.diagnosis.deciding(self.settings)
+        return self.diagnosis.would_decide(self.settings)
 
     def as_dict(self) -> dict[str, Any]:
         """What the JSON file and `--json` hold."""
@@ -89,12 +85,12 @@ class DiagnosisReport:
             "sentence": found.sentence,
             "effects": [_finding(one) for one in found.findings],
             "partner_of_the_first": found.partner or None,
-            "cannot_be_seen": list(found.hidden),
+            "cannot_be_seen": list(found.unobservable),
             "cannot_be_told_from_the_first": list(found.twins),
             "would_decide": list(self.would_decide),
             "where": [
                 {"floor": cell.floor, "band_hz": list(cell.band_hz), "excess": cell.excess}
-                for cell in found.where
+                for cell in found.residuals
                 if cell.p_value < 1e-3
             ],
             "chi2": found.base.chi2,
@@ -116,8 +112,8 @@ class DiagnosisReport:
         if found.findings:
             head = ("effect", "log evidence", "probability", "size", "absorbed by theta")
             lines.append(table(head, [_row(one) for one in found.findings[:_SHOWN]]))
-        if found.hidden:
-            lines.append(f"  cannot be seen with these sensors: {', '.join(found.hidden)}")
+        if found.unobservable:
+            lines.append(f"  cannot be seen with these sensors: {', '.join(found.unobservable)}")
         notes = (f"  - {note}" for note in (*self.would_decide, *self.screen))
         return (*lines, *notes, f"  {self.path}")
 
@@ -224,7 +220,7 @@ def prepared(
         base = fit_baseline(problem, effects.placed, effects.values, seed)[0]
         show.advance()
         return problem, base
-    problem = replace(problem, search=plain.first(_ROUGH))
+    problem = replace(problem, search=plain.first(FIT.rough_shapes))
     rough = fit_baseline(problem.for_search(), seed=seed)[0]
     middle = _rightly_named(problem, rough, seed)
     show.advance()
@@ -251,8 +247,10 @@ def _as_listed(
 
     The search without them may have ended far from there.
     """
-    tried = fit_baseline(problem, effects.placed, effects.values, seed, _TRIED, _STARTS)[0]
-    if tried.chi2 + tried.penalty > _CLEARLY * (base.chi2 + base.penalty):
+    tried = fit_baseline(
+        problem, effects.placed, effects.values, seed, FIT.listed_draws, FIT.listed_starts
+    )[0]
+    if tried.chi2 + tried.penalty > VERDICT.clearly * (base.chi2 + base.penalty):
         return problem, base
     return refined(model, parts, problem, tried, show)
 
@@ -288,13 +286,13 @@ def sought(
         return near
     show.advance(note="searching far from the model as it is")
     leading = [one.placed for one in first.findings]
-    far = far_fit(problem, base, first.scores, leading, chosen.seed)
+    far = global_fit(problem, base, first.scores, leading, chosen.seed)
     if far is None:
         return near
     there, far = refined(model, parts, problem, far, show)
     moved = fit(there, base.placed, base.z)
     again = find(there, chosen, moved, show, far)
-    if again.verdict == UNKNOWN or _least(again) > _CLEARLY * _least(near[2]):
+    if again.verdict == UNKNOWN or _least(again) > VERDICT.clearly * _least(near[2]):
         return near
     return _run_off(model, parts, there, moved, again, chosen, show)
 
@@ -329,7 +327,7 @@ def _run_off(
         again,
         findings=(*again.findings, *others),
         scores=found.scores,
-        hidden=found.hidden,
+        unobservable=found.unobservable,
     )
     return problem, first, told
 
@@ -347,7 +345,7 @@ def _rightly_named(problem: Problem, rough: Fit, seed: int) -> Fit:
     searched = problem.for_search()
     exchanges = [one for one in candidates(searched) if one.exchange]
     found = promising(problem, rough, exchanges, seed)
-    if not found or found[0].share > _OBVIOUS:
+    if not found or found[0].share > VERDICT.obvious:
         return rough
     return fit(searched, (found[0].placed,), found[0].z, 25)
 
@@ -376,7 +374,7 @@ def refined(
     if problem.reduced.structure.operators is None:
         return problem, fitted
     show = progress or Silent()
-    for _ in range(_MOVES):
+    for _ in range(FIT.most_bases):
         middle = fitted
         start = (fitted.placed, fitted.z)
         sets = [_sized(middle)] if alone else None

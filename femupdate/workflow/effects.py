@@ -14,8 +14,9 @@ from femupdate.building.effect_entry import EffectEntry
 from femupdate.building.files import mechanics_hash
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.schema import Building
-from femupdate.discrepancy.mesh_error import FINER, MeshError
+from femupdate.discrepancy.mesh_error import MeshError
 from femupdate.discrepancy.problem import Problem, make_problem
+from femupdate.discrepancy.thresholds import MESH_ERROR, MODEL_ERROR
 from femupdate.dynamics.damping import damping_law
 from femupdate.dynamics.local_basis import Sized, local_structure
 from femupdate.dynamics.projection import lumped, reduced_on
@@ -35,19 +36,6 @@ from femupdate.workflow.model import StudyModel, reduction_target, theta_prior, 
 
 BASIS = "effect basis"
 _FILE = "effect_basis.npz"
-# What mesh and reduction leave in ln|H|. A stick has neither, and of a frame whose mesh error was
-# learned they are known as errors that points share. Of another frame (a mesh that was read) it is
-# some .03 rms (0.2 m against 0.1 m mesh: .044 before the fit, .024 after), but neighbouring points
-# err alike, over peaks some ten to twenty points wide: it weighs as noise of independent points
-# four to five times as large does.
-_FRAME_ERROR, _MODEL_ERROR = 0.14, 0.01
-# A coarser mesh is above all a stiffer one: on clean truths of a 0.15 m mesh cracked beams or
-# stiffer walls of one story had a log evidence of 11 to 30.
-_MIMICKED = 40.0
-# The same where the mesh error was learned: 53 frames without effects came to -5 to 10, one to 18.
-_MIMICKED_LEARNED = 8.0
-# What a mesh does to an effect itself is not learned: sizes of frames were off by .1 to 9 %.
-_OWN_ERROR = 0.03
 
 
 @dataclass(frozen=True)
@@ -107,7 +95,7 @@ def finder_structure(building: Building) -> Structure:
 
 def finder_mesh_size(building: Building) -> float | None:
     """Of the finder's mesh, m; None for what is not meshed here."""
-    return FINER * building.mesh.size if isinstance(building, FrameBuilding) else None
+    return MESH_ERROR.finer * building.mesh.size if isinstance(building, FrameBuilding) else None
 
 
 def finder_origin(building: Building) -> dict[str, str]:
@@ -280,22 +268,22 @@ def problem_of(
         _at(observation, used),
         use_phase=use_phase,
         model_error=_model_error(building, mesh),
-        mimicked=_mimicked(building, mesh),
-        own_error=0.0 if building.kind == "shear" else _OWN_ERROR,
+        mesh_evidence=_mesh_evidence(building, mesh),
+        own_error=0.0 if building.kind == "shear" else MODEL_ERROR.size,
         usual_error=0.0 if mesh is None else mesh.points,
     )
 
 
-def _mimicked(building: Building, mesh: MeshError | None) -> float:
+def _mesh_evidence(building: Building, mesh: MeshError | None) -> float:
     """Log evidence that an effect may owe to errors of the model."""
     if building.kind == "shear":
         return 0.0
-    return _MIMICKED if mesh is None else _MIMICKED_LEARNED
+    return MODEL_ERROR.mesh_evidence if mesh is None else MODEL_ERROR.mesh_evidence_learned
 
 
 def _model_error(building: Building, mesh: MeshError | None) -> float:
     """What mesh and reduction leave in ln|H|, as noise of independent points."""
-    return _FRAME_ERROR if building.kind != "shear" and mesh is None else _MODEL_ERROR
+    return MODEL_ERROR.frame if building.kind != "shear" and mesh is None else MODEL_ERROR.stick
 
 
 def _measured(observation: Observation) -> Flags:

@@ -9,7 +9,8 @@ from scipy.stats import qmc
 from femupdate.arrays import Floats
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.schema import Building
-from femupdate.discrepancy.mesh_error import FINER, MeshError, learn_mesh_error
+from femupdate.discrepancy.mesh_error import MeshError, learn_mesh_error
+from femupdate.discrepancy.thresholds import MESH_ERROR as THRESHOLDS
 from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.effects.structure import Structure, structure_of
 from femupdate.progress import Progress, Silent
@@ -19,8 +20,6 @@ from femupdate.workflow.model import theta_prior
 
 MESH_ERROR = "mesh error"
 _FILE = "mesh_error.json"
-_THETAS = 8
-_INNER = 1.5  # the ends of the prior are left out by this factor
 
 
 def open_mesh_error(
@@ -42,7 +41,7 @@ def open_mesh_error(
     kept = kept_mesh_error(study, plain)
     if kept is not None:
         return kept
-    fine = structure_of(plain, FINER**2 * plain.mesh.size)
+    fine = structure_of(plain, THRESHOLDS.finer**2 * plain.mesh.size)
 
     def near(theta: Floats) -> ReducedStructure:
         return structure_near(structure, plain, theta, plain.damping.ratio)
@@ -81,12 +80,17 @@ def keep_mesh_error(study: Study, building: Building, mesh: MeshError) -> None:
     """Write a mesh error into a study."""
     study.folder.mkdir(parents=True, exist_ok=True)
     write_text(study.path(_FILE), json.dumps(asdict(mesh), indent=2) + "\n")
-    study.record(MESH_ERROR, _FILE, "diagnose", finder_origin(building), {"thetas": _THETAS})
+    study.record(
+        MESH_ERROR, _FILE, "diagnose", finder_origin(building), {"thetas": THRESHOLDS.thetas}
+    )
 
 
 def _thetas(building: Building) -> Floats:
     """Stiffness factors (n, p), even in their logarithm over the inner part of the prior."""
     prior = theta_prior(building)
-    low, high = np.log(prior.lower.numpy() * _INNER), np.log(prior.upper.numpy() / _INNER)
-    unit = qmc.Sobol(len(low), seed=np.random.default_rng(4)).random(_THETAS)
+    low, high = (
+        np.log(prior.lower.numpy() * THRESHOLDS.inner),
+        np.log(prior.upper.numpy() / THRESHOLDS.inner),
+    )
+    unit = qmc.Sobol(len(low), seed=np.random.default_rng(4)).random(THRESHOLDS.thetas)
     return np.asarray(np.exp(low + (high - low) * unit))

@@ -9,7 +9,7 @@ import numpy as np
 from femupdate.arrays import Floats
 from femupdate.discrepancy.fit import Fit
 from femupdate.discrepancy.problem import Problem
-from femupdate.discrepancy.where import Cell, residual_cells
+from femupdate.discrepancy.residual_map import Cell, residual_cells
 from femupdate.study import Study
 from femupdate.workflow.diagnose import DiagnosisReport
 from femupdate.workflow.repair import RepairReport
@@ -26,8 +26,8 @@ def draw_diagnosis(study: Study, report: DiagnosisReport) -> tuple[Path, ...]:
     from femupdate.report.plot_diagnosis import Ranked, ranking, residual_map
 
     found = report.diagnosis
-    needed = report.settings.over_none + report.problem.mimicked
-    floors, edges, grid = _cells_as_grid(found.where)
+    needed = report.settings.over_none + report.problem.mesh_evidence
+    floors, edges, grid = _cells_as_grid(found.residuals)
     paths = [
         save_figure(
             residual_map(floors, edges, [("model as it is", grid)]),

@@ -10,13 +10,13 @@ import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.building.schema import Building
-from femupdate.discrepancy.diagnose import DiagnosisSettings
 from femupdate.discrepancy.fit import Fit
 from femupdate.discrepancy.posterior import draw
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.repair import Repair, as_fitted
 from femupdate.discrepancy.repair import repair as mend
-from femupdate.discrepancy.where import p_value
+from femupdate.discrepancy.residual_map import p_value
+from femupdate.discrepancy.thresholds import DiagnosisSettings
 from femupdate.progress import Progress, Silent
 from femupdate.study import Study, file_hash, write_text
 from femupdate.workflow.amplitude import level_settings

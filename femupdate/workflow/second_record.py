@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from femupdate.discrepancy.thresholds import LEVEL
 from femupdate.dynamics.level import motion_level
 from femupdate.errors import MeasurementError
 from femupdate.measurement.columns import BASE
@@ -13,7 +14,6 @@ from femupdate.measurement.observation_file import Histories, read_observation_f
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource, observation_of, observed_direction
 
-_ALIKE = 0.25  # doublings: two records of one level
 _SILENT = 1e-300
 
 
@@ -47,7 +47,7 @@ def second_record(
     """
     observation = observation_of(model.building, second)
     level = level_between(model, first, second)
-    return SecondRecord(observation, 0.0 if abs(level) < _ALIKE else level)
+    return SecondRecord(observation, 0.0 if abs(level) < LEVEL.alike else level)
 
 
 def level_between(model: StudyModel, first: ObservationSource, second: ObservationSource) -> float:

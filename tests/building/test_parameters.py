@@ -85,5 +85,5 @@ def test_effects_need_factors_by_story(document):
     effect = {"name": "added_mass", "place": "RF", "parameters": {"mass": 1000.0}}
     with pytest.raises(BuildingError, match="effects need one factor a story"):
         building(document, parameters=BY_KIND, effects=[effect])
-    with pytest.raises(BuildingError, match="effects need one stiffness factor for each story"):
+    with pytest.raises(BuildingError, match="looked for with one factor a story"):
         require_story_factors(building(document, parameters=BY_KIND))

@@ -6,9 +6,9 @@ import torch
 from scipy.stats import binomtest, kstest
 
 from femupdate.discrepancy.fit import extended, fit, fit_baseline
-from femupdate.discrepancy.hidden import hidden_effects, same_to_sensors
+from femupdate.discrepancy.observability import same_to_sensors, unobservable_effects
+from femupdate.discrepancy.residual_map import p_value, residual_cells
 from femupdate.discrepancy.score import alike, candidates, score
-from femupdate.discrepancy.where import p_value, residual_cells
 
 MASSES, SPRINGS = np.array([3.0, 2.0, 1.5]), np.array([9e3, 5e3, 4e3])
 GRID, FLOORS = np.linspace(0.4, 14.0, 60), ("2F", "3F", "RF")
@@ -131,14 +131,14 @@ def test_a_soft_base_is_absorbed_by_the_first_story(chain, fitted, place):
     """Springs in series: no data of these sensors could show it, and none is left to explain."""
     problem, base = fitted(chain.frf(GRID), 2, sd=0.02)
     tests = [score(problem, base, one) for one in candidates(problem)]
-    assert hidden_effects(problem, base, tests, 1.0) == ("base_sway@base",)
+    assert unobservable_effects(problem, base, tests, 1.0) == ("base_sway@base",)
 
 
 def test_a_weak_effect_is_hidden_by_large_noise(chain, fitted):
     """A gain of 5 % under an error of 100 % of |H| in 60 points: D = .05 x sqrt(60) < 1."""
     problem, base = fitted(chain.frf(GRID), 2, sd=1.0, phase=False)
     tests = [score(problem, base, one) for one in candidates(problem)]
-    hidden = hidden_effects(problem, base, tests, 1.0)
+    hidden = unobservable_effects(problem, base, tests, 1.0)
     assert {f"channel_gain@{floor}" for floor in FLOORS} <= set(hidden)
 
 

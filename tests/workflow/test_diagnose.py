@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from femupdate.building.files import load_building
-from femupdate.discrepancy.diagnose import DiagnosisSettings
+from femupdate.discrepancy.thresholds import DiagnosisSettings
 from femupdate.study import Study
 from femupdate.workflow.diagnose import diagnose_study, find
 from femupdate.workflow.model import open_study
@@ -199,7 +199,7 @@ def test_an_effect_that_draws_theta_far_off_is_looked_for_from_afar(
     found = diagnosed(FAR_OFF.frf(GRID)).diagnosis
     assert (found.verdict, found.leading.placed.label) == ("named", "added_mass@3F")
     assert abs(found.leading.size + 0.41) < 4.0 * found.leading.size_sd
-    monkeypatch.setattr("femupdate.workflow.diagnose.far_fit", lambda *_: None)
+    monkeypatch.setattr("femupdate.workflow.diagnose.global_fit", lambda *_: None)
     assert diagnosed(FAR_OFF.frf(GRID)).diagnosis.verdict == "unknown"
 
 
@@ -246,7 +246,7 @@ def test_what_is_not_in_the_catalogue_is_not_given_a_name(diagnosed, what):
     assert report.diagnosis.p_value < 1e-6
     assert report.as_dict()["where"]  # but told where it sits
     if what == "resonance of a bracket":
-        worst = max(report.diagnosis.where, key=lambda cell: cell.excess)
+        worst = max(report.diagnosis.residuals, key=lambda cell: cell.excess)
         assert worst.floor == "3F"
         assert worst.band_hz[1] > 10.0
 

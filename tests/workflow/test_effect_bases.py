@@ -13,6 +13,7 @@ from scipy.linalg import eigh
 
 from femupdate.discrepancy.diagnose import diagnose
 from femupdate.discrepancy.fit import extended, fit, fit_baseline
+from femupdate.discrepancy.thresholds import VERDICT
 from femupdate.dynamics.local_basis import local_structure
 from femupdate.dynamics.projection import reduced_on
 from femupdate.dynamics.system import System
@@ -135,12 +136,12 @@ def test_close_effects_are_run_off_on_a_basis_for_them(cabin, monkeypatch):
         return reduced
 
     monkeypatch.setattr("femupdate.workflow.diagnose.structure_near", near)
-    monkeypatch.setattr("femupdate.discrepancy.diagnose._CLOSE", 0.995)
+    monkeypatch.setattr("femupdate.discrepancy.diagnose.VERDICT", replace(VERDICT, close=0.995))
     seen = observed(cabin, MASS, 6)
     problem, base = prepared(cabin.model, parts, seen, True)
     everything = diagnose(problem, base=base)
     problem, _, found = sought(cabin.model, parts, problem, base)
-    assert found.hidden == everything.hidden
+    assert found.unobservable == everything.unobservable
     tests = [[one.statistic for one in each.scores] for each in (found, everything)]
     np.testing.assert_allclose(*tests)
     assert [present is None for present, _ in served] == [True, False]
@@ -174,6 +175,6 @@ def test_theta_is_found_with_the_effects_that_the_building_lists(cabin, monkeypa
     assert base.sizes()[0][0] == pytest.approx(mass, rel=0.03)
     assert base.chi2 < 2.0 * problem.effective
     # Or else this test would ask for nothing.
-    monkeypatch.setattr("femupdate.workflow.diagnose._CLEARLY", 0.0)
+    monkeypatch.setattr("femupdate.workflow.diagnose.VERDICT", replace(VERDICT, clearly=0.0))
     problem, stuck = prepared(model, parts, seen, True)
     assert stuck.chi2 > 5.0 * problem.effective

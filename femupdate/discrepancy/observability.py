@@ -18,7 +18,7 @@ _STEP = 0.1  # of the test's step: small enough for the same Jacobian to serve a
 _ROUNDS = 6
 
 
-def hidden_effects(
+def unobservable_effects(
     problem: Problem, base: Fit, scores: list[Score], least: float
 ) -> tuple[str, ...]:
     """Labels of the effects whose strength is below `least` once the model has followed them.

@@ -15,14 +15,15 @@ from torch import Tensor
 
 from femupdate.arrays import Flags
 from femupdate.discrepancy.fit import Fit
-from femupdate.discrepancy.problem import WILD, Problem
+from femupdate.discrepancy.problem import Problem
+from femupdate.discrepancy.thresholds import MODEL_ERROR
 
 _STEP, _ROUNDS = 1e-3, 6
 PHASE = "the phase of the floors measured"
 
 
 @dataclass(frozen=True)
-class Worth:
+class MeasurementValue:
     """What one further measurement is worth.
 
     Attributes:
@@ -34,7 +35,9 @@ class Worth:
     log_evidence: float
 
 
-def deciding(problem: Problem, first: Fit, others: Sequence[Fit]) -> tuple[Worth, ...]:
+def measurement_values(
+    problem: Problem, first: Fit, others: Sequence[Fit]
+) -> tuple[MeasurementValue, ...]:
     """What further measurements would tell a model from others, the best first.
 
     A floor's noise is taken to be that of the floors measured.
@@ -49,7 +52,9 @@ def deciding(problem: Problem, first: Fit, others: Sequence[Fit]) -> tuple[Worth
         return ()
     whole = _everywhere(problem)
     worth = np.array([_expected(whole, first, one, options) for one in others]).min(axis=0)
-    found = [Worth(what, float(value)) for what, value in zip(options, worth, strict=True)]
+    found = [
+        MeasurementValue(what, float(value)) for what, value in zip(options, worth, strict=True)
+    ]
     return tuple(sorted(found, key=lambda one: -one.log_evidence))
 
 
@@ -104,7 +109,7 @@ def _expected(
         for _ in range(_ROUNDS):
             missed = problem.moved(_predicted(problem, other, z[None]), there).reshape(shape)[0]
             # As among the residuals, one point where an anti-resonance is off must not decide.
-            rest = missed[seen].flatten().clamp(-WILD, WILD)
+            rest = missed[seen].flatten().clamp(-MODEL_ERROR.wild, MODEL_ERROR.wild)
             left = torch.cat([rest, prior @ (other.z - z)])
             least = min(least, 0.5 * float(left @ left))
             step = torch.linalg.lstsq(columns, left[:, None]).solution[:, 0]
@@ -117,4 +122,4 @@ def _predicted(problem: Problem, fitted: Fit, z: Tensor) -> Tensor:
     return problem.predicted(fitted.system, *fitted.coordinates.split(z, problem.fixed_zeta))
 
 
-__all__ = ["PHASE", "Worth", "deciding"]
+__all__ = ["PHASE", "MeasurementValue", "measurement_values"]

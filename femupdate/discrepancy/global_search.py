@@ -20,21 +20,12 @@ from femupdate.discrepancy.fit import (
 )
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.score import Score
+from femupdate.discrepancy.thresholds import SEARCH
 from femupdate.effects.effect import Placed
 from femupdate.seeds import spawn, torch_generator
 
-_DRAWS = 192
-_FEW = 32  # draws for the other places of an effect, of the place's own story
-_LEADING = 4  # of the effects that were fitted from the base, with all draws whatever their place
-_CHEAP = 60  # shapes up to which every place gets all draws
-_SEARCHED = 6  # effects and places that are fitted
-_STARTS = 2  # draws from which each of them is
-_MANY, _FROM = 512, 6  # draws of theta with the effect that explains most, and starts among them
-_WIDER = 1.5  # prior standard deviations of a size that is drawn
-_BETTER = 0.5  # share of the coarse residuals, squared, that an effect may leave
 
-
-def far_fit(
+def global_fit(
     problem: Problem, base: Fit, scores: Sequence[Score], leading: Sequence[Placed], seed: int = 0
 ) -> Fit | None:
     """A rough fit with one effect more that explains most of what the model leaves.
@@ -60,15 +51,15 @@ def far_fit(
         where = coordinates(rough, together)
         misfit = evaluate(rough, rough.system(together), where, z).square().sum(dim=1)
         nearest = misfit.sort()
-        screened.append((float(nearest.values[0]), together, z[nearest.indices[:_STARTS]]))
+        screened.append((float(nearest.values[0]), together, z[nearest.indices[: SEARCH.starts]]))
     screened.sort(key=lambda one: one[0])
     fits = [
         fit(rough, together, start, 15)
-        for _, together, starts in screened[:_SEARCHED]
+        for _, together, starts in screened[: SEARCH.searched]
         for start in starts
     ]
     best = min(fits, key=lambda one: one.misfit, default=None)
-    if best is None or best.chi2 > _BETTER * alone.chi2:
+    if best is None or best.chi2 > SEARCH.better * alone.chi2:
         return None
     return min(best, *_everywhere(rough, best, seed), key=lambda one: one.misfit)
 
@@ -76,34 +67,38 @@ def far_fit(
 def _everywhere(problem: Problem, found: Fit, seed: int) -> list[Fit]:
     """Fits with the effect that was found, from the best of many draws of theta."""
     where = found.coordinates
-    z = prior_draws(problem, where, found.z[where.first_size :], _MANY, spawn(seed, 1)[0])
+    z = prior_draws(
+        problem, where, found.z[where.first_size :], SEARCH.many_draws, spawn(seed, 1)[0]
+    )
     misfit = evaluate(problem, found.system, where, z).square().sum(dim=1)
-    nearest = misfit.argsort()[:_FROM]
+    nearest = misfit.argsort()[: SEARCH.many_starts]
     return [fit(problem, found.placed, z[k], 15, found.system) for k in nearest.tolist()]
 
 
 def _most(problem: Problem, scores: Sequence[Score], leading: Sequence[Placed]) -> set[str]:
     """Labels of what gets all draws: what leads, and the strongest place of every effect."""
-    if problem.reduced.model.size <= _CHEAP:
+    if problem.reduced.model.size <= SEARCH.cheap:
         return {one.placed.label for one in scores}
     chosen = {one.effect.name: one.label for one in reversed([one.placed for one in scores])}
-    return {*chosen.values(), *(one.label for one in leading[:_LEADING])}
+    return {*chosen.values(), *(one.label for one in leading[: SEARCH.leading])}
 
 
 def _draws(problem: Problem, alone: Fit, together: tuple[Placed, ...], seed: int) -> Tensor:
     """Unknowns (n, d) with the last effect: half from the prior, half of theta as it is but for one
     story, the effect's parameters from their prior."""
-    drawn, half = _from_prior(problem, alone, together, _DRAWS, seed), _DRAWS // 2
+    drawn, half = _from_prior(problem, alone, together, SEARCH.draws, seed), SEARCH.draws // 2
     stories = torch.arange(half) % alone.coordinates.stories
     return torch.cat([_one_story(alone, drawn[:half], stories), drawn[half:]])
 
 
 def _own(problem: Problem, alone: Fit, together: tuple[Placed, ...], seed: int) -> Tensor:
     """Unknowns (n, d) with theta as it is but for the story in which the last effect sits."""
-    drawn = _from_prior(problem, alone, together, _FEW, seed)
+    drawn = _from_prior(problem, alone, together, SEARCH.few_draws, seed)
     story = _story(problem, together[-1].place)
-    stories = torch.arange(_FEW) % alone.coordinates.stories
-    return _one_story(alone, drawn, stories if story is None else torch.full((_FEW,), story))
+    stories = torch.arange(SEARCH.few_draws) % alone.coordinates.stories
+    return _one_story(
+        alone, drawn, stories if story is None else torch.full((SEARCH.few_draws,), story)
+    )
 
 
 def _story(problem: Problem, place: str) -> int | None:
@@ -126,7 +121,7 @@ def _from_prior(
     drawn = prior_draws(problem, where, torch.cat([known, known.new_zeros(own)]), count, stories)
     generator = torch_generator(sizes)
     size = torch.randn(count, own, generator=generator, dtype=torch.float64)
-    drawn[:, -own:] = _WIDER * size
+    drawn[:, -own:] = SEARCH.wider * size
     return torch.minimum(torch.maximum(drawn, where.lower), where.upper)
 
 
@@ -139,4 +134,4 @@ def _one_story(alone: Fit, drawn: Tensor, stories: Tensor) -> Tensor:
     return near
 
 
-__all__ = ["far_fit"]
+__all__ = ["global_fit"]

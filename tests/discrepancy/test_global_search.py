@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from femupdate.discrepancy.diagnose import NAMED, UNKNOWN, DiagnosisSettings, diagnose
-from femupdate.discrepancy.far import far_fit
 from femupdate.discrepancy.fit import fit_baseline
+from femupdate.discrepancy.global_search import global_fit
 
 GRID = 0.1 * np.arange(1, 121)
 FLOORS = ("2F", "3F", "4F", "5F", "RF")
@@ -55,9 +55,9 @@ def test_a_large_effect_is_found_from_afar(posed, label, share, theta):
     problem, base = posed(label.split("@")[1], share, theta)
     near = diagnose(problem, base=base)
     assert near.verdict == UNKNOWN  # or else this test would ask for nothing
-    far = far_fit(problem, base, near.scores, leading(near))
+    far = global_fit(problem, base, near.scores, leading(near))
     assert far.placed[-1].label == label
-    found = diagnose(problem, base=base, far=far)
+    found = diagnose(problem, base=base, distant=far)
     assert (found.verdict, found.leading.placed.label) == (NAMED, label)
     # One draw of the noise each; 4.5 standard deviations are passed by one in a hundred thousand.
     assert abs(found.leading.size - share) < 4.5 * found.leading.size_sd
@@ -79,4 +79,4 @@ def test_an_effect_that_scores_low_is_fitted_where_no_other_explains_the_data(po
 def test_nothing_is_found_where_nothing_is_missing(posed):
     problem, base = posed("RF", 0.0, (0.9, 1.2, 1.0, 0.8, 1.1))
     found = diagnose(problem, base=base)
-    assert far_fit(problem, base, found.scores, leading(found)) is None
+    assert global_fit(problem, base, found.scores, leading(found)) is None

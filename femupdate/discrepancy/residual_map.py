@@ -9,9 +9,8 @@ from scipy.stats import chi2
 from femupdate.arrays import Flags, Floats
 from femupdate.discrepancy.fit import Fit
 from femupdate.discrepancy.problem import Problem
+from femupdate.discrepancy.thresholds import SCREEN
 from femupdate.measurement.bands import band_edges
-
-_FEWEST = 3.0  # independent points of a cell
 
 
 @dataclass(frozen=True)
@@ -45,7 +44,7 @@ def residual_cells(problem: Problem, fitted: Fit) -> tuple[Cell, ...]:
             total = float(row[inside].sum())
             freedom = count * float(weight[inside].mean()) if count else 0.0
             # The last points before coherence is lost were chosen by chance: too few say nothing.
-            enough = freedom >= _FEWEST
+            enough = freedom >= SCREEN.cell_points
             tail = float(chi2.sf(total, freedom)) if enough else 1.0
             mean = total / freedom if enough else 1.0
             floor = problem.reduced.model.floors[number]

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femupdate.discrepancy.deciding import PHASE, deciding
 from femupdate.discrepancy.diagnose import DiagnosisSettings, diagnose
 from femupdate.discrepancy.fit import extended, fit, fit_baseline
+from femupdate.discrepancy.further_measurements import PHASE, measurement_values
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 
@@ -40,7 +40,7 @@ def fitted(chains, building_of, observe, pose):
 def test_what_a_floor_is_worth_is_what_its_data_then_bring(fitted, floors):
     """Half the chi-square by which the wrong effect misses once that floor is measured."""
     problem, (right, wrong) = fitted(floors, (FIRST, SECOND))
-    worth = {one.what: one.log_evidence for one in deciding(problem, right, [wrong])}
+    worth = {one.what: one.log_evidence for one in measurement_values(problem, right, [wrong])}
     assert set(worth) == set(FLOORS) - set(floors)
     for floor, expected in worth.items():
         measured = [name for name in FLOORS if name in (*floors, floor)]
@@ -51,9 +51,9 @@ def test_what_a_floor_is_worth_is_what_its_data_then_bring(fitted, floors):
 
 def test_the_phase_is_offered_where_it_was_not_measured(fitted):
     problem, (right, wrong) = fitted(FLOORS, (FIRST, SECOND), phase=False)
-    assert [one.what for one in deciding(problem, right, [wrong])] == [PHASE]
+    assert [one.what for one in measurement_values(problem, right, [wrong])] == [PHASE]
     problem, (right, wrong) = fitted(FLOORS, (FIRST, SECOND))
-    assert deciding(problem, right, [wrong]) == ()
+    assert measurement_values(problem, right, [wrong]) == ()
 
 
 def test_a_diagnosis_says_what_would_decide(chains, building_of, observe, pose):
@@ -63,6 +63,6 @@ def test_a_diagnosis_says_what_would_decide(chains, building_of, observe, pose):
     found = diagnose(pose(building_of(np.ones(2), np.full(2, 800.0)), seen))
     labels = {found.leading.placed.label, *found.twins}
     assert {"base_gain@base", "channel_gain@RF"} <= labels
-    said = " ".join(found.deciding(DiagnosisSettings()))
+    said = " ".join(found.would_decide(DiagnosisSettings()))
     assert "2F" in said
     assert "base_gain@base is settled by two sensors side by side" in said
