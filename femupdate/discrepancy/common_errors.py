@@ -21,16 +21,20 @@ class CommonErrors:
     Attributes:
         axes: (n, c) U, orthonormal.
         taken: (c,) the parts.
+        half_log_determinant: of the covariance, sum of ln(1 + s^2) / 2: a normal density is divided
+            by its exponential.
     """
 
     axes: Tensor
     taken: Tensor
+    half_log_determinant: float
 
     @staticmethod
     def of(steps: Tensor) -> "CommonErrors":
         """Of S (n, c): one standard deviation of every error, in the unit of the residuals."""
         axes, size, _ = torch.linalg.svd(steps, full_matrices=False)
-        return CommonErrors(axes, 1.0 - (1.0 + size**2) ** -0.5)
+        half_log_determinant = 0.5 * float(torch.log1p(size**2).sum())
+        return CommonErrors(axes, 1.0 - (1.0 + size**2) ** -0.5, half_log_determinant)
 
     def whiten(self, residuals: Tensor) -> Tensor:
         """Residuals (N, n) of unit covariance."""

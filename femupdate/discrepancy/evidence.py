@@ -14,10 +14,14 @@ from torch import Tensor
 
 from femupdate.discrepancy.fit import Fit, weighed_residuals
 from femupdate.discrepancy.problem import Problem
-from femupdate.discrepancy.proposal import student_draws
+from femupdate.inference.importance import LogTarget, weighted_draws
+from femupdate.inference.mixture import GaussianMixture, StudentMixture
 from femupdate.seeds import Seed, torch_generator
 
-_FREEDOM = 5.0  # of the t distribution
+# Of the t distribution that is drawn from, and of its covariance over the fit's.
+_FREEDOM, _WIDEN = 5, 1.2
+# Of the mean variance, so that rounding cannot make a covariance indefinite.
+_SLIGHT = 1e-12
 
 
 @dataclass(frozen=True)
@@ -49,7 +53,12 @@ def laplace(problem: Problem, fitted: Fit, inflation: float = 1.0) -> Evidence:
     log_det = torch.linalg.slogdet(hessian).logabsdet
     size = fitted.coordinates.size
     value = -0.5 * fitted.chi2 / inflation + log_prior(problem, fitted, fitted.z[None])[0]
-    value = float(value) + 0.5 * size * np.log(2.0 * np.pi) - 0.5 * float(log_det)
+    value = (
+        float(value)
+        - _half_log_determinant(fitted)
+        + 0.5 * size * np.log(2.0 * np.pi)
+        - 0.5 * float(log_det)
+    )
     return Evidence(value + _within_limits(fitted, inflation))
 
 
@@ -90,20 +99,37 @@ def sampled(
     problem: Problem, fitted: Fit, inflation: float = 1.0, draws: int = 200, seed: Seed = 0
 ) -> Evidence:
     """Evidence from an importance sample about the most probable parameters."""
+    proposal = student_about(fitted, inflation, _WIDEN, _FREEDOM)
+    target = log_target(problem, fitted, inflation)
+    found = weighted_draws(target, proposal, draws, torch_generator(seed))
+    return Evidence(found.log_evidence, found.log_evidence_error, found.effective)
+
+
+def log_target(problem: Problem, fitted: Fit, inflation: float) -> LogTarget:
+    """Prior and likelihood of a model's unknowns z (n, d), impossible outside their limits."""
     where = fitted.coordinates
-    generator = torch_generator(seed)
-    covariance = 1.2 * fitted.covariance(inflation)
-    z, log_proposal = student_draws(fitted.weighed.z, covariance, _FREEDOM, draws, generator)
-    inside = ((z >= where.lower) & (z <= where.upper)).all(dim=1)
-    log_weight = torch.full((draws,), -torch.inf, dtype=torch.float64)
-    if inside.any():
-        residual = weighed_residuals(problem, fitted, z[inside])
-        log_target = -0.5 * (residual**2).sum(dim=1) / inflation
-        log_target = log_target + log_prior(problem, fitted, z[inside])
-        log_weight[inside] = log_target - log_proposal[inside]
-    peak = log_weight.max()
-    weight = (log_weight - peak).exp()
-    mean = float(weight.mean())
-    effective = float(weight.sum() ** 2 / (weight**2).sum())
-    error = float(weight.std()) / (draws**0.5 * mean)
-    return Evidence(float(peak) + np.log(mean), error, effective)
+
+    def target(z: Tensor) -> tuple[Tensor, Tensor]:
+        inside = ((z >= where.lower) & (z <= where.upper)).all(dim=1)
+        log_likelihood = torch.full((len(z),), -torch.inf, dtype=torch.float64)
+        if inside.any():
+            squares = weighed_residuals(problem, fitted, z[inside]).square().sum(dim=1)
+            log_likelihood[inside] = -0.5 * squares / inflation - _half_log_determinant(fitted)
+        return log_prior(problem, fitted, z), log_likelihood
+
+    return target
+
+
+def student_about(fitted: Fit, inflation: float, widen: float, freedom: int) -> StudentMixture:
+    """A multivariate t about a model's most probable parameters, with their covariance widened."""
+    covariance = widen * fitted.covariance(inflation)
+    ridge = _SLIGHT * covariance.diagonal().mean() * torch.eye(len(covariance)).to(covariance)
+    root = torch.linalg.cholesky(0.5 * (covariance + covariance.T) + ridge)
+    return StudentMixture(
+        GaussianMixture(root.new_zeros(1), fitted.weighed.z[None], root[None]), freedom
+    )
+
+
+def _half_log_determinant(fitted: Fit) -> float:
+    """Of the noise's covariance: errors that points share differ from effect to effect."""
+    return 0.0 if fitted.common is None else fitted.common.half_log_determinant

@@ -10,7 +10,12 @@ from dataclasses import dataclass, replace
 from torch import Tensor
 
 from femupdate.errors import InferenceError
-from femupdate.inference.importance import ImportanceSettings, WeightedDraws, importance_draws
+from femupdate.inference.importance import (
+    Counted,
+    ImportanceSettings,
+    WeightedDraws,
+    importance_draws,
+)
 from femupdate.inference.prior import UniformPrior
 from femupdate.inference.smc import LogLikelihood, SmcResult, SmcSettings, TemperedSmc
 from femupdate.progress import SILENT, Progress
@@ -30,6 +35,7 @@ class BridgeResult:
         log_evidence: of the target.
         log_evidence_error: its standard error; NaN where importance sampling did not work.
         effective_share: of the importance draws; 0 where they were not used.
+        effective: effective sample size of the importance draws; 0 likewise.
         evaluations: of the target, all in all.
         tempered: whether the particles had to be tempered first.
     """
@@ -39,6 +45,7 @@ class BridgeResult:
     log_evidence: float
     log_evidence_error: float
     effective_share: float
+    effective: float
     evaluations: int
     tempered: bool
 
@@ -82,7 +89,7 @@ def bridge(
     Raises:
         InferenceError: see `TemperedSmc`.
     """
-    counted = _Counted(target, progress)
+    counted = Counted(target, progress)
     first, between, second, chosen = spawn(seed, 4)
     count = len(start.result.theta)
     wanted = draws or 4 * count
@@ -97,20 +104,6 @@ def bridge(
     if weighted is not None:
         return _resampled(weighted, count, chosen, counted.count, tempered=True)
     return _unrefined(result, start.result.log_evidence, counted.count, tempered=True)
-
-
-class _Counted:
-    """A likelihood that counts its evaluations."""
-
-    def __init__(self, target: LogLikelihood, progress: Progress) -> None:
-        self._target, self._progress = target, progress
-        self.count = 0
-
-    def __call__(self, theta: Tensor) -> Tensor:
-        values = self._target(theta)
-        self.count += len(theta)
-        self._progress.advance(len(theta))
-        return values
 
 
 def _tried(
@@ -138,7 +131,8 @@ def _resampled(
         value,
         weighted.log_evidence,
         weighted.log_evidence_error,
-        weighted.effective / len(weighted.theta),
+        weighted.effective / len(weighted.points),
+        weighted.effective,
         evaluations,
         tempered,
     )
@@ -150,7 +144,7 @@ def _unrefined(
     """The tempered particles as they are."""
     evidence = result.log_evidence + base_log_evidence
     return BridgeResult(
-        result.theta, result.log_likelihood, evidence, math.nan, 0.0, evaluations, tempered
+        result.theta, result.log_likelihood, evidence, math.nan, 0.0, 0.0, evaluations, tempered
     )
 
 

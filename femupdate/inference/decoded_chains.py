@@ -7,17 +7,24 @@ Last it moves along the decoder and the building judges every move.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
 
-from femupdate.inference.annealed import annealed, annealed_draws
 from femupdate.inference.decoded import DecodedLikelihood
-from femupdate.inference.delayed_acceptance import CorrectedDraws, corrected_draws
-from femupdate.inference.population import AnnealedSettings, Population
+from femupdate.inference.hamiltonian import DelayedAcceptance
+from femupdate.inference.moves import Schedule
 from femupdate.inference.prior import UniformPrior
-from femupdate.inference.smc import LogLikelihood
+from femupdate.inference.smc import (
+    POPULATION,
+    TRAJECTORIES,
+    KeptDraws,
+    SmcSettings,
+    SmcState,
+    TemperedSmc,
+)
+from femupdate.inference.tempering import LogLikelihood
 from femupdate.progress import SILENT, Percent, Progress
 from femupdate.seeds import Seed, spawn
 
@@ -30,13 +37,15 @@ class DecodedSettings:
     """How the posterior is found.
 
     Attributes:
-        population: that is carried from the prior.
+        population: how it is carried from the prior.
+        particles: of it, all groups together.
         corrections: of the decoder, at least one.
         between: states of each particle before a correction, at each of which the building answers;
             a correction is fitted to those of the last two turns.
     """
 
-    population: AnnealedSettings = field(default_factory=AnnealedSettings)
+    population: SmcSettings = POPULATION
+    particles: int = 128
     corrections: int = 3
     between: int = 2
 
@@ -53,17 +62,17 @@ class DecodedPosterior:
     Attributes:
         draws: of the building's own likelihood, at the noise of the latent one.
         likelihood: of the decoder as it was corrected last.
-        population: that it has drawn.
-        responses: of the building.
+        population: that it has drawn, after its last move.
+        responses: of the building, in all.
         misfit: mean squared misfit of the building's responses, whitened by the noise, at the state
             that fits best: about one.
         decoder_error: rms by which the decoder, not corrected, missed the last responses.
         error: the same, corrected by the responses before them.
     """
 
-    draws: CorrectedDraws
+    draws: KeptDraws
     likelihood: DecodedLikelihood
-    population: Population
+    population: SmcState
     responses: int
     misfit: float
     decoder_error: float
@@ -94,18 +103,19 @@ def decoded_posterior(
         InferenceError: no particle has a finite likelihood.
     """
     chosen = settings or DecodedSettings()
-    run = _Run(prior, chosen.population, seed, progress)
+    run = _Run(prior, chosen, seed, progress)
     tuned = _tuned(run, likelihood, respond, chosen)
 
     def dear(parameters: Tensor) -> Tensor:
         return likelihood.by_responses(respond(parameters))
 
     found = run.draws(tuned.likelihood, dear, tuned.population, draws)
+    judged = found.state.evaluations - tuned.population.evaluations
     return DecodedPosterior(
         found,
         tuned.likelihood,
         tuned.population,
-        chosen.corrections * len(tuned.states) + found.dear,
+        chosen.corrections * len(tuned.states) + judged,
         float(likelihood.misfit(tuned.answers).min()),
         _rms(likelihood.missed(tuned.states, tuned.answers)),
         tuned.error,
@@ -113,12 +123,12 @@ def decoded_posterior(
 
 
 class _Run:
-    """Carries populations, each with a seed of its own, and tells progress."""
+    """Carries populations, each stage with random streams of its own, and tells progress."""
 
     def __init__(
         self,
         prior: UniformPrior,
-        settings: AnnealedSettings,
+        settings: DecodedSettings,
         seed: Seed,
         progress: Progress,
     ) -> None:
@@ -128,38 +138,41 @@ class _Run:
     def to(
         self,
         likelihood: DecodedLikelihood,
-        start: Population | None = None,
+        start: SmcState | None = None,
         base: DecodedLikelihood | None = None,
-    ) -> Population:
+    ) -> SmcState:
         """From prior times base to prior times likelihood: a stage."""
         told = StageProgress(self._progress)
-        return annealed(
-            self._prior,
-            likelihood,
-            self._next_seed(),
-            self._settings,
-            start=start,
-            base=base,
-            told=told.power,
-        )
+        sampler = self._sampler(likelihood, base)
+        if start is None:
+            begun = sampler.init(self._settings.particles, self._next_seed())
+        else:
+            begun = sampler.taken_over(start, self._next_seed())
+        return sampler.reach(begun, told.level)
 
     def draws(
-        self, cheap: DecodedLikelihood, dear: LogLikelihood, start: Population, count: int
-    ) -> CorrectedDraws:
-        """So many states: a stage."""
+        self, cheap: DecodedLikelihood, dear: LogLikelihood, start: SmcState, count: int
+    ) -> KeptDraws:
+        """So many states of a likelihood that judges the moves along another one: a stage."""
         told = StageProgress(self._progress)
-        seed = self._next_seed()
-        return corrected_draws(
-            self._prior, cheap, dear, start, count, seed, self._settings, told.share
-        )
+        sampler = self._sampler(dear, cheap, ((DelayedAcceptance(), 3),))
+        reached = sampler.reach(sampler.taken_over(start, self._next_seed()))
+        return sampler.draws(reached, count, told.share)
 
     def states(
-        self, likelihood: DecodedLikelihood, start: Population, count: int
-    ) -> tuple[Tensor, Population]:
+        self, likelihood: DecodedLikelihood, start: SmcState, count: int
+    ) -> tuple[Tensor, SmcState]:
         """Parameters (n, p) for the building to answer at, and where the population is then."""
-        seed = self._next_seed()
-        found = annealed_draws(self._prior, likelihood, start, count, seed, self._settings)
-        return found.theta.flatten(0, 1), found.population
+        found = self._sampler(likelihood).draws(start, count)
+        return found.theta.flatten(0, 1), found.state
+
+    def _sampler(
+        self,
+        target: LogLikelihood,
+        base: LogLikelihood | None = None,
+        moves: Schedule = TRAJECTORIES,
+    ) -> TemperedSmc:
+        return TemperedSmc(self._prior, target, base, self._settings.population, moves)
 
     def _next_seed(self) -> Seed:
         self._stages += 1
@@ -175,9 +188,9 @@ class StageProgress:
     def __init__(self, progress: Progress) -> None:
         self._percent = Percent(progress)
 
-    def power(self, beta: float) -> None:
-        """The likelihood is raised to beta."""
-        self.share(1.0 + max(math.log10(beta) / self._DECADES, -1.0))
+    def level(self, state: SmcState) -> None:
+        """A level is reached."""
+        self.share(1.0 + max(math.log10(state.beta) / self._DECADES, -1.0))
 
     def share(self, done: float) -> None:
         """So much of it is done."""
@@ -190,7 +203,7 @@ class _Tuned:
     building's ln|H| there, and the rms by which the likelihood before missed it."""
 
     likelihood: DecodedLikelihood
-    population: Population
+    population: SmcState
     states: Tensor
     answers: Tensor
     error: float
@@ -203,7 +216,7 @@ def _tuned(
     likelihood, turns = plain, list[tuple[Tensor, Tensor]]()
     population, error = run.to(plain), float("nan")
     for _ in range(settings.corrections):
-        count = settings.between * len(population.xi)
+        count = settings.between * len(population.points.xi)
         states, population = run.states(likelihood, population, count)
         turns.append((states, respond(states)))
         error = _rms(likelihood.missed(*turns[-1]))
@@ -211,6 +224,17 @@ def _tuned(
         likelihood = plain.corrected(*(torch.cat(parts) for parts in zip(*turns[-2:], strict=True)))
         population = run.to(likelihood, population, before)
     return _Tuned(likelihood, population, *turns[-1], error)
+
+
+def in_groups(groups: int, rows: int = 128) -> DecodedSettings:
+    """The usual number of particles, in so many groups; not fewer than eight in one."""
+    usual = DecodedSettings()
+    each = max(usual.particles // groups, 8)
+    return replace(
+        usual,
+        population=replace(usual.population, groups=groups, rows=rows),
+        particles=groups * each,
+    )
 
 
 def _rms(values: Tensor) -> float:

@@ -1,12 +1,13 @@
 """From good particles to nearly independent draws and a precise evidence, by importance sampling.
 
-A Gaussian mixture fitted to particles, with Student tails, covers the posterior so well that most
-of its draws count; their weights repair what the particles had wrong (adaptive importance
-sampling: Cappe et al. 2008, Stat. Comput. 18, 447).
+A Gaussian mixture with Student tails covers the posterior so well that most of its draws count;
+their weights repair what the mixture has wrong (adaptive importance sampling: Cappe et al. 2008,
+Stat. Comput. 18, 447; about a maximum: Geweke 1989, Econometrica 57, 1317).
 """
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -14,30 +15,37 @@ from torch import Tensor
 from femupdate.errors import InferenceError
 from femupdate.inference.mixture import StudentMixture, fit_mixture
 from femupdate.inference.prior import UniformPrior
-from femupdate.inference.smc import LogLikelihood
 from femupdate.inference.tempering import (
+    LogLikelihood,
     effective_sample_size,
     next_increment,
     systematic_rows,
 )
-from femupdate.seeds import Seed, torch_generator
+from femupdate.progress import SILENT, Progress
+from femupdate.seeds import Seed, spawn, torch_generator
 
-# Distinct draws that a component needs, a coordinate and its weight: on fewer it is too narrow.
-_DISTINCT_PER_COORDINATE = 25
-# Draws of a round of fitting, at least, and a coordinate: they must tell all covariances.
-_LEAST_DRAWS, _DRAWS_PER_COORDINATE = 200, 100
+LogTarget = Callable[[Tensor], tuple[Tensor, Tensor]]
+"""Log prior density (n,) and log likelihood (n,) of points (n, d); minus infinity for impossible
+ones."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ImportanceSettings:
     """How the proposal is fitted.
 
     Attributes:
-        components: of the mixture.
+        components: of the mixture, at most.
         rounds: of fitting, at most.
         enough: share of effective draws that ends them.
-        tempered_share: effective share of the draws that every fit uses at least.
+        tempered_share: effective share of the draws that every fit uses at least; weights that
+            fewer would share are tempered (Koblents & Miguez 2015, Stat. Comput. 25, 407), so that
+            no mode is lost on the way.
         widen: factor on the covariances, so that tails are covered.
+        freedom: degrees of freedom of the Student tails.
+        distinct: distinct draws that a component needs, a coordinate and its weight: on fewer it
+            is too narrow.
+        least_draws: of a round of fitting.
+        draws_per_coordinate: of a round at least: they must tell all covariances.
     """
 
     components: int = 12
@@ -45,6 +53,14 @@ class ImportanceSettings:
     enough: float = 0.5
     tempered_share: float = 0.4
     widen: float = 1.2
+    freedom: int = 8
+    distinct: int = 25
+    least_draws: int = 200
+    draws_per_coordinate: int = 100
+
+    def round_of(self, coordinates: int) -> int:
+        """Draws of a round of fitting."""
+        return max(self.least_draws, self.draws_per_coordinate * coordinates)
 
 
 @dataclass(frozen=True)
@@ -52,20 +68,22 @@ class WeightedDraws:
     """Independent draws from a proposal, weighted to the posterior.
 
     Attributes:
-        theta: (n, p).
+        points: (n, d) in the target's coordinates, or the parameters of those.
         log_likelihood: (n,).
         log_weight: (n,) prior times likelihood over proposal.
         evaluations: likelihoods evaluated to get here.
     """
 
-    theta: Tensor
+    points: Tensor
     log_likelihood: Tensor
     log_weight: Tensor
     evaluations: int
 
     @property
     def effective(self) -> float:
-        """Effective sample size."""
+        """Effective sample size; zero where no draw is possible."""
+        if not bool(torch.isfinite(self.log_weight).any()):
+            return 0.0
         return effective_sample_size(self.log_weight)
 
     @property
@@ -80,30 +98,100 @@ class WeightedDraws:
         return math.sqrt(max(0.0, 1.0 / self.effective - 1.0 / count))
 
     def resample(self, count: int, seed: Seed) -> tuple[Tensor, Tensor]:
-        """Equally weighted draws (count, p) and their log likelihoods.
+        """Equally weighted draws (count, d) and their log likelihoods.
 
-        Systematic, in the order of the first parameter: the shares of well separated modes are
+        Systematic, in the order of the first coordinate: the shares of well separated modes are
         kept to one draw. Fewer than the effective size repeat few draws.
         """
-        generator = torch_generator(seed, self.theta.device)
-        order = self.theta[:, 0].argsort()
+        generator = torch_generator(seed, self.points.device)
+        order = self.points[:, 0].argsort()
         weight = torch.softmax(self.log_weight[order], dim=0)
         rows = order[systematic_rows(weight, generator, count)]
         rows = rows[torch.randperm(count, generator=generator, device=rows.device)]
-        return self.theta[rows], self.log_likelihood[rows]
+        return self.points[rows], self.log_likelihood[rows]
 
     def independent(self, seed: Seed) -> tuple[Tensor, Tensor]:
         """Draws kept by rejection, each once: independent, but for the weight that is taken as
         the largest possible, the largest seen."""
-        generator = torch_generator(seed, self.theta.device)
+        generator = torch_generator(seed, self.points.device)
         uniform = torch.rand(
             len(self.log_weight),
             generator=generator,
             dtype=torch.float64,
-            device=self.theta.device,
+            device=self.points.device,
         )
         kept = uniform.log() < self.log_weight - self.log_weight.max()
-        return self.theta[kept], self.log_likelihood[kept]
+        return self.points[kept], self.log_likelihood[kept]
+
+
+class Counted:
+    """A likelihood that counts its evaluations and tells of them as they are made.
+
+    Args:
+        target: the likelihood.
+        progress: advances by one an evaluation.
+        rows: evaluated before it advances.
+    """
+
+    def __init__(
+        self,
+        target: LogLikelihood,
+        progress: Progress = SILENT,
+        rows: int = 256,
+    ) -> None:
+        self._target, self._progress, self._rows = target, progress, rows
+        self.count = 0
+
+    def __call__(self, parameters: Tensor) -> Tensor:
+        """Log likelihood (n,) of parameters (n, p)."""
+        values = []
+        for some in parameters.split(self._rows):
+            values.append(self._target(some))
+            self.count += len(some)
+            self._progress.advance(len(some))
+        return torch.cat(values)
+
+
+def weighted_draws(
+    target: LogTarget, proposal: StudentMixture, count: int, generator: torch.Generator
+) -> WeightedDraws:
+    """`count` draws of a proposal, weighted to the target; none of them need be possible."""
+    points = proposal.sample(count, generator)
+    log_prior, value = target(points)
+    value = torch.where(torch.isfinite(value), value.to(torch.float64), -torch.inf)
+    log_weight = value + log_prior - proposal.log_density(points)
+    return WeightedDraws(points, value, log_weight, count)
+
+
+def sampled(
+    target: LogTarget,
+    proposal: StudentMixture,
+    count: int,
+    seed: Seed,
+    settings: ImportanceSettings | None = None,
+) -> WeightedDraws:
+    """`count` weighted draws, after rounds in which the proposal is fitted to its own draws.
+
+    Modes that the first proposal does not reach are missed.
+
+    Raises:
+        InferenceError: no draw has a finite likelihood.
+    """
+    settings = settings or ImportanceSettings()
+    generator = torch_generator(seed, proposal.gaussian.mean.device)
+    size, spent = settings.round_of(proposal.gaussian.mean.shape[1]), 0
+    for _ in range(settings.rounds):
+        tried = _possible(weighted_draws(target, proposal, size, generator))
+        spent += size
+        power = next_increment(tried.log_weight, 1.0, settings.tempered_share)
+        weight = torch.softmax(power * tried.log_weight, 0)
+        proposal = fitted_proposal(
+            tried.points[systematic_rows(weight, generator)], settings, generator
+        )
+        if tried.effective > settings.enough * size:
+            break
+    found = _possible(weighted_draws(target, proposal, count, generator))
+    return replace(found, evaluations=spent + count)
 
 
 def importance_draws(
@@ -116,55 +204,44 @@ def importance_draws(
 ) -> WeightedDraws:
     """Draw `count` weighted parameter vectors around particles (n, p) of every posterior mode.
 
-    The proposal is first fitted again in rounds of n draws, until enough of them count; weights
-    that few draws would share are tempered there (Koblents & Miguez 2015, Stat. Comput. 25, 407),
-    so that no mode is lost on the way. Modes that hold no particle are missed: the particles must
-    come from a sampler that finds them.
+    Modes that hold no particle are missed: the particles must come from a sampler that finds them.
 
     Raises:
         InferenceError: no draw has a finite likelihood.
     """
     settings = settings or ImportanceSettings()
-    generator = torch_generator(seed, prior.lower.device)
+    least = max(len(particles), settings.round_of(prior.size))
+    settings = replace(settings, least_draws=least)
+    fitting, drawing = spawn(seed, 2)
     xi = prior.to_normal(particles).clamp(-8.0, 8.0)
-    size = max(len(particles), _LEAST_DRAWS, _DRAWS_PER_COORDINATE * prior.size)
-    evaluations = 0
-    for _ in range(settings.rounds):
-        mixture = _fit(xi, settings, generator)
-        proposal, _, log_weight = _weighted(prior, log_likelihood, mixture, size, generator)
-        evaluations += size
-        power = next_increment(log_weight, 1.0, settings.tempered_share)
-        xi = proposal[systematic_rows(torch.softmax(power * log_weight, 0), generator)]
-        if effective_sample_size(log_weight) > settings.enough * size:
-            break
-    mixture = _fit(xi, settings, generator)
-    proposal, value, log_weight = _weighted(prior, log_likelihood, mixture, count, generator)
-    return WeightedDraws(prior.from_normal(proposal), value, log_weight, evaluations + count)
+    proposal = fitted_proposal(xi, settings, torch_generator(fitting, xi.device))
+    found = sampled(normal_target(prior, log_likelihood), proposal, count, drawing, settings)
+    return replace(found, points=prior.from_normal(found.points))
 
 
-def _weighted(
-    prior: UniformPrior,
-    log_likelihood: LogLikelihood,
-    mixture: StudentMixture,
-    count: int,
-    generator: torch.Generator,
-) -> tuple[Tensor, Tensor, Tensor]:
-    """Draws in standard normal coordinates (n, p), log likelihoods (n,) and log weights (n,)."""
-    proposal = mixture.sample(count, generator)
-    value = log_likelihood(prior.from_normal(proposal)).to(torch.float64)
-    value = torch.where(torch.isfinite(value), value, -torch.inf)
+def normal_target(prior: UniformPrior, log_likelihood: LogLikelihood) -> LogTarget:
+    """A likelihood of parameters as a target in the prior's standard normal coordinates."""
     constant = 0.5 * prior.size * math.log(2.0 * math.pi)
-    log_prior = prior.log_density_normal(proposal) - constant
-    log_weight = value + log_prior - mixture.log_density(proposal)
-    if not bool(torch.isfinite(log_weight).any()):
+
+    def target(xi: Tensor) -> tuple[Tensor, Tensor]:
+        return prior.log_density_normal(xi) - constant, log_likelihood(prior.from_normal(xi))
+
+    return target
+
+
+def fitted_proposal(
+    points: Tensor, settings: ImportanceSettings, generator: torch.Generator
+) -> StudentMixture:
+    """A mixture fitted to points (n, d), of fewer components where few of them are distinct."""
+    distinct = len(torch.unique(points[:, 0]))
+    most = max(1, distinct // (settings.distinct * (points.shape[1] + 1)))
+    fitted = fit_mixture(points, min(settings.components, most), generator, iterations=100)
+    return StudentMixture(fitted.widened(settings.widen), settings.freedom)
+
+
+def _possible(draws: WeightedDraws) -> WeightedDraws:
+    if draws.effective == 0.0:
         raise InferenceError(
             "no draw around the particles has a finite likelihood; use more particles"
         )
-    return proposal, value, log_weight
-
-
-def _fit(xi: Tensor, settings: ImportanceSettings, generator: torch.Generator) -> StudentMixture:
-    distinct = len(torch.unique(xi[:, 0]))
-    most = max(1, distinct // (_DISTINCT_PER_COORDINATE * (xi.shape[1] + 1)))
-    fitted = fit_mixture(xi, min(settings.components, most), generator, iterations=100)
-    return StudentMixture(fitted.widened(settings.widen))
+    return draws

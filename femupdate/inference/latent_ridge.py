@@ -61,7 +61,7 @@ def bent(misfit: Misfit, points: Descent, reach: Tensor) -> Tensor:
         points: solutions.
         reach: (z,) largest |z| that can be asked for.
     """
-    mass = log_mass(points)
+    mass = points.log_mass
     found = torch.zeros(len(points.z), dtype=torch.bool)
     for row in torch.nonzero(mass > mass.amax() - _LIGHT)[:, 0].tolist():
         axis, sd = _widest(points[[row]])
@@ -188,13 +188,6 @@ def _kernels(ridge: _Ridge) -> Descent:
     nats = torch.from_numpy(height(middles)) + np.log(np.sqrt(2.0 * np.pi) * sd / spacing)
     z = torch.from_numpy(curve(middles))
     return Descent(z, nats, information, z.clone())
-
-
-def log_mass(descent: Descent) -> Tensor:
-    """Log share (s,) of the posterior around each point, but for a constant (Laplace)."""
-    identity = torch.eye(descent.z.shape[1]).double()
-    precision = descent.information.double().cpu() + identity
-    return -descent.nats.double().cpu() - 0.5 * torch.linalg.slogdet(precision)[1]
 
 
 def _with_tangent(information: Tensor, tangent: Tensor, sd: float) -> Tensor:

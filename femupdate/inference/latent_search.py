@@ -16,13 +16,15 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from femupdate.inference.latent_ridge import along_ridges, bent, log_mass
+from femupdate.inference.latent_ridge import along_ridges, bent
 from femupdate.surrogate.gauss_newton import (
     Descent,
     DescentSettings,
+    Kept,
     LatentData,
     Misfit,
     descend,
+    distinct,
 )
 from femupdate.surrogate.latent import ObservedLatent
 from femupdate.surrogate.network import LatentMixture, Mvae
@@ -30,8 +32,6 @@ from femupdate.surrogate.network import LatentMixture, Mvae
 # Draws of the prior that are tried, and how many of the best are followed.
 _PRIOR_DRAWS, _FOLLOWED = 4096, 24
 _PROPOSAL_DRAWS = 24
-# Points this near, in posterior standard deviations, are one.
-_SAME = 1.0
 # A minimum is reached where the expansion there promises less than this, nats.
 _LITTLE = 1.0
 # Every so many frequencies tell which draws of the prior are worth following.
@@ -43,16 +43,8 @@ _COARSE_STEP, _FINE_STEP = 1e-3, 1e-4
 _WITH_RESPONSES = DescentSettings(iterations=8, small_gain=0.02, most_damping=100.0)
 
 
-@dataclass(frozen=True)
-class _Limits:
-    """Which points are kept: those within `nats` of the best, `count` at most."""
-
-    nats: float
-    count: int
-
-
 # The decoder's misfit may be wrong by some nats, the building's own is not.
-_BY_DECODER, _BY_RESPONSES = _Limits(30.0, 24), _Limits(14.0, 16)
+_BY_DECODER, _BY_RESPONSES = Kept(30.0, 24), Kept(14.0, 16)
 
 
 @dataclass(frozen=True)
@@ -115,7 +107,7 @@ def find_latent(
     misfit = Misfit(respond, control.data, _FINE_STEP)
     ended = descend(misfit, _nearest_reached(precise, near.z.double()), _WITH_RESPONSES)
     found = _expanded_or_followed(precise, misfit, _distinct(mvae, _arrived(ended), _BY_RESPONSES))
-    log_weight = log_mass(found)
+    log_weight = found.log_mass
     best = int(log_weight.argmax())
     squares = 2.0 * float(found.nats[best]) - float(found.z[best].square().sum())
     mean, information = found.z.double(), found.information.double()
@@ -227,27 +219,12 @@ def _expansion(descent: Descent) -> tuple[Tensor, Tensor]:
     """Step (s, z) to the minimum of the second-order expansion, and what it gains (s,), nats."""
     descent = _on_processor(descent)
     slope = descent.pull - descent.z
-    step = torch.linalg.solve(_precision(descent), slope[:, :, None])[..., 0]
+    step = torch.linalg.solve(descent.precision, slope[:, :, None])[..., 0]
     return step, 0.5 * (step * slope).sum(1)
 
 
-def _distinct(mvae: Mvae, descent: Descent, limits: _Limits) -> Descent:
+def _distinct(mvae: Mvae, descent: Descent, kept: Kept) -> Descent:
     """Different end points that count, the heaviest first."""
-    z = descent.z.double().cpu()
     # The prior of z cancels from the likelihood of theta: it must not decide what counts.
-    mass = log_mass(descent) + 0.5 * z[:, : mvae.sizes.parameters].square().sum(1)
-    precision = _precision(descent)
-    kept: list[int] = []
-    for row in torch.argsort(mass, descending=True).tolist():
-        if mass[row] < mass.max() - limits.nats or len(kept) == limits.count:
-            break
-        offsets = z[kept] - z[row]
-        distance = torch.einsum("ci,cij,cj->c", offsets, precision[kept], offsets)
-        if bool((distance > _SAME**2).all()):
-            kept.append(row)
-    return descent[kept]
-
-
-def _precision(descent: Descent) -> Tensor:
-    information = descent.information.double().cpu()
-    return information + torch.eye(information.shape[-1]).to(information)
+    own = descent.z.double().cpu()[:, : mvae.sizes.parameters].square().sum(1)
+    return distinct(descent, descent.log_mass + 0.5 * own, kept)

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,18 +15,61 @@ from femupdate.measurement.observation import Observation
 from femupdate.seeds import Seed
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
+class DrawnBy:
+    """How the draws of a posterior came about, and how well they are known.
+
+    Attributes:
+        likelihood: "latent" (amortised, by the surrogate), "exact" (of the data, by the reduced
+            model) or "linearised" (of the data, by responses along straight lines about the best
+            fit, as where errors of the mesh are part of the noise).
+        way: of drawing, as in "importance sampling".
+        chains: runs that shared nothing; one importance sample counts as one.
+        evaluations: of the likelihood.
+        effective_sample_size: of importance draws; None where draws were not weighted.
+        log_evidence: of the data; None where the likelihood is latent or the way gives none.
+        log_evidence_error: its standard error, likewise.
+    """
+
+    likelihood: str
+    way: str
+    chains: int
+    evaluations: int
+    effective_sample_size: float | None = None
+    log_evidence: float | None = None
+    log_evidence_error: float | None = None
+
+    @property
+    def exact(self) -> bool:
+        """Whether the draws are those of the data-space likelihood itself."""
+        return self.likelihood == "exact"
+
+    def sentences(self) -> tuple[str, ...]:
+        """For the user."""
+        told = [f"drawn by {self.way} ({self.evaluations:,} likelihoods)"]
+        if self.effective_sample_size is not None:
+            told.append(f"effective sample size {self.effective_sample_size:.0f}")
+        if self.log_evidence is not None:
+            error = self.log_evidence_error
+            told.append(
+                f"log evidence {self.log_evidence:.2f}"
+                + ("" if error is None else f" +- {error:.2g}")
+            )
+        return tuple(told)
+
+
+@dataclass(frozen=True, kw_only=True)
 class Posterior:
     """Equally weighted posterior draws.
 
     Attributes:
         names: p names of the stiffness factors.
-        theta: (chains, draws, p); each chain is a run of the sampler of its own.
+        theta: (chains, draws, p); each chain is a run of the sampler of its own, and draws that
+            did not run apart are one chain.
         zeta: (chains, draws) damping ratio, or None where the building's law is fixed.
         log_likelihood: (chains, draws).
         lower, upper: (p,) prior box.
-        likelihood: "latent" or "exact".
-        log_evidence: (chains,) for the exact likelihood where the sampler gives it, else None.
+        drawn: how.
         observation: what it was drawn for.
         settings: of the sampler.
     """
@@ -37,8 +80,7 @@ class Posterior:
     log_likelihood: Floats
     lower: Floats
     upper: Floats
-    likelihood: str
-    log_evidence: Floats | None
+    drawn: DrawnBy
     observation: Observation
     settings: Mapping[str, Any]
 
@@ -74,8 +116,6 @@ def save_posterior(posterior: Posterior, path: Path) -> None:
     if posterior.zeta is not None:
         draws["zeta"] = (chain_draw, posterior.zeta)
     stats: dict[str, Any] = {"lp": (chain_draw, posterior.log_likelihood)}
-    if posterior.log_evidence is not None:
-        stats["log_evidence"] = ("chain", posterior.log_evidence)
     floor_frequency = ("floor", "frequency_hz")
     grid = {"floor": list(observation.floors), "frequency_hz": observation.frequency_hz}
     measured: dict[str, Any] = {
@@ -114,7 +154,7 @@ def save_posterior(posterior: Posterior, path: Path) -> None:
         }
     )
     tree.attrs = {
-        "likelihood": posterior.likelihood,
+        "drawn_by": json.dumps(asdict(posterior.drawn)),
         "settings": json.dumps(dict(posterior.settings)),
     }
     with atomic_path(path) as temporary:
@@ -151,16 +191,15 @@ def _posterior(tree: Any) -> Posterior:
         for group in ("posterior", "sample_stats", "constant_data", "observed_data")
     )
     return Posterior(
-        tuple(str(name) for name in draws["parameter"].values),
-        draws["theta"].values,
-        draws["zeta"].values if "zeta" in draws else None,
-        stats["lp"].values,
-        constants["prior_lower"].values,
-        constants["prior_upper"].values,
-        str(tree.attrs["likelihood"]),
-        stats["log_evidence"].values if "log_evidence" in stats else None,
-        _observation(measured),
-        json.loads(tree.attrs["settings"]),
+        names=tuple(str(name) for name in draws["parameter"].values),
+        theta=draws["theta"].values,
+        zeta=draws["zeta"].values if "zeta" in draws else None,
+        log_likelihood=stats["lp"].values,
+        lower=constants["prior_lower"].values,
+        upper=constants["prior_upper"].values,
+        drawn=DrawnBy(**json.loads(tree.attrs["drawn_by"])),
+        observation=_observation(measured),
+        settings=json.loads(tree.attrs["settings"]),
     )
 
 

@@ -1,9 +1,11 @@
-"""Tempered sequential Monte Carlo with a mixture-independence move.
+"""Tempered sequential Monte Carlo; how particles move is given to it.
 
 The sampler walks from the prior (or from a cheap likelihood already sampled) to the posterior by
-raising a likelihood to powers beta from 0 to 1 (Del Moral, Doucet & Jasra 2006; Ching & Chen 2007
-for the random walk of covariance b^2 S). Every level: next beta by the effective sample size,
-systematic resampling, then Metropolis-Hastings moves of all particles in one batch.
+raising a likelihood to powers beta from 0 to 1 (Neal 2001, Statistics and Computing 11, 125; Del
+Moral, Doucet & Jasra 2006, J. R. Statist. Soc. B 68, 411). Every level: next beta by the effective
+sample size, systematic resampling, then Metropolis-Hastings moves of all particles in one batch.
+Particles in several groups share beta and moves, but are resampled apart: whether the groups agree
+tells how well the posterior is known.
 """
 
 import logging
@@ -15,38 +17,48 @@ import torch
 from torch import Tensor
 
 from femupdate.errors import InferenceError
-from femupdate.inference.mixture import StudentMixture, fit_mixture
+from femupdate.inference.hamiltonian import Hamiltonian
+from femupdate.inference.moves import (
+    MixtureIndependence,
+    RandomWalk,
+    Schedule,
+    distinct_rows,
+)
 from femupdate.inference.prior import UniformPrior
-from femupdate.inference.tempering import effective_sample_size, next_increment, systematic_rows
+from femupdate.inference.tempering import (
+    EDGE,
+    LogLikelihood,
+    Points,
+    Slopes,
+    Tempered,
+    effective_sample_size,
+    next_increment,
+    systematic_rows,
+)
 from femupdate.seeds import Seed, torch_generator
 
 logger = logging.getLogger(__name__)
 
-# Distinct particles that a component of the fitted mixture needs, a coordinate and its weight.
-_DISTINCT_PER_COORDINATE = 5
-# The mixture reaches beyond the particles, which lag behind where the likelihood moves on.
-_FREEDOM, _WIDEN = 4, 1.5
-# More particles than this a component do not make the mixture better.
-_FITTED_PER_COMPONENT = 500
 
-LogLikelihood = Callable[[Tensor], Tensor]
-"""Log likelihood (n,) of parameters theta (n, p)."""
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SmcSettings:
-    """Settings of the sampler; see also `PAPER` and `THOROUGH`.
+    """Settings of the sampler; see also `PAPER`, `THOROUGH` and `POPULATION`.
 
     Attributes:
         ess_target: effective sample size that a tempering step keeps, as a share of the particles.
-        moves: Metropolis-Hastings moves a level.
-        walk_scale: b of the random walk's covariance b^2 S, S that of the particles.
-        independence_moves: how many of the moves propose from a fitted Gaussian mixture instead.
+        moves: of every particle at a level.
+        walk_scale: b of the random walk of covariance b^2 S.
+        independence_moves: so many of the moves, the first ones, come from a mixture fitted to the
+            particles.
         components: Gaussians in that mixture.
         most_levels: give up after so many levels.
         unmoved: stop the moves of a level once no more than this share of the particles has yet
             to move (the adaptive number of moves of Buchholz, Chopin & Jacob 2021); 0 for always
             all moves.
+        groups: of particles that are resampled apart.
+        rows: likelihoods whose derivatives are taken at a time.
+        settle: moves at the whole likelihood before draws are kept, in which the tuning comes to
+            rest.
     """
 
     ess_target: float = 0.5
@@ -56,6 +68,17 @@ class SmcSettings:
     components: int = 8
     most_levels: int = 200
     unmoved: float = 0.1
+    groups: int = 1
+    rows: int = 128
+    settle: int = 6
+
+    def schedule(self) -> Schedule:
+        """The moves of a level: from a mixture, then a random walk."""
+        first = max(0, min(self.independence_moves, self.moves))
+        return (
+            (MixtureIndependence(self.components), first),
+            (RandomWalk(self.walk_scale), self.moves - first),
+        )
 
 
 PAPER = SmcSettings(ess_target=0.8, independence_moves=0, unmoved=0.0)
@@ -64,39 +87,49 @@ PAPER = SmcSettings(ess_target=0.8, independence_moves=0, unmoved=0.0)
 THOROUGH = SmcSettings(ess_target=0.8, unmoved=0.0)
 """Five to seven times the likelihoods of the default, hardly less spread over runs."""
 
+POPULATION = SmcSettings(unmoved=0.0, groups=4)
+"""Groups of a few dozen particles, for Hamiltonian moves."""
+
+TRAJECTORIES: Schedule = ((Hamiltonian(), 3),)
+"""Three Hamiltonian trajectories a level."""
+
 
 @dataclass(frozen=True)
 class Level:
-    """What happened at one tempering level."""
+    """What happened at one tempering level.
+
+    Attributes:
+        beta: power reached.
+        ess: effective sample size of all particles before they were resampled.
+        acceptance: mean, of each kind of move in their order; NaN where none was made.
+        unique: share of the particles that are different.
+    """
 
     beta: float
     ess: float
-    acceptance_walk: float
-    acceptance_independence: float
+    acceptance: tuple[float, ...]
     unique: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SmcState:
     """Everything needed to go on: particles, likelihoods, power, evidence and random state.
 
     Attributes:
-        xi: (n, p) particles in standard normal coordinates.
-        base: (n,) log likelihood that the walk starts from (zero for the prior).
-        target: (n,) log likelihood that it goes to.
+        points: particles, one group after the other.
         beta: power reached.
-        log_evidence: log of the ratio of normalising constants so far.
+        log_evidence: of each group, log of the ratio of normalising constants so far.
+        tuning: of each kind of move, see `MoveState`.
         levels: one record a level done.
         evaluations: of the target likelihood, one a particle and move.
         invalid: how many of them gave no finite number.
         random_state: state of the generator.
     """
 
-    xi: Tensor
-    base: Tensor
-    target: Tensor
+    points: Points
     beta: float
-    log_evidence: float
+    log_evidence: tuple[float, ...]
+    tuning: tuple[float, ...]
     levels: tuple[Level, ...]
     evaluations: int
     invalid: int
@@ -129,14 +162,33 @@ class SmcResult:
     invalid: int
 
 
+@dataclass(frozen=True)
+class KeptDraws:
+    """States of the particles at the whole likelihood, after one another.
+
+    Attributes:
+        theta: (g, m, p).
+        log_likelihood: (g, m) of the target.
+        acceptance: mean over the kept states.
+        state: after the last of them.
+    """
+
+    theta: Tensor
+    log_likelihood: Tensor
+    acceptance: float
+    state: SmcState
+
+
 class TemperedSmc:
     """Sampler for prior x base^(1 - beta) x target^beta.
 
     Args:
-        prior: uniform prior; particles live in its standard normal coordinates.
+        prior: particles live in its standard normal coordinates.
         target: log likelihood wanted.
         base: log likelihood to start from; None for the prior alone.
         settings: see `SmcSettings`.
+        moves: kinds of moves in their order, and how many of each at a level; those of the
+            settings where None.
     """
 
     def __init__(
@@ -145,11 +197,11 @@ class TemperedSmc:
         target: LogLikelihood,
         base: LogLikelihood | None = None,
         settings: SmcSettings | None = None,
+        moves: Schedule | None = None,
     ) -> None:
-        self.prior = prior
-        self._target = target
-        self._base = base
+        self.prior, self._target, self._base = prior, target, base
         self.settings = settings or SmcSettings()
+        self.moves = self.settings.schedule() if moves is None else moves
 
     def init(self, particles: int, seed: Seed, start: Tensor | None = None) -> SmcState:
         """Draw the first particles, or take them from draws of the base.
@@ -157,62 +209,64 @@ class TemperedSmc:
         Args:
             particles: how many to draw from the prior; not used where `start` is given.
             seed: of everything random.
-            start: (n, p) theta drawn from prior times base.
+            start: (n, p) parameters drawn from prior times base.
 
         Raises:
-            InferenceError: no particle has a finite likelihood, there are fewer than two, or a
-                start lies outside the prior's box.
+            InferenceError: no particle of a group has a finite likelihood, there are fewer than
+                two, or a start lies outside the prior's box.
         """
-        generator = torch_generator(seed, self.prior.lower.device)
+        device = self.prior.lower.device
+        generator = torch_generator(seed, device)
         if start is None:
-            xi = torch.randn(
-                particles,
-                self.prior.size,
-                generator=generator,
-                dtype=torch.float64,
-                device=self.prior.lower.device,
-            )
+            shape = particles, self.prior.size
+            xi = torch.randn(*shape, generator=generator, dtype=torch.float64, device=device)
         else:
             xi = self._started(start)
-        if len(xi) < 2:
-            raise InferenceError(f"the sampler cannot work with {len(xi)} particles; use hundreds")
-        base, target, invalid = self._evaluate(xi)
-        if not bool(torch.isfinite(_difference(target, base)).any()):
-            raise InferenceError(
-                f"none of the {len(xi)} first parameter sets has a finite likelihood for this "
-                "observation; check that the file and the building belong together, or use more "
-                "particles"
-            )
-        return SmcState(xi, base, target, 0.0, 0.0, (), len(xi), invalid, generator.get_state())
+        tuning = (math.nan,) * len(self.moves)
+        return self._at_base(xi, generator, tuning, (0.0,) * self.settings.groups)
+
+    def taken_over(self, other: SmcState, seed: Seed) -> SmcState:
+        """The particles of a run that the base has drawn, with its tuning; counts add up."""
+        generator = torch_generator(seed, other.points.xi.device)
+        state = self._at_base(other.points.xi, generator, other.tuning, other.log_evidence)
+        return replace(
+            state,
+            levels=other.levels,
+            evaluations=other.evaluations + state.evaluations,
+            invalid=other.invalid + state.invalid,
+        )
 
     def step(self, state: SmcState) -> SmcState:
         """Go one tempering level up."""
-        generator = torch.Generator(device=state.xi.device)
+        generator = torch.Generator(device=state.points.xi.device)
         generator.set_state(state.random_state)
-        gain = _difference(state.target, state.base)
-        increment = next_increment(gain, 1.0 - state.beta, self.settings.ess_target)
-        log_weight = increment * gain
-        beta = min(state.beta + increment, 1.0)
-        rows = systematic_rows(torch.softmax(log_weight, dim=0), generator)
-        moved = replace(
-            state,
-            xi=state.xi[rows],
-            base=state.base[rows],
-            target=state.target[rows],
-            beta=beta,
-            log_evidence=state.log_evidence
-            + float(torch.logsumexp(log_weight, dim=0))
-            - math.log(len(log_weight)),
-        )
-        moved, accepted = self._move(moved, generator)
-        level = Level(
-            beta,
-            effective_sample_size(log_weight),
-            *accepted,
-            unique=_distinct(moved.xi) / len(moved.xi),
-        )
+        raised, ess = self._raised(state, generator)
+        moved, acceptance = self._moved(raised, generator)
+        unique = distinct_rows(moved.points.xi) / len(moved.points.xi)
+        level = Level(moved.beta, ess, acceptance, unique)
         logger.debug("level %d: %s", len(state.levels) + 1, level)
         return replace(moved, levels=(*state.levels, level), random_state=generator.get_state())
+
+    def reach(
+        self, state: SmcState, progress: Callable[[SmcState], None] | None = None
+    ) -> SmcState:
+        """Go on to the posterior; `progress` sees the state after every level.
+
+        Raises:
+            InferenceError: too many levels.
+        """
+        first = len(state.levels)
+        while not state.done:
+            if len(state.levels) - first >= self.settings.most_levels:
+                raise InferenceError(
+                    f"the sampler reached only beta = {state.beta:.3g} in "
+                    f"{self.settings.most_levels} levels; use more particles, and check that the "
+                    "observation and the building belong together"
+                )
+            state = self.step(state)
+            if progress is not None:
+                progress(state)
+        return state
 
     def run(
         self,
@@ -223,31 +277,148 @@ class TemperedSmc:
         state: SmcState | None = None,
         progress: Callable[[SmcState], None] | None = None,
     ) -> SmcResult:
-        """Sample to the end; `progress` sees the state after every level.
+        """Sample to the end with one group.
 
         A `state` from an earlier run is gone on from; particles, seed and start then do not count.
 
         Raises:
             InferenceError: no finite likelihood, or too many levels.
         """
-        state = self.init(particles, seed, start) if state is None else state
-        while not state.done:
-            if len(state.levels) >= self.settings.most_levels:
-                raise InferenceError(
-                    f"the sampler reached only beta = {state.beta:.3g} in "
-                    f"{self.settings.most_levels} levels; use more particles"
-                )
-            state = self.step(state)
-            if progress is not None:
-                progress(state)
+        end = self.reach(self.init(particles, seed, start) if state is None else state, progress)
         return SmcResult(
-            self.prior.from_normal(state.xi),
-            state.target,
-            state.log_evidence,
-            state.levels,
-            state.evaluations,
-            state.invalid,
+            self._density(1.0).parameters(end.points.xi),
+            end.points.target,
+            end.log_evidence[0],
+            end.levels,
+            end.evaluations,
+            end.invalid,
         )
+
+    def draws(
+        self, state: SmcState, count: int, progress: Callable[[float], None] | None = None
+    ) -> KeptDraws:
+        """At least so many states of the posterior, of all groups together, by the first move.
+
+        Every particle gives as many. Moves keep their tuning once they have settled.
+        """
+        generator = torch.Generator(device=state.points.xi.device)
+        generator.set_state(state.random_state)
+        move, density, points = self.moves[0][0], self._density(1.0), state.points
+        tuned = move.init(density, points, state.tuning[0], generator)
+        for _ in range(self.settings.settle):
+            points, tuned, _ = move.step(density, points, tuned, generator)
+        kept, shares, turns = [], [], -(-count // len(points.xi))
+        for turn in range(turns):
+            points, _, share = move.step(density, points, tuned, generator)
+            kept.append((density.parameters(points.xi), points.target))
+            shares.append(share)
+            if progress is not None:
+                progress((turn + 1) / turns)
+        theta, value = (self._grouped(parts) for parts in zip(*kept, strict=True))
+        end = replace(
+            state,
+            points=points,
+            tuning=(tuned.tuning, *state.tuning[1:]),
+            evaluations=state.evaluations + density.evaluations,
+            invalid=state.invalid + density.invalid,
+            random_state=generator.get_state(),
+        )
+        return KeptDraws(theta, value, sum(shares) / len(shares), end)
+
+    def _density(self, beta: float) -> Tempered:
+        return Tempered(self.prior, self._target, self._base, beta, self.settings.rows)
+
+    @property
+    def _slopes(self) -> Slopes:
+        """What the moves need together."""
+        needed = {move.slopes for move, _ in self.moves}
+        return next((kind for kind in ("both", "base") if kind in needed), "none")
+
+    def _at_base(
+        self,
+        xi: Tensor,
+        generator: torch.Generator,
+        tuning: tuple[float, ...],
+        log_evidence: tuple[float, ...],
+    ) -> SmcState:
+        """Particles with power zero."""
+        if len(xi) < 2:
+            raise InferenceError(f"the sampler cannot work with {len(xi)} particles; use hundreds")
+        density = self._density(0.0)
+        points = density.at(xi, self._slopes)
+        possible = torch.isfinite(self._in_groups(points.gain()))
+        if not bool(possible.any(dim=1).all()):
+            raise InferenceError(
+                f"none of the {possible.shape[1]} first parameter sets has a finite likelihood for "
+                "this observation; check that the file and the building belong together, or use "
+                "more particles"
+            )
+        return SmcState(
+            points=points,
+            beta=0.0,
+            log_evidence=log_evidence,
+            tuning=tuning,
+            levels=(),
+            evaluations=density.evaluations,
+            invalid=density.invalid,
+            random_state=generator.get_state(),
+        )
+
+    def _raised(self, state: SmcState, generator: torch.Generator) -> tuple[SmcState, float]:
+        """The next power, every group resampled by what its particles gain, and the effective
+        sample size before."""
+        gain, left = self._in_groups(state.points.gain()), 1.0 - state.beta
+        step = min(next_increment(own, left, self.settings.ess_target) for own in gain)
+        log_weight, each = step * gain, gain.shape[1]
+        rows = [
+            k * each + systematic_rows(torch.softmax(own, dim=0), generator)
+            for k, own in enumerate(log_weight)
+        ]
+        gained = (torch.logsumexp(log_weight, dim=1) - math.log(each)).tolist()
+        raised = replace(
+            state,
+            points=state.points.rows(torch.cat(rows)),
+            beta=min(state.beta + step, 1.0),
+            log_evidence=tuple(a + b for a, b in zip(state.log_evidence, gained, strict=True)),
+        )
+        return raised, sum(effective_sample_size(own) for own in log_weight)
+
+    def _moved(
+        self, state: SmcState, generator: torch.Generator
+    ) -> tuple[SmcState, tuple[float, ...]]:
+        """The state after the moves of a level, and the mean acceptance of each kind."""
+        density, points = self._density(state.beta), state.points
+        # Copies of few points need all moves to part.
+        parted = distinct_rows(points.xi) > 0.25 * len(points.xi)
+        enough, start, unmoved = self.settings.unmoved if parted else 0.0, points.xi, 1.0
+        tuning, acceptance = [], []
+        for (move, count), tuned in zip(self.moves, state.tuning, strict=True):
+            shares: list[float] = []
+            if count and unmoved >= enough:
+                own = move.init(density, points, tuned, generator)
+                while len(shares) < count and unmoved >= enough:
+                    points, own, share = move.step(density, points, own, generator)
+                    shares.append(share)
+                    unmoved = float((points.xi == start).all(dim=1).to(torch.float64).mean())
+                tuned = own.tuning
+            tuning.append(tuned)
+            acceptance.append(sum(shares) / len(shares) if shares else math.nan)
+        moved = replace(
+            state,
+            points=points,
+            tuning=tuple(tuning),
+            evaluations=state.evaluations + density.evaluations,
+            invalid=state.invalid + density.invalid,
+        )
+        return moved, tuple(acceptance)
+
+    def _in_groups(self, values: Tensor) -> Tensor:
+        """(g, n) of (g n,)."""
+        return values.unflatten(0, (self.settings.groups, -1))
+
+    def _grouped(self, parts: tuple[Tensor, ...]) -> Tensor:
+        """(g, turns n, ...) of one (g n, ...) a turn."""
+        return torch.cat([self._in_groups(part) for part in parts], dim=1)
 
     def _started(self, start: Tensor) -> Tensor:
         """Standard normal coordinates of draws in the box, finite on its very bounds too."""
@@ -258,114 +429,19 @@ class TemperedSmc:
                 "the draws to start from leave the box of the prior; draw them under this prior"
             )
         least = torch.finfo(unit.dtype).eps / 2.0
-        return torch.special.ndtri(unit.clamp(least, 1.0 - least))
-
-    def _evaluate(self, xi: Tensor) -> tuple[Tensor, Tensor, int]:
-        theta = self.prior.from_normal(xi)
-        target = self._target(theta).to(torch.float64)
-        base = torch.zeros_like(target) if self._base is None else self._base(theta)
-        wrong = torch.isnan(target) | torch.isposinf(target)
-        target = torch.where(wrong, -torch.inf, target)
-        return base.to(torch.float64), target, int((wrong | torch.isneginf(target)).sum())
-
-    def _log_density(self, xi: Tensor, base: Tensor, target: Tensor, beta: float) -> Tensor:
-        tempered = base + beta * _difference(target, base)
-        return self.prior.log_density_normal(xi) + tempered
-
-    def _move(
-        self, state: SmcState, generator: torch.Generator
-    ) -> tuple[SmcState, tuple[float, float]]:
-        """Run the moves of a level; return the state and the mean acceptance of each kind."""
-        settings = self.settings
-        independent = max(0, min(settings.independence_moves, settings.moves))
-        mixture = self._fit(state.xi, generator) if independent else None
-        factor = settings.walk_scale * _covariance_factor(state.xi)
-        accepted: dict[bool, list[float]] = {True: [], False: []}
-        # Copies of few points need all moves to part.
-        enough = settings.unmoved if _distinct(state.xi) > 0.25 * len(state.xi) else 0.0
-        start, unmoved = state.xi, 1.0
-        for move in range(settings.moves):
-            if unmoved < enough:
-                break
-            by_mixture = mixture is not None and move < independent
-            if by_mixture:
-                assert mixture is not None
-                proposal = mixture.sample(len(state.xi), generator)
-                correction = mixture.log_density(state.xi) - mixture.log_density(proposal)
-            else:
-                noise = torch.randn(
-                    state.xi.shape,
-                    generator=generator,
-                    dtype=state.xi.dtype,
-                    device=state.xi.device,
-                )
-                proposal = state.xi + noise @ factor.T
-                correction = torch.zeros_like(state.target)
-            state, share = self._accept(state, proposal, correction, generator)
-            accepted[by_mixture].append(share)
-            unmoved = float((state.xi == start).all(dim=1).to(torch.float64).mean())
-        return state, (_mean(accepted[False]), _mean(accepted[True]))
-
-    def _fit(self, xi: Tensor, generator: torch.Generator) -> StudentMixture:
-        """A mixture of the particles, of fewer components where few of them are distinct.
-
-        Resampling of a small share leaves many copies: components on a few points each would
-        propose those points again and again.
-        """
-        distinct = _distinct(xi)
-        most = max(1, distinct // (_DISTINCT_PER_COORDINATE * (xi.shape[1] + 1)))
-        components = min(self.settings.components, most)
-        some = _FITTED_PER_COMPONENT * self.settings.components
-        if len(xi) > some:
-            xi = xi[torch.randperm(len(xi), generator=generator, device=xi.device)[:some]]
-        fitted = fit_mixture(xi, components, generator)
-        return StudentMixture(fitted.widened(_WIDEN), _FREEDOM)
-
-    def _accept(
-        self,
-        state: SmcState,
-        proposal: Tensor,
-        correction: Tensor,
-        generator: torch.Generator,
-    ) -> tuple[SmcState, float]:
-        base, target, invalid = self._evaluate(proposal)
-        log_ratio = (
-            self._log_density(proposal, base, target, state.beta)
-            - self._log_density(state.xi, state.base, state.target, state.beta)
-            + correction
-        )
-        uniform = torch.rand(
-            len(log_ratio), generator=generator, dtype=log_ratio.dtype, device=log_ratio.device
-        )
-        take = uniform.log() < torch.nan_to_num(log_ratio, nan=-torch.inf)
-        moved = replace(
-            state,
-            xi=torch.where(take[:, None], proposal, state.xi),
-            base=torch.where(take, base, state.base),
-            target=torch.where(take, target, state.target),
-            evaluations=state.evaluations + len(target),
-            invalid=state.invalid + invalid,
-        )
-        return moved, float(take.to(torch.float64).mean())
+        return torch.special.ndtri(unit.clamp(least, 1.0 - least)).clamp(-EDGE, EDGE)
 
 
-def _difference(target: Tensor, base: Tensor) -> Tensor:
-    """target - base, minus infinity where either says impossible."""
-    possible = torch.isfinite(target) & torch.isfinite(base)
-    return torch.where(possible, target - base, -torch.inf)
-
-
-def _covariance_factor(xi: Tensor) -> Tensor:
-    """Lower factor of the particles' covariance, with a ridge for degenerate sets."""
-    covariance = torch.cov(xi.T).reshape(xi.shape[1], xi.shape[1])
-    ridge = 1e-10 * torch.eye(xi.shape[1], dtype=xi.dtype, device=xi.device)
-    return torch.linalg.cholesky(covariance + ridge)
-
-
-def _distinct(xi: Tensor) -> int:
-    """Number of different rows; a row's first coordinate tells it from all others."""
-    return len(torch.unique(xi[:, 0]))
-
-
-def _mean(values: list[float]) -> float:
-    return sum(values) / len(values) if values else math.nan
+__all__ = [
+    "PAPER",
+    "POPULATION",
+    "THOROUGH",
+    "TRAJECTORIES",
+    "KeptDraws",
+    "Level",
+    "LogLikelihood",
+    "SmcResult",
+    "SmcSettings",
+    "SmcState",
+    "TemperedSmc",
+]

@@ -43,6 +43,17 @@ class Descent:
         parts = (self.z, self.nats, self.information, self.pull)
         return Descent(*(part[rows] for part in parts))
 
+    @property
+    def precision(self) -> Tensor:
+        """(s, z, z) of the posterior about each point, in double precision on the processor."""
+        information = self.information.double().cpu()
+        return information + torch.eye(information.shape[-1]).to(information)
+
+    @property
+    def log_mass(self) -> Tensor:
+        """Log share (s,) of the posterior about each point, but for a constant (Laplace)."""
+        return -self.nats.double().cpu() - 0.5 * torch.linalg.slogdet(self.precision)[1]
+
 
 @dataclass(frozen=True)
 class DescentSettings:
@@ -59,30 +70,25 @@ class DescentSettings:
     most_damping: float = 1e6
 
 
-class Misfit:
-    """Whitened misfit of a model of ln|H|.
+class Residuals:
+    """Whitened residuals as a function of standard normal coordinates.
 
     Args:
-        respond: z (n, z) to ln|H| (n, f, k).
-        data: the observation.
+        residuals: z (s, z) to residuals (s, m).
         step: of finite differences in z.
 
     Attributes:
         responses: number computed so far.
     """
 
-    def __init__(self, respond: Callable[[Tensor], Tensor], data: LatentData, step: float) -> None:
-        self._respond = respond
-        self._root = data.weight.sqrt()
-        self._target = data.log_frf
-        self._step = step
+    def __init__(self, residuals: Callable[[Tensor], Tensor], step: float) -> None:
+        self._residuals, self._step = residuals, step
         self.responses = 0
 
     def __call__(self, z: Tensor) -> Tensor:
         """Residuals (s, m) at z (s, z)."""
         self.responses += len(z)
-        predicted = self._respond(z.to(self._target.device))
-        return (self._root * (self._target - predicted)).flatten(1).to(z.device)
+        return self._residuals(z)
 
     def derivative(self, z: Tensor, residual: Tensor) -> Tensor:
         """Derivatives (s, m, z) of the response, whitened, where the residuals are `residual`.
@@ -96,7 +102,25 @@ class Misfit:
         return (residual[:, None] - moved).transpose(1, 2) / step[:, None]
 
 
-def descend(misfit: Misfit, starts: Tensor, settings: DescentSettings | None = None) -> Descent:
+class Misfit(Residuals):
+    """Whitened misfit of a model of ln|H|.
+
+    Args:
+        respond: z (n, z) to ln|H| (n, f, k).
+        data: the observation.
+        step: of finite differences in z.
+    """
+
+    def __init__(self, respond: Callable[[Tensor], Tensor], data: LatentData, step: float) -> None:
+        root, target = data.weight.sqrt(), data.log_frf
+
+        def residuals(z: Tensor) -> Tensor:
+            return (root * (target - respond(z.to(target.device)))).flatten(1).to(z.device)
+
+        super().__init__(residuals, step)
+
+
+def descend(misfit: Residuals, starts: Tensor, settings: DescentSettings | None = None) -> Descent:
     """Minimise the misfit from every start (s, z) (Marquardt 1963, J. SIAM 11, 431)."""
     settings = settings or DescentSettings()
     z = starts.clone()
@@ -133,7 +157,7 @@ def nats_of(residual: Tensor, z: Tensor) -> Tensor:
     return 0.5 * (residual.square().sum(1) + z.square().sum(1))
 
 
-def expanded(misfit: Misfit, z: Tensor, residual: Tensor) -> tuple[Tensor, Tensor]:
+def expanded(misfit: Residuals, z: Tensor, residual: Tensor) -> tuple[Tensor, Tensor]:
     """Information (s, z, z) and pull J^T r (s, z) at z (s, z) with residuals (s, m)."""
     information, pull = [], []
     for some, left in zip(z.split(_CHUNK), residual.split(_CHUNK), strict=True):
@@ -141,3 +165,32 @@ def expanded(misfit: Misfit, z: Tensor, residual: Tensor) -> tuple[Tensor, Tenso
         information.append(torch.bmm(jacobian.transpose(1, 2), jacobian))
         pull.append(torch.bmm(left[:, None], jacobian)[:, 0])
     return torch.cat(information), torch.cat(pull)
+
+
+@dataclass(frozen=True)
+class Kept:
+    """Which points of a descent are kept.
+
+    Attributes:
+        nats: that one may be lighter than the heaviest.
+        count: at most.
+        apart: posterior standard deviations within which two are one.
+    """
+
+    nats: float
+    count: int
+    apart: float = 1.0
+
+
+def distinct(descent: Descent, log_mass: Tensor, kept: Kept) -> Descent:
+    """Different end points that count, the heaviest (log masses (s,)) first."""
+    z, precision = descent.z.double().cpu(), descent.precision
+    rows: list[int] = []
+    for row in torch.argsort(log_mass, descending=True).tolist():
+        if log_mass[row] < log_mass.max() - kept.nats or len(rows) == kept.count:
+            break
+        offsets = z[rows] - z[row]
+        distance = torch.einsum("ci,cij,cj->c", offsets, precision[rows], offsets)
+        if bool((distance > kept.apart**2).all()):
+            rows.append(row)
+    return descent[rows]

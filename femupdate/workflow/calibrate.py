@@ -7,12 +7,13 @@ import time
 import numpy as np
 
 from femupdate import __version__
+from femupdate.inference.diagnostics import r_hat
 from femupdate.inference.posterior import save_posterior
 from femupdate.measurement.observation import Observation
 from femupdate.progress import Progress, Silent
 from femupdate.seeds import spawn
 from femupdate.study import Study
-from femupdate.workflow.calibrate_draws import against_data, posterior_of, r_hat
+from femupdate.workflow.calibrate_draws import against_data, posterior_of
 from femupdate.workflow.calibrate_exact import sample_exact
 from femupdate.workflow.calibrate_latent import sample_latent
 from femupdate.workflow.calibrate_notes import judgement
@@ -65,9 +66,8 @@ def calibrate_study(
     )
     sample = sample_exact if settings.exact else sample_latent
     sampled = sample(study, model, observation, settings, run)
-    results = sampled.results
     latent = None if model.shared is None else sampled.latent
-    posterior = posterior_of(model, observation, settings, results, latent, damping)
+    posterior = posterior_of(model, observation, settings, sampled, latent, damping)
     misfit, check = (
         against_data(model, posterior, sampled.least_noise, checking)
         if latent is None
@@ -97,8 +97,7 @@ def calibrate_study(
         check=check,
         notes=notes,
         seconds=time.monotonic() - started,
-        evaluations=sum(result.evaluations for result in results),
-        invalid=sum(result.invalid for result in results),
+        invalid=sum(result.invalid for result in sampled.results),
         files=source.paths,
     )
 

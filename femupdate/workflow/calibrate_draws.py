@@ -16,10 +16,9 @@ from femupdate.inference.predictive_check import (
     floor_squares,
     with_least_noise,
 )
-from femupdate.inference.smc import SmcResult
 from femupdate.measurement.observation import Observation, independent_share
 from femupdate.seeds import Seed
-from femupdate.workflow.calibrate_settings import CalibrationSettings, plain_settings
+from femupdate.workflow.calibrate_settings import CalibrationSettings, Sampled, plain_settings
 from femupdate.workflow.model import StudyModel
 
 PREDICTIVE = 200
@@ -32,7 +31,7 @@ def posterior_of(
     model: StudyModel,
     observation: Observation,
     settings: CalibrationSettings,
-    results: list[SmcResult],
+    sampled: Sampled,
     latent: FoundLatent | None,
     seed: Seed,
 ) -> Posterior:
@@ -41,7 +40,7 @@ def posterior_of(
     Where theta carries errors of the model no draw of it meets the data, and the damping ratio
     cannot be found from there: then it is the latent posterior's, `latent`.
     """
-    drawn = np.stack([_numpy(result.theta) for result in results])
+    drawn = np.stack([_numpy(result.theta) for result in sampled.results])
     size = model.prior.size
     theta, rest = drawn[..., :size], drawn[..., size:]
     if rest.shape[-1]:
@@ -53,29 +52,17 @@ def posterior_of(
             else latent_zeta(latent, model.zeta_bounds, theta[..., 0].size, seed)
         )
         zeta = None if flat is None else flat.reshape(theta.shape[:2])
-    evidence = np.array([result.log_evidence for result in results])
     return Posterior(
-        model.prior.names,
-        theta,
-        zeta,
-        np.stack([_numpy(result.log_likelihood) for result in results]),
-        model.prior.lower.numpy(),
-        model.prior.upper.numpy(),
-        "exact" if settings.exact else "latent",
-        evidence if settings.exact and np.isfinite(evidence).all() else None,
-        observation,
-        plain_settings(settings),
+        names=model.prior.names,
+        theta=theta,
+        zeta=zeta,
+        log_likelihood=np.stack([_numpy(result.log_likelihood) for result in sampled.results]),
+        lower=model.prior.lower.numpy(),
+        upper=model.prior.upper.numpy(),
+        drawn=sampled.drawn,
+        observation=observation,
+        settings=plain_settings(settings),
     )
-
-
-def r_hat(theta: Floats) -> Floats:
-    """Potential scale reduction (p,) of chains (c, n, p) (Gelman & Rubin 1992); NaN for one."""
-    chains, draws = theta.shape[:2]
-    if chains < 2:
-        return np.full(theta.shape[-1], np.nan)
-    within = theta.var(axis=1, ddof=1).mean(axis=0)
-    between = theta.mean(axis=1).var(axis=0, ddof=1)
-    return np.sqrt((draws - 1) / draws + between / within)
 
 
 def draw_zeta(

@@ -14,7 +14,6 @@ from femupdate.measurement.observation import Observation
 from femupdate.progress import Progress, Silent
 from femupdate.study import Study
 from femupdate.workflow.amplitude import changes_with_level, level_settings
-from femupdate.workflow.calibrate_draws import r_hat
 from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.calibration_report import POSTERIOR, CalibrationReport
 from femupdate.workflow.diagnose import model_parts, prepared, refined
@@ -73,13 +72,12 @@ def calibrate_with_effects(
         model=model,
         posterior=posterior,
         path=path,
-        r_hat=r_hat(posterior.theta),
+        r_hat=None,
         identified=found,
         misfit=misfit,
         check=check,
         notes=notes,
         seconds=time.monotonic() - started,
-        evaluations=3 * settings.particles,
         invalid=0,
         files=source.paths,
     )

@@ -1,20 +1,67 @@
 """Sampling by the data-space likelihood: from the latent posterior, or from the prior."""
 
+from dataclasses import dataclass, replace
+from functools import cached_property
+
 import torch
 from torch import Tensor
 
 from femupdate.inference.bridge import as_smc_result
-from femupdate.inference.likelihood import DataLikelihood, LatentLikelihood
-from femupdate.inference.smc import TemperedSmc
+from femupdate.inference.importance import Counted, WeightedDraws
+from femupdate.inference.likelihood import MODES, DataLikelihood, LatentLikelihood
+from femupdate.inference.maxima import draws_about_maxima
+from femupdate.inference.posterior import DrawnBy
+from femupdate.inference.prior import UniformPrior
+from femupdate.inference.smc import SmcResult, TemperedSmc
+from femupdate.inference.tempering import LogLikelihood
 from femupdate.measurement.observation import Observation
+from femupdate.seeds import spawn
 from femupdate.study import Study
+from femupdate.surrogate.storage import TrainedSurrogate
 from femupdate.workflow.calibrate_latent import decoded
 from femupdate.workflow.calibrate_notes import cost_notes, reduction_notes
-from femupdate.workflow.calibrate_settings import CalibrationSettings, Sampled
+from femupdate.workflow.calibrate_settings import (
+    CalibrationSettings,
+    Sampled,
+    by_importance,
+    by_runs,
+)
 from femupdate.workflow.decoded import FEW, sample_annealed
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.sampling import ChainRunner
+from femupdate.workflow.sampling import BRIDGE, ChainRunner
 from femupdate.workflow.surrogates import find_surrogate
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """What is sampled, with zeta as one more parameter where it is a nuisance."""
+
+    model: StudyModel
+    observation: Observation
+    settings: CalibrationSettings
+
+    @cached_property
+    def prior(self) -> UniformPrior:
+        """Of theta, and of zeta behind it where it is a nuisance."""
+        bounds = self.model.zeta_bounds
+        return self.model.prior if bounds is None else self.model.prior.joined("zeta", *bounds)
+
+    @cached_property
+    def target(self) -> DataLikelihood:
+        """The likelihood."""
+        return self.likelihood(torch.float32, MODES)
+
+    def likelihood(self, precision: torch.dtype, modes: int | None) -> DataLikelihood:
+        """By so many modes of a response, all where None."""
+        fixed = self.model.building.damping.ratio if self.model.zeta_bounds is None else None
+        return DataLikelihood(
+            self.model.system,
+            self.observation,
+            fixed,
+            device=self.settings.device,
+            precision=precision,
+            modes=modes,
+        )
 
 
 def sample_exact(
@@ -24,43 +71,105 @@ def sample_exact(
     settings: CalibrationSettings,
     run: ChainRunner,
 ) -> Sampled:
-    """Data-space likelihood, with zeta as one more parameter where it is a nuisance.
+    """Draw the data-space posterior by the way that suits it, which the result tells.
 
-    A building with a surrogate starts from the latent posterior, which saves most of the responses.
+    Many parameters take Hamiltonian moves. A building with a surrogate starts from the solutions
+    of its latent posterior, which saves most of the responses; importance draws about the maxima
+    that these lead to come first, and particles where they are not enough.
     """
-    bounds = model.zeta_bounds
-    prior = model.prior if bounds is None else model.prior.joined("zeta", *bounds)
-    fixed = model.building.damping.ratio if bounds is None else None
-    target = DataLikelihood(
-        model.system,
-        observation,
-        fixed,
-        device=settings.device,
-        precision=torch.float32,
-    )
-    found, base = find_surrogate(study, model.building), None
-    if prior.size > FEW:
-        drawn = None
-        if found is not None:
-            drawn = decoded(found[0], model, observation, settings, run, 1)
-        groups, notes = sample_annealed(prior, target, run, drawn)
-        return Sampled(groups, (*notes, *reduction_notes(model, observation)))
-    if found is None:
-        starts = run(
-            TemperedSmc(prior, target, settings=settings.smc), "Sampling (data-space likelihood)"
-        )
+    problem = _Problem(model, observation, settings)
+    found = find_surrogate(study, model.building)
+    if problem.prior.size > FEW:
+        sampled = _by_trajectories(problem, found, run)
+    elif found is None:
+        sampled = _by_particles(problem, None, run)
     else:
-        size = model.prior.size
         latent = LatentLikelihood(found[0], model.system, observation, device=settings.device)
+        sampled = _about_maxima(problem, latent, run) or _by_particles(problem, latent, run)
+    return replace(sampled, notes=(*sampled.notes, *reduction_notes(model, observation)))
 
-        def base(parameters: Tensor) -> Tensor:
-            return latent(parameters[:, :size])
 
-        starts = run(
-            TemperedSmc(prior, base, settings=settings.smc), "Sampling (latent likelihood)"
-        )
-    results = run.bridge(prior, target, base, starts, settings.smc)
+def _by_trajectories(
+    problem: _Problem, found: tuple[TrainedSurrogate, object] | None, run: ChainRunner
+) -> Sampled:
+    """From the latent posterior, or from the prior, by Hamiltonian moves."""
+    drawn = None
+    if found is not None:
+        drawn = decoded(found[0], problem.model, problem.observation, problem.settings, run, 1)
+    groups, notes = sample_annealed(problem.prior, problem.target, run, drawn)
+    return Sampled(groups, by_runs("exact", "Hamiltonian moves", groups, evidence=True), notes)
+
+
+def _about_maxima(problem: _Problem, latent: LatentLikelihood, run: ChainRunner) -> Sampled | None:
+    """By importance draws about the maxima; None where too few of them count."""
+    # Rounds of fitting take some hundred draws a parameter.
+    expected = run.particles + 200 * problem.prior.size
+    run.show.start("Importance sampling (data-space likelihood)", expected)
+    drawing, choosing = spawn(run.stage(BRIDGE), 2)
+    counted = Counted(problem.target, run.show)
+    found = draws_about_maxima(
+        problem.prior,
+        counted,
+        # All modes in double precision: smooth in the parameters.
+        problem.likelihood(torch.float64, None).residuals,
+        latent.solutions(),
+        run.particles,
+        drawing,
+    )
+    if found is None:
+        return None
+    theta, value = found.resample(run.particles, choosing)
+    result = SmcResult(theta, value, found.log_evidence, (), found.evaluations, 0)
+    return Sampled([result], _drawn(found), (_maxima_note(found),))
+
+
+def _drawn(found: WeightedDraws) -> DrawnBy:
+    return DrawnBy(
+        likelihood="exact",
+        way="importance sampling about the maxima",
+        chains=1,
+        evaluations=found.evaluations,
+        effective_sample_size=found.effective,
+        log_evidence=found.log_evidence,
+        log_evidence_error=found.log_evidence_error,
+    )
+
+
+def _maxima_note(found: WeightedDraws) -> str:
+    return (
+        f"From the latent to the data-space posterior took {found.evaluations:,} responses; "
+        f"{found.effective / len(found.points):.0%} of the importance draws are effective."
+    )
+
+
+def _on_theta(latent: LatentLikelihood, size: int) -> LogLikelihood:
+    """The latent likelihood of parameters that may have a damping ratio behind them."""
+
+    def log_likelihood(parameters: Tensor) -> Tensor:
+        return latent(parameters[:, :size])
+
+    return log_likelihood
+
+
+def _by_particles(problem: _Problem, latent: LatentLikelihood | None, run: ChainRunner) -> Sampled:
+    """By particles of the latent posterior, or of the prior's, refined by importance draws."""
+    prior, smc = problem.prior, problem.settings.smc
+    base = None if latent is None else _on_theta(latent, problem.model.prior.size)
+    label = "data-space" if latent is None else "latent"
+    sampler = TemperedSmc(prior, problem.target if base is None else base, settings=smc)
+    starts = run(sampler, f"Sampling ({label} likelihood)")
+    results = run.bridge(prior, problem.target, base, starts, smc)
+    if base is None:
+        results = [
+            replace(result, evaluations=result.evaluations + start.evaluations)
+            for result, start in zip(results, starts, strict=True)
+        ]
+    draws = [as_smc_result(result, start) for result, start in zip(results, starts, strict=True)]
+    refined = all(result.effective > 0.0 for result in results)
     return Sampled(
-        [as_smc_result(result, start) for result, start in zip(results, starts, strict=True)],
-        (*cost_notes(results, starts, base is not None), *reduction_notes(model, observation)),
+        draws,
+        by_importance("importance sampling", results)
+        if refined
+        else by_runs("exact", "tempered particles", draws, evidence=True),
+        cost_notes(results, starts, base is not None),
     )

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from femupdate.inference.annealed import in_groups
-from femupdate.inference.decoded_chains import DecodedPosterior, DecodedSettings
+from femupdate.inference.decoded_chains import DecodedPosterior, in_groups
 from femupdate.inference.likelihood import LatentLikelihood, usual_misfit
 from femupdate.inference.smc import SmcResult, TemperedSmc
 from femupdate.measurement.observation import Observation
@@ -16,7 +15,7 @@ from femupdate.workflow.calibrate_notes import (
     misfit_notes,
     noise_notes,
 )
-from femupdate.workflow.calibrate_settings import CalibrationSettings, Sampled
+from femupdate.workflow.calibrate_settings import CalibrationSettings, Sampled, by_runs
 from femupdate.workflow.decoded import FEW, sample_decoded, sampled_groups
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.sampling import FIRST, ChainRunner
@@ -39,7 +38,8 @@ def sample_latent(
     # Draws on the decoder know no effects.
     if model.prior.size > FEW and not model.system.placed:
         results, notes = _sample_decoded(surrogate, model, observation, settings, run)
-        return Sampled(results, (*noise, *notes, *calibration), None, least)
+        drawn = by_runs("latent", "Hamiltonian moves judged by the reduced model", results)
+        return Sampled(results, drawn, (*noise, *notes, *calibration), None, least)
     likelihood = LatentLikelihood(
         surrogate,
         model.system,
@@ -50,7 +50,8 @@ def sample_latent(
     sampler = TemperedSmc(model.prior.to(settings.device), likelihood, settings=settings.smc)
     results = run(sampler, "Sampling (latent likelihood)")
     notes = (*likelihood.input.notes, *noise, *latent_notes(likelihood), *calibration)
-    return Sampled(results, notes, likelihood.found, least)
+    drawn = by_runs("latent", "tempered particles", results)
+    return Sampled(results, drawn, notes, likelihood.found, least)
 
 
 def _sample_decoded(
@@ -65,7 +66,7 @@ def _sample_decoded(
     usual = usual_misfit(observation)
     noise = max(float(np.median(observation.noise_sd[observation.valid])), surrogate.info.noise_sd)
     notes = (*decoded_notes(found, noise), *misfit_notes(found.misfit, usual))
-    return sampled_groups(found.draws), notes
+    return sampled_groups(found.draws, found.responses), notes
 
 
 def decoded(
@@ -77,7 +78,7 @@ def decoded(
     draws: int,
 ) -> DecodedPosterior:
     """So many draws along the decoder, with zeta as one more parameter where it is unknown."""
-    chosen = DecodedSettings(in_groups(run.chains))
+    chosen = in_groups(run.chains)
     run.show.start("Sampling (latent likelihood)", 100 * chosen.stages)
     return sample_decoded(
         surrogate,

@@ -4,13 +4,13 @@ import numpy as np
 
 from femupdate.inference.bridge import BridgeResult
 from femupdate.inference.decoded_chains import DecodedPosterior
+from femupdate.inference.diagnostics import AGREEING, r_hat
 from femupdate.inference.likelihood import LatentLikelihood
 from femupdate.inference.posterior import Posterior
 from femupdate.inference.predictive_check import PredictiveCheck
 from femupdate.inference.smc import SmcResult
 from femupdate.measurement.observation import Observation
 from femupdate.surrogate.storage import ANY_FLOORS, SurrogateInfo
-from femupdate.workflow.calibrate_draws import r_hat
 from femupdate.workflow.decoded import tempered_words
 from femupdate.workflow.model import StudyModel
 
@@ -124,6 +124,7 @@ def cost_notes(
     least = min(result.effective_share for result in results)
     sampled = sum(start.evaluations for start in starts)
     if not from_latent:
+        responses -= sampled
         text = f"The sampler took {sampled:,} responses, importance sampling {responses:,} more"
     else:
         text = (
@@ -150,7 +151,7 @@ def judgement(
             f"The model misses the measured ln|H| by {factor:.1f} times its noise (rms, best "
             "draw): something is missing in the model"
         )
-        if posterior.likelihood == "exact":
+        if posterior.drawn.likelihood != "latent":
             text += ", and the standard deviations given are too small by about that factor"
         notes.append(text + ".")
     elif check is not None and check.whole < _UNUSUAL:
@@ -160,7 +161,7 @@ def judgement(
             "ones do: something small is missing, or the noise is larger than stated."
         )
     worst = r_hat(posterior.theta)
-    if np.isfinite(worst).all() and worst.max() > 1.05:
+    if worst is not None and worst.max() > AGREEING:
         notes.append(
             f"The independent runs differ (r-hat up to {worst.max():.2f}): use more particles."
         )

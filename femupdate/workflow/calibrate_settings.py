@@ -2,7 +2,12 @@
 
 from dataclasses import dataclass, field
 
+import numpy as np
+from scipy.special import logsumexp
+
+from femupdate.inference.bridge import BridgeResult
 from femupdate.inference.latent_search import FoundLatent
+from femupdate.inference.posterior import DrawnBy
 from femupdate.inference.smc import SmcResult, SmcSettings
 
 _CHAINS = 4
@@ -35,6 +40,7 @@ class Sampled:
 
     Attributes:
         results: of the independent runs.
+        drawn: how.
         notes: how it went, in sentences.
         latent: of the latent likelihood, where it was found by a search.
         least_noise: standard deviation of ln|H| below which the likelihood does not believe the
@@ -42,9 +48,42 @@ class Sampled:
     """
 
     results: list[SmcResult]
+    drawn: DrawnBy
     notes: tuple[str, ...]
     latent: FoundLatent | None = None
     least_noise: float = 0.0
+
+
+def by_runs(
+    likelihood: str, way: str, results: list[SmcResult], *, evidence: bool = False
+) -> DrawnBy:
+    """What runs apart say: their spread is the error of their mean evidence."""
+    known = np.array([result.log_evidence for result in results])
+    return DrawnBy(
+        likelihood=likelihood,
+        way=way,
+        chains=len(results),
+        evaluations=sum(result.evaluations for result in results),
+        log_evidence=float(logsumexp(known) - np.log(len(known))) if evidence else None,
+        log_evidence_error=(
+            float(known.std(ddof=1) / len(known) ** 0.5) if evidence and len(known) > 1 else None
+        ),
+    )
+
+
+def by_importance(way: str, results: list[BridgeResult]) -> DrawnBy:
+    """What importance samples about the particles of runs apart say."""
+    known = np.array([result.log_evidence for result in results])
+    errors = np.array([result.log_evidence_error for result in results])
+    return DrawnBy(
+        likelihood="exact",
+        way=way,
+        chains=len(results),
+        evaluations=sum(result.evaluations for result in results),
+        effective_sample_size=sum(result.effective for result in results),
+        log_evidence=float(logsumexp(known) - np.log(len(known))),
+        log_evidence_error=float(np.sqrt((errors**2).sum()) / len(errors)),
+    )
 
 
 def plain_settings(settings: CalibrationSettings) -> dict[str, object]:

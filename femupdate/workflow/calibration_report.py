@@ -1,6 +1,6 @@
 """What a calibration gives, and what it says of itself."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +25,7 @@ class CalibrationReport:
         model: whose parameters they are.
         posterior: the draws.
         path: where they are stored.
-        r_hat: (p,) potential scale reduction between the independent runs.
+        r_hat: (p,) of the independent runs; None where no runs can be compared.
         identified: which combinations of the parameters the data have determined.
         misfit: mean squared whitened residual of ln|H| at the posterior draw that fits best; 1
             when the model explains the data to within their noise.
@@ -33,7 +33,6 @@ class CalibrationReport:
             which no draw of it meets the data.
         notes: what the user should know, in sentences.
         seconds: all the time taken.
-        evaluations: of the likelihood.
         invalid: evaluations without a number.
         files: the observations.
     """
@@ -41,13 +40,12 @@ class CalibrationReport:
     model: StudyModel
     posterior: Posterior
     path: Path
-    r_hat: Floats
+    r_hat: Floats | None
     identified: Identifiability
     misfit: float
     check: PredictiveCheck | None
     notes: tuple[str, ...]
     seconds: float
-    evaluations: int
     invalid: int
     files: tuple[Path, ...]
 
@@ -61,10 +59,11 @@ class CalibrationReport:
         """What `--json` holds."""
         posterior, draws = self.posterior, self.posterior.samples
         low, high = self.quantiles
-        zeta, evidence = posterior.zeta_samples, posterior.log_evidence
+        zeta, drawn = posterior.zeta_samples, posterior.drawn
         content: dict[str, Any] = {
             "posterior": self.path,
-            "likelihood": posterior.likelihood,
+            "likelihood": drawn.likelihood,
+            "drawn_by": asdict(drawn),
             "parameters": posterior.names,
             "mean": draws.mean(axis=0),
             "sd": draws.std(axis=0),
@@ -75,7 +74,7 @@ class CalibrationReport:
             "posterior_predictive_p": None if self.check is None else self.check.as_dict(),
             "identifiability": identifiability_record(self.identified),
             "particles": len(draws),
-            "evaluations": self.evaluations,
+            "evaluations": drawn.evaluations,
             "invalid": self.invalid,
             "files": self.files,
             "floors": posterior.observation.floors,
@@ -84,30 +83,33 @@ class CalibrationReport:
         }
         if zeta is not None:
             content["zeta"] = {"mean": zeta.mean(), "sd": zeta.std()}
-        if evidence is not None:
-            content["log_evidence"] = evidence.mean()
-            content["log_evidence_sd"] = evidence.std()
+        if drawn.log_evidence is not None:
+            content["log_evidence"] = drawn.log_evidence
+            content["log_evidence_error"] = drawn.log_evidence_error
         return content
 
     def lines(self) -> tuple[str, ...]:
         """The posterior in a table, and notes, for people."""
         posterior, draws = self.posterior, self.posterior.samples
         columns = (draws.mean(axis=0), draws.std(axis=0), *self.quantiles)
-        rows = [
-            (name, *(f"{v:.4f}" for v in values), f"{hat:.3f}")
-            for name, hat, *values in zip(posterior.names, self.r_hat, *columns, strict=True)
+        head: tuple[str, ...] = ("", "mean", "sd", "5 %", "95 %")
+        rows: list[tuple[str, ...]] = [
+            (name, *(f"{v:.4f}" for v in values))
+            for name, *values in zip(posterior.names, *columns, strict=True)
         ]
+        if self.r_hat is not None:
+            head = (*head, "r-hat")
+            rows = [(*row, f"{hat:.3f}") for row, hat in zip(rows, self.r_hat, strict=True)]
         lines = [
-            f"{posterior.likelihood.capitalize()} posterior of {self.model.building.name} from "
-            f"{', '.join(posterior.observation.floors)} of {posterior.observation.source}: "
+            f"{posterior.drawn.likelihood.capitalize()} posterior of {self.model.building.name} "
+            f"from {', '.join(posterior.observation.floors)} of {posterior.observation.source}: "
             f"{len(draws)} draws, {self.seconds:.1f} s",
-            table(("", "mean", "sd", "5 %", "95 %", "r-hat"), rows),
+            table(head, rows),
         ]
-        zeta, evidence = posterior.zeta_samples, posterior.log_evidence
+        zeta = posterior.zeta_samples
         if zeta is not None:
             lines.append(f"  damping ratio {zeta.mean():.4f} +- {zeta.std():.4f}")
-        if evidence is not None:
-            lines.append(f"  log evidence {evidence.mean():.2f} +- {evidence.std():.2f} (runs)")
+        lines += [f"  {sentence}" for sentence in posterior.drawn.sentences()]
         if self.check is not None:
             lines.append(f"  {self.check.sentence()}")
         return (*lines, *(f"  - {note}" for note in self.notes), f"  {self.path}")

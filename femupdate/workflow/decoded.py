@@ -5,7 +5,6 @@ import copy
 import numpy as np
 from torch import Tensor
 
-from femupdate.inference.annealed import AnnealedDraws, annealed, annealed_draws, in_groups
 from femupdate.inference.decoded import DecodedLikelihood
 from femupdate.inference.decoded_chains import (
     DecodedPosterior,
@@ -13,15 +12,14 @@ from femupdate.inference.decoded_chains import (
     Respond,
     StageProgress,
     decoded_posterior,
+    in_groups,
 )
-from femupdate.inference.delayed_acceptance import CorrectedDraws
 from femupdate.inference.likelihood import DataLikelihood, floor_responses, latent_data
-from femupdate.inference.population import Population
 from femupdate.inference.prior import UniformPrior
-from femupdate.inference.smc import SmcResult
+from femupdate.inference.smc import TRAJECTORIES, KeptDraws, SmcResult, SmcState, TemperedSmc
 from femupdate.measurement.observation import Observation
 from femupdate.progress import SILENT, Progress
-from femupdate.seeds import Seed, spawn
+from femupdate.seeds import Seed
 from femupdate.surrogate.gauss_newton import LatentData
 from femupdate.surrogate.storage import TrainedSurrogate
 from femupdate.workflow.model import StudyModel
@@ -99,46 +97,40 @@ def sample_annealed(
         run: says how many draws in how many groups.
         latent: posterior of the same data.
     """
-    settings, show = in_groups(run.chains, _ROWS), run.show
-    start, base, spent, origin = None, None, 0, "the prior"
-    if latent is not None:
-        start, base, origin = latent.population, latent.likelihood, "the latent posterior"
-        spent = start.gradients
+    settings, show, seed = in_groups(run.chains, _ROWS), run.show, run.stage(BRIDGE)
+    base = None if latent is None else latent.likelihood
+    sampler = TemperedSmc(prior, target, base, settings.population, TRAJECTORIES)
     show.start("Sampling (data-space likelihood)", 200)
-    tempering, drawing = spawn(run.stage(BRIDGE), 2)
-    population = annealed(
-        prior,
-        target,
-        tempering,
-        settings,
-        start=start,
-        base=base,
-        told=StageProgress(show).power,
-    )
-    told = StageProgress(show).share
-    found = annealed_draws(prior, target, population, run.particles, drawing, settings, told)
-    return sampled_groups(found, found.log_evidence.tolist()), (
-        f"{tempered_words(found.population, len(found.theta))} drew the data-space posterior from "
-        f"{origin}, with {found.gradients - spent:,} gradients of responses "
+    if latent is None:
+        begun, spent, origin = sampler.init(settings.particles, seed), 0, "the prior"
+    else:
+        begun = sampler.taken_over(latent.population, seed)
+        spent, origin = latent.population.evaluations, "the latent posterior"
+    reached = sampler.reach(begun, StageProgress(show).level)
+    found = sampler.draws(reached, run.particles, StageProgress(show).share)
+    responses = found.state.evaluations - spent
+    return sampled_groups(found, responses, evidence=True), (
+        f"{tempered_words(found.state, len(found.theta))} drew the data-space posterior from "
+        f"{origin}, with {responses:,} gradients of responses "
         f"({found.acceptance:.0%} of the moves accepted).",
     )
 
 
 def sampled_groups(
-    draws: AnnealedDraws | CorrectedDraws, log_evidence: list[float] | None = None
+    draws: KeptDraws, evaluations: int, *, evidence: bool = False
 ) -> list[SmcResult]:
-    """The groups as independent runs; without an evidence where none is given."""
-    each = draws.gradients // len(draws.theta)
-    told = log_evidence or [np.nan] * len(draws.theta)
-    return [
-        SmcResult(theta, value, evidence, (), each, 0)
-        for theta, value, evidence in zip(draws.theta, draws.log_likelihood, told, strict=True)
-    ]
+    """The groups as independent runs; without an evidence where it is of no data."""
+    groups, state = len(draws.theta), draws.state
+    told = state.log_evidence if evidence else (np.nan,) * groups
+    counts = evaluations // groups, state.invalid // groups
+    parts = zip(draws.theta, draws.log_likelihood, told, strict=True)
+    return [SmcResult(theta, value, known, state.levels, *counts) for theta, value, known in parts]
 
 
-def tempered_words(population: Population, groups: int) -> str:
+def tempered_words(population: SmcState, groups: int) -> str:
     """What a population is and how it came about: the subject of a sentence."""
     return (
-        f"{len(population.xi)} particles in {groups} groups, tempered over {population.levels} "
+        f"{len(population.points.xi)} particles in {groups} groups, tempered over "
+        f"{len(population.levels)} "
         "powers of the likelihood with Hamiltonian moves,"
     )

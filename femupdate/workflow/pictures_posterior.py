@@ -29,7 +29,7 @@ def draw_posterior(
     observation = on_all_floors(posterior.observation, model.building.floors)
     names = [_pretty(name) for name in posterior.names]
     bounds = np.column_stack([posterior.lower, posterior.upper])
-    label = f"{', '.join(posterior.observation.floors)} ({posterior.likelihood} likelihood)"
+    label = f"{', '.join(posterior.observation.floors)} ({posterior.drawn.likelihood} likelihood)"
     sets = [SampleSet(label, posterior.samples)]
     frf = plot_frf.frf_fit(
         observation.frequency_hz,

@@ -10,7 +10,7 @@ from femupdate.building.schema import Building
 from femupdate.discrepancy.posterior import Draws
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.repair import Repair
-from femupdate.inference.posterior import Posterior, save_posterior
+from femupdate.inference.posterior import DrawnBy, Posterior, save_posterior
 from femupdate.measurement.observation import Observation
 from femupdate.study import Study, file_hash
 from femupdate.workflow.calibration_report import POSTERIOR
@@ -21,7 +21,6 @@ from femupdate.workflow.model import KeptReduction, StudyModel, keep_model
 from femupdate.workflow.observed import ObservationSource
 
 REPAIRED = "repaired"
-_CHAINS = 4
 
 
 def repaired_building(building: Building, done: Repair) -> Building:
@@ -85,18 +84,22 @@ def effect_posterior(
     names = [f"{one.label}.{p.name}" for one, p in parameters]
     low, high = zip(*(p.likely for _, p in parameters), strict=True)
     both = np.column_stack([draws.theta, draws.sizes])
-    each = len(both) // _CHAINS
-    # Resampled draws come in the order of their proposals: dealt out, every chain sees all.
-    order = np.random.default_rng(0).permutation(len(both))[: each * _CHAINS]
     return Posterior(
-        (*model.prior.names, *names),
-        both[order].reshape(_CHAINS, each, -1),
-        None if model.zeta_bounds is None else draws.zeta[order].reshape(_CHAINS, each),
-        draws.log_likelihood[order].reshape(_CHAINS, each),
-        np.concatenate([model.prior.lower.numpy(), low]),
-        np.concatenate([model.prior.upper.numpy(), high]),
-        "exact",
-        np.full(_CHAINS, draws.log_evidence),
-        observation,
-        {"particles": len(both), "chains": _CHAINS, "exact": True, **settings},
+        names=(*model.prior.names, *names),
+        theta=both[None],
+        zeta=None if model.zeta_bounds is None else draws.zeta[None],
+        log_likelihood=draws.log_likelihood[None],
+        lower=np.concatenate([model.prior.lower.numpy(), low]),
+        upper=np.concatenate([model.prior.upper.numpy(), high]),
+        drawn=DrawnBy(
+            likelihood="linearised" if draws.linearised else "exact",
+            way="importance sampling about the best fit",
+            chains=1,
+            evaluations=draws.evaluations,
+            effective_sample_size=draws.effective,
+            log_evidence=draws.log_evidence,
+            log_evidence_error=draws.log_evidence_error,
+        ),
+        observation=observation,
+        settings={"particles": len(both), "exact": True, **settings},
     )

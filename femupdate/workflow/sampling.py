@@ -16,18 +16,18 @@ from femupdate.inference.bridge import BridgeResult, Start, bridge
 from femupdate.inference.prior import UniformPrior
 from femupdate.inference.smc import (
     Level,
-    LogLikelihood,
     SmcResult,
     SmcSettings,
     SmcState,
     TemperedSmc,
 )
+from femupdate.inference.tempering import LogLikelihood, Points
 from femupdate.progress import Percent, Progress
 from femupdate.seeds import Seed, spawn
 
 FIRST, BRIDGE = 0, 1
 """Stages of a calibration, each with random streams of its own."""
-_TENSORS = ("xi", "base", "target", "random_state")
+_TENSORS = ("xi", "base", "target")
 _LEAST_PARTICLES = 50
 # Writing the state takes milliseconds; a run that takes seconds in all need not do it every level.
 _SAVE_EVERY_S = 2.0
@@ -124,9 +124,10 @@ class _Kept:
         return self.folder / f"{hashlib.sha256(self.mark.encode()).hexdigest()[:16]}.npz"
 
     def save(self, state: SmcState) -> None:
-        arrays = {name: getattr(state, name).cpu().numpy() for name in _TENSORS}
+        arrays = {name: getattr(state.points, name).cpu().numpy() for name in _TENSORS}
         numbers = {
             "beta": state.beta,
+            "tuning": state.tuning,
             "log_evidence": state.log_evidence,
             "evaluations": state.evaluations,
             "invalid": state.invalid,
@@ -134,7 +135,11 @@ class _Kept:
         }
         with atomic_path(self.path) as temporary, open(temporary, "wb") as file:
             np.savez(
-                file, mark=np.array(self.mark), numbers=np.array(json.dumps(numbers)), **arrays
+                file,
+                mark=np.array(self.mark),
+                numbers=np.array(json.dumps(numbers)),
+                random_state=state.random_state.cpu().numpy(),
+                **arrays,
             )
 
     def load(self) -> SmcState | None:
@@ -145,20 +150,24 @@ class _Kept:
                 if str(data["mark"]) != self.mark:
                     return None
                 numbers = json.loads(str(data["numbers"]))
-                xi, base, target, random_state = (torch.from_numpy(data[n]) for n in _TENSORS)
+                points = Points(*(torch.from_numpy(data[name]) for name in _TENSORS))
+                random_state = torch.from_numpy(data["random_state"])
         except (OSError, ValueError, KeyError, zipfile.BadZipFile):
             return None  # a state that cannot be read only costs the time to draw it again
         return SmcState(
-            xi=xi,
-            base=base,
-            target=target,
+            points=points,
             beta=numbers["beta"],
-            log_evidence=numbers["log_evidence"],
-            levels=tuple(Level(**level) for level in numbers["levels"]),
+            log_evidence=tuple(numbers["log_evidence"]),
+            tuning=tuple(numbers["tuning"]),
+            levels=tuple(_level(**level) for level in numbers["levels"]),
             evaluations=numbers["evaluations"],
             invalid=numbers["invalid"],
             random_state=random_state,
         )
+
+
+def _level(*, acceptance: list[float], **numbers: float) -> Level:
+    return Level(acceptance=tuple(acceptance), **numbers)
 
 
 class _Teller:

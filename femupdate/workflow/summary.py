@@ -44,7 +44,7 @@ def write_summary(
         "q95": high.tolist(),
     }
     content = {
-        "likelihood": posterior.likelihood,
+        "drawn_by": asdict(posterior.drawn),
         "floors": posterior.observation.floors,
         "source": posterior.observation.source,
         "draws": len(draws),

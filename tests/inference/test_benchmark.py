@@ -83,4 +83,4 @@ def test_posterior_and_evidence_are_the_exact_ones(likelihood):
     for k in range(4):
         np.testing.assert_allclose(theta[mode == k].std(0), SD[k], rtol=0.15)
     assert result.invalid == 0
-    assert result.levels[-1].acceptance_independence > 0.5
+    assert result.levels[-1].acceptance[0] > 0.5

@@ -94,7 +94,11 @@ def test_the_posterior_is_the_building_s_and_not_the_decoder_s(mvae, seen, box):
     np.testing.assert_allclose(draws.std(0), sd, rtol=0.2)
     assert found.error < 0.2 * found.decoder_error
     assert found.misfit == pytest.approx(1.0, abs=0.5)  # 57 points: sd .19
-    assert 128 * 2 * 3 < found.responses <= 128 * (2 * 3 + 1 + 6 + 10 + 3 * found.population.levels)
+    assert (
+        128 * 2 * 3
+        < found.responses
+        <= 128 * (2 * 3 + 1 + 6 + 10 + 3 * len(found.population.levels))
+    )
 
 
 def test_without_a_correction_the_decoder_s_own_variance_counts(mvae, seen):

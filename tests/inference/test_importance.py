@@ -77,5 +77,5 @@ def test_same_seed_same_draws(box, linear_gaussian):
     prior, exact = box([0.3, -5.0, 10.0], [3.0, 2.0, 11.0]), linear_gaussian(*PROBLEM)
     start = exact.draws(prior, 500, 0)
     one, two = (importance_draws(prior, exact.on(prior), start, 1000, 7) for _ in range(2))
-    assert torch.equal(one.theta, two.theta)
+    assert torch.equal(one.points, two.points)
     assert torch.equal(one.resample(100, 1)[0], two.resample(100, 1)[0])

@@ -7,7 +7,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from femupdate.inference.latent_ridge import along_ridges, bent, log_mass
+from femupdate.inference.latent_ridge import along_ridges, bent
 from femupdate.surrogate.gauss_newton import Descent, LatentData, Misfit, descend
 
 REACH = torch.full((2,), 2.25, dtype=torch.float64)
@@ -59,7 +59,7 @@ def _by_quadrature(residual: Residual) -> tuple[float, np.ndarray, np.ndarray]:
 
 
 def _of_mixture(found: Descent) -> tuple[float, np.ndarray, np.ndarray]:
-    mass = log_mass(found)
+    mass = found.log_mass
     share = torch.softmax(mass, 0)
     covariance = torch.linalg.inv(found.information + torch.eye(2).double())
     mean = share @ found.z

@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 from femupdate.errors import StudyError
-from femupdate.inference.posterior import Posterior, load_posterior, save_posterior
+from femupdate.inference.posterior import DrawnBy, Posterior, load_posterior, save_posterior
 from femupdate.measurement.observation import Observation
 
 CHAINS, DRAWS, POINTS = 3, 25, 12
@@ -45,8 +45,15 @@ def posterior(observation):
         log_likelihood=rng.normal(size=(CHAINS, DRAWS)),
         lower=np.array([0.3, 0.2, 0.1]),
         upper=np.array([3.0, 2.0, 1.0]),
-        likelihood="exact",
-        log_evidence=np.array([-580.9, -580.7, -581.0]),
+        drawn=DrawnBy(
+            likelihood="exact",
+            way="importance sampling",
+            chains=CHAINS,
+            evaluations=8000,
+            effective_sample_size=4321.5,
+            log_evidence=-580.9,
+            log_evidence_error=0.02,
+        ),
         observation=observation,
         settings={"particles": 75, "seed": 3, "exact": True},
     )
@@ -80,8 +87,7 @@ def test_round_trip_of_the_least(posterior, observation, tmp_path):
         theta=posterior.theta[:1],
         zeta=None,
         log_likelihood=posterior.log_likelihood[:1],
-        likelihood="latent",
-        log_evidence=None,
+        drawn=DrawnBy(likelihood="latent", way="tempered particles", chains=1, evaluations=3),
         observation=plain,
         settings={},
     )

@@ -117,7 +117,7 @@ def test_the_latent_posterior_is_the_exact_one(trained, observation):
     latent = calibrated(trained[0], observation, exact=False)
     fast = load_posterior(latent.path)
     exact = load_posterior(calibrated(trained[0], observation, exact=True).path)
-    assert fast.likelihood == "latent"
+    assert fast.drawn.likelihood == "latent"
     assert fast.names == exact.names
     assert fast.names[3:] == tuple(f"{name}@{place}.size" for name, place in EFFECTS)
     np.testing.assert_allclose(fast.lower, exact.lower)

@@ -14,7 +14,7 @@ from femupdate.dynamics.tracking import (
 )
 from femupdate.effects.structure import structure_of
 from femupdate.errors import StudyError
-from femupdate.inference.posterior import Posterior, load_posterior, save_posterior
+from femupdate.inference.posterior import DrawnBy, Posterior, load_posterior, save_posterior
 from femupdate.measurement.observation import Observation
 from femupdate.report import rendering
 from femupdate.report.rendering import Rendering
@@ -61,16 +61,15 @@ def cabin(cabin_study):
     blank = np.zeros((1, grid.size))
     observation = Observation(grid, ("RF",), blank, blank + 0.2, blank == 0, source="none")
     posterior = Posterior(
-        model.prior.names,
-        theta,
-        np.full((2, 20), 0.03),
-        np.zeros((2, 20)),
-        model.prior.lower.numpy(),
-        model.prior.upper.numpy(),
-        "exact",
-        np.zeros(2),
-        observation,
-        {},
+        names=model.prior.names,
+        theta=theta,
+        zeta=np.full((2, 20), 0.03),
+        log_likelihood=np.zeros((2, 20)),
+        lower=model.prior.lower.numpy(),
+        upper=model.prior.upper.numpy(),
+        drawn=DrawnBy(likelihood="exact", way="by hand", chains=2, evaluations=0),
+        observation=observation,
+        settings={},
     )
     save_posterior(posterior, cabin_study.path("posterior.nc"))
     cabin_study.record("posterior", "posterior.nc", "calibrate", model.made_from())

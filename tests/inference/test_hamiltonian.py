@@ -1,15 +1,15 @@
 """Populations that Hamiltonian moves carry from the prior, against closed forms and quadrature."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
 
 from femupdate.errors import InferenceError
-from femupdate.inference.annealed import annealed, annealed_draws
-from femupdate.inference.delayed_acceptance import corrected_draws
-from femupdate.inference.population import AnnealedSettings
+from femupdate.inference.hamiltonian import DelayedAcceptance
+from femupdate.inference.smc import POPULATION, TRAJECTORIES, TemperedSmc
 
 LINEAR = (
     np.array([[1.0, 0.4, 0.0], [-0.3, 2.0, 0.7], [0.0, 0.5, 1.5], [0.2, -1.0, 0.6]]),
@@ -18,9 +18,13 @@ LINEAR = (
 )
 
 
-def drawn(prior, target, draws, seed=0, settings=None):
-    population = annealed(prior, target, seed, settings)
-    return annealed_draws(prior, target, population, draws, seed + 1, settings)
+def sampler(prior, target, base=None, settings=POPULATION, moves=TRAJECTORIES):
+    return TemperedSmc(prior, target, base, settings, moves)
+
+
+def drawn(prior, target, draws, seed=0, particles=128, settings=POPULATION):
+    walk = sampler(prior, target, settings=settings)
+    return walk.draws(walk.reach(walk.init(particles, seed)), draws)
 
 
 @pytest.fixture
@@ -44,9 +48,9 @@ def test_a_linear_problem_with_its_evidence(linear):
     torch.testing.assert_close(found.log_likelihood[3], target(found.theta[3]))
     assert_moments(prior, exact, found.theta)
     # Groups of 32 err by some .5 each.
-    spread = float(found.log_evidence.std())
-    assert float(found.log_evidence.mean()) == pytest.approx(exact.log_evidence, abs=0.6)
-    assert 0.01 < spread < 1.5
+    evidence = np.array(found.state.log_evidence)
+    assert evidence.mean() == pytest.approx(exact.log_evidence, abs=0.6)
+    assert 0.01 < evidence.std(ddof=1) < 1.5
 
 
 def test_from_one_likelihood_to_another(linear, linear_gaussian):
@@ -54,13 +58,14 @@ def test_from_one_likelihood_to_another(linear, linear_gaussian):
     prior, exact, target = linear
     matrix, data, noise = LINEAR
     base = linear_gaussian(matrix[:3], data[:3] + 0.4, 2.0 * noise).on(prior)
-    between = annealed(prior, base, 0)
-    reached = annealed(prior, target, 1, start=between, base=base)
-    found = annealed_draws(prior, target, reached, 2000, 2)
+    first, second = sampler(prior, base), sampler(prior, target, base)
+    between = first.reach(first.init(128, 0))
+    reached = second.reach(second.taken_over(between, 1))
+    found = second.draws(reached, 2000)
     assert_moments(prior, exact, found.theta)
-    assert float(found.log_evidence.mean()) == pytest.approx(exact.log_evidence, abs=0.6)
-    assert found.gradients > reached.gradients > between.gradients
-    assert reached.levels > between.levels
+    assert np.mean(found.state.log_evidence) == pytest.approx(exact.log_evidence, abs=0.6)
+    assert found.state.evaluations > reached.evaluations > between.evaluations
+    assert len(reached.levels) > len(between.levels)
 
 
 def test_moves_along_a_cheap_likelihood_draw_the_dear_one(linear, linear_gaussian):
@@ -68,17 +73,19 @@ def test_moves_along_a_cheap_likelihood_draw_the_dear_one(linear, linear_gaussia
     prior, exact, target = linear
     matrix, data, noise = LINEAR
     cheap = linear_gaussian(matrix, data + np.array([0.2, -0.2, 0.2, 0.1]), 1.3 * noise).on(prior)
-    between = annealed(prior, cheap, 0)
+    first = sampler(prior, cheap)
+    between = first.reach(first.init(128, 0))
     asked = []
 
     def dear(theta):
         asked.append(len(theta))
         return target(theta)
 
-    found = corrected_draws(prior, cheap, dear, between, 4000, 1)
+    second = sampler(prior, dear, cheap, moves=((DelayedAcceptance(), 3),))
+    found = second.draws(second.reach(second.taken_over(between, 1)), 4000)
     assert_moments(prior, exact, found.theta)
     torch.testing.assert_close(found.log_likelihood[2], target(found.theta[2]))
-    assert found.dear == sum(asked)
+    assert found.state.evaluations == between.evaluations + sum(asked)
     assert 0.3 < found.acceptance < 0.9
 
 
@@ -90,7 +97,7 @@ def test_a_bent_posterior_that_no_gaussian_covers(box):
         xi = prior.to_normal(theta)
         return -0.5 * ((xi[:, 1] + xi[:, 0] ** 2 - 1.0) / 0.01).square()
 
-    found = drawn(prior, target, 5000, settings=AnnealedSettings(particles=256))
+    found = drawn(prior, target, 5000, particles=1024)
     xi = prior.to_normal(found.theta)
     # Across the parabola the likelihood is a narrow Gaussian: integrated out.
     x = np.linspace(-5.0, 5.0, 4001)
@@ -102,7 +109,7 @@ def test_a_bent_posterior_that_no_gaussian_covers(box):
     # 1,024 particles: .024 if they were independent; with common ancestors .03.
     assert float(xi[..., 0].square().mean()) == pytest.approx(square, abs=0.1)
     assert float((xi[..., 1] + xi[..., 0] ** 2 - 1.0).std()) == pytest.approx(0.01, rel=0.15)
-    assert float(found.log_evidence.mean()) == pytest.approx(evidence, abs=0.3)
+    assert np.mean(found.state.log_evidence) == pytest.approx(evidence, abs=0.3)
 
 
 def test_separate_parts_are_drawn_by_their_masses_and_not_by_their_heights(box):
@@ -118,8 +125,7 @@ def test_separate_parts_are_drawn_by_their_masses_and_not_by_their_heights(box):
         log_part = shares.log() - 3.0 * widths.log() - 0.5 * misfit
         return torch.logsumexp(log_part, 1) + 0.5 * xi.square().sum(1)
 
-    settings = AnnealedSettings(particles=64)
-    found = drawn(prior, target, 1000, settings=settings)
+    found = drawn(prior, target, 1000, particles=256)
     share = float((prior.to_normal(found.theta)[..., 0] > 0.0).double().mean())
     # 256 particles, resampled at each of a few powers: .05.
     assert share == pytest.approx(0.75, abs=0.15)
@@ -127,12 +133,12 @@ def test_separate_parts_are_drawn_by_their_masses_and_not_by_their_heights(box):
 
 def test_the_same_seed_gives_the_same_draws(box):
     prior = box([0.0], [1.0])
-    few = AnnealedSettings(groups=2, particles=8)
+    few = replace(POPULATION, groups=2)
 
     def target(theta):
         return -0.5 * (10.0 * (theta[:, 0] - 0.3)).square()
 
-    first, again, other = (drawn(prior, target, 20, seed, few) for seed in (1, 1, 2))
+    first, again, other = (drawn(prior, target, 20, seed, 16, few) for seed in (1, 1, 2))
     assert torch.equal(first.theta, again.theta)
     assert not torch.equal(first.theta, other.theta)
 
@@ -148,5 +154,5 @@ def test_a_likelihood_that_is_finite_in_places_only(box):
     assert float(found.theta[..., 0].min()) > 0.5
     # Density proportional to theta - 1/2: mean 5/6.
     assert float(found.theta[..., 0].mean()) == pytest.approx(5.0 / 6.0, abs=0.02)
-    with pytest.raises(InferenceError, match="of 32 parameter sets has a finite likelihood"):
-        annealed(prior, lambda theta: theta[:, 0] * torch.nan, 0)
+    with pytest.raises(InferenceError, match="of the 32 first parameter sets has a finite"):
+        sampler(prior, lambda theta: theta[:, 0] * torch.nan).init(128, 0)

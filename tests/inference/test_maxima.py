@@ -1,0 +1,63 @@
+"""Importance draws about maxima against closed forms, from starts that are only near."""
+
+import numpy as np
+import pytest
+import torch
+
+from femupdate.inference.maxima import draws_about_maxima
+
+PROBLEM = (
+    np.array([[1.0, 0.4, 0.0], [-0.3, 2.0, 0.7], [0.0, 0.5, 1.5], [0.2, -1.0, 0.6]]),
+    np.array([1.3, -0.8, 2.1, 0.4]),
+    1e-3,
+)
+
+
+def test_a_posterior_a_thousand_times_narrower_than_its_prior(box, linear_gaussian):
+    """From starts hundreds of its standard deviations off, several of which end in one maximum."""
+    prior, exact = box([0.3, -5.0, 10.0], [3.0, 2.0, 11.0]), linear_gaussian(*PROBLEM)
+    A, y = torch.from_numpy(exact.A), torch.from_numpy(exact.y)
+
+    def residuals(theta):
+        return (prior.to_normal(theta) @ A.T - y) / exact.s
+
+    starts = prior.sample(3, torch.Generator().manual_seed(1))
+    found = draws_about_maxima(prior, exact.on(prior), residuals, starts, 4000, 2)
+    assert found.effective > 2000
+    error = found.log_evidence_error
+    assert found.log_evidence == pytest.approx(exact.log_evidence, abs=4.0 * error)
+    xi = prior.to_normal(found.resample(4000, 3)[0]).numpy()
+    sd = np.sqrt(np.diag(exact.covariance))
+    np.testing.assert_allclose((xi.mean(0) - exact.mean) / sd, 0.0, atol=0.1)
+    np.testing.assert_allclose(xi.std(0) / sd, 1.0, atol=0.08)
+
+
+def test_maxima_have_their_masses_whatever_their_heights(box):
+    """xi_1^2 is seen to .002 about 1, xi_2 leans to the left one: evidence by hand."""
+    prior, noise = box([0.0, 0.0], [1.0, 1.0]), 2e-3
+
+    def residuals(theta):
+        xi = prior.to_normal(theta)
+        return torch.stack([(xi[:, 0].square() - 1.0) / noise, (xi[:, 1] - xi[:, 0]) / 0.5], 1)
+
+    def log_likelihood(theta):
+        return -0.5 * residuals(theta).square().sum(1)
+
+    def by_hand(centre):
+        """Over xi_1 the likelihood is a needle; over xi_2 a product of normal densities."""
+        needle = noise / (2.0 * abs(centre)) * np.exp(-0.5 * centre**2)
+        return needle * 0.5 * np.exp(-0.5 * centre**2 / 1.25) / np.sqrt(1.25)
+
+    starts = prior.from_normal(torch.tensor([[-0.7, 0.3], [1.4, -0.2], [0.8, 0.0]]).double())
+    found = draws_about_maxima(prior, log_likelihood, residuals, starts, 6000, 0)
+    assert found.log_evidence == pytest.approx(np.log(2.0 * by_hand(1.0)), abs=0.03)
+    left = prior.to_normal(found.resample(4000, 1)[0])[:, 0] < 0.0
+    assert float(left.double().mean()) == pytest.approx(0.5, abs=0.03)
+
+
+def test_nothing_where_no_draw_counts(box):
+    """Residuals that say nothing, and a likelihood that is nowhere a number."""
+    prior = box([0.0] * 2, [1.0] * 2)
+    starts = prior.sample(2, torch.Generator().manual_seed(0))
+    flat = torch.zeros_like
+    assert draws_about_maxima(prior, lambda t: t[:, 0] * torch.nan, flat, starts, 500, 0) is None
