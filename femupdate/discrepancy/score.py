@@ -102,6 +102,8 @@ def _score_at(problem: Problem, base: Fit, placed: Placed, start: tuple[float, .
     together = (*base.placed, placed)
     z = extended(problem, base, together, np.concatenate([base.known, start]))
     changed = evaluate(problem, problem.system(together), coordinates(problem, together), z[None])
+    if bool((changed == changed[0, 0]).all()):  # all missed alike: no structure is left there
+        return Score(placed, start, 0.0, 0.0, 0.0, 1.0, None)
     effect = base.residual - changed[0]  # change of the prediction
     if base.common is not None:
         effect = base.common.whiten(effect[None])[0]

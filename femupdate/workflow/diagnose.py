@@ -33,6 +33,7 @@ from femupdate.workflow.effects import (
     BuildingEffects,
     building_effects,
     check_places,
+    check_sizes,
     finder_structure,
     plain_structure,
     problem_of,
@@ -217,6 +218,7 @@ def prepared(
         own = problem_of(plain, model.building, other.observation, use_phase, parts.mesh)
         problem = together(problem, own, other.level)
     if plain.structure.operators is None:
+        check_sizes(model.building, problem.system(effects.placed), effects.values)
         base = fit_baseline(problem, effects.placed, effects.values, seed)[0]
         show.advance()
         return problem, base
@@ -231,6 +233,7 @@ def prepared(
     problem, base = _around(parts, model, problem, middle, (effects.placed, start), show)
     if not effects.placed:
         return problem, base
+    check_sizes(model.building, problem.system(effects.placed), effects.values)
     return _as_listed(model, parts, problem, base, effects, show, seed)
 
 

@@ -21,6 +21,7 @@ from femupdate.study import Study
 from femupdate.workflow.effects import (
     building_effects,
     check_places,
+    check_sizes,
     finder_structure,
     open_structure,
     with_sizes,
@@ -64,6 +65,7 @@ def with_effects(study: Study, model: StudyModel, progress: Progress | None = No
     reduced = reduced if mesh is None else corrected(reduced, mesh)
     terms = tuple(reduced.terms(one) for one in effects.placed)
     system = System(reduced.model, model.law, effects.placed, terms)
+    check_sizes(model.building, system, effects.values)
     shared = None if mesh is None else mesh_scatter(reduced, system, mesh)
     return replace(model, system=system, shared=shared, prior=prior)
 
@@ -79,7 +81,9 @@ def open_system(study: Study, model: StudyModel, progress: Progress | None = Non
     effects = building_effects(model.building)
     check_places(reduced.structure, effects)
     terms = tuple(reduced.terms(one) for one in effects.placed)
-    return System(reduced.model, model.law, effects.placed, terms)
+    system = System(reduced.model, model.law, effects.placed, terms)
+    check_sizes(model.building, system, effects.values)
+    return system
 
 
 def kept_structure(

@@ -23,7 +23,7 @@ from femupdate.dynamics.projection import lumped, reduced_on
 from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.dynamics.reduction import reduce_structure
 from femupdate.dynamics.snapshots import ReductionTarget
-from femupdate.dynamics.system import parameters_of
+from femupdate.dynamics.system import System, parameters_of
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import Structure, require_story_factors, structure_of
@@ -219,6 +219,27 @@ def check_places(structure: Structure, effects: BuildingEffects) -> None:
                 f"{structure.building.name}: effects[{number}].place: {one.effect.name} "
                 f"cannot sit at {one.place!r}; it can at {', '.join(places) or 'no place here'}"
             )
+
+
+def check_sizes(building: Building, system: System, values: Sequence[float]) -> None:
+    """Make sure that the effects of a building leave it stiff in every direction.
+
+    Args:
+        building: that lists them.
+        system: with them.
+        values: their parameters, one after the other.
+
+    Raises:
+        BuildingError: they do not; two effects may each be possible and take too much together.
+    """
+    theta = torch.ones(1, system.factors, dtype=torch.float64)
+    inverse = system.modes(theta, torch.tensor([list(values)], dtype=torch.float64)).inverse
+    if not torch.isfinite(inverse).all():
+        listed = ", ".join(one.label for one in system.placed)
+        raise BuildingError(
+            f"{building.name}: effects: {listed}: together they take away more stiffness than "
+            "there is; give smaller changes, or remove one that says the same"
+        )
 
 
 def with_effect(building: Building, placed: Placed, values: Floats) -> Building:

@@ -13,12 +13,14 @@ from scipy.linalg import eigh
 
 from femupdate.discrepancy.diagnose import diagnose
 from femupdate.discrepancy.fit import extended, fit, fit_baseline
+from femupdate.discrepancy.score import score
 from femupdate.discrepancy.thresholds import VERDICT
 from femupdate.dynamics.local_basis import local_structure
 from femupdate.dynamics.projection import reduced_on
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
+from femupdate.errors import BuildingError
 from femupdate.measurement.observation import Observation
 from femupdate.workflow.diagnose import ModelParts, prepared, refined, sought
 from femupdate.workflow.effects import (
@@ -178,3 +180,32 @@ def test_theta_is_found_with_the_effects_that_the_building_lists(cabin, monkeypa
     monkeypatch.setattr("femupdate.workflow.diagnose.VERDICT", replace(VERDICT, clearly=0.0))
     problem, stuck = prepared(model, parts, seen, True)
     assert stuck.chi2 > 5.0 * problem.effective
+
+
+@pytest.fixture
+def gone(cabin):
+    """Two effects of the same members; each leaves them, both together take them away."""
+    columns = CATALOGUE["cracked_columns"]
+    return tuple(Placed(columns, place) for place in columns.places(cabin.plain.structure)[:2])
+
+
+def test_listed_effects_that_leave_no_structure_are_refused(cabin, gone):
+    building = cabin.building
+    for placed in gone:
+        building = with_effect(building, placed, np.array([-0.9]))
+    model = replace(cabin.model, building=building)
+    parts = ModelParts(cabin.plain, cabin.plain.structure)
+    with pytest.raises(BuildingError, match="together they take away more stiffness"):
+        prepared(model, parts, observed(cabin, 0.0, 3), True)
+
+
+def test_a_trial_that_leaves_no_structure_counts_nothing(cabin, gone):
+    """An effect of members that are nearly gone is tested half a prior sd further."""
+    problem = problem_of(cabin.exact, cabin.building, observed(cabin, MASS, 3))
+    base = fit_baseline(problem)[0]
+    start = extended(problem, base, gone[:1], [-0.9])
+    weak = fit(problem, gone[:1], start, iterations=0)
+    found = score(problem, weak, gone[1])
+    assert np.isfinite([found.statistic, found.size, found.strength]).all()
+    further = fit(problem, gone, extended(problem, weak, gone, [-0.9, -0.9]), iterations=3)
+    assert np.isfinite(further.chi2)
