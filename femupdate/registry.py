@@ -11,10 +11,10 @@ T = TypeVar("T")
 
 
 def classes_in(package: ModuleType, base: type[T]) -> Iterator[type[T]]:
-    """Yield the concrete classes of a kind that a package's modules define, by module name."""
+    """Yield the classes of a kind that a package's modules define, by module name."""
     for module in sorted(info.name for info in pkgutil.iter_modules(package.__path__)):
         content = importlib.import_module(f"{package.__name__}.{module}")
         for found in vars(content).values():
             own = inspect.isclass(found) and found.__module__ == content.__name__
-            if own and issubclass(found, base) and not inspect.isabstract(found):
+            if own and issubclass(found, base):
                 yield found

@@ -1,6 +1,6 @@
 """What every effect says of itself, and the terms that it adds to a structure."""
 
-from abc import ABC
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -10,6 +10,7 @@ from scipy.sparse import csc_matrix, diags
 from torch import Tensor
 
 from femupdate.arrays import Floats
+from femupdate.effects.drawn_building import DrawnBuilding, Glyph
 from femupdate.effects.structure import Structure
 
 ALL_STORIES = -1
@@ -135,6 +136,10 @@ class Effect(ABC):
     def places(self, structure: Structure) -> tuple[str, ...]:
         """Where it can sit in a building; none where the building has no such thing."""
         raise NotImplementedError
+
+    @abstractmethod
+    def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
+        """What is drawn on or beside the building; "sensor" where it lies in a measurement."""
 
     def terms(self, structure: Structure, place: str) -> Terms:
         """What unit size adds to the structure."""

@@ -4,6 +4,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from femupdate.effects.drawn_building import DrawnBuilding, Glyph
 from femupdate.effects.effect import Effect, Terms
 from femupdate.effects.structure import Structure
 
@@ -32,6 +33,10 @@ class MemberStiffness(Effect):
         stories = structure.building.story_names
         own = tuple(stories[group] for group in np.unique(groups))
         return (ALL, *own) if len(own) > 1 else own
+
+    def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
+        """The members themselves."""
+        return drawn.members(self.kinds, place)
 
     def terms(self, structure: Structure, place: str) -> Terms:
         """The stiffness of the members, scaled by the factor of their story."""

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from femupdate.arrays import Floats, Integers
+from femupdate.effects.drawn_building import DrawnBuilding
 from femupdate.errors import ReportError
 from femupdate.fe.model import FiniteElementModel
 from femupdate.report.figure import checked
@@ -53,6 +54,17 @@ class Geometry:
     def of_model(cls, model: FiniteElementModel) -> "Geometry":
         """The surfaces and lines of a finite-element model; a triangle repeats its last node."""
         return cls.of(model.nodes, model.faces, model.lines)
+
+    @classmethod
+    def of_building(cls, building: DrawnBuilding) -> "Geometry":
+        """Its mesh, or of a shear building columns and square slabs."""
+        mesh = building.structure.mesh
+        if mesh is not None:
+            return cls.of_model(mesh.model)
+        first = np.arange(0, len(building.nodes), 4)
+        slabs = first[1:, None] + np.arange(4)
+        columns = [np.column_stack([first[:-1] + k, first[1:] + k]) for k in range(4)]
+        return cls.of(building.nodes, slabs, np.concatenate(columns))
 
     @property
     def size(self) -> float:

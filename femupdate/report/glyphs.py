@@ -1,12 +1,13 @@
 """Signs for things that are not in a mesh: masses, springs, dashpots, sensors, arrows, walls."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from femupdate.arrays import Floats
+from femupdate.effects.drawn_building import Glyph
 from femupdate.errors import ReportError
 
 _TURNS, _WIDTH = 5, 0.18  # of a spring; width over length
@@ -32,7 +33,7 @@ class Glyphs:
 
 
 def ball(centre: Floats, radius: float) -> Glyphs:
-    """A mass, or a sensor."""
+    """A mass."""
     return Glyphs(balls=((np.asarray(centre, dtype=np.float64), radius),))
 
 
@@ -66,9 +67,19 @@ def dashpot(start: Floats, end: Floats) -> Glyphs:
     return Glyphs(lines=tuple(np.stack(one) for one in ([*cup], plate, *rods)))
 
 
+def lines(paths: Sequence[Floats]) -> Glyphs:
+    """Beams, columns or plain lines, points (n, 3) each."""
+    return Glyphs(lines=tuple(paths))
+
+
 def surfaces(corners: Sequence[Floats]) -> Glyphs:
     """Walls or slabs, four corners (4, 3) each."""
     return Glyphs(faces=tuple(corners))
+
+
+def sensor(place: Floats, tip: Floats, radius: float) -> Glyphs:
+    """A ball, and an arrow from it along the direction that is measured."""
+    return ball(place, radius) + arrow(place, tip)
 
 
 def _across(along: Floats) -> Floats:
@@ -84,7 +95,9 @@ SIGNS: Mapping[str, Callable[..., Glyphs]] = {
     "arrow": arrow,
     "spring": spring,
     "dashpot": dashpot,
+    "lines": lines,
     "surfaces": surfaces,
+    "sensor": sensor,
 }
 
 
@@ -98,3 +111,12 @@ def sign(kind: str, *arguments: Any) -> Glyphs:
         known = ", ".join(SIGNS)
         raise ReportError(f"no sign is named {kind!r} (known: {known}); write one of these")
     return SIGNS[kind](*arguments)
+
+
+def drawn(glyphs: Iterable[Glyph]) -> Glyphs:
+    """Return the signs that an effect asks for.
+
+    Raises:
+        ReportError: one is of a kind that is not known.
+    """
+    return sum((sign(one.kind, *one.arguments) for one in glyphs), Glyphs())

@@ -10,6 +10,7 @@ from femupdate.arrays import Floats
 from femupdate.discrepancy.fit import Fit
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.residual_map import Cell, residual_cells
+from femupdate.effects.drawn_building import DrawnBuilding
 from femupdate.study import Study
 from femupdate.workflow.diagnose import DiagnosisReport
 from femupdate.workflow.repair import RepairReport
@@ -86,18 +87,18 @@ def draw_repair(study: Study, report: RepairReport) -> tuple[Path, ...]:
 
 def _scene(report: RepairReport, edges: Floats, maps: list[tuple[str, Floats]]) -> "Scene":
     """The building with what was added drawn where it sits, beside the maps of residuals."""
-    from femupdate.report.glyphs import Glyphs
+    from femupdate.report.geometry import Geometry
+    from femupdate.report.glyphs import drawn
     from femupdate.report.plot_repair import Scene
-    from femupdate.workflow.effect_glyphs import effect_glyphs, geometry_of
 
     structure = report.problem.reduced.structure
-    geometry = geometry_of(structure)
+    building = DrawnBuilding(structure)
     placed = [one.finding.placed for one in report.repair.rounds]
-    glyphs = sum((effect_glyphs(structure, geometry, one) for one in placed), Glyphs())
+    glyphs = drawn(sign for one in placed for sign in one.effect.glyphs(building, one.place))
     levels = list(zip(structure.floors, structure.levels.tolist(), strict=True))
     caption = "\n".join(f"{one.effect.title}, {one.place}" for one in placed)
     (_, before), (_, after) = maps
-    return Scene(edges, before, after, geometry, glyphs, levels, caption)
+    return Scene(edges, before, after, Geometry.of_building(building), glyphs, levels, caption)
 
 
 def _curves(report: RepairReport, floors: tuple[str, ...]) -> "Curves":

@@ -30,7 +30,7 @@ def test_a_ball_and_surfaces():
     assert (centre.tolist(), radius) == ([0.0, 0.0, 2.0], 0.3)
     wall = np.ones((4, 3))
     assert sign("surfaces", [wall]).faces == (wall,)
-    assert set(SIGNS) == {"ball", "arrow", "spring", "dashpot", "surfaces"}
+    assert set(SIGNS) == {"ball", "arrow", "spring", "dashpot", "lines", "surfaces", "sensor"}
 
 
 def test_a_marked_building_shows_signs_and_floors():

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from femupdate.effects.drawn_building import DrawnBuilding, Glyph
 from femupdate.effects.effect import Effect, Parameter, Terms, mass_terms
 from femupdate.effects.structure import Structure
 
@@ -24,6 +25,12 @@ class AddedMass(Effect):
     def places(self, structure: Structure) -> tuple[str, ...]:
         """Every floor."""
         return structure.floors
+
+    def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
+        """A ball on the floor."""
+        radius = 0.055 * drawn.size
+        foot = drawn.centre(drawn.level(place))
+        return (Glyph.of("ball", foot + np.array([0.0, 0.0, radius]), radius),)
 
     def terms(self, structure: Structure, place: str) -> Terms:
         """The masses of the floor's nodes once more."""

@@ -2,6 +2,7 @@
 
 from torch import Tensor
 
+from femupdate.effects.drawn_building import DrawnBuilding, Glyph
 from femupdate.effects.effect import ALL_STORIES, Effect, Parameter, Terms
 from femupdate.effects.structure import Structure
 
@@ -43,6 +44,12 @@ class AmplitudeSoftening(Effect):
         """All stories together, and every story."""
         names = structure.building.story_names
         return (_ALL, *names) if len(names) > 1 else (_ALL,)
+
+    def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
+        """The near faces of the story, or of all."""
+        sides = [(0, float(drawn.low[0])), (1, float(drawn.low[1]))]
+        faces = [drawn.upright(*side, k) for k in drawn.stories(place) for side in sides]
+        return (Glyph.of("surfaces", faces),)
 
     def terms(self, structure: Structure, place: str) -> Terms:
         """Number of the story that softens."""

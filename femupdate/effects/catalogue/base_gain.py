@@ -2,6 +2,7 @@
 
 from torch import Tensor
 
+from femupdate.effects.drawn_building import DrawnBuilding, Glyph
 from femupdate.effects.effect import Effect, Parameter
 from femupdate.effects.structure import Structure
 
@@ -22,6 +23,10 @@ class BaseGain(Effect):
     def places(self, structure: Structure) -> tuple[str, ...]:
         """The base."""
         return ("base",)
+
+    def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
+        """A ball at the sensor of the base."""
+        return (Glyph.of("ball", drawn.centre(0), drawn.radius),)
 
     def observe(self, frf: Tensor, omega: Tensor, sizes: Tensor, rows: tuple[int, ...]) -> Tensor:
         """H / (1 + s)."""

@@ -1,5 +1,6 @@
 """A base that slides on the ground."""
 
+from femupdate.effects.drawn_building import DrawnBuilding, Glyph
 from femupdate.effects.effect import Effect, Parameter, Terms
 from femupdate.effects.structure import TRANSLATION, Structure
 
@@ -24,6 +25,11 @@ class BaseSway(Effect):
     def places(self, structure: Structure) -> tuple[str, ...]:
         """The base."""
         return ("base",)
+
+    def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
+        """A spring beside the base, along the motion."""
+        start, _ = drawn.edges(0)
+        return (Glyph.of("spring", start - drawn.along(0.25 * drawn.size), start),)
 
     def terms(self, structure: Structure, place: str) -> Terms:
         """The spring under which sway equals the roof's own static displacement."""

@@ -3,6 +3,7 @@
 import torch
 from torch import Tensor
 
+from femupdate.effects.drawn_building import DrawnBuilding, Glyph
 from femupdate.effects.effect import Effect, Parameter
 from femupdate.effects.structure import Structure
 
@@ -24,6 +25,10 @@ class ChannelDelay(Effect):
     def places(self, structure: Structure) -> tuple[str, ...]:
         """Every floor."""
         return structure.floors
+
+    def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
+        """The floor's sensors."""
+        return drawn.sensors(place)
 
     def observe(self, frf: Tensor, omega: Tensor, sizes: Tensor, rows: tuple[int, ...]) -> Tensor:
         """H exp(-i omega tau) on the floor."""

@@ -2,6 +2,7 @@
 
 from torch import Tensor
 
+from femupdate.effects.drawn_building import DrawnBuilding, Glyph
 from femupdate.effects.effect import Effect, Parameter
 from femupdate.effects.structure import Structure
 
@@ -25,6 +26,10 @@ class ChannelGain(Effect):
     def places(self, structure: Structure) -> tuple[str, ...]:
         """Every floor."""
         return structure.floors
+
+    def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
+        """The floor's sensors."""
+        return drawn.sensors(place)
 
     def observe(self, frf: Tensor, omega: Tensor, sizes: Tensor, rows: tuple[int, ...]) -> Tensor:
         """H (1 + s) on the floor."""

@@ -3,6 +3,7 @@
 import torch
 from torch import Tensor
 
+from femupdate.effects.drawn_building import DrawnBuilding, Glyph
 from femupdate.effects.effect import Effect, Parameter, Terms
 from femupdate.effects.structure import Structure
 
@@ -27,6 +28,11 @@ class DampingLaw(Effect):
     def places(self, structure: Structure) -> tuple[str, ...]:
         """Which law: Rayleigh's, or proportional to frequency."""
         return ("rayleigh", "proportional")
+
+    def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
+        """A dashpot in every story."""
+        levels = range(1, len(drawn.levels))
+        return tuple(Glyph.of("dashpot", *drawn.diagonal(k - 1, k)) for k in levels)
 
     def terms(self, structure: Structure, place: str) -> Terms:
         """The first frequency and which law."""

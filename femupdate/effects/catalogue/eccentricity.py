@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from femupdate.effects.drawn_building import DrawnBuilding, Glyph
 from femupdate.effects.effect import Effect, Parameter, Terms, mass_terms
 from femupdate.effects.structure import Structure
 
@@ -25,6 +26,15 @@ class Eccentricity(Effect):
         """All floors together, where the plan has a depth."""
         across = structure.points.position[:, 1 - structure.direction]
         return ("all",) if np.ptp(across) > 0.0 else ()
+
+    def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
+        """Balls beside the middle of every floor."""
+        aside, across = np.zeros(3), 1 - drawn.structure.direction
+        aside[across] = 0.15 * (drawn.high - drawn.low)[across]
+        middles = [drawn.centre(level) for level in range(1, len(drawn.levels))]
+        arrows = [Glyph.of("arrow", middle, middle + aside) for middle in middles]
+        balls = [Glyph.of("ball", middle + aside, drawn.radius) for middle in middles]
+        return (*arrows, *balls)
 
     def terms(self, structure: Structure, place: str) -> Terms:
         """Masses scaled linearly across each floor, so that only their centre moves."""

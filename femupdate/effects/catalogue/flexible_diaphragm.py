@@ -1,6 +1,7 @@
 """Floors that deform in their plane."""
 
 from femupdate.effects.diaphragm import membrane_terms
+from femupdate.effects.drawn_building import DrawnBuilding, Glyph
 from femupdate.effects.effect import Effect, Parameter, Terms
 from femupdate.effects.structure import Structure
 from femupdate.fe.elements.shell import Shells
@@ -31,6 +32,10 @@ class FlexibleDiaphragm(Effect):
         groups = {int(group) for group in shells.group[shells.kind == _SLAB]}
         own = tuple(structure.building.story_names[group] for group in sorted(groups))
         return (_ALL, *own) if len(own) > 1 else own
+
+    def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
+        """The slabs themselves."""
+        return drawn.members((_SLAB,), place)
 
     def terms(self, structure: Structure, place: str) -> Terms:
         """The membrane stiffness of the slabs, scaled by the factor of their story."""

@@ -1,5 +1,8 @@
 """A foundation that rotates on the ground."""
 
+import numpy as np
+
+from femupdate.effects.drawn_building import DrawnBuilding, Glyph
 from femupdate.effects.effect import Effect, Parameter, Terms
 from femupdate.effects.structure import ROTATION, TRANSLATION, Structure
 
@@ -24,6 +27,11 @@ class FoundationRocking(Effect):
     def places(self, structure: Structure) -> tuple[str, ...]:
         """The base."""
         return ("base",)
+
+    def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
+        """Upright springs under two opposite edges of the base."""
+        down = np.array([0.0, 0.0, -0.13 * drawn.size])
+        return tuple(Glyph.of("spring", edge + down, edge) for edge in drawn.edges(0))
 
     def terms(self, structure: Structure, place: str) -> Terms:
         """The spring under which rocking equals the roof's own static displacement."""

@@ -2,6 +2,7 @@
 
 from torch import Tensor
 
+from femupdate.effects.drawn_building import DrawnBuilding, Glyph
 from femupdate.effects.effect import Effect, Parameter
 from femupdate.effects.structure import Structure
 
@@ -26,6 +27,10 @@ class NoiseFloor(Effect):
     def places(self, structure: Structure) -> tuple[str, ...]:
         """All floors together."""
         return ("floors",)
+
+    def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
+        """All floor sensors."""
+        return drawn.sensors(place)
 
     def observe(self, frf: Tensor, omega: Tensor, sizes: Tensor, rows: tuple[int, ...]) -> Tensor:
         """|H|^2 + s^2, the phase kept."""

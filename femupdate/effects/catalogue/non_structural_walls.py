@@ -1,5 +1,7 @@
 """Stiffness of walls that count as weight alone in the model."""
 
+from femupdate.building.frame import FrameBuilding
+from femupdate.effects.drawn_building import DrawnBuilding, Glyph
 from femupdate.effects.effect import Effect, Parameter, Terms
 from femupdate.effects.infill import infill_lines
 from femupdate.effects.structure import Structure
@@ -38,13 +40,26 @@ class NonStructuralWalls(Effect):
             found = [place for place in found if "/" not in place]
         return tuple(found) if lines else ()
 
+    def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
+        """The walls that the mesh does not have, from end to end of their line."""
+        building = drawn.structure.building
+        if not isinstance(building, FrameBuilding):
+            return ()
+        grid, faces = building.grid, []
+        for own, stories in infill_lines(building).items():
+            axis, at = (1, grid.y[own]) if own in grid.y else (0, grid.x[own])
+            chosen = [k for k in stories if _names(place, own, building.story_names[k])]
+            faces += [drawn.upright(axis, float(at), k) for k in chosen]
+        return (Glyph.of("surfaces", faces),)
+
     def terms(self, structure: Structure, place: str) -> Terms:
         """The walls' stiffness on the nodes that the model has, scaled by their story's factor."""
-        line, _, name = place.partition("/")
         names = structure.building.story_names
-        chosen = [
-            wall
-            for wall in structure.infills
-            if line in (_ALL, wall.line) and name in ("", names[wall.story])
-        ]
+        chosen = [wall for wall in structure.infills if _names(place, wall.line, names[wall.story])]
         return Terms(stiffness=tuple((wall.story, wall.stiffness) for wall in chosen))
+
+
+def _names(place: str, line: str, story: str) -> bool:
+    """Whether a place such as "X1/S2" names the wall of a line and story."""
+    own, _, name = place.partition("/")
+    return own in (_ALL, line) and name in ("", story)

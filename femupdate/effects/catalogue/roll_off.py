@@ -2,6 +2,7 @@
 
 from torch import Tensor, pi
 
+from femupdate.effects.drawn_building import DrawnBuilding, Glyph
 from femupdate.effects.effect import Effect, Parameter, as_complex
 from femupdate.effects.structure import Structure
 
@@ -29,6 +30,10 @@ class RollOff(Effect):
     def places(self, structure: Structure) -> tuple[str, ...]:
         """All floors together."""
         return ("floors",)
+
+    def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
+        """All floor sensors."""
+        return drawn.sensors(place)
 
     def observe(self, frf: Tensor, omega: Tensor, sizes: Tensor, rows: tuple[int, ...]) -> Tensor:
         """H / (1 + i omega / omega_c)."""

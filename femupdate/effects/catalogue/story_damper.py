@@ -2,6 +2,7 @@
 
 from torch import Tensor
 
+from femupdate.effects.drawn_building import DrawnBuilding, Glyph
 from femupdate.effects.effect import Effect, Parameter, Terms, as_complex, story_port
 from femupdate.effects.structure import Structure
 
@@ -24,6 +25,11 @@ class StoryDamper(Effect):
     def places(self, structure: Structure) -> tuple[str, ...]:
         """Every story, named after the floor above it."""
         return structure.floors
+
+    def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
+        """A dashpot from corner to corner of the story."""
+        level = drawn.level(place)
+        return (Glyph.of("dashpot", *drawn.diagonal(level - 1, level)),)
 
     def terms(self, structure: Structure, place: str) -> Terms:
         """The dashpot (N s/m) that damps the first mode critically at theta = 1."""

@@ -4,6 +4,7 @@ from itertools import combinations
 
 from torch import Tensor
 
+from femupdate.effects.drawn_building import DrawnBuilding, Glyph
 from femupdate.effects.effect import Effect
 from femupdate.effects.structure import Structure
 
@@ -21,6 +22,10 @@ class SwappedChannels(Effect):
     def places(self, structure: Structure) -> tuple[str, ...]:
         """Every pair of floors."""
         return tuple(",".join(pair) for pair in combinations(structure.floors, 2))
+
+    def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
+        """The sensors of both floors."""
+        return drawn.sensors(place)
 
     def observe(self, frf: Tensor, omega: Tensor, sizes: Tensor, rows: tuple[int, ...]) -> Tensor:
         """The two rows exchanged."""

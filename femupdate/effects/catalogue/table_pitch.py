@@ -1,5 +1,8 @@
 """A shaking table that pitches as it translates."""
 
+import numpy as np
+
+from femupdate.effects.drawn_building import DrawnBuilding, Glyph
 from femupdate.effects.effect import Effect, Parameter, Terms
 from femupdate.effects.structure import Structure
 
@@ -22,6 +25,17 @@ class TablePitch(Effect):
     def places(self, structure: Structure) -> tuple[str, ...]:
         """The base."""
         return ("base",)
+
+    def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
+        """A tilted line under the base with arrows down and up at its ends."""
+        below = np.array([0.0, 0.0, 0.05 * drawn.size])
+        left, right = (edge - below for edge in drawn.edges(0))
+        rise = np.array([0.0, 0.0, 0.09 * drawn.size])
+        return (
+            Glyph.of("lines", [np.stack([left - 0.4 * rise, right + 0.4 * rise])]),
+            Glyph.of("arrow", left, left - rise),
+            Glyph.of("arrow", right - rise, right + 0.8 * rise),
+        )
 
     def terms(self, structure: Structure, place: str) -> Terms:
         """One radian a metre."""

@@ -1,7 +1,9 @@
 """Something on a floor that vibrates by itself."""
 
+import numpy as np
 from torch import Tensor
 
+from femupdate.effects.drawn_building import DrawnBuilding, Glyph
 from femupdate.effects.effect import Effect, Parameter, Terms, as_complex, floor_port
 from femupdate.effects.structure import Structure
 
@@ -35,6 +37,12 @@ class TunedAppendage(Effect):
     def places(self, structure: Structure) -> tuple[str, ...]:
         """Every floor."""
         return structure.floors
+
+    def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
+        """A ball on a spring on the floor."""
+        foot = drawn.centre(drawn.level(place))
+        head = foot + np.array([0.0, 0.0, 0.16 * drawn.size])
+        return Glyph.of("spring", foot, head), Glyph.of("ball", head, 0.04 * drawn.size)
 
     def terms(self, structure: Structure, place: str) -> Terms:
         """Where it stands, the floor's mass and the building's first frequency."""

@@ -6,6 +6,7 @@ from scipy.sparse import csc_matrix
 from torch import Tensor
 
 from femupdate.arrays import Floats
+from femupdate.effects.drawn_building import DrawnBuilding, Glyph
 from femupdate.effects.effect import UNSCALED, Effect, Parameter, Terms, as_complex
 from femupdate.effects.structure import Structure
 
@@ -24,6 +25,11 @@ class GroundTie(Effect):
         """Every floor."""
         return structure.floors
 
+    def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
+        """A spring beside the floor."""
+        edge, _ = drawn.edges(drawn.level(place))
+        return (Glyph.of("spring", edge - drawn.along(0.25 * drawn.size), edge),)
+
     def terms(self, structure: Structure, place: str) -> Terms:
         """A spring that takes the base shear over the roof's displacement."""
         return _spring(structure, structure.floor_rows[[structure.floors.index(place)]])
@@ -40,6 +46,11 @@ class LongBrace(Effect):
     def places(self, structure: Structure) -> tuple[str, ...]:
         """Every floor but the two lowest."""
         return structure.floors[2:]
+
+    def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
+        """A spring from corner to corner of the two stories."""
+        level = drawn.level(place)
+        return (Glyph.of("spring", *drawn.diagonal(level - 2, level)),)
 
     def terms(self, structure: Structure, place: str) -> Terms:
         """A spring that takes the base shear over the roof's displacement."""
@@ -68,6 +79,10 @@ class SensorResonance(Effect):
     def places(self, structure: Structure) -> tuple[str, ...]:
         """Every floor."""
         return structure.floors
+
+    def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
+        """The floor's sensors."""
+        return drawn.sensors(place)
 
     def terms(self, structure: Structure, place: str) -> Terms:
         """Nothing in the structure."""

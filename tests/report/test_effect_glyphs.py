@@ -1,0 +1,89 @@
+"""Where effects are drawn: every one of the catalogue, at every place, on the building itself."""
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from femupdate.building.files import load_building
+from femupdate.effects.drawn_building import DrawnBuilding, Glyph
+from femupdate.effects.registry import CATALOGUE
+from femupdate.effects.structure import structure_of
+from femupdate.errors import ReportError
+from femupdate.report.geometry import Geometry
+from femupdate.report.glyphs import drawn
+from femupdate.report.marked_building import draw_marked
+
+
+@pytest.fixture(scope="module", params=["shear_4dof", "two_story_openings"])
+def building(request):
+    return drawn_building(request.param)
+
+
+def drawn_building(name):
+    return DrawnBuilding(structure_of(load_building(name)))
+
+
+@pytest.mark.parametrize("name", list(CATALOGUE))
+def test_every_effect_is_drawn_on_or_beside_the_building(building, name):
+    size = Geometry.of_building(building).size
+    assert building.size == size
+    for place in CATALOGUE[name].places(building.structure):
+        glyphs = drawn(CATALOGUE[name].glyphs(building, place))
+        centres = [centre[None] for centre, _ in glyphs.balls]
+        points = np.concatenate([*centres, *glyphs.lines, *glyphs.faces])
+        assert (points > building.low - 0.3 * size).all()
+        assert (points < building.high + 0.3 * size).all()
+
+
+@pytest.mark.parametrize("name", [name for name, one in CATALOGUE.items() if one.instrument])
+def test_effects_in_the_measurement_are_drawn_as_sensors(building, name):
+    effect = CATALOGUE[name]
+    kinds = {
+        one.kind
+        for place in effect.places(building.structure)
+        for one in effect.glyphs(building, place)
+    }
+    assert kinds == ({"ball"} if name == "base_gain" else {"sensor"})
+
+
+def test_both_of_two_channels_are_drawn(building):
+    floors = building.structure.floors
+    apart = [len(building.sensors(floor)) for floor in floors]
+    assert len(building.sensors(",".join(floors[:2]))) == sum(apart[:2])
+    assert len(building.sensors("floors")) == sum(apart)
+
+
+def test_a_glyph_of_a_kind_that_no_drawing_knows_is_refused():
+    with pytest.raises(ReportError, match=r"no sign is named 'hook' .*spring"):
+        drawn([Glyph.of("hook", np.zeros(3))])
+
+
+def test_what_sits_on_a_floor_is_drawn_at_its_height():
+    building = drawn_building("shear_4dof")
+    heights = []
+    for floor in building.structure.floors:
+        ((centre, radius),) = drawn(CATALOGUE["added_mass"].glyphs(building, floor)).balls
+        heights.append(centre[2] - radius)
+    np.testing.assert_allclose(heights, building.structure.levels)
+
+
+def test_the_walls_of_one_story_are_those_of_that_story():
+    building = drawn_building("two_story_openings")
+    structure, effect = building.structure, CATALOGUE["wall_stiffness"]
+    story = structure.building.story_names[1]
+    assert story in effect.places(structure)
+    faces = np.stack(drawn(effect.glyphs(building, story)).faces)
+    low, high = structure.levels
+    assert faces[..., 2].min() == pytest.approx(low)
+    assert faces[..., 2].max() == pytest.approx(high)
+
+
+def test_without_a_renderer_the_same_is_drawn():
+    building = drawn_building("shear_4dof")
+    geometry = Geometry.of_building(building)
+    glyphs = drawn(CATALOGUE["tuned_appendage"].glyphs(building, "3F"))
+    panel = Figure().subplots()
+    floors = list(zip(building.structure.floors, building.structure.levels, strict=True))
+    draw_marked(panel, geometry, glyphs, floors, "matplotlib")
+    assert [text.get_text() for text in panel.texts] == ["2F", "3F", "4F", "RF"]
+    assert sum(len(c.get_paths()) for c in panel.collections) >= len(geometry.shells) + 2
