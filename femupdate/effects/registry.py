@@ -5,7 +5,8 @@ from femupdate.effects.effect import Effect
 from femupdate.errors import BuildingError
 from femupdate.registry import classes_in
 
-CATALOGUE: dict[str, Effect] = {kind.name: kind() for kind in classes_in(catalogue, Effect)}
+_KINDS = classes_in(catalogue, Effect)  # type: ignore[type-abstract] # a module's are concrete
+CATALOGUE: dict[str, Effect] = {kind.name: kind() for kind in _KINDS}
 
 
 def effect_named(name: str) -> Effect:

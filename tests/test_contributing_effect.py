@@ -1,0 +1,98 @@
+"""The effect of CONTRIBUTING.md, put into the catalogue, is simulated, found, reduced and drawn."""
+
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from scipy.linalg import eigh
+
+from femupdate.building.files import load_building
+from femupdate.dynamics.damping import ConstantDamping
+from femupdate.dynamics.local_basis import local_structure
+from femupdate.dynamics.projection import reduced_on
+from femupdate.dynamics.snapshots import ReductionTarget
+from femupdate.dynamics.system import System
+from femupdate.effects import catalogue
+from femupdate.effects.drawn_building import DrawnBuilding
+from femupdate.effects.effect import Effect, Placed
+from femupdate.effects.registry import CATALOGUE
+from femupdate.effects.structure import structure_of
+from femupdate.errors import BuildingError
+from femupdate.registry import classes_in
+from femupdate.report.glyphs import drawn
+from femupdate.simulation.simulate import simulate_observation, write_simulation
+from femupdate.simulation.synthetic import SimulationSettings
+from femupdate.study import Study
+from femupdate.workflow.diagnose import diagnose_study
+from femupdate.workflow.model import open_study
+from femupdate.workflow.observed import ObservationSource
+
+PAGE = Path(__file__).resolve().parents[1] / "CONTRIBUTING.md"
+STICK, SIZE = "shear_4dof", 0.15
+HIDDEN = SimulationSettings(effects=(("long_brace@RF", (SIZE,)),), seed=4)
+
+
+@pytest.fixture
+def effect(tmp_path, monkeypatch):
+    """The page's effect as a module beside the others."""
+    section = PAGE.read_text().split("\n## A new effect\n")[1].split("\n## ")[0]
+    code = re.search(r"```python\n(.*?)```", section, re.DOTALL)
+    more = tmp_path / "more"
+    more.mkdir()
+    (more / "long_brace.py").write_text(code.group(1))
+    monkeypatch.setattr(catalogue, "__path__", [*catalogue.__path__, str(more)])
+    for kind in classes_in(catalogue, Effect):
+        monkeypatch.setitem(CATALOGUE, kind.name, kind())
+    yield CATALOGUE["long_brace"]
+    sys.modules.pop(f"{catalogue.__name__}.long_brace", None)
+
+
+def test_it_is_named_with_its_place_and_size(effect, tmp_path):
+    path, study = tmp_path / "seen.csv", Study(tmp_path / "study")
+    write_simulation(simulate_observation(load_building(STICK), HIDDEN), path)
+    source = ObservationSource(path)
+    found = diagnose_study(study, open_study(study, STICK), source).diagnosis
+    assert {"long_brace@3F", "long_brace@4F"} <= {one.placed.label for one in found.scores}
+    assert (found.verdict, found.leading.placed.label) == ("named", "long_brace@RF")
+    assert abs(found.leading.size - SIZE) < 3.0 * found.leading.size_sd
+    assert found.leading.size_sd < 0.3 * SIZE
+
+
+def test_without_it_its_name_is_refused():
+    with pytest.raises(BuildingError, match="no effect is named 'long_brace'"):
+        simulate_observation(load_building(STICK), HIDDEN)
+
+
+def test_it_is_drawn_from_floor_to_floor(effect):
+    building = DrawnBuilding(structure_of(load_building(STICK)))
+    for place, low, high in (("3F", 0, 2), ("RF", 2, 4)):
+        points = np.concatenate(drawn(effect.glyphs(building, place)).lines)
+        assert points[:, 2].min() == pytest.approx(building.levels[low])
+        assert points[:, 2].max() == pytest.approx(building.levels[high])
+
+
+def test_a_reduced_frame_holds_it_about_as_well_as_added_mass(effect, cabin_file):
+    structure = structure_of(load_building(str(cabin_file)))
+    stiffness = structure.stiffness(np.ones(2)).toarray()
+    exact = reduced_on(structure, eigh(stiffness, structure.mass.toarray())[1])
+    grid = np.linspace(0.2, 30.0, 150)
+    bounds = np.full(2, 1 / 3), np.full(2, 3.0)
+    target = ReductionTarget(*bounds, grid, 0.02, 0.01, samples=16)
+    local = local_structure(structure, np.array([0.7, 1.8]), target, size=28)
+
+    def error(one):
+        values = (np.array([0.75, 1.7]), np.array([0.02]), np.array([0.14]))
+        theta, zeta, size = (torch.from_numpy(v) for v in values)
+        seen = [
+            System(of.model, ConstantDamping(), (one,), (of.terms(one),)).frf(
+                theta[None], zeta, size[None], torch.from_numpy(grid)
+            )
+            for of in (local, exact)
+        ]
+        return float((seen[0].abs().log() - seen[1].abs().log()).square().mean().sqrt())
+
+    brace, mass = (error(Placed(CATALOGUE[name], "RF")) for name in ("long_brace", "added_mass"))
+    assert brace < 2.0 * mass < 0.005
