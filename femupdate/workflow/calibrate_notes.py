@@ -152,13 +152,13 @@ def judgement(
             "draw): something is missing in the model"
         )
         if posterior.drawn.likelihood != "latent":
-            text += ", and the standard deviations given are too small by about that factor"
-        notes.append(text + ".")
+            text += ", and the standard deviations are too small by about that factor"
+        notes.append(f"{text}; `femupdate diagnose` looks for it.")
     elif check is not None and check.whole < _UNUSUAL:
         share = f"{check.whole:.1%}" if check.whole >= 1e-3 else "Less than 0.1%"
         notes.append(
-            f"{share} of data drawn from the posterior miss the model by as much as the measured "
-            "ones do: something small is missing, or the noise is larger than stated."
+            f"{share} of data drawn from the posterior miss the model as much as the measured "
+            "data. Something small is missing, or the noise is larger than stated."
         )
     worst = r_hat(posterior.theta)
     if worst is not None and worst.max() > AGREEING:
