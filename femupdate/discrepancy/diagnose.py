@@ -154,30 +154,26 @@ def diagnose(
     )
     unobservable = unobservable_effects(problem, base, scores, chosen.least_strength)
     progress.advance(note="fitting the leading effects")
-    leading = _leading(scores, chosen.fitted)
-    if distant is not None:
-        leading = _with(leading, scores, distant.placed[-1])
-    if among is not None:
-        leading = [one for one in scores if one.placed.label in among]
+    leading = _chosen(scores, chosen.fitted, distant, among)
     fits = _fit_candidates(problem, base, leading, distant)
     if among is None and _worth_all(problem, base, fits, chosen):
         progress.advance(note="fitting every effect")
         fits += _others(problem, base, scores, fits, distant)
-    freedom = max(problem.effective - base.coordinates.size, 1.0)
     best = _best(problem, [base, *fits])
     if _too_much_left(problem, base, best, chosen):
         progress.advance(note="trying exchanged channels")
-        again = _exchanges(problem, base, scores, best.chi2, chosen.seed)
-        redone = {one.placed[-1] for one in again}
-        fits = [*(one for one in fits if one.placed[-1] not in redone), *again]
+        fits = _with_exchanges(problem, base, scores, fits, best.chi2, chosen.seed)
         best = _best(problem, [base, *fits])
-    findings = _weigh(problem, base, fits, scores, max(1.0, best.chi2 / freedom), chosen)
-    partner = ""
+    inflation, partner = _inflation(problem, base, best), ""
+    findings = _weigh(problem, base, fits, scores, inflation, chosen)
     if findings and _too_much_left(problem, base, best, chosen):
         progress.advance(note="trying pairs of effects")
         findings, partner, best = _with_partner(problem, findings, best, chosen)
-    inflation = max(1.0, best.chi2 / freedom)
     verdict, twins = _verdict(problem, base, findings, best, chosen)
+    inflation = _inflation(problem, base, best)
+    sentence = _sentence(verdict, findings, twins, partner, inflation)
+    if verdict == NONE and problem.effective < VERDICT.fewest_points * base.coordinates.size:
+        sentence = _few_points(problem, base)
     return Diagnosis(
         base,
         p_value(problem, base),
@@ -190,19 +186,37 @@ def diagnose(
         twins,
         partner if verdict != UNKNOWN else "",
         _worth(problem, findings, twins),
-        _few_points(problem, base)
-        if verdict == NONE and problem.effective < VERDICT.fewest_points * base.coordinates.size
-        else _sentence(verdict, findings, twins, partner, inflation),
+        sentence,
     )
 
 
-def _exchanges(
-    problem: Problem, base: Fit, scores: list[Score], best: float, seed: int
+def _chosen(
+    scores: list[Score], count: int, distant: Fit | None, among: frozenset[str] | None
+) -> list[Score]:
+    """The candidates to be fitted first."""
+    if among is not None:
+        return [one for one in scores if one.placed.label in among]
+    leading = _leading(scores, count)
+    return leading if distant is None else _with(leading, scores, distant.placed[-1])
+
+
+def _inflation(problem: Problem, base: Fit, best: Fit) -> float:
+    """Factor on the noise variance with which the best fit leaves only noise; at least one."""
+    return max(1.0, best.chi2 / max(problem.effective - base.coordinates.size, 1.0))
+
+
+def _with_exchanges(
+    problem: Problem, base: Fit, scores: list[Score], fits: list[Fit], best: float, seed: int
 ) -> list[Fit]:
-    """Fits with channels exchanged: without the exchange theta may lie far off."""
+    """The fits with channels exchanged: without the exchange theta may lie far off."""
     exchanges = [one.placed for one in scores if one.placed.exchange]
-    fits = exchange_fits(problem, base, exchanges, seed)
-    return [one for one in fits if one.chi2 < VERDICT.better_exchange * best]
+    again = [
+        one
+        for one in exchange_fits(problem, base, exchanges, seed)
+        if one.chi2 < VERDICT.better_exchange * best
+    ]
+    redone = {one.placed[-1] for one in again}
+    return [*(one for one in fits if one.placed[-1] not in redone), *again]
 
 
 def _excess(problem: Problem, base: Fit, chi2: float) -> tuple[float, bool]:

@@ -60,7 +60,7 @@ class Problem:
         mesh_evidence: log evidence that errors of the model itself may bring to an effect.
         own_error: share of an effect's size by which the model of the effect may err.
         model_error: what of `sd` is not the data's noise but what the model errs at the worst.
-        usual_error: rms of ln|H| by which a right model is known to err.
+        usual_error: rms of ln|H| by which a right model of 1 % damping is known to err.
         search: the structure on a basis for the whole prior, on which only instruments and damping
             may have effects; None where `reduced` serves there.
     """
@@ -233,9 +233,6 @@ def make_problem(
     *,
     use_phase: bool = True,
     model_error: float = 0.0,
-    mesh_evidence: float = 0.0,
-    own_error: float = 0.0,
-    usual_error: float = 0.0,
 ) -> Problem:
     """Bring an observation and a structure together.
 
@@ -247,9 +244,6 @@ def make_problem(
         observation: on its own grid.
         use_phase: compare phases where they were measured.
         model_error: added to the noise of ln|H|.
-        mesh_evidence: log evidence that errors of the model itself may bring to an effect.
-        own_error: share of an effect's size by which the model of the effect may err.
-        usual_error: rms of ln|H| by which a right model of 1 % damping is known to err.
     """
     table = observation.coherence is None
     valid = torch.from_numpy(observation.valid)
@@ -282,8 +276,5 @@ def make_problem(
                 segment_of(observation),
             ),
         ),
-        mesh_evidence=mesh_evidence,
-        own_error=own_error,
         model_error=model_error,
-        usual_error=usual_error,
     )

@@ -281,7 +281,7 @@ def problem_of(
     used &= _measured(observation)
     prior = theta_prior(building)
     bounds = zeta_bounds(building)
-    return make_problem(
+    problem = make_problem(
         reduced,
         damping_law(building),
         (prior.lower.to(torch.float64), prior.upper.to(torch.float64)),
@@ -289,6 +289,9 @@ def problem_of(
         _at(observation, used),
         use_phase=use_phase,
         model_error=_model_error(building, mesh),
+    )
+    return replace(
+        problem,
         mesh_evidence=_mesh_evidence(building, mesh),
         own_error=0.0 if building.kind == "shear" else MODEL_ERROR.size,
         usual_error=0.0 if mesh is None else mesh.points,

@@ -10,8 +10,9 @@ import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.building.schema import Building
+from femupdate.discrepancy.diagnose import Diagnosis
 from femupdate.discrepancy.fit import Fit
-from femupdate.discrepancy.posterior import draw
+from femupdate.discrepancy.posterior import Draws, draw
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.repair import Repair, as_fitted
 from femupdate.discrepancy.repair import repair as mend
@@ -20,11 +21,11 @@ from femupdate.discrepancy.thresholds import DiagnosisSettings
 from femupdate.progress import Progress, Silent
 from femupdate.study import Study, file_hash, write_text
 from femupdate.workflow.amplitude import level_settings
-from femupdate.workflow.diagnose import model_parts, prepared, refined, sought
+from femupdate.workflow.diagnose import ModelParts, model_parts, prepared, refined, sought
 from femupdate.workflow.held_out import Held, hold
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource, observation_of
-from femupdate.workflow.repaired import keep_repaired, repaired_building
+from femupdate.workflow.repaired import keep_effect_posterior, keep_repaired, repaired_building
 from femupdate.workflow.second_record import level_between, second_record
 
 _DRAWS = 1000
@@ -168,23 +169,8 @@ def repair_study(
     problem, base = prepared(model, parts, observation, use_phase, chosen, show, others)
     show.start("Looking for what is missing", 3)
     problem, base, found = sought(model, parts, problem, base, chosen, show)
-
-    def renewed(now: Problem, fitted: Fit) -> tuple[Problem, Fit]:
-        return refined(model, parts, now, fitted, show)
-
-    done = mend(problem, base, chosen, show, renewed, found)
-    mended = done.problem
-    if done.rounds and not done.rounds[-1].finding.placed.exchange:
-        mended, last = refined(model, parts, done.problem, done.after, show, alone=True)
-        done = as_fitted(replace(done, after=last, p_after=p_value(mended, last)))
-    show.start("Updating the posterior", 2)
-    inflation = done.last.inflation
-    before = draw(problem, done.before, _DRAWS, inflation, chosen.seed)
-    show.advance()
-    after = before
-    if done.rounds:
-        after = draw(mended, done.after, _DRAWS, inflation, chosen.seed)
-    show.advance()
+    mended, done = _mended(model, parts, (problem, base, found), chosen, show)
+    before, after = _posteriors(problem, mended, done, chosen.seed, show)
     held = None
     if holdout is not None and other is not None:
         show.start("Predicting the data kept out", 1)
@@ -194,14 +180,11 @@ def repair_study(
     building, kept = model.building, None
     if done.rounds:
         building = repaired_building(model.building, done)
+        kept = keep_repaired(study, model, building, mended.reduced, parts.mesh)
         span = tuple(block.level for block in problem.blocks)
-        settings_kept = {
-            "inflation": inflation,
-            **level_settings(model, done.after.placed, source, span),
-        }
-        kept = keep_repaired(
-            study, model, building, mended, parts, observation, after, source, settings_kept
-        )
+        levels = level_settings(model, done.after.placed, source, span)
+        own = {"inflation": done.last.inflation, **levels}
+        keep_effect_posterior(kept, observation, source, after, own)
     report = RepairReport(
         repair=done,
         problem=problem,
@@ -218,3 +201,35 @@ def repair_study(
     origin = {**model.made_from(), "observation": file_hash(source.path)}
     study.record("repair", "repair.json", "repair", origin, {"file": str(source.path)})
     return report
+
+
+def _mended(
+    model: StudyModel,
+    parts: ModelParts,
+    sought: tuple[Problem, Fit, Diagnosis],
+    settings: DiagnosisSettings,
+    show: Progress,
+) -> tuple[Problem, Repair]:
+    """What was added, and the problem on a basis about the last fit, from what was found first."""
+    problem, base, found = sought
+
+    def renewed(now: Problem, fitted: Fit) -> tuple[Problem, Fit]:
+        return refined(model, parts, now, fitted, show)
+
+    done = mend(problem, base, settings, show, renewed, found)
+    if not done.rounds or done.rounds[-1].finding.placed.exchange:
+        return done.problem, done
+    mended, last = refined(model, parts, done.problem, done.after, show, alone=True)
+    return mended, as_fitted(replace(done, after=last, p_after=p_value(mended, last)))
+
+
+def _posteriors(
+    problem: Problem, mended: Problem, done: Repair, seed: int, show: Progress
+) -> tuple[Draws, Draws]:
+    """Draws of the model as it was and as it is; the same where nothing was added."""
+    show.start("Updating the posterior", 2)
+    before = draw(problem, done.before, _DRAWS, done.last.inflation, seed)
+    show.advance()
+    after = draw(mended, done.after, _DRAWS, done.last.inflation, seed) if done.rounds else before
+    show.advance()
+    return before, after

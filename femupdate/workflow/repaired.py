@@ -7,17 +7,17 @@ import numpy as np
 
 from femupdate.building.files import save_building
 from femupdate.building.schema import Building
+from femupdate.discrepancy.mesh_error import MeshError
 from femupdate.discrepancy.posterior import Draws
-from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.repair import Repair
+from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.inference.posterior import DrawnBy, Posterior, save_posterior
 from femupdate.measurement.observation import Observation
 from femupdate.study import Study, file_hash
 from femupdate.workflow.calibration_report import POSTERIOR
-from femupdate.workflow.diagnose import ModelParts
 from femupdate.workflow.effects import building_effects, keep_basis, with_effect, without_effects
 from femupdate.workflow.mesh_error import keep_mesh_error
-from femupdate.workflow.model import KeptReduction, StudyModel, keep_model
+from femupdate.workflow.model import KeptReduction, StudyModel, keep_model, open_study
 from femupdate.workflow.observed import ObservationSource
 
 REPAIRED = "repaired"
@@ -40,39 +40,50 @@ def keep_repaired(
     study: Study,
     model: StudyModel,
     building: Building,
-    problem: Problem,
-    parts: ModelParts,
-    observation: Observation,
-    draws: Draws,
-    source: ObservationSource,
-    settings: Mapping[str, Any],
+    reduced: ReducedStructure,
+    mesh: MeshError | None,
 ) -> Study:
-    """A study of the repaired building, with its file, reduced model, basis and posterior.
+    """A study of the repaired building, with its file, reduced model and basis.
 
     Args:
         study: in whose folder it goes.
         model: of the building as it was.
         building: as repaired.
-        problem: as the repaired model was fitted to it.
-        parts: of the model.
-        observation: what it was fitted to.
-        draws: of its posterior.
-        source: of the observation.
-        settings: of the posterior.
+        reduced: structure on the basis on which the repaired model was fitted.
+        mesh: its error, where it is known.
     """
     kept = Study(study.path(REPAIRED))
     kept.folder.mkdir(parents=True, exist_ok=True)
     save_building(building, kept.path("building.toml"))
-    repaired = keep_model(kept, building, KeptReduction.again(model))
-    if problem.reduced.structure.operators is not None:
-        keep_basis(kept, problem.reduced, building)
-    if parts.mesh is not None:
-        keep_mesh_error(kept, building, parts.mesh)
-    posterior = effect_posterior(repaired, observation, draws, settings)
-    save_posterior(posterior, kept.path("posterior.nc"))
-    origin = {**repaired.made_from(), "observation": file_hash(source.path)}
-    kept.record(POSTERIOR, "posterior.nc", "repair", origin, {"file": str(source.path)})
+    keep_model(kept, building, KeptReduction.again(model))
+    if reduced.structure.operators is not None:
+        keep_basis(kept, reduced, building)
+    if mesh is not None:
+        keep_mesh_error(kept, building, mesh)
     return kept
+
+
+def keep_effect_posterior(
+    study: Study,
+    observation: Observation,
+    source: ObservationSource,
+    draws: Draws,
+    settings: Mapping[str, Any],
+) -> None:
+    """Keep draws of a repaired building as the posterior of its study.
+
+    Args:
+        study: of the repaired building.
+        observation: what it was fitted to.
+        source: of the observation.
+        draws: of its posterior.
+        settings: of the posterior.
+    """
+    model = open_study(study)
+    posterior = effect_posterior(model, observation, draws, settings)
+    save_posterior(posterior, study.path("posterior.nc"))
+    origin = {**model.made_from(), "observation": file_hash(source.path)}
+    study.record(POSTERIOR, "posterior.nc", "repair", origin, {"file": str(source.path)})
 
 
 def effect_posterior(

@@ -1,5 +1,7 @@
 """Sizes are known no better than the model of an effect."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -31,9 +33,8 @@ def test_the_error_of_an_effect_s_own_model_is_part_of_its_size(
         box,
         zeta_bounds(building),
         seen,
-        model_error=0.0,
-        own_error=error,
     )
+    problem = replace(problem, own_error=error)
     base = fit_baseline(problem)[0]
     fitted = fit(problem, HEAVY, extended(problem, base, HEAVY, [0.1]), 25)
     (size,), (sd,) = fitted.sizes()
