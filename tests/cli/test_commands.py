@@ -166,7 +166,7 @@ def test_calibrate_in_words(femupdate, calibrated, tower_observation):
     for word in (
         "theta_1",
         "theta_2",
-        "r-hat",
+        "effective sample size",
         "damping ratio 0.0",
         "log evidence",
         "Welch H1",
@@ -239,7 +239,7 @@ def test_calibrate_with_the_surrogate(femupdate, trained, tower_observation):
     assert set(answer) >= CALIBRATE
     assert answer["likelihood"] == "latent"
     assert "log_evidence" not in answer
-    assert any("--exact uses the file's noise" in note for note in answer["notes"])
+    assert any("--exact uses the noise of the file" in note for note in answer["notes"])
 
 
 @pytest.fixture(scope="module")
