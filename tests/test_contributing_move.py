@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import torch
 
-from femupdate.inference.prior import UniformPrior
+from femupdate.inference.parameters import Parameters
 from femupdate.inference.smc import SmcSettings, TemperedSmc
 
 PAGE = Path(__file__).resolve().parents[1] / "CONTRIBUTING.md"
 A = torch.tensor([[1.0, 0.4], [-0.3, 2.0], [0.6, 0.5]], dtype=torch.float64)
 DATA, NOISE = torch.tensor([1.3, -0.8, 2.1], dtype=torch.float64), 0.4
-PRIOR = UniformPrior(
+PRIOR = Parameters.uniform(
     ("a", "b"), torch.tensor([0.3, -5.0]).double(), torch.tensor([3.0, 2.0]).double()
 )
 

@@ -325,12 +325,12 @@ def prior_draws(
     generator = torch_generator(seed)
     unit = torch.rand(count, where.first_size, generator=generator, dtype=torch.float64)
     stories = where.stories
-    # The prior is uniform in theta itself.
+    # The priors are uniform in theta and zeta themselves.
     theta = problem.lower + (problem.upper - problem.lower) * unit[:, :stories]
     parts = [theta.log()]
     if where.has_zeta:
-        low, high = where.lower[stories], where.upper[stories]
-        parts.append(low + (high - low) * unit[:, stories:])
+        low, high = where.lower[stories].exp(), where.upper[stories].exp()
+        parts.append((low + (high - low) * unit[:, stories:]).log())
     return torch.cat([*parts, known.expand(count, -1)], dim=1)
 
 

@@ -16,7 +16,7 @@ from femupdate.inference.importance import (
     WeightedDraws,
     importance_draws,
 )
-from femupdate.inference.prior import UniformPrior
+from femupdate.inference.parameters import Parameters
 from femupdate.inference.smc import LogLikelihood, SmcResult, SmcSettings, TemperedSmc
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import Seed, spawn
@@ -64,7 +64,7 @@ class Start:
 
 
 def bridge(
-    prior: UniformPrior,
+    prior: Parameters,
     target: LogLikelihood,
     start: Start,
     seed: Seed,
@@ -107,7 +107,7 @@ def bridge(
 
 
 def _tried(
-    prior: UniformPrior,
+    prior: Parameters,
     target: LogLikelihood,
     particles: Tensor,
     draws: int,

@@ -15,7 +15,7 @@ from torch import Tensor
 from femupdate.inference.decoded import DecodedLikelihood
 from femupdate.inference.hamiltonian import DelayedAcceptance
 from femupdate.inference.moves import Schedule
-from femupdate.inference.prior import UniformPrior
+from femupdate.inference.parameters import Parameters
 from femupdate.inference.smc import (
     POPULATION,
     TRAJECTORIES,
@@ -80,7 +80,7 @@ class DecodedPosterior:
 
 
 def decoded_posterior(
-    prior: UniformPrior,
+    prior: Parameters,
     likelihood: DecodedLikelihood,
     respond: Respond,
     draws: int,
@@ -127,7 +127,7 @@ class _Run:
 
     def __init__(
         self,
-        prior: UniformPrior,
+        prior: Parameters,
         settings: DecodedSettings,
         seed: Seed,
         progress: Progress,

@@ -14,7 +14,7 @@ from torch import Tensor
 
 from femupdate.errors import InferenceError
 from femupdate.inference.mixture import StudentMixture, fit_mixture
-from femupdate.inference.prior import UniformPrior
+from femupdate.inference.parameters import Parameters
 from femupdate.inference.tempering import (
     LogLikelihood,
     effective_sample_size,
@@ -195,7 +195,7 @@ def sampled(
 
 
 def importance_draws(
-    prior: UniformPrior,
+    prior: Parameters,
     log_likelihood: LogLikelihood,
     particles: Tensor,
     count: int,
@@ -219,7 +219,7 @@ def importance_draws(
     return replace(found, points=prior.from_normal(found.points))
 
 
-def normal_target(prior: UniformPrior, log_likelihood: LogLikelihood) -> LogTarget:
+def normal_target(prior: Parameters, log_likelihood: LogLikelihood) -> LogTarget:
     """A likelihood of parameters as a target in the prior's standard normal coordinates."""
     constant = 0.5 * prior.size * math.log(2.0 * math.pi)
 

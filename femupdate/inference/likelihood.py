@@ -131,7 +131,7 @@ class LatentLikelihood:
     def solutions(self, most: int = 16, drawn: int = 8) -> Tensor:
         """Parameters (s, p) of the heaviest solutions and of some draws of q(z|x).
 
-        The damping ratio comes last where it is unknown. Two solutions that a smaller noise would
+        The damping ratio comes last. Two solutions that a smaller noise would
         tell apart may be one here: the draws about it lead to both.
         """
         found, generator = self.found.posterior, torch_generator(_SEARCH_SEED)
@@ -143,8 +143,6 @@ class LatentLikelihood:
         mvae = copy.deepcopy(self._mvae).double()
         z = torch.cat([found.mean[heavy], away]).to(mvae.lower)
         theta = mvae.parameters_at(z)
-        if not self._mvae.sizes.free_damping:
-            return theta
         return torch.cat([theta, mvae.decoder.damping(z)[:, None]], dim=1)
 
 

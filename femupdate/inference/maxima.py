@@ -20,7 +20,7 @@ from femupdate.inference.importance import (
     sampled,
 )
 from femupdate.inference.mixture import GaussianMixture, StudentMixture
-from femupdate.inference.prior import UniformPrior
+from femupdate.inference.parameters import Parameters
 from femupdate.inference.tempering import EDGE, LogLikelihood
 from femupdate.seeds import Seed
 from femupdate.surrogate.gauss_newton import (
@@ -59,7 +59,7 @@ class MaximaSettings:
 
 
 def draws_about_maxima(
-    prior: UniformPrior,
+    prior: Parameters,
     log_likelihood: LogLikelihood,
     residuals: Callable[[Tensor], Tensor],
     starts: Tensor,

@@ -24,7 +24,7 @@ from femupdate.inference.moves import (
     Schedule,
     distinct_rows,
 )
-from femupdate.inference.prior import UniformPrior
+from femupdate.inference.parameters import Parameters
 from femupdate.inference.tempering import (
     EDGE,
     LogLikelihood,
@@ -193,7 +193,7 @@ class TemperedSmc:
 
     def __init__(
         self,
-        prior: UniformPrior,
+        prior: Parameters,
         target: LogLikelihood,
         base: LogLikelihood | None = None,
         settings: SmcSettings | None = None,
@@ -215,7 +215,7 @@ class TemperedSmc:
             InferenceError: no particle of a group has a finite likelihood, there are fewer than
                 two, or a start lies outside the prior's box.
         """
-        device = self.prior.lower.device
+        device = self.prior.device
         generator = torch_generator(seed, device)
         if start is None:
             shape = particles, self.prior.size

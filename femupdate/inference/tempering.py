@@ -7,7 +7,7 @@ from typing import Literal
 import torch
 from torch import Tensor
 
-from femupdate.inference.prior import UniformPrior
+from femupdate.inference.parameters import Parameters
 
 LogLikelihood = Callable[[Tensor], Tensor]
 """Log likelihood (n,) of parameters (n, p)."""
@@ -83,7 +83,7 @@ class Tempered:
 
     def __init__(
         self,
-        prior: UniformPrior,
+        prior: Parameters,
         target: LogLikelihood,
         base: LogLikelihood | None = None,
         beta: float = 0.0,

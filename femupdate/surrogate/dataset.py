@@ -17,7 +17,7 @@ from femupdate.atomic import atomic_path
 from femupdate.dynamics.modal import ModalData, joined
 from femupdate.dynamics.system import System
 from femupdate.errors import SurrogateError
-from femupdate.inference.prior import UniformPrior
+from femupdate.inference.parameters import Parameters
 from femupdate.processors import processor_count
 from femupdate.progress import SILENT, Progress
 
@@ -63,7 +63,7 @@ class DatasetPlan:
 
 def compute_dataset(
     system: System,
-    prior: UniformPrior,
+    prior: Parameters,
     plan: DatasetPlan,
     folder: Path,
     progress: Progress = SILENT,

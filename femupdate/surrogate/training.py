@@ -14,7 +14,7 @@ from torch import Tensor
 
 from femupdate.dynamics.system import System
 from femupdate.errors import SurrogateError
-from femupdate.inference.prior import UniformPrior
+from femupdate.inference.parameters import Parameters
 from femupdate.progress import SILENT, Percent, Progress
 from femupdate.surrogate.checkpoint import TrainingRun, load_checkpoint, save_checkpoint
 from femupdate.surrogate.dataset import ModalDataset, log_frf_pool, sample_zeta
@@ -90,7 +90,7 @@ class TrainingTask:
     frequency_hz: Tensor
     system: System
     zeta_bounds: tuple[float, float]
-    prior: UniformPrior
+    prior: Parameters
     sizes: NetworkSizes
 
     def ratio(self, omega: Tensor, zeta: Tensor, theta: Tensor) -> Tensor:

@@ -9,6 +9,7 @@ from femupdate.arrays import Floats
 from femupdate.dynamics.system import System
 from femupdate.inference.latent_search import FoundLatent
 from femupdate.inference.likelihood import DataLikelihood
+from femupdate.inference.parameters import Parameter
 from femupdate.inference.posterior import Posterior
 from femupdate.inference.predictive_check import (
     PredictiveCheck,
@@ -40,22 +41,21 @@ def posterior_of(
     Where theta carries errors of the model no draw of it meets the data, and the damping ratio
     cannot be found from there: then it is the latent posterior's, `latent`.
     """
-    drawn = np.stack([_numpy(result.theta) for result in sampled.results])
-    size = model.prior.size
-    theta, rest = drawn[..., :size], drawn[..., size:]
-    if rest.shape[-1]:
-        zeta: Floats | None = rest[..., 0]
+    shape = len(sampled.results), len(sampled.results[0].theta)
+    values = sampled.parameters.split(torch.cat([result.theta for result in sampled.results]))
+    theta = _numpy(torch.cat([values.theta, values.sizes], dim=1))
+    if not model.damping.free:
+        zeta = None
+    elif len(values.zeta):
+        zeta = _numpy(values.zeta)
+    elif latent is None:
+        zeta = draw_zeta(model, observation, theta, seed)
     else:
-        flat = (
-            draw_zeta(model, observation, theta.reshape(-1, size), seed)
-            if latent is None or model.zeta_bounds is None
-            else latent_zeta(latent, model.zeta_bounds, theta[..., 0].size, seed)
-        )
-        zeta = None if flat is None else flat.reshape(theta.shape[:2])
+        zeta = latent_zeta(latent, model.damping, len(theta), seed)
     return Posterior(
         names=model.prior.names,
-        theta=theta,
-        zeta=zeta,
+        theta=theta.reshape(*shape, -1),
+        zeta=None if zeta is None else zeta.reshape(shape),
         log_likelihood=np.stack([_numpy(result.log_likelihood) for result in sampled.results]),
         lower=model.prior.lower.numpy(),
         upper=model.prior.upper.numpy(),
@@ -65,20 +65,17 @@ def posterior_of(
     )
 
 
-def draw_zeta(
-    model: StudyModel, observation: Observation, theta: Floats, seed: Seed
-) -> Floats | None:
-    """Damping ratios (n,) for posterior draws theta (n, p), or None where the law is fixed.
+def draw_zeta(model: StudyModel, observation: Observation, theta: Floats, seed: Seed) -> Floats:
+    """Damping ratios (n,) for posterior draws theta (n, p).
 
     p(zeta | theta, x) by the data-space likelihood on a grid, averaged over some draws of theta:
     the height of the resonance peaks tells zeta almost regardless of theta. Where the model does
     not reach the data, the noise is taken as large as the misfit, so that zeta stays uncertain.
     """
-    if model.zeta_bounds is None:
-        return None
+    damping = model.damping
     rng = np.random.default_rng(seed)
     some = torch.from_numpy(theta[rng.permutation(len(theta))[:_ZETA_SAMPLES]])
-    grid = torch.linspace(*model.zeta_bounds, _ZETA_GRID, dtype=torch.float64)
+    grid = torch.linspace(damping.lower, damping.upper, _ZETA_GRID, dtype=torch.float64)
     likelihood = DataLikelihood(model.system, observation)
     both = torch.cat([some.repeat_interleave(len(grid), 0), grid.repeat(len(some))[:, None]], dim=1)
     misfit = likelihood.misfit(both).reshape(len(some), len(grid))
@@ -86,20 +83,20 @@ def draw_zeta(
     log_density = -0.5 * likelihood.terms.independent * misfit / inflation
     density = torch.softmax(log_density, dim=1).mean(dim=0).numpy()
     # Within a cell of the grid zeta is uniform.
-    width = (model.zeta_bounds[1] - model.zeta_bounds[0]) / (_ZETA_GRID - 1)
+    width = (damping.upper - damping.lower) / (_ZETA_GRID - 1)
     drawn = grid.numpy()[rng.choice(_ZETA_GRID, size=len(theta), p=density)]
     spread = drawn + width * (rng.random(len(theta)) - 0.5)
-    return np.clip(spread, *model.zeta_bounds)
+    return np.clip(spread, damping.lower, damping.upper)
 
 
-def latent_zeta(latent: FoundLatent, bounds: tuple[float, float], count: int, seed: Seed) -> Floats:
+def latent_zeta(latent: FoundLatent, damping: Parameter, count: int, seed: Seed) -> Floats:
     """Damping ratios (n,) by the last coordinate of q(z|x)."""
     rng = np.random.default_rng(seed)
     found = latent.posterior
     which = rng.choice(len(found.log_weight), count, p=found.log_weight.exp().numpy())
     variance = torch.linalg.inv(found.precision)[:, -1, -1].numpy()
     z = found.mean[:, -1].numpy()[which] + np.sqrt(variance)[which] * rng.standard_normal(count)
-    return bounds[0] + (bounds[1] - bounds[0]) * ndtr(z)
+    return damping.lower + (damping.upper - damping.lower) * ndtr(z)
 
 
 def predictive_log_frf(

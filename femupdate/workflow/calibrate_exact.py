@@ -10,8 +10,8 @@ from femupdate.inference.bridge import as_smc_result
 from femupdate.inference.importance import Counted, WeightedDraws
 from femupdate.inference.likelihood import MODES, DataLikelihood, LatentLikelihood
 from femupdate.inference.maxima import draws_about_maxima
+from femupdate.inference.parameters import Parameters
 from femupdate.inference.posterior import DrawnBy
-from femupdate.inference.prior import UniformPrior
 from femupdate.inference.smc import SmcResult, TemperedSmc
 from femupdate.inference.tempering import LogLikelihood
 from femupdate.measurement.observation import Observation
@@ -40,11 +40,10 @@ class _Problem:
     observation: Observation
     settings: CalibrationSettings
 
-    @cached_property
-    def prior(self) -> UniformPrior:
-        """Of theta, and of zeta behind it where it is a nuisance."""
-        bounds = self.model.zeta_bounds
-        return self.model.prior if bounds is None else self.model.prior.joined("zeta", *bounds)
+    @property
+    def prior(self) -> Parameters:
+        """Of all parameters."""
+        return self.model.parameters
 
     @cached_property
     def target(self) -> DataLikelihood:
@@ -53,11 +52,9 @@ class _Problem:
 
     def likelihood(self, precision: torch.dtype, modes: int | None) -> DataLikelihood:
         """By so many modes of a response, all where None."""
-        fixed = self.model.building.damping.ratio if self.model.zeta_bounds is None else None
         return DataLikelihood(
             self.model.system,
             self.observation,
-            fixed,
             device=self.settings.device,
             precision=precision,
             modes=modes,
@@ -97,7 +94,12 @@ def _by_trajectories(
     if found is not None:
         drawn = decoded(found[0], problem.model, problem.observation, problem.settings, run, 1)
     groups, notes = sample_annealed(problem.prior, problem.target, run, drawn)
-    return Sampled(groups, by_runs("exact", "Hamiltonian moves", groups, evidence=True), notes)
+    return Sampled(
+        groups,
+        problem.prior,
+        by_runs("exact", "Hamiltonian moves", groups, evidence=True),
+        notes,
+    )
 
 
 def _about_maxima(problem: _Problem, latent: LatentLikelihood, run: ChainRunner) -> Sampled | None:
@@ -120,7 +122,7 @@ def _about_maxima(problem: _Problem, latent: LatentLikelihood, run: ChainRunner)
         return None
     theta, value = found.resample(run.particles, choosing)
     result = SmcResult(theta, value, found.log_evidence, (), found.evaluations, 0)
-    return Sampled([result], _drawn(found), (_maxima_note(found),))
+    return Sampled([result], problem.prior, _drawn(found), (_maxima_note(found),))
 
 
 def _drawn(found: WeightedDraws) -> DrawnBy:
@@ -142,11 +144,11 @@ def _maxima_note(found: WeightedDraws) -> str:
     )
 
 
-def _on_theta(latent: LatentLikelihood, size: int) -> LogLikelihood:
-    """The latent likelihood of parameters that may have a damping ratio behind them."""
+def _on_theta(latent: LatentLikelihood, parameters: Parameters) -> LogLikelihood:
+    """The latent likelihood, which knows no damping ratio, of all parameters."""
 
-    def log_likelihood(parameters: Tensor) -> Tensor:
-        return latent(parameters[:, :size])
+    def log_likelihood(values: Tensor) -> Tensor:
+        return latent(parameters.split(values).theta)
 
     return log_likelihood
 
@@ -154,7 +156,7 @@ def _on_theta(latent: LatentLikelihood, size: int) -> LogLikelihood:
 def _by_particles(problem: _Problem, latent: LatentLikelihood | None, run: ChainRunner) -> Sampled:
     """By particles of the latent posterior, or of the prior's, refined by importance draws."""
     prior, smc = problem.prior, problem.settings.smc
-    base = None if latent is None else _on_theta(latent, problem.model.prior.size)
+    base = None if latent is None else _on_theta(latent, prior)
     label = "data-space" if latent is None else "latent"
     sampler = TemperedSmc(prior, problem.target if base is None else base, settings=smc)
     starts = run(sampler, f"Sampling ({label} likelihood)")
@@ -168,6 +170,7 @@ def _by_particles(problem: _Problem, latent: LatentLikelihood | None, run: Chain
     refined = all(result.effective > 0.0 for result in results)
     return Sampled(
         draws,
+        prior,
         by_importance("importance sampling", results)
         if refined
         else by_runs("exact", "tempered particles", draws, evidence=True),

@@ -39,7 +39,9 @@ def sample_latent(
     if model.prior.size > FEW and not model.system.placed:
         results, notes = _sample_decoded(surrogate, model, observation, settings, run)
         drawn = by_runs("latent", "Hamiltonian moves judged by the reduced model", results)
-        return Sampled(results, drawn, (*noise, *notes, *calibration), None, least)
+        return Sampled(
+            results, model.parameters, drawn, (*noise, *notes, *calibration), None, least
+        )
     likelihood = LatentLikelihood(
         surrogate,
         model.system,
@@ -51,7 +53,7 @@ def sample_latent(
     results = run(sampler, "Sampling (latent likelihood)")
     notes = (*likelihood.input.notes, *noise, *latent_notes(likelihood), *calibration)
     drawn = by_runs("latent", "tempered particles", results)
-    return Sampled(results, drawn, notes, likelihood.found, least)
+    return Sampled(results, model.prior, drawn, notes, likelihood.found, least)
 
 
 def _sample_decoded(

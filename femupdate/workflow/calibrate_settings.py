@@ -7,6 +7,7 @@ from scipy.special import logsumexp
 
 from femupdate.inference.bridge import BridgeResult
 from femupdate.inference.latent_search import FoundLatent
+from femupdate.inference.parameters import Parameters
 from femupdate.inference.posterior import DrawnBy
 from femupdate.inference.smc import SmcResult, SmcSettings
 
@@ -40,6 +41,7 @@ class Sampled:
 
     Attributes:
         results: of the independent runs.
+        parameters: that the columns of their draws are.
         drawn: how.
         notes: how it went, in sentences.
         latent: of the latent likelihood, where it was found by a search.
@@ -48,6 +50,7 @@ class Sampled:
     """
 
     results: list[SmcResult]
+    parameters: Parameters
     drawn: DrawnBy
     notes: tuple[str, ...]
     latent: FoundLatent | None = None

@@ -15,7 +15,7 @@ from femupdate.inference.decoded_chains import (
     in_groups,
 )
 from femupdate.inference.likelihood import DataLikelihood, floor_responses, latent_data
-from femupdate.inference.prior import UniformPrior
+from femupdate.inference.parameters import Parameters
 from femupdate.inference.smc import TRAJECTORIES, KeptDraws, SmcResult, SmcState, TemperedSmc
 from femupdate.measurement.observation import Observation
 from femupdate.progress import SILENT, Progress
@@ -65,26 +65,25 @@ def sample_decoded(
     mvae = copy.deepcopy(surrogate.mvae).to(device).requires_grad_(False)
     raised = info.likelihood_power if power is None else power
     likelihood = DecodedLikelihood(mvae, data, power=raised)
-    bounds = model.zeta_bounds
-    prior = model.prior if bounds is None else model.prior.joined("zeta", *bounds)
     respond = _responses(model, observation, data)
-    return decoded_posterior(prior.to(device), likelihood, respond, draws, seed, settings, progress)
+    return decoded_posterior(
+        model.parameters.to(device), likelihood, respond, draws, seed, settings, progress
+    )
 
 
 def _responses(model: StudyModel, observation: Observation, data: LatentData) -> Respond:
     """The building's own, at parameters with the damping ratio last where it is unknown."""
     respond = floor_responses(model.system, observation, data.log_frf)
-    size, ratio = model.prior.size, model.building.damping.ratio
 
     def answer(parameters: Tensor) -> Tensor:
-        theta, zeta = parameters[:, :size], parameters[:, size:].flatten()
-        return respond(theta, zeta if len(zeta) else theta.new_full((len(theta),), ratio))
+        values = model.parameters.split(parameters)
+        return respond(values.theta, values.zeta)
 
     return answer
 
 
 def sample_annealed(
-    prior: UniformPrior,
+    prior: Parameters,
     target: DataLikelihood,
     run: ChainRunner,
     latent: DecodedPosterior | None,

@@ -15,16 +15,16 @@ from femupdate.dynamics.system import System, makes_modes_complex
 from femupdate.effects.effect import Placed
 from femupdate.effects.structure import Structure
 from femupdate.errors import SurrogateError
-from femupdate.inference.prior import UniformPrior
+from femupdate.inference.parameters import Parameters
 from femupdate.progress import Progress, Silent
 from femupdate.study import Study
 from femupdate.workflow.effects import (
     building_effects,
     check_places,
     check_sizes,
+    effect_parameters,
     finder_structure,
     open_structure,
-    with_sizes,
 )
 from femupdate.workflow.mesh_error import kept_mesh_error, open_mesh_error
 from femupdate.workflow.model import StudyModel, reduction_target
@@ -57,7 +57,7 @@ def with_effects(study: Study, model: StudyModel, progress: Progress | None = No
     """
     check_amortisable(model.building)
     effects = building_effects(model.building)
-    prior = with_sizes(model.prior, effects.placed)
+    prior = model.prior + effect_parameters(effects.placed)
     structure = finder_structure(model.building)
     check_places(structure, effects)
     reduced = _reduced(study, model, structure, (effects.placed, prior), progress)
@@ -108,7 +108,7 @@ def _reduced(
     study: Study,
     model: StudyModel,
     structure: Structure,
-    acting: tuple[tuple[Placed, ...], UniformPrior],
+    acting: tuple[tuple[Placed, ...], Parameters],
     progress: Progress | None,
 ) -> ReducedStructure:
     """The structure on a basis for the prior's whole box; that of a frame is made once and kept."""

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from femupdate.arrays import Flags, Floats
 from femupdate.atomic import atomic_path
@@ -28,11 +27,11 @@ from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import Structure, require_story_factors, structure_of
 from femupdate.errors import BuildingError
-from femupdate.inference.prior import TruncatedPrior, UniformPrior
+from femupdate.inference.parameters import Parameter, Parameters
 from femupdate.measurement.observation import Observation
 from femupdate.progress import Progress, Silent
 from femupdate.study import Study
-from femupdate.workflow.model import StudyModel, reduction_target, theta_prior, zeta_bounds
+from femupdate.workflow.model import StudyModel, damping_parameter, reduction_target, theta_prior
 
 BASIS = "effect basis"
 _FILE = "effect_basis.npz"
@@ -190,19 +189,22 @@ def size_names(placed: Sequence[Placed]) -> tuple[str, ...]:
     return tuple(f"{one.label}.{p.name}" for one in placed for p in one.effect.parameters)
 
 
-def with_sizes(prior: UniformPrior, placed: Sequence[Placed]) -> TruncatedPrior:
-    """A prior of stiffness factors, and that of the catalogue of the effects' parameters."""
-    sizes = parameters_of(placed)
-
-    def joined(first: Tensor, values: list[float]) -> Tensor:
-        return torch.cat([first, first.new_tensor(values)])
-
-    return TruncatedPrior(
-        (*prior.names, *size_names(placed)),
-        joined(prior.lower, [one.likely[0] for one in sizes]),
-        joined(prior.upper, [one.likely[1] for one in sizes]),
-        joined(torch.zeros_like(prior.lower), [one.neutral for one in sizes]),
-        joined(torch.full_like(prior.lower, torch.inf), [one.scale for one in sizes]),
+def effect_parameters(placed: Sequence[Placed]) -> Parameters:
+    """The effects' parameters with the priors of the catalogue, within what is likely."""
+    pairs = zip(size_names(placed), parameters_of(placed), strict=True)
+    return Parameters(
+        tuple(
+            Parameter(
+                name=name,
+                kind="effect",
+                lower=one.likely[0],
+                upper=one.likely[1],
+                neutral=one.neutral,
+                centre=one.neutral,
+                scale=one.scale,
+            )
+            for name, one in pairs
+        )
     )
 
 
@@ -280,12 +282,12 @@ def problem_of(
     used[seen[0] : seen[-1] + 1] = True
     used &= _measured(observation)
     prior = theta_prior(building)
-    bounds = zeta_bounds(building)
+    damping = damping_parameter(building)
     problem = make_problem(
         reduced,
         damping_law(building),
-        (prior.lower.to(torch.float64), prior.upper.to(torch.float64)),
-        bounds if bounds is not None else building.damping.ratio,
+        (prior.lower, prior.upper),
+        (damping.lower, damping.upper) if damping.free else damping.lower,
         _at(observation, used),
         use_phase=use_phase,
         model_error=_model_error(building, mesh),

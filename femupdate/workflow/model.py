@@ -25,7 +25,7 @@ from femupdate.dynamics.system import System
 from femupdate.effects.structure import Structure, structure_of
 from femupdate.errors import StudyError
 from femupdate.inference.likelihood import SharedErrors
-from femupdate.inference.prior import UniformPrior
+from femupdate.inference.parameters import Parameter, Parameters
 from femupdate.progress import SILENT, Progress
 from femupdate.study import Study, atomic_path
 
@@ -53,7 +53,7 @@ class StudyModel:
         building: as its file says.
         reduced: the reduced model.
         prior: of the stiffness factors.
-        zeta_bounds: range of the damping ratio where it is a nuisance, else None.
+        damping: the damping ratio.
         reduction_error: rms difference of ln|H| from the full model; 0 for lumped buildings.
         system: the reduced model and its damping; with the effects that the building lists where a
             surrogate of them is at work, and the prior is then of their sizes as well.
@@ -63,8 +63,8 @@ class StudyModel:
     building: Building
     reduced: ReducedModel
     system: System
-    prior: UniformPrior
-    zeta_bounds: tuple[float, float] | None
+    prior: Parameters
+    damping: Parameter
     reduction_error: float
     shared: SharedErrors | None = None
 
@@ -72,6 +72,11 @@ class StudyModel:
     def law(self) -> DampingLaw:
         """Damping law."""
         return self.system.law
+
+    @property
+    def parameters(self) -> Parameters:
+        """Everything that is inferred or known of the response, the damping ratio last."""
+        return self.prior + Parameters((self.damping,))
 
     @property
     def frequency_hz(self) -> Tensor:
@@ -119,19 +124,19 @@ class KeptReduction:
         return KeptReduction(model.reduced, error, {"size": model.reduced.size, "rms_error": error})
 
 
-def theta_prior(building: Building) -> UniformPrior:
+def theta_prior(building: Building) -> Parameters:
     """The prior of the stiffness factors, one a story or one a story and kind of member."""
     ranges = factor_ranges(building)
     lower, upper = torch.tensor(list(ranges.values()), dtype=torch.float64).T
-    return UniformPrior(tuple(ranges), lower, upper)
+    return Parameters.uniform(tuple(ranges), lower, upper)
 
 
-def zeta_bounds(building: Building) -> tuple[float, float] | None:
-    """Range of the damping ratio where the building leaves it open."""
-    zeta = building.prior.zeta
-    if zeta is None or building.damping.is_rayleigh:
-        return None
-    return zeta.lower, zeta.upper
+def damping_parameter(building: Building) -> Parameter:
+    """The damping ratio: of zero width where the building knows it."""
+    zeta, ratio = building.prior.zeta, building.damping.ratio
+    known = zeta is None or building.damping.is_rayleigh
+    low, high = (ratio, ratio) if zeta is None or known else (zeta.lower, zeta.upper)
+    return Parameter(name="zeta", kind="damping", lower=low, upper=high, neutral=ratio)
 
 
 def open_study(
@@ -169,12 +174,12 @@ def keep_model(study: Study, building: Building, reduced: KeptReduction) -> Stud
 
 def reduction_target(building: Building) -> ReductionTarget:
     """What a reduced model of a building must reproduce."""
-    prior, bounds = theta_prior(building), zeta_bounds(building)
+    prior = theta_prior(building)
     return ReductionTarget(
         prior.lower.numpy(),
         prior.upper.numpy(),
         building.frequency_grid.frequencies_hz(),
-        bounds[0] if bounds else building.damping.ratio,
+        damping_parameter(building).lower,
         building.reduction.tolerance,
     )
 
@@ -241,6 +246,6 @@ def _study_model(building: Building, reduced: ReducedModel, error: float) -> Stu
         reduced,
         System(reduced, damping_law(building)),
         theta_prior(building),
-        zeta_bounds(building),
+        damping_parameter(building),
         error,
     )

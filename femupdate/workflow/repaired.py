@@ -15,7 +15,13 @@ from femupdate.inference.posterior import DrawnBy, Posterior, save_posterior
 from femupdate.measurement.observation import Observation
 from femupdate.study import Study, file_hash
 from femupdate.workflow.calibration_report import POSTERIOR
-from femupdate.workflow.effects import building_effects, keep_basis, with_effect, without_effects
+from femupdate.workflow.effects import (
+    building_effects,
+    effect_parameters,
+    keep_basis,
+    with_effect,
+    without_effects,
+)
 from femupdate.workflow.mesh_error import keep_mesh_error
 from femupdate.workflow.model import KeptReduction, StudyModel, keep_model, open_study
 from femupdate.workflow.observed import ObservationSource
@@ -91,17 +97,15 @@ def effect_posterior(
 ) -> Posterior:
     """Draws of a building with effects as a posterior whose last columns are their parameters."""
     effects = building_effects(model.building)
-    parameters = [(one, p) for one in effects.placed for p in one.effect.parameters]
-    names = [f"{one.label}.{p.name}" for one, p in parameters]
-    low, high = zip(*(p.likely for _, p in parameters), strict=True)
+    prior = model.prior + effect_parameters(effects.placed)
     both = np.column_stack([draws.theta, draws.sizes])
     return Posterior(
-        names=(*model.prior.names, *names),
+        names=prior.names,
         theta=both[None],
-        zeta=None if model.zeta_bounds is None else draws.zeta[None],
+        zeta=draws.zeta[None] if model.damping.free else None,
         log_likelihood=draws.log_likelihood[None],
-        lower=np.concatenate([model.prior.lower.numpy(), low]),
-        upper=np.concatenate([model.prior.upper.numpy(), high]),
+        lower=prior.lower.numpy(),
+        upper=prior.upper.numpy(),
         drawn=DrawnBy(
             likelihood="linearised" if draws.linearised else "exact",
             way="importance sampling about the best fit",

@@ -13,7 +13,7 @@ import torch
 
 from femupdate.atomic import atomic_path
 from femupdate.inference.bridge import BridgeResult, Start, bridge
-from femupdate.inference.prior import UniformPrior
+from femupdate.inference.parameters import Parameters
 from femupdate.inference.smc import (
     Level,
     SmcResult,
@@ -84,7 +84,7 @@ class ChainRunner:
 
     def bridge(
         self,
-        prior: UniformPrior,
+        prior: Parameters,
         target: LogLikelihood,
         base: LogLikelihood | None,
         starts: list[SmcResult],

@@ -8,7 +8,7 @@ from typing import Any
 
 from femupdate import __version__
 from femupdate.errors import SurrogateError
-from femupdate.inference.prior import UniformPrior
+from femupdate.inference.parameters import Parameters
 from femupdate.progress import Progress, Silent
 from femupdate.study import Study, file_hash
 from femupdate.surrogate.dataset import DatasetPlan, ModalDataset, compute_dataset, modes_kept
@@ -178,7 +178,7 @@ def network_sizes(model: StudyModel) -> NetworkSizes:
         floors=floors,
         points=len(model.frequency_hz),
         parameters=model.prior.size,
-        free_damping=model.zeta_bounds is not None,
+        free_damping=model.damping.free,
         modes=modes_kept(model.system, _MODES_DECODED),
         floor_features=max(24, 384 // floors),
         effect_sizes=model.system.sizes,
@@ -198,7 +198,7 @@ def _dataset(
     folder = study.path("dataset", f"{model.hash[:12]}-{samples}-{_shapes(model)}-{seed}")
     show.start("Solving modes of parameter samples", samples)
     # All over the box alike: sizes that their prior thinks unlikely are learned as well.
-    box = UniformPrior(model.prior.names, model.prior.lower, model.prior.upper)
+    box = Parameters.uniform(model.prior.names, model.prior.lower, model.prior.upper)
     return compute_dataset(model.system, box, plan, folder, show), folder
 
 
@@ -208,12 +208,11 @@ def _shapes(model: StudyModel) -> int:
 
 def training_task(model: StudyModel, dataset: ModalDataset) -> TrainingTask:
     """What a building's MVAE learns from a data set."""
-    ratio = model.building.damping.ratio
     return TrainingTask(
         dataset,
         model.frequency_hz.float(),
         model.system,
-        model.zeta_bounds or (ratio, ratio),
+        (model.damping.lower, model.damping.upper),
         model.prior,
         network_sizes(model),
     )

@@ -8,9 +8,9 @@ from femupdate.dynamics.system import System
 from femupdate.surrogate.storage import TrainedSurrogate
 from femupdate.workflow.model import (
     StudyModel,
+    damping_parameter,
     reduce_building,
     theta_prior,
-    zeta_bounds,
 )
 
 
@@ -24,7 +24,7 @@ def benchmark_model(name: str = "shear_4dof") -> StudyModel:
         reduced,
         System(reduced, damping_law(building)),
         theta_prior(building),
-        zeta_bounds(building),
+        damping_parameter(building),
         reduction.rms_error,
     )
 

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 
 from femupdate.building.document import from_document
 from femupdate.discrepancy.problem import make_problem
@@ -15,7 +14,7 @@ from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import structure_of
 from femupdate.measurement.observation import Observation
-from femupdate.workflow.model import theta_prior, zeta_bounds
+from femupdate.workflow.model import damping_parameter, theta_prior
 
 
 @pytest.fixture(scope="session")
@@ -90,12 +89,12 @@ def pose(reduced_of):
     """A function: a building and an observation as a problem without model error."""
 
     def make(building, observation, model_error=0.0):
-        prior, bounds = theta_prior(building), zeta_bounds(building)
+        prior, damping = theta_prior(building), damping_parameter(building)
         return make_problem(
             reduced_of(building),
             damping_law(building),
-            (prior.lower.to(torch.float64), prior.upper.to(torch.float64)),
-            bounds if bounds is not None else building.damping.ratio,
+            (prior.lower, prior.upper),
+            (damping.lower, damping.upper) if damping.free else damping.lower,
             observation,
             model_error=model_error,
         )

@@ -11,7 +11,7 @@ from femupdate.discrepancy.problem import make_problem
 from femupdate.dynamics.damping import damping_law
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
-from femupdate.workflow.model import theta_prior, zeta_bounds
+from femupdate.workflow.model import damping_parameter, theta_prior
 
 GRID = 0.2 * np.arange(1, 61)
 FLOORS, THETA, SD = ("2F", "3F", "RF"), np.array([0.7, 1.4, 0.9]), 0.02
@@ -31,7 +31,7 @@ def test_the_error_of_an_effect_s_own_model_is_part_of_its_size(
         reduced_of(building),
         damping_law(building),
         box,
-        zeta_bounds(building),
+        (damping_parameter(building).lower, damping_parameter(building).upper),
         seen,
     )
     problem = replace(problem, own_error=error)

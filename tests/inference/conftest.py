@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from femupdate.inference.prior import UniformPrior
+from femupdate.inference.parameters import Parameters
 
 
 @pytest.fixture(scope="session")
@@ -15,7 +15,7 @@ def box():
 
     def make(lower, upper):
         names = tuple(f"theta_{i + 1}" for i in range(len(lower)))
-        return UniformPrior(
+        return Parameters.uniform(
             names,
             torch.tensor(lower, dtype=torch.float64),
             torch.tensor(upper, dtype=torch.float64),

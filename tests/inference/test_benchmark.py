@@ -15,7 +15,7 @@ from femupdate.dynamics.frf import log_frf
 from femupdate.dynamics.projection import reduce_lumped
 from femupdate.dynamics.system import System
 from femupdate.inference.likelihood import DataLikelihood
-from femupdate.inference.prior import UniformPrior
+from femupdate.inference.parameters import Parameters
 from femupdate.inference.smc import TemperedSmc
 from femupdate.measurement.observation import Observation
 
@@ -68,7 +68,7 @@ def test_the_four_modes_fit_equally_well(likelihood):
 
 @pytest.mark.slow
 def test_posterior_and_evidence_are_the_exact_ones(likelihood):
-    prior = UniformPrior(
+    prior = Parameters.uniform(
         ("theta_1", "theta_2", "theta_3", "theta_4"),
         torch.full((4,), 0.33, dtype=torch.float64),
         torch.full((4,), 3.0, dtype=torch.float64),

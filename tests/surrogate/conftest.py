@@ -8,7 +8,7 @@ import torch
 
 from femupdate.dynamics.projection import reduce_lumped
 from femupdate.dynamics.system import System
-from femupdate.inference.prior import UniformPrior
+from femupdate.inference.parameters import Parameters
 from femupdate.surrogate.dataset import DatasetPlan, compute_dataset
 from femupdate.surrogate.loss import LossSettings
 from femupdate.surrogate.sizes import NetworkSizes
@@ -41,7 +41,7 @@ def model():
 
 @pytest.fixture(scope="session")
 def prior():
-    return UniformPrior(
+    return Parameters.uniform(
         ("theta_1", "theta_2"),
         torch.tensor([0.5, 0.4], dtype=torch.float64),
         torch.tensor([2.0, 2.5], dtype=torch.float64),

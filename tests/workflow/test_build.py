@@ -12,10 +12,10 @@ from femupdate.workflow.build import build_study
 from femupdate.workflow.model import (
     DEFAULT_BUILDING,
     choose_building,
+    damping_parameter,
     load_reduced,
     open_study,
     save_reduced,
-    zeta_bounds,
 )
 from femupdate.workflow.pictures_modes import draw_model
 
@@ -223,8 +223,9 @@ def test_a_study_whose_building_file_is_damaged_says_so(tower):
 
 
 def test_the_damping_ratio_is_open_where_the_file_gives_a_range(tower_model):
-    assert tower_model.zeta_bounds == (0.01, 0.1)
-    assert zeta_bounds(load_building("shear_4dof")) is None
+    assert tower_model.damping.free
+    assert (tower_model.damping.lower, tower_model.damping.upper) == (0.01, 0.1)
+    assert not damping_parameter(load_building("shear_4dof")).free
     assert tower_model.prior.names == ("theta_1", "theta_2")
     assert tower_model.prior.lower.tolist() == [0.5, 0.5]
     np.testing.assert_allclose(tower_model.frequency_hz, 0.2 * np.arange(1, 61))

@@ -492,8 +492,8 @@ def test_draws_on_a_poor_decoder_are_not_trusted(many, frf_table):
     )
     assert report.posterior.theta.shape == (4, 64, 2)
     assert report.posterior.drawn.log_evidence is None
-    bounds = model.zeta_bounds
-    assert ((report.posterior.zeta >= bounds[0]) & (report.posterior.zeta <= bounds[1])).all()
+    low, high = model.damping.lower, model.damping.upper
+    assert ((report.posterior.zeta >= low) & (report.posterior.zeta <= high)).all()
     told = " ".join(report.notes)
     assert "responses of the reduced model corrected it, from" in told
     assert "too much beside a noise of 0.2: do not trust this posterior" in told

@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from femupdate.inference.prior import UniformPrior
+from femupdate.inference.parameters import Parameters
 from femupdate.inference.smc import THOROUGH, TemperedSmc
 from femupdate.progress import Silent
 from femupdate.workflow.sampling import ChainRunner
@@ -14,7 +14,9 @@ class KilledError(Exception):
 
 
 def sampler(fails_after=None):
-    prior = UniformPrior(("a", "b"), torch.zeros(2).double(), torch.tensor([1.0, 3.0]).double())
+    prior = Parameters.uniform(
+        ("a", "b"), torch.zeros(2).double(), torch.tensor([1.0, 3.0]).double()
+    )
     calls = 0
 
     def log_likelihood(theta):

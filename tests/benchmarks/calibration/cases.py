@@ -117,7 +117,7 @@ def simulate(
     """Draw theta and damping from the prior, and the response of some floors with noise."""
     unit = torch.from_numpy(rng.random((1, model.prior.size)))
     theta = model.prior.from_unit(unit)
-    low, high = model.zeta_bounds or (model.building.damping.ratio,) * 2
+    low, high = model.damping.lower, model.damping.upper
     zeta = torch.tensor([rng.uniform(low, high)], dtype=torch.float64)
     clean = _response(model, theta, zeta)[0].numpy()
     rows = [model.building.floors.index(name) for name in floors]
@@ -198,18 +198,13 @@ def _exact(
 
     The draws are of theta (n, p), with the damping ratio as one more column where it is unknown.
     """
-    bounds, size = model.zeta_bounds, model.prior.size
-    fixed = model.building.damping.ratio if bounds is None else None
-    target = DataLikelihood(model.system, building.observation, fixed, precision=torch.float32)
-    truth, prior = building.theta, model.prior
-    if bounds is not None:
-        prior = model.prior.joined("zeta", *bounds)
-        truth = np.append(truth, building.zeta)
-        # The latent likelihood does not know zeta: its posterior there is the prior.
-        generator = torch.Generator().manual_seed(seed)
-        zeta = torch.rand(len(start.theta), 1, generator=generator, dtype=torch.float64)
-        both = torch.cat([start.theta, bounds[0] + (bounds[1] - bounds[0]) * zeta], dim=1)
-        start = replace(start, theta=both)
+    size, prior = model.prior.size, model.parameters
+    target = DataLikelihood(model.system, building.observation, precision=torch.float32)
+    truth = np.append(building.theta, building.zeta)
+    # The latent likelihood does not know zeta: its posterior there is the prior.
+    generator = torch.Generator().manual_seed(seed)
+    zeta = prior.of("damping").sample(len(start.theta), generator)
+    start = replace(start, theta=torch.cat([start.theta, zeta], dim=1))
 
     def on_theta(parameters: torch.Tensor) -> torch.Tensor:
         return latent(parameters[:, :size])
@@ -228,9 +223,9 @@ def _simulated(
 
 def _zeta(model: StudyModel, latent: LatentLikelihood, start: SmcResult, seed: int) -> torch.Tensor:
     """Damping ratios (n, 1) that the latent posterior has beside theta; (n, 0) where known."""
-    if model.zeta_bounds is None:
+    if not model.damping.free:
         return start.theta[:, :0]
-    drawn = latent_zeta(latent.found, model.zeta_bounds, len(start.theta), seed)
+    drawn = latent_zeta(latent.found, model.damping, len(start.theta), seed)
     return torch.from_numpy(drawn)[:, None]
 
 

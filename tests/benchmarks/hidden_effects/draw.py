@@ -7,7 +7,7 @@ from femupdate.building.schema import Building
 from femupdate.effects.effect import Effect, Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import Structure
-from femupdate.workflow.model import theta_prior, zeta_bounds
+from femupdate.workflow.model import damping_parameter, theta_prior
 
 from .measurement import HiddenEffect
 from .uncatalogued import UNCATALOGUED
@@ -24,10 +24,10 @@ def draw_parameters(building: Building, rng: np.random.Generator) -> tuple[Float
     prior = theta_prior(building)
     low, high = prior.lower.numpy() * 1.5, prior.upper.numpy() / 1.5
     theta = np.exp(rng.uniform(np.log(low), np.log(high)))
-    bounds = zeta_bounds(building)
-    if bounds is None:
-        return theta, float(building.damping.ratio)
-    return theta, float(np.exp(rng.uniform(np.log(max(bounds[0], 0.008)), np.log(0.03))))
+    damping = damping_parameter(building)
+    if not damping.free:
+        return theta, damping.lower
+    return theta, float(np.exp(rng.uniform(np.log(max(damping.lower, 0.008)), np.log(0.03))))
 
 
 def draw_effects(

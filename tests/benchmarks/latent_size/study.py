@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from femupdate.inference.prior import UniformPrior
+from femupdate.inference.parameters import Parameters
 
 Respond = Callable[[Tensor], Tensor]
 """ln|H| (n, m) of parameters theta (n, p), float64."""
@@ -43,19 +43,19 @@ class SizeLoss:
     nats: float
 
 
-def box_coordinates(prior: UniformPrior, theta: Tensor) -> Tensor:
+def box_coordinates(prior: Parameters, theta: Tensor) -> Tensor:
     """Coordinates (n, p) of theta in the prior's box: square roots, scaled from -1 to 1."""
     low, high = prior.lower.sqrt(), prior.upper.sqrt()
     return 2.0 * (theta.sqrt() - low) / (high - low) - 1.0
 
 
-def from_box_coordinates(prior: UniformPrior, point: Tensor) -> Tensor:
+def from_box_coordinates(prior: Parameters, point: Tensor) -> Tensor:
     """The inverse of `box_coordinates`."""
     return _root(prior, point).square()
 
 
 def sensitive_directions(
-    respond: Respond, prior: UniformPrior, count: int, generator: torch.Generator
+    respond: Respond, prior: Parameters, count: int, generator: torch.Generator
 ) -> tuple[Tensor, Tensor]:
     """Eigenvalues (p,) and eigenvectors (p, p), in columns, of the mean outer product of slopes.
 
@@ -84,7 +84,7 @@ def sensitive_directions(
 
 def size_losses(
     respond: Respond,
-    prior: UniformPrior,
+    prior: Parameters,
     directions: Tensor,
     sizes: Sequence[int],
     noise_sd: float,
@@ -119,9 +119,7 @@ def enough_coordinates(losses: Sequence[SizeLoss], full: int) -> int:
     return min((one.coordinates for one in losses if one.nats < RESOLUTION), default=full)
 
 
-def _resliced(
-    prior: UniformPrior, point: Tensor, free: Tensor, generator: torch.Generator
-) -> Tensor:
+def _resliced(prior: Parameters, point: Tensor, free: Tensor, generator: torch.Generator) -> Tensor:
     """Other draws (n, p) of the prior where only the directions `free` (p, q) may change.
 
     Hit-and-run within the slice of the box (Smith 1984, Oper. Res. 32, 1296): a point anywhere on
@@ -143,6 +141,6 @@ def _resliced(
     return point
 
 
-def _root(prior: UniformPrior, point: Tensor) -> Tensor:
+def _root(prior: Parameters, point: Tensor) -> Tensor:
     low, high = prior.lower.sqrt(), prior.upper.sqrt()
     return low + 0.5 * (point + 1.0) * (high - low)

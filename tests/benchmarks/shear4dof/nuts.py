@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from femupdate.errors import InferenceError
-from femupdate.inference.prior import UniformPrior
+from femupdate.inference.parameters import Parameters
 from femupdate.inference.smc import LogLikelihood
 
 from .case import Shear4dof
@@ -49,7 +49,7 @@ def require_pyro() -> Any:
 
 
 def nuts_chain(
-    prior: UniformPrior,
+    prior: Parameters,
     log_likelihood: LogLikelihood,
     iterations: int,
     seed: int,

@@ -11,14 +11,14 @@ from femupdate.benchmarks.latent_size.study import (
     size_losses,
 )
 
-from femupdate.inference.prior import UniformPrior
+from femupdate.inference.parameters import Parameters
 
 LOWER, UPPER = 1.0 / 3.0, 3.0
 
 
 def prior(size):
     ends = (torch.full((size,), end, dtype=torch.float64) for end in (LOWER, UPPER))
-    return UniformPrior(tuple(f"theta_{k}" for k in range(size)), *ends)
+    return Parameters.uniform(tuple(f"theta_{k}" for k in range(size)), *ends)
 
 
 def linear(matrix):

@@ -14,7 +14,7 @@ from femupdate.benchmarks.shipped import benchmark_model
 
 from femupdate.errors import InferenceError
 from femupdate.inference.likelihood import LatentLikelihood
-from femupdate.inference.prior import UniformPrior
+from femupdate.inference.parameters import Parameters
 from femupdate.workflow.surrogates import shipped_surrogate
 
 
@@ -27,7 +27,7 @@ def test_without_pyro_one_sentence_says_what_to_install(tmp_path, monkeypatch):
 def test_a_gaussian(monkeypatch):
     pytest.importorskip("pyro")
     bounds = (torch.zeros(2, dtype=torch.float64), torch.tensor([1.0, 3.0], dtype=torch.float64))
-    prior = UniformPrior(("a", "b"), *bounds)
+    prior = Parameters.uniform(("a", "b"), *bounds)
 
     def log_likelihood(theta):
         xi = prior.to_normal(theta)

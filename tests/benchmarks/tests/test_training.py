@@ -34,7 +34,7 @@ from femupdate.benchmarks.training.run import OURS, PUBLISHED, Reached, Training
 from scipy.stats import norm
 
 from femupdate.errors import ReportError, SurrogateError
-from femupdate.inference.prior import UniformPrior
+from femupdate.inference.parameters import Parameters
 
 PARTS = ("parameter_encoder", "observation_encoder", "decoder")
 NOISE = 0.2
@@ -132,7 +132,7 @@ def test_the_noise_of_input_and_target_is_independent(width):
 def test_the_published_training_learns():
     """Its own loss, with the same noise and without dropout, before and after a few steps."""
     data = held_out(512)
-    box = UniformPrior(tuple("abc"), torch.zeros(3).double(), torch.ones(3).double())
+    box = Parameters.uniform(tuple("abc"), torch.zeros(3).double(), torch.ones(3).double())
     torch.manual_seed(0)  # of dropout
     network = start_published(box, data.log_frf[:500], NOISE, seed=0)
     training = published_training(network, data.theta, data.log_frf, NOISE, seed=0)

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import torch
 from torch import Tensor
 
-from femupdate.inference.prior import UniformPrior
+from femupdate.inference.parameters import Parameters
 
 from .published_network import PublishedNetwork
 
@@ -16,7 +16,7 @@ RECONSTRUCTION = 10.0
 
 
 def start_published(
-    prior: UniformPrior, log_frf: Tensor, noise_sd: float, seed: int
+    prior: Parameters, log_frf: Tensor, noise_sd: float, seed: int
 ) -> PublishedNetwork:
     """A network with fresh weights that knows the prior's box and the scale of some FRFs (n, k)."""
     with torch.random.fork_rng(devices=[]):

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import kstest, norm, truncnorm, uniform
 
-from femupdate.inference.prior import TruncatedPrior
+from femupdate.inference.parameters import Parameter, Parameters
 
 lower = st.floats(-50.0, 50.0)
 width = st.floats(1e-3, 100.0)
@@ -77,8 +77,8 @@ def test_samples_are_uniform_and_repeat_with_the_seed(box):
 
 
 def test_a_box_upside_down_is_refused(box):
-    with pytest.raises(ValueError, match="upper bound"):
-        box([1.0, 0.0], [2.0, 0.0])
+    with pytest.raises(ValueError, match="theta_2: the upper bound -1 is below"):
+        box([1.0, 0.0], [2.0, -1.0])
 
 
 def test_as_many_names_as_bounds(box):
@@ -87,10 +87,18 @@ def test_as_many_names_as_bounds(box):
 
 
 def mixed():
-    """A uniform parameter, a normal one within wide limits, and half of one."""
-    columns = ([0.3, -0.5, 0.0], [3.0, 0.5, 2.0], [0.0, 0.1, 0.0], [np.inf, 0.2, 0.4])
-    tensors = (torch.tensor(values, dtype=torch.float64) for values in columns)
-    return TruncatedPrior(("theta_1", "a.size", "b.size"), *tensors)
+    """A uniform parameter, a normal one within wide limits, a known one, and half of a normal."""
+    return Parameters(
+        (
+            Parameter(name="theta_1", kind="stiffness", lower=0.3, upper=3.0),
+            Parameter(name="a", kind="effect", lower=-0.5, upper=0.5, centre=0.1, scale=0.2),
+            Parameter(name="zeta", kind="damping", lower=0.02, upper=0.02),
+            Parameter(name="b", kind="effect", lower=0.0, upper=2.0, scale=0.4),
+        )
+    )
+
+
+FREE = [0, 1, 3]
 
 
 def expected(column):
@@ -104,27 +112,56 @@ def test_normal_parameters_within_limits_are_those_of_scipy():
     prior, unit = mixed(), np.linspace(0.001, 0.999, 41)
     theta = prior.from_unit(torch.from_numpy(np.tile(unit[:, None], 3)))
     for column in range(3):
-        np.testing.assert_allclose(theta[:, column], expected(column).ppf(unit), rtol=1e-9)
+        np.testing.assert_allclose(theta[:, FREE[column]], expected(column).ppf(unit), rtol=1e-9)
     np.testing.assert_allclose(prior.to_unit(theta), np.tile(unit[:, None], 3), rtol=1e-9)
     normal = prior.to_normal(theta)
     np.testing.assert_allclose(prior.from_normal(normal), theta, rtol=1e-8)
     drawn = prior.sample(4000, torch.Generator().manual_seed(1))
     # One test in a thousand fails by chance; the seed does not.
-    assert all(kstest(drawn[:, k], expected(k).cdf).pvalue > 1e-3 for k in range(3))
+    columns = enumerate(FREE)
+    assert all(kstest(drawn[:, k], expected(n).cdf).pvalue > 1e-3 for n, k in columns)
 
 
 def test_far_out_is_still_inside():
     prior = mixed()
     ends = prior.from_normal(torch.tensor([[-40.0] * 3, [40.0] * 3], dtype=torch.float64))
     np.testing.assert_allclose(ends[0], prior.lower, atol=1e-9)
-    np.testing.assert_allclose(ends[1, :2], prior.upper[:2], atol=1e-9)
+    np.testing.assert_allclose(ends[1, :3], prior.upper[:3], atol=1e-9)
     assert bool(torch.isfinite(ends).all())
     assert bool((ends <= prior.upper).all())
 
 
+@settings(deadline=None)
+@given(unit=st.lists(share, min_size=3, max_size=3))
+def test_the_density_is_that_of_scipy(unit):
+    prior = mixed()
+    values = prior.from_unit(torch.tensor([unit], dtype=torch.float64))
+    known = sum(expected(n).logpdf(float(values[0, k])) for n, k in enumerate(FREE))
+    assert float(prior.log_density(values)) == pytest.approx(known, rel=1e-9, abs=1e-9)
+
+
+@settings(deadline=None)
+@given(xi=st.lists(st.floats(-5.0, 5.0), min_size=3, max_size=3))
+def test_a_known_parameter_has_no_coordinate(xi):
+    prior = mixed()
+    values = prior.from_normal(torch.tensor([xi], dtype=torch.float64))
+    assert (prior.size, values.shape) == (3, (1, 4))
+    assert float(values[0, 2]) == 0.02
+    np.testing.assert_allclose(prior.to_normal(values)[0], xi, atol=1e-6)
+    assert prior.of("damping").from_normal(values.new_zeros(2, 0)).tolist() == [[0.02], [0.02]]
+
+
+def test_values_by_their_kinds():
+    values = mixed().split(torch.tensor([[1.0, 2.0, 3.0, 4.0], [5.0, 6.0, 7.0, 8.0]]))
+    assert values.theta.tolist() == [[1.0], [5.0]]
+    assert values.zeta.tolist() == [3.0, 7.0]
+    assert values.sizes.tolist() == [[2.0, 4.0], [6.0, 8.0]]
+
+
 def test_a_damping_ratio_joins_as_uniform():
-    wide, unit = mixed().joined("zeta", 0.01, 0.05), torch.full((1, 4), 0.25).double()
-    assert wide.names[-1] == "zeta"
-    assert float(wide.from_unit(unit)[0, 3]) == pytest.approx(0.02)
-    np.testing.assert_allclose(wide.from_unit(unit)[:, :3], mixed().from_unit(unit[:, :3]))
-    assert torch.equal(wide.to("cpu").scale, wide.scale)
+    ratio = Parameter(name="ratio", kind="damping", lower=0.01, upper=0.05)
+    wide, unit = mixed() + Parameters((ratio,)), torch.full((1, 4), 0.25).double()
+    assert wide.names[-1] == "ratio"
+    assert float(wide.from_unit(unit)[0, -1]) == pytest.approx(0.02)
+    np.testing.assert_allclose(wide.from_unit(unit)[:, :4], mixed().from_unit(unit[:, :3]))
+    assert torch.equal(wide.to("cpu").lower, wide.lower)

@@ -1,0 +1,235 @@
+"""What is inferred: one named vector with its priors and one map to standard normal coordinates."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal
+
+import torch
+from torch import Tensor
+
+Kind = Literal["stiffness", "effect", "damping"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameter:
+    """One number that is inferred, or known where its bounds are one.
+
+    Attributes:
+        name: as in "theta_1".
+        kind: a stiffness factor, a parameter of an effect, or the damping ratio.
+        lower, upper: bounds.
+        neutral: value at which it changes nothing.
+        centre, scale: mean and standard deviation of a normal prior within the bounds; uniform
+            where the scale is infinite.
+    """
+
+    name: str
+    kind: Kind
+    lower: float
+    upper: float
+    neutral: float = 1.0
+    centre: float = 0.0
+    scale: float = math.inf
+
+    def __post_init__(self) -> None:
+        if not self.upper >= self.lower:
+            raise ValueError(f"{self.name}: the upper bound {self.upper:g} is below the lower one")
+
+    @property
+    def free(self) -> bool:
+        """Whether it is inferred: a parameter of zero width is known."""
+        return self.upper > self.lower
+
+
+@dataclass(frozen=True)
+class Values:
+    """Parameters by their kinds.
+
+    Attributes:
+        theta: (n, p) stiffness factors.
+        zeta: (n,) damping ratios; (0,) where no damping ratio is among the parameters.
+        sizes: (n, q) parameters of effects.
+    """
+
+    theta: Tensor
+    zeta: Tensor
+    sizes: Tensor
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """Independent parameters with their priors.
+
+    Samplers work in the standard normal coordinates xi (n, d) of the d free parameters, in which
+    every point is inside the bounds and the prior density is exp(-|xi|^2 / 2). Vectors of all p
+    parameters are (n, p), known ones among them.
+
+    Attributes:
+        entries: the parameters in their order.
+        device: of the tensors.
+    """
+
+    entries: tuple[Parameter, ...]
+    device: torch.device | str = "cpu"
+
+    @staticmethod
+    def uniform(
+        names: Sequence[str],
+        lower: Sequence[float] | Tensor,
+        upper: Sequence[float] | Tensor,
+        kind: Kind = "stiffness",
+    ) -> "Parameters":
+        """Uniform parameters of one kind on a box."""
+        bounds = zip(names, _plain(lower), _plain(upper), strict=True)
+        return Parameters(
+            tuple(Parameter(name=n, kind=kind, lower=a, upper=b) for n, a, b in bounds)
+        )
+
+    def __add__(self, other: "Parameters") -> "Parameters":
+        """These and more behind them."""
+        return replace(self, entries=(*self.entries, *other.entries))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """p names."""
+        return tuple(one.name for one in self.entries)
+
+    @cached_property
+    def size(self) -> int:
+        """Number of free parameters d."""
+        return sum(one.free for one in self.entries)
+
+    @cached_property
+    def lower(self) -> Tensor:
+        """(p,) float64."""
+        return self._column([one.lower for one in self.entries])
+
+    @cached_property
+    def upper(self) -> Tensor:
+        """(p,) float64."""
+        return self._column([one.upper for one in self.entries])
+
+    def of(self, *kinds: Kind) -> "Parameters":
+        """Those of some kinds."""
+        return replace(self, entries=tuple(one for one in self.entries if one.kind in kinds))
+
+    def to(self, device: torch.device | str) -> "Parameters":
+        """The same on another device."""
+        return replace(self, device=device)
+
+    def split(self, values: Tensor) -> Values:
+        """Parameters (n, p) by their kinds."""
+        theta, zeta, sizes = (
+            values[:, [k for k, one in enumerate(self.entries) if one.kind == kind]]
+            for kind in ("stiffness", "damping", "effect")
+        )
+        return Values(theta, zeta.flatten(), sizes)
+
+    def sample(self, count: int, generator: torch.Generator) -> Tensor:
+        """Draw (count, p) from the prior."""
+        unit = torch.rand(
+            count, self.size, generator=generator, dtype=torch.float64, device=self.device
+        )
+        return self.from_unit(unit)
+
+    def from_unit(self, unit: Tensor) -> Tensor:
+        """Map the unit cube (n, d) to the parameters (n, p), evenly in probability."""
+        free, normal = self._free, self._normal
+        own = free.lower + (free.upper - free.lower) * unit
+        if normal.columns:
+            share = normal.low + (normal.high - normal.low) * unit[..., normal.columns]
+            # At a limit far out a share may round to one.
+            scaled = torch.special.ndtri(share.clamp(1e-300, 1.0 - 1e-16))
+            inside = normal.centre + normal.scale * scaled
+            own = own.clone()
+            own[..., normal.columns] = inside.clamp(normal.lower, normal.upper)
+        if self.size == len(self.entries):
+            return own
+        values = self.lower.expand(*unit.shape[:-1], -1).clone()
+        values[..., free.columns] = own
+        return values
+
+    def to_unit(self, values: Tensor) -> Tensor:
+        """Map the parameters (n, p) to the unit cube (n, d)."""
+        free, normal = self._free, self._normal
+        own = values[..., free.columns]
+        unit = (own - free.lower) / (free.upper - free.lower)
+        scaled = (own[..., normal.columns] - normal.centre) / normal.scale
+        share = (torch.special.ndtr(scaled) - normal.low) / (normal.high - normal.low)
+        unit[..., normal.columns] = share
+        return unit
+
+    def from_normal(self, xi: Tensor) -> Tensor:
+        """Map standard normal coordinates (n, d) to the parameters (n, p)."""
+        return self.from_unit(torch.special.ndtr(xi))
+
+    def to_normal(self, values: Tensor) -> Tensor:
+        """Map the parameters to standard normal coordinates; bounds go to +-infinity."""
+        return torch.special.ndtri(self.to_unit(values))
+
+    def log_density_normal(self, xi: Tensor) -> Tensor:
+        """Log prior density (n,) of standard normal coordinates, up to a constant."""
+        return -0.5 * (xi**2).sum(-1)
+
+    def log_density(self, values: Tensor) -> Tensor:
+        """Log prior density (n,) of the free ones among parameters (n, p), inside the bounds."""
+        free, normal = self._free, self._normal
+        flat = -(free.upper - free.lower).log().repeat(len(values), 1)
+        scaled = (values[:, free.columns][:, normal.columns] - normal.centre) / normal.scale
+        density = -0.5 * scaled**2 - 0.5 * math.log(2.0 * math.pi) - normal.scale.log()
+        flat[:, normal.columns] = density - (normal.high - normal.low).log()
+        return flat.sum(-1)
+
+    @cached_property
+    def _free(self) -> "_Free":
+        """The free parameters among all."""
+        chosen = [k for k, one in enumerate(self.entries) if one.free]
+        ends = (self._column([getattr(self.entries[k], end) for k in chosen]) for end in _ENDS)
+        return _Free(chosen, *ends)
+
+    @cached_property
+    def _normal(self) -> "_Normal":
+        """Those with a normal prior among the free ones."""
+        free = [one for one in self.entries if one.free]
+        chosen = [k for k, one in enumerate(free) if math.isfinite(one.scale)]
+        lower, upper, centre, scale = (
+            self._column([getattr(free[k], name) for k in chosen])
+            for name in (*_ENDS, "centre", "scale")
+        )
+        low, high = (torch.special.ndtr((end - centre) / scale) for end in (lower, upper))
+        return _Normal(chosen, lower, upper, centre, scale, low, high)
+
+    def _column(self, values: Sequence[float]) -> Tensor:
+        return torch.tensor(values, dtype=torch.float64, device=self.device)
+
+
+_ENDS = ("lower", "upper")
+
+
+@dataclass(frozen=True)
+class _Free:
+    """Columns among all parameters, and bounds (d,)."""
+
+    columns: list[int]
+    lower: Tensor
+    upper: Tensor
+
+
+@dataclass(frozen=True)
+class _Normal:
+    """Columns among the free parameters, bounds, centre and scale of normal priors, and the
+    normal's probability below either end."""
+
+    columns: list[int]
+    lower: Tensor
+    upper: Tensor
+    centre: Tensor
+    scale: Tensor
+    low: Tensor
+    high: Tensor
+
+
+def _plain(values: Sequence[float] | Tensor) -> list[float]:
+    return values.tolist() if isinstance(values, Tensor) else list(values)
