@@ -69,12 +69,13 @@ def read_posterior(content: Content) -> Figures:
         posterior["zeta"] = [content["zeta"]["mean"], content["zeta"]["sd"]]
     figures: Figures = {"posterior": posterior}
     if "log_evidence" in content:
-        error = content["log_evidence_sd"]
+        # Versions before the redesign call it a standard deviation.
+        error = content.get("log_evidence_error", content.get("log_evidence_sd"))
         figures["evidence"] = {"log evidence": [content["log_evidence"], error]}
     figures["shown"] = {
         "misfit": content["misfit"],
         "evaluations": content["evaluations"],
-        "largest r-hat": max((v for v in content["r_hat"] if v is not None), default=None),
+        "largest r-hat": max((v for v in content["r_hat"] or () if v is not None), default=None),
     }
     solutions = sorted(content["identifiability"].get("modes", []), key=lambda one: one["mean"])
     for k, one in enumerate(solutions, 1):
