@@ -14,6 +14,7 @@ from femupdate.atomic import atomic_path
 from femupdate.errors import StudyError
 
 MANIFEST = "study.json"
+BUILDING_FILE = "building.toml"
 
 
 def write_text(path: Path | str, text: str) -> None:

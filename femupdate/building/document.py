@@ -93,3 +93,8 @@ def mechanics_hash(building: Building) -> str:
     if not building.damping.is_rayleigh and building.prior.zeta is not None:
         document["damping"] = {"law": building.damping.law}
     return _digest(document)
+
+
+def without_effects(building: Building) -> Building:
+    """The same building without its effects."""
+    return building.model_copy(update={"effects": ()})

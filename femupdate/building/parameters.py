@@ -51,6 +51,21 @@ def stiffness_factors(building: Building) -> tuple[StiffnessFactor, ...]:
     )
 
 
+def factor_titles(building: Building) -> dict[str, str]:
+    """Return what every stiffness factor is of, by its name: "story S3" or "walls of story S3"."""
+    names = building.story_names
+    return {
+        one.name: f"{one.kind} of story {names[one.story]}"
+        if one.kind
+        else _story(names[one.story])
+        for one in stiffness_factors(building)
+    }
+
+
+def _story(name: str) -> str:
+    return name if "story" in name.lower() else f"story {name}"
+
+
 def factor_ranges(building: Building) -> dict[str, tuple[float, float]]:
     """Return lowest and highest value of every stiffness factor, by its name."""
     ranges = {

@@ -18,7 +18,7 @@ from femupdate.fe.assembly import AffineOperators
 from femupdate.fe.export_opensees import opensees_script
 from femupdate.fe.solve import Modes, lowest_modes
 from femupdate.progress import Progress, Silent
-from femupdate.study import Study, atomic_path, write_text
+from femupdate.study import BUILDING_FILE, Study, atomic_path, write_text
 from femupdate.tables import table
 from femupdate.workflow.model import (
     KeptReduction,
@@ -186,7 +186,7 @@ def _refuse_other(study: Study, building: Building) -> None:
     """A study with a posterior keeps its building."""
     from femupdate.building.files import mechanics_hash
 
-    kept = study.path("building.toml")
+    kept = study.path(BUILDING_FILE)
     if not kept.exists() or "posterior" not in study.artefacts():
         return
     own = load_building(kept)

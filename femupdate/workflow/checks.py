@@ -9,7 +9,7 @@ from femupdate.building.files import mechanics_hash
 from femupdate.errors import InferenceError
 from femupdate.inference.encoder_input import encoder_input
 from femupdate.progress import Progress
-from femupdate.study import Study
+from femupdate.study import BUILDING_FILE, Study
 from femupdate.surrogate.storage import load_surrogate
 from femupdate.surrogate.training import TrainingSettings
 from femupdate.workflow.calibrate_settings import CalibrationSettings
@@ -49,7 +49,7 @@ def check_calibration(
     observation = observation_of(chosen, source)
     if not settings.exact:
         check_amortisable(chosen)
-        known = study.path("building.toml").exists()
+        known = study.path(BUILDING_FILE).exists()
         surrogate = require_surrogate(study, chosen, None if known else building)
         encoder_input(observation, surrogate.info.floors)
 

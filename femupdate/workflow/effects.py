@@ -9,6 +9,7 @@ import torch
 
 from femupdate.arrays import Flags, Floats
 from femupdate.atomic import atomic_path
+from femupdate.building.document import without_effects
 from femupdate.building.effect_entry import EffectEntry
 from femupdate.building.files import mechanics_hash
 from femupdate.building.frame import FrameBuilding
@@ -139,11 +140,6 @@ def keep_basis(study: Study, reduced: ReducedStructure, building: Building) -> P
         np.savez(file, basis=reduced.basis)
     study.record(BASIS, _FILE, "diagnose", finder_origin(building), {"size": reduced.model.size})
     return path
-
-
-def without_effects(building: Building) -> Building:
-    """The same building without its effects."""
-    return building.model_copy(update={"effects": ()})
 
 
 def building_effects(building: Building) -> BuildingEffects:

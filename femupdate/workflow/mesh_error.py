@@ -7,6 +7,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from femupdate.arrays import Floats
+from femupdate.building.document import without_effects
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.schema import Building
 from femupdate.discrepancy.mesh_error import MeshError, learn_mesh_error
@@ -15,7 +16,7 @@ from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.effects.structure import Structure, structure_of
 from femupdate.progress import Progress, Silent
 from femupdate.study import Study, write_text
-from femupdate.workflow.effects import finder_origin, structure_near, without_effects
+from femupdate.workflow.effects import finder_origin, structure_near
 from femupdate.workflow.model import theta_prior
 
 MESH_ERROR = "mesh error"

@@ -27,11 +27,10 @@ from femupdate.errors import StudyError
 from femupdate.inference.likelihood import SharedErrors
 from femupdate.inference.parameters import Parameter, Parameters
 from femupdate.progress import SILENT, Progress
-from femupdate.study import Study, atomic_path
+from femupdate.study import BUILDING_FILE, Study, atomic_path
 
 DEFAULT_BUILDING = "six_story_wall_frame"
 REDUCED = "reduced model"
-_BUILDING_FILE = "building.toml"
 _REDUCED_FILE = "reduced_model.npz"
 _ARRAYS = (
     "stiffness_terms",
@@ -165,7 +164,7 @@ def open_study(
 
 def keep_model(study: Study, building: Building, reduced: KeptReduction) -> StudyModel:
     """Write a building and its reduced model into a study."""
-    save_building(building, study.path(_BUILDING_FILE))
+    save_building(building, study.path(BUILDING_FILE))
     save_reduced(reduced.model, reduced.rms_error, study.path(_REDUCED_FILE))
     model = _study_model(building, reduced.model, reduced.rms_error)
     study.record(REDUCED, _REDUCED_FILE, "build-model", model.made_from(), reduced.settings)
@@ -225,7 +224,7 @@ def choose_building(study: Study, name: str | None) -> Building:
     Raises:
         StudyError: the study holds another building than the one asked for.
     """
-    kept = study.path(_BUILDING_FILE)
+    kept = study.path(BUILDING_FILE)
     if not kept.exists():
         return load_building(name or DEFAULT_BUILDING)
     own = load_building(kept)

@@ -9,6 +9,7 @@ from femupdate.progress import Progress, Silent
 from femupdate.study import Study
 from femupdate.workflow.calibrate_draws import predictive_log_frf
 from femupdate.workflow.calibration_report import CalibrationReport
+from femupdate.workflow.compare import CompareReport
 from femupdate.workflow.effect_surrogate import open_system
 
 
@@ -71,3 +72,20 @@ def draw_cases(study: Study, cases: dict[str, CalibrationReport], truth: tuple[f
         truth,
     )
     return save_figure(figure, study.path("pictures", "posterior_cases.png"))
+
+
+def draw_comparison(report: CompareReport, path: Path) -> Path:
+    """Draw the intervals of all factors before and after."""
+    from femupdate.report.figure import save_figure
+    from femupdate.report.plot_intervals import theta_intervals
+    from femupdate.report.plot_posterior import SampleSet
+
+    prior = report.before.posterior
+    columns = [prior.names.index(name) for name in report.names]
+    figure = theta_intervals(
+        report.titles,
+        [SampleSet(*case) for case in zip(("Before", "After"), report.draws, strict=True)],
+        np.column_stack([prior.lower, prior.upper])[columns],
+        title="Stiffness factors before and after",
+    )
+    return save_figure(figure, path)

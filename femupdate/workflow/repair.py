@@ -19,7 +19,7 @@ from femupdate.discrepancy.repair import repair as mend
 from femupdate.discrepancy.residual_map import p_value
 from femupdate.discrepancy.thresholds import DiagnosisSettings
 from femupdate.progress import Progress, Silent
-from femupdate.study import Study, file_hash, write_text
+from femupdate.study import BUILDING_FILE, Study, file_hash, write_text
 from femupdate.workflow.amplitude import level_settings
 from femupdate.workflow.diagnose import ModelParts, model_parts, prepared, refined, sought
 from femupdate.workflow.held_out import Held, hold
@@ -189,7 +189,7 @@ def repair_study(
         repair=done,
         problem=problem,
         building=building,
-        building_path=None if kept is None else kept.path("building.toml"),
+        building_path=None if kept is None else kept.path(BUILDING_FILE),
         study=kept,
         theta_before=before.theta,
         theta_after=after.theta,

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from femupdate.building.document import without_effects
 from femupdate.building.files import save_building
 from femupdate.building.schema import Building
 from femupdate.discrepancy.mesh_error import MeshError
@@ -13,14 +14,13 @@ from femupdate.discrepancy.repair import Repair
 from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.inference.posterior import DrawnBy, Posterior, save_posterior
 from femupdate.measurement.observation import Observation
-from femupdate.study import Study, file_hash
+from femupdate.study import BUILDING_FILE, Study, file_hash
 from femupdate.workflow.calibration_report import POSTERIOR
 from femupdate.workflow.effects import (
     building_effects,
     effect_parameters,
     keep_basis,
     with_effect,
-    without_effects,
 )
 from femupdate.workflow.mesh_error import keep_mesh_error
 from femupdate.workflow.model import KeptReduction, StudyModel, keep_model, open_study
@@ -60,7 +60,7 @@ def keep_repaired(
     """
     kept = Study(study.path(REPAIRED))
     kept.folder.mkdir(parents=True, exist_ok=True)
-    save_building(building, kept.path("building.toml"))
+    save_building(building, kept.path(BUILDING_FILE))
     keep_model(kept, building, KeptReduction.again(model))
     if reduced.structure.operators is not None:
         keep_basis(kept, reduced, building)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from femupdate.errors import StudyError
 from femupdate.inference.identifiability import Identifiability, identifiability
 from femupdate.inference.posterior import Posterior
 from femupdate.inference.predictive_check import PredictiveCheck
@@ -83,3 +84,20 @@ def identifiability_record(found: Identifiability) -> dict[str, Any]:
 
 def _named(names: Sequence[str], values: ArrayLike) -> dict[str, float]:
     return {name: float(v) for name, v in zip(names, np.asarray(values), strict=True)}
+
+
+def kept_summary(study: Study) -> dict[str, Any]:
+    """What `write_summary` wrote; empty where there is none, as after a repair.
+
+    Raises:
+        StudyError: the file cannot be read.
+    """
+    path = study.path(SUMMARY)
+    if not path.exists():
+        return {}
+    try:
+        return dict(json.loads(path.read_text(encoding="utf-8")))
+    except (OSError, ValueError, TypeError) as error:
+        raise StudyError(
+            f"{path} cannot be read ({error}); run `femupdate calibrate` again"
+        ) from error

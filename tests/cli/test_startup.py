@@ -14,7 +14,8 @@ from femupdate.cli.main import group
 
 COMMANDS = group.list_commands(click.Context(group))
 BENCHMARKS = benchmarks.list_commands(click.Context(benchmarks))
-WITH_STUDY = [name for name in COMMANDS if name not in ("benchmark", "inspect", "list", "examples")]
+WITHOUT_STUDY = ("benchmark", "compare", "examples", "inspect", "list")
+WITH_STUDY = [name for name in COMMANDS if name not in (*WITHOUT_STUDY, "status")]
 WORK = ["build-model", "train", "calibrate", "predict", "render"]
 HEAVY = ("torch", "scipy", "pyvista", "vtkmodules", "matplotlib", "pydantic", "xarray", "numpy")
 
@@ -59,11 +60,11 @@ def test_nothing_heavy_is_imported_to_say_what_there_is(arguments):
     assert imported(*arguments)[1] == []
 
 
-@pytest.mark.parametrize("command", ["inspect", "list", "examples"])
+@pytest.mark.parametrize("command", ["compare", "examples", "inspect", "list"])
 def test_nothing_heavy_is_imported_for_the_help_of_a_command_without_a_study(command):
     text, heavy = imported(command, "--help")
     assert heavy == []
-    assert "--study" not in text
+    assert "\n  --study" not in text
     for option in ("--json", "--verbose"):
         assert option in text
 

@@ -1,0 +1,124 @@
+"""Which stiffness factors changed between two posteriors of one building.
+
+With flat priors, two independent normal posteriors of ln theta say of the change delta that the
+difference d of their means is normal about delta, with the sum S of their covariances. Each factor
+has changed or not; a change is normal about zero with the deviation `SCALE` (spike and slab,
+George and McCulloch 1993, JASA 88, 881). The evidence of every set of changed factors is then
+known in closed form, and so is the probability of each. One more hypothesis is a change of all
+factors alike, as temperature, level of motion or a wrong mass bring about.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from femupdate.arrays import Floats
+
+SCALE = 0.2  # prior standard deviation of ln of a change: damage of a tenth to a third
+NONE = 0.5  # prior probability that nothing changed
+NAMED = 0.95  # probability from which a factor counts as changed
+_ALL_SETS = 10  # factors up to which every set of them is tried; of more, sets of three at most
+
+
+@dataclass(frozen=True, kw_only=True)
+class Changes:
+    """What changed, by p factors.
+
+    Attributes:
+        none: probability that nothing changed.
+        alike: probability that all factors changed alike; of a single factor, that it changed.
+        probability: (p,) that a factor changed, alone or with others.
+        size: (p,) mean of ln(after / before) where it changed.
+        size_sd: (p,) its standard deviation.
+        visible: (p,) smallest |ln(after / before)| of one factor alone that would be named.
+    """
+
+    none: float
+    alike: float
+    probability: Floats
+    size: Floats
+    size_sd: Floats
+    visible: Floats
+
+
+@dataclass(frozen=True)
+class _Hypothesis:
+    """Columns (p, k) that a change is made of, and the log of its prior probability."""
+
+    design: Floats
+    log_prior: float
+
+
+def changes(before: Floats, after: Floats) -> Changes:
+    """Probabilities that factors changed.
+
+    Args:
+        before, after: (n, p) and (m, p) draws of ln theta of two posteriors, from data that share
+            no noise.
+    """
+    shift = after.mean(axis=0) - before.mean(axis=0)
+    precision = np.asarray(np.linalg.inv(_covariance(before) + _covariance(after)), float)
+    tried = list(_hypotheses(len(shift)))
+    fits = [_fit(one.design, precision, shift) for one in tried]
+    log_weight = np.array([one.log_prior + fit[0] for one, fit in zip(tried, fits, strict=True)])
+    weight = np.exp(log_weight - log_weight.max())
+    weight /= weight.sum()
+    involved = np.array([(one.design != 0.0).any(axis=1) for one in tried])
+    share = weight[:, None] * involved
+    probability = share.sum(axis=0)
+    inside = share / np.maximum(probability, 1e-300)
+    means, variances = (np.array([fit[k] for fit in fits]) for k in (1, 2))
+    size = (inside * means).sum(axis=0)
+    square = (inside * (variances + means**2)).sum(axis=0) - size**2
+    return Changes(
+        none=float(weight[0]),
+        alike=float(weight[-1]),
+        probability=probability,
+        size=size,
+        size_sd=np.sqrt(square.clip(0.0)),
+        visible=_visible(precision),
+    )
+
+
+def _covariance(draws: Floats) -> Floats:
+    return np.atleast_2d(np.cov(draws.T))
+
+
+def _single(count: int) -> float:
+    """Prior probability of a change of one of `count` factors."""
+    return 1.0 - NONE ** (1.0 / count)
+
+
+def _hypotheses(count: int) -> Iterator[_Hypothesis]:
+    """Nothing first, then every set of factors, all alike last."""
+    one = _single(count)
+    most = count if count <= _ALL_SETS else 3
+    for size in range(most + 1):
+        prior = size * math.log(one) + (count - size) * math.log1p(-one)
+        for chosen in combinations(range(count), size):
+            yield _Hypothesis(np.eye(count)[:, list(chosen)], prior)
+    if count > 1:
+        yield _Hypothesis(np.ones((count, 1)), math.log(one) + (count - 1) * math.log1p(-one))
+
+
+def _fit(design: Floats, precision: Floats, shift: Floats) -> tuple[float, Floats, Floats]:
+    """Log evidence over that of no change; mean and variance (p,) of the change."""
+    inner = design.T @ precision @ design
+    pull = design.T @ precision @ shift
+    inverse = np.linalg.inv(inner + np.eye(design.shape[1]) / SCALE**2)
+    determinant = np.linalg.slogdet(np.eye(design.shape[1]) + SCALE**2 * inner)[1]
+    evidence = 0.5 * float(pull @ inverse @ pull - determinant)
+    spread = np.einsum("pk,kl,pl->p", design, inverse, design)
+    return evidence, design @ (inverse @ pull), spread
+
+
+def _visible(precision: Floats) -> Floats:
+    """Smallest changes (p,) that are named, where no other factor changes."""
+    own = precision.diagonal()
+    one = _single(len(own))
+    needed = math.log(NAMED / (1.0 - NAMED)) + math.log((1.0 - one) / one)
+    square = (2.0 * needed + np.log1p(SCALE**2 * own)) * (own + 1.0 / SCALE**2)
+    return np.asarray(np.sqrt(square.clip(0.0)) / own)

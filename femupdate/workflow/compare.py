@@ -1,0 +1,264 @@
+"""compare: which stories changed between two posteriors, as before and after an event."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from femupdate.arrays import Floats
+from femupdate.building.files import load_building
+from femupdate.building.parameters import factor_titles
+from femupdate.errors import InferenceError
+from femupdate.inference.change import NAMED, Changes, changes
+from femupdate.inference.posterior import Posterior, load_posterior
+from femupdate.study import BUILDING_FILE, Study, file_hash
+from femupdate.tables import table
+from femupdate.workflow.summary import kept_summary
+
+_LIKELY_NONE = 0.8  # probability from which nothing counts as changed
+_MISFIT = 1.5  # mean squared residual over the noise from which a posterior is too narrow
+
+
+@dataclass(frozen=True, kw_only=True)
+class State:
+    """A posterior of a building in one state.
+
+    Attributes:
+        path: of the posterior.
+        posterior: its draws.
+        titles: what its factors are of, by name; empty where no building file is beside it.
+        hashes: of what it was made from, where its study says so.
+    """
+
+    path: Path
+    posterior: Posterior
+    titles: Mapping[str, str]
+    hashes: Mapping[str, str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompareReport:
+    """What changed from one state to the other.
+
+    Attributes:
+        before, after: the states.
+        names: p stiffness factors of both.
+        changes: of these.
+        notes: what the user should know.
+    """
+
+    before: State
+    after: State
+    names: tuple[str, ...]
+    changes: Changes
+    notes: tuple[str, ...]
+
+    @cached_property
+    def draws(self) -> tuple[Floats, Floats]:
+        """(n, p) and (m, p) factors of both states."""
+        return _draws(self.before, self.names), _draws(self.after, self.names)
+
+    @property
+    def titles(self) -> tuple[str, ...]:
+        """What the factors are of."""
+        return tuple(self.before.titles.get(name, name) for name in self.names)
+
+    @property
+    def verdict(self) -> str:
+        """ "changed", "unchanged" or "unclear"."""
+        if (self.changes.probability >= NAMED).any():
+            return "changed"
+        return "unchanged" if self.changes.none >= _LIKELY_NONE else "unclear"
+
+    def sentence(self) -> str:
+        """The verdict for an engineer."""
+        found = self.changes
+        if self.verdict == "unchanged":
+            return (
+                f"Nothing has changed, with a probability of {_share(found.none)}. A change of one "
+                f"story would have been seen from {_range(found.visible)} on."
+            )
+        if self.verdict == "unclear":
+            likeliest = int(found.probability.argmax())
+            return (
+                "The data do not tell whether anything changed: the probability that nothing did "
+                f"is {_share(found.none)}. Most likely to have changed is {self.titles[likeliest]} "
+                f"({_share(found.probability[likeliest])}). A change of one story is seen from "
+                f"{_range(found.visible)} on."
+            )
+        if found.alike > 0.5:
+            return (
+                f"All stiffnesses changed alike, by {_change(found.size[0], found.size_sd[0])}, "
+                f"with a probability of {_share(found.alike)}. Look for a common reason first: "
+                "temperature, level of motion, or masses."
+            )
+        named = [k for k in range(len(self.names)) if found.probability[k] >= NAMED]
+        parts = [
+            f"{self.titles[k]} by {_change(found.size[k], found.size_sd[k])} "
+            f"(probability {_share(found.probability[k])})"
+            for k in named
+        ]
+        return f"The stiffness changed of {', '.join(parts)}."
+
+    def as_dict(self) -> dict[str, Any]:
+        """What `--json` holds."""
+        found, draws = self.changes, self.draws
+        columns = zip(
+            self.names,
+            self.titles,
+            *(d.mean(axis=0).tolist() for d in draws),
+            np.expm1(found.size).tolist(),
+            (np.exp(found.size) * found.size_sd).tolist(),
+            found.probability.tolist(),
+            np.expm1(found.visible).tolist(),
+            strict=True,
+        )
+        keys = ("parameter", "of", "before", "after", "change", "change_sd", "probability")
+        return {
+            "before": self.before.path,
+            "after": self.after.path,
+            "verdict": self.verdict,
+            "sentence": self.sentence(),
+            "probability_of_no_change": found.none,
+            "probability_of_all_alike": found.alike,
+            "changes": [dict(zip((*keys, "visible_from"), row, strict=True)) for row in columns],
+            "notes": self.notes,
+        }
+
+    def lines(self) -> tuple[str, ...]:
+        """The verdict, a table and notes, for people."""
+        found, (before, after) = self.changes, self.draws
+        rows = [
+            (
+                title,
+                _mean_sd(before[:, k]),
+                _mean_sd(after[:, k]),
+                _change(found.size[k], found.size_sd[k]),
+                _share(found.probability[k]),
+            )
+            for k, title in enumerate(self.titles)
+        ]
+        head = ("factor of", "before", "after", "change, if any", "probability")
+        return (self.sentence(), table(head, rows), *(f"  - {note}" for note in self.notes))
+
+
+def open_state(path: Path) -> State:
+    """The posterior of a study folder, or a posterior file.
+
+    Raises:
+        StudyError: there is none, or it is damaged.
+    """
+    if not path.is_dir():
+        return State(path=path, posterior=load_posterior(path), titles={}, hashes={})
+    study = Study(path)
+    file = study.require("posterior", "calibrate")
+    building = study.path(BUILDING_FILE)
+    return State(
+        path=path,
+        posterior=load_posterior(file),
+        titles=factor_titles(load_building(building)) if building.exists() else {},
+        hashes=study.artefacts()["posterior"].made_from,
+    )
+
+
+def compare_states(before: State, after: State) -> CompareReport:
+    """Find the factors that changed.
+
+    Raises:
+        InferenceError: the posteriors are of different factors, or from the same data.
+    """
+    names, other = _factors(before), _factors(after)
+    if names != other or not names:
+        raise InferenceError(
+            f"{before.path} and {after.path} have other stiffness factors ({', '.join(names)}; "
+            f"{', '.join(other)}); compare posteriors of one building"
+        )
+    _require_different(before, after)
+    logs = [np.log(_draws(state, names)) for state in (before, after)]
+    return CompareReport(
+        before=before,
+        after=after,
+        names=names,
+        changes=changes(*logs),
+        notes=(*_notes(before, after), *_widths(before, after)),
+    )
+
+
+def _factors(state: State) -> tuple[str, ...]:
+    """Names of the stiffness factors, without sizes of effects, which are labelled EFFECT@PLACE."""
+    return tuple(name for name in state.posterior.names if "@" not in name)
+
+
+def _draws(state: State, names: Sequence[str]) -> Floats:
+    columns = [state.posterior.names.index(name) for name in names]
+    return state.posterior.samples[:, columns]
+
+
+def _require_different(before: State, after: State) -> None:
+    one, other = before.posterior.observation, after.posterior.observation
+    same = one.floors == other.floors and np.array_equal(one.log_frf, other.log_frf, equal_nan=True)
+    if same or file_hash(_file(before)) == file_hash(_file(after)):
+        raise InferenceError(
+            f"{before.path} and {after.path} come from the same measurement; compare posteriors of "
+            "two measurements"
+        )
+
+
+def _file(state: State) -> Path:
+    return state.path / "posterior.nc" if state.path.is_dir() else state.path
+
+
+def _notes(before: State, after: State) -> tuple[str, ...]:
+    notes = []
+    ways = [state.posterior.drawn.likelihood for state in (before, after)]
+    if ways[0] != ways[1]:
+        notes.append(
+            f"One posterior is {ways[0]}, the other {ways[1]}: errors of the model that cancel "
+            "between two of one kind do not cancel here."
+        )
+    hashes = [state.hashes.get("building") for state in (before, after)]
+    if None not in hashes and hashes[0] != hashes[1]:
+        notes.append(
+            "The two building files differ: each factor is relative to its own file, so a "
+            "difference between the files shows as a change."
+        )
+    if set(before.posterior.observation.floors) != set(after.posterior.observation.floors):
+        notes.append("The floors measured differ, which can move factors where the model errs.")
+    return tuple(notes)
+
+
+def _widths(before: State, after: State) -> tuple[str, ...]:
+    """What the posteriors say of themselves that bears on a comparison."""
+    kept = [kept_summary(Study(one.path)) for one in (before, after) if one.path.is_dir()]
+    worst = max((one.get("misfit") or 0.0 for one in kept), default=0.0)
+    if worst <= _MISFIT:
+        return ()
+    return (
+        f"The model misses the data by {worst**0.5:.2g} times their noise: the probabilities are "
+        "surer than they should be. `femupdate diagnose` looks for what is missing.",
+    )
+
+
+def _share(value: float) -> str:
+    """A probability, never rounded to certainty."""
+    if value > 0.999:
+        return "over 99.9 %"
+    return "under 0.1 %" if value < 0.001 else f"{100.0 * value:.3g} %"
+
+
+def _change(log: float, sd: float) -> str:
+    """A change of ln theta as a percentage with its standard deviation."""
+    return f"{100.0 * np.expm1(log):+.1f} % +- {100.0 * np.exp(log) * sd:.1f} %"
+
+
+def _range(visible: Floats) -> str:
+    """From the smallest to the largest visible change, in percent."""
+    low, high = (100.0 * np.expm1(value) for value in (visible.min(), visible.max()))
+    return f"{low:.2g} %" if high < 1.2 * low else f"{low:.2g} to {high:.2g} %, by story,"
+
+
+def _mean_sd(draws: Floats) -> str:
+    return f"{draws.mean():.3f} +- {draws.std():.3f}"

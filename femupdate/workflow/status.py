@@ -1,0 +1,268 @@
+"""status: what a study holds, what is stale, and what to do next. Reads only, and fast."""
+
+import json
+import shlex
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from femupdate.building.document import without_effects
+from femupdate.building.files import load_building, mechanics_hash
+from femupdate.building.schema import Building
+from femupdate.building.shipped import shipped_buildings
+from femupdate.study import BUILDING_FILE, Artefact, Study, file_hash
+from femupdate.tables import table
+
+CURRENT, STALE, DAMAGED, MISSING = "current", "stale", "changed by hand", "missing"
+_SUMMARY = "posterior_summary.json"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Item:
+    """One thing that a study holds.
+
+    Attributes:
+        name: such as "posterior".
+        file: inside the study.
+        state: "current", "stale", "changed by hand" or "missing".
+        reason: why it is stale.
+        command: what made it.
+        version: of femupdate.
+        created: UTC time, ISO 8601.
+        sources: files that it was made from.
+    """
+
+    name: str
+    file: str
+    state: str
+    reason: str
+    command: str
+    version: str
+    created: str
+    sources: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class StatusReport:
+    """What a study holds.
+
+    Attributes:
+        folder: of the study.
+        building: name and title; None where there is none yet.
+        items: in the order in which they were made.
+        unfinished: computations that can be resumed, in sentences.
+        warnings: what the posterior says of itself.
+        studies: folders of studies inside this one.
+        next: commands to run, each with its reason.
+    """
+
+    folder: Path
+    building: str | None
+    items: tuple[Item, ...]
+    unfinished: tuple[str, ...]
+    warnings: tuple[str, ...]
+    studies: tuple[Path, ...]
+    next: tuple[tuple[str, str], ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """What `--json` holds."""
+        return {
+            "study": self.folder,
+            "building": self.building,
+            "items": [asdict(item) for item in self.items],
+            "unfinished": self.unfinished,
+            "warnings": self.warnings,
+            "studies": self.studies,
+            "next": [{"command": command, "because": reason} for command, reason in self.next],
+        }
+
+    def lines(self) -> tuple[str, ...]:
+        """A table, warnings and the next commands, for people."""
+        lines = [f"Study {self.folder}: {self.building or 'no building yet'}"]
+        if self.items:
+            rows = [
+                (one.name, f"{one.state}{': ' if one.reason else ''}{one.reason}", one.created)
+                for one in self.items
+            ]
+            width = max(len(row[1]) for row in rows)
+            rows = [(name, state.ljust(width), made) for name, state, made in rows]
+            lines.append(table(("holds", "state".ljust(width), "made (UTC)"), rows))
+        lines += [f"  - {sentence}" for sentence in (*self.unfinished, *self.warnings)]
+        lines += [f"  also a study: {folder}" for folder in self.studies]
+        if self.next:
+            lines.append("Next")
+            lines += [f"  {command}\n      {reason}" for command, reason in self.next]
+        return tuple(lines)
+
+
+def study_status(study: Study) -> StatusReport:
+    """Look at everything that a study holds; changes nothing.
+
+    Raises:
+        StudyError: the record of the study cannot be read.
+        BuildingError: its building file cannot be used.
+    """
+    return _Look(study).report()
+
+
+class _Look:
+    """One look at a study.
+
+    Args:
+        study: to look at.
+    """
+
+    def __init__(self, study: Study) -> None:
+        self.study = study
+        self.artefacts = study.artefacts()
+        path = study.path(BUILDING_FILE)
+        self.building: Building | None = load_building(path) if path.exists() else None
+
+    def report(self) -> StatusReport:
+        """Everything."""
+        known = self.building
+        return StatusReport(
+            folder=self.study.folder,
+            building=None if known is None else f"{known.name} ({known.title or known.name})",
+            items=self.items,
+            unfinished=self._unfinished(),
+            warnings=self._warnings(),
+            studies=self._studies(),
+            next=self._next(),
+        )
+
+    @cached_property
+    def items(self) -> tuple[Item, ...]:
+        """All that is recorded, in the order in which it was made."""
+        made = sorted(self.artefacts.items(), key=lambda pair: pair[1].created)
+        return tuple(self._item(name, artefact) for name, artefact in made)
+
+    def _item(self, name: str, artefact: Artefact) -> Item:
+        state, reason = self._state(artefact)
+        return Item(
+            name=name,
+            file=artefact.file,
+            state=state,
+            reason=reason,
+            command=artefact.command,
+            version=artefact.version,
+            created=artefact.created,
+            sources=sources_of(artefact),
+        )
+
+    def _state(self, artefact: Artefact) -> tuple[str, str]:
+        path = self.study.path(artefact.file)
+        if not path.exists():
+            return MISSING, ""
+        if file_hash(path) != artefact.sha256:
+            return DAMAGED, ""
+        changed = [key for key, value in artefact.made_from.items() if self._differs(key, value)]
+        changed += self._changed_files(artefact)
+        if changed:
+            return STALE, f"the {' and the '.join(dict.fromkeys(changed))} changed since"
+        return CURRENT, ""
+
+    def _differs(self, key: str, value: str) -> bool:
+        """Whether what an artefact was made from is another thing now."""
+        if key == "building":
+            return bool(self.hashes) and value not in self.hashes
+        other = self.artefacts.get(key)
+        return other is not None and other.sha256 != value
+
+    @cached_property
+    def hashes(self) -> tuple[str, ...]:
+        """Of the building, and of it without its effects, from which the finder's basis is made."""
+        if self.building is None:
+            return ()
+        return mechanics_hash(self.building), mechanics_hash(without_effects(self.building))
+
+    def _changed_files(self, artefact: Artefact) -> list[str]:
+        """Sources that are still where they were but have another content."""
+        hashes = set(artefact.made_from.values())
+        there = [Path(name) for name in sources_of(artefact) if Path(name).is_file()]
+        return [f"file {path.name}" for path in there if file_hash(path) not in hashes]
+
+    def _unfinished(self) -> tuple[str, ...]:
+        told = []
+        if any(self.study.path("sampling").glob("*")):
+            told.append(
+                "A calibration was interrupted; `femupdate calibrate` with the same options goes "
+                "on where it stopped."
+            )
+        if "surrogate" not in self.artefacts and self.study.path("dataset").exists():
+            told.append("A training was interrupted; `femupdate train` goes on where it stopped.")
+        return tuple(told)
+
+    def _warnings(self) -> tuple[str, ...]:
+        """Notes of the calibration, kept beside the posterior."""
+        path = self.study.path(_SUMMARY)
+        if "posterior" not in self.artefacts or not path.exists():
+            return ()
+        kept = json.loads(path.read_text(encoding="utf-8"))
+        return tuple(f"Posterior: {note}" for note in kept.get("notes", ()))
+
+    def _studies(self) -> tuple[Path, ...]:
+        return tuple(path.parent for path in sorted(self.study.folder.glob("*/study.json")))
+
+    def _next(self) -> tuple[tuple[str, str], ...]:
+        """What to run, and why, in the order of the work."""
+        if self.building is None:
+            reason = "The study has no building yet; NAME is a file or one of `femupdate list`."
+            return ((self._say("build-model NAME"), reason),)
+        again = [
+            (self._say(_again(item)), f"The {item.name} is {item.state}. {_sentence(item.reason)}")
+            for item in self.items
+            if item.state != CURRENT
+        ]
+        if again:
+            return tuple(dict(again).items())
+        if "posterior" not in self.artefacts:
+            return self._first_calibration()
+        if "prediction" not in self.artefacts:
+            reason = "Nothing is predicted yet; RECORD is a ground motion."
+            return ((self._say("predict --record RECORD"), reason),)
+        return ((self._say("report"), "Everything is current; this writes the page to hand on."),)
+
+    def _first_calibration(self) -> tuple[tuple[str, str], ...]:
+        """Before there is a posterior."""
+        reason = "Nothing is calibrated yet; OBSERVATION is a measured file."
+        if "surrogate" in self.artefacts or self._ships_a_surrogate():
+            return ((self._say("calibrate OBSERVATION"), reason),)
+        return (
+            (self._say("calibrate OBSERVATION --exact"), reason),
+            (self._say("train"), "Or train a surrogate once; then --exact is not needed."),
+        )
+
+    def _ships_a_surrogate(self) -> bool:
+        assert self.building is not None
+        name = self.building.name
+        weights = files("femupdate.models") / f"{name}.safetensors"
+        if name not in shipped_buildings() or not weights.is_file():
+            return False
+        return mechanics_hash(load_building(name)) == self.hashes[0]
+
+    def _say(self, command: str) -> str:
+        folder = shlex.quote(str(self.study.folder))
+        return f"femupdate {command}" + ("" if folder == "study" else f" --study {folder}")
+
+
+def sources_of(artefact: Artefact) -> tuple[str, ...]:
+    """Files outside the study that an artefact was made from, as they were named."""
+    settings: Mapping[str, Any] = artefact.settings
+    first = settings.get("file")
+    return () if first is None else (str(first), *map(str, settings.get("further", ())))
+
+
+def _again(item: Item) -> str:
+    """The command that makes an item again, with the files it was made from."""
+    names = " ".join(shlex.quote(name) for name in item.sources)
+    if item.command == "predict":
+        names = f"--record {names}"
+    return f"{item.command} {names}".strip()
+
+
+def _sentence(reason: str) -> str:
+    return "" if not reason else f"{reason[0].upper()}{reason[1:]}."

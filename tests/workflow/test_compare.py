@@ -1,0 +1,104 @@
+"""compare: two states of the tower, measured apart, and pairs that cannot be compared."""
+
+import shutil
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from femupdate.errors import InferenceError, StudyError
+from femupdate.study import Study
+from femupdate.workflow.compare import compare_states, open_state
+
+
+@pytest.fixture(scope="module")
+def state(tmp_path_factory, tower_file):
+    """A function that measures and calibrates the tower with these stiffness factors."""
+    from femupdate.building.files import load_building
+    from femupdate.simulation.simulate import (
+        SimulationSettings,
+        simulate_observation,
+        write_simulation,
+    )
+    from femupdate.workflow.calibrate import calibrate_study
+    from femupdate.workflow.calibrate_settings import CalibrationSettings
+    from femupdate.workflow.model import open_study
+    from femupdate.workflow.observed import ObservationSource
+
+    def calibrated(theta, seed):
+        folder = tmp_path_factory.mktemp("state")
+        settings = SimulationSettings(
+            theta=theta, duration_s=60.0, sampling_hz=50.0, band_hz=(0.3, 20.0), seed=seed
+        )
+        simulation = simulate_observation(load_building(tower_file), settings)
+        path = write_simulation(simulation, folder / "run.csv").observation
+        study = Study(folder / "study")
+        source = ObservationSource(path)
+        chosen = CalibrationSettings(particles=400, exact=True, seed=seed)
+        calibrate_study(study, open_study(study, str(tower_file)), source, chosen)
+        return open_state(study.folder)
+
+    return calibrated
+
+
+@pytest.fixture(scope="module")
+def states(state):
+    return SimpleNamespace(
+        before=state((0.9, 1.1), 11), same=state((0.9, 1.1), 12), softer=state((0.9, 0.99), 13)
+    )
+
+
+def test_a_story_softened_by_a_tenth_is_named(states):
+    report = compare_states(states.before, states.softer)
+    assert report.verdict == "changed"
+    assert report.sentence().startswith("The stiffness changed of story high by -")
+    answer = report.as_dict()
+    low, high = answer["changes"]
+    assert low["probability"] < 0.5 < 0.95 < high["probability"]
+    assert high["change"] == pytest.approx(-0.1, abs=4.0 * high["change_sd"])
+    assert high["of"] == "story high"
+
+
+def test_no_change_is_said_to_be_none(states):
+    report = compare_states(states.before, states.same)
+    assert report.verdict == "unchanged"
+    assert report.sentence().startswith("Nothing has changed, with a probability of")
+    assert "seen from" in report.sentence()
+
+
+def test_the_command_prints_and_draws(states, tmp_path):
+    from click.testing import CliRunner
+    from femupdate.cli.main import group
+
+    picture = tmp_path / "change.png"
+    words = [str(states.before.path), str(states.softer.path), "--picture", str(picture)]
+    done = CliRunner().invoke(group, ["compare", *words], catch_exceptions=False)
+    assert done.exit_code == 0
+    assert "story high" in done.stdout.splitlines()[1] + done.stdout.splitlines()[3]
+    assert picture.stat().st_size > 10_000
+
+
+def test_a_posterior_file_is_as_good_as_its_study(states):
+    file = open_state(states.softer.path / "posterior.nc")
+    found = compare_states(states.before, file).changes
+    assert np.allclose(found.size, compare_states(states.before, states.softer).changes.size)
+
+
+def test_one_measurement_is_not_compared_with_itself(states, tmp_path):
+    copy = open_state(shutil.copytree(states.before.path, tmp_path / "copy"))
+    with pytest.raises(InferenceError, match="come from the same measurement"):
+        compare_states(states.before, copy)
+
+
+def test_other_buildings_are_refused(states, calibrated):
+    from dataclasses import replace
+
+    posterior = states.same.posterior
+    other = replace(states.same, posterior=replace(posterior, names=("theta_1", "walls")))
+    with pytest.raises(InferenceError, match="have other stiffness factors"):
+        compare_states(states.before, other)
+
+
+def test_a_study_without_a_posterior_is_named(tmp_path):
+    with pytest.raises(StudyError, match="run `femupdate calibrate` first"):
+        open_state(tmp_path)

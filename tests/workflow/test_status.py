@@ -1,0 +1,94 @@
+"""What `status` says of a study: current, stale, damaged, missing, interrupted, next."""
+
+import json
+
+import pytest
+
+from femupdate.study import Study, write_text
+from femupdate.workflow.status import study_status
+
+
+@pytest.fixture
+def look(calibrated):
+    """A function that says the state of each item, and the study."""
+    study = Study(calibrated)
+    return study, lambda: {item.name: item.state for item in study_status(study).items}
+
+
+def test_a_calibrated_study_is_current_and_a_prediction_comes_next(look):
+    study, states = look
+    assert states() == {"reduced model": "current", "posterior": "current"}
+    report = study_status(study)
+    assert report.building == "tower (Two-story tower)"
+    assert report.next[0][0].startswith("femupdate predict --record RECORD --study ")
+    kept = json.loads(study.path("posterior_summary.json").read_text(encoding="utf-8"))
+    assert [one.removeprefix("Posterior: ") for one in report.warnings] == kept["notes"]
+
+
+def test_another_building_makes_everything_stale(look):
+    study, states = look
+    path = study.path("building.toml")
+    text = path.read_text(encoding="utf-8")
+    write_text(path, text.replace("3 t", "3.5 t").replace("3000 kg", "3500 kg"))
+    assert set(states().values()) == {"stale"}
+    posterior = study_status(study).items[-1]
+    assert posterior.reason == "the building changed since"
+
+
+def test_an_edited_measurement_makes_its_posterior_stale(look, tmp_path):
+    study, states = look
+    entries = json.loads(study.path("study.json").read_text(encoding="utf-8"))
+    copy = tmp_path / "my run.csv"
+    copy.write_text("edited", encoding="utf-8")
+    entries["artefacts"]["posterior"]["settings"]["file"] = str(copy)
+    write_text(study.path("study.json"), json.dumps(entries))
+    assert states()["posterior"] == "stale"
+    report = study_status(study)
+    assert report.items[-1].reason == "the file my run.csv changed since"
+    assert report.next[0][0].startswith(f"femupdate calibrate '{copy}' --study")
+
+
+def test_a_new_posterior_makes_the_prediction_stale(look):
+    study, states = look
+    write_text(study.path("prediction.nc"), "bands")
+    study.record(
+        "prediction", "prediction.nc", "predict", {"posterior": "older"}, {"file": "r.at2"}
+    )
+    assert states()["prediction"] == "stale"
+    command, reason = study_status(study).next[0]
+    assert command.startswith("femupdate predict --record r.at2")
+    assert reason == "The prediction is stale. The posterior changed since."
+
+
+def test_damaged_and_missing_files_are_told_apart(look):
+    study, states = look
+    study.path("posterior.nc").write_bytes(b"cut")
+    study.path("reduced_model.npz").unlink()
+    assert states() == {"posterior": "changed by hand", "reduced model": "missing"}
+
+
+def test_interrupted_work_and_inner_studies_are_named(look):
+    study, _ = look
+    write_text(study.path("sampling", "state.npz"), "half")
+    write_text(study.path("repaired", "study.json"), "{}")
+    report = study_status(study)
+    assert "goes on where it stopped" in report.unfinished[0]
+    assert report.studies == (study.path("repaired"),)
+
+
+def test_an_empty_folder_asks_for_a_building(tmp_path):
+    report = study_status(Study(tmp_path / "nothing"))
+    assert (report.building, report.items) == (None, ())
+    assert "build-model NAME" in report.next[0][0]
+    assert not (tmp_path / "nothing").exists()
+
+
+@pytest.mark.parametrize(("name", "next_command"), [("shear_3dof", "calibrate"), (None, "exact")])
+def test_without_a_posterior_the_way_to_one_is_shown(tmp_path, tower_file, name, next_command):
+    from femupdate.workflow.model import open_study
+
+    study = Study(tmp_path)
+    open_study(study, name or str(tower_file))
+    command = study_status(study).next[0][0]
+    assert command.startswith("femupdate calibrate OBSERVATION")
+    assert ("--exact" in command) == (next_command == "exact")
