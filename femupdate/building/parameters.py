@@ -54,16 +54,9 @@ def stiffness_factors(building: Building) -> tuple[StiffnessFactor, ...]:
 def factor_titles(building: Building) -> dict[str, str]:
     """Return what every stiffness factor is of, by its name: "story S3" or "walls of story S3"."""
     names = building.story_names
-    return {
-        one.name: f"{one.kind} of story {names[one.story]}"
-        if one.kind
-        else _story(names[one.story])
-        for one in stiffness_factors(building)
-    }
-
-
-def _story(name: str) -> str:
-    return name if "story" in name.lower() else f"story {name}"
+    found = stiffness_factors(building)
+    parts = {one.name: f"{one.kind} of " if one.kind else "" for one in found}
+    return {one.name: f"{parts[one.name]}story {names[one.story]}" for one in found}
 
 
 def factor_ranges(building: Building) -> dict[str, tuple[float, float]]:
