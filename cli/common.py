@@ -4,12 +4,14 @@ import functools
 import logging
 import sys
 from collections.abc import Callable
+from contextlib import ExitStack
 from typing import Any, TypeVar
 
 import click
 
 from femupdate.errors import FemupdateError
 from femupdate.study import Study
+from femupdate.study_lock import locked
 
 from .answer import Answer
 from .bars import Bars
@@ -55,11 +57,13 @@ def study_options(
         def wrapper(*args: Any, study: Study, as_json: bool, **kwargs: Any) -> None:
             if needs is not None:
                 study.require(needs, "calibrate")
-            if writes:
-                study.check_writable()
             if draws:
                 kwargs["pictures"] = not kwargs.pop("no_pictures")
-            with Bars() as bars:
+            with ExitStack() as stack:
+                if writes:
+                    study.check_writable()
+                    stack.enter_context(locked(study.folder, _command_name()))
+                bars = stack.enter_context(Bars())
                 answer = function(*args, study=study, bars=bars, **kwargs)
             answer.show(as_json)
 
@@ -68,6 +72,10 @@ def study_options(
         return click.option("--no-pictures", is_flag=True, help="Draw no pictures.")(wrapper)
 
     return decorate
+
+
+def _command_name() -> str:
+    return click.get_current_context().info_name or "command"
 
 
 def plain_options(function: Callable[..., Answer]) -> Callable[..., None]:

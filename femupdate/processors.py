@@ -1,13 +1,17 @@
 """How many processors there are to work with, and how to share work out among them."""
 
 import os
+import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
+from functools import cache
 from typing import TypeVar
 
 A = TypeVar("A")
 T = TypeVar("T")
 
 _LARGE = 2000  # degrees of freedom from which processes of their own pay
+_WATCH_EVERY_S = 0.5
 
 
 def processor_count() -> int:
@@ -40,9 +44,24 @@ def everywhere(task: Callable[[A], T], arguments: Sequence[A], dof: int) -> Iter
     ]
     with threadpool_limits(1), parallel_config("loky", inner_max_num_threads=1):
         pool = Parallel(n_jobs=workers, max_nbytes=None, batch_size=1, return_as="generator")
-        for results in pool(delayed(_several)(task, part) for part in parts):
+        for results in pool(delayed(_several)(task, part, os.getpid()) for part in parts):
             yield from results
 
 
-def _several(task: Callable[[A], T], arguments: Sequence[A]) -> list[T]:
+def _several(task: Callable[[A], T], arguments: Sequence[A], employer: int) -> list[T]:
+    if employer != os.getpid():
+        _end_with(employer)
     return [task(argument) for argument in arguments]
+
+
+@cache
+def _end_with(employer: int) -> None:
+    """End this process soon after the one that it works for: a killed one cannot tell it."""
+
+    def watch() -> None:
+        while os.getppid() == employer:
+            time.sleep(_WATCH_EVERY_S)
+        os._exit(1)
+
+    if hasattr(os, "fork"):  # elsewhere the number of a dead parent stays
+        threading.Thread(target=watch, name="employer", daemon=True).start()

@@ -6,15 +6,19 @@ import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
 from femupdate import __version__
 from femupdate.atomic import atomic_path
 from femupdate.errors import StudyError
+from femupdate.files import read_file
 
 MANIFEST = "study.json"
 BUILDING_FILE = "building.toml"
+LAYOUT = 1
+"""Of a study's files; it grows by one when an older femupdate could not read what a newer wrote."""
+_LARGEST_MANIFEST = 10_000_000  # bytes
 
 
 def write_text(path: Path | str, text: str) -> None:
@@ -50,6 +54,23 @@ class Artefact:
     settings: Mapping[str, Any]
     made_from: Mapping[str, str]
     sha256: str
+
+
+def _artefact(entry: Mapping[str, Any]) -> Artefact:
+    """An entry of the record; its file lies in the study's folder."""
+    artefact = Artefact(**entry)
+    path = PurePath(artefact.file)
+    if path.is_absolute() or ".." in path.parts:
+        raise ValueError(f"{artefact.file} lies outside the study")
+    return artefact
+
+
+def damaged(path: Path, reason: object) -> StudyError:
+    """The error of an artefact that cannot be used although it is the recorded one."""
+    text = (str(reason).splitlines() or [type(reason).__name__])[0]
+    return StudyError(
+        f"{path} is not what femupdate writes there ({text}); remove it and run the command again"
+    )
 
 
 class Study:
@@ -95,15 +116,26 @@ class Study:
             StudyError: the record cannot be read.
         """
         manifest = self.path(MANIFEST)
-        if not manifest.exists():
+        if not os.path.lexists(manifest):
             return {}
         try:
-            entries = json.loads(manifest.read_text(encoding="utf-8"))["artefacts"]
-            return {name: Artefact(**entry) for name, entry in entries.items()}
-        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            content = json.loads(read_file(manifest, _LARGEST_MANIFEST, StudyError))
+            self._check_layout(content)
+            return {name: _artefact(entry) for name, entry in content["artefacts"].items()}
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise StudyError(
                 f"{manifest} cannot be read ({error}); move it away and run the commands again"
             ) from error
+
+    def _check_layout(self, content: Mapping[str, Any]) -> None:
+        """Refuse the study of a newer femupdate; one of an older is read as it is."""
+        layout = content.get("layout", LAYOUT)
+        if int(layout) > LAYOUT:
+            raise StudyError(
+                f"the study {self.folder} was made by a newer femupdate "
+                f"({content.get('femupdate')}, this is {__version__}); update femupdate, or choose "
+                "another folder with --study"
+            )
 
     def record(
         self,
@@ -126,6 +158,7 @@ class Study:
         entries = {**self.artefacts(), name: artefact}
         content = {
             "femupdate": __version__,
+            "layout": LAYOUT,
             "artefacts": {key: asdict(value) for key, value in sorted(entries.items())},
         }
         write_text(self.path(MANIFEST), json.dumps(content, indent=2, sort_keys=True) + "\n")
@@ -137,7 +170,7 @@ class Study:
         if artefact is None or dict(artefact.made_from) != dict(made_from):
             return None
         path = self.path(artefact.file)
-        if not path.exists() or file_hash(path) != artefact.sha256:
+        if not path.is_file() or file_hash(path) != artefact.sha256:
             return None
         return path
 
@@ -152,7 +185,7 @@ class Study:
             StudyError: it is missing, or is not the file that was recorded.
         """
         artefact = self.artefacts().get(name)
-        if artefact is None or not self.path(artefact.file).exists():
+        if artefact is None or not self.path(artefact.file).is_file():
             raise StudyError(
                 f"the study {self.folder} holds no {name}; run `femupdate {command}` first"
             )

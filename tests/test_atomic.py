@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from femupdate.atomic import atomic_path
+from femupdate.atomic import atomic_path, write_bytes
 from femupdate.errors import MeasurementError, StudyError
 
 
@@ -58,6 +58,20 @@ def test_a_full_disk(tmp_path, kind):
     assert str(caught.value) == text
     assert target.read_text() == "old"
     assert names(tmp_path) == ["file.txt"]
+
+
+def test_a_file_that_may_not_grow(tmp_path):
+    with (
+        pytest.raises(StudyError, match=r"may not grow that large here; raise the limit"),
+        atomic_path(tmp_path / "f"),
+    ):
+        raise OSError(errno.EFBIG, os.strerror(errno.EFBIG))
+
+
+def test_bytes_are_written_whole(tmp_path):
+    write_bytes(tmp_path / "deep" / "f.bin", b"abc")
+    assert (tmp_path / "deep" / "f.bin").read_bytes() == b"abc"
+    assert names(tmp_path / "deep") == ["f.bin"]
 
 
 def test_a_disk_that_is_full_when_the_file_is_moved(tmp_path, monkeypatch):

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from femupdate import __version__, atomic
 from femupdate.errors import StudyError
-from femupdate.study import MANIFEST, Study, file_hash, write_text
+from femupdate.study import LAYOUT, MANIFEST, Study, file_hash, write_text
 
 MADE_FROM = {"building": "ab12", "observation": "cd34"}
 
@@ -113,6 +113,9 @@ def test_a_stale_artefact_is_named_with_what_has_changed(recorded):
         '{"artefacts": {"posterior": 3}}',
         '{"artefacts": {"posterior": {}}}',
         '{"artefacts": {"posterior": {"file": "a", "mood": "b"}}}',
+        "[" * 100_000,
+        '{"artefacts": {}, "layout": "new"}',
+        '{"artefacts": {}, "layout": ' + "9" * 5000 + "}",
     ],
 )
 def test_a_record_that_cannot_be_read(recorded, content):
@@ -147,6 +150,45 @@ def test_no_record_ends_in_a_traceback(study, value, inside):
         assert study.artefacts() == {}
     except StudyError as error:
         assert "cannot be read" in str(error)  # noqa: PT017
+
+
+@pytest.mark.parametrize("file", ["../posterior.nc", "/etc/passwd", "deep/../../x"])
+def test_a_record_that_reaches_outside_its_study(recorded, file):
+    content = json.loads(recorded.path(MANIFEST).read_text())
+    content["artefacts"]["posterior"]["file"] = file
+    recorded.path(MANIFEST).write_text(json.dumps(content))
+    with pytest.raises(StudyError, match="lies outside the study"):
+        recorded.artefacts()
+
+
+def test_the_study_of_a_newer_femupdate_is_refused(recorded):
+    content = json.loads(recorded.path(MANIFEST).read_text())
+    assert content["layout"] == LAYOUT
+    newer = {**content, "layout": LAYOUT + 1, "femupdate": "9.1", "artefacts": {"x": {"a": 1}}}
+    recorded.path(MANIFEST).write_text(json.dumps(newer))
+    with pytest.raises(StudyError, match=r"newer femupdate \(9\.1, this is .*update femupdate"):
+        recorded.artefacts()
+
+
+def test_a_study_from_before_layouts_were_numbered(recorded):
+    content = json.loads(recorded.path(MANIFEST).read_text())
+    del content["layout"]
+    recorded.path(MANIFEST).write_text(json.dumps(content))
+    assert recorded.find("posterior", MADE_FROM) is not None
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes of POSIX")
+def test_a_pipe_in_place_of_a_file(recorded):
+    path = recorded.path("posterior.nc")
+    path.unlink()
+    os.mkfifo(path)
+    assert recorded.find("posterior", MADE_FROM) is None
+    with pytest.raises(StudyError, match="holds no posterior"):
+        recorded.require("posterior", "calibrate")
+    recorded.path(MANIFEST).unlink()
+    os.mkfifo(recorded.path(MANIFEST))
+    with pytest.raises(StudyError, match=r"study\.json is a pipe or a device"):
+        recorded.artefacts()
 
 
 def test_bytes_that_are_no_text(recorded):

@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from femupdate.array_archive import check_shapes
 from femupdate.arrays import Floats
-from femupdate.atomic import atomic_path
 from femupdate.errors import StudyError
 from femupdate.measurement.observation import Observation
+from femupdate.netcdf import write_tree
 from femupdate.seeds import Seed
 
 
@@ -157,8 +158,7 @@ def save_posterior(posterior: Posterior, path: Path) -> None:
         "drawn_by": json.dumps(asdict(posterior.drawn)),
         "settings": json.dumps(dict(posterior.settings)),
     }
-    with atomic_path(path) as temporary:
-        tree.to_netcdf(temporary, engine="h5netcdf")
+    write_tree(tree, path)
 
 
 def load_posterior(path: Path) -> Posterior:
@@ -176,13 +176,44 @@ def load_posterior(path: Path) -> Posterior:
         # h5netcdf complains on stderr about files that HDF5 refuses: let HDF5 see them first.
         h5py.File(path, "r").close()
         with xr.open_datatree(path, engine="h5netcdf") as tree:
-            return _posterior(tree.load())
+            posterior = _posterior(tree.load())
+        _check(posterior)
+        return posterior
     # Bytes that are wrong somewhere make HDF5 and its layers raise errors of every kind.
     except Exception as error:
         reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise StudyError(
             f"{path} is not a posterior of femupdate ({reason}); run `femupdate calibrate` again"
         ) from error
+
+
+def _check(posterior: Posterior) -> None:
+    """Refuse draws that no sampler of ours has made.
+
+    Raises:
+        ValueError: shapes do not go together, a value is not finite, or a draw is far from the
+            prior box.
+    """
+    arrays = {
+        "theta": posterior.theta,
+        "lp": posterior.log_likelihood,
+        "prior_lower": posterior.lower,
+        "prior_upper": posterior.upper,
+    }
+    shapes = {"theta": "cdp", "lp": "cd", "prior_lower": "p", "prior_upper": "p"}
+    if posterior.zeta is not None:
+        arrays, shapes = {**arrays, "zeta": posterior.zeta}, {**shapes, "zeta": "cd"}
+    check_shapes(arrays, shapes)
+    # Draws of effects may lie beyond what is likely of their sizes, but never far.
+    width = posterior.upper - posterior.lower
+    beyond = (posterior.theta < posterior.lower - width) | (
+        posterior.theta > posterior.upper + width
+    )
+    if beyond.any():
+        name = posterior.names[int(np.argwhere(beyond)[0, -1])]
+        raise ValueError(f"draws of {name} lie outside its prior")
+    if posterior.zeta is not None and not ((posterior.zeta >= 0) & (posterior.zeta < 1)).all():
+        raise ValueError("a damping ratio is not from 0 to 1")
 
 
 def _posterior(tree: Any) -> Posterior:

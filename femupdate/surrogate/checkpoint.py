@@ -6,10 +6,10 @@ from pathlib import Path
 
 import torch
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
+from safetensors.torch import save
 from torch import Tensor
 
-from femupdate.atomic import atomic_path
+from femupdate.atomic import write_bytes
 from femupdate.errors import SurrogateError
 from femupdate.surrogate.network import Mvae
 
@@ -68,12 +68,8 @@ def save_checkpoint(run: TrainingRun, path: Path, fingerprint: str) -> None:
         "best_epoch": run.best_epoch,
         "seconds": run.seconds,
     }
-    with atomic_path(path) as temporary:
-        save_file(
-            tensors,
-            temporary,
-            metadata={"numbers": json.dumps(numbers), "fingerprint": fingerprint},
-        )
+    metadata = {"numbers": json.dumps(numbers), "fingerprint": fingerprint}
+    write_bytes(path, save(tensors, metadata=metadata))
 
 
 def load_checkpoint(run: TrainingRun, path: Path, fingerprint: str) -> None:

@@ -7,13 +7,12 @@ import logging
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from femupdate.atomic import atomic_path
+from femupdate.array_archive import check_shapes, read_arrays, write_arrays
 from femupdate.dynamics.modal import ModalData, joined
 from femupdate.dynamics.system import System
 from femupdate.errors import SurrogateError
@@ -24,8 +23,8 @@ from femupdate.progress import SILENT, Progress
 logger = logging.getLogger(__name__)
 
 SHARD = 2500
-_FIELDS = ("theta", "omega", "effect", "residual")
-_UNREADABLE = (OSError, EOFError, KeyError, ValueError, BadZipFile)
+_FIELDS = {"theta": "np", "omega": "nm", "effect": "nfm", "residual": "nft"}
+_UNREADABLE = (KeyError, TypeError, ValueError)
 
 
 @dataclass(frozen=True)
@@ -180,21 +179,20 @@ def _kept_shard(path: Path, theta: Tensor, modes: int) -> ModalDataset | None:
 
 
 def _write_shard(path: Path, theta: Tensor, modal: ModalData) -> None:
-    with atomic_path(path) as temporary, open(temporary, "wb") as file:
-        np.savez(
-            file,
-            theta=theta.numpy(),
-            omega=modal.omega.numpy(),
-            # Half precision rounds to 5e-4 of each mode: far below the noise, at half the size.
-            effect=modal.effect.numpy().astype(np.float16),
-            residual=modal.residual.numpy(),
-        )
+    write_arrays(
+        path,
+        theta=theta.numpy(),
+        omega=modal.omega.numpy(),
+        # Half precision rounds to 5e-4 of each mode: far below the noise, at half the size.
+        effect=modal.effect.numpy().astype(np.float16),
+        residual=modal.residual.numpy(),
+    )
 
 
 def _read_shard(path: Path) -> ModalDataset:
-    # np.load would leave a damaged file open that it opened itself.
-    with open(path, "rb") as file, np.load(file) as data:
-        theta, omega, effect, residual = (torch.from_numpy(data[name]) for name in _FIELDS)
+    data = read_arrays(path)
+    check_shapes(data, _FIELDS)
+    theta, omega, effect, residual = (torch.from_numpy(data[name]) for name in _FIELDS)
     return ModalDataset(theta, ModalData(omega, effect.float(), residual))
 
 

@@ -44,6 +44,19 @@ class NetworkSizes:
         """Dimensions of z."""
         return self.parameters + self.free_damping
 
+    @property
+    def least_weights(self) -> int:
+        """Weights of the largest parts: no file with fewer can be of these sizes."""
+        blocks = 2 * (
+            self.blocks * self.width**2
+            + self.parameter_blocks * self.parameter_width**2
+            + self.decoder_blocks * self.decoder_width**2
+        )
+        floors = self.floors * self.floor_features * (self.points + self.width)
+        modes = self.decoder_width * self.modes * (2 + self.floors)
+        mixture = 2 * self.width * self.components * self.parameters
+        return blocks + floors + modes + mixture + 2 * self.parameters**2
+
     def as_dict(self) -> dict[str, int]:
         """Plain numbers, for the header of a weights file."""
         return asdict(self)

@@ -8,10 +8,10 @@ from typing import Any
 
 import torch
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
+from safetensors.torch import save
 from torch import Tensor
 
-from femupdate.atomic import atomic_path
+from femupdate.atomic import write_bytes
 from femupdate.dynamics.closed_form import ClosedForm
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
@@ -23,6 +23,18 @@ from femupdate.surrogate.sizes import NetworkSizes
 # parameter encoder and the decoder would shift every posterior.
 _HALF_PRECISION = ("observation_encoder.", "x_mean", "x_scale")
 
+
+_UNREADABLE = (
+    AttributeError,
+    IndexError,
+    KeyError,
+    OSError,
+    OverflowError,
+    RuntimeError,  # torch's and, as RecursionError, that of JSON
+    SafetensorError,
+    TypeError,
+    ValueError,
+)
 
 # Stands for any set of floors in the record of a calibration.
 ANY_FLOORS = "any"
@@ -85,8 +97,7 @@ def save_surrogate(surrogate: TrainedSurrogate, path: Path) -> None:
             "likelihood_power": info.likelihood_power,
             "calibration": dict(info.calibration),
         }
-    with atomic_path(path) as temporary:
-        save_file(tensors, temporary, metadata={"femupdate": json.dumps(header)})
+    write_bytes(path, save(tensors, metadata={"femupdate": json.dumps(header)}))
 
 
 def load_surrogate(path: Path) -> TrainedSurrogate:
@@ -101,7 +112,7 @@ def load_surrogate(path: Path) -> TrainedSurrogate:
             state = {name: file.get_tensor(name).float() for name in file.keys()}  # noqa: SIM118
         form = _form(header.pop("effects", None))
         return TrainedSurrogate(_filled(header.pop("sizes"), state, form), _info(header))
-    except (OSError, SafetensorError, KeyError, TypeError, ValueError, RuntimeError) as error:
+    except _UNREADABLE as error:
         reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise SurrogateError(
             f"{path} is not a trained surrogate of femupdate ({reason}); run `femupdate train`"
@@ -131,10 +142,16 @@ def _form(entry: Mapping[str, Any] | None) -> ClosedForm:
 
 def _filled(sizes: Mapping[str, Any], state: Mapping[str, Tensor], form: ClosedForm) -> Mvae:
     """Networks with these weights."""
+    asked, held = NetworkSizes(**sizes), sum(value.numel() for value in state.values())
+    if min(sizes.values()) < 0 or asked.least_weights > held:
+        raise ValueError(f"{held} weights are not of its sizes")
     # The weights that they start from are drawn at random: leave the caller's random state alone.
     with torch.random.fork_rng(devices=[]):
-        mvae = Mvae(NetworkSizes(**sizes), form)
+        mvae = Mvae(asked, form)
     mvae.load_state_dict(state)
+    wrong = [name for name, value in state.items() if not torch.isfinite(value).all()]
+    if wrong:
+        raise ValueError(f"{wrong[0]} holds a value that is no number")
     return mvae.eval()
 
 

@@ -2,9 +2,7 @@
 
 from dataclasses import replace
 
-import numpy as np
-
-from femupdate.atomic import atomic_path
+from femupdate.array_archive import write_arrays
 from femupdate.building.schema import Building
 from femupdate.discrepancy.mesh_error import corrected
 from femupdate.discrepancy.mesh_scatter import mesh_scatter
@@ -25,6 +23,7 @@ from femupdate.workflow.effects import (
     effect_parameters,
     finder_structure,
     open_structure,
+    read_basis,
 )
 from femupdate.workflow.mesh_error import kept_mesh_error, open_mesh_error
 from femupdate.workflow.model import StudyModel, reduction_target
@@ -99,9 +98,8 @@ def kept_structure(
     kept = study.find(BASIS, model.made_from())
     if kept is None:
         return None
-    with np.load(kept) as data:
-        basis = data["basis"]
-    return reduced_on(structure or finder_structure(model.building), basis)
+    whole = structure or finder_structure(model.building)
+    return reduced_on(whole, read_basis(kept, whole))
 
 
 def _reduced(
@@ -122,8 +120,7 @@ def _reduced(
     if structure.is_stick:
         return found.reduced
     path = study.path(_FILE)
-    with atomic_path(path) as temporary, open(temporary, "wb") as file:
-        np.savez(file, basis=found.reduced.basis)
+    write_arrays(path, basis=found.reduced.basis)
     settings = {
         "size": found.reduced.model.size,
         "rms_error": found.rms_error,

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from femupdate.array_archive import ArchiveError, check_shapes, read_arrays, write_arrays
 from femupdate.arrays import Flags, Floats
-from femupdate.atomic import atomic_path
 from femupdate.building.document import without_effects
 from femupdate.building.effect_entry import EffectEntry
 from femupdate.building.files import mechanics_hash
@@ -31,7 +31,7 @@ from femupdate.errors import BuildingError
 from femupdate.inference.parameters import Parameter, Parameters
 from femupdate.measurement.observation import Observation
 from femupdate.progress import Progress, Silent
-from femupdate.study import Study
+from femupdate.study import Study, damaged
 from femupdate.workflow.model import StudyModel, damping_parameter, reduction_target, theta_prior
 
 BASIS = "effect basis"
@@ -64,8 +64,7 @@ def open_structure(
         return lumped(structure)
     kept = study.find(BASIS, finder_origin(building))
     if kept is not None:
-        with np.load(kept) as data:
-            return reduced_on(structure, data["basis"])
+        return reduced_on(structure, read_basis(kept, structure))
     placed = building_effects(building).placed
     target = with_size_ranges(reduction_target(building), placed)
     reduced = reduce_structure(structure, target, placed, progress or Silent()).reduced
@@ -136,10 +135,25 @@ def structure_near(
 def keep_basis(study: Study, reduced: ReducedStructure, building: Building) -> Path:
     """Write the basis of a building into a study."""
     path = study.path(_FILE)
-    with atomic_path(path) as temporary, open(temporary, "wb") as file:
-        np.savez(file, basis=reduced.basis)
+    write_arrays(path, basis=reduced.basis)
     study.record(BASIS, _FILE, "diagnose", finder_origin(building), {"size": reduced.model.size})
     return path
+
+
+def read_basis(path: Path, structure: Structure) -> Floats:
+    """A basis (n, r) that a study keeps for a structure of n degrees of freedom.
+
+    Raises:
+        StudyError: the file holds no such basis.
+    """
+    try:
+        data = read_arrays(path)
+        check_shapes(data, {"basis": "nr"})
+    except ArchiveError as error:
+        raise damaged(path, error) from error
+    if len(data["basis"]) != len(structure.axis):
+        raise damaged(path, f"basis of {len(data['basis'])} degrees of freedom")
+    return data["basis"]
 
 
 def building_effects(building: Building) -> BuildingEffects:

@@ -15,7 +15,7 @@ from femupdate.discrepancy.thresholds import MESH_ERROR as THRESHOLDS
 from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.effects.structure import Structure, structure_of
 from femupdate.progress import Progress, Silent
-from femupdate.study import Study, write_text
+from femupdate.study import Study, damaged, write_text
 from femupdate.workflow.effects import finder_origin, structure_near
 from femupdate.workflow.model import theta_prior
 
@@ -63,18 +63,18 @@ def kept_mesh_error(study: Study, building: Building) -> MeshError | None:
     kept = study.find(MESH_ERROR, finder_origin(building))
     if kept is None:
         return None
-    content = json.loads(kept.read_text(encoding="utf-8"))
-    if "points" not in content:  # learned before responses were compared
-        return None
-    return MeshError(
-        tuple(content["labels"]),
-        tuple(content["mean"]),
-        tuple(content["sd"]),
-        content["left"],
-        content["effect"],
-        content["shape"],
-        content["points"],
-    )
+    try:
+        content = json.loads(kept.read_text(encoding="utf-8"))
+        if "points" not in content:  # learned before responses were compared
+            return None
+        return MeshError(
+            tuple(content["labels"]),
+            tuple(content["mean"]),
+            tuple(content["sd"]),
+            *(float(content[name]) for name in ("left", "effect", "shape", "points")),
+        )
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise damaged(kept, error) from error
 
 
 def keep_mesh_error(study: Study, building: Building, mesh: MeshError) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from femupdate.array_archive import check_shapes, read_arrays, write_arrays
 from femupdate.building.files import (
     load_building,
     mechanics_hash,
@@ -27,20 +28,20 @@ from femupdate.errors import StudyError
 from femupdate.inference.likelihood import SharedErrors
 from femupdate.inference.parameters import Parameter, Parameters
 from femupdate.progress import SILENT, Progress
-from femupdate.study import BUILDING_FILE, Study, atomic_path
+from femupdate.study import BUILDING_FILE, Study, damaged
 
 DEFAULT_BUILDING = "six_story_wall_frame"
 REDUCED = "reduced model"
 _REDUCED_FILE = "reduced_model.npz"
-_ARRAYS = (
-    "stiffness_terms",
-    "stiffness_constant",
-    "excitation",
-    "floor_shapes",
-    "story_inertia",
-    "story_mass",
-    "story_drift",
-)
+_ARRAYS = {
+    "stiffness_terms": "prr",
+    "stiffness_constant": "rr",
+    "excitation": "r",
+    "floor_shapes": "fr",
+    "story_inertia": "sr",
+    "story_mass": "s",
+    "story_drift": "sr",
+}
 _ROTATION = ("force", "mass", "story_moment", "levels")
 
 
@@ -199,23 +200,29 @@ def save_reduced(model: ReducedModel, rms_error: float, path: Path) -> None:
     if model.rotation is not None:
         arrays |= {f"rotation_{name}": getattr(model.rotation, name) for name in _ROTATION}
     header = json.dumps({"floors": model.floors, "rms_error": rms_error})
-    with atomic_path(path) as temporary, open(temporary, "wb") as file:
-        np.savez(file, header=np.array(header), **arrays)
+    write_arrays(path, header=np.array(header), **arrays)
 
 
 def load_reduced(path: Path) -> tuple[ReducedModel, float]:
-    """Read a reduced model and its rms error."""
-    with np.load(path) as data:
+    """Read a reduced model and its rms error.
+
+    Raises:
+        StudyError: the file is not what `save_reduced` writes.
+    """
+    try:
+        data = read_arrays(path)
+        check_shapes(data, _ARRAYS)
         header = json.loads(str(data["header"]))
-        shapes = data.get("node_shapes")
-        arrays = {name: data[name] for name in _ARRAYS}
-        turned = {
-            name: data[f"rotation_{name}"] for name in _ROTATION if f"rotation_{name}" in data
-        }
-    rotation = BaseRotation(**turned) if turned else None
-    floors = tuple(header["floors"])
-    model = ReducedModel(**arrays, floors=floors, node_shapes=shapes, rotation=rotation)
-    return model, float(header["rms_error"])
+        turned = {k.removeprefix("rotation_"): data[k] for k in data if k.startswith("rotation_")}
+        model = ReducedModel(
+            **{name: data[name] for name in _ARRAYS},
+            floors=tuple(header["floors"]),
+            node_shapes=data.get("node_shapes"),
+            rotation=BaseRotation(**turned) if turned else None,
+        )
+        return model, float(header["rms_error"])
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise damaged(path, error) from error
 
 
 def choose_building(study: Study, name: str | None) -> Building:

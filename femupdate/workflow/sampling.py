@@ -4,14 +4,16 @@ import hashlib
 import json
 import shutil
 import time
-import zipfile
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
-from femupdate.atomic import atomic_path
+from femupdate.array_archive import read_arrays, write_arrays
 from femupdate.inference.bridge import BridgeResult, Start, bridge
 from femupdate.inference.parameters import Parameters
 from femupdate.inference.smc import (
@@ -133,37 +135,36 @@ class _Kept:
             "invalid": state.invalid,
             "levels": [asdict(level) for level in state.levels],
         }
-        with atomic_path(self.path) as temporary, open(temporary, "wb") as file:
-            np.savez(
-                file,
-                mark=np.array(self.mark),
-                numbers=np.array(json.dumps(numbers)),
-                random_state=state.random_state.cpu().numpy(),
-                **arrays,
-            )
+        write_arrays(
+            self.path,
+            mark=np.array(self.mark),
+            numbers=np.array(json.dumps(numbers)),
+            random_state=state.random_state.cpu().numpy(),
+            **arrays,
+        )
 
     def load(self) -> SmcState | None:
         if not self.path.exists():
             return None
         try:
-            with open(self.path, "rb") as file, np.load(file) as data:
-                if str(data["mark"]) != self.mark:
-                    return None
-                numbers = json.loads(str(data["numbers"]))
-                points = Points(*(torch.from_numpy(data[name]) for name in _TENSORS))
-                random_state = torch.from_numpy(data["random_state"])
-        except (OSError, ValueError, KeyError, zipfile.BadZipFile):
+            data = read_arrays(self.path)
+            return _state(data) if str(data["mark"]) == self.mark else None
+        except (ValueError, KeyError, TypeError, RecursionError):
             return None  # a state that cannot be read only costs the time to draw it again
-        return SmcState(
-            points=points,
-            beta=numbers["beta"],
-            log_evidence=tuple(numbers["log_evidence"]),
-            tuning=tuple(numbers["tuning"]),
-            levels=tuple(_level(**level) for level in numbers["levels"]),
-            evaluations=numbers["evaluations"],
-            invalid=numbers["invalid"],
-            random_state=random_state,
-        )
+
+
+def _state(data: Mapping[str, NDArray[Any]]) -> SmcState:
+    numbers = json.loads(str(data["numbers"]))
+    return SmcState(
+        points=Points(*(torch.from_numpy(data[name]) for name in _TENSORS)),
+        beta=numbers["beta"],
+        log_evidence=tuple(numbers["log_evidence"]),
+        tuning=tuple(numbers["tuning"]),
+        levels=tuple(_level(**level) for level in numbers["levels"]),
+        evaluations=numbers["evaluations"],
+        invalid=numbers["invalid"],
+        random_state=torch.from_numpy(data["random_state"]),
+    )
 
 
 def _level(*, acceptance: list[float], **numbers: float) -> Level:

@@ -12,6 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from femupdate.study_lock import locked
+
 ROWS = 400  # of an observation: enough for a spectrum
 
 
@@ -516,17 +518,26 @@ def test_a_full_disk_leaves_no_file_in_a_new_study(
     assert snapshot(tmp_path / "study") == {}
 
 
+def test_a_study_that_another_process_writes_into(femupdate, bench, calibrated, snapshot):
+    before = snapshot(calibrated)
+    with locked(calibrated, "train"):
+        done = femupdate(*commands(bench, calibrated)["calibrate"], "--study", calibrated)
+        assert f"`femupdate train` (process {os.getpid()} on" in done.complaint
+    assert done.progress == []
+    assert snapshot(calibrated) == before
+
+
 def _at_most_10_kb():
     resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, 10_000))
 
 
-@pytest.mark.parametrize("command", ["predict"])
+@pytest.mark.parametrize("command", ["calibrate", "predict"])
 def test_files_that_cannot_grow_are_not_left_half(script, bench, calibrated, snapshot, command):
     """A limit of the system cuts a file short in the middle, where HDF5 itself would crash."""
     before = snapshot(calibrated)
     done = script(*commands(bench, calibrated)[command], preexec_fn=_at_most_10_kb)
     assert "cannot write" in done.complaint
-    assert ".nc: File too large" in done.complaint
+    assert ".nc: files may not grow that large here" in done.complaint
     assert snapshot(calibrated) == before
 
 

@@ -1,7 +1,10 @@
 """Posteriors on disk: they come back, others can read them, and wrong files are named."""
 
+import errno
 import json
+import os
 from dataclasses import fields, replace
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -202,14 +205,39 @@ def test_a_posterior_that_is_not_ours(posterior, tmp_path, damage):
     one_sentence(tmp_path / "p.nc")
 
 
+def spoiled(posterior, what):
+    theta, zeta, lp = (
+        x.copy() for x in (posterior.theta, posterior.zeta, posterior.log_likelihood)
+    )
+    if what == "theta of NaN":
+        theta[0, 3, 0] = np.nan
+    elif what == "theta of 1e6":
+        theta[0, 3, 0] = 1e6
+    elif what == "zeta of 7":
+        zeta[0, 0] = 7.0
+    elif what == "likelihood of NaN":
+        lp[0, 0] = np.nan
+    return replace(posterior, theta=theta, zeta=zeta, log_likelihood=lp)
+
+
+@pytest.mark.parametrize("what", ["theta of NaN", "theta of 1e6", "zeta of 7", "likelihood of NaN"])
+def test_draws_that_no_sampler_has_made(posterior, tmp_path, what):
+    """The hash of such a file may be right: it is what someone recorded."""
+    save_posterior(spoiled(posterior, what), tmp_path / "p.nc")
+    with pytest.raises(StudyError, match=r"is not a posterior of femupdate \(.*run `femupdate cal"):
+        load_posterior(tmp_path / "p.nc")
+
+
 def test_a_failed_write_leaves_the_old_file(posterior, tmp_path, monkeypatch):
     save_posterior(posterior, tmp_path / "p.nc")
     before = (tmp_path / "p.nc").read_bytes()
 
-    def full(*_, **__):
-        raise RuntimeError("Can't decrement id ref count (unable to extend file, errno = 28, ...)")
+    def full(path, content):
+        with open(path, "wb") as file:
+            file.write(content[: len(content) // 2])
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(xr.DataTree, "to_netcdf", full)
+    monkeypatch.setattr(Path, "write_bytes", full)
     with pytest.raises(StudyError, match="the disk is full"):
         save_posterior(posterior, tmp_path / "p.nc")
     assert (tmp_path / "p.nc").read_bytes() == before

@@ -1,6 +1,9 @@
 """Trained surrogates on disk: what comes back, and files that are none."""
 
+import errno
 import json
+import os
+from pathlib import Path
 
 import pytest
 import torch
@@ -8,7 +11,6 @@ from safetensors import safe_open
 from safetensors.torch import save_file
 
 from femupdate.errors import StudyError, SurrogateError
-from femupdate.surrogate import storage as room
 from femupdate.surrogate.storage import (
     SurrogateInfo,
     TrainedSurrogate,
@@ -137,6 +139,20 @@ def rewritten(path, change):
         ),
         lambda header, tensors: header.pop("floors") and {"femupdate": json.dumps(header)},
         lambda header, tensors: header.update(mood=1) or {"femupdate": json.dumps(header)},
+        lambda header, tensors: (
+            header["sizes"].update(width=10**6) or {"femupdate": json.dumps(header)}
+        ),
+        lambda header, tensors: (
+            header["sizes"].update(floor_features=10**9) or {"femupdate": json.dumps(header)}
+        ),
+        lambda header, tensors: (
+            header["sizes"].update(blocks=10**9) or {"femupdate": json.dumps(header)}
+        ),
+        lambda header, tensors: {"femupdate": "[" * 100_000},
+        lambda header, tensors: (
+            tensors["bend.straight.weight"].fill_(float("nan")) is None
+            or {"femupdate": json.dumps(header)}
+        ),
         lambda header, tensors: tensors.pop("lower") is None or {"femupdate": json.dumps(header)},
     ],
     ids=[
@@ -149,6 +165,11 @@ def rewritten(path, change):
         "another width",
         "no floors",
         "an entry of the future",
+        "terabytes of weights",
+        "terabytes of features",
+        "a billion blocks",
+        "a header without end",
+        "weights of NaN",
         "a tensor missing",
     ],
 )
@@ -158,10 +179,10 @@ def test_weights_that_do_not_fit_their_header(path, change):
 
 
 def test_a_full_disk_is_one_sentence(surrogate, tmp_path, monkeypatch):
-    def full(tensors, path, metadata=None):
-        raise room.SafetensorError("I/O error: No space left on device (os error 28)")
+    def full(path, content):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(room, "save_file", full)
+    monkeypatch.setattr(Path, "write_bytes", full)
     with pytest.raises(StudyError, match="the disk is full"):
         save_surrogate(surrogate, tmp_path / "s.safetensors")
     assert list(tmp_path.iterdir()) == []

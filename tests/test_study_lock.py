@@ -1,0 +1,105 @@
+"""One process at a time writes into a study."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from femupdate.errors import StudyError
+from femupdate.study_lock import locked
+
+HOLD = """\
+import sys, time
+from pathlib import Path
+from femupdate.study_lock import locked
+with locked(Path(sys.argv[1]), "calibrate"):
+    print("held", flush=True)
+    time.sleep(600)
+"""
+
+
+@pytest.fixture
+def holder(tmp_path):
+    """Another process that holds the study; it never frees it of its own accord."""
+    command = [sys.executable, "-c", HOLD, str(tmp_path / "study")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout.readline() == "held\n"
+        yield process
+        process.kill()
+
+
+def test_another_process_is_named(holder, tmp_path):
+    wanted = rf"`femupdate calibrate` \(process {holder.pid} on .*since 20.*\) is writing into the"
+    with pytest.raises(StudyError, match=wanted), locked(tmp_path / "study", "predict"):
+        pass
+    assert json.loads((tmp_path / "study" / ".lock-owner.json").read_text())["process"] == (
+        holder.pid
+    )
+
+
+@pytest.mark.parametrize("name", ["SIGKILL", "SIGTERM"])
+def test_a_lock_dies_with_its_owner(holder, tmp_path, name):
+    holder.send_signal(getattr(signal, name))
+    holder.wait()
+    assert (tmp_path / "study" / ".lock").exists()  # what is left of it holds nobody up
+    with locked(tmp_path / "study", "predict"):
+        pass
+    assert not (tmp_path / "study").exists() or not list((tmp_path / "study").iterdir())
+
+
+def test_an_owner_who_left_no_name(tmp_path):
+    with locked(tmp_path, "calibrate"):
+        (tmp_path / ".lock-owner.json").write_text("{")
+        with pytest.raises(StudyError, match=r"^another process is"), locked(tmp_path, "predict"):
+            pass
+
+
+def test_nothing_stays_behind(tmp_path):
+    with locked(tmp_path / "deep" / "study", "calibrate"):
+        assert (tmp_path / "deep" / "study").is_dir()
+    assert list(tmp_path.iterdir()) == []
+    with locked(tmp_path / "deep" / "study", "calibrate"):
+        (tmp_path / "deep" / "study" / "posterior.nc").write_text("draws")
+    assert os.listdir(tmp_path / "deep" / "study") == ["posterior.nc"]
+
+
+def test_parts_of_killed_processes_are_removed(tmp_path):
+    parts = [
+        ".posterior-0a1b2c3d.part.nc",
+        "dataset/ab12-500/.0003-ffffffff.part.npz",
+        "sampling/.ab-12345678.part.npz",
+        "pictures/.modes-12345678.part.png",
+    ]
+    others = [".posterior.part.nc", "posterior-0a1b2c3d.part.nc", "notes/.x-12345678.part.txt"]
+    for name in (*parts, *others):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text("half")
+    with locked(tmp_path, "calibrate"):
+        pass
+    assert not any((tmp_path / name).exists() for name in parts)
+    assert all((tmp_path / name).exists() for name in others)
+
+
+def test_a_folder_that_cannot_be_made(tmp_path):
+    (tmp_path / "file").write_text("")
+    with (
+        pytest.raises(StudyError, match=r"cannot write .*check the folder"),
+        locked(tmp_path / "file" / "study", "calibrate"),
+    ):
+        pass
+
+
+def test_an_error_inside_frees_it(tmp_path):
+    def fails():
+        with locked(tmp_path, "calibrate"):
+            raise ZeroDivisionError
+
+    for _ in range(2):
+        started = time.monotonic()
+        with pytest.raises(ZeroDivisionError):
+            fails()
+        assert time.monotonic() - started < 5.0

@@ -1,0 +1,97 @@
+"""Artefacts that are not what they should be although the study's record has their hash.
+
+They may come from a disk that lost bits before the hash was taken, or from a stranger.
+"""
+
+import json
+
+import numpy as np
+import pytest
+
+from femupdate.array_archive import read_arrays, write_arrays
+from femupdate.errors import StudyError
+from femupdate.study import MANIFEST, file_hash, write_text
+from femupdate.workflow.effects import BASIS, finder_origin, finder_structure, read_basis
+from femupdate.workflow.mesh_error import MESH_ERROR, kept_mesh_error
+from femupdate.workflow.model import REDUCED, load_reduced, open_study
+
+
+def rerecorded(study, name):
+    """Let the study's record have the hash of the file as it is now."""
+    manifest = study.path(MANIFEST)
+    content = json.loads(manifest.read_text())
+    entry = content["artefacts"][name]
+    entry["sha256"] = file_hash(study.path(entry["file"]))
+    manifest.write_text(json.dumps(content))
+
+
+def changed(**new):
+    def change(path):
+        write_arrays(path, **{**read_arrays(path), **new})
+
+    return change
+
+
+def without(name):
+    def change(path):
+        write_arrays(path, **{k: v for k, v in read_arrays(path).items() if k != name})
+
+    return change
+
+
+DAMAGES = {
+    "junk": lambda path: path.write_bytes(bytes(range(256)) * 9),
+    "nothing": lambda path: path.write_bytes(b""),
+    "half": lambda path: path.write_bytes(path.read_bytes()[:2000]),
+    "a missing array": without("excitation"),
+    "another shape": changed(excitation=np.ones(7)),
+    "not a number": changed(story_mass=np.array([np.nan, 1.0])),
+    "text": changed(story_mass=np.array(["a", "b"])),
+    "no header": without("header"),
+    "a broken header": changed(header=np.array("{")),
+    "a header without end": changed(header=np.array("[" * 100_000)),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_reduced_model_with_the_right_hash(tower, damage):
+    path = tower.path("reduced_model.npz")
+    DAMAGES[damage](path)
+    rerecorded(tower, REDUCED)
+    before = path.read_bytes()
+    with pytest.raises(StudyError, match=r"reduced_model\.npz is not what .*remove it and run"):
+        open_study(tower)
+    assert path.read_bytes() == before
+    path.unlink()
+    open_study(tower)
+    load_reduced(path)
+
+
+@pytest.mark.parametrize(
+    ("basis", "message"),
+    [
+        (np.ones((3, 2)), "basis of 3 degrees of freedom"),
+        (np.ones(3), r"basis has the shape \(3,\)"),
+        (np.full((3, 2), np.inf), "holds a value that is no number"),
+    ],
+)
+def test_a_basis_of_another_structure(cabin_study, basis, message):
+    building = open_study(cabin_study).building
+    path = cabin_study.path("effect_basis.npz")
+    write_arrays(path, basis=basis)
+    cabin_study.record(BASIS, path.name, "diagnose", finder_origin(building))
+    with pytest.raises(StudyError, match=message):
+        read_basis(path, finder_structure(building))
+
+
+@pytest.mark.parametrize(
+    "content",
+    ["", "{", "[" * 100_000, '{"points": 1}', '{"points": 1, "labels": 3}'],
+    ids=["empty", "cut", "without end", "keys missing", "no list"],
+)
+def test_a_mesh_error_that_is_none(cabin_study, content):
+    building = open_study(cabin_study).building
+    write_text(cabin_study.path("mesh_error.json"), content)
+    cabin_study.record(MESH_ERROR, "mesh_error.json", "diagnose", finder_origin(building))
+    with pytest.raises(StudyError, match=r"mesh_error\.json is not what femupdate writes there"):
+        kept_mesh_error(cabin_study, building)
