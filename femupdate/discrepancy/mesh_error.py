@@ -167,7 +167,7 @@ def corrected(
     """
     terms = reduced.model.stiffness_terms.copy()
     for placed, value in zip(mesh.placed, mesh.mean, strict=True):
-        for story, matrix in reduced.terms(placed).stiffness:
+        for story, matrix, _ in reduced.terms(placed).stiffness:
             terms[story] += share * value * matrix.numpy()
     return replace(reduced, model=replace(reduced.model, stiffness_terms=terms))
 
@@ -280,7 +280,7 @@ def _energy_shares(
     vectors, shares = modes.vectors[:, rows], []
     for one in placed:
         energy = np.zeros(len(rows))
-        for story, matrix in coarse.terms(one).stiffness:
+        for story, matrix, _ in coarse.terms(one).stiffness:
             factor = 1.0 if story == UNSCALED else theta[story]
             energy = energy + factor * ((matrix.numpy() @ vectors) * vectors).sum(axis=0)
         shares.append(energy / modes.squared[rows])

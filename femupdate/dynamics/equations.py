@@ -16,7 +16,7 @@ from femupdate.dynamics.damping import DampingLaw
 from femupdate.dynamics.reduced import BaseRotation, ReducedModel
 from femupdate.dynamics.reduced_terms import reduce_terms
 from femupdate.dynamics.system import System
-from femupdate.effects.effect import UNSCALED, Placed, Terms
+from femupdate.effects.effect import UNSCALED, Hinges, Placed, Terms
 from femupdate.effects.structure import ROTATION, TRANSLATION, Structure
 from femupdate.fe.driven import driven_shapes
 from femupdate.fe.factorization import factorize
@@ -92,8 +92,11 @@ def equations_at(
     force, rigid = structure.rigid_force, structure.rigid_mass
     inertia, story_rigid = structure.story_inertia, structure.story_rigid
     for terms, size in added:
-        for story, matrix in terms.stiffness:
-            stiffness = stiffness + size * (1.0 if story == UNSCALED else theta[story]) * matrix
+        for story, matrix, series in terms.stiffness:
+            factor = size / (1.0 + series * size)
+            stiffness = stiffness + factor * (1.0 if story == UNSCALED else theta[story]) * matrix
+        if terms.hinges is not None:
+            stiffness = stiffness - csc_matrix(_softening(terms.hinges, theta, size))
         if terms.mass is not None:
             mass = mass + size * terms.mass.matrix
             force = force + size * terms.mass.force
@@ -101,6 +104,14 @@ def equations_at(
             inertia = inertia + size * terms.mass.above
             story_rigid = story_rigid + size * terms.mass.above_rigid
     return Equations(csc_matrix(stiffness), csc_matrix(mass), force, rigid, inertia, story_rigid)
+
+
+def _softening(hinges: Hinges, theta: Floats, size: float) -> Floats:
+    """Stiffness (n, n) that hinges of a size take away."""
+    parts = list(zip(theta, hinges.coupling, hinges.inner, strict=True))
+    coupling = sum((factor * own for factor, own, _ in parts), np.zeros(()))
+    inner = np.diag(hinges.spring) + size * sum((f * own for f, _, own in parts), np.zeros(()))
+    return np.asarray(size * coupling @ np.linalg.solve(inner, coupling.T))
 
 
 def driven_system(

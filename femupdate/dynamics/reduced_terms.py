@@ -1,6 +1,7 @@
 """What effects add to a reduced model."""
 
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -9,7 +10,7 @@ from torch import Tensor
 
 from femupdate.arrays import Floats
 from femupdate.dynamics.reduced import ReducedModel
-from femupdate.effects.effect import AddedMass, Placed, Terms
+from femupdate.effects.effect import AddedMass, Hinges, Placed, Terms
 from femupdate.effects.structure import Structure
 
 
@@ -33,10 +34,41 @@ class ReducedMass:
 
 
 @dataclass(frozen=True, eq=False)
+class ReducedHinges:
+    """`Hinges` of an effect in r reduced coordinates.
+
+    Attributes:
+        coupling: (p, r, j).
+        inner: (p, j, j).
+        spring: (j,).
+    """
+
+    coupling: Tensor
+    inner: Tensor
+    spring: Tensor
+
+    def softening(self, theta: Tensor, size: Tensor) -> Tensor:
+        """Stiffness (N, r, r) that hinges of sizes (N,) take away at theta (N, p)."""
+        coupling = torch.einsum("np,prj->nrj", theta, self.coupling.to(theta))
+        inner = torch.einsum("np,pij->nij", theta, self.inner.to(theta))
+        inner = torch.diag(self.spring.to(theta)) + size[:, None, None] * inner
+        return size[:, None, None] * (coupling @ torch.linalg.solve(inner, coupling.mT))
+
+
+class ReducedStiffness(NamedTuple):
+    """`Stiffness` of an effect in r reduced coordinates, the matrix (r, r)."""
+
+    story: int
+    matrix: Tensor
+    series: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
 class ReducedTerms:
     """`Terms` of an effect as a reduced model has them (r coordinates)."""
 
-    stiffness: tuple[tuple[int, Tensor], ...] = ()
+    stiffness: tuple[ReducedStiffness, ...] = ()
+    hinges: ReducedHinges | None = None
     mass: ReducedMass | None = None
     flexibility: tuple[float, float] = (0.0, 0.0)
     pitch: float = 0.0
@@ -47,14 +79,16 @@ class ReducedTerms:
     def shapeless(self) -> bool:
         """Whether nothing is added to the structure, so that any basis serves the effect."""
         nothing = not self.stiffness and self.mass is None and self.port is None
+        nothing = nothing and self.hinges is None
         return nothing and self.flexibility == (0.0, 0.0) and self.pitch == 0.0
 
     def first(self, count: int) -> "ReducedTerms":
         """The same in the first coordinates."""
-        mass, port, own = self.mass, self.port, slice(count)
+        mass, port, hinges, own = self.mass, self.port, self.hinges, slice(count)
         return replace(
             self,
-            stiffness=tuple((story, matrix[own, own]) for story, matrix in self.stiffness),
+            stiffness=tuple(one._replace(matrix=one.matrix[own, own]) for one in self.stiffness),
+            hinges=None if hinges is None else replace(hinges, coupling=hinges.coupling[:, own]),
             mass=None
             if mass is None
             else replace(
@@ -124,14 +158,22 @@ def reduce_terms(basis: Floats, terms: Terms) -> ReducedTerms:
         port = (torch.from_numpy(terms.port.row @ basis), torch.from_numpy(terms.port.rigid))
     return ReducedTerms(
         stiffness=tuple(
-            (story, torch.from_numpy(projected(basis, own))) for story, own in terms.stiffness
+            ReducedStiffness(one.story, torch.from_numpy(projected(basis, one.matrix)), one.series)
+            for one in terms.stiffness
         ),
+        hinges=None if terms.hinges is None else _reduced_hinges(basis, terms.hinges),
         mass=None if terms.mass is None else _reduced_mass(basis, terms.mass),
         flexibility=terms.flexibility,
         pitch=terms.pitch,
         port=port,
         constants=terms.constants,
     )
+
+
+def _reduced_hinges(basis: Floats, hinges: Hinges) -> ReducedHinges:
+    coupling = np.stack([basis.T @ own for own in hinges.coupling])
+    parts = coupling, np.stack(hinges.inner), hinges.spring
+    return ReducedHinges(*(torch.from_numpy(part) for part in parts))
 
 
 def _reduced_mass(basis: Floats, mass: AddedMass) -> ReducedMass:

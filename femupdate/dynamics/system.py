@@ -328,9 +328,12 @@ class System:
         force, rigid = (part.expand(count, -1, -1) for part in _base_forces(model, theta))
         mass = None
         for added, values in zip(self.terms, own, strict=True):
-            for story, matrix in added.stiffness:
-                factor = values[:, 0] if story == UNSCALED else values[:, 0] * theta[:, story]
+            for story, matrix, series in added.stiffness:
+                factor = values[:, 0] / (1.0 + series * values[:, 0])
+                factor = factor if story == UNSCALED else factor * theta[:, story]
                 stiffness = stiffness + factor[:, None, None] * matrix.to(theta)
+            if added.hinges is not None:
+                stiffness = stiffness - added.hinges.softening(theta, values[:, 0])
             if added.mass is not None:
                 mass = torch.eye(size).to(theta) if mass is None else mass
                 weight = values[:, 0, None, None]

@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 import torch
@@ -79,13 +79,49 @@ class AddedMass:
     above_rigid: Floats
 
 
+class Stiffness(NamedTuple):
+    """Stiffness that an effect adds: size / (1 + series size) of a matrix.
+
+    A share of a part that lies in series with another, such as bending beside shear, changes the
+    stiffness of both together in this way: k = 1 / (a / (1 + s) + b) is k(0) + s / (1 + r s) k'(0)
+    with r = b / (a + b).
+
+    Attributes:
+        story: whose factor scales the matrix; `UNSCALED` where none does.
+        matrix: (n, n) N/m, the derivative by the size where there is no effect.
+        series: r; zero where the stiffness is proportional to the size.
+    """
+
+    story: int
+    matrix: csc_matrix
+    series: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Hinges:
+    """Rotations that springs hold, condensed: j of them without mass.
+
+    At size s the spring of each is its unit stiffness over s, so that at zero nothing rotates, and
+        K = K(theta) - s C (D + s A)^-1 C^T,   C = sum theta_i C_i,   A = sum theta_i A_i.
+
+    Attributes:
+        coupling: C_i, one (n, j) a story: forces on the structure per unit rotation.
+        inner: A_i, one (j, j) a story: moments that the stories put against the rotations.
+        spring: (j,) the diagonal of D, the springs at unit size.
+    """
+
+    coupling: tuple[Floats, ...]
+    inner: tuple[Floats, ...]
+    spring: Floats
+
+
 @dataclass(frozen=True, eq=False)
 class Terms:
     """What an effect of unit size adds to the full model.
 
     Attributes:
-        stiffness: (story, (n, n) matrix); a story's factor scales its matrix, `UNSCALED` ones stand
-            for themselves.
+        stiffness: what it adds to that of stories.
+        hinges: rotations that it sets free, or None.
         mass: mass, or None.
         flexibility: (2,) of the ground under the base, m/N and rad/(N m).
         pitch: rotation of the base that goes with its translation, rad/m.
@@ -93,7 +129,8 @@ class Terms:
         constants: numbers that the effect needs to evaluate itself, in its own order.
     """
 
-    stiffness: tuple[tuple[int, csc_matrix], ...] = ()
+    stiffness: tuple[Stiffness, ...] = ()
+    hinges: Hinges | None = None
     mass: AddedMass | None = None
     flexibility: tuple[float, float] = (0.0, 0.0)
     pitch: float = 0.0
@@ -103,7 +140,7 @@ class Terms:
     @property
     def changes_shapes(self) -> bool:
         """Whether the shapes that a basis must hold change."""
-        return bool(self.stiffness) or self.mass is not None
+        return bool(self.stiffness) or self.mass is not None or self.hinges is not None
 
 
 class Effect(ABC):

@@ -4,8 +4,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from femupdate.effects.bars import bending_terms
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, Terms
+from femupdate.effects.effect import Effect, Stiffness, Terms
 from femupdate.effects.structure import Structure
 
 ALL = "all"
@@ -16,11 +17,11 @@ class MemberStiffness(Effect):
 
     Class attributes:
         kinds: of shells and beams in the mesh.
-        bending_only: of beams and columns, the bending stiffness alone.
+        bending_only: of beams and columns, the second moments of area alone.
     """
 
     kinds: ClassVar[tuple[str, ...]]
-    bending_only: ClassVar[bool]
+    bending_only: ClassVar[bool] = False
 
     def places(self, structure: Structure) -> tuple[str, ...]:
         """All stories together, and every story, where there are such members."""
@@ -40,7 +41,16 @@ class MemberStiffness(Effect):
 
     def terms(self, structure: Structure, place: str) -> Terms:
         """The stiffness of the members, scaled by the factor of their story."""
-        stories = structure.building.story_names
-        matrices = structure.member_stiffness(self.kinds, self.bending_only)
-        chosen = range(len(stories)) if place == ALL else [stories.index(place)]
-        return Terms(stiffness=tuple((k, matrices[k]) for k in chosen if matrices[k].nnz))
+        names = structure.building.story_names
+        chosen = range(len(names)) if place == ALL else [names.index(place)]
+        if not self.bending_only:
+            matrices = structure.member_stiffness(self.kinds)
+            own = (Stiffness(k, matrices[k]) for k in chosen if matrices[k].nnz)
+            return Terms(stiffness=tuple(own))
+        mesh, operators = structure.mesh, structure.operators
+        if mesh is None or operators is None:
+            raise ValueError("a shear building has no members")
+        bending = structure.once(
+            ("bending", self.kinds), lambda: bending_terms(mesh.model, operators, self.kinds)
+        )
+        return Terms(stiffness=tuple(one for one in bending if one.story in chosen))

@@ -8,6 +8,7 @@ A shear building is a stick; its heights are the stories' own, or one metre each
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TypeVar, cast
 
 import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix
@@ -26,6 +27,7 @@ from femupdate.fe.factorization import Factorization, factorize
 from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel
 
 TRANSLATION, ROTATION = 0, 1
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,9 +90,7 @@ class Structure:
     mesh: BuildingMesh | None = None
     operators: AffineOperators | None = None
     mesh_size: float | None = None
-    known: dict[Hashable, tuple[csc_matrix, ...]] = field(
-        default_factory=dict, init=False, repr=False
-    )
+    known: dict[Hashable, object] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def floors(self) -> tuple[str, ...]:
@@ -195,29 +195,20 @@ class Structure:
         weight = np.where(here, self.points.mass, 0.0)
         return (self.points.motion.T @ (weight / weight.sum(axis=1, keepdims=True)).T).T
 
-    def member_stiffness(
-        self, kinds: tuple[str, ...], bending_only: bool
-    ) -> tuple[csc_matrix, ...]:
-        """Stiffness of the members of some kinds, one (n, n) matrix a story.
+    def member_stiffness(self, kinds: tuple[str, ...]) -> tuple[csc_matrix, ...]:
+        """Stiffness of the members of some kinds, such as "wall", one (n, n) matrix a story."""
+        return self.once(("members", kinds), lambda: self._members(kinds))
 
-        Args:
-            kinds: of shells and beams, such as "wall" or "beam".
-            bending_only: of beams and columns, what their bending stiffness contributes.
-        """
-        return self.once((kinds, bending_only), lambda: self._members(kinds, bending_only))
-
-    def once(
-        self, what: Hashable, make: Callable[[], tuple[csc_matrix, ...]]
-    ) -> tuple[csc_matrix, ...]:
+    def once(self, what: Hashable, make: Callable[[], T]) -> T:
         """Matrices that several places of an effect share, made when first asked for."""
         if what not in self.known:
             self.known[what] = make()
-        return self.known[what]
+        return cast(T, self.known[what])
 
-    def _members(self, kinds: tuple[str, ...], bending_only: bool) -> tuple[csc_matrix, ...]:
+    def _members(self, kinds: tuple[str, ...]) -> tuple[csc_matrix, ...]:
         if self.mesh is None or self.operators is None:
             raise ValueError("a shear building has no members")
-        more = assemble(_twice(self.mesh.model, kinds, bending_only))
+        more = assemble(_twice(self.mesh.model, kinds))
         pairs = zip(more.stiffness_terms, self.operators.stiffness_terms, strict=True)
         return tuple(csc_matrix(new - old) for new, old in pairs)
 
@@ -344,12 +335,6 @@ def _motion(operators: AffineOperators) -> csr_matrix:
     return csr_matrix((np.ones(len(free)), where), shape=(operators.dof, len(free)))
 
 
-def _twice(
-    model: FiniteElementModel, kinds: tuple[str, ...], bending_only: bool
-) -> FiniteElementModel:
+def _twice(model: FiniteElementModel, kinds: tuple[str, ...]) -> FiniteElementModel:
     """The model with the members of some kinds twice as stiff."""
-    return model.mapped(
-        lambda part: part.scaled(
-            np.where(np.isin(part.kind, kinds), 2.0, 1.0), bending_only=bending_only
-        )
-    )
+    return model.mapped(lambda part: part.scaled(np.where(np.isin(part.kind, kinds), 2.0, 1.0)))

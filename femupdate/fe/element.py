@@ -160,13 +160,8 @@ class Elements(ABC):
         """1 for lines and 2 for surfaces."""
         return 1 if cls.cell_type == "line" else 2
 
-    def scaled(self, factor: Floats, bending_only: bool = False) -> Self:
-        """These elements with their stiffness multiplied by factors (n,).
-
-        Args:
-            factor: (n,).
-            bending_only: of lines, multiply the bending stiffness alone.
-        """
+    def scaled(self, factor: Floats) -> Self:
+        """These elements with their stiffness multiplied by factors (n,)."""
         return replace(self, youngs_modulus=self.youngs_modulus * factor)
 
     def taken(self, chosen: Integers) -> Self:

@@ -10,7 +10,7 @@ YOUNG, POISSON, THICKNESS, AREA = 25e9, 0.2, 0.15, 9.0 * 6.0
 
 
 def matrix(frame, story):
-    ((_, found),) = EFFECT.terms(frame.structure, story).stiffness
+    ((_, found, _),) = EFFECT.terms(frame.structure, story).stiffness
     return found
 
 

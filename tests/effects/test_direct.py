@@ -199,11 +199,7 @@ def softened(model, kind, groups, factor, bending):
 
     shells, beams = model.elements_of(Shells), model.elements_of(Beams)
     by_shell, by_beam = factors(shells), factors(beams)
-    changes = (
-        ("inertia_y", "inertia_z", "shear_area_y", "shear_area_z")
-        if bending
-        else ("youngs_modulus",)
-    )
+    changes = ("inertia_y", "inertia_z") if bending else ("youngs_modulus",)
     return model.with_elements(
         replace(shells, youngs_modulus=shells.youngs_modulus * by_shell),
         replace(beams, **{name: getattr(beams, name) * by_beam for name in changes}),

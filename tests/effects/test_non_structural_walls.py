@@ -58,7 +58,7 @@ def _named(structure):
 def added(structure, place, theta, size=1.0):
     terms = EFFECT.terms(structure, place).stiffness
     whole = structure.stiffness(theta)
-    for story, matrix in terms:
+    for story, matrix, _ in terms:
         whole = whole + size * theta[story] * matrix
     return whole.toarray()
 
@@ -125,7 +125,7 @@ def test_walls_that_are_stiff_already_are_no_candidates(frame_document):
 def test_a_wall_does_not_resist_rigid_motion(frame_document):
     """Of the upper story's: it is tied to nothing that is held."""
     structure = structure_of(from_document({**frame_document, "mesh": {"size": 1.5}}))
-    ((_, matrix),) = EFFECT.terms(structure, "P/high").stiffness
+    ((_, matrix, _),) = EFFECT.terms(structure, "P/high").stiffness
     force = matrix @ structure.rigid_shapes
     scale = abs(matrix).max() * np.abs(structure.rigid_shapes).max()
     np.testing.assert_allclose(force, 0.0, atol=1e-9 * scale)

@@ -5,19 +5,27 @@ from femupdate.effects.member import MemberStiffness
 
 
 class CrackedBeams(MemberStiffness):
-    """A factor on the beams' bending stiffness of one story or of all."""
+    """A factor on the second moments of area of the beams of one story or of all.
+
+    Shear areas stay as they are.
+    """
 
     name = "cracked_beams"
     title = "Cracked beams"
     sentence = (
-        "The beams have lost bending stiffness by cracking or slipping joints, while walls "
+        "The beams have lost bending stiffness along their length by cracking, while walls "
         "and columns have not."
     )
-    confused_with = ("cracked_columns",)
-    settled_by = "the beams' cracks and joints, or the rotation of their ends"
+    confused_with = ("cracked_columns", "joint_flexibility")
+    settled_by = "the beams' cracks, or the rotation of their ends"
     parameters = (
         Parameter(
-            "size", "1", 0.4, lower=-0.9, upper=0.0, text="change of the beams' bending stiffness"
+            "size",
+            "1",
+            0.4,
+            lower=-0.9,
+            upper=0.0,
+            text="change of the beams' second moments of area",
         ),
     )
     kinds = ("beam",)

@@ -5,7 +5,10 @@ from femupdate.effects.member import MemberStiffness
 
 
 class CrackedColumns(MemberStiffness):
-    """A factor on the columns' bending stiffness of one story or of all."""
+    """A factor on the second moments of area of the columns of one story or of all.
+
+    Shear areas stay as they are.
+    """
 
     name = "cracked_columns"
     title = "Cracked columns"
@@ -16,7 +19,12 @@ class CrackedColumns(MemberStiffness):
     settled_by = "the columns' cracks, or the rotation of their ends"
     parameters = (
         Parameter(
-            "size", "1", 0.4, lower=-0.9, upper=0.0, text="change of the columns' bending stiffness"
+            "size",
+            "1",
+            0.4,
+            lower=-0.9,
+            upper=0.0,
+            text="change of the columns' second moments of area",
         ),
     )
     kinds = ("column",)

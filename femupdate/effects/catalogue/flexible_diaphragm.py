@@ -2,7 +2,7 @@
 
 from femupdate.effects.diaphragm import membrane_terms
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, Parameter, Terms
+from femupdate.effects.effect import Effect, Parameter, Stiffness, Terms
 from femupdate.effects.structure import Structure
 from femupdate.fe.elements.shell import Shells
 
@@ -47,4 +47,5 @@ class FlexibleDiaphragm(Effect):
         )
         names = structure.building.story_names
         chosen = range(len(names)) if place == _ALL else [names.index(place)]
-        return Terms(stiffness=tuple((k, matrices[k]) for k in chosen if matrices[k].nnz))
+        own = (Stiffness(k, matrices[k]) for k in chosen if matrices[k].nnz)
+        return Terms(stiffness=tuple(own))

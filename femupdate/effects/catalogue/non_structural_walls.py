@@ -2,7 +2,7 @@
 
 from femupdate.building.frame import FrameBuilding
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, Parameter, Terms
+from femupdate.effects.effect import Effect, Parameter, Stiffness, Terms
 from femupdate.effects.infill import infill_lines
 from femupdate.effects.structure import Structure
 
@@ -56,7 +56,7 @@ class NonStructuralWalls(Effect):
         """The walls' stiffness on the nodes that the model has, scaled by their story's factor."""
         names = structure.building.story_names
         chosen = [wall for wall in structure.infills if _names(place, wall.line, names[wall.story])]
-        return Terms(stiffness=tuple((wall.story, wall.stiffness) for wall in chosen))
+        return Terms(stiffness=tuple(Stiffness(wall.story, wall.stiffness) for wall in chosen))
 
 
 def _names(place: str, line: str, story: str) -> bool:

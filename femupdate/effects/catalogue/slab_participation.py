@@ -19,4 +19,3 @@ class SlabParticipation(MemberStiffness):
         Parameter("size", "1", 0.3, lower=-0.9, upper=3.0, text="change of the slabs' stiffness"),
     )
     kinds = ("slab",)
-    bending_only = False

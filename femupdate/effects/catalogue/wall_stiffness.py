@@ -19,4 +19,3 @@ class WallStiffness(MemberStiffness):
         Parameter("size", "1", 0.25, lower=-0.9, upper=3.0, text="change of the walls' stiffness"),
     )
     kinds = ("wall",)
-    bending_only = False

@@ -14,6 +14,7 @@ from femupdate.fe.element import (
     column,
     repeated,
     rows,
+    symmetric,
 )
 from femupdate.fe.links import rigid_arms
 from femupdate.fe.opensees import OpenSeesPart, OpenSeesTable, sections
@@ -26,6 +27,8 @@ _PLANE_XY = np.array([1, 5, 7, 11])  # v and rz, where rz = +dv/dx
 _PLANE_XZ = np.array([2, 4, 8, 10])  # w and ry, where ry = -dw/dx
 _SIGN_XZ = np.array([1.0, -1.0, 1.0, -1.0])
 _ARMS_HEAD = ("rigid arms: first x", "y", "z", "second x", "y", "z")
+_ENDS_Y = np.array([4, 10])
+_NOTHING = 1e-10  # of the largest energy: a part that a release took away
 _PARALLEL = 1e-6  # sine of the angle between `up` and the axis below which there is no plane
 
 
@@ -105,12 +108,44 @@ class Beams(Elements):
         motion, local = self._local(points)
         return local.stiffness @ motion
 
-    def scaled(self, factor: Floats, bending_only: bool = False) -> Self:
-        """As `Elements.scaled`; the ratio of bending to shear flexibility stays as it is."""
-        if not bending_only:
-            return super().scaled(factor)
-        names = ("inertia_y", "inertia_z", "shear_area_y", "shear_area_z")
-        return replace(self, **{name: getattr(self, name) * factor for name in names})
+    def bending_parts(self, points: Floats) -> tuple[Floats, Floats]:
+        """Bending stiffness as a sum of four products c c^T, each of bending and shear in series.
+
+        With both second moments of area times 1 + s, shear areas as they are, the sum is
+        (1 + s) / (1 + r s) c c^T. What of a released end is not there has c = 0.
+
+        Returns:
+            r (n, 4), and c (n, 12, 4) per unit motion of the nodes in global axes.
+        """
+        motion, local = self._local(points)
+        rest = local.stiffness
+        bending = self._with(2.0, "inertia_y", "inertia_z", "shear_area_y", "shear_area_z")
+        both = bending._local(points)[1].stiffness - rest
+        stiffer = self._with(2.0, "inertia_y", "inertia_z")._local(points)[1].stiffness
+        turn = np.where(np.arange(12) % 6 < 3, 1.0, self.measure(points)[:, None])
+        energy, shapes = np.linalg.eigh(both / turn[:, :, None] / turn[:, None, :])
+        energy, shapes = energy[:, -4:], shapes[:, :, -4:]
+        there = energy > _NOTHING * energy[:, -1:]
+        root = np.sqrt(np.where(there, energy, 1.0))[:, None, :]
+        columns = np.where(there[:, None, :], shapes * root, 0.0) * turn[:, :, None]
+        inverse = np.where(there[:, None, :], shapes / root, 0.0) / turn[:, :, None]
+        twice = inverse.mT @ (stiffer - rest + both) @ inverse
+        factor, vectors = np.linalg.eigh(symmetric(twice))
+        return np.clip(2.0 / np.maximum(factor, 1.0) - 1.0, 0.0, 1.0), motion.mT @ columns @ vectors
+
+    def bending_ends(self, points: Floats) -> tuple[Floats, Floats]:
+        """Moments about the local y axis at both ends, (n, 2).
+
+        Returns:
+            Per unit motion of the nodes in global axes (n, 2, 12), and per unit rotation of either
+            end (n, 2, 2).
+        """
+        motion, local = self._local(points)
+        rows = local.stiffness[:, _ENDS_Y]
+        return rows @ motion, rows[:, :, _ENDS_Y]
+
+    def _with(self, factor: float, *names: str) -> Self:
+        return replace(self, **{name: factor * getattr(self, name) for name in names})
 
     def extents(self) -> Floats:
         """Width along local y and depth along local z, (n, 2) m."""

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from femupdate.arrays import Floats
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import UNSCALED, Effect, Parameter, Terms, as_complex
+from femupdate.effects.effect import UNSCALED, Effect, Parameter, Stiffness, Terms, as_complex
 from femupdate.effects.structure import Structure
 
 _TOP_HZ = 20.0
@@ -64,7 +64,7 @@ def _spring(structure: Structure, stretch: Floats) -> Terms:
     row = csc_matrix(stretch)
     roof = float(structure.floor_rows[-1] @ structure.static)
     spring = float(structure.rigid_mass[0, 0]) / roof
-    return Terms(stiffness=((UNSCALED, csc_matrix(spring * (row.T @ row))),))
+    return Terms(stiffness=(Stiffness(UNSCALED, csc_matrix(spring * (row.T @ row))),))
 
 
 class SensorResonance(Effect):

@@ -1,0 +1,53 @@
+"""Joints between columns and floors that rotate."""
+
+from femupdate.effects.drawn_building import DrawnBuilding, Glyph
+from femupdate.effects.effect import Effect, Parameter, Terms
+from femupdate.effects.joints import turning_beams, turning_floors
+from femupdate.effects.structure import Structure
+
+_ALL = "all"
+
+
+class JointFlexibility(Effect):
+    """Rotational springs between columns and floors, alike in the whole building.
+
+    A stick of stories that shear alone has floors that do not rotate. With finite springs the
+    stories act on the next ones through the floors between them, and f2 / f1 rises.
+    """
+
+    name = "joint_flexibility"
+    title = "Flexible joints"
+    sentence = (
+        "The joints between columns and floors rotate (soft beams or plates, slip, cracked "
+        "connections): stories are softer than clamped ones and bend their neighbours."
+    )
+    confused_with = ("foundation_rocking", "cracked_beams")
+    settled_by = "gyroscopes or pairs of vertical sensors beside a joint"
+    parameters = (
+        Parameter(
+            "size",
+            "1",
+            0.05,
+            lower=0.0,
+            upper=2.0,
+            text="E I / L of the column (in frames: of the beam) over the joint's stiffness",
+        ),
+    )
+
+    def places(self, structure: Structure) -> tuple[str, ...]:
+        """All joints together; a frame needs beams that meet columns."""
+        return (_ALL,) if self.terms(structure, _ALL).changes_shapes else ()
+
+    def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
+        """A ball at the ends of every floor's near edge."""
+        levels = range(1, len(drawn.levels))
+        corners = [corner for level in levels for corner in drawn.edges(level)]
+        return tuple(Glyph.of("ball", corner, drawn.radius) for corner in corners)
+
+    def terms(self, structure: Structure, place: str) -> Terms:
+        """At unit size the joint is as stiff as E I / L of what it holds."""
+        mesh, operators = structure.mesh, structure.operators
+        if mesh is None or operators is None:
+            return Terms(hinges=turning_floors(structure))
+        own = structure.once(("joints",), lambda: turning_beams(mesh.model, operators))
+        return Terms(stiffness=own)
