@@ -32,6 +32,11 @@ from .parameters import BuildingName, InputFile
     help="Independent sampler runs.",
 )
 @click.option("--device", default="cpu", show_default=True, help="Device for torch: cpu, cuda, ...")
+@click.option(
+    "--mode-error",
+    type=click.FloatRange(min=0.0, max=0.5, min_open=True),
+    help="Error of the model's own natural frequencies, as a ratio; default 0.01.",
+)
 @reading_options
 @study_options()
 def command(
@@ -41,6 +46,7 @@ def command(
     particles: int,
     chains: int,
     device: str,
+    mode_error: float | None,
     reading: dict[str, Any],
     study: Study,
     seed: int,
@@ -49,9 +55,10 @@ def command(
 ) -> Answer:
     """Draw the posterior of the stiffness factors from the measured files OBSERVATIONS.
 
-    Each file is a CSV table of histories (time_s, base, 2F, ..., RF) or of FRFs (frequency_hz, 2F,
-    ..., RF). Several sensors on one floor are named 2F:1, 2F:2. Several files are runs of the same
-    building, which one posterior explains together. The options hold for all files.
+    Each file is a CSV table of histories (time_s, base, 2F, ..., RF), of FRFs (frequency_hz, 2F,
+    ..., RF) or of identified modes (mode, frequency_hz, damping, 2F, ..., RF). Several sensors on
+    one floor are named 2F:1, 2F:2. Several files, of one kind or of several, are measurements of
+    the same building, which one posterior explains together. The options hold for all files.
     """
     from femupdate.workflow.calibrate import calibrate_study
     from femupdate.workflow.calibrate_settings import CalibrationSettings
@@ -61,7 +68,7 @@ def command(
     from femupdate.workflow.pictures_posterior import draw_posterior
 
     first, *further = observations
-    source = ObservationSource(first, further=tuple(further), **reading)
+    source = ObservationSource(first, further=tuple(further), mode_error=mode_error, **reading)
     settings = CalibrationSettings(particles, exact, chains, seed, device)
     check_calibration(study, source, settings, building)
     model = open_study(study, building, bars)

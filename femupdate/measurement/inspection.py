@@ -11,6 +11,8 @@ from femupdate.measurement.channel_checks import channel_findings, pair_findings
 from femupdate.measurement.columns import FREQUENCY
 from femupdate.measurement.direction import azimuth_of
 from femupdate.measurement.frf_table import FrfTable
+from femupdate.measurement.mode_checks import mode_findings
+from femupdate.measurement.mode_table import modes_in_table
 from femupdate.measurement.next_step import NextStep, next_step, proposed_floors
 from femupdate.measurement.observation_file import read_observation_file
 from femupdate.measurement.quantity import is_acceleration, si_factor
@@ -18,7 +20,7 @@ from femupdate.measurement.recording import RecordedFunction, RecordedMode, Reco
 from femupdate.measurement.registry import read_measured, readers
 
 _FRFS = "Write them as a table (frequency_hz, 2F, ..., RF) of floor over base acceleration."
-_MODES = "Identified modes are not calibrated to yet; give the histories they come from."
+_POINT_MODES = "Put in which component of the shapes is which floor's."
 
 _POINTS = "It holds measuring points only; the histories or modes are in another file."
 
@@ -103,6 +105,7 @@ class Inspection:
         recording: its content; modes, points and notes are there.
         channels: its histories.
         functions: its functions of frequency, those of a table included.
+        modes: its identified modes, those of a table included.
         findings: sentences on what looks wrong between channels.
         step: what to do next.
     """
@@ -112,6 +115,7 @@ class Inspection:
     recording: Recording
     channels: tuple[InspectedChannel, ...]
     functions: tuple[RecordedFunction, ...]
+    modes: tuple[RecordedMode, ...]
     findings: tuple[str, ...]
     step: NextStep = field(default_factory=lambda: NextStep(""))
 
@@ -121,7 +125,7 @@ class Inspection:
         counts = {
             "channel": len(self.channels),
             "function of frequency": len(self.functions),
-            "mode": len(self.recording.modes),
+            "mode": len(self.modes),
             "measuring point": len(self.recording.points),
         }
         said = [_counted(number, what) for what, number in counts.items() if number]
@@ -135,7 +139,7 @@ class Inspection:
     @property
     def mode_texts(self) -> tuple[str, ...]:
         """Frequency and damping of each identified mode."""
-        return tuple(_mode_text(one) for one in self.recording.modes)
+        return tuple(_mode_text(one) for one in self.modes)
 
     @property
     def all_findings(self) -> tuple[str, ...]:
@@ -166,8 +170,15 @@ class Inspection:
                 for one in self.functions
             ],
             "modes": [
-                {"frequency_hz": one.frequency_hz, "damping": one.damping, "points": one.points}
-                for one in self.recording.modes
+                {
+                    "name": one.name,
+                    "frequency_hz": one.frequency_hz,
+                    "frequency_sd_hz": one.frequency_sd_hz,
+                    "damping": one.damping,
+                    "damping_sd": one.damping_sd,
+                    "sensors": one.sensors,
+                }
+                for one in self.modes
             ],
             "points": len(self.recording.points),
             "notes": self.recording.notes,
@@ -187,8 +198,11 @@ def _function_text(one: RecordedFunction) -> str:
 
 
 def _mode_text(one: RecordedMode) -> str:
+    spread = "" if one.frequency_sd_hz is None else f" +- {one.frequency_sd_hz:.2g}"
     damping = "" if one.damping is None else f", damping ratio {one.damping:.4g}"
-    return f"mode at {one.frequency_hz:.5g} Hz{damping}, {len(one.points)} points"
+    seen = int(np.count_nonzero(~np.isnan(one.shape)))
+    name = f"mode {one.name}" if one.name else "mode"
+    return f"{name} at {one.frequency_hz:.5g}{spread} Hz{damping}, {seen} components"
 
 
 def _counted(number: int, what: str) -> str:
@@ -210,7 +224,10 @@ def inspect_file(path: str | Path, unit: str | None = None) -> Inspection:
     path = Path(path)
     recording = read_measured(path)
     functions = (*recording.functions, *_functions_of_table(recording, path, unit))
-    histories = () if functions and recording.table is not None else recording.histories()
+    table = recording.mode_table
+    modes = recording.modes if table is None else modes_in_table(table, {})
+    other = bool(functions and recording.table is not None) or table is not None
+    histories = () if other else recording.histories()
     floors = proposed_floors(histories)
     channels = tuple(
         _inspected(recording, number, channel, floor, unit)
@@ -222,7 +239,8 @@ def inspect_file(path: str | Path, unit: str | None = None) -> Inspection:
         recording=recording,
         channels=channels,
         functions=functions,
-        findings=pair_findings(histories, floors),
+        modes=modes,
+        findings=(*pair_findings(histories, floors), *mode_findings(modes)),
         step=_step(path, recording, histories, functions, unit),
     )
 
@@ -277,10 +295,14 @@ def _step(
     if histories:
         names = None if recording.table is None else recording.table.names or ()
         return next_step(path, histories, names, unit)
+    if recording.mode_table is not None:
+        return NextStep(f"femupdate calibrate {path}")
+    if recording.modes:
+        return NextStep(f"femupdate calibrate {path} --columns 2F=NAME,RF=NAME", _POINT_MODES)
     if functions and recording.table is not None:
         return NextStep(f"femupdate calibrate {path}")
     if any(one.kind == "frequency response" for one in functions):
         return NextStep("", _FRFS)
     if functions:
         return NextStep("", "Spectra alone do not tell a response; give the histories.")
-    return NextStep("", _MODES if recording.modes else _POINTS)
+    return NextStep("", _POINTS)

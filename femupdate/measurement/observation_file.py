@@ -39,7 +39,7 @@ from femupdate.units import STANDARD_GRAVITY
 logger = logging.getLogger(__name__)
 
 MINIMUM_SAMPLES = 64  # four segments of 32 samples: less is no spectrum
-__all__ = ["FrfTable", "Histories", "read_observation_file"]
+__all__ = ["FrfTable", "Histories", "observation_in", "read_observation_file"]
 _COMMON_NAMES = (BASE, "RF", *(f"{n}F" for n in range(2, 13)))
 
 
@@ -80,9 +80,21 @@ def read_observation_file(
             where they bear one of our names.
 
     Raises:
-        MeasurementError: the file, a column or a cell cannot be used; the message names it.
+        MeasurementError: the file, a column or a cell cannot be used; the message names it. So is
+            a file of identified modes.
     """
     recording = read_measured(path)
+    if recording.modes or recording.mode_table is not None:
+        raise recording.file.error(
+            "these are identified modes, which calibrate alone takes; give histories or FRFs here"
+        )
+    return observation_in(recording, unit, columns)
+
+
+def observation_in(
+    recording: Recording, unit: str | None = None, columns: Mapping[str, str] | None = None
+) -> Histories | FrfTable:
+    """What `read_observation_file` reads, in a file that was opened."""
     if recording.table is None:
         return _from_channels(recording, unit, columns or {})
     return _from_table(recording.table, unit, columns)

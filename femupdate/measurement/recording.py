@@ -47,15 +47,23 @@ class RecordedMode:
 
     Attributes:
         frequency_hz: natural frequency.
+        sensors: (s,) names of the components of the shape, such as `2F` or `point 3 +X`.
+        shape: (s,) components, in the file's scale; NaN where one is missing.
+        shape_sd: (s,) standard deviations in that scale, NaN where not known, or None.
+        frequency_sd_hz: standard deviation of the frequency, or None.
         damping: ratio of critical damping, or None.
-        points: (p,) numbers of the points of the shape.
-        shape: (p, 3) or (p, 6) components at them, in the file's directions and scale.
+        damping_sd: standard deviation of it, or None.
+        name: that the file gives it.
     """
 
     frequency_hz: float
-    damping: float | None
-    points: tuple[int, ...]
+    sensors: tuple[str, ...]
     shape: NDArray[np.inexact]
+    shape_sd: Floats | None = None
+    frequency_sd_hz: float | None = None
+    damping: float | None = None
+    damping_sd: float | None = None
+    name: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +76,8 @@ class Recording:
         table: its columns, where they mean what the user takes them for.
         functions: its functions of frequency.
         modes: its identified modes.
+        mode_table: a table of identified modes, whose columns mean what the user takes them for;
+            NaN where a cell is blank.
         points: coordinates of its measuring points by their numbers, in the file's unit.
         notes: sentences on what else the file holds.
         format: name of the reader, set by `registry.read_measured`.
@@ -78,6 +88,7 @@ class Recording:
     table: Table | None = None
     functions: tuple[RecordedFunction, ...] = ()
     modes: tuple[RecordedMode, ...] = ()
+    mode_table: Table | None = None
     points: Mapping[int, tuple[float, float, float]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     format: str = ""

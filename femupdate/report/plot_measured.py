@@ -87,14 +87,15 @@ def measured_modes(modes: Sequence[tuple[str, Any]], title: str) -> Figure:
     """Draw the shapes of identified modes, the real part of their components point by point.
 
     Args:
-        modes: label and (p, d) components of each.
+        modes: label and components (s,) of each, NaN where one is missing.
         title: over the figure.
     """
     figure = new_figure(9.0, 4.0)
     axes = figure.add_subplot()
     for k, (_, shape) in enumerate(modes[:MOST_LINES]):
-        values = np.real(shape).reshape(-1)
-        axes.plot(values / max(np.abs(values).max(), 1e-300), "o-", ms=3, color=_color(k))
+        values = np.real(shape)
+        largest = np.nanmax(np.abs(values), initial=1e-300)
+        axes.plot(values / largest, "o-", ms=3, color=_color(k))
     axes.set(xlabel="component, point by point", ylabel="shape over its largest component")
     shown = enumerate(modes[:MOST_LINES])
     handles = [Line2D([], [], color=_color(k), label=label) for k, (label, _) in shown]

@@ -1,26 +1,24 @@
 """calibrate: from an observation file to the posterior of the stiffness factors."""
 
-import hashlib
 import json
 import time
-
-import numpy as np
+from dataclasses import replace
 
 from femupdate import __version__
 from femupdate.inference.diagnostics import r_hat
 from femupdate.inference.posterior import save_posterior
-from femupdate.measurement.observation import Observation
 from femupdate.progress import Progress, Silent
 from femupdate.seeds import spawn
 from femupdate.study import Study
-from femupdate.workflow.calibrate_draws import against_data, posterior_of
+from femupdate.workflow.calibrate_draws import against_data, against_modes, posterior_of
 from femupdate.workflow.calibrate_exact import sample_exact
 from femupdate.workflow.calibrate_latent import sample_latent
 from femupdate.workflow.calibrate_notes import judgement
 from femupdate.workflow.calibrate_settings import CalibrationSettings, plain_settings
 from femupdate.workflow.calibration_report import POSTERIOR, CalibrationReport
+from femupdate.workflow.kinds import Measured, read_measured_of
 from femupdate.workflow.model import REDUCED, StudyModel
-from femupdate.workflow.observed import ObservationSource, read_observation
+from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.sampling import ChainRunner
 from femupdate.workflow.summary import identified, write_summary
 from femupdate.workflow.surrogates import SURROGATE, require_surrogate
@@ -51,7 +49,10 @@ def calibrate_study(
         require_surrogate(study, model.building)
         model = with_effects(study, model, show)
     started = time.monotonic()
-    observation = read_observation(model, source)
+    measured = read_measured_of(model, source)
+    observation = measured.as_observation
+    # No surrogate knows other kinds than FRFs under base motion.
+    settings = replace(settings, exact=settings.exact or measured.others)
     origin = {**model.made_from(), **source.made_from()}
     used = {"sensors": list(observation.floors), "band_hz": source.band_hz}
     settled = {**used, **plain_settings(settings)}
@@ -62,14 +63,17 @@ def calibrate_study(
         sampling,
         show,
         study.path("sampling"),
-        json.dumps([origin, settled, _judged(study, observation)], sort_keys=True),
+        json.dumps([origin, settled, _judged(study, measured)], sort_keys=True),
     )
-    sample = sample_exact if settings.exact else sample_latent
-    sampled = sample(study, model, observation, settings, run)
+    sampled = (
+        sample_exact(study, model, measured, settings, run)
+        if settings.exact
+        else sample_latent(study, model, observation, settings, run)
+    )
     latent = None if model.shared is None else sampled.latent
     posterior = posterior_of(model, observation, settings, sampled, latent, damping)
     misfit, check = (
-        against_data(model, posterior, sampled.least_noise, checking)
+        against_data(model, measured, posterior, sampled.least_noise, checking)
         if latent is None
         else (latent.misfit, None)
     )
@@ -81,8 +85,9 @@ def calibrate_study(
     run.clear()
     found = identified(posterior)
     notes = (
-        *observation.notes,
+        *measured.notes,
         *sampled.notes,
+        *against_modes(model, measured, posterior, checking),
         *judgement(posterior, misfit, check),
         *found.sentences(),
     )
@@ -102,11 +107,8 @@ def calibrate_study(
     )
 
 
-def _judged(study: Study, observation: Observation) -> list[str]:
+def _judged(study: Study, measured: Measured) -> list[str]:
     """Hashes of what a likelihood is made of: the data as read, reduced model and surrogate."""
-    data = hashlib.sha256()
-    for values in (observation.log_frf, observation.noise_sd, observation.valid):
-        data.update(np.ascontiguousarray(values).tobytes())
     kept = study.artefacts()
     models = [kept[name].sha256 for name in (REDUCED, SURROGATE) if name in kept]
-    return [__version__, data.hexdigest(), *models]
+    return [__version__, measured.fingerprint(), *models]

@@ -20,6 +20,7 @@ from femupdate.inference.predictive_check import (
 from femupdate.measurement.observation import Observation, independent_share
 from femupdate.seeds import Seed
 from femupdate.workflow.calibrate_settings import CalibrationSettings, Sampled, plain_settings
+from femupdate.workflow.kinds import Measured, check_measured, mode_sentences
 from femupdate.workflow.model import StudyModel
 
 PREDICTIVE = 200
@@ -111,19 +112,36 @@ def predictive_log_frf(
 
 
 def against_data(
-    model: StudyModel, posterior: Posterior, least_noise: float, seed: Seed
+    model: StudyModel, measured: Measured, posterior: Posterior, least_noise: float, seed: Seed
 ) -> tuple[float, PredictiveCheck]:
     """Some posterior draws against the data: the smallest mean squared whitened residual, and the
     posterior predictive check, with the noise that the likelihood allows."""
     observation = posterior.observation
-    theta, zeta = posterior.thinned(_CHECKED, seed)
-    ratio = zeta if zeta is not None else np.full(len(theta), model.building.damping.ratio)
+    drawn = _some_draws(model, posterior, seed)
+    if measured.others:
+        return check_measured(model, measured, drawn)
     likelihood = DataLikelihood(model.system, observation)
-    predicted = likelihood.predict(torch.from_numpy(theta), torch.from_numpy(ratio)).numpy()
+    predicted = likelihood.predict(drawn[:, :-1], drawn[:, -1]).numpy()
     squares = floor_squares(observation, predicted).sum(axis=1)
     points = independent_share(observation) * np.count_nonzero(observation.valid)
     allowed = with_least_noise(observation, least_noise)
     return float(squares.min() / points), check_predictions(allowed, predicted)
+
+
+def against_modes(
+    model: StudyModel, measured: Measured, posterior: Posterior, seed: Seed
+) -> tuple[str, ...]:
+    """Every identified mode beside the posterior's, in a sentence."""
+    if not measured.modes:
+        return ()
+    return mode_sentences(model, measured, _some_draws(model, posterior, seed))
+
+
+def _some_draws(model: StudyModel, posterior: Posterior, seed: Seed) -> Tensor:
+    """At most a hundred draws (n, p), the damping ratio last."""
+    theta, zeta = posterior.thinned(_CHECKED, seed)
+    ratio = zeta if zeta is not None else np.full(len(theta), model.building.damping.ratio)
+    return torch.from_numpy(np.column_stack([theta, ratio]))
 
 
 def _numpy(tensor: Tensor) -> Floats:

@@ -8,13 +8,14 @@ from torch import Tensor
 
 from femupdate.inference.bridge import as_smc_result
 from femupdate.inference.importance import Counted, WeightedDraws
+from femupdate.inference.joint import Kind
 from femupdate.inference.likelihood import MODES, DataLikelihood, LatentLikelihood
 from femupdate.inference.maxima import draws_about_maxima
 from femupdate.inference.parameters import Parameters
 from femupdate.inference.posterior import DrawnBy
+from femupdate.inference.prior_search import best_of_prior
 from femupdate.inference.smc import SmcResult, TemperedSmc
 from femupdate.inference.tempering import LogLikelihood
-from femupdate.measurement.observation import Observation
 from femupdate.seeds import spawn
 from femupdate.study import Study
 from femupdate.surrogate.storage import TrainedSurrogate
@@ -27,8 +28,9 @@ from femupdate.workflow.calibrate_settings import (
     by_runs,
 )
 from femupdate.workflow.decoded import FEW, sample_annealed
+from femupdate.workflow.kinds import Measured, joint_likelihood
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.sampling import BRIDGE, ChainRunner
+from femupdate.workflow.sampling import BRIDGE, FIRST, ChainRunner
 from femupdate.workflow.surrogates import find_surrogate
 
 
@@ -37,7 +39,7 @@ class _Problem:
     """What is sampled, with zeta as one more parameter where it is a nuisance."""
 
     model: StudyModel
-    observation: Observation
+    measured: Measured
     settings: CalibrationSettings
 
     @property
@@ -46,25 +48,26 @@ class _Problem:
         return self.model.parameters
 
     @cached_property
-    def target(self) -> DataLikelihood:
+    def target(self) -> Kind:
         """The likelihood."""
         return self.likelihood(torch.float32, MODES)
 
-    def likelihood(self, precision: torch.dtype, modes: int | None) -> DataLikelihood:
+    def likelihood(self, precision: torch.dtype, modes: int | None) -> Kind:
         """By so many modes of a response, all where None."""
-        return DataLikelihood(
+        base = DataLikelihood(
             self.model.system,
-            self.observation,
+            self.measured.base,
             device=self.settings.device,
             precision=precision,
             modes=modes,
         )
+        return joint_likelihood(self.model, self.measured, base)
 
 
 def sample_exact(
     study: Study,
     model: StudyModel,
-    observation: Observation,
+    measured: Measured,
     settings: CalibrationSettings,
     run: ChainRunner,
 ) -> Sampled:
@@ -74,7 +77,10 @@ def sample_exact(
     of its latent posterior, which saves most of the responses; importance draws about the maxima
     that these lead to come first, and particles where they are not enough.
     """
-    problem = _Problem(model, observation, settings)
+    problem = _Problem(model, measured, settings)
+    if measured.others:
+        return _of_any_kind(problem, run)
+    observation = measured.base
     found = find_surrogate(study, model.building)
     if problem.prior.size > FEW:
         sampled = _by_trajectories(problem, found, run)
@@ -82,8 +88,18 @@ def sample_exact(
         sampled = _by_particles(problem, None, run)
     else:
         latent = LatentLikelihood(found[0], model.system, observation, device=settings.device)
-        sampled = _about_maxima(problem, latent, run) or _by_particles(problem, latent, run)
+        refined = _about_maxima(problem, latent.solutions(), run)
+        sampled = refined or _by_particles(problem, latent, run)
     return replace(sampled, notes=(*sampled.notes, *reduction_notes(model, observation)))
+
+
+def _of_any_kind(problem: _Problem, run: ChainRunner) -> Sampled:
+    """Without a surrogate: about maxima that the most likely points of the prior lead to."""
+    if problem.prior.size > FEW:
+        return _by_trajectories(problem, None, run)
+    starts, tried = best_of_prior(problem.prior, problem.target, run.stage(FIRST))
+    found = _about_maxima(problem, starts, run, tried)
+    return found or _by_particles(problem, None, run)
 
 
 def _by_trajectories(
@@ -92,7 +108,7 @@ def _by_trajectories(
     """From the latent posterior, or from the prior, by Hamiltonian moves."""
     drawn = None
     if found is not None:
-        drawn = decoded(found[0], problem.model, problem.observation, problem.settings, run, 1)
+        drawn = decoded(found[0], problem.model, problem.measured.base, problem.settings, run, 1)
     groups, notes = sample_annealed(problem.prior, problem.target, run, drawn)
     return Sampled(
         groups,
@@ -102,8 +118,13 @@ def _by_trajectories(
     )
 
 
-def _about_maxima(problem: _Problem, latent: LatentLikelihood, run: ChainRunner) -> Sampled | None:
-    """By importance draws about the maxima; None where too few of them count."""
+def _about_maxima(
+    problem: _Problem, starts: Tensor, run: ChainRunner, tried: int = 0
+) -> Sampled | None:
+    """By importance draws about the maxima; None where too few of them count.
+
+    `tried` points of the prior have been judged to find the starts, unless they are latent draws.
+    """
     # Rounds of fitting take some hundred draws a parameter.
     expected = run.particles + 200 * problem.prior.size
     run.show.start("Importance sampling (data-space likelihood)", expected)
@@ -114,7 +135,7 @@ def _about_maxima(problem: _Problem, latent: LatentLikelihood, run: ChainRunner)
         counted,
         # All modes in double precision: smooth in the parameters.
         problem.likelihood(torch.float64, None).residuals,
-        latent.solutions(),
+        starts,
         run.particles,
         drawing,
     )
@@ -122,7 +143,9 @@ def _about_maxima(problem: _Problem, latent: LatentLikelihood, run: ChainRunner)
         return None
     theta, value = found.resample(run.particles, choosing)
     result = SmcResult(theta, value, found.log_evidence, (), found.evaluations, 0)
-    return Sampled([result], problem.prior, _drawn(found), (_maxima_note(found),))
+    found = replace(found, evaluations=found.evaluations + tried)
+    origin = "prior" if tried else "latent"
+    return Sampled([result], problem.prior, _drawn(found), (_maxima_note(found, origin),))
 
 
 def _drawn(found: WeightedDraws) -> DrawnBy:
@@ -137,9 +160,9 @@ def _drawn(found: WeightedDraws) -> DrawnBy:
     )
 
 
-def _maxima_note(found: WeightedDraws) -> str:
+def _maxima_note(found: WeightedDraws, origin: str) -> str:
     return (
-        f"From the latent to the data-space posterior took {found.evaluations:,} responses; "
+        f"From the {origin} to the data-space posterior took {found.evaluations:,} responses; "
         f"{found.effective / len(found.points):.0%} of the importance draws are effective."
     )
 

@@ -148,7 +148,7 @@ def judgement(
     factor = np.sqrt(misfit)
     if misfit > 2.0:
         text = (
-            f"The model misses the measured ln|H| by {factor:.1f} times its noise (rms, best "
+            f"The model misses the measurement by {factor:.1f} times its noise (rms, best "
             "draw): something is missing in the model"
         )
         if posterior.drawn.likelihood != "latent":

@@ -102,7 +102,8 @@ class CalibrationReport:
             rows = [(*row, f"{hat:.3f}") for row, hat in zip(rows, self.r_hat, strict=True)]
         lines = [
             f"{posterior.drawn.likelihood.capitalize()} posterior of {self.model.building.name} "
-            f"from {', '.join(posterior.observation.floors)} of {posterior.observation.source}: "
+            f"from {', '.join(posterior.observation.floors) or 'frequencies'} of "
+            f"{posterior.observation.source}: "
             f"{len(draws)} draws, {self.seconds:.1f} s",
             table(head, rows),
         ]

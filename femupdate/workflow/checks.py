@@ -15,8 +15,9 @@ from femupdate.surrogate.training import TrainingSettings
 from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.calibration_report import POSTERIOR
 from femupdate.workflow.effect_surrogate import check_amortisable
+from femupdate.workflow.kinds import measured_of
 from femupdate.workflow.model import StudyModel, choose_building, open_study
-from femupdate.workflow.observed import ObservationSource, check_readable, observation_of
+from femupdate.workflow.observed import ObservationSource, check_readable
 from femupdate.workflow.surrogates import require_surrogate
 from femupdate.workflow.train import check_samples
 
@@ -46,12 +47,12 @@ def check_calibration(
     check_device(settings.device)
     check_readable(source)
     chosen = choose_building(study, building)
-    observation = observation_of(chosen, source)
-    if not settings.exact:
+    measured = measured_of(chosen, source)
+    if not settings.exact and not measured.others:
         check_amortisable(chosen)
         known = study.path(BUILDING_FILE).exists()
         surrogate = require_surrogate(study, chosen, None if known else building)
-        encoder_input(observation, surrogate.info.floors)
+        encoder_input(measured.base, surrogate.info.floors)
 
 
 def readable(path: Path, reading: Mapping[str, Any]) -> ObservationSource:

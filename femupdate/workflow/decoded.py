@@ -14,9 +14,10 @@ from femupdate.inference.decoded_chains import (
     decoded_posterior,
     in_groups,
 )
-from femupdate.inference.likelihood import DataLikelihood, floor_responses, latent_data
+from femupdate.inference.likelihood import floor_responses, latent_data
 from femupdate.inference.parameters import Parameters
 from femupdate.inference.smc import TRAJECTORIES, KeptDraws, SmcResult, SmcState, TemperedSmc
+from femupdate.inference.tempering import LogLikelihood
 from femupdate.measurement.observation import Observation
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import Seed
@@ -84,7 +85,7 @@ def _responses(model: StudyModel, observation: Observation, data: LatentData) ->
 
 def sample_annealed(
     prior: Parameters,
-    target: DataLikelihood,
+    target: LogLikelihood,
     run: ChainRunner,
     latent: DecodedPosterior | None,
 ) -> tuple[list[SmcResult], tuple[str, ...]]:

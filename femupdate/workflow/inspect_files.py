@@ -106,8 +106,8 @@ def _picture(one: Inspection) -> "Figure":
         return plot.measured_functions(
             curves, title, _listed({each.unit or each.kind for each in one.functions})
         )
-    if one.recording.modes:
-        modes = [(f"{each.frequency_hz:.4g} Hz", each.shape) for each in one.recording.modes]
+    if one.modes:
+        modes = [(f"{each.frequency_hz:.4g} Hz", each.shape) for each in one.modes]
         return plot.measured_modes(modes, title)
     raise ReportError(f"{one.path}: there is nothing to draw in it but measuring points")
 

@@ -12,6 +12,7 @@ from femupdate.building.schema import Building
 from femupdate.errors import MeasurementError
 from femupdate.measurement.agreement import agreement
 from femupdate.measurement.frf import observation_for
+from femupdate.measurement.kinds import read_any_kind
 from femupdate.measurement.observation import Observation, select_floors
 from femupdate.measurement.observation_file import read_observation_file
 from femupdate.measurement.pooled import pooled
@@ -32,6 +33,7 @@ class ObservationSource:
         sensors: floors to use; all of the file's where empty.
         band_hz: lowest and highest frequency to use, or None for all.
         further: files of other runs, read in the same way, to be explained together.
+        mode_error: standard deviation of the model's own ln f, for identified modes; default None.
     """
 
     path: Path
@@ -40,6 +42,7 @@ class ObservationSource:
     sensors: tuple[str, ...] = ()
     band_hz: tuple[float, float] | None = None
     further: tuple[Path, ...] = ()
+    mode_error: float | None = None
 
     @property
     def paths(self) -> tuple[Path, ...]:
@@ -111,7 +114,7 @@ def _whole(building: Building, source: ObservationSource) -> Observation:
         building.floors,
         read_observation_file(source.path, source.unit, source.columns),
         building.frequency_grid.frequencies_hz(),
-        direction=_direction(building),
+        direction=direction_of(building),
         default_noise=building.observation.noise_sd,
     )
 
@@ -184,15 +187,16 @@ def check_readable(source: ObservationSource) -> None:
         MeasurementError: a file cannot be used.
     """
     for path in source.paths:
-        read_observation_file(path, source.unit, source.columns)
+        read_any_kind(path, source.unit, source.columns)
 
 
 def observed_direction(model: StudyModel) -> str:
     """Direction of the measured motion; lumped buildings have one only."""
-    return _direction(model.building)
+    return direction_of(model.building)
 
 
-def _direction(building: Building) -> str:
+def direction_of(building: Building) -> str:
+    """Direction of a building's measured motion."""
     sensors = getattr(building, "sensors", None)
     return sensors.direction if sensors is not None else "x"
 
@@ -201,6 +205,7 @@ __all__ = [
     "ObservationSource",
     "as_one",
     "check_readable",
+    "direction_of",
     "observation_of",
     "observed_direction",
     "read_observation",

@@ -50,8 +50,8 @@ def test_functions(pyuff, shared_file):
 def test_modes(pyuff, shared_file):
     modes = read_measured(shared_file("formats/uff55_translation.uff")).modes
     assert [mode.frequency_hz for mode in modes] == [10.0, 12.0, 13.0]
-    assert modes[0].points == (1, 2, 3, 4)
-    np.testing.assert_allclose(modes[0].shape[:, 1], [-1.46518, 0.150162, -0.376396, 0.724863])
+    assert modes[0].sensors[:4] == ("point 1 +X", "point 1 +Y", "point 1 +Z", "point 2 +X")
+    np.testing.assert_allclose(modes[0].shape[1::3], [-1.46518, 0.150162, -0.376396, 0.724863])
     assert modes[0].damping is None
 
 

@@ -41,6 +41,7 @@ _DIRECTIONS = {
     5: "+RY",
     6: "+RZ",
 }
+_COMPONENTS = (1, 2, 3, 4, 5, 6)  # directions of the components of a shape
 _TIME, _HISTORY = 17, 1
 _SI = 1  # units code of set 164
 _MODES, _COMPLEX_MODES = 2, (3, 7)  # analysis types of set 55
@@ -162,20 +163,31 @@ def _is_mode(one: Mapping[str, Any]) -> bool:
 
 
 def _mode(one: Mapping[str, Any]) -> RecordedMode:
-    shape = np.column_stack([one[f"r{k}"] for k in range(1, 7) if f"r{k}" in one])
-    points = tuple(int(number) for number in one["node_nums"])
+    given = [k for k in range(1, 7) if f"r{k}" in one]
+    shape = np.column_stack([one[f"r{k}"] for k in given]).reshape(-1)
+    sensors = tuple(
+        f"point {int(number)} {_DIRECTIONS[k]}"
+        for number in one["node_nums"]
+        for k in _COMPONENTS[: len(given)]
+    )
+    name = str(int(one["mode_n"])) if "mode_n" in one else ""
     if one["analysis_type"] == _MODES:
         viscous = float(one["modal_damp_vis"])
         damping = viscous if viscous > 0.0 else None
         return RecordedMode(
-            frequency_hz=float(one["freq"]), damping=damping, points=points, shape=shape
+            frequency_hz=float(one["freq"]),
+            damping=damping,
+            sensors=sensors,
+            shape=shape,
+            name=name,
         )
     root = complex(one["eig"])
     return RecordedMode(
         frequency_hz=abs(root) / (2.0 * np.pi),
         damping=-root.real / abs(root) if abs(root) > 0.0 else None,
-        points=points,
+        sensors=sensors,
         shape=shape,
+        name=name,
     )
 
 

@@ -1,0 +1,262 @@
+"""Likelihood of identified modes: frequencies, damping ratios and shapes of any scale.
+
+Which mode of the model is which identified one is decided anew at every parameter vector: the
+pairing with the smallest misfit of frequency, shape (a weighted MAC) and damping together, one to
+one (assignment by Crouse 2016, IEEE Trans. Aerosp. Electron. Syst. 52, 1679). The scale a of an
+identified shape y is taken out in closed form: with the weights W = 1 / sd^2 of its components the
+best a = phi'Wy / phi'W phi leaves y'Wy (1 - MAC_W), which is also what a flat prior of a leaves for
+shapes phi of one weighted length.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from scipy.optimize import linear_sum_assignment
+from torch import Tensor
+
+from femupdate.arrays import Floats
+from femupdate.dynamics.modes import Modes
+from femupdate.dynamics.system import System
+from femupdate.errors import InferenceError
+from femupdate.measurement.modes import IdentifiedModes
+
+_MATRICES = 2**21  # numbers in the matrices of a batch of eigenproblems
+_TINY = 1e-30
+
+
+@dataclass(frozen=True)
+class ModalErrors:
+    """Errors beside those that a file states, and what is assumed where it states none.
+
+    Attributes:
+        model_frequency: sd of the model's own ln f, which idealisation leaves.
+        model_shape: sd of the model's shape, over its largest component.
+        model_damping: sd of the damping ratio of one mode about the building's, over it.
+        frequency: sd of an identified ln f where the file gives none.
+        shape: sd of an identified shape over its largest component, likewise.
+        damping: sd of an identified damping ratio over it, likewise.
+    """
+
+    model_frequency: float = 0.01
+    model_shape: float = 0.02
+    model_damping: float = 0.2
+    frequency: float = 0.005
+    shape: float = 0.03
+    damping: float = 0.25
+
+
+@dataclass(frozen=True)
+class ModalTerms:
+    """Identified modes as the likelihood takes them; weights are zero where nothing is known.
+
+    Attributes:
+        rows: which of the model's floors have a sensor.
+        log_frequency: (m,) ln of rad/s.
+        frequency_root: (m,) 1 / sd.
+        damping: (m,).
+        damping_root: (m,) 1 / sd.
+        shape: (m, f).
+        shape_root: (m, f) 1 / sd.
+    """
+
+    rows: tuple[int, ...]
+    log_frequency: Tensor
+    frequency_root: Tensor
+    damping: Tensor
+    damping_root: Tensor
+    shape: Tensor
+    shape_root: Tensor
+
+    @property
+    def freedom(self) -> tuple[int, int, int]:
+        """Independent figures: frequencies, damping ratios, components beyond the scales."""
+        free = (self.shape_root > 0.0).sum(dim=1) - 1
+        return (
+            len(self.log_frequency),
+            int((self.damping_root > 0.0).sum()),
+            int(free.clamp_min(0).sum()),
+        )
+
+
+def modal_terms(
+    modes: IdentifiedModes, floors: tuple[str, ...], errors: ModalErrors, damping: bool
+) -> ModalTerms:
+    """Weights of identified modes.
+
+    Args:
+        modes: on floors of the model.
+        floors: of the model.
+        errors: see `ModalErrors`.
+        damping: whether damping ratios count.
+    """
+    relative = np.where(
+        np.isnan(modes.frequency_sd_hz),
+        errors.frequency,
+        modes.frequency_sd_hz / modes.frequency_hz,
+    )
+    seen = ~np.isnan(modes.damping) & damping
+    ratio = np.where(seen, modes.damping, 0.0)
+    ratio_sd = np.where(np.isnan(modes.damping_sd), errors.damping * ratio, modes.damping_sd)
+    ratio_sd = np.where(seen, np.hypot(ratio_sd, errors.model_damping * ratio), np.inf)
+    there = ~np.isnan(modes.shape)
+    shape = np.where(there, modes.shape, 0.0)
+    # One component alone has no scale to be compared with.
+    there &= there.sum(axis=1, keepdims=True) > 1
+    largest = np.abs(shape).max(axis=1, keepdims=True, initial=0.0)
+    stated = np.where(np.isnan(modes.shape_sd), errors.shape * largest, modes.shape_sd)
+    shape_sd = np.where(there, np.hypot(stated, errors.model_shape * largest), np.inf)
+    return ModalTerms(
+        rows=tuple(floors.index(name) for name in modes.floors),
+        log_frequency=torch.from_numpy(np.log(2.0 * np.pi * modes.frequency_hz)),
+        frequency_root=torch.from_numpy(1.0 / np.hypot(relative, errors.model_frequency)),
+        damping=torch.from_numpy(ratio),
+        damping_root=torch.from_numpy(1.0 / ratio_sd),
+        shape=torch.from_numpy(shape),
+        shape_root=torch.from_numpy(1.0 / shape_sd),
+    )
+
+
+@dataclass(frozen=True)
+class Paired:
+    """The modes of the model that belong to m identified ones.
+
+    Attributes:
+        column: (n, m) which modes, from the lowest on.
+        log_frequency: (n, m) ln of rad/s.
+        damping: (n, m) ratios.
+        shape: (n, m, f) in the scale of the identified shapes, with their sign.
+    """
+
+    column: Tensor
+    log_frequency: Tensor
+    damping: Tensor
+    shape: Tensor
+
+
+class ModalLikelihood:
+    """ln exp(-|r|^2 / 2) of the whitened residuals of identified modes, by the reduced model.
+
+    Where the damping ratio is unknown it is the last column of the parameters.
+
+    Args:
+        system: the reduced model.
+        modes: identified, on its floors.
+        zeta: fixed damping ratio, or None where it is the last parameter.
+        errors: see `ModalErrors`.
+        damping: whether identified damping ratios count: they say nothing where the building's
+            is known.
+
+    Raises:
+        InferenceError: something acts along lines (dampers, appendages), so that the model has no
+            real modes.
+    """
+
+    names = ("frequencies", "damping ratios", "shapes")
+
+    def __init__(
+        self,
+        system: System,
+        modes: IdentifiedModes,
+        zeta: float | None = None,
+        errors: ModalErrors | None = None,
+        *,
+        damping: bool = True,
+    ) -> None:
+        if system.complex_modes:
+            raise InferenceError(
+                "a building with dampers or appendages has no real modes, and identified modes"
+                " cannot be compared with it; give histories or FRFs"
+            )
+        self._system, self._zeta = system, zeta
+        self.terms = modal_terms(modes, system.floors, errors or ModalErrors(), damping)
+
+    @property
+    def freedom(self) -> tuple[int, ...]:
+        """Independent figures of each group of `names`."""
+        return self.terms.freedom
+
+    def __call__(self, parameters: Tensor) -> Tensor:
+        """Log likelihood (n,) of parameters (n, p) or, with zeta last, (n, p + 1)."""
+        return -0.5 * self.residuals(parameters).square().sum(dim=1)
+
+    def residuals(self, parameters: Tensor) -> Tensor:
+        """Whitened residuals (n, m (2 + f)): frequencies, damping ratios, then shapes."""
+        return torch.cat([torch.cat(self._residuals(own), 1) for own in self._pairs(parameters)])
+
+    def squares(self, parameters: Tensor) -> Tensor:
+        """Sums of squared whitened residuals (n, 3) of each group of `names`."""
+        parts = [
+            torch.stack([group.square().sum(dim=1) for group in self._residuals(own)], dim=1)
+            for own in self._pairs(parameters)
+        ]
+        return torch.cat(parts)
+
+    def paired(self, parameters: Tensor) -> Paired:
+        """The modes of the model that belong to the identified ones."""
+        parts = list(self._pairs(parameters))
+        names = ("column", "log_frequency", "damping", "shape")
+        return Paired(*(torch.cat([getattr(part, name) for part in parts]) for name in names))
+
+    def _pairs(self, parameters: Tensor) -> Iterator[Paired]:
+        count, size = self._system.parameters, self._system.model.size
+        for rows in parameters.to("cpu", torch.float64).split(max(16, _MATRICES // size**2)):
+            theta, sizes = self._system.split(rows[:, :count])
+            known = self._zeta is not None
+            zeta = rows.new_full((len(rows),), self._zeta or 0.0) if known else rows[:, count]
+            modes = self._system.modes(theta, sizes)
+            yield self._pair(modes, self._system.ratio(modes.omega, zeta, sizes))
+
+    def _pair(self, modes: Modes, ratio: Tensor) -> Paired:
+        """Every identified mode with one of the model's (n, r)."""
+        shape = modes.rows[:, list(self.terms.rows)] * modes.omega[:, None, :]
+        column = _assigned(self._cost(modes, ratio, shape))
+        own = shape.gather(2, column[:, None, :].expand(-1, shape.shape[1], -1)).mT
+        weight = self.terms.shape_root.square()
+        scale = (weight * self.terms.shape * own).sum(2) / _length(weight, own)
+        return Paired(
+            column,
+            modes.omega.log().gather(1, column),
+            ratio.gather(1, column),
+            own * scale[:, :, None],
+        )
+
+    @torch.no_grad()
+    def _cost(self, modes: Modes, ratio: Tensor, shape: Tensor) -> Floats:
+        """Misfit (n, m, r) of every identified mode with each of the model's.
+
+        Modes that the sensors hardly feel are identified less often: twice the logarithm of the
+        share of kinetic energy at the floors is added.
+        """
+        terms = self.terms
+        away = terms.log_frequency[:, None] - modes.omega.log()[:, None, :]
+        cost = (terms.frequency_root[:, None] * away).square()
+        more = terms.damping[:, None] - ratio[:, None, :]
+        cost = cost + (terms.damping_root[:, None] * more).square()
+        weight = terms.shape_root.square()
+        product = torch.einsum("mf,nfr->nmr", weight * terms.shape, shape)
+        length = torch.einsum("mf,nfr->nmr", weight, shape.square()).clamp_min(_TINY)
+        whole = (weight * terms.shape.square()).sum(1)
+        cost = cost + whole[:, None] - product.square() / length
+        felt = shape.square().sum(1)
+        share = felt / felt.amax(dim=1, keepdim=True)
+        return (cost - 2.0 * share.clamp_min(_TINY).log()[:, None, :]).numpy()
+
+    def _residuals(self, own: Paired) -> tuple[Tensor, Tensor, Tensor]:
+        terms = self.terms
+        return (
+            terms.frequency_root * (own.log_frequency - terms.log_frequency),
+            terms.damping_root * (own.damping - terms.damping),
+            (terms.shape_root * (own.shape - terms.shape)).flatten(1),
+        )
+
+
+def _length(weight: Tensor, shape: Tensor) -> Tensor:
+    return (weight * shape.square()).sum(2).clamp_min(_TINY)
+
+
+def _assigned(cost: Floats) -> Tensor:
+    """Columns (n, m), each once, of the smallest sum of costs (n, m, r)."""
+    finite = np.where(np.isfinite(cost), cost, np.finfo(np.float64).max / 1e9)
+    return torch.tensor(np.array([linear_sum_assignment(one)[1] for one in finite]))

@@ -1,0 +1,146 @@
+"""Tables of identified modes: one row a mode, any figure but the frequency may be missing."""
+
+import re
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femupdate.arrays import Floats
+from femupdate.measurement.columns import FREQUENCY, parse_channel
+from femupdate.measurement.quantity import si_factor
+from femupdate.measurement.recording import RecordedMode
+from femupdate.measurement.table import Table
+from femupdate.measurement.text import closest
+
+MODE, FREQUENCY_SD, DAMPING, DAMPING_SD = "mode", "frequency_sd_hz", "damping", "damping_sd"
+MODE_COLUMNS = (
+    f"{MODE}, {FREQUENCY}, {FREQUENCY_SD}, {DAMPING}, {DAMPING_SD}, and shapes 2F ... RF with"
+    " 2F_sd ..., or 2F_re and 2F_im"
+)
+_NAMED = (MODE, FREQUENCY, FREQUENCY_SD, DAMPING, DAMPING_SD)
+_PART = re.compile(r"(?P<sensor>.+?)(?:_(?P<part>re|im|sd))?", re.IGNORECASE)
+
+
+def modes_in_table(table: Table, columns: Mapping[str, str]) -> tuple[RecordedMode, ...]:
+    """The modes in the rows of a table, NaN and None where a cell is blank.
+
+    Args:
+        table: NaN where a cell is blank; of the column `mode` its numbers.
+        columns: our column name to the file's.
+
+    Raises:
+        MeasurementError: there is no column of frequencies, a row has none, or a column has a
+            name that is not known.
+    """
+    own = _columns(table, columns)
+    if FREQUENCY not in own:
+        raise table.file.error(
+            f"there is no column {FREQUENCY}; columns of identified modes are {MODE_COLUMNS}"
+        )
+    frequency = own[FREQUENCY]
+    blank = np.flatnonzero(np.isnan(frequency))
+    if blank.size:
+        raise table.file.error(
+            "the mode has no frequency; give it or remove the row",
+            int(table.lines[blank[0]]),
+            FREQUENCY,
+        )
+    sensors, shape, sd = _shapes(table, own)
+    numbers = own.get(MODE, np.arange(1.0, len(frequency) + 1.0))
+    return tuple(
+        RecordedMode(
+            frequency_hz=float(frequency[row]),
+            frequency_sd_hz=_cell(own, FREQUENCY_SD, row),
+            damping=_cell(own, DAMPING, row),
+            damping_sd=_cell(own, DAMPING_SD, row),
+            sensors=sensors,
+            shape=shape[row],
+            shape_sd=sd[row],
+            name=f"{numbers[row]:g}",
+        )
+        for row in range(len(frequency))
+    )
+
+
+def _columns(table: Table, columns: Mapping[str, str]) -> dict[str, Floats]:
+    """Values (r,) of every column that is used, by our name, in SI units."""
+    names, theirs = table.names or (), {v: k for k, v in columns.items()}
+    missing = [name for name in theirs if name not in names]
+    if missing:
+        raise table.file.error(
+            f"there is no column {missing[0]!r} to take for"
+            f" {theirs[missing[0]]}{closest(missing[0], names)}; the file has {', '.join(names)}"
+        )
+    found: dict[str, Floats] = {}
+    for position, title in enumerate(names):
+        name = theirs.get(title, title)
+        known = _known_name(name)
+        if known is None and columns and title not in theirs:
+            continue
+        if known is None:
+            raise table.file.error(
+                f"unknown column {title!r}{closest(title, _NAMED)}; columns of identified modes"
+                f" are {MODE_COLUMNS}: rename it or map it by the columns option"
+            )
+        found[known] = table.values[:, position] * _factor(table, known, position)
+    return found
+
+
+def _known_name(name: str) -> str | None:
+    """A column's name as we write it; None where it is none of ours."""
+    if name.lower() in _NAMED:
+        return name.lower()
+    match = _PART.fullmatch(name)
+    channel = parse_channel(match["sensor"]) if match else None
+    if match is None or channel is None:
+        return None
+    part = f"_{match['part'].lower()}" if match["part"] else ""
+    return f"{channel.name}{part}"
+
+
+def _factor(table: Table, name: str, position: int) -> float:
+    unit = table.units[position]
+    if not unit:
+        return 1.0
+    if name in (DAMPING, DAMPING_SD) and unit == "%":
+        return 0.01
+    if name in (FREQUENCY, FREQUENCY_SD):
+        return si_factor(table.file, unit, "frequency")
+    if name == MODE or unit in ("-", "1"):
+        return 1.0
+    raise table.file.error(
+        f"the column cannot be in {unit!r}; damping is a ratio or in %, a shape has no unit",
+        column=table.title(position),
+    )
+
+
+def _shapes(
+    table: Table, own: Mapping[str, Floats]
+) -> tuple[tuple[str, ...], NDArray[np.inexact], Floats]:
+    """Names of the sensors, shapes (r, s) and standard deviations (r, s)."""
+    parts = [name for name in own if name not in _NAMED]
+    sensors = tuple(dict.fromkeys(re.sub(r"_(re|im|sd)$", "", name) for name in parts))
+    rows = len(table.values)
+    shape, sd = np.zeros((rows, len(sensors)), dtype=complex), np.full((rows, len(sensors)), np.nan)
+    for k, sensor in enumerate(sensors):
+        real, imaginary = own.get(f"{sensor}_re"), own.get(f"{sensor}_im")
+        whole = own.get(sensor)
+        if whole is not None and real is None and imaginary is None:
+            shape[:, k] = whole
+        elif whole is None and real is not None and imaginary is not None:
+            shape[:, k] = real + 1j * imaginary
+        else:
+            raise table.file.error(
+                f"the shape at {sensor} must have either the column {sensor} or both {sensor}_re"
+                f" and {sensor}_im; complete the one or remove the other"
+            )
+        sd[:, k] = own.get(f"{sensor}_sd", sd[:, k])
+    real_only = not any(f"{sensor}_im" in own for sensor in sensors)
+    return sensors, shape.real if real_only else shape, sd
+
+
+def _cell(own: Mapping[str, Floats], name: str, row: int) -> float | None:
+    if name not in own or np.isnan(own[name][row]):
+        return None
+    return float(own[name][row])

@@ -1,0 +1,221 @@
+"""Identified modes: frequencies, damping ratios and shapes, with their standard deviations."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femupdate.arrays import Floats
+from femupdate.measurement.columns import BASE, floor_height, parse_channel
+from femupdate.measurement.mode_table import modes_in_table
+from femupdate.measurement.recording import RecordedMode, Recording
+from femupdate.measurement.text import TextFile, closest
+
+# Below this the parts of a shape do not move in phase, as they do in a mode of a real structure.
+_IN_PHASE = 0.9
+# No building loses more in a mode: such a figure is in percent.
+LARGEST_DAMPING = 0.5
+_SHOWN = 12
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class IdentifiedModes:
+    """Modes of a building that somebody has identified, NaN where the file gives nothing.
+
+    Attributes:
+        names: (m,) what the file calls them.
+        frequency_hz: (m,) undamped natural frequencies.
+        frequency_sd_hz: (m,) standard deviations.
+        damping: (m,) ratios of critical damping.
+        damping_sd: (m,) standard deviations.
+        floors: (f,) with a sensor, bottom to top.
+        shape: (m, f) displacement of the floors against the fixed base, in any scale and sign.
+        shape_sd: (m, f) standard deviations, in the scale of the shape.
+        source: where they come from.
+        notes: sentences on what was done to them.
+    """
+
+    names: tuple[str, ...]
+    frequency_hz: Floats
+    frequency_sd_hz: Floats
+    damping: Floats
+    damping_sd: Floats
+    floors: tuple[str, ...]
+    shape: Floats
+    shape_sd: Floats
+    source: str = "modes"
+    notes: tuple[str, ...] = ()
+
+    def some(self, rows: Sequence[int]) -> "IdentifiedModes":
+        """Some of the modes."""
+        own = list(rows)
+        return replace(
+            self,
+            names=tuple(self.names[k] for k in own),
+            frequency_hz=self.frequency_hz[own],
+            frequency_sd_hz=self.frequency_sd_hz[own],
+            damping=self.damping[own],
+            damping_sd=self.damping_sd[own],
+            shape=self.shape[own],
+            shape_sd=self.shape_sd[own],
+        )
+
+    def of_floors(self, floors: Sequence[str]) -> "IdentifiedModes":
+        """Shapes at some of the floors."""
+        own = [self.floors.index(name) for name in floors]
+        return replace(
+            self, floors=tuple(floors), shape=self.shape[:, own], shape_sd=self.shape_sd[:, own]
+        )
+
+
+def identified_modes(
+    recording: Recording, columns: Mapping[str, str] | None = None, direction: str = "x"
+) -> IdentifiedModes:
+    """The modes in a file, on floors.
+
+    Args:
+        recording: what the file holds.
+        columns: our column name to the file's, or our floor to the file's measuring point, such
+            as `{"2F": "3 +X"}`.
+        direction: of the motion; components in other directions are left out.
+
+    Raises:
+        MeasurementError: there is no mode, a figure cannot be, or no component is on a floor.
+    """
+    file = recording.file
+    table = recording.mode_table
+    modes = recording.modes if table is None else modes_in_table(table, columns or {})
+    if not modes:
+        raise file.error("there is no mode in the file; give one row for each")
+    for mode in modes:
+        _check(file, mode)
+    placed = _floors_of(file, modes, None if table is not None else columns, direction)
+    floors = tuple(sorted(set(placed.values()), key=floor_height))
+    shapes = [_on_floors(mode, placed, floors) for mode in modes]
+    return IdentifiedModes(
+        names=tuple(mode.name or str(k) for k, mode in enumerate(modes, start=1)),
+        frequency_hz=np.array([mode.frequency_hz for mode in modes]),
+        frequency_sd_hz=_known([mode.frequency_sd_hz for mode in modes]),
+        damping=_known([mode.damping for mode in modes]),
+        damping_sd=_known([mode.damping_sd for mode in modes]),
+        floors=floors,
+        shape=np.array([shape for shape, _ in shapes]).reshape(len(modes), -1),
+        shape_sd=np.array([sd for _, sd in shapes]).reshape(len(modes), -1),
+        source=file.path.name,
+        notes=_notes(modes),
+    )
+
+
+def _check(file: TextFile, mode: RecordedMode) -> None:
+    """Refuse figures that no mode has."""
+    which = f"mode {mode.name}" if mode.name else "a mode"
+    if not (np.isfinite(mode.frequency_hz) and mode.frequency_hz > 0.0):
+        raise file.error(
+            f"the frequency of {which} is {mode.frequency_hz:g} Hz; it must be above 0"
+        )
+    if mode.damping is not None and not 0.0 < mode.damping <= LARGEST_DAMPING:
+        raise file.error(
+            f"the damping ratio of {which} is {mode.damping:g}, which no building has; give a"
+            " ratio such as 0.02, or write the unit % behind the column's name: damping (%)"
+        )
+    stated = {"frequency": mode.frequency_sd_hz, "damping ratio": mode.damping_sd}
+    for what, sd in stated.items():
+        if sd is not None and not (np.isfinite(sd) and sd > 0.0):
+            raise file.error(
+                f"the standard deviation of the {what} of {which} is {sd:g}; it must be above 0,"
+                " or left blank where it is not known"
+            )
+    spread = mode.shape_sd
+    if spread is not None and (spread[~np.isnan(spread)] <= 0.0).any():
+        raise file.error(
+            f"a standard deviation of the shape of {which} is not above 0; correct it or leave"
+            " it blank"
+        )
+
+
+def _floors_of(
+    file: TextFile,
+    modes: Sequence[RecordedMode],
+    columns: Mapping[str, str] | None,
+    direction: str,
+) -> dict[str, str]:
+    """Floor of each sensor that is used, by the file's name of the sensor."""
+    sensors = list(dict.fromkeys(name for mode in modes for name in mode.sensors))
+    given = dict.fromkeys(sensors, "") if not columns else _mapped(file, sensors, columns)
+    found: dict[str, str] = {}
+    for sensor, ours in given.items():
+        channel = parse_channel(ours or sensor)
+        if channel is not None and channel.direction == direction and channel.floor != BASE:
+            found[sensor] = channel.floor
+    if sensors and not found:
+        shown = ", ".join(sensors[:_SHOWN]) + (", ..." if len(sensors) > _SHOWN else "")
+        raise file.error(
+            f"none of the shapes' components is a floor's in direction {direction}; say which are,"
+            f" by the columns option, such as 2F=NAME,RF=NAME, among {shown}"
+        )
+    return found
+
+
+def _mapped(file: TextFile, sensors: Sequence[str], columns: Mapping[str, str]) -> dict[str, str]:
+    """Our name by the file's name of a sensor."""
+    found: dict[str, str] = {}
+    for ours, theirs in columns.items():
+        if theirs not in sensors:
+            shown = ", ".join(sensors[:_SHOWN])
+            raise file.error(
+                f"there is no component {theirs!r} to take for {ours}{closest(theirs, sensors)};"
+                f" the shapes have {shown}"
+            )
+        if parse_channel(ours) is None:
+            raise file.error(f"unknown floor {ours!r}; floors are 2F, 3F, ..., RF")
+        found[theirs] = ours
+    return found
+
+
+def _on_floors(
+    mode: RecordedMode, placed: Mapping[str, str], floors: Sequence[str]
+) -> tuple[Floats, Floats]:
+    """Real shape (f,) and its sd, the sensors of a floor averaged."""
+    used = [k for k, name in enumerate(mode.sensors) if name in placed]
+    values = in_phase(np.asarray(mode.shape)[used])
+    sd = np.full(len(used), np.nan) if mode.shape_sd is None else mode.shape_sd[used]
+    names = np.array([placed[mode.sensors[k]] for k in used])
+    shape, spread = np.full(len(floors), np.nan), np.full(len(floors), np.nan)
+    for row, floor in enumerate(floors):
+        own = (names == floor) & ~np.isnan(values) if used else np.zeros(0, dtype=bool)
+        if own.any():
+            shape[row] = values[own].mean()
+            spread[row] = np.sqrt((sd[own] ** 2).sum()) / own.sum()
+    return shape, spread
+
+
+def in_phase(shape: NDArray[np.inexact]) -> Floats:
+    """Real part of a shape (s,), turned so that it holds as much of the shape as can be."""
+    if not np.iscomplexobj(shape):
+        return np.asarray(shape, dtype=np.float64)
+    turn = 0.5 * np.angle(np.nansum(shape**2))
+    return np.asarray((shape * np.exp(-1j * turn)).real, dtype=np.float64)
+
+
+def phase_collinearity(shape: NDArray[np.inexact]) -> float:
+    """Share of a shape (s,) that moves in one phase: 1 for a real shape (Pappa 1993)."""
+    whole = float(np.nansum(np.abs(shape) ** 2))
+    return float(np.abs(np.nansum(shape**2)) / whole) if whole > 0.0 else 1.0
+
+
+def _known(values: Sequence[float | None]) -> Floats:
+    return np.array([np.nan if value is None else value for value in values])
+
+
+def _notes(modes: Sequence[RecordedMode]) -> tuple[str, ...]:
+    loose = [
+        mode.name or f"{mode.frequency_hz:.4g} Hz"
+        for mode in modes
+        if mode.shape.size and phase_collinearity(mode.shape) < _IN_PHASE
+    ]
+    if not loose:
+        return ()
+    return (
+        f"Mode {', '.join(loose)}: the floors do not move in phase; the part that does is used.",
+    )

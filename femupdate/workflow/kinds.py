@@ -1,0 +1,250 @@
+"""Observation files of any kind, and the likelihood of all of them together."""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from femupdate.building.schema import Building
+from femupdate.errors import MeasurementError
+from femupdate.inference.joint import JointLikelihood
+from femupdate.inference.likelihood import DataLikelihood
+from femupdate.inference.modal_likelihood import ModalErrors, ModalLikelihood
+from femupdate.inference.predictive_check import PredictiveCheck, floor_squares, predictive_check
+from femupdate.measurement.kinds import read_any_kind
+from femupdate.measurement.modes import IdentifiedModes
+from femupdate.measurement.observation import (
+    Observation,
+    independent_share,
+    require_floors_of_building,
+)
+from femupdate.workflow.model import StudyModel
+from femupdate.workflow.observed import ObservationSource, direction_of, observation_of
+
+
+@dataclass(frozen=True)
+class Measured:
+    """All that was measured of a building.
+
+    Attributes:
+        base: FRFs under base motion; without a valid point where there are none.
+        modes: identified modes, one entry a file.
+        errors: of the modes.
+    """
+
+    base: Observation
+    modes: tuple[IdentifiedModes, ...] = ()
+    errors: ModalErrors = field(default_factory=ModalErrors)
+
+    @property
+    def has_base(self) -> bool:
+        """Whether there are FRFs under base motion."""
+        return bool(self.base.valid.any())
+
+    @property
+    def others(self) -> bool:
+        """Whether there is anything that no surrogate knows."""
+        return bool(self.modes)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences on how everything was read, and what was assumed."""
+        return (*self.base.notes, *self._mode_notes())
+
+    @property
+    def as_observation(self) -> Observation:
+        """The FRFs under base motion, called by all sources and floors."""
+        if not self.others:
+            return self.base
+        sources = [self.base.source] if self.has_base else []
+        sources += [one.source for one in self.modes]
+        return replace(self.base, source=" and ".join(sources))
+
+    def fingerprint(self) -> str:
+        """Hash of all data as read, and of what is assumed of their errors."""
+        data = hashlib.sha256(repr((self.modes and self.errors, self.base.floors)).encode())
+        arrays = [self.base.log_frf, self.base.noise_sd, self.base.valid]
+        for one in self.modes:
+            arrays += [one.frequency_hz, one.frequency_sd_hz, one.damping, one.damping_sd]
+            arrays += [one.shape, one.shape_sd]
+            data.update(repr(one.floors).encode())
+        for values in arrays:
+            data.update(np.ascontiguousarray(values).tobytes())
+        return data.hexdigest()
+
+    def _mode_notes(self) -> list[str]:
+        if not self.modes:
+            return []
+        errors = self.errors
+        notes = [f"{one.source}: {note}" for one in self.modes for note in one.notes]
+        notes.append(
+            f"The model's natural frequencies are taken to err by {errors.model_frequency:.2g}"
+            f" and its shapes by {errors.model_shape:.2g} of the largest component (standard"
+            " deviations); --mode-error changes the first."
+        )
+        notes += [note for one in self.modes for note in _assumed(one, errors)]
+        return notes
+
+
+def _assumed(modes: IdentifiedModes, errors: ModalErrors) -> list[str]:
+    """What is assumed where a file gives no standard deviation."""
+    there, ratios = ~np.isnan(modes.shape), ~np.isnan(modes.damping)
+    assumed = []
+    if np.isnan(modes.frequency_sd_hz).any():
+        assumed.append(f"{errors.frequency:.1%} of a frequency")
+    if (ratios & np.isnan(modes.damping_sd)).any():
+        assumed.append(f"{errors.damping:.0%} of a damping ratio")
+    if (there & np.isnan(modes.shape_sd)).any():
+        assumed.append(f"{errors.shape:.0%} of the largest component of a shape")
+    if not assumed:
+        return []
+    return [f"{modes.source} gives no standard deviation; taken are {', '.join(assumed)}."]
+
+
+def read_measured_of(model: StudyModel, source: ObservationSource) -> Measured:
+    """Read the files of a source, of any kind.
+
+    Raises:
+        MeasurementError: a file cannot be used, or belongs to another building.
+    """
+    return measured_of(model.building, source)
+
+
+def measured_of(building: Building, source: ObservationSource) -> Measured:
+    """Like `read_measured_of`, for a building that has no model yet."""
+    base, modes = [], []
+    for path in source.paths:
+        read = read_any_kind(path, source.unit, source.columns, direction_of(building))
+        if isinstance(read, IdentifiedModes):
+            modes.append(_chosen(building, source, path, read))
+        else:
+            base.append(path)
+    if not base:
+        _require_sensors(source, modes)
+    if modes and building.effects:
+        raise MeasurementError(
+            f"{modes[0].source}: the building lists effects, with which identified modes cannot be"
+            " explained yet; give histories or FRFs, or leave the effects out"
+        )
+    errors = ModalErrors()
+    if source.mode_error is not None:
+        errors = replace(errors, model_frequency=source.mode_error)
+    if not base:
+        return Measured(_nothing(building, modes), tuple(modes), errors)
+    own = replace(source, path=base[0], further=tuple(base[1:]))
+    return Measured(observation_of(building, own), tuple(modes), errors)
+
+
+def _chosen(
+    building: Building, source: ObservationSource, path: Path, modes: IdentifiedModes
+) -> IdentifiedModes:
+    """Modes on the floors and in the band that are asked for."""
+    require_floors_of_building(modes.source, modes.floors, building.floors)
+    if source.sensors:
+        modes = modes.of_floors([name for name in modes.floors if name in source.sensors])
+    if source.band_hz is not None:
+        low, high = source.band_hz
+        inside = np.flatnonzero((modes.frequency_hz >= low) & (modes.frequency_hz <= high))
+        if not inside.size:
+            raise MeasurementError(
+                f"{path}: no mode lies between {low:g} and {high:g} Hz; widen --band"
+            )
+        modes = modes.some(inside.tolist())
+    return modes
+
+
+def _require_sensors(source: ObservationSource, modes: Sequence[IdentifiedModes]) -> None:
+    """Refuse a floor that is asked for and that no file of modes has."""
+    have = dict.fromkeys(name for one in modes for name in one.floors)
+    missing = [name for name in source.sensors if name not in have]
+    if missing:
+        raise MeasurementError(
+            f"{source.path}: there is no {', '.join(missing)} to use; the modes have"
+            f" {', '.join(have) or 'frequencies alone'}"
+        )
+
+
+def _nothing(building: Building, modes: Sequence[IdentifiedModes]) -> Observation:
+    """An observation of the floors of modes that holds no FRFs."""
+    floors = tuple(name for name in building.floors if any(name in one.floors for one in modes))
+    frequency = building.frequency_grid.frequencies_hz()
+    empty = np.full((len(floors), frequency.size), np.nan)
+    return Observation(
+        frequency_hz=frequency,
+        floors=floors,
+        log_frf=empty,
+        noise_sd=empty,
+        valid=np.zeros(empty.shape, dtype=bool),
+        source=" and ".join(one.source for one in modes),
+    )
+
+
+def joint_likelihood(
+    model: StudyModel, measured: Measured, base: DataLikelihood
+) -> DataLikelihood | JointLikelihood:
+    """The likelihood of all that was measured; `base` is that of the FRFs under base motion."""
+    if not measured.others:
+        return base
+    parts = _of_modes(model, measured)
+    return JointLikelihood([base, *parts] if measured.has_base else parts)
+
+
+def _of_modes(model: StudyModel, measured: Measured) -> list[ModalLikelihood]:
+    free = model.damping.free
+    return [
+        ModalLikelihood(model.system, one, None, measured.errors, damping=free)
+        for one in measured.modes
+    ]
+
+
+def mode_sentences(model: StudyModel, measured: Measured, parameters: Tensor) -> tuple[str, ...]:
+    """Every identified mode beside the posterior's, at draws (n, p) of it, zeta last."""
+    told = []
+    for modes, likelihood in zip(measured.modes, _of_modes(model, measured), strict=True):
+        found = likelihood.paired(parameters)
+        frequency = found.log_frequency.exp().numpy() / (2.0 * np.pi)
+        terms = likelihood.terms
+        product = (terms.shape_root**2 * terms.shape * found.shape).sum(2)
+        mac = (product / (terms.shape_root * terms.shape).square().sum(1)).mean(0).numpy()
+        for k, name in enumerate(modes.names):
+            own = frequency[:, k]
+            shape = "" if np.isnan(mac[k]) else f", MAC {mac[k]:.3f}"
+            told.append(
+                f"Mode {name} at {modes.frequency_hz[k]:.4g} Hz: the posterior has"
+                f" {own.mean():.4g} +- {own.std():.2g} Hz{shape}."
+            )
+    return tuple(told)
+
+
+def check_measured(
+    model: StudyModel, measured: Measured, parameters: Tensor
+) -> tuple[float, PredictiveCheck]:
+    """Posterior draws (n, p), zeta last, against all that was measured.
+
+    Returns:
+        The smallest mean squared whitened residual, and the posterior predictive check of every
+        floor's FRF and of the frequencies, damping ratios and shapes of every file of modes.
+    """
+    names: list[str] = []
+    freedom: list[float] = []
+    squares: list[Tensor] = []
+    if measured.has_base:
+        base = measured.base
+        values = model.parameters.split(parameters)
+        predicted = DataLikelihood(model.system, base).predict(values.theta, values.zeta).numpy()
+        squares.append(torch.from_numpy(floor_squares(base, predicted)))
+        freedom += (independent_share(base) * base.valid.sum(axis=1)).tolist()
+        names += base.floors
+    for one, likelihood in zip(measured.modes, _of_modes(model, measured), strict=True):
+        kept = [k for k, count in enumerate(likelihood.freedom) if count]
+        squares.append(likelihood.squares(parameters)[:, kept])
+        freedom += [float(likelihood.freedom[k]) for k in kept]
+        several = f" of {one.source}" if len(measured.modes) > 1 else ""
+        names += [likelihood.names[k] + several for k in kept]
+    left = torch.cat(squares, dim=1).numpy()
+    misfit = float(left.sum(axis=1).min() / sum(freedom))
+    return misfit, predictive_check(left, freedom, tuple(names))

@@ -1,0 +1,201 @@
+"""Likelihood of identified modes, against closed forms and a posterior by brute force."""
+
+import numpy as np
+import pytest
+import torch
+from scipy.stats import qmc
+
+from femupdate.building.files import load_building
+from femupdate.building.shear import shear_operators
+from femupdate.dynamics.damping import ConstantDamping
+from femupdate.dynamics.projection import reduce_lumped
+from femupdate.dynamics.system import System
+from femupdate.inference.joint import JointLikelihood
+from femupdate.inference.maxima import draws_about_maxima
+from femupdate.inference.modal_likelihood import ModalErrors, ModalLikelihood
+from femupdate.inference.parameters import Parameters
+from femupdate.inference.prior_search import best_of_prior
+from femupdate.measurement.modes import IdentifiedModes
+
+TRUTH = torch.tensor([[1.3, 0.8, 1.1, 0.7, 0.02]], dtype=torch.float64)
+FLOORS = ("2F", "3F", "4F", "RF")
+
+
+@pytest.fixture(scope="module")
+def lumped():
+    return shear_operators(load_building("shear_4dof"))
+
+
+@pytest.fixture(scope="module")
+def system(lumped):
+    return System(
+        reduce_lumped(lumped.stiffness_terms, lumped.mass, lumped.floors), ConstantDamping()
+    )
+
+
+def chain(theta, lumped):
+    """Frequencies (n, 4), Hz, and shapes (n, 4, 4), a column each, without the package's modes."""
+    root = np.diag(lumped.mass) ** -0.5
+    stiffness = np.einsum("np,pij->nij", theta, lumped.stiffness_terms)
+    squared, vectors = np.linalg.eigh(root[:, None] * stiffness * root)
+    return np.sqrt(squared) / (2.0 * np.pi), root[:, None] * vectors
+
+
+def identified(frequency, shape, *, damping=np.nan, **changed):
+    """Modes with shapes (f, m), without standard deviations unless given."""
+    count, floors = len(frequency), shape.shape[0]
+    blank = np.full(count, np.nan)
+    given = {
+        "names": tuple("1234"[:count]),
+        "frequency_hz": np.asarray(frequency),
+        "frequency_sd_hz": blank,
+        "damping": np.full(count, damping),
+        "damping_sd": blank,
+        "floors": FLOORS[:floors],
+        "shape": shape.T,
+        "shape_sd": np.full((count, floors), np.nan),
+    }
+    return IdentifiedModes(**{**given, **changed})
+
+
+@pytest.fixture(scope="module")
+def exact(lumped):
+    frequency, shape = chain(TRUTH[:, :4].numpy(), lumped)
+    return frequency[0], shape[0]
+
+
+def test_true_modes_leave_nothing_in_any_scale_and_order(system, exact):
+    frequency, shape = exact
+    order, scale = [2, 0, 3, 1], np.array([-7.0, 0.3, 2.0, -1.0])
+    modes = identified(frequency[order], shape[:, order] * scale, damping=0.02)
+    likelihood = ModalLikelihood(system, modes)
+    assert float(likelihood(TRUTH)) == pytest.approx(0.0, abs=1e-20)
+    found = likelihood.paired(TRUTH)
+    assert found.column[0].tolist() == order
+    np.testing.assert_allclose(found.shape[0], modes.shape, rtol=1e-9, atol=1e-9)
+
+
+def test_residuals_are_those_written_by_hand(system, lumped, exact):
+    frequency, shape = exact
+    modes = identified(
+        1.03 * frequency[:2],
+        shape[:, :2] + [[0.0, 0.0], [0.05, 0.0], [0.0, 0.0], [0.0, 0.1]],
+        damping=0.025,
+        frequency_sd_hz=np.array([0.02, np.nan]),
+    )
+    errors = ModalErrors(model_frequency=0.02, shape=0.04, model_shape=0.03)
+    squares = ModalLikelihood(system, modes, errors=errors).squares(TRUTH)[0].numpy()
+    relative = np.array([0.02 / modes.frequency_hz[0], errors.frequency])
+    of_frequency = (np.log(1.03) ** 2 / (relative**2 + 0.02**2)).sum()
+    of_damping = 2 * (0.005 / (0.025 * np.hypot(0.25, 0.2))) ** 2
+    # sd .05 of the largest component; a shape leaves y'y (1 - MAC).
+    sd = 0.05 * np.abs(modes.shape).max(axis=1)
+    cosine = np.einsum("mf,fm->m", modes.shape, shape[:, :2]) / np.linalg.norm(shape[:, :2], axis=0)
+    of_shape = (((modes.shape**2).sum(1) - cosine**2) / sd**2).sum()
+    np.testing.assert_allclose(squares, [of_frequency, of_damping, of_shape], rtol=1e-9)
+    assert ModalLikelihood(system, modes).freedom == (2, 2, 6)
+
+
+def test_missing_components_count_nothing(system, exact):
+    frequency, shape = exact
+    holes = shape.copy()
+    holes[1, 0] = holes[:3, 1] = np.nan
+    likelihood = ModalLikelihood(system, identified(frequency, holes))
+    away = TRUTH * torch.tensor([1.1, 0.95, 1.0, 1.02, 1.0])
+    residual = likelihood.residuals(away)
+    assert likelihood.freedom == (4, 0, 2 + 0 + 3 + 3)
+    assert torch.isfinite(residual).all()
+    spoiled = shape.copy()
+    spoiled[:3, 1] = np.nan
+    spoiled[3, 1] = -17.0
+    spoiled[1, 0] = np.nan
+    other = ModalLikelihood(system, identified(frequency, spoiled)).residuals(away)
+    np.testing.assert_allclose(residual, other, rtol=1e-12)
+
+
+def test_pairing_holds_where_modes_have_moved_past_each_other(system, exact):
+    """Measured mode 2 below where the model has its mode 1: the shapes decide."""
+    frequency, shape = exact
+    modes = identified(frequency[1:3], shape[:, 1:3])
+    soft = torch.tensor([[0.5, 0.35, 0.45, 0.4, 0.02]], dtype=torch.float64)
+    assert ModalLikelihood(system, modes).paired(soft).column[0].tolist() == [1, 2]
+
+
+def test_known_damping_makes_damping_ratios_count_nothing(system, exact):
+    modes = identified(*exact, damping=0.08)
+    assert float(ModalLikelihood(system, modes, damping=False)(TRUTH)) == pytest.approx(0.0)
+    assert float(ModalLikelihood(system, modes)(TRUTH)) < -1.0
+
+
+def test_gradient_is_that_of_differences(system, exact):
+    frequency, shape = exact
+    likelihood = ModalLikelihood(system, identified(1.05 * frequency, shape, damping=0.03))
+    point = TRUTH.clone().requires_grad_()
+    (slope,) = torch.autograd.grad(likelihood(point).sum(), point)
+    step = 1e-6 * torch.eye(5, dtype=torch.float64)
+    both = likelihood(TRUTH + step) - likelihood(TRUTH - step)
+    np.testing.assert_allclose(slope[0], both / 2e-6, rtol=1e-5)
+
+
+def test_joint_likelihood_adds(system, exact):
+    frequency, shape = exact
+    one = ModalLikelihood(system, identified(1.01 * frequency, shape))
+    other = ModalLikelihood(system, identified(0.98 * frequency[:2], shape[:, :2], damping=0.03))
+    both, away = JointLikelihood([one, other]), TRUTH * 1.05
+    assert float(both(away)) == pytest.approx(float(one(away) + other(away)))
+    squares = both.residuals(away).square().sum()
+    assert float(-0.5 * squares) == pytest.approx(float(both(away)))
+
+
+SD = 0.08  # of ln f
+
+
+def brute_force(lumped, modes):
+    """Points of the prior and log likelihood of frequencies and shapes, by numpy alone.
+
+    Four frequencies of four modes are paired in their order.
+    """
+    unit = qmc.Sobol(4, seed=11).random_base2(18)
+    theta = 0.33 + 2.67 * unit
+    value = np.zeros(len(theta))
+    for rows in np.array_split(np.arange(len(theta)), 16):
+        frequency, shape = chain(theta[rows], lumped)
+        away = np.log(frequency / modes.frequency_hz) / SD
+        value[rows] = -0.5 * (away**2).sum(axis=1)
+        seen = shape[:, [0, 3]]
+        y = modes.shape
+        cosine = np.einsum("mf,nfm->nm", y, seen) / np.linalg.norm(seen, axis=1)
+        sd = 0.3 * np.abs(y).max(axis=1)
+        value[rows] -= 0.5 * (((y**2).sum(1) - cosine**2) / sd**2).sum(axis=1)
+    return theta, value
+
+
+def test_posterior_is_that_by_brute_force(system, lumped, exact):
+    """Four frequencies and shapes at two floors: solutions of different weights."""
+    frequency, shape = exact
+    noise = np.random.default_rng(4).normal(size=4)
+    modes = identified(frequency * np.exp(0.5 * SD * noise), shape[[0, 3]], floors=("2F", "RF"))
+    theta, value = brute_force(lumped, modes)
+    weight = np.exp(value - value.max())
+    weight /= weight.sum()
+    assert 1.0 / (weight**2).sum() > 3000.0
+    errors = ModalErrors(model_frequency=SD, frequency=1e-9, model_shape=0.3, shape=1e-9)
+    likelihood = ModalLikelihood(system, modes, 0.02, errors)
+    prior = Parameters.uniform(("a", "b", "c", "d"), [0.33] * 4, [3.0] * 4)
+    starts, _ = best_of_prior(prior, likelihood, 1)
+    drawn = draws_about_maxima(prior, likelihood, likelihood.residuals, starts, 6000, 2)
+    assert drawn is not None
+    assert drawn.effective > 1000.0
+    points, _ = drawn.resample(6000, 3)
+    found = points.numpy()
+    evidence = np.log(np.exp(value - value.max()).mean()) + value.max()
+    assert drawn.log_evidence == pytest.approx(evidence, abs=0.05)
+    mean = weight @ theta
+    sd = np.sqrt(weight @ (theta - mean) ** 2)
+    np.testing.assert_allclose(found.mean(axis=0), mean, atol=0.1 * sd.min())
+    ratio = found.std(axis=0) / sd
+    assert ((ratio > 0.95) & (ratio < 1.10)).all()
+    # Story 1 softer or stiffer than story 3 tells the solutions apart.
+    heavy = float(weight[theta[:, 0] > theta[:, 2]].sum())
+    assert 0.1 < heavy < 0.9
+    assert abs(np.mean(found[:, 0] > found[:, 2]) - heavy) < 0.03

@@ -1,0 +1,155 @@
+"""Identified modes in tables and universal files: read, put on floors, refused, inspected."""
+
+import numpy as np
+import pytest
+
+from femupdate.errors import MeasurementError
+from femupdate.measurement.inspection import inspect_file
+from femupdate.measurement.kinds import read_any_kind
+from femupdate.measurement.mode_checks import mac, mode_findings
+from femupdate.measurement.modes import in_phase, phase_collinearity
+from femupdate.measurement.observation_file import read_observation_file
+from femupdate.measurement.recording import RecordedMode
+
+TABLE = """# identified by somebody
+mode,frequency_hz,frequency_sd_hz,damping (%),damping_sd (%),2F,RF,RF_sd
+1,1.75,0.01,1.0,0.2,0.35,-1,0.02
+2,5.03,,1.3,,-0.98,,
+3,7.70,-,,n/a,0.1,0.6,0.03
+"""
+
+
+def test_every_column(write):
+    modes = read_any_kind(write(TABLE, "modes.csv"))
+    assert (modes.names, modes.floors, modes.source) == (("1", "2", "3"), ("2F", "RF"), "modes.csv")
+    np.testing.assert_array_equal(modes.frequency_hz, [1.75, 5.03, 7.7])
+    np.testing.assert_array_equal(modes.frequency_sd_hz, [0.01, np.nan, np.nan])
+    np.testing.assert_allclose(modes.damping, [0.01, 0.013, np.nan])
+    np.testing.assert_allclose(modes.damping_sd, [0.002, np.nan, np.nan])
+    np.testing.assert_array_equal(modes.shape, [[0.35, -1.0], [-0.98, np.nan], [0.1, 0.6]])
+    np.testing.assert_array_equal(modes.shape_sd, [[np.nan, 0.02], [np.nan] * 2, [np.nan, 0.03]])
+
+
+def test_foreign_names_semicolons_and_units_in_a_row(write):
+    text = "Mode;f;xi;phi roof;phi ground;junk\n-;Hz;%;-;-;-\n1;1,75;2,0;1,0;0,1;5\n2;5,5;;;;\n"
+    names = {"frequency_hz": "f", "damping": "xi", "RF": "phi roof", "2F": "phi ground"}
+    modes = read_any_kind(write(text, "m.csv"), columns=names)
+    np.testing.assert_array_equal(modes.frequency_hz, [1.75, 5.5])
+    np.testing.assert_allclose(modes.damping, [0.02, np.nan])
+    np.testing.assert_array_equal(modes.shape[0], [0.1, 1.0])
+
+
+@pytest.mark.parametrize("cell", ["3+4j", "(3+4j)", "3 + 4 i", "3.0+4.0*I"])
+def test_complex_shapes_are_turned_to_be_real(write, cell):
+    text = f"mode,frequency_hz,2F,RF\n1,2.0,{cell},6+8j\n2,3.0,1j,-2j\n"
+    modes = read_any_kind(write(text, "m.csv"))
+    np.testing.assert_allclose(modes.shape[:, 1] / modes.shape[:, 0], [2.0, -2.0], rtol=1e-12)
+    np.testing.assert_allclose(np.abs(modes.shape[0]), [5.0, 10.0], rtol=1e-12)
+    assert modes.notes == ()
+
+
+def test_parts_of_a_shape_and_sensors_of_a_floor(write):
+    text = (
+        "mode,frequency_hz,2F_re,2F_im,RF:1,RF:2,RF:1_sd,RF:2_sd,RF.y,base\n1,2,1,0,2,4,.3,.4,9,0\n"
+    )
+    modes = read_any_kind(write(text, "m.csv"))
+    np.testing.assert_allclose(modes.shape, [[1.0, 3.0]])
+    np.testing.assert_allclose(modes.shape_sd, [[np.nan, 0.25]])
+    other = read_any_kind(write(text, "m.csv"), direction="y")
+    assert (other.floors, other.shape.tolist()) == (("RF",), [[9.0]])
+
+
+def test_a_shape_out_of_phase_is_told(write):
+    path = write("mode,frequency_hz,2F,RF\n1,2.0,1,1j\n", "m.csv")
+    assert read_any_kind(path).notes == (
+        "Mode 1: the floors do not move in phase; the part that does is used.",
+    )
+    assert inspect_file(path).findings == ("mode 1 at 2 Hz: the sensors do not move in phase",)
+    assert phase_collinearity(np.array([1.0, 1j])) == pytest.approx(0.0, abs=1e-15)
+    np.testing.assert_allclose(in_phase(np.array([2.0, -1.0]) * np.exp(0.7j)) ** 2, [4.0, 1.0])
+
+
+def test_modes_of_a_universal_file(shared_file):
+    pytest.importorskip("pyuff", reason="pyuff (extra `formats`) is not installed")
+    path = shared_file("formats/uff55_translation.uff")
+    modes = read_any_kind(path, columns={"2F": "point 1 +Y", "RF": "point 4 +Y"})
+    np.testing.assert_array_equal(modes.frequency_hz, [10.0, 12.0, 13.0])
+    np.testing.assert_allclose(modes.shape[0], [-1.46518, 0.724863])
+    with pytest.raises(MeasurementError, match=r"say which are.*among point 1 \+X, point 1 \+Y"):
+        read_any_kind(path)
+    with pytest.raises(MeasurementError, match=r"no component 'point 9 \+X' to take for 2F"):
+        read_any_kind(path, columns={"2F": "point 9 +X"})
+
+
+def test_inspect(write):
+    one = inspect_file(write(TABLE, "modes.csv"))
+    assert one.summary == "3 modes (tables of identified modes)"
+    assert one.mode_texts[0] == "mode 1 at 1.75 +- 0.01 Hz, damping ratio 0.01, 2 components"
+    assert one.step.command.startswith("femupdate calibrate ")
+    assert one.as_dict()["modes"][1]["damping"] == pytest.approx(0.013)
+
+
+def test_findings():
+    def mode(frequency, shape, **changed):
+        return RecordedMode(
+            frequency_hz=frequency,
+            sensors=("2F", "RF"),
+            shape=np.array(shape),
+            **{"name": "1", **changed},
+        )
+
+    twice = (mode(2.0, [1.0, 2.0]), mode(2.02, [-1.0, -2.1], name="2"))
+    assert mode_findings(twice)[0].endswith("this looks like one mode found twice")
+    assert mode_findings((twice[0], mode(2.02, [2.0, -1.0]), mode(2.5, [1.0, 2.0]))) == ()
+    assert mac(*twice) == pytest.approx((1 + 4.2) ** 2 / (5 * 5.41))
+    doubtful = mode(2.0, [0.0, 0.0], damping=0.2, frequency_sd_hz=0.5)
+    assert [text.split(" at 2 Hz")[1] for text in mode_findings((doubtful,))] == [
+        " has a damping ratio of 0.2",
+        " is hardly known: +-0.5 Hz",
+        ": every component of the shape is zero",
+    ]
+
+
+HEAD = "mode,frequency_hz,damping,2F,RF\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (HEAD, r"has a header but no modes"),
+        (HEAD + "1,1.7,0.02,1\n", r"line 2: the row has 4 cells where 5 are expected"),
+        (HEAD + "1,,0.02,1,2\n", r"line 2, column frequency_hz: the mode has no frequency"),
+        (HEAD + "1,-2,0.02,1,2\n", r"the frequency of mode 1 is -2 Hz; it must be above 0"),
+        (HEAD + "1,0,0.02,1,2\n", r"the frequency of mode 1 is 0 Hz"),
+        (HEAD + "1,1.7,2.1,1,2\n", r"damping ratio of mode 1 is 2.1, .* damping \(%\)"),
+        (HEAD + "1,1.7,-0.02,1,2\n", r"damping ratio of mode 1 is -0.02"),
+        (HEAD + "1,1.7,low,1,2\n", r"line 2, column 'damping': 'low' is not a number"),
+        (HEAD + "1,1.7,inf,1,2\n", r"'inf' is not a number"),
+        ("mode,frequency_hz,7X\n1,2,3\n", r"unknown column '7X'.*identified modes are mode,"),
+        ("mode,freqency_hz\n1,2\n", r"unknown column 'freqency_hz' \(did you mean 'frequency_hz'"),
+        ("mode,2F\n1,2\n", r"there is no column frequency_hz; columns of identified modes"),
+        ("mode,frequency_hz,2F,2F\n1,2,3,4\n", r"two columns are called '2F'"),
+        ("mode,frequency_hz,2F_re\n1,2,3\n", r"must have either the column 2F or both 2F_re"),
+        ("mode,frequency_hz (rpm),2F\n1,2,3\n", r"unknown unit 'rpm' for frequency"),
+        ("mode,frequency_hz,2F (mm)\n1,2,3\n", r"cannot be in 'mm'; damping is a ratio"),
+        (
+            "mode,frequency_hz,frequency_sd_hz\n1,2,0\n",
+            r"deviation of the frequency of mode 1",
+        ),
+        ("mode,frequency_hz,2F,2F_sd\n1,2,3,-1\n", r"a standard deviation of the shape of mode 1"),
+        ("mode,frequency_hz,RF.y\n1,2,3\n", r"none of the shapes' components is a floor's in dir"),
+    ],
+)
+def test_wrong_tables(write, text, message):
+    with pytest.raises(MeasurementError, match=message):
+        read_any_kind(write(text, "m.csv"))
+
+
+def test_other_commands_say_what_the_file_is(write):
+    with pytest.raises(MeasurementError, match="identified modes, which calibrate alone takes"):
+        read_observation_file(write(TABLE, "modes.csv"))
+
+
+def test_mapped_column_that_is_not_there(write):
+    with pytest.raises(MeasurementError, match=r"no column 'f1' to take for frequency_hz"):
+        read_any_kind(write(HEAD + "1,2,.02,1,2\n", "m.csv"), columns={"frequency_hz": "f1"})

@@ -1,0 +1,105 @@
+"""calibrate from identified modes, alone and together with FRFs."""
+
+import json
+
+import numpy as np
+import pytest
+
+from femupdate.errors import MeasurementError
+from femupdate.study import Study
+from femupdate.workflow.calibrate import calibrate_study
+from femupdate.workflow.calibrate_settings import CalibrationSettings
+from femupdate.workflow.checks import check_calibration
+from femupdate.workflow.kinds import measured_of
+from femupdate.workflow.model import choose_building, open_study
+from femupdate.workflow.observed import ObservationSource
+from femupdate.workflow.pictures_posterior import draw_posterior
+
+TRUTH, ZETA = np.array([0.8, 1.3]), 0.05
+GRID = 0.2 * np.arange(1, 61)
+SETTINGS = CalibrationSettings(particles=1000)  # --exact goes without saying
+
+
+@pytest.fixture(scope="module")
+def modes_file(tmp_path_factory, tower_modes):
+    omega, shape = tower_modes(TRUTH)
+    rows = [
+        f"{k},{own:.6g},{0.002 * own:.3g},5.0,{column[0]:.6g},{column[1]:.6g}"
+        for k, (own, column) in enumerate(zip(omega, shape.T, strict=True), start=1)
+    ]
+    path = tmp_path_factory.mktemp("modes") / "modes.csv"
+    head = "mode,frequency_hz,frequency_sd_hz,damping (%),2F,RF"
+    path.write_text("\n".join([head, *rows]) + "\n")
+    return path
+
+
+@pytest.fixture(scope="module")
+def frf_file(tmp_path_factory, tower_frf):
+    noise = 0.3 * np.random.default_rng(5).standard_normal((2, GRID.size))
+    values = np.exp(np.log(np.abs(tower_frf(TRUTH, ZETA, GRID))) + noise)
+    rows = [f"{f:.1f},{a:.12g},{b:.12g},0.3,0.3" for f, a, b in zip(GRID, *values, strict=True)]
+    path = tmp_path_factory.mktemp("frf") / "frf.csv"
+    path.write_text("\n".join(["frequency_hz,2F,RF,2F_sd,RF_sd", *rows]) + "\n")
+    return path
+
+
+@pytest.fixture
+def calibrate(tmp_path, tower_file):
+    def run(*paths, **reading):
+        study = Study(tmp_path / "_".join(path.stem for path in paths))
+        source = ObservationSource(paths[0], further=paths[1:], **reading)
+        check_calibration(study, source, SETTINGS, str(tower_file))
+        return study, calibrate_study(study, open_study(study, str(tower_file)), source, SETTINGS)
+
+    return run
+
+
+def test_modes_and_frfs_agree_and_narrow_together(calibrate, modes_file, frf_file):
+    _, modes = calibrate(modes_file)
+    _, both = calibrate(frf_file, modes_file)
+    assert modes.posterior.drawn.exact
+    assert modes.posterior.observation.source == "modes.csv"
+    assert both.posterior.observation.source == "frf.csv and modes.csv"
+    for report in (modes, both):
+        draws = report.posterior.samples
+        assert (np.abs(draws.mean(axis=0) - TRUTH) < 3 * draws.std(axis=0)).all()
+    assert (both.posterior.samples.std(axis=0) < 0.8 * modes.posterior.samples.std(axis=0)).all()
+    assert modes.check.names == ("frequencies", "damping ratios", "shapes")
+    assert both.check.names == ("2F", "RF", "frequencies", "damping ratios", "shapes")
+    assert any(note.startswith("Mode 2 at ") and "MAC 1.000" in note for note in modes.notes)
+    assert modes.misfit < 0.1
+
+
+def test_a_larger_error_of_the_model_widens_the_posterior(calibrate, modes_file):
+    _, narrow = calibrate(modes_file, mode_error=0.002)
+    _, wide = calibrate(modes_file, mode_error=0.05)
+    ratio = wide.posterior.samples.std(axis=0) / narrow.posterior.samples.std(axis=0)
+    assert (ratio > 5.0).all()
+
+
+def test_frequencies_alone(calibrate, tmp_path):
+    path = tmp_path / "f.csv"
+    path.write_text("mode,frequency_hz\n1,3.9\n2,8.5\n")
+    study, report = calibrate(path)
+    assert report.check.names == ("frequencies",)
+    assert "from frequencies of f.csv" in report.lines()[0]
+    assert all(path.exists() for path in draw_posterior(study, report))
+    assert json.loads(study.path("posterior_summary.json").read_text())["floors"] == []
+
+
+def test_sensors_and_band(modes_file, tower_file, tmp_path):
+    building = choose_building(Study(tmp_path), str(tower_file))
+    (some,) = measured_of(building, ObservationSource(modes_file, sensors=("RF",))).modes
+    assert (some.floors, some.shape.shape) == (("RF",), (2, 1))
+    source = ObservationSource(modes_file, band_hz=(1.0, 6.0))
+    assert measured_of(building, source).modes[0].names == ("1",)
+    with pytest.raises(MeasurementError, match=r"no mode lies between 20 and 30 Hz; widen --band"):
+        measured_of(building, ObservationSource(modes_file, band_hz=(20.0, 30.0)))
+
+
+def test_floors_of_another_building(tower_file, tmp_path):
+    path = tmp_path / "m.csv"
+    path.write_text("mode,frequency_hz,9F\n1,3.9,1\n")
+    building = choose_building(Study(tmp_path), str(tower_file))
+    with pytest.raises(MeasurementError, match="file of another building: it has floors 9F"):
+        measured_of(building, ObservationSource(path))
