@@ -24,6 +24,7 @@ _COMMANDS = {
     "repair": ("repair", "Add what is missing, and show before and after."),
     "render": ("render", "Draw mode shapes of the posterior."),
     "compare": ("compare", "Say which stories changed between two posteriors."),
+    "report": ("report", "Write one HTML page with everything that a study says."),
     "status": ("status", "Say what a study holds, what is stale, and what to do next."),
     "simulate": ("simulate", "Make a synthetic observation file from the full model."),
     "benchmark": ("benchmark", "Compare with published tables and other programs."),

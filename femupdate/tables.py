@@ -1,6 +1,6 @@
 """Tables in words."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 
 def table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
@@ -14,3 +14,15 @@ def table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
         ]
         lines.append("  " + "  ".join(cells).rstrip())
     return "\n".join(lines)
+
+
+def csv_text(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """Return a comma-separated table; numbers keep all their digits."""
+    import csv
+    import io
+
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(head)
+    writer.writerows(rows)
+    return text.getvalue()

@@ -11,7 +11,7 @@ from femupdate.dynamics.tracking import (
     reduced_modes,
     track_mode,
 )
-from femupdate.inference.posterior import load_posterior
+from femupdate.inference.posterior import Posterior, load_posterior
 from femupdate.progress import Progress
 from femupdate.study import Study
 from femupdate.tables import table
@@ -74,6 +74,14 @@ def render_study(
     """
     posterior = load_posterior(study.require("posterior", "calibrate"))
     study.check_fresh("posterior", model.made_from(), "calibrate")
+    tracked = posterior_modes(model, posterior, modes, samples, seed)
+    return RenderReport(tracked, draw_modes(study, model, tracked, progress=progress))
+
+
+def posterior_modes(
+    model: StudyModel, posterior: Posterior, modes: int, samples: int = 60, seed: int = 0
+) -> tuple[TrackedMode, ...]:
+    """The lowest modes that the base motion drives, followed through draws of the posterior."""
     # Behind the factors stand parameters of effects, which these shapes do not show.
     theta = posterior.thinned(samples, seed)[0][:, : model.reduced.parameters]
     # The reference is the draw nearest to the mean: the mean itself can lie between modes.
@@ -82,5 +90,4 @@ def render_study(
     found = reduced_modes(model.reduced, theta)
     reference = ReducedModes(found.frequency_hz[[nearest]], found.vectors[[nearest]])
     chosen = driven_modes(model.reduced, reference, modes)
-    tracked = tuple(track_mode(found, reference.vectors[0][:, mode]) for mode in chosen)
-    return RenderReport(tracked, draw_modes(study, model, tracked, progress=progress))
+    return tuple(track_mode(found, reference.vectors[0][:, mode]) for mode in chosen)

@@ -1,0 +1,44 @@
+"""femupdate report."""
+
+from pathlib import Path
+
+import click
+
+from femupdate.study import Study
+
+from .answer import Answer
+from .bars import Bars
+from .common import plain_options
+from .parameters import StudyFolder
+
+
+@click.command("report")
+@click.option(
+    "--study",
+    type=StudyFolder(),
+    default="study",
+    show_default=True,
+    help="Folder that holds everything for one building.",
+)
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="HTML file to write; default report.html in the study.",
+)
+@plain_options
+def command(study: Study, output: Path | None) -> Answer:
+    """Write one HTML page with everything that a study says, to hand on.
+
+    The page needs no network and nothing beside it. It shows what was done and from which files,
+    the building with its modes, the data, the fit, the posterior, the prediction, what the model
+    lacks, and all warnings.
+
+    \b
+    Example:
+      femupdate report --study house -o house.html
+    """
+    from femupdate.workflow.report import report_study
+
+    with Bars() as bars:
+        return Answer(report_study(study, output, bars))

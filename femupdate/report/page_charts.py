@@ -1,0 +1,335 @@
+"""Plotly figures of the page, as plain mappings: no plotting library is imported to make them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from femupdate.arrays import Floats, Integers
+from femupdate.report.style import BLUE, FAINT, INK, ORANGE, QUIET
+
+Figure = Mapping[str, Any]
+
+POINTS = 1600  # of a curve on the screen
+_LOG_TICKS = [float(f"{first}e{power}") for power in range(-4, 4) for first in (1, 2, 5)]
+_MEASURED = "#9AA3B0"
+_BAND = "rgba(0,114,178,0.25)"
+_OUTER = "rgba(230,159,0,0.28)"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Band:
+    """A band about a curve.
+
+    Attributes:
+        name: what it is, as in "5 to 95 %".
+        low, high: (n,).
+        outer: drawn in the colour of what is added to the parameters' band.
+    """
+
+    name: str
+    low: Floats
+    high: Floats
+    outer: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Curve:
+    """A mean with its bands, and measured points.
+
+    Attributes:
+        x, mean: (n,).
+        name: of the mean.
+        bands: drawn behind it, the widest first.
+        measured: (n,) NaN where nothing was measured, or None.
+        measured_sd: (n,) noise, or None.
+        ignored: (n,) measured, but not used; or None.
+    """
+
+    x: Floats
+    mean: Floats
+    name: str = "mean of the posterior"
+    bands: tuple[Band, ...] = ()
+    measured: Floats | None = None
+    measured_sd: Floats | None = None
+    ignored: Floats | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Axis:
+    """An axis: title with unit, logarithmic or not, and its range."""
+
+    title: str
+    log: bool = False
+    limits: tuple[float, float] | None = None
+    names: tuple[str, ...] = field(default=())
+
+
+def curve_figure(curve: Curve, across: Axis, up: Axis) -> Figure:
+    """A mean line over its bands, under measured points."""
+    traces: list[dict[str, Any]] = []
+    for band in curve.bands:
+        color = _OUTER if band.outer else _BAND
+        line = {"width": 0.0}
+        shared = {"x": curve.x, "type": "scatter", "mode": "lines", "line": line}
+        traces.append(
+            {
+                **shared,
+                "y": band.low,
+                "name": f"{band.name}, low",
+                "showlegend": False,
+                "hoverinfo": "skip",
+            }
+        )
+        traces.append(
+            {
+                **shared,
+                "y": band.high,
+                "name": band.name,
+                "fill": "tonexty",
+                "fillcolor": color,
+                "hoverinfo": "skip",
+            }
+        )
+    if curve.ignored is not None and np.isfinite(curve.ignored).any():
+        traces.append(_points(curve.x, curve.ignored, "measured, not used", FAINT))
+    if curve.measured is not None and np.isfinite(curve.measured).any():
+        traces.append(_points(curve.x, curve.measured, "measured", _MEASURED, curve.measured_sd))
+    traces.append(
+        {
+            "x": curve.x,
+            "y": curve.mean,
+            "type": "scatter",
+            "mode": "lines",
+            "name": curve.name,
+            "line": {"color": BLUE, "width": 1.6},
+        }
+    )
+    return {"data": traces, "layout": layout(across, up)}
+
+
+def _points(
+    x: Floats, y: Floats, name: str, color: str, sd: Floats | None = None
+) -> dict[str, Any]:
+    shown = np.isfinite(y)
+    points: dict[str, Any] = {
+        "x": x[shown],
+        "y": y[shown],
+        "type": "scatter",
+        "mode": "markers",
+        "name": name,
+        "marker": {"color": color, "size": 5},
+    }
+    if sd is not None:
+        points["error_y"] = {
+            "type": "data",
+            "array": sd[shown],
+            "color": "rgba(34,38,43,0.25)",
+            "thickness": 0.8,
+            "width": 0,
+        }
+    return points
+
+
+@dataclass(frozen=True, kw_only=True)
+class Interval:
+    """Rows with a mean and an interval each.
+
+    Attributes:
+        name: of the series.
+        mean, low, high: (r,).
+        color: of all of it.
+    """
+
+    name: str
+    mean: Floats
+    low: Floats
+    high: Floats
+    color: str = BLUE
+
+
+def interval_figure(
+    rows: Sequence[str],
+    intervals: Sequence[Interval],
+    across: str,
+    ranges: tuple[Floats, Floats] | None = None,
+) -> Figure:
+    """Means and intervals by rows, the first row lowest, over ranges such as those of the prior."""
+    places = np.arange(len(rows), dtype=float)
+    traces: list[dict[str, Any]] = []
+    if ranges is not None:
+        low, high = ranges
+        traces.append(
+            {
+                "type": "bar",
+                "orientation": "h",
+                "x": high - low,
+                "base": low,
+                "y": places,
+                "width": 0.7,
+                "name": "prior range",
+                "marker": {"color": FAINT},
+                "hovertemplate": "%{base} to %{x}<extra>prior</extra>",
+            }
+        )
+    for number, one in enumerate(intervals):
+        shift = 0.22 * ((len(intervals) - 1) / 2 - number)
+        traces.append(
+            {
+                "type": "scatter",
+                "mode": "markers",
+                "x": one.mean,
+                "y": places + shift,
+                "name": one.name,
+                "marker": {"color": one.color, "size": 7, "line": {"color": "#fff", "width": 1}},
+                "error_x": {
+                    "type": "data",
+                    "symmetric": False,
+                    "array": one.high - one.mean,
+                    "arrayminus": one.mean - one.low,
+                    "color": one.color,
+                    "thickness": 2.4,
+                    "width": 5,
+                },
+            }
+        )
+    figure_layout = layout(Axis(title=across), Axis(title="", names=tuple(rows)))
+    return {"data": traces, "layout": figure_layout}
+
+
+def bar_figure(rows: Sequence[str], values: Floats, across: str, first: bool) -> Figure:
+    """Horizontal bars, the first row on top; the first in a colour of its own where asked."""
+    colors = [ORANGE if first and k == 0 else QUIET for k in range(len(rows))]
+    trace = {
+        "type": "bar",
+        "orientation": "h",
+        "x": values,
+        "y": np.arange(len(rows)),
+        "marker": {"color": colors},
+        "name": across,
+        "showlegend": False,
+    }
+    figure_layout = layout(Axis(title=across), Axis(title="", names=tuple(rows)))
+    figure_layout["yaxis"]["autorange"] = "reversed"
+    return {"data": [trace], "layout": figure_layout}
+
+
+def correlation_figure(names: Sequence[str], values: Floats) -> Figure:
+    """A matrix of correlations with its figures."""
+    trace = {
+        "type": "heatmap",
+        "z": values,
+        "x": [escaped(name) for name in names],
+        "y": [escaped(name) for name in names],
+        "zmin": -1,
+        "zmax": 1,
+        "colorscale": [[0, "#0072B2"], [0.5, "#FFFFFF"], [1, "#D55E00"]],
+        "texttemplate": "%{z:.2f}",
+        "name": "correlation",
+        "colorbar": {"thickness": 12},
+    }
+    made = layout(Axis(title=""), Axis(title=""))
+    made["xaxis"]["type"] = made["yaxis"]["type"] = "category"
+    made["yaxis"]["autorange"] = "reversed"
+    return {"data": [trace], "layout": made}
+
+
+def pairs_figure(names: Sequence[str], draws: Floats) -> Figure:
+    """Draws (n, p) of every pair of parameters, in the lower triangle of a matrix of panels."""
+    count = len(names)
+    traces, made = [], layout(Axis(title=""), Axis(title=""))
+    del made["xaxis"], made["yaxis"]
+    number = 0
+    for row in range(1, count):
+        for column in range(row):
+            number += 1
+            key = "" if number == 1 else str(number)
+            traces.append(
+                {
+                    "type": "scatter",
+                    "mode": "markers",
+                    "x": draws[:, column],
+                    "y": draws[:, row],
+                    "xaxis": f"x{key}",
+                    "yaxis": f"y{key}",
+                    "name": escaped(f"{names[row]} over {names[column]}"),
+                    "marker": {"color": BLUE, "size": 2.5, "opacity": 0.45},
+                    "showlegend": False,
+                }
+            )
+            side = 1.0 / (count - 1)
+            span = (column * side + 0.03, (column + 1) * side - 0.01)
+            rise = (1.0 - row * side + 0.03, 1.0 - (row - 1) * side - 0.01)
+            inner = {"ticks": "", "zeroline": False, "nticks": 3, "gridcolor": "#EEF0F3"}
+            made[f"xaxis{key}"] = {
+                **inner,
+                "domain": list(span),
+                "anchor": f"y{key}",
+                "showticklabels": row == count - 1,
+                "title": {"text": escaped(names[column]) if row == count - 1 else ""},
+            }
+            made[f"yaxis{key}"] = {
+                **inner,
+                "domain": list(rise),
+                "anchor": f"x{key}",
+                "showticklabels": column == 0,
+                "title": {"text": escaped(names[row]) if column == 0 else ""},
+            }
+    made["hovermode"] = "closest"
+    return {"data": traces, "layout": made}
+
+
+def layout(across: Axis, up: Axis) -> dict[str, Any]:
+    """How every chart looks."""
+    return {
+        "margin": {"l": 64, "r": 16, "t": 8, "b": 44},
+        "font": {"family": "system-ui, DejaVu Sans, sans-serif", "size": 12, "color": INK},
+        "paper_bgcolor": "rgba(0,0,0,0)",
+        "plot_bgcolor": "rgba(0,0,0,0)",
+        "hovermode": "closest",
+        "legend": {"orientation": "h", "y": 1.0, "yanchor": "bottom", "x": 0},
+        "xaxis": _axis(across),
+        "yaxis": _axis(up),
+    }
+
+
+def _axis(axis: Axis) -> dict[str, Any]:
+    made: dict[str, Any] = {
+        "title": {"text": escaped(axis.title), "standoff": 8},
+        "gridcolor": "#EEF0F3",
+        "zeroline": False,
+        "automargin": True,
+        "linecolor": QUIET,
+    }
+    if axis.log:
+        made |= {"type": "log", "tickvals": _LOG_TICKS, "ticktext": [f"{v:g}" for v in _LOG_TICKS]}
+    if axis.limits is not None:
+        low, high = axis.limits
+        made["range"] = [float(np.log10(low)), float(np.log10(high))] if axis.log else [low, high]
+    if axis.names:
+        made["tickvals"] = list(range(len(axis.names)))
+        made["ticktext"] = [escaped(name) for name in axis.names]
+    return made
+
+
+def escaped(text: str) -> str:
+    """A text that Plotly shows as it is: it reads some HTML elements in titles and labels."""
+    return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
+
+
+def thinned(values: Floats, most: int = POINTS) -> Integers:
+    """Which of the points (n,) to show, at most about `most`: the least and largest of each bin.
+
+    So every peak stays, of the largest value in magnitude too.
+    """
+    if len(values) <= most:
+        return np.arange(len(values))
+    edges = np.linspace(0, len(values), most // 2 + 1).astype(np.int64)
+    kept = [
+        (start + int(part.argmin()), start + int(part.argmax()))
+        for start, end in pairwise(edges)
+        if len(part := values[start:end])
+    ]
+    return np.unique([0, *np.ravel(kept), len(values) - 1])

@@ -1,0 +1,206 @@
+"""What the page's model is drawn from: nodes, faces, colours, moving shapes and signs."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from femupdate.arrays import Floats, Integers
+from femupdate.report.geometry import Geometry, outline
+from femupdate.report.glyphs import Glyphs
+from femupdate.report.style import MAGNITUDE_MAP, SPREAD_MAP
+
+MOST_FACES = 6000  # that a phone's processor sorts and draws ten times a second
+_MAPS = {"magnitude": MAGNITUDE_MAP, "spread": SPREAD_MAP, "factor": "cividis"}
+_STEPS = 9
+_DECIMALS = 4  # of shapes, whose largest displacement is 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class ElementField:
+    """A colour of every face and line, such as the stiffness factor.
+
+    Attributes:
+        name: of the field.
+        unit: of its values.
+        faces: (n,) NaN where there is none.
+        lines: (m,) likewise.
+        map: "factor" or "spread".
+    """
+
+    name: str
+    unit: str
+    faces: Floats
+    lines: Floats
+    map: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class MovingShape:
+    """A mode.
+
+    Attributes:
+        name: with its frequency.
+        shape: (N, 3) displacement of every node, any scale.
+        spread: (N,) standard deviation of the displacement, % of the largest, or None.
+    """
+
+    name: str
+    shape: Floats
+    spread: Floats | None = None
+
+
+@dataclass(frozen=True)
+class ThinnedGeometry:
+    """A geometry coarse enough for the screen.
+
+    Attributes:
+        geometry: its own nodes.
+        nodes: (n,) which node of the full geometry each is.
+        faces: (f,) which face of the full geometry each is.
+        lines: (l,) likewise.
+    """
+
+    geometry: Geometry
+    nodes: Integers
+    faces: Integers
+    lines: Integers
+
+
+def thinned_geometry(geometry: Geometry, most: int = MOST_FACES) -> ThinnedGeometry:
+    """Return a geometry of at most about `most` faces and lines.
+
+    Nodes that lie in one cube of a grid become one node, that nearest to their middle; what then
+    has no length or area is left out, and of faces between the same nodes one is kept.
+    """
+    size, cells = geometry.size, 0
+    groups = np.arange(len(geometry.nodes))
+    while True:
+        faces, lines = _kept(geometry, groups)
+        if len(faces) + len(lines) <= most:
+            break
+        cells = int(0.75 * cells) if cells else 160
+        groups = _clustered(geometry.nodes, size / cells)
+    shells, beams = groups[geometry.shells[faces]], groups[geometry.beams[lines]]
+    nodes, place = np.unique(np.concatenate([shells.ravel(), beams.ravel()]), return_inverse=True)
+    numbers = place.reshape(-1)
+    own = Geometry.of(
+        geometry.nodes[nodes],
+        numbers[: shells.size].reshape(-1, 4),
+        numbers[shells.size :].reshape(-1, 2),
+    )
+    return ThinnedGeometry(own, nodes, faces, lines)
+
+
+def _clustered(nodes: Floats, side: float) -> Integers:
+    """For every node the node (N,) that stands for its cube."""
+    cube = np.floor((nodes - nodes.min(axis=0)) / side).astype(np.int64)
+    _, group = np.unique(cube, axis=0, return_inverse=True)
+    group = group.reshape(-1)
+    count = np.bincount(group)
+    middle = np.column_stack([np.bincount(group, nodes[:, k]) / count for k in range(3)])
+    order = np.argsort(np.linalg.norm(nodes - middle[group], axis=1), kind="stable")
+    first = np.full(len(count), -1)
+    first[group[order][::-1]] = order[::-1]
+    return np.asarray(first[group])
+
+
+def _kept(geometry: Geometry, groups: Integers) -> tuple[Integers, Integers]:
+    """Faces with three or more different corners and lines with two, each once."""
+    corners = np.sort(groups[geometry.shells], axis=1)
+    several = (np.diff(corners, axis=1) != 0).sum(axis=1) >= 2
+    ends = np.sort(groups[geometry.beams], axis=1)
+    long = ends[:, 0] != ends[:, 1]
+    return _first_ones(corners, several), _first_ones(ends, long)
+
+
+def _first_ones(rows: Integers, wanted: Any) -> Integers:
+    chosen = np.flatnonzero(wanted)
+    _, first = np.unique(rows[chosen], axis=0, return_index=True)
+    return np.asarray(chosen[np.sort(first)])
+
+
+def scene_content(
+    thinned: ThinnedGeometry,
+    fields: Sequence[ElementField],
+    modes: Sequence[MovingShape],
+    signs: Sequence[tuple[Glyphs, bool]],
+    floors: Sequence[tuple[str, float]],
+) -> dict[str, Any]:
+    """Return what `scene.js` draws.
+
+    Args:
+        thinned: the building.
+        fields: colours by element, of the full geometry.
+        modes: shapes of the full geometry's nodes.
+        signs: glyphs, and whether they are of an effect (else of sensors).
+        floors: name and height, m.
+    """
+    geometry = thinned.geometry
+    low, high = geometry.nodes.min(axis=0), geometry.nodes.max(axis=0)
+    plan = [(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])]
+    return {
+        "nodes": geometry.nodes.round(3).ravel(),
+        "faces": geometry.shells.ravel(),
+        "lines": geometry.beams.ravel(),
+        "edges": outline(geometry).ravel(),
+        "size": geometry.size,
+        "span": float(np.hypot(*(high - low)[:2])) or geometry.size,
+        "height": float(high[2] - low[2]) or geometry.size,
+        "centre": 0.5 * (low + high),
+        "fields": [_field(one, thinned) for one in fields],
+        "modes": [_mode(one, thinned) for one in modes],
+        "signs": [_sign(glyphs, effect) for glyphs, effect in signs],
+        "labels": [
+            {"text": name, "places": [[*corner, float(height)] for corner in plan]}
+            for name, height in floors
+        ],
+        "maps": color_ramps(),
+    }
+
+
+def _field(field: ElementField, thinned: ThinnedGeometry) -> dict[str, Any]:
+    faces, lines = field.faces[thinned.faces], field.lines[thinned.lines]
+    known = np.concatenate([faces, lines])
+    known = known[np.isfinite(known)]
+    return {
+        "name": field.name,
+        "unit": field.unit,
+        "faces": faces,
+        "lines": lines,
+        "low": float(known.min()) if len(known) else 0.0,
+        "high": float(known.max()) if len(known) else 1.0,
+        "map": field.map,
+    }
+
+
+def _mode(mode: MovingShape, thinned: ThinnedGeometry) -> dict[str, Any]:
+    shape = mode.shape[thinned.nodes]
+    largest = np.linalg.norm(mode.shape, axis=1).max() or 1.0
+    spread = None if mode.spread is None else mode.spread[thinned.nodes].round(2)
+    return {
+        "name": mode.name,
+        "shape": (shape / largest).round(_DECIMALS).ravel(),
+        "spread": spread,
+    }
+
+
+def _sign(glyphs: Glyphs, effect: bool) -> dict[str, Any]:
+    return {
+        "effect": effect,
+        "faces": [np.asarray(face).round(3).ravel() for face in glyphs.faces],
+        "lines": [np.asarray(line).round(3).ravel() for line in glyphs.lines],
+        "balls": [[*np.asarray(centre).round(3), float(radius)] for centre, radius in glyphs.balls],
+    }
+
+
+def color_ramps() -> Mapping[str, list[list[int]]]:
+    """Red, green and blue, 0 to 255, at even steps of every colour map."""
+    from matplotlib import colormaps
+
+    steps = np.linspace(0.0, 1.0, _STEPS)
+    return {
+        name: (255 * colormaps[own](steps)[:, :3]).round().astype(int).tolist()
+        for name, own in _MAPS.items()
+    }

@@ -1,0 +1,177 @@
+"""The section of the page on the building: stories, modes, and the model that turns."""
+
+import numpy as np
+
+from femupdate.arrays import Floats, Integers
+from femupdate.building.building_mesh import BuildingMesh
+from femupdate.dynamics.tracking import TrackedMode, node_displacements
+from femupdate.effects.drawn_building import DrawnBuilding
+from femupdate.effects.effect import Placed
+from femupdate.effects.registry import CATALOGUE
+from femupdate.effects.structure import Structure, structure_of
+from femupdate.report.geometry import Geometry
+from femupdate.report.glyphs import Glyphs, drawn
+from femupdate.report.page import Block, Remarks, Scene, Section, Table, Text
+from femupdate.report.page_scene import (
+    ElementField,
+    MovingShape,
+    scene_content,
+    thinned_geometry,
+)
+from femupdate.workflow.effects import building_effects
+from femupdate.workflow.page_done import read_json
+from femupdate.workflow.page_parts import PageStudy
+from femupdate.workflow.prediction_quantities import heights_of
+
+
+def building_section(page: PageStudy) -> Section:
+    """What the building is."""
+    building = page.model.building
+    lead = f"{building.title or building.name}: {len(building.story_names)} stories."
+    parts = (lead, *building.description.split("\n\n"))
+    modes = page.modes
+    blocks: list[Block] = [Text(tuple(part for part in parts if part.strip())), _stories(page)]
+    if building.effects:
+        listed = tuple(one.in_words for one in building_effects(building).placed)
+        blocks.append(Remarks(tuple(f"The building file lists: {one}." for one in listed)))
+    if modes:
+        blocks.append(_mode_table(page, modes))
+    blocks.append(_scene(page, modes))
+    return Section("building", "The building", tuple(blocks))
+
+
+def _stories(page: PageStudy) -> Table:
+    building = page.model.building
+    heights, above = heights_of(building), page.model.reduced.story_mass
+    known = getattr(building, "masses_known", True)
+    title, unit = ("mass above its middle, t", 1e3) if known else ("nominal mass above, kg", 1.0)
+    rows = [
+        (
+            name,
+            floor,
+            "not given" if heights is None else f"{heights[k]:.3g}",
+            f"{above[k] / unit:.4g}",
+        )
+        for k, (name, floor) in enumerate(zip(building.story_names, building.floors, strict=True))
+    ]
+    return Table(
+        name="stories",
+        caption="Stories, from the bottom",
+        head=("story", "floor above", "height, m", title),
+        rows=tuple(rows),
+    )
+
+
+def _mode_table(page: PageStudy, modes: tuple[TrackedMode, ...]) -> Table:
+    excitation = page.model.reduced.excitation
+    total = float(excitation @ excitation)
+    rows = tuple(
+        (
+            str(number),
+            f"{mode.frequency_mean:.3f}",
+            f"{mode.frequency_sd:.2g}",
+            f"{100.0 * float((mode.recognised.mean(axis=0) @ excitation) ** 2) / total:.1f} %",
+        )
+        for number, mode in enumerate(modes, start=1)
+    )
+    return Table(
+        name="modes",
+        caption="Modes that the base motion excites, at the posterior",
+        head=("mode", "frequency, Hz", "sd", "effective mass"),
+        rows=rows,
+    )
+
+
+def _scene(page: PageStudy, modes: tuple[TrackedMode, ...]) -> Scene:
+    building = page.model.building
+    drawing = DrawnBuilding(structure_of(building))
+    full = Geometry.of_building(drawing)
+    thin = thinned_geometry(full)
+    content = scene_content(
+        thin,
+        _fields(page, drawing.structure, full),
+        [_moving(page, drawing, number, mode) for number, mode in enumerate(modes, start=1)],
+        _signs(page, drawing),
+        list(zip(("base", *building.floors), drawing.levels.tolist(), strict=True)),
+    )
+    shown = len(thin.faces) + len(thin.lines)
+    every = len(full.shells) + len(full.beams)
+    size = f"All {every} elements are drawn."
+    if shown < every:
+        size = f"Thinned for the screen: {shown} of {every} elements are drawn."
+    note = "Drag or use the arrow keys to turn it. Displacements are enlarged."
+    return Scene(caption="The model", content=content, note=f"{size} {note}")
+
+
+def _fields(page: PageStudy, structure: Structure, full: Geometry) -> list[ElementField]:
+    """Mean and spread of the stiffness factor of every element."""
+    posterior = page.posterior
+    if posterior is None:
+        return []
+    draws = posterior.samples[:, : page.model.reduced.parameters]
+    faces, lines = _groups(structure.mesh, full, draws.shape[1])
+    mean, spread = draws.mean(axis=0), 100.0 * draws.std(axis=0) / draws.mean(axis=0)
+    named = (("stiffness factor", "", mean, "factor"), ("its spread", "%", spread, "spread"))
+    return [
+        ElementField(
+            name=name, unit=unit, faces=_of(values, faces), lines=_of(values, lines), map=colors
+        )
+        for name, unit, values, colors in named
+    ]
+
+
+def _of(values: Floats, groups: Integers) -> Floats:
+    """The value of every element's group; NaN where no factor scales it."""
+    return np.asarray(np.where(groups >= 0, values[np.clip(groups, 0, None)], np.nan))
+
+
+def _groups(mesh: BuildingMesh | None, full: Geometry, count: int) -> tuple[Integers, Integers]:
+    """The factor of every face and line, -1 for none."""
+    if mesh is None:
+        return np.full(len(full.shells), -1), np.tile(np.arange(count), 4)
+    none = np.zeros(0, dtype=np.int64)
+    both = []
+    for dimension in (2, 1):
+        own = [one.group for one in mesh.model.elements if one.dimension() == dimension]
+        both.append(np.concatenate([none, *own]))
+    return both[0], both[1]
+
+
+def _moving(page: PageStudy, drawing: DrawnBuilding, number: int, mode: TrackedMode) -> MovingShape:
+    """A mode with the spread of its displacement over the draws."""
+    model = page.model.reduced
+    if model.node_shapes is not None:
+        shapes = node_displacements(model, mode.recognised)
+    else:
+        floors = mode.recognised @ model.floor_shapes.T
+        levels = np.column_stack([np.zeros(len(floors)), floors])
+        shapes = np.zeros((len(floors), 4 * levels.shape[1], 3))
+        shapes[:, :, drawing.structure.direction] = np.repeat(levels, 4, axis=1)
+    mean = shapes.mean(axis=0)
+    largest = np.linalg.norm(mean, axis=-1).max() or 1.0
+    spread = 100.0 * np.sqrt(((shapes - mean) ** 2).sum(axis=-1).mean(axis=0)) / largest
+    title = f"mode {number}, {mode.frequency_mean:.2f} Hz"
+    return MovingShape(name=title, shape=mean, spread=spread)
+
+
+def _signs(page: PageStudy, drawing: DrawnBuilding) -> list[tuple[Glyphs, bool]]:
+    """Sensors, effects of the building file, and the effect that the finder named."""
+    signs: list[tuple[Glyphs, bool]] = []
+    if page.posterior is not None:
+        floors = ",".join(page.posterior.observation.floors)
+        signs.append((drawn(drawing.sensors(floors)), False))
+    for placed in (*building_effects(page.model.building).placed, *_named(page)):
+        signs.append((drawn(placed.effect.glyphs(drawing, placed.place)), True))
+    return signs
+
+
+def _named(page: PageStudy) -> tuple[Placed, ...]:
+    """The effect that a diagnosis of this study named, if any."""
+    found = read_json(page.study.path("diagnosis.json"))
+    if page.state("diagnosis") is None or found.get("verdict") != "named":
+        return ()
+    effects = found["effects"]
+    assert isinstance(effects, list)
+    first = effects[0]
+    effect = CATALOGUE.get(first["name"])
+    return () if effect is None else (Placed(effect, first["place"]),)

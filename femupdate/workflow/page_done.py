@@ -1,0 +1,104 @@
+"""Sections of the page on what was done and what to be careful about."""
+
+import json
+from pathlib import Path
+
+from femupdate.report.page import Block, Remarks, Section, Table, Text
+from femupdate.study import Study
+from femupdate.workflow.page_parts import PageStudy
+from femupdate.workflow.status import CURRENT, Item
+from femupdate.workflow.summary import kept_summary
+
+_SHORT = 16  # figures of a hash that are shown
+
+
+def done_section(page: PageStudy) -> Section:
+    """Steps with version, time and files."""
+    blocks: list[Block] = []
+    rows = tuple(_row(page.study, item) for item in page.status.items)
+    blocks.append(
+        Table(
+            name="what_was_done",
+            caption="Steps, in the order in which they were made",
+            head=("result", "by", "version", "time (UTC)", "state", "file", "SHA-256"),
+            rows=rows,
+            note=f"The first {_SHORT} figures of each hash; the whole ones are in study.json.",
+        )
+    )
+    used: dict[tuple[str, str], list[str]] = {}
+    for item in page.status.items:
+        for key in _sources(page.study, item):
+            used.setdefault(key, []).append(item.name)
+    if used:
+        blocks.append(
+            Table(
+                name="files_used",
+                caption="Files that were used",
+                head=("file", "for", "SHA-256 when used"),
+                rows=tuple(
+                    (file, ", ".join(names), hash_) for (file, hash_), names in used.items()
+                ),
+            )
+        )
+    return Section("done", "What was done", tuple(blocks))
+
+
+def bad_items(page: PageStudy) -> tuple[str, ...]:
+    """What is stale, damaged or missing, in sentences."""
+    return tuple(_bad(item) for item in page.status.items if item.state != CURRENT)
+
+
+def _bad(item: Item) -> str:
+    reason = f": {item.reason}" if item.reason else ""
+    return f"The {item.name} is {item.state}{reason}. What this page shows of it does not hold."
+
+
+def _row(study: Study, item: Item) -> tuple[str, ...]:
+    digest = study.artefacts()[item.name].sha256[:_SHORT]
+    command = f"femupdate {item.command}"
+    return (item.name, command, item.version, item.created, item.state, item.file, digest)
+
+
+def _sources(study: Study, item: Item) -> list[tuple[str, str]]:
+    """Files outside the study, each with the hash that it had."""
+    recorded = study.artefacts()[item.name].made_from
+    hashes = [recorded[key] for key in recorded if key.startswith(("observation", "record"))]
+    hashes += [""] * (len(item.sources) - len(hashes))
+    pairs = zip(item.sources, hashes, strict=False)
+    return [(Path(name).name, digest[:_SHORT]) for name, digest in pairs]
+
+
+def warnings_section(page: PageStudy) -> Section:
+    """What the posterior says of itself, unfinished work, and how to read the page."""
+    told = () if page.posterior is None else page.posterior.observation.notes
+    notes = tuple(note for note in posterior_notes(page) if note not in told)
+    blocks: list[Block] = []
+    if notes:
+        blocks.append(Text(("Stored with the posterior:",)))
+        blocks.append(Remarks(notes))
+    if page.status.unfinished:
+        blocks.append(Remarks(page.status.unfinished, warning=True))
+    blocks.append(
+        Text(
+            (
+                "Intervals are those of the posterior: with the model, the priors and the noise "
+                "as stated, the value lies inside with the probability given. They do not cover "
+                "errors that the notes name and that nothing on this page accounts for.",
+            )
+        )
+    )
+    return Section("notes", "Notes and warnings", tuple(blocks))
+
+
+def posterior_notes(page: PageStudy) -> tuple[str, ...]:
+    """Every note and warning kept with the posterior, in its summary or in its file."""
+    kept = kept_summary(page.study)
+    found = [str(note) for key in ("notes", "warnings") for note in kept.get(key) or ()]
+    settings = {} if page.posterior is None else page.posterior.settings
+    found += [str(note) for key in ("notes", "warnings") for note in settings.get(key) or ()]
+    return tuple(dict.fromkeys(found))
+
+
+def read_json(path: Path) -> dict[str, object]:
+    """A JSON object of the study; empty where the file is missing."""
+    return dict(json.loads(path.read_text(encoding="utf-8"))) if path.exists() else {}

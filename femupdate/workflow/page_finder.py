@@ -1,0 +1,188 @@
+"""The section of the page on what the model lacks: the finding, the repair, and what remains."""
+
+from typing import Any
+
+import numpy as np
+
+from femupdate.building.parameters import factor_titles
+from femupdate.effects.effect import Placed
+from femupdate.effects.registry import CATALOGUE
+from femupdate.report.page import Block, Chart, Remarks, Section, Table, Text
+from femupdate.report.page_charts import Interval, bar_figure, interval_figure
+from femupdate.report.style import BLUE, ORANGE
+from femupdate.study import Study
+from femupdate.workflow.page_done import read_json
+from femupdate.workflow.page_parts import PageStudy, probability_text
+from femupdate.workflow.repaired import REPAIRED
+
+_SHOWN = 8
+
+
+def finder_section(page: PageStudy) -> Section:
+    """Diagnosis and repair of this study; of a repaired one, the repair that made it."""
+    folder = page.study
+    if folder.folder.name == REPAIRED and not folder.path("repair.json").exists():
+        folder = Study(folder.folder.parent)
+    diagnosis = read_json(folder.path("diagnosis.json"))
+    repair = read_json(folder.path("repair.json"))
+    blocks: list[Block] = []
+    if diagnosis:
+        blocks += _diagnosis(diagnosis)
+    if repair:
+        blocks += _repair(page, repair)
+    if not blocks:
+        text = "Nobody has looked for effects that the model lacks; femupdate diagnose does."
+        blocks = [Text((text,))]
+    return Section("finder", "What the model lacks", tuple(blocks))
+
+
+def _diagnosis(found: dict[str, Any]) -> list[Block]:
+    lead = f"Verdict: {found['verdict']}. {found['sentence']}"
+    value = p_text(float(found["p_value"]))
+    residual = (
+        f"The residuals of the model as it was add up to {found['chi2']:.0f} over "
+        f"{found['independent_points']:.0f} independent points (p-value {value})."
+    )
+    blocks: list[Block] = [Text((lead, residual))]
+    effects = found["effects"][:_SHOWN]
+    if effects:
+        blocks += [_ranking(effects), _effects(effects)]
+    if found["where"]:
+        blocks.append(_where(found["where"]))
+    remarks = [*found["would_decide"], *found["screen"]]
+    if found["cannot_be_seen"]:
+        unseen = ", ".join(_label(one) for one in found["cannot_be_seen"])
+        remarks.append(f"These sensors cannot show: {unseen}.")
+    if found["cannot_be_told_from_the_first"]:
+        twins = ", ".join(_label(one) for one in found["cannot_be_told_from_the_first"])
+        remarks.append(f"The data cannot tell the first effect from: {twins}.")
+    if remarks:
+        blocks.append(Remarks(tuple(remarks)))
+    return blocks
+
+
+def _label(text: str) -> str:
+    name, _, place = text.partition("@")
+    effect = CATALOGUE.get(name)
+    return text if effect is None else _words(effect.name, place)
+
+
+def _words(name: str, place: str) -> str:
+    effect = CATALOGUE.get(name)
+    return f"{name} at {place}" if effect is None else Placed(effect, place).in_words
+
+
+def _ranking(effects: list[dict[str, Any]]) -> Chart:
+    names = [_words(one["name"], one["place"]) for one in effects]
+    values = np.array([one["log_evidence_over_none"] for one in effects], dtype=float)
+    figure = bar_figure(names, values, "log evidence over the model as it was", True)
+    return Chart(
+        name="effects",
+        caption="How well each effect explains the data",
+        panels=(("effects", figure),),
+        note="A difference of 5 is strong evidence; one of 1 says little.",
+        height=110 + 34 * len(names),
+    )
+
+
+def _effects(effects: list[dict[str, Any]]) -> Table:
+    rows = tuple(
+        (
+            _words(one["name"], one["place"]),
+            _size(one),
+            probability_text(float(one["probability"])),
+            f"{100.0 * one['absorbed_by_theta']:.0f} %",
+        )
+        for one in effects
+    )
+    return Table(
+        name="effects",
+        caption="Effects",
+        head=("effect", "size", "probability", "hidden by the stiffness factors"),
+        rows=rows,
+    )
+
+
+def _size(one: dict[str, Any]) -> str:
+    """Size with its unit and meaning; shares in percent."""
+    effect = CATALOGUE.get(one["name"])
+    text = effect.parameters[0].text if effect is not None and effect.parameters else ""
+    if one["size"] is None:
+        return ""
+    size, sd, unit = float(one["size"]), float(one["size_sd"] or 0.0), one["unit"]
+    if unit == "1":
+        return f"{100.0 * size:.3g} ± {100.0 * sd:.2g} % ({text})" if text else f"{size:.3g}"
+    return f"{size:.3g} ± {sd:.2g} {unit}" + (f" ({text})" if text else "")
+
+
+def _where(cells: list[dict[str, Any]]) -> Table:
+    rows = tuple(
+        (
+            str(cell["floor"]),
+            f"{cell['band_hz'][0]:.3g} to {cell['band_hz'][1]:.3g}",
+            f"{np.sqrt(max(cell['excess'] + 1.0, 0.0)):.2f}",
+        )
+        for cell in sorted(cells, key=lambda cell: -float(cell["excess"]))
+    )
+    return Table(
+        name="where",
+        caption="Where model and data disagree by more than noise",
+        head=("floor", "band, Hz", "residual over noise (rms)"),
+        rows=rows,
+    )
+
+
+def _repair(page: PageStudy, done: dict[str, Any]) -> list[Block]:
+    rounds = done["rounds"]
+    if not rounds:
+        return [Text((f"A repair added nothing ({done['verdict']}). {done['sentence']}",))]
+    names = "; ".join(_words(one["effect"], one["place"]) for one in rounds)
+    after = float(done["p_value_after"])
+    left = "no more than noise" if after > 0.05 else str(done["verdict"])
+    text = (
+        f"Added to the model: {names}. Residuals fell from {done['chi2_before']:.0f} to "
+        f"{done['chi2_after']:.0f} over {done['independent_points']:.0f} independent points.",
+        f"What remains: {left} (p-value {p_text(after)}). {done['sentence']}",
+    )
+    return [Text(text), *_held(done), _before_after(page, done)]
+
+
+def p_text(value: float) -> str:
+    """A p-value: two decimals, or an exponent where it is small."""
+    return f"{value:.2f}" if value >= 0.01 else f"{value:.1g}"
+
+
+def _held(done: dict[str, Any]) -> list[Block]:
+    """On data that were kept out."""
+    before, after = done["holdout_error_before"], done["holdout_error_after"]
+    if before is None or after is None:
+        return []
+    sentence = (
+        f"On a measurement that was kept out, the error of the histories fell from "
+        f"{100 * before:.0f} % to {100 * after:.0f} %."
+    )
+    return [Text((sentence,))]
+
+
+def _before_after(page: PageStudy, done: dict[str, Any]) -> Chart:
+    titles = list(factor_titles(page.model.building).values())
+    rows = titles[: len(done["theta_before"])]
+    both = []
+    for word, color in (("before", ORANGE), ("after", BLUE)):
+        mean, sd = (np.array(done[f"theta{part}_{word}"]) for part in ("", "_sd"))
+        both.append(
+            Interval(
+                name=f"{word} the repair, mean ± 2 sd",
+                mean=mean,
+                low=mean - 2.0 * sd,
+                high=mean + 2.0 * sd,
+                color=color,
+            )
+        )
+    figure = interval_figure(rows, both, "stiffness over that in the building file")
+    return Chart(
+        name="before_after",
+        caption="Stiffness factors before and after the repair",
+        panels=(("factors", figure),),
+        height=120 + 46 * len(rows),
+    )

@@ -1,0 +1,117 @@
+"""What all sections of the page are made from, and how they write numbers."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from femupdate.arrays import Floats
+from femupdate.building.parameters import factor_titles
+from femupdate.dynamics.system import System
+from femupdate.dynamics.tracking import TrackedMode
+from femupdate.effects.registry import CATALOGUE
+from femupdate.inference.posterior import Posterior
+from femupdate.study import Study
+from femupdate.workflow.effect_surrogate import open_system
+from femupdate.workflow.model import StudyModel
+from femupdate.workflow.render import posterior_modes
+from femupdate.workflow.status import StatusReport
+
+_MODES = 6
+
+
+@dataclass(frozen=True, eq=False)
+class PageStudy:
+    """A study as the page sees it.
+
+    Attributes:
+        study: the folder.
+        model: of the study.
+        status: what it holds.
+        posterior: None where there is none that fits the building.
+    """
+
+    study: Study
+    model: StudyModel
+    status: StatusReport
+    posterior: Posterior | None
+
+    @cached_property
+    def system(self) -> System:
+        """The model with its effects."""
+        return open_system(self.study, self.model)
+
+    @cached_property
+    def modes(self) -> tuple[TrackedMode, ...]:
+        """The lowest modes that the base motion excites, over the posterior."""
+        return () if self.posterior is None else posterior_modes(self.model, self.posterior, _MODES)
+
+    @cached_property
+    def prediction(self) -> Any:
+        """What `predict` kept, as an xarray tree; None where there is nothing.
+
+        Raises:
+            StudyError: the file is missing or damaged.
+        """
+        if self.state("prediction") is None:
+            return None
+        import xarray as xr
+
+        path = self.study.require("prediction", "predict --record FILE")
+        with xr.open_datatree(path, engine="h5netcdf") as tree:
+            return tree.load()
+
+    @cached_property
+    def titles(self) -> Mapping[str, str]:
+        """What every parameter of the posterior is of."""
+        known = factor_titles(self.model.building)
+        names = () if self.posterior is None else self.posterior.names
+        return {name: known.get(name) or effect_title(name) for name in names}
+
+    @cached_property
+    def short_titles(self) -> Mapping[str, str]:
+        """The same without the meaning of an effect's parameter."""
+        return {name: title.partition(": ")[0] for name, title in self.titles.items()}
+
+    def state(self, name: str) -> str | None:
+        """State of a thing that the study may hold."""
+        return next((item.state for item in self.status.items if item.name == name), None)
+
+
+def effect_title(name: str) -> str:
+    """What a parameter such as "added_mass@3F.size" is of; the name itself where it is another."""
+    effect_name, _, rest = name.partition("@")
+    place, _, parameter = rest.rpartition(".")
+    effect = CATALOGUE.get(effect_name)
+    if effect is None:
+        return name
+    own = next((one for one in effect.parameters if one.name == parameter), None)
+    text = "" if own is None else f": {own.text or own.name}"
+    unit = "" if own is None or own.unit == "1" else f" ({own.unit})"
+    return f"{effect.title} at {place}{text}{unit}"
+
+
+def interval_text(mean: float, sd: float, low: float, high: float) -> str:
+    """Mean and interval with two figures of the standard deviation, four of the mean at most."""
+    decimals = 3 - int(np.floor(np.log10(abs(mean)))) if mean else 3
+    if sd > 0.0:
+        decimals = min(decimals, 1 - int(np.floor(np.log10(sd))))
+    shown = max(decimals, 0)
+    return f"{mean:.{shown}f} [{low:.{shown}f}, {high:.{shown}f}]"
+
+
+def probability_text(value: float) -> str:
+    """A probability that is never rounded to none or certainty."""
+    if value < 0.001:
+        return "under 0.001"
+    return "over 0.999" if value > 0.999 else f"{value:.3f}"
+
+
+def figures(values: Floats) -> tuple[str, ...]:
+    """Mean, standard deviation, 5 % and 95 % of draws, with two figures of the deviation."""
+    sd = float(values.std())
+    low, high = np.quantile(values, [0.05, 0.95])
+    decimals = 4 if not sd > 0.0 else int(np.clip(1 - np.floor(np.log10(sd)), 0, 8))
+    return tuple(f"{value:.{decimals}f}" for value in (values.mean(), sd, low, high))

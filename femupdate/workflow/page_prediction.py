@@ -1,0 +1,200 @@
+"""The section of the page on a predicted earthquake."""
+
+from typing import Any
+
+import numpy as np
+
+from femupdate.arrays import Floats
+from femupdate.report.page import Block, Chart, Section, Table, Text
+from femupdate.report.page_charts import (
+    POINTS,
+    Axis,
+    Band,
+    Curve,
+    Figure,
+    Interval,
+    curve_figure,
+    interval_figure,
+    thinned,
+)
+from femupdate.workflow.page_parts import PageStudy, interval_text
+from femupdate.workflow.prediction_quantities import PeakDraws, Quantity, quantities
+
+_KNOWN = ("peak_acceleration", "peak_shear", "peak_drift", "story_stiffness")
+
+
+def prediction_section(page: PageStudy) -> Section:
+    """Histories with bands, peaks over the height, and tables."""
+    title = "Prediction"
+    tree = page.prediction
+    if tree is None:
+        text = "Nothing was predicted; femupdate predict --record FILE does."
+        return Section("prediction", title, (Text((text,)),))
+    predictions = tree["predictions"].to_dataset()
+    settings = page.study.artefacts()["prediction"].settings
+    base = tree["constant_data"].to_dataset()["base_acceleration"].values
+    lead = (
+        f"Record {tree.attrs.get('record', '')} {tree.attrs.get('channel', '')}, scaled by "
+        f"{settings.get('scale', 1)}: peak {np.abs(base).max():.3g} m/s². "
+        f"Damping: {tree.attrs.get('damping', 'not said')}. "
+        f"{predictions.sizes['sample']} draws of the posterior were followed."
+    )
+    relative = "Masses are nominal: shears and stiffnesses are relative."
+    known = getattr(page.model.building, "masses_known", True)
+    found = _quantities(page, predictions)
+    blocks: list[Block] = [
+        Text((lead,) if known else (lead, relative)),
+        _histories(predictions, base),
+        *_spectra(predictions),
+        _profiles(found),
+        *(_table(one) for one in _tables(found)),
+        *_others(predictions),
+    ]
+    return Section("prediction", title, tuple(blocks))
+
+
+def predicted_quantities(page: PageStudy) -> dict[str, Quantity]:
+    """What was predicted; empty where nothing was."""
+    if page.prediction is None:
+        return {}
+    return _quantities(page, page.prediction["predictions"].to_dataset())
+
+
+def _quantities(page: PageStudy, predictions: Any) -> dict[str, Quantity]:
+    peaks = PeakDraws(*(predictions[name].values for name in (_KNOWN)))
+    floors = [str(name) for name in predictions["floor"].values]
+    mass = float(page.model.reduced.story_mass[0])
+    return dict(quantities(page.model.building, floors, peaks, mass))
+
+
+def _histories(predictions: Any, base: Floats) -> Chart:
+    time = predictions["time_s"].values
+    panels, shown = [], 0
+    for row, floor in reversed(list(enumerate(predictions["floor"].values))):
+        mean = predictions["acceleration_mean"].values[row]
+        kept = thinned(mean)
+        shown = max(shown, len(kept))
+        bands = tuple(_bands(predictions, row, mean, kept))
+        curve = Curve(x=time[kept], mean=mean[kept], bands=bands)
+        up = Axis(title="acceleration, m/s²")
+        panels.append((str(floor), curve_figure(curve, Axis(title="time, s"), up)))
+    note = f"All {len(time)} samples are shown."
+    if shown < len(time):
+        note = (
+            f"Thinned for the screen to about {POINTS} of {len(time)} samples, all peaks of the "
+            "mean kept; prediction.nc has them all."
+        )
+    panels.append(("base", _base(base, time)))
+    return Chart(
+        name="floor_histories",
+        caption="Acceleration of the floors and the base",
+        panels=tuple(panels),
+        note=f"{note} Drag to zoom, double-click to go back.",
+    )
+
+
+def _base(base: Floats, time: Floats) -> Figure:
+    kept = thinned(base)
+    curve = Curve(x=time[kept], mean=base[kept], name="record")
+    return curve_figure(curve, Axis(title="time, s"), Axis(title="acceleration, m/s²"))
+
+
+def _bands(predictions: Any, row: int, mean: Floats, kept: Any) -> list[Band]:
+    """Every standard deviation of the acceleration that is kept, the widest first."""
+    names = [
+        name
+        for name, values in predictions.data_vars.items()
+        if str(name).startswith("acceleration")
+        and str(name).endswith("_sd")
+        and values.dims == ("floor", "time_s")
+    ]
+    found = {str(name): predictions[name].values[row] for name in names}
+    order = sorted(found, key=lambda name: -float(np.mean(found[name])))
+    return [
+        Band(
+            name=f"{_band_name(name)}, mean ± 2 sd",
+            low=(mean - 2.0 * found[name])[kept],
+            high=(mean + 2.0 * found[name])[kept],
+            outer=name != "acceleration_sd",
+        )
+        for name in order
+    ]
+
+
+def _band_name(variable: str) -> str:
+    words = variable.removeprefix("acceleration").removesuffix("_sd").strip("_")
+    return words.replace("_", " ") or "parameters"
+
+
+def _spectra(predictions: Any) -> tuple[Chart, ...]:
+    if "floor_spectrum_mean" not in predictions:
+        return ()
+    frequency = predictions["oscillator_hz"].values
+    means, sds = (predictions[f"floor_spectrum_{name}"].values for name in ("mean", "sd"))
+    across = Axis(title="frequency of the oscillator, Hz", log=True)
+    panels = []
+    for floor, mean, sd in zip(predictions["floor"].values, means, sds, strict=True):
+        band = Band(name="mean ± 2 sd", low=mean - 2.0 * sd, high=mean + 2.0 * sd)
+        curve = Curve(x=frequency, mean=mean, bands=(band,))
+        panels.append((str(floor), curve_figure(curve, across, Axis(title="acceleration, m/s²"))))
+    return (Chart(name="floor_spectra", caption="Floor response spectra", panels=tuple(panels)),)
+
+
+def _profiles(found: dict[str, Quantity]) -> Chart:
+    keys = [key for key in ("acceleration", "ratio", "drift", "shear") if key in found]
+    panels = tuple((found[key].name, _profile(found[key])) for key in keys)
+    most = max(len(found[key].places) for key in keys)
+    return Chart(
+        name="peaks",
+        caption="Peaks over the height",
+        panels=panels,
+        note="Mean and 5 to 95 % of the posterior.",
+        height=120 + 42 * most,
+    )
+
+
+def _profile(one: Quantity) -> Figure:
+    own = one.statistics
+    interval = Interval(name="mean, 5 to 95 %", mean=own.mean, low=own.q05, high=own.q95)
+    return interval_figure(one.places, [interval], f"{one.name}, {one.unit}")
+
+
+def _tables(found: dict[str, Quantity]) -> list[list[Quantity]]:
+    """Quantities that share their places stand beside one another."""
+    groups: dict[tuple[str, ...], list[Quantity]] = {}
+    for one in found.values():
+        groups.setdefault(one.places, []).append(one)
+    return list(groups.values())
+
+
+def _table(group: list[Quantity]) -> Table:
+    head = [f"{one.name}, {one.unit}" for one in group]
+    columns = [_cells(one) for one in group]
+    rows = tuple(zip(group[0].places, *columns, strict=True))
+    names = ", ".join(one.name for one in group)
+    return Table(
+        name="_".join(group[0].name.split()),
+        caption=f"{names[0].upper()}{names[1:]}",
+        head=("", *head),
+        rows=rows,
+        note="Mean, and 5 to 95 % in brackets.",
+    )
+
+
+def _cells(one: Quantity) -> list[str]:
+    own = one.statistics
+    rows = zip(own.mean, own.sd, own.q05, own.q95, strict=True)
+    return [interval_text(*(float(value) for value in row)) for row in rows]
+
+
+def _others(predictions: Any) -> list[Table]:
+    """Anything else that is kept for every draw."""
+    tables = []
+    for name, values in predictions.data_vars.items():
+        if name in _KNOWN or len(values.dims) != 2 or values.dims[0] != "sample":
+            continue
+        places = tuple(str(place) for place in values[values.dims[1]].values)
+        words = str(name).replace("_", " ")
+        one = Quantity(words, str(values.attrs.get("units", "")), places, values.values)
+        tables.append(_table([one]))
+    return tables

@@ -1,0 +1,87 @@
+"""The first section of the page: the answer in a few sentences."""
+
+import numpy as np
+
+from femupdate.report.page import Block, Remarks, Section, Text
+from femupdate.workflow.page_done import bad_items, posterior_notes, read_json
+from femupdate.workflow.page_parts import PageStudy, interval_text
+from femupdate.workflow.page_prediction import predicted_quantities
+from femupdate.workflow.prediction_quantities import Quantity
+
+_WARNS = ("is missing", "too small", "too narrow", "unlike", "misses", "not enough", "beyond")
+
+
+def summary_section(page: PageStudy) -> Section:
+    """What a reader with one minute should know."""
+    sentences = (*_stiffness(page), *_first_mode(page), *_prediction(page), *_finder(page))
+    notes = posterior_notes(page)
+    warnings = (*bad_items(page), *(one for one in notes if any(word in one for word in _WARNS)))
+    blocks: list[Block] = []
+    if warnings:
+        blocks.append(Remarks(warnings, warning=True))
+    blocks.append(Remarks(sentences) if sentences else Text(("Nothing was calibrated yet.",)))
+    return Section("summary", "In short", tuple(blocks))
+
+
+def _stiffness(page: PageStudy) -> tuple[str, ...]:
+    posterior = page.posterior
+    if posterior is None:
+        return ()
+    factors = [k for k, name in enumerate(posterior.names) if "@" not in name]
+    draws = posterior.samples[:, factors]
+    mean = draws.mean(axis=0)
+    softest, stiffest = int(mean.argmin()), int(mean.argmax())
+    spread = 100.0 * (draws.std(axis=0) / mean)
+    lead = f"{posterior.observation.source}, floors {', '.join(posterior.observation.floors)}"
+    if len(factors) == 1:
+        return (f"Measured {lead}: the stiffness is {_text(draws[:, 0])} times the file's.",)
+    titles = [page.titles[posterior.names[k]] for k in factors]
+    return (
+        f"Calibrated to {lead}. Of the stiffness in the building file, {titles[softest]} has "
+        f"least, {_text(draws[:, softest])} times, and {titles[stiffest]} most, "
+        f"{_text(draws[:, stiffest])} times (5 to 95 % in brackets).",
+        f"The data determine the factors to {spread.min():.2g} to {spread.max():.2g} % (one "
+        "standard deviation).",
+    )
+
+
+def _text(draws: np.ndarray) -> str:
+    low, high = np.quantile(draws, [0.05, 0.95])
+    return interval_text(float(draws.mean()), float(draws.std()), float(low), float(high))
+
+
+def _first_mode(page: PageStudy) -> tuple[str, ...]:
+    modes = page.modes
+    if not modes:
+        return ()
+    first = modes[0]
+    return (
+        f"The lowest mode that the base motion excites is at {first.frequency_mean:.2f} Hz "
+        f"(standard deviation {first.frequency_sd:.2g} Hz).",
+    )
+
+
+def _prediction(page: PageStudy) -> tuple[str, ...]:
+    found = predicted_quantities(page)
+    if not found:
+        return ()
+    settings = page.study.artefacts()["prediction"].settings
+    keys = ("acceleration", "ratio" if "ratio" in found else "drift", "base")
+    parts = [_largest(found[key]) for key in keys]
+    name = str(settings.get("file", "the record")).replace("\\", "/").rsplit("/", 1)[-1]
+    return (f"Under {name}, scaled by {settings.get('scale', 1)}: {'; '.join(parts)}.",)
+
+
+def _largest(one: Quantity) -> str:
+    own = one.statistics
+    k = int(own.mean.argmax())
+    values = (float(part[k]) for part in (own.mean, own.sd, own.q05, own.q95))
+    place = "" if one.places[k] == "base" else f" at {one.places[k]}"
+    return f"{one.name}{place} {interval_text(*values)} {one.unit}"
+
+
+def _finder(page: PageStudy) -> tuple[str, ...]:
+    if page.state("diagnosis") is None:
+        return ()
+    found = read_json(page.study.path("diagnosis.json"))
+    return (f"What the model lacks: {found['verdict']}. {found['sentence']}",)

@@ -1,0 +1,127 @@
+"""report: everything that a study says, on one page to hand on."""
+
+import time
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from femupdate import __version__
+from femupdate.errors import StudyError
+from femupdate.inference.posterior import Posterior, load_posterior
+from femupdate.progress import Progress, Silent
+from femupdate.report.page import Page, Section, write_page
+from femupdate.study import BUILDING_FILE, Study
+from femupdate.workflow.model import open_study
+from femupdate.workflow.page_building import building_section
+from femupdate.workflow.page_done import done_section, warnings_section
+from femupdate.workflow.page_finder import finder_section
+from femupdate.workflow.page_parts import PageStudy
+from femupdate.workflow.page_posterior import data_section, fit_section, posterior_section
+from femupdate.workflow.page_prediction import prediction_section
+from femupdate.workflow.page_summary import summary_section
+from femupdate.workflow.status import DAMAGED, MISSING, STALE, StatusReport, study_status
+
+PAGE = "report.html"
+_SECTIONS = (
+    summary_section,
+    done_section,
+    building_section,
+    data_section,
+    fit_section,
+    posterior_section,
+    prediction_section,
+    finder_section,
+    warnings_section,
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReportReport:
+    """The page that was written.
+
+    Attributes:
+        path: of the page.
+        size: bytes.
+        sections: titles.
+        stale: things on it that no longer hold, in words.
+        seconds: taken.
+    """
+
+    path: Path
+    size: int
+    sections: tuple[str, ...]
+    stale: tuple[str, ...]
+    seconds: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """What `--json` holds."""
+        return {
+            "report": self.path,
+            "bytes": self.size,
+            "sections": self.sections,
+            "stale": self.stale,
+            "seconds": self.seconds,
+        }
+
+    def lines(self) -> tuple[str, ...]:
+        """For people."""
+        return (
+            f"Report of {len(self.sections)} sections, {self.size / 1e6:.1f} MB, "
+            f"{self.seconds:.1f} s",
+            *(f"  - {one}" for one in self.stale),
+            f"  {self.path}",
+        )
+
+
+def report_study(
+    study: Study, path: Path | None = None, progress: Progress | None = None
+) -> ReportReport:
+    """Write the page of a study; changes nothing else in it.
+
+    Args:
+        study: with a building at least.
+        path: of the page; default `report.html` in the study.
+        progress: told about sections done.
+
+    Raises:
+        StudyError: the study holds no building, or what the page shows is damaged.
+        ReportError: the page cannot be written or is too large.
+    """
+    show, started = progress or Silent(), time.monotonic()
+    if not study.path(BUILDING_FILE).exists():
+        raise StudyError(
+            f"the study {study.folder} holds no building; run `femupdate calibrate` first"
+        )
+    status = study_status(study)
+    page = PageStudy(study, open_study(study, None, show), status, _posterior(study, status))
+    show.start("Writing the page", len(_SECTIONS))
+    sections: list[Section] = []
+    for make in _SECTIONS:
+        sections.append(make(page))
+        show.advance()
+    building = page.model.building
+    written = write_page(
+        Page(
+            title=building.title or building.name,
+            subtitle="Stiffness from measured vibration, with its uncertainty",
+            made=f"femupdate {__version__}, {datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
+            sections=tuple(sections),
+        ),
+        path or study.path(PAGE),
+    )
+    return ReportReport(
+        path=written,
+        size=written.stat().st_size,
+        sections=tuple(section.title for section in sections if section.blocks),
+        stale=tuple(f"{one.name}: {one.state}" for one in status.items if one.state == STALE),
+        seconds=time.monotonic() - started,
+    )
+
+
+def _posterior(study: Study, status: StatusReport) -> Posterior | None:
+    """The posterior, where it is whole."""
+    state = next((one.state for one in status.items if one.name == "posterior"), MISSING)
+    if state in (MISSING, DAMAGED):
+        return None
+    return load_posterior(study.require("posterior", "calibrate"))
