@@ -1,10 +1,12 @@
 """femupdate report."""
 
+from contextlib import ExitStack
 from pathlib import Path
 
 import click
 
 from femupdate.study import Study
+from femupdate.study_lock import locked
 
 from .answer import Answer
 from .bars import Bars
@@ -32,7 +34,7 @@ def command(study: Study, output: Path | None) -> Answer:
 
     The page needs no network and nothing beside it. It shows what was done and from which files,
     the building with its modes, the data, the fit, the posterior, the prediction, what the model
-    lacks, and all warnings.
+    lacks, and all warnings. With --output, the study is only read.
 
     \b
     Example:
@@ -40,5 +42,9 @@ def command(study: Study, output: Path | None) -> Answer:
     """
     from femupdate.workflow.report import report_study
 
-    with Bars() as bars:
+    with ExitStack() as stack:
+        if output is None:
+            study.check_writable()
+            stack.enter_context(locked(study.folder, "report"))
+        bars = stack.enter_context(Bars())
         return Answer(report_study(study, output, bars))

@@ -91,6 +91,8 @@ def test_everything_imported_is_declared():
     wrong = set()
     paths = [path for folder in (*FOLDERS, BENCHMARKS) for path in (ROOT / folder).rglob("*.py")]
     for path in [path for path in paths if not path.name.startswith("test_")]:
+        # A script may import a module beside it.
+        beside = {other.stem for other in path.parent.glob("*.py")}
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             names = []
             if isinstance(node, ast.Import):
@@ -98,8 +100,6 @@ def test_everything_imported_is_declared():
             elif isinstance(node, ast.ImportFrom) and not node.level:
                 names = [node.module or ""]
             tops = {name.split(".")[0] for name in names}
-            # A script may import a module beside it.
-            beside = {other.stem for other in path.parent.glob("*.py")}
             wrong |= {(path.name, top) for top in tops - allowed - beside - sys.stdlib_module_names}
     assert not wrong
 

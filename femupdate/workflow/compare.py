@@ -14,7 +14,7 @@ from femupdate.building.parameters import factor_titles
 from femupdate.errors import InferenceError
 from femupdate.inference.change import NAMED, Changes, changes
 from femupdate.inference.posterior import Posterior, load_posterior
-from femupdate.study import BUILDING_FILE, Study, file_hash
+from femupdate.study import BUILDING_FILE, Study
 from femupdate.tables import table
 from femupdate.workflow.summary import kept_summary
 
@@ -198,17 +198,22 @@ def _draws(state: State, names: Sequence[str]) -> Floats:
 
 
 def _require_different(before: State, after: State) -> None:
-    one, other = before.posterior.observation, after.posterior.observation
-    same = one.floors == other.floors and np.array_equal(one.log_frf, other.log_frf, equal_nan=True)
-    if same or file_hash(_file(before)) == file_hash(_file(after)):
+    files = [
+        {value for key, value in state.hashes.items() if key.startswith("observation")}
+        for state in (before, after)
+    ]
+    if files[0] & files[1] or _same_responses(before, after):
         raise InferenceError(
             f"{before.path} and {after.path} come from the same measurement; compare posteriors of "
             "two measurements"
         )
 
 
-def _file(state: State) -> Path:
-    return state.path / "posterior.nc" if state.path.is_dir() else state.path
+def _same_responses(before: State, after: State) -> bool:
+    one, other = before.posterior.observation, after.posterior.observation
+    if one.floors != other.floors or not one.valid.any():
+        return False
+    return np.array_equal(one.log_frf, other.log_frf, equal_nan=True)
 
 
 def _notes(before: State, after: State) -> tuple[str, ...]:

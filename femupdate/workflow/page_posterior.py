@@ -30,6 +30,8 @@ def data_section(page: PageStudy) -> Section:
     if posterior is None:
         return Section("data", "Data", ())
     seen = posterior.observation
+    if not seen.valid.any():
+        return Section("data", "Data", (Text((f"Identified modes from {seen.source}.",)),))
     lead = (
         f"Frequency responses of {', '.join(seen.floors)} from {seen.source}, over "
         f"{seen.frequency_hz.min():.3g} to {seen.frequency_hz.max():.3g} Hz."
@@ -75,6 +77,7 @@ def _coherence(seen: Observation) -> Chart:
 def _frequency(seen: Observation) -> Axis:
     """Over the frequencies that are used at some floor."""
     used = seen.frequency_hz[seen.valid.any(axis=0)]
+    used = used if used.size else seen.frequency_hz
     return Axis(title="frequency, Hz", log=True, limits=(float(used.min()), float(used.max())))
 
 

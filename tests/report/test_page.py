@@ -1,0 +1,135 @@
+"""The page as a file: escaped, whole, small; histories and meshes thinned without losing peaks."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from femupdate.errors import ReportError
+from femupdate.report import page as page_module
+from femupdate.report.geometry import Geometry
+from femupdate.report.page import (
+    Chart,
+    Page,
+    Remarks,
+    Section,
+    Table,
+    Text,
+    data_json,
+    page_html,
+    write_page,
+)
+from femupdate.report.page_charts import (
+    Axis,
+    Curve,
+    Interval,
+    curve_figure,
+    interval_figure,
+    thinned,
+)
+from femupdate.report.page_scene import ElementField, scene_content, thinned_geometry
+
+NASTY = '</script><img src=x onerror=alert(1)> & "quotes" \'n all'
+
+
+@pytest.fixture
+def nasty_page():
+    """Every place that a text can come to holds markup."""
+    one = Interval(name=NASTY, mean=np.ones(1), low=np.zeros(1), high=np.full(1, 2.0))
+    figure = interval_figure([NASTY], [one], NASTY)
+    table = Table(name=NASTY, caption=NASTY, head=(NASTY, "b"), rows=((NASTY, NASTY),), note=NASTY)
+    chart = Chart(name=NASTY, caption=NASTY, panels=((NASTY, figure), ("other", figure)))
+    blocks = (Text((NASTY,)), Remarks((NASTY,), warning=True), table, chart)
+    return Page(title=NASTY, subtitle=NASTY, made=NASTY, sections=(Section("s", NASTY, blocks),))
+
+
+def test_text_from_files_is_escaped(nasty_page):
+    html = page_html(nasty_page)
+    own = html.replace(page_module._plotly(), "")
+    assert "onerror=alert(1)>" not in own
+    assert "<img" not in own
+    assert own.count("<script") == own.count("</script>")
+
+
+def test_a_page_needs_nothing_else(nasty_page):
+    html = page_html(nasty_page).replace(page_module._plotly(), "")
+    assert re.findall(r"(?:src|href)=[\"'](?!#)", html) == []
+    assert "default-src 'none'" in html
+
+
+def test_numbers_are_short_and_missing_ones_null():
+    text = data_json({"x": np.array([1.23456789, np.nan, 3.0]), "y": (True, None, "a<b")})
+    assert text == '{"x":[1.2346,null,3],"y":[true,null,"a\\u003cb"]}'
+    assert json.loads(text)["y"][2] == "a<b"
+
+
+def test_a_page_over_the_budget_is_refused(nasty_page, tmp_path, monkeypatch):
+    monkeypatch.setattr(page_module, "BUDGET", 1000)
+    with pytest.raises(ReportError, match="more than 0 MB"):
+        write_page(nasty_page, tmp_path / "page.html")
+    with pytest.raises(ReportError, match=r"end in \.html"):
+        write_page(nasty_page, tmp_path / "page.txt")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_thinning_keeps_every_peak():
+    time = np.arange(20_000)
+    values = np.sin(0.01 * time) * np.exp(-(((time - 9000) / 4000) ** 2))
+    values[1234], values[15_000] = -3.0, 2.5
+    kept = thinned(values, 500)
+    assert len(kept) <= 502
+    assert (np.diff(kept) > 0).all()
+    assert {0, 1234, 15_000, 19_999} <= set(kept.tolist())
+    assert thinned(values[:400], 500).tolist() == list(range(400))
+
+
+def test_a_curve_shows_what_was_measured_and_what_was_not_used():
+    x = np.arange(4.0)
+    curve = Curve(
+        x=x,
+        mean=x,
+        measured=np.array([1.0, np.nan, 3.0, np.nan]),
+        ignored=np.array([np.nan, 2.0, np.nan, np.nan]),
+    )
+    data = curve_figure(curve, Axis(title="f", log=True, limits=(0.1, 10.0)), Axis(title="H"))
+    names = [trace["name"] for trace in data["data"]]
+    assert names == ["measured, not used", "measured", "mean of the posterior"]
+    assert data["layout"]["xaxis"]["range"] == [-1.0, 1.0]
+
+
+def grid(count):
+    """A flat square of `count` by `count` shells with a beam along one side."""
+    x, y = np.meshgrid(np.linspace(0, 10, count + 1), np.linspace(0, 10, count + 1))
+    nodes = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+    first = (np.arange(count)[:, None] * (count + 1) + np.arange(count)).ravel()
+    shells = np.column_stack([first, first + 1, first + count + 2, first + count + 1])
+    line = np.arange(count)
+    return Geometry.of(nodes, shells, np.column_stack([line, line + 1]))
+
+
+def test_a_mesh_is_thinned_to_what_a_screen_can_draw():
+    full = grid(60)
+    thin = thinned_geometry(full, 900)
+    assert 200 < len(thin.faces) + len(thin.lines) <= 900
+    assert np.array_equal(thin.geometry.nodes, full.nodes[thin.nodes])
+    low, high = thin.geometry.nodes.min(axis=0), thin.geometry.nodes.max(axis=0)
+    assert np.abs(low).max() < 1.0
+    assert np.abs(high[:2] - 10.0).max() < 1.0
+    same = thinned_geometry(full, 10_000)
+    assert len(same.faces) == 3600
+    assert np.array_equal(same.geometry.shells, full.shells)
+
+
+def test_a_scene_colours_elements_by_their_own_values():
+    full = grid(4)
+    values = np.arange(16.0)
+    field = ElementField(
+        name="factor", unit="", faces=values, lines=np.full(4, np.nan), map="factor"
+    )
+    content = scene_content(thinned_geometry(full), [field], [], [], [("base", 0.0)])
+    (own,) = content["fields"]
+    assert (own["low"], own["high"]) == (0.0, 15.0)
+    assert own["faces"].tolist() == values.tolist()
+    assert len(content["nodes"]) == 3 * 25
+    assert all(len(color) == 3 for color in content["maps"]["factor"])

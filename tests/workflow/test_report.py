@@ -1,0 +1,150 @@
+"""The page of a study, as text and in a real browser where there is one."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from femupdate.errors import StudyError
+from femupdate.study import Study, write_text
+from femupdate.workflow.report import report_study
+
+CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
+
+
+@pytest.fixture(scope="module")
+def study(tower_study, tower_observation, tmp_path_factory):
+    """A study of the tower with a prediction and hostile texts."""
+    from femupdate.workflow.model import open_study
+    from femupdate.workflow.predict import predict_study
+    from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource
+
+    folder = Path(shutil.copytree(tower_study, tmp_path_factory.mktemp("page") / "study"))
+    made = Study(folder)
+    record = folder.parent / "record <b>.csv"
+    histories = tower_observation.histories
+    base = histories.acceleration[0][:1500]
+    rows = np.column_stack([histories.time_step * np.arange(len(base)), base])
+    np.savetxt(record, rows, delimiter=",", header="time_s,base", comments="")
+    predict_study(
+        made, open_study(made), RecordSource(record, "m/s2"), PredictionSettings(samples=20)
+    )
+    kept = json.loads(made.path("posterior_summary.json").read_text(encoding="utf-8"))
+    kept["notes"].append("A note with <i>markup</i>: something is missing in the model.")
+    write_text(made.path("posterior_summary.json"), json.dumps(kept))
+    return made
+
+
+@pytest.fixture(scope="module")
+def written(study, tmp_path_factory):
+    return report_study(study, tmp_path_factory.mktemp("page") / "page.html")
+
+
+def test_the_page_has_every_section_and_is_small(written):
+    assert written.sections[0] == "In short"
+    assert {"Data", "Fit", "Posterior", "Prediction", "Notes and warnings"} <= set(written.sections)
+    assert written.size < 8e6
+    assert written.stale == ()
+
+
+def test_the_page_says_what_the_study_holds(written, study):
+    html = written.path.read_text(encoding="utf-8")
+    assert study.artefacts()["posterior"].sha256[:16] in html
+    assert "story high" in html
+    assert "A note with &lt;i&gt;markup&lt;/i&gt;" in html
+    assert "record &lt;b&gt;.csv" in html
+    assert "peak base shear over weight, %" in html
+    # The tower's file gives no heights.
+    assert "drift ratio" not in html
+
+
+def test_something_stale_is_told_on_the_page(study, tmp_path):
+    copy = Study(shutil.copytree(study.folder, tmp_path / "copy"))
+    entries = json.loads(copy.path("study.json").read_text(encoding="utf-8"))
+    entries["artefacts"]["prediction"]["made_from"]["posterior"] = "older"
+    write_text(copy.path("study.json"), json.dumps(entries))
+    report = report_study(copy)
+    assert report.path == copy.path("report.html")
+    assert report.stale == ("prediction: stale",)
+    assert "The prediction is stale: the posterior changed since" in report.path.read_text("utf-8")
+
+
+def test_a_study_without_a_posterior_has_a_page_too(tmp_path, tower_file):
+    from femupdate.workflow.model import open_study
+
+    made = Study(tmp_path)
+    open_study(made, str(tower_file))
+    html = report_study(made).path.read_text(encoding="utf-8")
+    assert "There is no posterior yet" in html
+    assert "Nothing was predicted" in html
+
+
+def test_an_empty_folder_is_refused(tmp_path):
+    with pytest.raises(StudyError, match="holds no building"):
+        report_study(Study(tmp_path / "nothing"))
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """Headless Chromium by Playwright's client."""
+    api = pytest.importorskip("playwright.sync_api", reason="Playwright's client is not installed")
+    if CHROMIUM is None:
+        pytest.skip("there is no Chromium on this machine")
+    with api.sync_playwright() as driver:
+        running = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield running
+        running.close()
+
+
+def test_the_page_works_in_a_browser(browser, written):
+    """Opened from disk at two widths: no error, no request, a model, tabs, tooltips, downloads."""
+    page = browser.new_page(viewport={"width": 390, "height": 900})
+    wrong, asked = [], []
+    page.on("console", lambda one: wrong.append(one.text) if one.type == "error" else None)
+    page.on("pageerror", lambda one: wrong.append(str(one)))
+    page.on("request", lambda one: asked.append(one.url))
+    page.goto(written.path.as_uri())
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    page.set_viewport_size({"width": 1280, "height": 900})
+    assert page.evaluate("document.documentElement.scrollWidth") <= 1280
+
+    canvas = page.locator("figure.scene canvas")
+    canvas.scroll_into_view_if_needed()
+    still = page.locator("figure.scene canvas").screenshot()
+    page.locator("select.modes").select_option("0")
+    page.wait_for_timeout(250)
+    assert canvas.screenshot() != still
+    colors = "c => new Set(c.getContext('2d').getImageData(0, 0, c.width, c.height).data).size"
+    assert canvas.evaluate(colors) > 50
+
+    chart = page.locator("figure.chart", has_text="Frequency responses").first
+    chart.scroll_into_view_if_needed()
+    chart.locator(".plot svg.main-svg").first.wait_for()
+    chart.locator("[role=tab]").nth(1).click()
+    second = chart.locator(".panel").nth(1)
+    second.locator("svg.main-svg").first.wait_for()
+    assert not chart.locator(".panel").first.is_visible()
+
+    page.mouse.move(*_middle(second.locator(".plot")))
+    assert second.locator(".hoverlayer").count() == 1
+
+    with page.expect_download() as waiting:
+        chart.locator("button.csv").click()
+    text = Path(waiting.value.path()).read_text(encoding="utf-8-sig")
+    assert text.startswith("panel,series,x_is,y_is,x,y")
+    assert '"frequency, Hz"' in text
+
+    page.locator("[data-tool=close]").click()
+    assert not chart.is_visible()
+    page.locator("[data-tool=open]").click()
+    assert chart.is_visible()
+    assert wrong == []
+    assert [url for url in asked if not url.startswith(("file:", "data:", "blob:"))] == []
+    page.close()
+
+
+def _middle(locator):
+    box = locator.bounding_box()
+    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
