@@ -51,6 +51,8 @@ def candidates(problem: Problem, present: tuple[Placed, ...] = ()) -> list[Place
     known = {one.label for one in present}
     found = []
     for effect in CATALOGUE.values():
+        if effect.correction:
+            continue
         if effect.needs_phase and problem.phase is None:
             continue
         if effect.tables_only and problem.estimated:

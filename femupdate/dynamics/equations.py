@@ -75,11 +75,11 @@ class DrivenSystem:
 
 
 def first_sizes(placed: Sequence[Placed], sizes: Floats) -> list[float]:
-    """The parameter that each effect's terms scale with; zero for an effect without parameters."""
+    """The parameter that each effect's terms scale with; one for an effect without parameters."""
     found, first = [], 0
     for one in placed:
         count = len(one.effect.parameters)
-        found.append(float(sizes[first]) if count else 0.0)
+        found.append(float(sizes[first]) if count else 1.0)
         first += count
     return found
 

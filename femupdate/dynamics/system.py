@@ -20,7 +20,7 @@ from femupdate.dynamics.modal import ModalData, joined, keep_modes
 from femupdate.dynamics.modes import Modes, normal_modes, response
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.dynamics.reduced_terms import ReducedTerms
-from femupdate.effects.effect import UNSCALED, Effect, Parameter, Placed
+from femupdate.effects.effect import UNSCALED, Effect, Parameter, Placed, RunPart
 from femupdate.progress import SILENT, Progress
 
 _BATCH = 16  # responses of a hundred shapes at a few hundred frequencies stay in the cache
@@ -288,8 +288,26 @@ class System:
     def _frf(self, theta: Tensor, zeta: Tensor, sizes: Tensor, omega: Tensor) -> Tensor:
         modes = self.modes(theta, sizes)
         ratio = self.ratio(modes.omega, zeta, sizes)
-        frf = response(modes, ratio, omega, self.port_stiffness(omega, sizes))
+        ports = self.port_stiffness(omega, sizes)
+        parts = self._run_parts(sizes)
+        if not parts:
+            return self.observe(response(modes, ratio, omega, ports), omega, sizes)
+        frf = torch.zeros((), dtype=torch.complex128)
+        for part in parts:
+            damped = ratio * part.damping[:, None]
+            own = response(modes.stiffer(part.stiffness), damped, omega, ports)
+            frf = frf + part.weight * own
         return self.observe(frf, omega, sizes)
+
+    def _run_parts(self, sizes: Tensor) -> tuple[RunPart, ...]:
+        """Parts of the run in which the structure differs; none where it is always the same."""
+        found: tuple[RunPart, ...] = ()
+        for one, size in zip(self.placed, split_sizes(self.placed, sizes), strict=True):
+            own = one.effect.run_parts(size)
+            found = (
+                tuple(a.within(b) for a in found for b in own) if found and own else found or own
+            )
+        return found
 
     def _log_frf(
         self,
@@ -328,15 +346,16 @@ class System:
         force, rigid = (part.expand(count, -1, -1) for part in _base_forces(model, theta))
         mass = None
         for added, values in zip(self.terms, own, strict=True):
+            own_size = values[:, 0] if values.shape[1] else theta.new_ones(count)
             for story, matrix, series in added.stiffness:
-                factor = values[:, 0] / (1.0 + series * values[:, 0])
+                factor = own_size / (1.0 + series * own_size)
                 factor = factor if story == UNSCALED else factor * theta[:, story]
                 stiffness = stiffness + factor[:, None, None] * matrix.to(theta)
             if added.hinges is not None:
-                stiffness = stiffness - added.hinges.softening(theta, values[:, 0])
+                stiffness = stiffness - added.hinges.softening(theta, own_size)
             if added.mass is not None:
                 mass = torch.eye(size).to(theta) if mass is None else mass
-                weight = values[:, 0, None, None]
+                weight = own_size[:, None, None]
                 mass = mass + weight * added.mass.matrix.to(theta)
                 force = force + weight * added.mass.force.to(theta)
                 rigid = rigid + weight * added.mass.rigid.to(theta)
@@ -381,6 +400,11 @@ class System:
 def makes_modes_complex(effect: Effect) -> bool:
     """Whether an effect acts along a line: then there are no real modes."""
     return type(effect).port_stiffness is not Effect.port_stiffness
+
+
+def changes_in_run(effect: Effect) -> bool:
+    """Whether the structure differs between parts of a run: then no one set of modes serves."""
+    return type(effect).run_parts is not Effect.run_parts
 
 
 def parameters_of(placed: Sequence[Placed]) -> list[Parameter]:

@@ -143,6 +143,28 @@ class Terms:
         return bool(self.stiffness) or self.mass is not None or self.hinges is not None
 
 
+class RunPart(NamedTuple):
+    """A part of a run as the FRF over the whole run holds it.
+
+    Attributes:
+        weight: its share of the energy of the base motion.
+        stiffness: (N,) factor on the stiffness of the whole structure in it.
+        damping: (N,) factor on the damping ratios in it.
+    """
+
+    weight: float
+    stiffness: Tensor
+    damping: Tensor
+
+    def within(self, other: "RunPart") -> "RunPart":
+        """Both changes at once."""
+        return RunPart(
+            self.weight * other.weight,
+            self.stiffness * other.stiffness,
+            self.damping * other.damping,
+        )
+
+
 class Effect(ABC):
     """A thing that a model may lack. Its first parameter is its size.
 
@@ -152,8 +174,10 @@ class Effect(ABC):
         sentence: what it is and does, for an engineer.
         confused_with: names of effects that look alike.
         settled_by: a look or a measurement that tells whether it is there, without any model.
-        parameters: the size first.
+        parameters: the size first; without any the effect is there (size 1) or not.
         instrument: it lies in the measurement, not in the structure.
+        correction: it is known to be there and how large it is; building files list it, and it is
+            not looked for.
         needs_phase: |H| does not show it.
         needs_levels: it shows in observations at two levels of motion, not in one.
         tables_only: it arises in the making of tables of |H|, not in FRFs estimated by H1.
@@ -166,6 +190,7 @@ class Effect(ABC):
     settled_by: ClassVar[str]
     parameters: ClassVar[tuple[Parameter, ...]]
     instrument: ClassVar[bool] = False
+    correction: ClassVar[bool] = False
     needs_phase: ClassVar[bool] = False
     needs_levels: ClassVar[bool] = False
     tables_only: ClassVar[bool] = False
@@ -228,6 +253,14 @@ class Effect(ABC):
         """
         return theta, zeta
 
+    def run_parts(self, sizes: Tensor) -> tuple[RunPart, ...]:
+        """Parts of a run in which the structure differs, for sizes (N, q); none where it does not.
+
+        An H1 estimate over the run is the mean of theirs by the energy of the base motion, for it
+        divides the sum of their cross spectra by the sum of their power spectra.
+        """
+        return ()
+
     def observe(self, frf: Tensor, omega: Tensor, sizes: Tensor, rows: tuple[int, ...]) -> Tensor:
         """The FRFs (N, f, k) as they are measured; `rows` are the floors of the place."""
         return frf
@@ -260,7 +293,7 @@ class Placed:
     @property
     def exchange(self) -> bool:
         """Whether it is there or not: channels exchanged or reversed."""
-        return not self.effect.parameters
+        return not self.effect.parameters and not self.effect.correction
 
 
 def mass_terms(structure: Structure, values: Floats, constants: tuple[float, ...] = ()) -> Terms:

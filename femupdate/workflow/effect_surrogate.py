@@ -9,7 +9,7 @@ from femupdate.discrepancy.mesh_scatter import mesh_scatter
 from femupdate.dynamics.projection import reduced_on
 from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.dynamics.reduction import reduce_structure
-from femupdate.dynamics.system import System, makes_modes_complex
+from femupdate.dynamics.system import System, changes_in_run, makes_modes_complex
 from femupdate.effects.effect import Placed
 from femupdate.effects.structure import Structure
 from femupdate.errors import SurrogateError
@@ -37,12 +37,17 @@ def check_amortisable(building: Building) -> None:
 
     Raises:
         BuildingError: an effect is unknown or impossible.
-        SurrogateError: one makes modes complex.
+        SurrogateError: one makes modes complex or changes the structure during the run.
     """
     for one in building_effects(building).placed:
         if makes_modes_complex(one.effect):
             raise SurrogateError(
                 f"{building.name}: {one.effect.name} at {one.place} makes the modes complex, which "
+                "no surrogate follows; calibrate with --exact"
+            )
+        if changes_in_run(one.effect):
+            raise SurrogateError(
+                f"{building.name}: {one.effect.name} changes the structure during the run, which "
                 "no surrogate follows; calibrate with --exact"
             )
 

@@ -38,7 +38,7 @@ def test_is_confused_with_others_that_exist(effect):
 def test_has_parameters_with_a_prior(effect):
     names = [p.name for p in effect.parameters]
     assert len(set(names)) == len(names)
-    assert bool(names) or effect.instrument
+    assert bool(names) or effect.instrument or effect.correction
     assert names[:1] in ([], ["size"])
     for p in effect.parameters:
         assert 0.0 < p.scale < math.inf

@@ -62,8 +62,8 @@ def nearby(exact, name):
     effect = CATALOGUE[name]
     theta = HERE * np.exp(np.random.default_rng(3).uniform(-0.15, 0.15, (3, 2)))
     values = np.array([p.neutral for p in effect.parameters])
-    first = effect.parameters[0]
-    values[0] += 0.7 * (first.scale if first.upper > first.neutral else -first.scale)
+    for first in effect.parameters[:1]:
+        values[0] += 0.7 * (first.scale if first.upper > first.neutral else -first.scale)
     return [(theta, Placed(effect, place), values) for place in effect.places(exact.structure)]
 
 

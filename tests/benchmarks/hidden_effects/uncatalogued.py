@@ -22,8 +22,8 @@ class GroundTie(Effect):
     parameters = (Parameter("size", "1", 0.1, lower=0.0, upper=2.0),)
 
     def places(self, structure: Structure) -> tuple[str, ...]:
-        """Every floor."""
-        return structure.floors
+        """Every floor but the two lowest, which the catalogue's brace ties to the ground."""
+        return structure.floors[2:]
 
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """A spring beside the floor."""
@@ -33,30 +33,6 @@ class GroundTie(Effect):
     def terms(self, structure: Structure, place: str) -> Terms:
         """A spring that takes the base shear over the roof's displacement."""
         return _spring(structure, structure.floor_rows[[structure.floors.index(place)]])
-
-
-class LongBrace(Effect):
-    """A spring between two floors that are two stories apart."""
-
-    name = "long_brace"
-    title = "Brace over two stories"
-    sentence = "A brace ties a floor to the one two stories below."
-    parameters = (Parameter("size", "1", 0.2, lower=0.0, upper=2.0),)
-
-    def places(self, structure: Structure) -> tuple[str, ...]:
-        """Every floor but the two lowest."""
-        return structure.floors[2:]
-
-    def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
-        """A spring from corner to corner of the two stories."""
-        level = drawn.level(place)
-        return (Glyph.of("spring", *drawn.diagonal(level - 2, level)),)
-
-    def terms(self, structure: Structure, place: str) -> Terms:
-        """A spring that takes the base shear over the roof's displacement."""
-        floor = structure.floors.index(place)
-        rows = structure.floor_rows
-        return _spring(structure, rows[[floor]] - rows[[floor - 2]])
 
 
 def _spring(structure: Structure, stretch: Floats) -> Terms:
@@ -99,4 +75,4 @@ class SensorResonance(Effect):
         return changed
 
 
-UNCATALOGUED: tuple[Effect, ...] = (GroundTie(), LongBrace(), SensorResonance())
+UNCATALOGUED: tuple[Effect, ...] = (GroundTie(), SensorResonance())

@@ -1,0 +1,69 @@
+"""A brace or tie that the model does not know of."""
+
+from itertools import pairwise
+
+import numpy as np
+from scipy.sparse import csc_matrix
+
+from femupdate.effects.drawn_building import DrawnBuilding, Glyph
+from femupdate.effects.effect import UNSCALED, Effect, Parameter, Stiffness, Terms
+from femupdate.effects.structure import TRANSLATION, Structure
+
+_GROUND = "ground"
+
+
+class Brace(Effect):
+    """A spring between two floors, or between a floor and the ground."""
+
+    name = "brace"
+    title = "Brace or tie"
+    sentence = (
+        "A brace, a stair flight, a pipe or a tie joins two floors, or a floor and the ground, "
+        "and carries force past the walls and columns of the model."
+    )
+    confused_with = ("wall_stiffness", "non_structural_walls")
+    settled_by = "a look at the facades, stairs and shafts, and behind the cladding"
+    parameters = (
+        Parameter(
+            "size", "1", 0.2, lower=0.0, upper=3.0, text="stiffness over that of the building"
+        ),
+    )
+
+    def places(self, structure: Structure) -> tuple[str, ...]:
+        """Two floors one or two stories apart, as in "2F-4F", or "ground-3F".
+
+        In one story of a shear building it could not be told from the story's factor.
+        """
+        names = (_GROUND, *structure.floors)
+        apart = (2,) if structure.is_stick else (1, 2)
+        pairs = [(k, k + n) for n in apart for k in range(len(names) - n)]
+        return tuple(f"{names[low]}-{names[high]}" for low, high in sorted(pairs))
+
+    def basis_questions(self, structure: Structure) -> tuple[tuple[str, float], ...]:
+        """A brace in every story: their forces on the floors are those of all others."""
+        names = (_GROUND, *structure.floors)
+        size = self.parameters[0].scale
+        return tuple((f"{low}-{high}", size) for low, high in pairwise(names))
+
+    def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
+        """A spring from corner to corner of the stories."""
+        return (Glyph.of("spring", *drawn.diagonal(*_levels(drawn.structure, place))),)
+
+    def terms(self, structure: Structure, place: str) -> Terms:
+        """Unit size has the stiffness of the building: base shear over roof displacement.
+
+        It acts between the means of the floors over their mass, and no factor scales it.
+        """
+        low, high = _levels(structure, place)
+        rows = np.vstack([np.zeros(structure.floor_means.shape[1]), structure.floor_means])
+        stretch = csc_matrix((rows[high] - rows[low])[None])
+        shear = float(structure.rigid_mass[TRANSLATION, TRANSLATION])
+        spring = shear / float(structure.floor_rows[-1] @ structure.static)
+        return Terms(stiffness=(Stiffness(UNSCALED, csc_matrix(spring * (stretch.T @ stretch))),))
+
+
+def _levels(structure: Structure, place: str) -> tuple[int, int]:
+    """Numbers of the lower and the upper level, 0 for the ground."""
+    names = (_GROUND, *structure.floors)
+    pairs = [(k, n) for n in range(len(names)) for k in range(n)]
+    return next((k, n) for k, n in pairs if f"{names[k]}-{names[n]}" == place)

@@ -1,0 +1,51 @@
+"""A channel whose clock runs fast or slow."""
+
+import torch
+from torch import Tensor
+
+from femupdate.effects.drawn_building import DrawnBuilding, Glyph
+from femupdate.effects.effect import Effect, Parameter
+from femupdate.effects.structure import Structure
+
+
+class DriftingClock(Effect):
+    """A delay of one floor that grows evenly from one end of the record to the other.
+
+    The FRF over the whole record is the mean over the delays: that of the middle, and a loss of
+    amplitude that a plain delay does not have.
+    """
+
+    name = "drifting_clock"
+    title = "Drifting clock"
+    sentence = (
+        "The recorder of one floor runs fast or slow against the base's: its delay grows during "
+        "the record, which turns phases and wipes out amplitude at high frequencies."
+    )
+    confused_with = ("channel_delay", "roll_off")
+    settled_by = "the delay found in either half of the record alone, or a common trigger"
+    parameters = (
+        Parameter("size", "s", 0.02, lower=-0.2, upper=0.2, text="growth of the delay in the run"),
+        Parameter("start", "s", 0.002, lower=-0.05, upper=0.05, text="delay at its beginning"),
+    )
+    instrument = True
+    needs_phase = True
+
+    def places(self, structure: Structure) -> tuple[str, ...]:
+        """Every floor."""
+        return structure.floors
+
+    def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
+        """The floor's sensors."""
+        return drawn.sensors(place)
+
+    def observe(self, frf: Tensor, omega: Tensor, sizes: Tensor, rows: tuple[int, ...]) -> Tensor:
+        """H exp(-i omega (start + size / 2)) sin(omega size / 2) / (omega size / 2) on the floor.
+
+        The mean of exp(-i omega tau) over delays tau that are even from start to start + size.
+        """
+        half = 0.5 * sizes[:, :1] * omega
+        lost = torch.sinc(half / torch.pi)
+        turn = torch.polar(lost.abs(), -half - sizes[:, 1:2] * omega)
+        changed = frf.clone()
+        changed[:, list(rows)] = frf[:, list(rows)] * (lost.sign() * turn)[:, None, :]
+        return changed

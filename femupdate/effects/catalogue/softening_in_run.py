@@ -1,0 +1,63 @@
+"""Stiffness that falls, and damping that grows, where one run is strong."""
+
+from torch import Tensor
+
+from femupdate.effects.drawn_building import DrawnBuilding, Glyph
+from femupdate.effects.effect import Effect, Parameter, RunPart
+from femupdate.effects.structure import Structure
+
+# Doublings of the amplitude about the run's mean level: motion that counts in an FRF estimate has
+# from half to twice that amplitude, evenly.
+_LEVELS = tuple((2 * k - 6) / 7 for k in range(7))
+
+
+class SofteningInRun(Effect):
+    """Stiffness and damping that follow the amplitude of the motion during one run.
+
+    The FRF over the whole run is the mean over its parts, so that peaks are lower and wider than
+    those of any damping ratio. The changes are those of `amplitude_softening`; the stiffness
+    factors and the damping ratio are those at the mean level of the run.
+    """
+
+    name = "softening_in_run"
+    title = "Stiffness that changes within the run"
+    sentence = (
+        "Where the run is strong the stories are softer and damp more than where it is weak, so "
+        "that its peaks are smeared; one run shows it, two at different levels prove it."
+    )
+    confused_with = ("damping_law", "story_damper")
+    settled_by = "the frequency of the first peak in strong and in weak parts of the record"
+    parameters = (
+        Parameter(
+            "size",
+            "1",
+            0.05,
+            lower=-0.5,
+            upper=0.0,
+            text="change of stiffness with every doubling of the amplitude",
+        ),
+        Parameter(
+            "damping",
+            "1",
+            0.2,
+            lower=-0.5,
+            upper=2.0,
+            text="change of the damping ratio with every doubling of the amplitude",
+        ),
+    )
+
+    def places(self, structure: Structure) -> tuple[str, ...]:
+        """All stories together."""
+        return ("all",)
+
+    def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
+        """The near faces of all stories."""
+        sides = [(0, float(drawn.low[0])), (1, float(drawn.low[1]))]
+        faces = [drawn.upright(*side, k) for k in drawn.stories(place) for side in sides]
+        return (Glyph.of("surfaces", faces),)
+
+    def run_parts(self, sizes: Tensor) -> tuple[RunPart, ...]:
+        """Seven parts of equal weight, at amplitudes from 2^(-6/7) to 2^(6/7) of the mean one."""
+        softer, damped = 1.0 + sizes[:, 0], 1.0 + sizes[:, 1]
+        share = 1.0 / len(_LEVELS)
+        return tuple(RunPart(share, softer**level, damped**level) for level in _LEVELS)

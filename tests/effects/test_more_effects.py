@@ -1,0 +1,123 @@
+"""P-Delta, braces, drifting clocks and softening within a run, against equations by hand."""
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+from femupdate.building.document import from_document
+from femupdate.dynamics.equations import equations_at
+from femupdate.effects.registry import CATALOGUE
+from femupdate.effects.structure import structure_of
+
+ZETA = 0.03
+HEIGHTS, MASSES = np.array([3.5, 3.0, 3.0]), np.array([40e3, 35e3, 30e3])
+SPRINGS = np.array([6e6, 5e6, 4e6])
+GRAVITY = 9.80665
+
+
+def tower(heights=HEIGHTS):
+    stories = [
+        {"name": f"S{k}", "mass": m, "stiffness": s, **({} if h is None else {"height": h})}
+        for k, (h, s, m) in enumerate(zip(heights, SPRINGS, MASSES, strict=True))
+    ]
+    document = {
+        "name": "tower",
+        "kind": "shear",
+        "stories": stories,
+        "frequency_grid": {"start": 0.2, "step": 0.2, "count": 45},
+        "prior": {"theta": {"lower": 0.5, "upper": 2.0}},
+        "damping": {"law": "constant", "ratio": 0.02},
+    }
+    return structure_of(from_document(document))
+
+
+def agree(ours, exact):
+    np.testing.assert_allclose(ours, exact, rtol=1e-7, atol=1e-9)
+
+
+def test_gravity_takes_weight_over_height_from_every_story():
+    structure, theta = tower(), np.array([0.8, 1.2, 1.0])
+    weight = GRAVITY * np.cumsum(MASSES[::-1])[::-1]
+    k = np.append(theta * SPRINGS - weight / HEIGHTS, 0.0)
+    exact = np.diag(k[:-1] + k[1:]) - np.diag(k[1:-1], 1) - np.diag(k[1:-1], -1)
+    terms = CATALOGUE["p_delta"].terms(structure, "all")
+    found = equations_at(structure, theta, [(terms, 1.0)]).stiffness.toarray()
+    np.testing.assert_allclose(found, exact, rtol=1e-12)
+    plain = structure.stiffness(theta).toarray()
+    squared = [eigh(one, np.diag(MASSES), eigvals_only=True) for one in (plain, found)]
+    lost = 1.0 - np.sqrt(squared[1] / squared[0])
+    assert lost[0] > 1.3 * lost[-1] > 0.0  # not a scaling of all frequencies alike
+
+
+def test_weight_needs_heights_and_is_not_looked_for():
+    effect = CATALOGUE["p_delta"]
+    assert effect.places(tower([3.5, None, 3.0])) == ()
+    assert effect.correction
+
+
+def test_gravity_acts_on_the_floors_of_a_frame(frame):
+    """Where no size is given it is there as a whole."""
+    structure = frame.structure
+    weight = GRAVITY * structure.story_rigid[:, 0]
+    means = frame.equations.means
+    drifts = np.diff(means, axis=0, prepend=np.zeros((1, means.shape[1])))
+    lost = drifts.T @ np.diag(weight / np.diff(structure.levels, prepend=0.0)) @ drifts
+    exact = frame.equations.but(K=frame.equations.K - lost)
+    agree(frame.frf("p_delta@all", zeta=ZETA), exact.frf(frame.frequency_hz, ZETA))
+
+
+def test_a_brace_is_a_spring_between_floors(case):
+    floors, size = case.structure.floors, 0.3
+    pairs = [(0, 2), (1, 3)] if case.structure.is_stick else [(0, 1), (1, 2), (0, 2)]
+    names = ("ground", *floors)
+    assert {f"{names[low]}-{names[high]}" for low, high in pairs} <= set(
+        CATALOGUE["brace"].places(case.structure)
+    )
+    means = case.equations.rows if case.equations.means is None else case.equations.means
+    rows = np.vstack([np.zeros(means.shape[1]), means])
+    ones = np.linalg.solve(
+        case.structure.stiffness(np.ones(len(case.theta))).toarray(), case.equations.force[:, 0]
+    )
+    unit = case.equations.rigid_mass[0, 0] / (case.equations.rows[-1] @ ones)
+    for low, high in pairs:
+        stretch = rows[high] - rows[low]
+        changed = case.equations.but(K=case.equations.K + size * unit * np.outer(stretch, stretch))
+        ours = case.frf(f"brace@{names[low]}-{names[high]}", sizes=[size], zeta=ZETA)
+        agree(ours, changed.frf(case.frequency_hz, ZETA))
+
+
+def test_a_single_story_of_a_stick_has_no_brace(stick):
+    """It would be that story's factor."""
+    places = CATALOGUE["brace"].places(stick.structure)
+    assert places == ("ground-3F", "2F-4F", "3F-RF")
+
+
+@pytest.mark.parametrize("growth", [-0.15, 0.003, 0.12])
+def test_a_drifting_clock_is_the_mean_over_its_delays(stick, growth):
+    """Many delays, even from the beginning to the end of the record."""
+    start, steps = 0.004, 20000
+    delays = start + growth * (np.arange(steps) + 0.5) / steps
+    turns = np.exp(-2j * np.pi * stick.frequency_hz[:, None] * delays).mean(axis=1)
+    exact = stick.frf(zeta=ZETA)
+    exact[2] *= turns
+    ours = stick.frf("drifting_clock@4F", sizes=[growth, start], zeta=ZETA)
+    np.testing.assert_allclose(ours, exact, rtol=1e-5, atol=1e-7)
+
+
+def test_without_growth_it_is_a_plain_delay(stick):
+    agree(
+        stick.frf("drifting_clock@3F", sizes=[0.0, 0.003], zeta=ZETA),
+        stick.frf("channel_delay@3F", sizes=[0.003], zeta=ZETA),
+    )
+
+
+def test_softening_in_a_run_is_the_mean_of_its_parts(case):
+    """Every part by itself: the same structure, softer and more damped."""
+    softening, damping = -0.12, 0.4
+    parts = []
+    for level in (2.0 * np.arange(7) - 6.0) / 7.0:
+        K = case.equations.K * (1.0 + softening) ** level
+        ratio = ZETA * (1.0 + damping) ** level
+        parts.append(case.equations.but(K=K).frf(case.frequency_hz, ratio))
+    ours = case.frf("softening_in_run@all", sizes=[softening, damping], zeta=ZETA)
+    agree(ours, np.mean(parts, axis=0))
