@@ -1,8 +1,31 @@
 """Errors that femupdate raises on purpose: each says what is wrong, where, and what to do."""
 
+import re
+
+_LONGEST_WORD, _LONGEST_MESSAGE = 300, 2000
+_NOT_SHOWN = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]+")
+
 
 class FemupdateError(Exception):
-    """Base of every error whose message is meant to be read by the user as it stands."""
+    """Base of every error whose message is meant to be read by the user as it stands.
+
+    What a damaged file says may stand in it: the message is one line of a length that can be read.
+    """
+
+    def __init__(self, message: str = "") -> None:
+        super().__init__(_legible(message))
+
+
+def _legible(message: str) -> str:
+    line = _NOT_SHOWN.sub(" ", message).strip()
+    words = (_shortened(word, _LONGEST_WORD) for word in line.split(" ") if word)
+    return _shortened(" ".join(words), _LONGEST_MESSAGE)
+
+
+def _shortened(text: str, longest: int) -> str:
+    """Text whose middle is left out where it is too long: its end says what to do."""
+    half = (longest - 5) // 2
+    return text if len(text) <= longest else f"{text[:half]} ... {text[-half:]}"
 
 
 class UnitError(FemupdateError):

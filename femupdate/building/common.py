@@ -64,6 +64,10 @@ class BuildingBase(Entry):
         """Whether members of different kinds have stiffness factors of their own."""
         return False
 
+    def doubts(self) -> tuple[str, ...]:
+        """What an engineer would ask about the figures, a sentence each."""
+        return ()
+
     def check(self) -> None:
         """Raise Complaint for the first entry that does not fit the others."""
         _check_story_names(self.story_names)
@@ -120,6 +124,11 @@ class MeshedBuilding(BuildingBase):
                     text = f"floor_mass[{given[floor]}] gives the mass of {floor} already"
                     raise Complaint(key, f"{text}; remove one")
                 given[floor] = n
+
+    def doubts(self) -> tuple[str, ...]:
+        """What an engineer would ask about the figures, a sentence each."""
+        asked = {f"materials.{name}": one.doubt() for name, one in self.materials.items()}
+        return tuple(f"{key}: {text}" for key, text in asked.items() if text)
 
     def check_material(self, name: str | None, key: str) -> None:
         """Raise Complaint where a member names no material, or one that is not there."""

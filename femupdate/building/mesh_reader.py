@@ -13,6 +13,9 @@ from femupdate.arrays import Flags, Floats, Integers
 from femupdate.building.entry import Complaint
 from femupdate.fe.registry import cell_types
 
+_MEND = "write it as gmsh 2.2 or 4.1 (.msh), Abaqus (.inp), MED (.med) or VTU (.vtu)"
+_LARGEST_BYTES = 500_000_000  # a million nodes and as many shells take a fifth of it
+_FARTHEST = 1e9  # a thousand kilometres in mm
 _POINTS = ("vertex",)  # they carry no stiffness and are left out
 _FIRST_ORDER = {
     "line3": "line",
@@ -72,20 +75,25 @@ def read_mesh(path: Path, tags: str | None) -> RawMesh:
     """
     mesh = _read(path)
     _refuse_other_cells(mesh)
+    _check_points(mesh)
     if tags is not None and tags not in mesh.cell_data:
         known = ", ".join(sorted(mesh.cell_data)) or "none"
         raise Complaint("mesh.tags", f"the mesh has no cell data {tags!r} (it has: {known})")
     nodes = np.zeros((len(mesh.points), 3))
     nodes[:, : mesh.points.shape[1]] = mesh.points
-    cells = {kind: _cells(mesh, kind, count, tags) for kind, count in cell_types().items()}
+    try:
+        cells = {kind: _cells(mesh, kind, count, tags) for kind, count in cell_types().items()}
+    except (ValueError, IndexError, KeyError, TypeError, OverflowError) as error:
+        raise Complaint(
+            "mesh.file", f"its groups do not go with its cells ({error}); {_MEND}"
+        ) from None
     return RawMesh(nodes, {kind: found for kind, found in cells.items() if len(found.nodes)})
 
 
 def _read(path: Path) -> Any:
     import meshio
 
-    if not path.is_file():
-        raise Complaint("mesh.file", f"there is no file {path}; correct the path")
+    _check_file(path)
     try:
         # meshio prints what it thinks of a file, and exits where it cannot read one.
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
@@ -94,9 +102,63 @@ def _read(path: Path) -> Any:
         reason = str(error) if str(error) not in ("", "1") else "its content is not as its ending"
         raise Complaint(
             "mesh.file",
-            f"{path.name} cannot be read ({reason}); write it as gmsh 2.2 or 4.1 (.msh), Abaqus "
-            "(.inp), MED (.med) or VTU (.vtu)",
+            f"{path.name} cannot be read ({reason}); {_MEND}",
         ) from None
+
+
+def _check_file(path: Path) -> None:
+    """Refuse what is no file, or one that would fill the memory."""
+    if not path.is_file():
+        raise Complaint("mesh.file", f"there is no file {path}; correct the path")
+    size = path.stat().st_size
+    if path.suffix == ".med":
+        size = max(size, _unpacked(path))
+    if size > _LARGEST_BYTES:
+        raise Complaint(
+            "mesh.file",
+            f"{path.name} holds {size / 1e6:.0f} MB, which no building's mesh needs; coarsen it",
+        )
+
+
+def _unpacked(path: Path) -> int:
+    """Bytes of all arrays of an HDF5 file, which may be packed; 0 of another file."""
+    import h5py
+
+    sizes = [0]
+
+    def add(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset):
+            sizes.append(item.size * item.dtype.itemsize)
+
+    try:
+        with h5py.File(path, "r") as file:
+            file.visititems(add)
+    except Exception:  # a damaged file makes HDF5 raise nearly anything; meshio will say so
+        return 0
+    return sum(sizes)
+
+
+def _check_points(mesh: Any) -> None:
+    """Refuse nodes that are no points in space, and cells of nodes that there are not."""
+    points = np.asarray(mesh.points)
+    if points.ndim != 2 or not 0 < points.shape[1] <= 3 or points.dtype.kind not in "fiu":
+        per = points.shape[1] if points.ndim == 2 else "no"
+        raise Complaint(
+            "mesh.file",
+            f"its nodes have {per} coordinates each (is the comma the decimal sign?); {_MEND}",
+        )
+    if not np.isfinite(points).all():
+        raise Complaint("mesh.file", f"a coordinate of a node is not a number; {_MEND}")
+    if points.size and np.abs(points).max() > _FARTHEST:
+        text = f"a node lies at {np.abs(points).max():.3g}, which no building reaches; {_MEND}"
+        raise Complaint("mesh.file", text)
+    for block in mesh.cells:
+        data = np.asarray(block.data)
+        known = data.dtype.kind in "iu" and data.ndim == 2
+        if not known or (data.size and not (data.min() >= 0 and data.max() < len(points))):
+            raise Complaint(
+                "mesh.file", f"cells of type {block.type!r} name nodes that it has not; {_MEND}"
+            )
 
 
 def _refuse_other_cells(mesh: Any) -> None:

@@ -23,6 +23,19 @@ _WRITTEN = {
     "stiffness per mass": ("1/s2",),
     "frequency": ("Hz",),
 }
+# Beyond these, SI, is no building and no model of one on a bench: a figure or its unit is wrong.
+_POSSIBLE = {
+    "length": (1e-6, 1e5),
+    "area": (1e-12, 1e8),
+    "inertia": (1e-20, 1e12),
+    "mass": (1e-6, 1e10),
+    "stress": (1e3, 1e17),
+    "density": (1e-3, 1e6),
+    "stiffness": (1e-3, 1e20),
+    "rotational stiffness": (1e-3, 1e24),
+    "stiffness per mass": (1e-6, 1e15),
+    "frequency": (1e-6, 1e6),
+}
 _SIGNS = {"positive": 0.0, "not negative": 0.0, "any": -math.inf}
 
 
@@ -57,6 +70,12 @@ class Quantity:
         low = _SIGNS[self.sign]
         if not math.isfinite(number) or number < low or (self.sign == "positive" and number == low):
             raise ValueError(f"{value!r} is not a {self.sign} {self.kind}; correct the figure")
+        least, most = _POSSIBLE[self.kind]
+        too_small = self.sign == "positive" and number < least
+        if too_small or abs(number) > most:
+            raise ValueError(
+                f"{value!r} is a {self.kind} that no building has; is the unit wrong? Correct it"
+            )
         return number
 
     def _number(self, value: Any, *, from_file: bool) -> float:

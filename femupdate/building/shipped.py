@@ -9,8 +9,10 @@ from pathlib import Path
 
 from femupdate.building.names import close
 from femupdate.errors import BuildingError
+from femupdate.files import check_regular
 
 _SUFFIX = ".toml"
+_LARGEST = 20_000_000  # bytes; drawings of towers take some hundred thousand
 
 
 def shipped_buildings() -> tuple[str, ...]:
@@ -34,6 +36,9 @@ def building_text(path_or_name: str | Path) -> tuple[str, str]:
         name = text + _SUFFIX
         return name, files("femupdate.models").joinpath(name).read_text(encoding="utf-8")
     try:
+        check_regular(path, BuildingError)
+        if path.stat().st_size > _LARGEST:
+            raise BuildingError(f"{text}: this is too large for a building file; check the path")
         return text, path.read_text(encoding="utf-8")
     except FileNotFoundError:
         raise _not_found(text) from None

@@ -174,7 +174,8 @@ def load_posterior(path: Path) -> Posterior:
         raise StudyError(f"there is no posterior {path}; run `femupdate calibrate` first")
     try:
         # h5netcdf complains on stderr about files that HDF5 refuses: let HDF5 see them first.
-        h5py.File(path, "r").close()
+        with h5py.File(path, "r") as file:
+            list(file.attrs.items())
         with xr.open_datatree(path, engine="h5netcdf") as tree:
             posterior = _posterior(tree.load())
         _check(posterior)

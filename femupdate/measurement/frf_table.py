@@ -19,6 +19,9 @@ from femupdate.measurement.table import Table
 
 MINIMUM_FREQUENCIES = 3
 _RATIO_UNITS = ("", "-", "–", "1")
+# A damping ratio of 1e-4 amplifies 5,000 times; two modes may cancel, but only so far.
+_POSSIBLE_RESPONSE = (1e-9, 1e5)
+_POSSIBLE_SD = (1e-5, 100.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,11 +97,12 @@ def _curve(table: Table, floor: str, columns: Mapping[FrfColumn, int]) -> NDArra
     magnitude, real, imaginary = (columns.get(FrfColumn(floor, p)) for p in ("abs", "re", "im"))
     if magnitude is not None and real is None and imaginary is None:
         values: NDArray[np.inexact] = _ratio(table, magnitude)
-        _require_above_zero(table, magnitude, np.asarray(values, dtype=np.float64), "|H|")
+        plain = np.asarray(values, dtype=np.float64)
+        _require_possible(table, magnitude, plain, "|H|", _POSSIBLE_RESPONSE)
         return values
     if magnitude is None and real is not None and imaginary is not None:
         values = _ratio(table, real) + 1j * _ratio(table, imaginary)
-        _require_above_zero(table, real, np.abs(values), "|H|")
+        _require_possible(table, real, np.abs(values), "|H|", _POSSIBLE_RESPONSE)
         return values
     raise table.file.error(
         f"floor {floor} must have either the column {floor} (|H|) or both {floor}_re and"
@@ -111,7 +115,7 @@ def _log_sd(table: Table, floor: str, columns: Mapping[FrfColumn, int]) -> Float
     if position is None:
         return np.full(table.values.shape[0], np.nan)
     values = _ratio(table, position)
-    _require_above_zero(table, position, values, "the standard deviation of ln|H|")
+    _require_possible(table, position, values, "the standard deviation of ln|H|", _POSSIBLE_SD)
     return values
 
 
@@ -125,11 +129,22 @@ def _ratio(table: Table, position: int) -> Floats:
     return table.values[:, position]
 
 
-def _require_above_zero(table: Table, position: int, values: Floats, what: str) -> None:
+def _require_possible(
+    table: Table, position: int, values: Floats, what: str, possible: tuple[float, float]
+) -> None:
+    least, most = possible
     wrong = np.flatnonzero(values <= 0)
     if wrong.size:
         raise table.file.error(
             f"{what} is {values[wrong[0]]:g} and must be above zero; correct or remove the row",
             int(table.lines[wrong[0]]),
+            table.title(position),
+        )
+    odd = np.flatnonzero((values < least) | (values > most))
+    if odd.size:
+        raise table.file.error(
+            f"{what} is {values[odd[0]]:g}, and no measurement has one beyond {least:g} to"
+            f" {most:g}; correct or remove the row",
+            int(table.lines[odd[0]]),
             table.title(position),
         )

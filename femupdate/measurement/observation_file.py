@@ -31,13 +31,15 @@ from femupdate.measurement.quantity import si_factor, split_unit
 from femupdate.measurement.record import LARGEST_PEAK
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.registry import read_measured
-from femupdate.measurement.sampling import uniform_step
+from femupdate.measurement.sampling import check_step, uniform_step
 from femupdate.measurement.table import Table
 from femupdate.measurement.text import TextFile, closest
 from femupdate.units import STANDARD_GRAVITY
 
 logger = logging.getLogger(__name__)
 
+# m/s2; a floor that feels forty times the largest base is a spike or a unit.
+LARGEST_RESPONSE = 40.0 * LARGEST_PEAK
 MINIMUM_SAMPLES = 64  # four segments of 32 samples: less is no spectrum
 __all__ = ["FrfTable", "Histories", "observation_in", "read_observation_file"]
 _COMMON_NAMES = (BASE, "RF", *(f"{n}F" for n in range(2, 13)))
@@ -205,6 +207,7 @@ def _histories(
     _require_base_and_floors(file, tuple(channels))
     first = next(iter(channels.values()))
     _require_spectrum(file, first.values.size)
+    check_step(file, first.time_step, repr(first.name))
     for each in channels.values():
         if (each.time_step, each.values.size) != (first.time_step, first.values.size):
             raise file.error(
@@ -252,6 +255,13 @@ def _acceleration(
         raise file.error(
             f"the base peaks at {peak / STANDARD_GRAVITY:.3g} g when read in {stated}, which no"
             " strong-motion record has (up to 5 g); is the unit wrong?",
+            column=title,
+        )
+    if peak > LARGEST_RESPONSE:
+        at = int(np.abs(values).argmax())
+        raise file.error(
+            f"value {at + 1} is {peak / STANDARD_GRAVITY:.3g} g when read in {stated}, which no"
+            " floor feels; remove the spike, or correct the unit",
             column=title,
         )
     return values

@@ -18,12 +18,14 @@ from femupdate.measurement.channel import (
 )
 from femupdate.measurement.quantity import plain_unit, si_factor
 from femupdate.measurement.registry import read_measured
+from femupdate.measurement.sampling import check_step
 from femupdate.measurement.text import TextFile
 from femupdate.units import STANDARD_GRAVITY
 
 logger = logging.getLogger(__name__)
 
 LARGEST_PEAK = 5.0 * STANDARD_GRAVITY  # m/s2; the largest recorded is about 4 g (2008, Iwate)
+LARGEST_SCALED = 100.0 * STANDARD_GRAVITY  # m/s2, of a record that a user scales
 SMALLEST_PEAK = 1e-6 * STANDARD_GRAVITY  # m/s2; below the resolution of an accelerograph
 MINIMUM_SAMPLES = 10
 # Filter of the resampling: 32 periods of the lower rate, stopband 80 dB down.
@@ -87,6 +89,12 @@ class GroundMotion:
         """Return the motion times a factor; a negative one turns its direction round."""
         if not np.isfinite(factor):
             raise MeasurementError(f"ground motion {self.name}: cannot be scaled by {factor}")
+        if self.peak * abs(factor) > LARGEST_SCALED:
+            raise MeasurementError(
+                f"ground motion {self.name}: times {factor:g} it peaks at "
+                f"{self.peak * abs(factor) / STANDARD_GRAVITY:.3g} g, which no shaking table"
+                " reaches; give a smaller factor"
+            )
         return replace(self, acceleration=self.acceleration * factor)
 
     def demeaned(self, start: float = 0.0, end: float | None = None) -> "GroundMotion":
@@ -201,6 +209,7 @@ def _choose(
 
 def _check_plausible(file: TextFile, motion: GroundMotion) -> None:
     where = repr(motion.channel)
+    check_step(file, motion.time_step, where)
     if motion.acceleration.size < MINIMUM_SAMPLES:
         raise file.error(
             f"{motion.acceleration.size} values are no record; give the whole time history",

@@ -38,7 +38,15 @@ def read_measured(path: str | Path, format: str | None = None) -> Recording:
     """
     path = Path(path)
     reader = _named(path, format) if format is not None else _recognised(path)
-    return replace(reader.read(path), format=reader.name)
+    try:
+        return replace(reader.read(path), format=reader.name)
+    except MeasurementError:
+        raise
+    except Exception as error:  # damage of a kind that the reader does not expect
+        raise MeasurementError(
+            f"{path}: it is read as one of {reader.reads}, but is damaged ({error}); write it"
+            " again from its source"
+        ) from error
 
 
 def _named(path: Path, format: str) -> Reader:

@@ -11,6 +11,27 @@ _JITTER = 0.01
 # Times rounded more coarsely than this could hide a lost sample (which shifts them by half a step).
 _COARSEST = 0.3
 _MAXIMUM_DECIMALS = 9
+_POSSIBLE_S = (1e-6, 10.0)  # an impact on a model, and the slowest monitoring of a tower
+
+
+def check_step(file: TextFile, step: float, title: str | None = None) -> None:
+    """Refuse a time step with which no building is measured.
+
+    Args:
+        file: where the step comes from.
+        step: s.
+        title: what messages call its column or channel.
+
+    Raises:
+        MeasurementError: it is none of the possible ones.
+    """
+    shortest, longest = _POSSIBLE_S
+    if not shortest <= step <= longest:
+        raise file.error(
+            f"the time step is {step:.3g} s, and buildings are measured every {shortest:g} to"
+            f" {longest:g} s; is the time's unit wrong?",
+            column=title,
+        )
 
 
 def uniform_step(file: TextFile, time: Floats, lines: Integers, title: str) -> float:
@@ -31,6 +52,7 @@ def uniform_step(file: TextFile, time: Floats, lines: Integers, title: str) -> f
     backwards = np.flatnonzero(np.diff(time) <= 0)
     if backwards.size and np.mean(np.diff(time) <= 0) > 0.5:
         raise file.error("the times do not increase; sort the rows by time", None, title)
+    check_step(file, float(np.median(np.diff(time))), title)
     digit = 10.0 ** -_decimals(time)
     time = time - time[0]
     step, start = np.polyfit(np.arange(time.size), time, 1)

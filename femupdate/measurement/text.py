@@ -7,12 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from femupdate.errors import MeasurementError
+from femupdate.files import read_file
 
 _UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 _ZIP_MARK = b"PK\x03\x04"
 # JMA writes station names in Shift-JIS; latin-1 accepts every byte and comes last.
 _ENCODINGS = ("utf-8-sig", "cp932", "latin-1")
 _HEAD_BYTES = 65536
+_LARGEST_BYTES = 300_000_000  # of a text; its table takes some three times that in memory
 
 
 @dataclass(frozen=True)
@@ -96,20 +98,9 @@ def read_bytes(path: str | Path, limit: int = -1) -> bytes:
     """Return the bytes of a file, at most `limit` of them.
 
     Raises:
-        MeasurementError: the file is missing, a folder, unreadable or empty.
+        MeasurementError: the file is missing, no regular file, unreadable, too large or empty.
     """
-    path = Path(path)
-    if path.is_dir():
-        raise MeasurementError(f"{path} is a folder; name the file in it")
-    try:
-        with path.open("rb") as stream:
-            data = stream.read(limit)
-    except FileNotFoundError:
-        raise MeasurementError(f"{path}: no such file; check the name and the folder") from None
-    except OSError as error:
-        raise MeasurementError(
-            f"{path}: cannot be read ({error.strerror}); check its permissions"
-        ) from None
+    data = read_file(path, _LARGEST_BYTES, MeasurementError, limit)
     if not data.strip():
         raise MeasurementError(f"{path}: the file is empty; write it again from its source")
     return data

@@ -47,6 +47,8 @@ _LARGEST_BAND = 0.9  # of the Nyquist frequency; the record is interpolated flat
 # The record is taken as straight between 32 points a sample: at half the Nyquist frequency that
 # loses 2e-4 of the response.
 _OVERSAMPLING = 32
+_MOST_SAMPLES = 500_000  # a channel: an hour and more at 100 Hz; with the oversampling 1 GB
+_LARGEST_RMS = 100.0  # m/s2
 _EXCITED = 0.01  # share of the mass from which a mode is worth naming
 
 
@@ -128,9 +130,20 @@ def _check_settings(settings: SimulationSettings) -> None:
         value = getattr(settings, name)
         if value is not None and not (np.isfinite(value) and value > 0.0):
             raise MeasurementError(f"{name} is {value}; it must be a number above zero")
+    if settings.rms_m_s2 > _LARGEST_RMS:
+        raise MeasurementError(
+            f"an rms of {settings.rms_m_s2:g} m/s2 is more than any shaking table reaches; give "
+            f"at most {_LARGEST_RMS:g}"
+        )
     noise = settings.sensor_noise_m_s2
     if not (np.isfinite(noise) and noise >= 0.0):
         raise MeasurementError(f"sensor_noise_m_s2 is {noise}; it must be zero or more")
+    samples = settings.sampling_hz * settings.duration_s
+    if settings.base_motion is None and samples > _MOST_SAMPLES:
+        raise MeasurementError(
+            f"{samples:.3g} samples a channel are too many to simulate; ask for at most "
+            f"{_MOST_SAMPLES:,}, by a shorter duration or a lower sampling rate"
+        )
     low, high = settings.band_hz
     if settings.base_motion is None and not 0.0 < low < high:
         raise MeasurementError(f"the band {low:g} to {high:g} Hz is empty; give the lower first")

@@ -34,4 +34,8 @@ COMMANDS = {
         "latent_size.command",
         "How many latent coordinates a building's data can tell apart.",
     ),
+    "fuzz": (
+        "fuzz.command",
+        "Mutated files for every reader: read, or refused in one sentence.",
+    ),
 }

@@ -88,7 +88,7 @@ def test_missing_path_names_the_path(tmp_path):
 
 
 def test_path_to_a_folder_is_refused(tmp_path):
-    with pytest.raises(BuildingError, match="cannot be read"):
+    with pytest.raises(BuildingError, match="is a folder; name the file in it"):
         load_building(tmp_path)
 
 

@@ -422,3 +422,59 @@ def test_ends_of_shells_are_refused(tmp_path, line):
     text = OWN.replace('thickness = "200 mm"', f'thickness = "200 mm"\n{line}')
     name = line.split()[0]
     refused(write(tmp_path, text=text), rf"parts\[0\]\.{name}: it is for beams, and these cells")
+
+
+def spoiled_mesh(folder, change):
+    """The building on a mesh in Abaqus' format whose text has been changed."""
+    nodes = "\n".join(f"{n}, {x}, {y}, {z}" for n, (x, y, z) in enumerate(POINTS, 1))
+    text = ABAQUS.format(nodes=nodes, slab=rows(SLAB), columns=rows(COLUMNS, 5))
+    (folder / "own.inp").write_bytes(change(text))
+    own = OWN.replace("own.vtu", "own.inp").replace('tags = "part"\n', "")
+    own = own.replace('group = "1"', 'group = "SLAB"').replace('group = "2"', 'group = "COLUMNS"')
+    (folder / "own.toml").write_text(own, encoding="utf-8")
+    return folder / "own.toml"
+
+
+def test_decimal_commas_are_told(tmp_path):
+    path = spoiled_mesh(tmp_path, lambda text: re.sub(r"(\d)\.(\d)", r"\1,\2", text).encode())
+    refused(path, r"mesh\.file: .*coordinates each \(is the comma the decimal sign\?\)")
+
+
+def test_a_mesh_in_utf_16_is_told(tmp_path):
+    refused(spoiled_mesh(tmp_path, lambda text: text.encode("utf-16")), r"mesh\.file: ")
+
+
+def test_a_mesh_without_nodes_is_told(tmp_path):
+    path = spoiled_mesh(tmp_path, lambda text: re.sub(r"(?m)^\d+, .*\n", "", text).encode())
+    refused(path, r"mesh\.file: ")
+
+
+def test_lines_of_a_mesh_in_another_order_are_told_or_read(tmp_path):
+    write(tmp_path)
+    good = (tmp_path / "own.vtu").read_text(encoding="utf-8").splitlines()
+    told = 0
+    for first in range(len(good) - 1):
+        lines = [*good[:first], good[first + 1], good[first], *good[first + 2 :]]
+        (tmp_path / "own.vtu").write_text("\n".join(lines), encoding="utf-8")
+        try:
+            load_building(tmp_path / "own.toml")
+        except BuildingError as error:
+            assert "mesh" in str(error)  # noqa: PT017
+            told += 1
+    assert told > 5
+
+
+def test_nodes_beyond_all_buildings_are_told(tmp_path):
+    refused(write(tmp_path, points=1e12 * np.asarray(POINTS)), "a node lies at .*no building")
+
+
+def test_a_packed_mesh_is_not_unpacked(tmp_path):
+    """HDF5 packs zeros a thousandfold: 800 MB in less than 1 MB."""
+    import h5py
+
+    write(tmp_path)
+    with h5py.File(tmp_path / "own.med", "w") as file:
+        file.create_dataset("a", (100_000_000,), "f8", compression="gzip", fillvalue=0.0)
+    own = (tmp_path / "own.toml").read_text(encoding="utf-8").replace("own.vtu", "own.med")
+    (tmp_path / "own.toml").write_text(own, encoding="utf-8")
+    refused(tmp_path / "own.toml", r"own\.med holds 800 MB, which no building's mesh needs")

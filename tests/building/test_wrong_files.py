@@ -1,6 +1,7 @@
 """Every wrong file ends in one sentence that names the file, the key and the mend."""
 
 import re
+import time
 
 import pytest
 
@@ -426,3 +427,60 @@ ratio = 0.1
     )
     with pytest.raises(BuildingError, match=r"stories\[0\]\.stiffness: give either"):
         load_building(write(tmp_path, without))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("a = " + "[" * 100_000, "nested too deeply"),
+        ("a = " + "{b = " * 100_000, "nested too deeply|not valid TOML"),
+        ("a." * 100_000 + "b = 1", "nested too deeply"),
+        ("a = {b" + ".c" * 100_000 + " = 1}", "nested too deeply"),
+        ("[" + "a." * 100_000 + "b]", "nested too deeply"),
+        ("count = " + "9" * 5000, r"a value cannot be read \(Exceeds the limit"),
+    ],
+    ids=["lists", "tables", "dotted key", "inline dotted key", "dotted table", "long integer"],
+)
+def test_files_made_to_harm_are_refused_at_once(tmp_path, small_text, text, message):
+    started = time.monotonic()
+    with pytest.raises(BuildingError, match=message):
+        load_building(write(tmp_path, f"{small_text}\n{text}\n"))
+    assert time.monotonic() - started < 5.0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('total = "60 t"', 'total = "1e300 t"', r"floor_mass\[0\]\.total: .*mass that no building"),
+        ('"3.2 m"', '"3.5 mm"', r"stories\[0\]\.height: a story 3.5 mm high is none; is the unit"),
+        ('"3.2 m"', '"3200 km"', r"stories\[0\]\.height: .* is a length that no building has"),
+        ('"25 GPa"', '"1e-9 GPa"', r"youngs_modulus: .* is a stress that no building has"),
+        ('width = "300 mm"', 'width = "1e-300 mm"', r"sections\.column\.width: .* no building has"),
+        ('"2400 kg/m3"', '"1e9 t/m3"', r"density: .* is a density that no building has"),
+        ('step = "0.1 Hz"', 'step = "1e30 Hz"', r"frequency_grid\.step: .* that no building has"),
+    ],
+)
+def test_figures_that_no_building_has(tmp_path, small_text, old, new, message):
+    assert old in small_text
+    with pytest.raises(BuildingError, match=message):
+        load_building(write(tmp_path, small_text.replace(old, new, 1)))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"25 GPa"', '"210 MPa"', "youngs_modulus is 0.21 GPa, and steel has 210"),
+        ('"25 GPa"', '"210000 GPa"', "youngs_modulus is 2.1e+05 GPa, and steel has 210"),
+        ('"2400 kg/m3"', '"0 kg/m3"', "density is zero: the members made of it weigh nothing"),
+    ],
+)
+def test_figures_that_an_engineer_would_ask_about(tmp_path, small_text, caplog, old, new, message):
+    for _ in range(2):  # told once, however often a command reads the file
+        load_building(write(tmp_path, small_text.replace(old, new, 1)))
+    (record,) = caplog.records
+    assert f"materials.concrete: {message}" in record.message
+
+
+def test_usual_figures_are_taken_in_silence(tmp_path, small_text, caplog):
+    load_building(write(tmp_path, small_text))
+    assert caplog.records == []

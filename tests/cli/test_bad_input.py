@@ -201,7 +201,7 @@ def test_another_building_than_the_study_has(femupdate, bench, calibrated, snaps
 BAD_BUILDINGS = {
     "unknown": (lambda b: "shear_5dof", ["shear_5dof", "the shipped buildings are"]),
     "missing": (lambda b: b.folder / "x.toml", ["x.toml", "no such building file"]),
-    "folder": (lambda b: b.folder, ["cannot be read"]),
+    "folder": (lambda b: b.folder, ["is a folder; name the file in it"]),
     "malformed": (
         lambda b: b.file("x.toml", b.tower.read_text().replace('"3 t"', '"3 t')),
         ["x.toml", "not valid TOML", "line 7"],
@@ -306,6 +306,7 @@ BAD_RECORDS = {
     "several channels": (lambda b: [two_channels(b)], ["2 channels", "1 = EW"]),
     "no such channel": (lambda b: [two_channels(b), "--channel", "UD"], ["no channel 'UD'"]),
     "scale": (lambda b: [plain(b), "--scale", "nan"], ["cannot be scaled by nan"]),
+    "scale of 1e300": (lambda b: [plain(b), "--scale", "1e300"], ["no shaking table reaches"]),
     "scale of zero": (lambda b: [plain(b), "--scale", "0"], ["base acceleration zero?"]),
     "measured elsewhere": (
         lambda b: [plain(b), "--measured", b.observation()],

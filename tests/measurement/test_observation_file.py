@@ -245,3 +245,42 @@ def test_real_bench_top_frame(shared_file):
     )
     with pytest.raises(MeasurementError, match=r"the first is 't_s'; rename it or map it"):
         read_observation_file(path, "m/s2")
+
+
+@pytest.mark.parametrize("value", ["1e300", "-5e4"])
+def test_a_spike_that_no_floor_feels(write, value):
+    lines = histories_text(units="s,m/s2,m/s2,m/s2,m/s2,m/s2").splitlines()
+    cells = lines[40].split(",")
+    lines[40] = ",".join([*cells[:4], value, *cells[5:]])
+    with pytest.raises(MeasurementError, match=r"'RF': value 38 is .*which no floor feels"):
+        read_observation_file(write("\n".join(lines), "obs.csv"))
+
+
+@pytest.mark.parametrize("factor", [1e-9 / 0.005, 1e6 / 0.005])
+def test_a_time_step_with_which_nothing_is_measured(write, factor):
+    head, *rest = histories_text().split("\n", 3)
+    rows = [line.split(",", 1) for line in rest[-1].splitlines()]
+    table = "\n".join(f"{factor * float(time):.12g},{cells}" for time, cells in rows)
+    with pytest.raises(MeasurementError, match=r"the time step is .* s, and buildings are"):
+        read_observation_file(write("\n".join([head, *rest[:-1], table]), "obs.csv"))
+
+
+@pytest.mark.parametrize(
+    ("columns", "message"),
+    [
+        (
+            {"RF": np.array([1.0, 1e9, 2.0, 1.0])},
+            r"line 3.*\|H\| is 1e\+09, and no measurement has",
+        ),
+        ({"RF": np.array([1.0, 1e-200, 2.0, 1.0])}, r"\|H\| is 1e-200, and no measurement has"),
+        ({"RF_re": np.full(4, 1e200), "RF_im": np.ones(4)}, r"\|H\| is 1e\+200"),
+        (
+            {"RF": np.ones(4), "RF_sd": np.full(4, 1e-300)},
+            r"of ln\|H\| is 1e-300, and no",
+        ),
+    ],
+)
+def test_responses_that_nothing_has(write, columns, message):
+    text = frf_text(np.arange(1.0, 5.0), columns)
+    with pytest.raises(MeasurementError, match=message):
+        read_observation_file(write(text, "frf.csv"))

@@ -230,3 +230,27 @@ def test_unknown_format(write):
 def test_forced_format_that_does_not_fit(write, kind):
     with pytest.raises(MeasurementError):
         read_record(write(plain(rows())), format=kind)
+
+
+@pytest.mark.parametrize("step", [1e-9, 1e6])
+def test_a_time_step_with_which_nothing_is_measured(write, texts, step):
+    text = texts["peer"](VALUES / 981.0, step=f"{step:g}")
+    with pytest.raises(MeasurementError, match=r"the time step is 1e.* is the time's unit wrong\?"):
+        read_record(write(text, "r.at2"))
+    times = [f"{k * step:.12g}" for k in range(N)]
+    with pytest.raises(MeasurementError, match="the time step is"):
+        read_record(write(plain(rows(times=times)), "r.csv"))
+
+
+def test_damage_that_a_reader_does_not_expect(write, monkeypatch):
+    from dataclasses import replace
+
+    from femupdate.measurement import registry
+
+    def fails(path):
+        raise IndexError("list index out of range")
+
+    broken = {"plain": replace(registry.readers()["plain"], read=fails)}
+    monkeypatch.setattr(registry, "readers", lambda: broken)
+    with pytest.raises(MeasurementError, match=r"bad\.csv: it is read as .* is damaged \(list"):
+        read_record(write(plain(rows()), "bad.csv"))

@@ -1,0 +1,1 @@
+"""The benchmark `fuzz`: mutated files for every reader."""

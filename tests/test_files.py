@@ -1,0 +1,63 @@
+"""Files that are none, for every reader: nothing hangs, nothing fills the memory."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from femupdate.building.files import load_building
+from femupdate.errors import BuildingError, FemupdateError, MeasurementError, StudyError
+from femupdate.files import read_file
+from femupdate.measurement import text
+from femupdate.measurement.observation_file import read_observation_file
+from femupdate.measurement.record import read_record
+
+
+def test_content_and_head(tmp_path):
+    (tmp_path / "f").write_bytes(b"abcdef")
+    assert read_file(tmp_path / "f", 10, StudyError) == b"abcdef"
+    assert read_file(tmp_path / "f", 1, StudyError, limit=3) == b"abc"
+
+
+def test_a_file_that_is_too_large(tmp_path):
+    (tmp_path / "f").write_bytes(bytes(2_000_001))
+    with pytest.raises(StudyError, match=r"f has 2 MB, more than the 1 MB .*split it"):
+        read_file(tmp_path / "f", 1_000_000, StudyError)
+
+
+def fifo(folder):
+    os.mkfifo(folder / "pipe.csv")
+    return folder / "pipe.csv"
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes and devices of POSIX")
+@pytest.mark.parametrize("make", [fifo, lambda folder: Path("/dev/zero")], ids=["pipe", "device"])
+@pytest.mark.parametrize("read", [load_building, read_observation_file, read_record])
+def test_pipes_and_devices(tmp_path, make, read):
+    with pytest.raises(FemupdateError, match="is a pipe or a device; save its content as a file"):
+        read(make(tmp_path))
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes and devices of POSIX")
+def test_a_device_for_a_mesh(tmp_path):
+    (tmp_path / "b.toml").write_text(
+        'name = "b"\nkind = "mesh"\n[mesh]\nfile = "/dev/zero"\nunit = "m"\n'
+        '[[stories]]\nname = "S"\nheight = "3 m"\n'
+        '[materials.c]\nyoungs_modulus = "30 GPa"\npoisson_ratio = 0.2\ndensity = "2400 kg/m3"\n'
+        '[[parts]]\ngroup = "1"\nthickness = "200 mm"\n'
+        '[sensors]\ndirection = "x"\npoints = [["0 m", "0 m"]]\n'
+        '[frequency_grid]\nstart = "0.1 Hz"\nstep = "0.1 Hz"\ncount = 100\n'
+        '[prior.theta]\nlower = 0.5\nupper = 2\n[damping]\nlaw = "constant"\nratio = 0.02\n'
+    )
+    with pytest.raises(BuildingError, match=r"mesh\.file: there is no file /dev/zero"):
+        load_building(tmp_path / "b.toml")
+
+
+def test_limits_of_texts(tmp_path, monkeypatch):
+    monkeypatch.setattr(text, "_LARGEST_BYTES", 1_000_000)
+    (tmp_path / "long.csv").write_text("time_s,a\ns,gal\n" + "0.1,2\n" * 300_000)
+    with pytest.raises(MeasurementError, match="more than the 1 MB that such a file may have"):
+        read_record(tmp_path / "long.csv")
+    (tmp_path / "b.toml").write_bytes(b" " * 20_000_001)
+    with pytest.raises(BuildingError, match="too large for a building file"):
+        load_building(tmp_path / "b.toml")
