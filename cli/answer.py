@@ -31,21 +31,25 @@ class Answer:
         pictures: files drawn; None of a command that draws none of its own.
         more: goes into the JSON object as well.
         files: other files written, named beside the pictures.
+        tables: CSV files written; None of a command that writes none.
     """
 
     result: Result
     pictures: tuple[Path, ...] | None = None
     more: dict[str, Any] = field(default_factory=dict)
     files: Sequence[Path] = ()
+    tables: tuple[Path, ...] | None = None
 
     def show(self, as_json: bool) -> None:
         """Print it, for scripts or for people."""
         drawn = {} if self.pictures is None else {"pictures": self.pictures}
+        if self.tables is not None:
+            drawn["tables"] = self.tables
         if as_json:
             print_json({**self.result.as_dict(), **drawn, **self.more})
             return
         click.echo("\n".join(self.result.lines()))
-        print_pictures((*(self.pictures or ()), *self.files))
+        print_pictures((*(self.pictures or ()), *self.files, *(self.tables or ())))
 
 
 def print_json(content: dict[str, Any]) -> None:

@@ -63,6 +63,7 @@ def command(
     from femupdate.workflow.calibrate import calibrate_study
     from femupdate.workflow.calibrate_settings import CalibrationSettings
     from femupdate.workflow.checks import check_calibration
+    from femupdate.workflow.csv_tables import write_posterior_tables
     from femupdate.workflow.model import open_study
     from femupdate.workflow.observed import ObservationSource
     from femupdate.workflow.pictures_posterior import draw_posterior
@@ -73,4 +74,5 @@ def command(
     check_calibration(study, source, settings, building)
     model = open_study(study, building, bars)
     report = calibrate_study(study, model, source, settings, bars)
-    return Answer(report, draw_posterior(study, report, bars) if pictures else ())
+    drawn = draw_posterior(study, report, bars) if pictures else ()
+    return Answer(report, drawn, tables=write_posterior_tables(study, report))

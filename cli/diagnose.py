@@ -50,6 +50,7 @@ def command(
     """
     from femupdate.discrepancy.thresholds import DiagnosisSettings
     from femupdate.workflow.checks import readable
+    from femupdate.workflow.csv_tables import write_diagnosis_tables
     from femupdate.workflow.diagnose import diagnose_study
     from femupdate.workflow.model import open_study
     from femupdate.workflow.pictures_discrepancy import draw_diagnosis
@@ -63,4 +64,5 @@ def command(
         report,
         draw_diagnosis(study, report) if pictures else (),
         {"diagnosis": report.path},
+        tables=write_diagnosis_tables(study, report),
     )

@@ -82,6 +82,7 @@ def command(
     Reads JMA, K-NET, PEER, CSMIP and further formats; `femupdate list` has all of them.
     """
     from femupdate.workflow.checks import open_calibrated
+    from femupdate.workflow.csv_tables import write_prediction_tables
     from femupdate.workflow.pictures_prediction import draw_prediction
     from femupdate.workflow.predict import predict_study
     from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource
@@ -96,4 +97,5 @@ def command(
         columns=columns,
         progress=bars,
     )
-    return Answer(report, draw_prediction(study, report, bars) if pictures else ())
+    drawn = draw_prediction(study, report, bars) if pictures else ()
+    return Answer(report, drawn, tables=write_prediction_tables(study, report))

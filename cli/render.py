@@ -27,8 +27,10 @@ def command(modes: int, samples: int, study: Study, seed: int, bars: Bars) -> An
     The modes are those that the base motion excites, lowest first.
     """
     from femupdate.workflow.checks import open_calibrated
+    from femupdate.workflow.csv_tables import write_mode_table
     from femupdate.workflow.render import render_study
 
     model = open_calibrated(study, bars)
     report = render_study(study, model, modes, samples, seed=seed, progress=bars)
-    return Answer(report, more={"study": study.folder})
+    tables = (write_mode_table(study, report),)
+    return Answer(report, more={"study": study.folder}, tables=tables)

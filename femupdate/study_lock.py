@@ -14,7 +14,8 @@ from femupdate.errors import StudyError
 _LOCK = ".lock"
 _OWNER = ".lock-owner.json"
 # Folders inside a study into which files are written.
-_INNER = ("", "dataset/*", "sampling", "pictures", "repaired", "repaired/pictures")
+_WRITTEN = ("", "pictures", "tables")
+_INNER = (*_WRITTEN, "dataset/*", "sampling", *(f"repaired/{inner}" for inner in _WRITTEN))
 
 
 @contextlib.contextmanager

@@ -289,6 +289,8 @@ def layout(across: Axis, up: Axis) -> dict[str, Any]:
         "paper_bgcolor": "rgba(0,0,0,0)",
         "plot_bgcolor": "rgba(0,0,0,0)",
         "hovermode": "closest",
+        "hoverlabel": {"namelength": -1},
+        "modebar": {"bgcolor": "rgba(255,255,255,0.8)", "color": QUIET},
         "legend": {"orientation": "h", "y": 1.0, "yanchor": "bottom", "x": 0},
         "xaxis": _axis(across),
         "yaxis": _axis(up),

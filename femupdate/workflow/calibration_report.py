@@ -12,6 +12,7 @@ from femupdate.inference.posterior import Posterior
 from femupdate.inference.predictive_check import PredictiveCheck
 from femupdate.tables import table
 from femupdate.workflow.model import StudyModel
+from femupdate.workflow.parameter_titles import parameter_titles
 from femupdate.workflow.summary import identifiability_record
 
 POSTERIOR = "posterior"
@@ -93,6 +94,7 @@ class CalibrationReport:
         posterior, draws = self.posterior, self.posterior.samples
         columns = (draws.mean(axis=0), draws.std(axis=0), *self.quantiles)
         head: tuple[str, ...] = ("", "mean", "sd", "5 %", "95 %")
+        titles = parameter_titles(self.model.building, posterior.names)
         rows: list[tuple[str, ...]] = [
             (name, *(f"{v:.4f}" for v in values))
             for name, *values in zip(posterior.names, *columns, strict=True)
@@ -100,6 +102,8 @@ class CalibrationReport:
         if self.r_hat is not None:
             head = (*head, "r-hat")
             rows = [(*row, f"{hat:.3f}") for row, hat in zip(rows, self.r_hat, strict=True)]
+        head = (*head, "of")
+        rows = [(*row, titles[name]) for row, name in zip(rows, posterior.names, strict=True)]
         lines = [
             f"{posterior.drawn.likelihood.capitalize()} posterior of {self.model.building.name} "
             f"from {', '.join(posterior.observation.floors) or 'frequencies'} of "

@@ -8,14 +8,13 @@ from typing import Any
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.building.parameters import factor_titles
 from femupdate.dynamics.system import System
 from femupdate.dynamics.tracking import TrackedMode
-from femupdate.effects.registry import CATALOGUE
 from femupdate.inference.posterior import Posterior
 from femupdate.study import Study
 from femupdate.workflow.effect_surrogate import open_system
 from femupdate.workflow.model import StudyModel
+from femupdate.workflow.parameter_titles import parameter_titles
 from femupdate.workflow.render import posterior_modes
 from femupdate.workflow.status import StatusReport
 
@@ -66,9 +65,8 @@ class PageStudy:
     @cached_property
     def titles(self) -> Mapping[str, str]:
         """What every parameter of the posterior is of."""
-        known = factor_titles(self.model.building)
         names = () if self.posterior is None else self.posterior.names
-        return {name: known.get(name) or effect_title(name) for name in names}
+        return parameter_titles(self.model.building, names)
 
     @cached_property
     def short_titles(self) -> Mapping[str, str]:
@@ -78,28 +76,6 @@ class PageStudy:
     def state(self, name: str) -> str | None:
         """State of a thing that the study may hold."""
         return next((item.state for item in self.status.items if item.name == name), None)
-
-
-def effect_title(name: str) -> str:
-    """What a parameter such as "added_mass@3F.size" is of; the name itself where it is another."""
-    effect_name, _, rest = name.partition("@")
-    place, _, parameter = rest.rpartition(".")
-    effect = CATALOGUE.get(effect_name)
-    if effect is None:
-        return name
-    own = next((one for one in effect.parameters if one.name == parameter), None)
-    text = "" if own is None else f": {own.text or own.name}"
-    unit = "" if own is None or own.unit == "1" else f" ({own.unit})"
-    return f"{effect.title} at {place}{text}{unit}"
-
-
-def interval_text(mean: float, sd: float, low: float, high: float) -> str:
-    """Mean and interval with two figures of the standard deviation, four of the mean at most."""
-    decimals = 3 - int(np.floor(np.log10(abs(mean)))) if mean else 3
-    if sd > 0.0:
-        decimals = min(decimals, 1 - int(np.floor(np.log10(sd))))
-    shown = max(decimals, 0)
-    return f"{mean:.{shown}f} [{low:.{shown}f}, {high:.{shown}f}]"
 
 
 def probability_text(value: float) -> str:

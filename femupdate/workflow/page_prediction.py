@@ -17,8 +17,13 @@ from femupdate.report.page_charts import (
     interval_figure,
     thinned,
 )
-from femupdate.workflow.page_parts import PageStudy, interval_text
-from femupdate.workflow.prediction_quantities import PeakDraws, Quantity, quantities
+from femupdate.workflow.page_parts import PageStudy
+from femupdate.workflow.prediction_quantities import (
+    PeakDraws,
+    Quantity,
+    quantities,
+    side_by_side,
+)
 
 _KNOWN = ("peak_acceleration", "peak_shear", "peak_drift", "story_stiffness")
 
@@ -47,7 +52,7 @@ def prediction_section(page: PageStudy) -> Section:
         _histories(predictions, base),
         *_spectra(predictions),
         _profiles(found),
-        *(_table(one) for one in _tables(found)),
+        *(_table(one) for one in side_by_side(found.values())),
         *_others(predictions),
     ]
     return Section("prediction", title, tuple(blocks))
@@ -156,20 +161,12 @@ def _profiles(found: dict[str, Quantity]) -> Chart:
 def _profile(one: Quantity) -> Figure:
     own = one.statistics
     interval = Interval(name="mean, 5 to 95 %", mean=own.mean, low=own.q05, high=own.q95)
-    return interval_figure(one.places, [interval], f"{one.name}, {one.unit}")
-
-
-def _tables(found: dict[str, Quantity]) -> list[list[Quantity]]:
-    """Quantities that share their places stand beside one another."""
-    groups: dict[tuple[str, ...], list[Quantity]] = {}
-    for one in found.values():
-        groups.setdefault(one.places, []).append(one)
-    return list(groups.values())
+    return interval_figure(one.places, [interval], one.heading)
 
 
 def _table(group: list[Quantity]) -> Table:
-    head = [f"{one.name}, {one.unit}" for one in group]
-    columns = [_cells(one) for one in group]
+    head = [one.heading for one in group]
+    columns = [one.cells() for one in group]
     rows = tuple(zip(group[0].places, *columns, strict=True))
     names = ", ".join(one.name for one in group)
     return Table(
@@ -179,12 +176,6 @@ def _table(group: list[Quantity]) -> Table:
         rows=rows,
         note="Mean, and 5 to 95 % in brackets.",
     )
-
-
-def _cells(one: Quantity) -> list[str]:
-    own = one.statistics
-    rows = zip(own.mean, own.sd, own.q05, own.q95, strict=True)
-    return [interval_text(*(float(value) for value in row)) for row in rows]
 
 
 def _others(predictions: Any) -> list[Table]:

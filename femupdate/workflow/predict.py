@@ -35,6 +35,7 @@ from femupdate.workflow.prediction_inputs import (
     RecordSource,
     measured_floors,
 )
+from femupdate.workflow.prediction_quantities import TIDY, PeakDraws, Quantity, quantities, tables
 
 PREDICTION = "prediction"
 _EXAMPLES = 100
@@ -50,6 +51,7 @@ class PredictionReport:
         damping: what damping was used, in words.
         notes: what the user should know.
         seconds: all the time taken.
+        quantities: peaks, drift ratios, base shear and stiffness of the stories, by key.
         motion: of the base.
         measured: (f, n) floors measured in the same motion, m/s2, if any.
         floor_spectra: where they were asked for, over the first hundred samples.
@@ -61,6 +63,7 @@ class PredictionReport:
     damping: str
     notes: tuple[str, ...]
     seconds: float
+    quantities: Mapping[str, Quantity]
     motion: GroundMotion
     measured: Floats | None = None
     floor_spectra: FloorSpectra | None = None
@@ -90,6 +93,11 @@ class PredictionReport:
             "floors": floors,
             "peak_acceleration_m_s2": self.peak_acceleration.by_name(floors),
             "story_stiffness_n_per_m": self.story_stiffness.by_name(stories),
+            "peaks": [
+                dict(zip(TIDY, row, strict=True))
+                for one in self.quantities.values()
+                for row in one.tidy()
+            ],
             "damping": self.damping,
             "notes": self.notes,
             "seconds": self.seconds,
@@ -104,12 +112,11 @@ class PredictionReport:
 
     def lines(self) -> tuple[str, ...]:
         """Peaks, stiffnesses and what else was asked for in tables, and notes, for people."""
-        stories = [f"story {k}" for k in range(1, len(self.story_stiffness.mean) + 1)]
         lines = [
             f"Prediction from {len(self.summary)} posterior draws, {self.seconds:.1f} s",
             f"  damping ratio: {self.damping}",
-            self.peak_acceleration.table("peak m/s2", self.summary.floors, ".3f"),
-            self.story_stiffness.table("stiffness N/m", stories, ".4g"),
+            *tables(self.quantities.values()),
+            "  mean, and 5 to 95 % in brackets",
         ]
         for number, member in enumerate(self.members, start=1):
             lines += member.lines(number)
@@ -175,6 +182,12 @@ def predict_study(
         damping=damping,
         notes=(*_notes(model, motion), *at_level),
         seconds=time.monotonic() - started,
+        quantities=quantities(
+            model.building,
+            summary.floors,
+            PeakDraws.of(summary),
+            float(model.reduced.story_mass[0]),
+        ),
         motion=motion,
         measured=reference,
         floor_spectra=spectra,

@@ -1,6 +1,6 @@
 """What a prediction gives an engineer: peaks, drift ratios, base shear and stiffness."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -43,19 +43,44 @@ class Quantity:
         rows = zip(self.places, *(column.tolist() for column in columns), strict=True)
         return tuple((self.name, self.unit, *row) for row in rows)
 
-    def table(self) -> str:
-        """Mean and quantiles in words, three significant figures or so."""
+    @property
+    def heading(self) -> str:
+        """Name and unit."""
+        return f"{self.name}, {self.unit}"
+
+    def cells(self) -> tuple[str, ...]:
+        """Mean and 5 to 95 % at every place."""
         own = self.statistics
-        rows = [
-            (place, *(figures(value) for value in values))
-            for place, *values in zip(self.places, own.mean, own.q05, own.q95, strict=True)
-        ]
-        return table((f"{self.name}, {self.unit}", "mean", "5 %", "95 %"), rows)
+        rows = zip(own.mean, own.sd, own.q05, own.q95, strict=True)
+        return tuple(interval_text(*(float(value) for value in row)) for row in rows)
 
 
-def figures(value: float) -> str:
-    """Four significant figures, without an exponent where there is no need."""
-    return f"{value:.4g}" if abs(value) < 1e5 else f"{value:.0f}"
+def interval_text(mean: float, sd: float, low: float, high: float) -> str:
+    """Mean and interval with two figures of the standard deviation, four of the mean at most."""
+    decimals = 3 - int(np.floor(np.log10(abs(mean)))) if mean else 3
+    if sd > 0.0:
+        decimals = min(decimals, 1 - int(np.floor(np.log10(sd))))
+    shown = max(decimals, 0)
+    return f"{mean:.{shown}f} [{low:.{shown}f}, {high:.{shown}f}]"
+
+
+def side_by_side(found: Iterable[Quantity]) -> list[list[Quantity]]:
+    """Quantities of the same places together, as they stand in one table."""
+    groups: dict[tuple[str, ...], list[Quantity]] = {}
+    for one in found:
+        groups.setdefault(one.places, []).append(one)
+    return list(groups.values())
+
+
+def tables(found: Iterable[Quantity]) -> tuple[str, ...]:
+    """Tables in words, one of the floors, one of the stories, one of the base."""
+    return tuple(
+        table(
+            ("", *(one.heading for one in group)),
+            list(zip(group[0].places, *(one.cells() for one in group), strict=True)),
+        )
+        for group in side_by_side(found)
+    )
 
 
 def heights_of(building: Building) -> Floats | None:
@@ -105,22 +130,18 @@ def quantities(
     stories = tuple(building.story_names)
     base = peaks.shear[:, :1]
     found = {
-        "acceleration": Quantity(
-            "peak floor acceleration", "m/s²", tuple(floors), peaks.acceleration
-        ),
-        "drift": Quantity("peak story drift", "mm", stories, 1e3 * peaks.drift),
+        "acceleration": Quantity("peak acceleration", "m/s²", tuple(floors), peaks.acceleration),
+        "drift": Quantity("peak drift", "mm", stories, 1e3 * peaks.drift),
     }
     heights = heights_of(building)
     if heights is not None:
         ratio = 100.0 * peaks.drift / heights
-        found["ratio"] = Quantity("peak story drift ratio", "%", stories, ratio)
-    found["shear"] = Quantity("peak story shear", "kN", stories, 1e-3 * peaks.shear)
+        found["ratio"] = Quantity("drift ratio", "%", stories, ratio)
+    found["shear"] = Quantity("peak shear", "kN", stories, 1e-3 * peaks.shear)
     found["base"] = Quantity("peak base shear", "kN", ("base",), 1e-3 * base)
     weight = mass * STANDARD_GRAVITY
     found["coefficient"] = Quantity(
         "peak base shear over weight", "%", ("base",), 100.0 * base / weight
     )
-    found["stiffness"] = Quantity(
-        "story stiffness in this motion", "kN/mm", stories, 1e-6 * peaks.stiffness
-    )
+    found["stiffness"] = Quantity("stiffness", "kN/mm", stories, 1e-6 * peaks.stiffness)
     return found

@@ -2,6 +2,8 @@
 (function () {
   const SETTINGS = { responsive: true, displaylogo: false, modeBarButtonsToRemove: ["lasso2d", "select2d"] };
 
+  const PAPER = 690; // px, the width of a sheet between its margins
+
   function read(element) { return JSON.parse(element.textContent); }
 
   // A plot is drawn when it comes into view, so that the page opens at once.
@@ -124,8 +126,12 @@
   window.addEventListener("beforeprint", function () {
     openAll(true);
     drawAll();
-    plots.forEach(function (plot) { if (plot.dataset.state === "drawn") Plotly.Plots.resize(plot); });
+    sized({ autosize: false, width: PAPER });
   });
+  window.addEventListener("afterprint", function () { sized({ autosize: true, width: null }); });
+  function sized(change) {
+    plots.forEach(function (plot) { if (plot.dataset.state === "drawn") Plotly.relayout(plot, change); });
+  }
   sections.forEach(function (section) {
     section.addEventListener("toggle", function () {
       if (section.open) section.querySelectorAll(".plot").forEach(function (plot) {

@@ -1,0 +1,104 @@
+"""Tables for spreadsheets hold what was computed, one thing a row, with units."""
+
+import csv
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from femupdate.cli.main import group
+
+from femupdate.building.parameters import factor_titles
+from femupdate.inference.posterior import load_posterior
+from femupdate.workflow.parameter_titles import effect_title
+from femupdate.workflow.prediction_quantities import Quantity, interval_text, tables
+
+
+def rows_of(path):
+    with open(path, encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.fixture(scope="module")
+def folder(tower_study, tower_observation, tmp_path_factory):
+    """Tables that `predict` and `render` write into a study, and the answer of `predict`."""
+    import json
+    import shutil
+
+    from femupdate.measurement.record import GroundMotion
+    from femupdate.measurement.write import write_record
+
+    study = shutil.copytree(tower_study, tmp_path_factory.mktemp("tables") / "study")
+    histories = tower_observation.histories
+    motion = GroundMotion(histories.acceleration[0][:1000], histories.time_step)
+    record = write_record(study.parent / "record.csv", motion)
+    words = ["predict", "--record", record, "--samples", 20, "--no-pictures", "--json"]
+    done = CliRunner().invoke(group, [*map(str, words), "--study", str(study)])
+    answer = json.loads(done.stdout)
+    assert answer["tables"] == [str(study / "tables" / name) for name in PREDICTED]
+    return study, answer
+
+
+PREDICTED = ("predicted_peaks.csv", "floor_histories.csv")
+
+
+def test_predicted_peaks(folder):
+    study, answer = folder
+    rows = rows_of(study / "tables" / "predicted_peaks.csv")
+    assert [row["place"] for row in rows if row["quantity"] == "peak drift"] == ["low", "high"]
+    by_key = {(row["quantity"], row["place"]): row for row in rows}
+    stiffness = answer["story_stiffness_n_per_m"]["1"]["mean"]
+    kept = by_key["stiffness", "low"]
+    assert kept["unit"] == "kN/mm"
+    assert float(kept["mean"]) == pytest.approx(stiffness / 1e6)
+    base, first = by_key["peak base shear", "base"], by_key["peak shear", "low"]
+    assert base["mean"] == first["mean"]
+    # All masses of the tower but none of its base: 5 t.
+    weight = 100.0 * float(base["mean"]) / float(by_key[SHARE]["mean"])
+    assert weight == pytest.approx(5.0 * 9.80665, rel=1e-6)
+    assert [one["mean"] for one in answer["peaks"]] == [float(row["mean"]) for row in rows]
+
+
+SHARE = ("peak base shear over weight", "base")
+
+
+def test_histories_have_a_row_for_every_instant(folder):
+    study, answer = folder
+    rows = rows_of(study / "tables" / "floor_histories.csv")
+    assert len(rows) == 2 * 1000
+    roof = [float(row["acceleration_mean_m_s2"]) for row in rows if row["floor"] == "RF"]
+    peak = answer["peak_acceleration_m_s2"]["RF"]["mean"]
+    assert np.abs(roof).max() == pytest.approx(peak, rel=0.1)
+
+
+def test_the_posterior_and_its_responses(calibrated, tower_observation, tower_file):
+    words = ["calibrate", tower_observation.path, "--exact", "--particles", 200, "--no-pictures"]
+    done = CliRunner().invoke(group, [*map(str, words), "--study", str(calibrated)])
+    assert done.exit_code == 0, done.output
+    assert "story high" in done.stdout
+    rows = rows_of(calibrated / "tables" / "posterior.csv")
+    assert [row["of"] for row in rows] == ["story low", "story high", "damping ratio"]
+    draws = load_posterior(calibrated / "posterior.nc").samples
+    assert [float(row["mean"]) for row in rows[:2]] == pytest.approx(draws.mean(axis=0).tolist())
+    fit = rows_of(calibrated / "tables" / "frf_fit.csv")
+    assert {row["floor"] for row in fit} == {"2F", "RF"}
+    used = [row for row in fit if row["used"] == "1"]
+    ratio = [float(row["predicted_abs_h"]) / float(row["measured_abs_h"]) for row in used]
+    assert np.median(np.abs(np.log(ratio))) < 0.1
+
+
+def test_titles_say_what_a_parameter_is_of():
+    from femupdate.building.files import load_building
+
+    assert factor_titles(load_building("shear_3dof"))["theta_2"] == "story S2"
+    title = effect_title("added_mass@3F.size")
+    assert title == "Added mass at 3F: share of the floor's mass"
+    assert effect_title("zeta") == "zeta"
+
+
+def test_figures_follow_their_spread():
+    assert interval_text(1.23456, 0.0123, 1.21, 1.2512) == "1.235 [1.210, 1.251]"
+    assert interval_text(1234.5, 10.0, 1220.0, 1250.0) == "1234 [1220, 1250]"
+    assert interval_text(0.0, 0.0, 0.0, 0.0) == "0.000 [0.000, 0.000]"
+    one = Quantity("drift", "mm", ("S1",), np.array([[1.0], [2.0]]))
+    (text,) = tables([one])
+    assert text.splitlines()[0].split() == ["drift,", "mm"]
