@@ -43,13 +43,12 @@ class Finding:
 
     @property
     def in_words(self) -> str:
-        """Effect, place and size, such as "Base sway at the base: ... 9.8 % +- 0.3 %"."""
-        if not self.placed.effect.parameters:
-            return self.placed.in_words
-        first = self.placed.effect.parameters[0]
-        scale, unit = (100.0, "%") if first.unit == "1" else (1.0, first.unit)
-        size = f"{scale * self.size:.3g} {unit} +- {scale * self.size_sd:.2g} {unit}"
-        return f"{self.placed.in_words}: {first.text} {size}"
+        """Effect, place and size, such as "3F carries 9.8 % more mass than modelled (+- 0.3 %)"."""
+        effect = self.placed.effect
+        said = effect.said(self.placed.place, self.size)
+        if not effect.parameters:
+            return said
+        return f"{said} ({effect.parameters[0].scatter(self.size_sd)})"
 
 
 @dataclass(frozen=True, eq=False)

@@ -39,6 +39,22 @@ class Parameter:
     upper: float = float("inf")
     text: str = ""
 
+    def shown(self, value: float) -> str:
+        """A value with its unit as it is read: shares in per cent, times in milliseconds."""
+        return f"{self._scale * value:.3g} {self._unit}"
+
+    def scatter(self, sd: float) -> str:
+        """A standard deviation with its unit, such as "+- 1.2 %"."""
+        return f"+- {self._scale * sd:.2g} {self._unit}"
+
+    @property
+    def _unit(self) -> str:
+        return {"1": "%", "s": "ms", "rad/m": "mrad/m"}.get(self.unit, self.unit)
+
+    @property
+    def _scale(self) -> float:
+        return {"1": 100.0, "s": 1000.0, "rad/m": 1000.0}.get(self.unit, 1.0)
+
     @property
     def likely(self) -> tuple[float, float]:
         """Lowest and highest value that the prior takes seriously, within the limits."""
@@ -203,6 +219,16 @@ class Effect(ABC):
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """What is drawn on or beside the building; "sensor" where it lies in a measurement."""
 
+    def where(self, place: str) -> str:
+        """A place in words, such as "in all stories" or "in S2"."""
+        known = {"all": "in all stories", "floors": "on all floors", "base": "at the base"}
+        return known.get(place, f"at {place}".replace(",", " and "))
+
+    def said(self, place: str, size: float) -> str:
+        """What is there, with its first parameter; a clause for an engineer, no full stop."""
+        first = self.parameters[0]
+        return f"{self.title} {self.where(place)}: {first.text} {first.shown(size)}"
+
     def terms(self, structure: Structure, place: str) -> Terms:
         """What unit size adds to the structure."""
         return Terms()
@@ -286,14 +312,17 @@ class Placed:
     @property
     def in_words(self) -> str:
         """Such as "Added mass at 3F"."""
-        known = {"all": "throughout", "floors": "on all floors", "base": "at the base"}
-        other = f"({self.place})" if self.place.islower() else f"at {self.place}"
-        return f"{self.effect.title} {known.get(self.place, other)}".replace(",", " and ")
+        return f"{self.effect.title} {self.effect.where(self.place)}"
 
     @property
     def exchange(self) -> bool:
         """Whether it is there or not: channels exchanged or reversed."""
         return not self.effect.parameters and not self.effect.correction
+
+
+def more_or_less(size: float, more: str, less: str) -> str:
+    """A share in words, such as "25 % softer"."""
+    return f"{100.0 * abs(size):.3g} % {more if size > 0.0 else less}"
 
 
 def mass_terms(structure: Structure, values: Floats, constants: tuple[float, ...] = ()) -> Terms:

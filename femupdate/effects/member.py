@@ -6,7 +6,7 @@ import numpy as np
 
 from femupdate.effects.bars import bending_terms
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, Stiffness, Terms
+from femupdate.effects.effect import Effect, Stiffness, Terms, more_or_less
 from femupdate.effects.structure import Structure
 
 ALL = "all"
@@ -34,6 +34,19 @@ class MemberStiffness(Effect):
         stories = structure.building.story_names
         own = tuple(stories[group] for group in np.unique(groups))
         return (ALL, *own) if len(own) > 1 else own
+
+    def where(self, place: str) -> str:
+        """As `Effect.where`."""
+        return "in all stories" if place == ALL else f"in {place}"
+
+    def said(self, place: str, size: float) -> str:
+        """As `Effect.said`."""
+        members = " and ".join(f"{kind}s" for kind in self.kinds)
+        if self.bending_only:
+            lost = f"{-100.0 * size:.3g} % of their second moments of area"
+            return f"The {members} have lost {lost} {self.where(place)}"
+        change = more_or_less(size, "stiffer", "softer")
+        return f"The {members} are {change} than modelled {self.where(place)}"
 
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """The members themselves."""

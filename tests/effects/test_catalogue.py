@@ -135,3 +135,16 @@ def test_a_batch_is_its_single_evaluations(stick, labels, count, seed):
     single = [system.frf(theta[k], zeta[k], sizes[k], grid) for k in rows]
     # Which modes are summed and which interpolated is decided for a batch: to 1e-9.
     torch.testing.assert_close(together, torch.cat(single), rtol=1e-7, atol=1e-9)
+
+
+@EFFECTS
+def test_says_with_figures_what_is_there(effect, case):
+    """Every place in whole words, each different from the others."""
+    size = effect.parameters[0].scale if effect.parameters else 1.0
+    said = [effect.said(place, size) for place in effect.places(case.structure)]
+    assert len(set(said)) == len(said)
+    for clause in said:
+        assert clause[0].isupper() or clause[0].isdigit()
+        assert not clause.endswith(".")
+        assert not {"all", "throughout", "floors"} & {clause.split()[-1]}
+    assert len({effect.where(place) for place in effect.places(case.structure)}) == len(said)

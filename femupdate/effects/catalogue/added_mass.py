@@ -3,7 +3,7 @@
 import numpy as np
 
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, Parameter, Terms, mass_terms
+from femupdate.effects.effect import Effect, Parameter, Terms, mass_terms, more_or_less
 from femupdate.effects.structure import Structure
 
 
@@ -25,6 +25,10 @@ class AddedMass(Effect):
     def places(self, structure: Structure) -> tuple[str, ...]:
         """Every floor."""
         return structure.floors
+
+    def said(self, place: str, size: float) -> str:
+        """As `Effect.said`."""
+        return f"{place} carries {more_or_less(size, 'more', 'less')} mass than modelled"
 
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """A ball on the floor."""

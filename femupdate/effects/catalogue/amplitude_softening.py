@@ -45,6 +45,15 @@ class AmplitudeSoftening(Effect):
         names = structure.building.story_names
         return (_ALL, *names) if len(names) > 1 else (_ALL,)
 
+    def where(self, place: str) -> str:
+        """As `Effect.where`."""
+        return "in all stories" if place == _ALL else f"in {place}"
+
+    def said(self, place: str, size: float) -> str:
+        """As `Effect.said`."""
+        fall = f"falls by {-100.0 * size:.3g} % with every doubling of the level"
+        return f"Stiffness {fall} {self.where(place)}"
+
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """The near faces of the story, or of all."""
         sides = [(0, float(drawn.low[0])), (1, float(drawn.low[1]))]

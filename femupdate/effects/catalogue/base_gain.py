@@ -3,7 +3,7 @@
 from torch import Tensor
 
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, Parameter
+from femupdate.effects.effect import Effect, Parameter, more_or_less
 from femupdate.effects.structure import Structure
 
 
@@ -23,6 +23,10 @@ class BaseGain(Effect):
     def places(self, structure: Structure) -> tuple[str, ...]:
         """The base."""
         return ("base",)
+
+    def said(self, place: str, size: float) -> str:
+        """As `Effect.said`."""
+        return f"The base sensor reads {more_or_less(size, 'too much', 'too little')}"
 
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """A ball at the sensor of the base."""

@@ -26,6 +26,10 @@ class BaseSway(Effect):
         """The base."""
         return ("base",)
 
+    def said(self, place: str, size: float) -> str:
+        """As `Effect.said`."""
+        return f"The base sways by {100.0 * size:.3g} % of the roof's static displacement"
+
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """A spring beside the base, along the motion."""
         start, _ = drawn.edges(0)

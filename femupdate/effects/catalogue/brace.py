@@ -45,6 +45,14 @@ class Brace(Effect):
         size = self.parameters[0].scale
         return tuple((f"{low}-{high}", size) for low, high in pairwise(names))
 
+    def where(self, place: str) -> str:
+        """As `Effect.where`."""
+        return "between " + place.replace(_GROUND, "the ground").replace("-", " and ", 1)
+
+    def said(self, place: str, size: float) -> str:
+        """As `Effect.said`."""
+        return f"A brace {self.where(place)} has {100.0 * size:.3g} % of the building's stiffness"
+
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """A spring from corner to corner of the stories."""
         return (Glyph.of("spring", *drawn.diagonal(*_levels(drawn.structure, place))),)

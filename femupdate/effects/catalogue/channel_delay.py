@@ -26,6 +26,10 @@ class ChannelDelay(Effect):
         """Every floor."""
         return structure.floors
 
+    def said(self, place: str, size: float) -> str:
+        """As `Effect.said`."""
+        return f"{place} is {1000.0 * abs(size):.3g} ms {'late' if size > 0.0 else 'early'}"
+
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """The floor's sensors."""
         return drawn.sensors(place)

@@ -3,7 +3,7 @@
 from torch import Tensor
 
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, Parameter
+from femupdate.effects.effect import Effect, Parameter, more_or_less
 from femupdate.effects.structure import Structure
 
 
@@ -26,6 +26,10 @@ class ChannelGain(Effect):
     def places(self, structure: Structure) -> tuple[str, ...]:
         """Every floor."""
         return structure.floors
+
+    def said(self, place: str, size: float) -> str:
+        """As `Effect.said`."""
+        return f"The sensor of {place} reads {more_or_less(size, 'too much', 'too little')}"
 
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """The floor's sensors."""

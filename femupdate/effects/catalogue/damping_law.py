@@ -7,6 +7,7 @@ from femupdate.effects.drawn_building import DrawnBuilding, Glyph
 from femupdate.effects.effect import Effect, Parameter, Terms
 from femupdate.effects.structure import Structure
 
+_LAWS = {"rayleigh": "Rayleigh's law", "proportional": "a law proportional to frequency"}
 _ANCHORS = (1.0, 6.0)  # of the first frequency
 
 
@@ -27,7 +28,15 @@ class DampingLaw(Effect):
 
     def places(self, structure: Structure) -> tuple[str, ...]:
         """Which law: Rayleigh's, or proportional to frequency."""
-        return ("rayleigh", "proportional")
+        return tuple(_LAWS)
+
+    def where(self, place: str) -> str:
+        """As `Effect.where`."""
+        return f"({_LAWS[place]})"
+
+    def said(self, place: str, size: float) -> str:
+        """As `Effect.said`."""
+        return f"Damping follows {_LAWS[place]} by {100.0 * size:.3g} %"
 
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """A dashpot in every story."""

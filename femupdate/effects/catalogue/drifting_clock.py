@@ -34,6 +34,10 @@ class DriftingClock(Effect):
         """Every floor."""
         return structure.floors
 
+    def said(self, place: str, size: float) -> str:
+        """As `Effect.said`."""
+        return f"The delay of {place} grows by {1000.0 * size:.3g} ms during the run"
+
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """The floor's sensors."""
         return drawn.sensors(place)

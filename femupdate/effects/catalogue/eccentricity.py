@@ -27,6 +27,14 @@ class Eccentricity(Effect):
         across = structure.points.position[:, 1 - structure.direction]
         return ("all",) if np.ptp(across) > 0.0 else ()
 
+    def where(self, place: str) -> str:
+        """As `Effect.where`."""
+        return "on all floors"
+
+    def said(self, place: str, size: float) -> str:
+        """As `Effect.said`."""
+        return f"The masses lie {100.0 * size:.3g} % of the plan's depth beside the middle"
+
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """Balls beside the middle of every floor."""
         aside, across = np.zeros(3), 1 - drawn.structure.direction

@@ -33,6 +33,14 @@ class FlexibleDiaphragm(Effect):
         own = tuple(structure.building.story_names[group] for group in sorted(groups))
         return (_ALL, *own) if len(own) > 1 else own
 
+    def where(self, place: str) -> str:
+        """As `Effect.where`."""
+        return "in all stories" if place == _ALL else f"in {place}"
+
+    def said(self, place: str, size: float) -> str:
+        """As `Effect.said`."""
+        return f"The slabs are {-100.0 * size:.3g} % softer in their plane {self.where(place)}"
+
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """The slabs themselves."""
         return drawn.members((_SLAB,), place)

@@ -28,6 +28,10 @@ class FoundationRocking(Effect):
         """The base."""
         return ("base",)
 
+    def said(self, place: str, size: float) -> str:
+        """As `Effect.said`."""
+        return f"The foundation rocks by {100.0 * size:.3g} % of the roof's static displacement"
+
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """Upright springs under two opposite edges of the base."""
         down = np.array([0.0, 0.0, -0.13 * drawn.size])

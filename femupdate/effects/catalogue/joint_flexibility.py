@@ -38,6 +38,10 @@ class JointFlexibility(Effect):
         """All joints together; a frame needs beams that meet columns."""
         return (_ALL,) if self.terms(structure, _ALL).changes_shapes else ()
 
+    def said(self, place: str, size: float) -> str:
+        """As `Effect.said`."""
+        return f"Joints are {1.0 / max(size, 1e-12):.3g} times as stiff as E I / L of the member"
+
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """A ball at the ends of every floor's near edge."""
         levels = range(1, len(drawn.levels))

@@ -28,6 +28,10 @@ class NoiseFloor(Effect):
         """All floors together."""
         return ("floors",)
 
+    def said(self, place: str, size: float) -> str:
+        """As `Effect.said`."""
+        return f"The floor sensors' noise is {100.0 * size:.3g} % of the base motion"
+
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """All floor sensors."""
         return drawn.sensors(place)

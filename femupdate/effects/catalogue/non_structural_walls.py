@@ -40,6 +40,19 @@ class NonStructuralWalls(Effect):
             found = [place for place in found if "/" not in place]
         return tuple(found) if lines else ()
 
+    def where(self, place: str) -> str:
+        """As `Effect.where`."""
+        line, _, story = place.partition("/")
+        line = "" if line == _ALL else f"on line {line} "
+        return f"{line}in {story or 'all stories'}"
+
+    def said(self, place: str, size: float) -> str:
+        """As `Effect.said`."""
+        return (
+            f"The non-structural walls {self.where(place)} have {100.0 * size:.3g} % of their "
+            "elastic stiffness"
+        )
+
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """The walls that the mesh does not have, from end to end of their line."""
         building = drawn.structure.building

@@ -36,6 +36,10 @@ class PDelta(Effect):
         )
         return ("all",) if known else ()
 
+    def said(self, place: str, size: float) -> str:
+        """As `Effect.said`."""
+        return "Gravity takes weight over height from the stiffness of every story"
+
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """An arrow down on the middle of every floor."""
         fall = np.array([0.0, 0.0, 0.12 * drawn.size])

@@ -23,6 +23,10 @@ class ReversedChannel(Effect):
         """Every floor."""
         return structure.floors
 
+    def said(self, place: str, size: float) -> str:
+        """As `Effect.said`."""
+        return f"The sensor of {place} points the other way"
+
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """The floor's sensors."""
         return drawn.sensors(place)

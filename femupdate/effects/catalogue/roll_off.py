@@ -31,6 +31,11 @@ class RollOff(Effect):
         """All floors together."""
         return ("floors",)
 
+    def said(self, place: str, size: float) -> str:
+        """As `Effect.said`."""
+        corner = _REFERENCE_HZ / max(size, 1e-12) ** 0.5
+        return f"The floor sensors lose what lies above {corner:.3g} Hz"
+
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """All floor sensors."""
         return drawn.sensors(place)

@@ -50,6 +50,11 @@ class SofteningInRun(Effect):
         """All stories together."""
         return ("all",)
 
+    def said(self, place: str, size: float) -> str:
+        """As `Effect.said`."""
+        fall = f"{-100.0 * size:.3g} % with every doubling of the amplitude"
+        return f"Stiffness falls within the run by {fall}"
+
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """The near faces of all stories."""
         sides = [(0, float(drawn.low[0])), (1, float(drawn.low[1]))]

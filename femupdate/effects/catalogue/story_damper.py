@@ -26,6 +26,14 @@ class StoryDamper(Effect):
         """Every story, named after the floor above it."""
         return structure.floors
 
+    def where(self, place: str) -> str:
+        """As `Effect.where`."""
+        return f"below {place}"
+
+    def said(self, place: str, size: float) -> str:
+        """As `Effect.said`."""
+        return f"The story below {place} adds {100.0 * size:.3g} % to the first damping ratio"
+
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """A dashpot from corner to corner of the story."""
         level = drawn.level(place)

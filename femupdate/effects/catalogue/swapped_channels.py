@@ -23,6 +23,10 @@ class SwappedChannels(Effect):
         """Every pair of floors."""
         return tuple(",".join(pair) for pair in combinations(structure.floors, 2))
 
+    def said(self, place: str, size: float) -> str:
+        """As `Effect.said`."""
+        return f"The channels of {place.replace(',', ' and ')} are exchanged"
+
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """The sensors of both floors."""
         return drawn.sensors(place)

@@ -26,6 +26,10 @@ class TablePitch(Effect):
         """The base."""
         return ("base",)
 
+    def said(self, place: str, size: float) -> str:
+        """As `Effect.said`."""
+        return f"The table turns by {1000.0 * size:.3g} mrad for every metre that it moves"
+
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """A tilted line under the base with arrows down and up at its ends."""
         below = np.array([0.0, 0.0, 0.05 * drawn.size])

@@ -38,6 +38,10 @@ class TunedAppendage(Effect):
         """Every floor."""
         return structure.floors
 
+    def said(self, place: str, size: float) -> str:
+        """As `Effect.said`."""
+        return f"Something of {100.0 * size:.3g} % of the mass of {place} vibrates by itself"
+
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """A ball on a spring on the floor."""
         foot = drawn.centre(drawn.level(place))
