@@ -9,7 +9,6 @@ errors that all points share. They widen the intervals and weaken the evidence f
 could pass for, or else the finder would name effects that only make up for a mesh.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -100,8 +99,8 @@ class _Lesson:
 
 
 def learn_mesh_error(
+    coarse: Structure,
     fine: Structure,
-    near: Callable[[Floats], ReducedStructure],
     thetas: Floats,
     frequency_hz: Floats,
     progress: Progress = SILENT,
@@ -109,8 +108,8 @@ def learn_mesh_error(
     """Compare a model with that of a finer mesh.
 
     Args:
+        coarse: the building on its mesh.
         fine: the building on the finer mesh.
-        near: the model on a basis for the neighbourhood of a theta.
         thetas: (n, p) at which they are compared.
         frequency_hz: (k,) at which responses are compared, and up to which modes are.
         progress: a bar of the thetas.
@@ -122,9 +121,9 @@ def learn_mesh_error(
     lessons, pairs = [], []
     progress.start("Comparing with a finer mesh", len(thetas))
     for theta in thetas:
-        coarse, theirs = near(theta), _on_driven_shapes(fine, theta, top_hz)
-        lessons.append(_lesson(coarse, modes_shown(theirs, theta, top_hz), placed, theta, top_hz))
-        pairs.append((replace(coarse, basis=coarse.basis[:0]), theirs))  # its terms are known now
+        ours, theirs = (_on_driven_shapes(one, theta, top_hz) for one in (coarse, fine))
+        lessons.append(_lesson(ours, modes_shown(theirs, theta, top_hz), placed, theta, top_hz))
+        pairs.append((_light(ours), _light(theirs)))  # the terms of effects are known now
         progress.advance()
     if not any(len(one.sought) for one in lessons):
         raise ModelError(
@@ -135,7 +134,7 @@ def learn_mesh_error(
     mean, sd, left = _estimate(lessons, kinds)
     labels = tuple(one.label for one in placed)
     found = MeshError(labels, tuple(mean.tolist()), tuple(sd.tolist()), left, 0.0, 0.0, 0.0)
-    pairs = [(corrected(coarse, found, 1.0), theirs) for coarse, theirs in pairs]
+    pairs = [(corrected(ours, found, 1.0), theirs) for ours, theirs in pairs]
     shown = [
         _effect_errors(*(modes_shown(one, theta, top_hz) for one in pair))
         for pair, theta in zip(pairs, thetas, strict=True)
@@ -184,12 +183,22 @@ def _members(structure: Structure) -> tuple[Placed, ...]:
     )
 
 
-def _on_driven_shapes(fine: Structure, theta: Floats, top_hz: float) -> ReducedStructure:
-    """The structure on the shapes that motion of the base drives at a theta."""
-    force = fine.rigid_force[:, [TRANSLATION]]
-    factors = factorize(fine.stiffness(theta))
-    found = driven_shapes(factors, fine.mass, force, fine.floor_rows, top_hz)
-    return reduced_on(fine, found.shapes)
+def _on_driven_shapes(structure: Structure, theta: Floats, top_hz: float) -> ReducedStructure:
+    """A structure on the shapes that motion of the base drives at a theta.
+
+    They hold what small changes of the stiffness do, too: the error of a natural frequency is the
+    square of that of its shape.
+    """
+    force = structure.rigid_force[:, [TRANSLATION]]
+    factors = factorize(structure.stiffness(theta))
+    found = driven_shapes(factors, structure.mass, force, structure.floor_rows, top_hz)
+    return reduced_on(structure, found.shapes)
+
+
+def _light(reduced: ReducedStructure) -> ReducedStructure:
+    """A reduced structure without its shapes, of which eight pairs would fill the memory."""
+    model = replace(reduced.model, node_shapes=None)
+    return replace(reduced, model=model, basis=reduced.basis[:0])
 
 
 def _effect_errors(ours: "ShownModes", theirs: "ShownModes") -> tuple[Floats, Floats, Floats]:

@@ -86,7 +86,7 @@ def local_structure(
     shapes: list[Floats] = []
     progress.start("Reducing the model for effects", len(questions))
     task = partial(_answer, structure, known.shapes, target)
-    for one in everywhere(task, questions, len(structure.axis)):
+    for one in everywhere(task, questions):
         shapes.append(one)
         progress.advance()
     basis = compressed(structure.mass, np.concatenate(shapes, axis=1), size)

@@ -177,9 +177,7 @@ def member_forces(
     ratios = [None] * len(theta) if zeta is None else [float(z) for z in zeta]
     task = partial(_at_draw, chosen, motion, top_hz)
     found = []
-    for history in everywhere(
-        task, list(zip(theta, ratios, strict=True)), chosen.operators.mass.shape[0]
-    ):
+    for history in everywhere(task, list(zip(theta, ratios, strict=True))):
         found.append(history)
         progress.advance()
     histories = np.stack(found)

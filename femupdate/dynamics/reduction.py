@@ -165,7 +165,7 @@ def _solved(
 ) -> list[_Sample]:
     """The full model at samples (N, p + q), on all processors."""
     found = []
-    for one in everywhere(partial(_solve, asked, target), list(samples), len(asked.structure.axis)):
+    for one in everywhere(partial(_solve, asked, target), list(samples)):
         found.append(one)
         progress.advance()
     return found

@@ -64,13 +64,13 @@ def driven_shapes(
     # The observed rows start shapes as well: the error of a response is the product of both errors.
     fresh = factorization.apply(np.column_stack([forces, rows.T]))
     room = most + fresh.shape[1]
-    basis, image = (np.zeros((len(forces), room), order="F") for _ in range(2))
+    basis = np.empty((len(forces), room), order="F")
     small = np.zeros((room, room))  # the stiffness on the basis
     last, count, looked = None, 0, 0
     while count < most:
-        block, moved = _orthonormal(fresh, basis[:, :count], image[:, :count], mass)
+        block, moved = _orthonormal(fresh, basis[:, :count], mass)
         own = slice(count, count + block.shape[1])
-        basis[:, own], image[:, own] = block, moved
+        basis[:, own] = block
         count = own.stop
         small[:count, own] = basis[:, :count].T @ (factorization.matrix @ block)
         small[own, :count] = small[:count, own].T
@@ -85,14 +85,14 @@ def driven_shapes(
     raise ModelError(f"{most} shapes do not give the response up to {top_hz:g} Hz; lower that")
 
 
-def _orthonormal(
-    fresh: Floats, basis: Floats, image: Floats, mass: csc_matrix
-) -> tuple[Floats, Floats]:
+def _orthonormal(fresh: Floats, basis: Floats, mass: csc_matrix) -> tuple[Floats, Floats]:
     """Vectors (n, c) orthonormal in the mass to each other and to a basis, and mass times them."""
-    before = np.einsum("ij,ij->j", fresh, mass @ fresh)
-    fresh = fresh / np.sqrt(np.where(before > 0.0, before, 1.0))
+    moved = mass @ fresh
+    before = np.einsum("ij,ij->j", fresh, moved)
+    scale = 1.0 / np.sqrt(np.where(before > 0.0, before, 1.0))
+    fresh, moved = fresh * scale, moved * scale
     for _ in range(2):  # the first pass leaves rounding
-        fresh = fresh - basis @ (image.T @ fresh)
+        fresh = fresh - basis @ (basis.T @ moved)
         moved = mass @ fresh
         energy, directions = np.linalg.eigh(fresh.T @ moved)
         kept = energy > _NOTHING

@@ -43,17 +43,8 @@ def open_mesh_error(
     if kept is not None:
         return kept
     fine = structure_of(plain, THRESHOLDS.finer**2 * plain.mesh.size)
-
-    def near(theta: Floats) -> ReducedStructure:
-        return structure_near(structure, plain, theta, plain.damping.ratio)
-
-    found = learn_mesh_error(
-        fine,
-        near,
-        _thetas(plain),
-        plain.frequency_grid.frequencies_hz(),
-        progress or Silent(),
-    )
+    grid = plain.frequency_grid.frequencies_hz()
+    found = learn_mesh_error(structure, fine, _thetas(plain), grid, progress or Silent())
     keep_mesh_error(study, plain, found)
     return found
 

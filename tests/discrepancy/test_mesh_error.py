@@ -99,7 +99,7 @@ def coarse():
 @pytest.fixture(scope="module")
 def learned(coarse):
     fine = structure_of(frame(1.5), 1.0)
-    return learn_mesh_error(fine, near(coarse), THETAS, GRID)
+    return learn_mesh_error(coarse, fine, THETAS, GRID)
 
 
 def test_the_model_comes_nearer_to_a_still_finer_mesh(coarse, learned):
@@ -170,7 +170,7 @@ def test_what_the_unknowns_make_up_for_is_no_error_of_points(coarse, learned):
 
 def test_meshes_without_a_common_mode_are_refused(coarse):
     with pytest.raises(ModelError, match=r"no mode below 0\.1 Hz .* write a smaller mesh\.size"):
-        learn_mesh_error(structure_of(frame(1.5), 1.0), near(coarse), THETAS[:1], GRID[:1] / 5)
+        learn_mesh_error(coarse, structure_of(frame(1.5), 1.0), THETAS[:1], GRID[:1] / 5)
 
 
 def test_what_is_left_open_widens_the_intervals(coarse, learned):
