@@ -12,11 +12,10 @@ from femupdate.building.frame import FrameBuilding
 from femupdate.building.schema import Building
 from femupdate.discrepancy.mesh_error import MeshError, learn_mesh_error
 from femupdate.discrepancy.thresholds import MESH_ERROR as THRESHOLDS
-from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.effects.structure import Structure, structure_of
 from femupdate.progress import Progress, Silent
 from femupdate.study import Study, damaged, write_text
-from femupdate.workflow.effects import finder_origin, structure_near
+from femupdate.workflow.effects import finder_origin
 from femupdate.workflow.model import theta_prior
 
 MESH_ERROR = "mesh error"
