@@ -8,7 +8,7 @@ A shear building is a stick; its heights are the stories' own, or one metre each
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, TypeVar, cast
+from typing import TypeVar, cast
 
 import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix
@@ -147,10 +147,6 @@ class Structure:
         """The same two of point masses (m,) alone, (s, n) and (s, 2)."""
         weighted = self._above * values
         return np.asarray((self.points.motion.T @ weighted.T).T), weighted @ self.points.rigid
-
-    def __getstate__(self) -> dict[str, Any]:
-        """What other processes get: all but the factors, which only live in memory."""
-        return {name: own for name, own in self.__dict__.items() if name != "_factorization"}
 
     @cached_property
     def _factorization(self) -> Factorization:

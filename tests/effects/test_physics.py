@@ -1,7 +1,6 @@
 """Effects in closed form, and against building files in which the same thing is written."""
 
 import copy
-import pickle
 
 import numpy as np
 import pytest
@@ -223,14 +222,6 @@ def test_fundamental_is_the_first_mode_of_a_stick(stick):
     exact = np.sin(np.arange(1, 5) * np.pi / 9.0)
     exact /= np.linalg.norm(exact)
     np.testing.assert_allclose(np.abs(shape), exact, rtol=2e-3)
-
-
-def test_a_structure_goes_to_other_processes_after_it_was_solved(frame):
-    structure = frame.structure
-    assert structure.static.any()
-    copied = pickle.loads(pickle.dumps(structure))
-    np.testing.assert_allclose(copied.static, structure.static)
-    np.testing.assert_allclose(copied.fundamental[1], structure.fundamental[1])
 
 
 def test_masses_on_a_rigid_diaphragm(frame_document, frame_of, node_masses):
