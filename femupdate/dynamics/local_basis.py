@@ -83,7 +83,7 @@ def local_structure(
     questions += [_Question(sets[0], near) for near in _neighbours(theta, spread)]
     middle = equations_at(structure, theta, sets[0])
     known = modes_below(_alone(structure.operators, middle), np.zeros(0), target.top_hz)
-    shapes: list[Floats] = []
+    shapes = [] if present is None else _along_ports(structure, middle, present)
     progress.start("Reducing the model for effects", len(questions))
     task = partial(_answer, structure, known.shapes, target)
     for one in everywhere(task, questions):
@@ -91,6 +91,20 @@ def local_structure(
         progress.advance()
     basis = compressed(structure.mass, np.concatenate(shapes, axis=1), size)
     return reduced_on(structure, basis)
+
+
+def _along_ports(structure: Structure, equations: Equations, sets: Sequence[Sized]) -> list[Floats]:
+    """What a force in the line of each effect that is present moves, (n, 1) each.
+
+    Modes alone do not hold what gives at a point; the force is that of the whole mass at 1 m/s2.
+    """
+    acting = {placed.label: placed for present in sets for placed, _ in present}
+    terms = (one.effect.terms(structure, one.place) for one in acting.values())
+    rows = [own.port.row for own in terms if own.port is not None]
+    if not rows:
+        return []
+    factors, force = factorize(equations.stiffness), structure.rigid_mass[TRANSLATION, TRANSLATION]
+    return [STATIC_WEIGHT * factors.apply(force * row)[:, None] for row in rows]
 
 
 def _alone(operators: AffineOperators, equations: Equations) -> AffineOperators:

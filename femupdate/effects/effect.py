@@ -215,6 +215,10 @@ class Effect(ABC):
         """Where it can sit in a building; none where the building has no such thing."""
         raise NotImplementedError
 
+    def points(self, structure: Structure) -> tuple[str, ...]:
+        """Further places, which building files and simulations may name; they are not searched."""
+        return ()
+
     @abstractmethod
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """What is drawn on or beside the building; "sensor" where it lies in a measurement."""

@@ -35,8 +35,9 @@ def parse_effect(
             "simulation follows; simulate parts at their own --theta and --zeta and join them"
         )
     require_story_factors(building)
-    places = effect.places(structure_of(building, _coarse(building)))
-    if place not in places:
+    structure = structure_of(building, _coarse(building))
+    places = effect.places(structure)
+    if place not in (*places, *effect.points(structure)):
         raise BuildingError(
             f"{building.name}: {name} cannot sit at {place!r}; it can at "
             f"{', '.join(places) or 'no place here'}"

@@ -226,7 +226,7 @@ def check_places(structure: Structure, effects: BuildingEffects) -> None:
     """
     for number, one in enumerate(effects.placed):
         places = one.effect.places(structure)
-        if one.place not in places:
+        if one.place not in (*places, *one.effect.points(structure)):
             raise BuildingError(
                 f"{structure.building.name}: effects[{number}].place: {one.effect.name} "
                 f"cannot sit at {one.place!r}; it can at {', '.join(places) or 'no place here'}"

@@ -115,6 +115,25 @@ def test_story_damper(case):
         )
 
 
+def test_a_damper_between_two_points_of_a_frame(frame):
+    """At a corner, off the centre of a building that twists: not what the mean of floors does."""
+    effect, nodes = CATALOGUE["story_damper"], frame.mesh.model.nodes
+    assert {"2F/A-P", "RF/C-Q"} <= set(effect.points(frame.structure))
+    assert not set(effect.points(frame.structure)) & set(effect.places(frame.structure))
+    number = {tuple(np.round(at, 6)): k for k, at in enumerate(nodes)}
+    free = {int(dof): k for k, dof in enumerate(frame.structure.operators.free)}
+    row = np.zeros(len(free))
+    for level, sign in ((1, 1.0), (0, -1.0)):
+        node = number[(9.0, 6.0, round(float(frame.structure.levels[level]), 6))]
+        row[free[6 * node + frame.mesh.direction]] = sign
+    rate = effect.terms(frame.structure, "RF/C-Q").constants[0]
+    changed = frame.equations.but(dashpots=((row, 0.1 * rate),))
+    ours = frame.frf("story_damper@RF/C-Q", sizes=[0.1], zeta=ZETA)
+    agree(ours, changed.frf(frame.frequency_hz, ZETA))
+    by_means = frame.frf("story_damper@RF", sizes=[0.1], zeta=ZETA)
+    assert np.abs(np.log(np.abs(ours / by_means))).max() > 0.05
+
+
 def test_a_damper_does_not_feel_a_rigid_rotation(case):
     """It is fixed to the floors below and above: rocking alone does not stretch it."""
     rate = CATALOGUE["story_damper"].terms(case.structure, "2F").constants[0]

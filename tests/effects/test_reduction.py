@@ -162,3 +162,16 @@ def test_a_box_that_no_basis_serves_is_refused_in_a_sentence(structure, target):
     few = replace(target, lower=lower, upper=upper, tolerance=1e-14, samples=1)
     with pytest.raises(ModelError, match=r"cracked_beams@low .* calibrate with --exact"):
         reduce_structure(structure, few, placed)
+
+
+def test_a_basis_holds_what_gives_at_the_point_of_a_damper(structure, exact, target):
+    """The shapes of the structure alone are not enough there."""
+    placed, size = Placed(CATALOGUE["story_damper"], "RF/C-Q"), 0.2
+    present = [((placed, size),)]
+    known = local_structure(structure, HERE, target, size=60, present=present)
+    plain = local_structure(structure, HERE, target, size=60, present=[()])
+    truth = log_frf(exact, placed, [size], HERE)
+    errors = [log_frf(one, placed, [size], HERE) - truth for one in (known, plain)]
+    rms = [float(np.sqrt((error**2).mean())) for error in errors]
+    assert rms[0] < 0.005
+    assert rms[0] < 0.5 * rms[1]

@@ -1,14 +1,21 @@
 """A viscous damper in one story."""
 
+import numpy as np
 from torch import Tensor
 
+from femupdate.arrays import Flags
+from femupdate.building.frame import FrameBuilding
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, Parameter, Terms, as_complex, story_port
+from femupdate.effects.effect import Effect, Parameter, Port, Terms, as_complex, story_port
 from femupdate.effects.structure import Structure
 
 
 class StoryDamper(Effect):
-    """A dashpot between two floors."""
+    """A dashpot between two floors.
+
+    It acts between the means of the floors over their mass, or between two points above each other.
+    The two differ where floors twist or deform in the modes that are damped.
+    """
 
     name = "story_damper"
     title = "Damper in a story"
@@ -26,27 +33,66 @@ class StoryDamper(Effect):
         """Every story, named after the floor above it."""
         return structure.floors
 
+    def points(self, structure: Structure) -> tuple[str, ...]:
+        """A point of every story where grid lines meet, as in "3F/X1-Y2"."""
+        if not isinstance(structure.building, FrameBuilding):
+            return ()
+        grid = structure.building.grid
+        return tuple(
+            f"{floor}/{x}-{y}"
+            for k, floor in enumerate(structure.floors)
+            for x, at_x in grid.x.items()
+            for y, at_y in grid.y.items()
+            if all(_at(structure, n, at_x, at_y).any() for n in range(max(k - 1, 0), k + 1))
+        )
+
     def where(self, place: str) -> str:
         """As `Effect.where`."""
-        return f"below {place}"
+        floor, _, point = place.partition("/")
+        return f"below {floor}" + (f" at {point}" if point else "")
 
     def said(self, place: str, size: float) -> str:
         """As `Effect.said`."""
-        return f"The story below {place} adds {100.0 * size:.3g} % to the first damping ratio"
+        added = f"adds {100.0 * size:.3g} % to the first damping ratio"
+        return f"The story {self.where(place)} {added}"
 
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """A dashpot from corner to corner of the story."""
-        level = drawn.level(place)
+        level = drawn.level(place.partition("/")[0])
         return (Glyph.of("dashpot", *drawn.diagonal(level - 1, level)),)
 
     def terms(self, structure: Structure, place: str) -> Terms:
-        """The dashpot (N s/m) that damps the first mode critically at theta = 1."""
-        story = structure.floors.index(place)
+        """The dashpot (N s/m) that damps the first mode critically at theta = 1.
+
+        At a point it is the same dashpot, as if the point moved like the mean of its floor.
+        """
+        floor, _, point = place.partition("/")
+        story = structure.floors.index(floor)
         omega, shape = structure.fundamental
         drift = shape[story] - (shape[story - 1] if story else 0.0)
-        return Terms(port=story_port(structure, story), constants=(float(2.0 * omega / drift**2),))
+        port = _point_port(structure, story, point) if point else story_port(structure, story)
+        return Terms(port=port, constants=(float(2.0 * omega / drift**2),))
 
     def port_stiffness(self, omega: Tensor, sizes: Tensor, constants: tuple[float, ...]) -> Tensor:
         """i omega c."""
         rate = constants[0] * sizes[:, :1] * omega
         return as_complex(rate.new_zeros(()), rate)
+
+
+def _at(structure: Structure, floor: int, x: float, y: float) -> Flags:
+    """(m,) which points are the translation along the motion of a floor where two lines meet."""
+    here = np.isclose(structure.points.position[:, :2], (x, y)).all(axis=1)
+    return structure.along_floor(floor) & here
+
+
+def _point_port(structure: Structure, story: int, point: str) -> Port:
+    """The drift of a story where two grid lines meet; it leans with a rigid rotation."""
+    if not isinstance(structure.building, FrameBuilding):
+        raise ValueError("only frames have points")
+    grid, (x, _, y) = structure.building.grid, point.partition("-")
+    row = np.zeros(structure.points.motion.shape[1])
+    for floor, sign in ((story, 1.0), (story - 1, -1.0)):
+        if floor >= 0:
+            here = _at(structure, floor, grid.x[x], grid.y[y])
+            row += sign * np.asarray(structure.points.motion[here].mean(axis=0)).ravel()
+    return Port(row, np.zeros(2))
