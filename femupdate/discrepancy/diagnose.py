@@ -180,13 +180,29 @@ def diagnose(
         verdict,
         findings,
         tuple(scores),
-        unobservable,
+        unseen(unobservable, verdict, findings, twins),
         residual_cells(problem, base),
         twins,
         partner if verdict != UNKNOWN else "",
         _worth(problem, findings, twins),
         sentence,
     )
+
+
+def unseen(
+    unobservable: tuple[str, ...],
+    verdict: str,
+    findings: tuple[Finding, ...],
+    twins: tuple[str, ...],
+) -> tuple[str, ...]:
+    """Labels of what cannot be seen, but for what the verdict names: that was seen.
+
+    At the size of its prior an effect may be too faint to show; what is there may be larger.
+    """
+    if verdict in (NONE, UNKNOWN):
+        return unobservable
+    named = {findings[0].placed.label, *twins}
+    return tuple(label for label in unobservable if label not in named)
 
 
 def _chosen(

@@ -2,7 +2,7 @@
 
 import pytest
 
-from femupdate.discrepancy.diagnose import Finding
+from femupdate.discrepancy.diagnose import Finding, unseen
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 
@@ -53,3 +53,12 @@ def in_words(name, place, size, sd):
 )
 def test_a_finding_is_told_with_its_unit(finding, words):
     assert in_words(*finding) == words
+
+
+def test_what_is_named_is_not_among_what_cannot_be_seen():
+    finding = Finding(Placed(CATALOGUE["channel_delay"], "RF"), None, None, None, 1.0, -0.04, 0.001)
+    faint = ("base_sway@base", "channel_delay@RF", "drifting_clock@RF")
+    twins = ("drifting_clock@RF",)
+    assert unseen(faint, "ambiguous", (finding,), twins) == ("base_sway@base",)
+    assert unseen(faint, "named", (finding,), ()) == ("base_sway@base", "drifting_clock@RF")
+    assert unseen(faint, "unknown", (finding,), ()) == faint
