@@ -37,6 +37,7 @@ from .parameters import BuildingName, InputFile
     type=click.FloatRange(min=0.0, max=0.5, min_open=True),
     help="Error of the model's own natural frequencies, as a ratio; default 0.01.",
 )
+@click.option("--force", help="Floor that was hit or shaken, where column names do not say it.")
 @reading_options
 @study_options()
 def command(
@@ -47,6 +48,7 @@ def command(
     chains: int,
     device: str,
     mode_error: float | None,
+    force: str | None,
     reading: dict[str, Any],
     study: Study,
     seed: int,
@@ -56,8 +58,9 @@ def command(
     """Draw the posterior of the stiffness factors from the measured files OBSERVATIONS.
 
     Each file is a CSV table of histories (time_s, base, 2F, ..., RF), of FRFs (frequency_hz, 2F,
-    ..., RF) or of identified modes (mode, frequency_hz, damping, 2F, ..., RF). Several sensors on
-    one floor are named 2F:1, 2F:2. Several files, of one kind or of several, are measurements of
+    ..., RF), of FRFs under a force (frequency_hz, 2F/RF, ..., RF/RF for a force at RF) or of
+    identified modes (mode, frequency_hz, damping, 2F, ..., RF). Several sensors on one floor are
+    named 2F:1, 2F:2. Several files, of one kind or of several, are measurements of
     the same building, which one posterior explains together. The options hold for all files.
     """
     from femupdate.workflow.calibrate import calibrate_study
@@ -69,7 +72,9 @@ def command(
     from femupdate.workflow.pictures_posterior import draw_posterior
 
     first, *further = observations
-    source = ObservationSource(first, further=tuple(further), mode_error=mode_error, **reading)
+    source = ObservationSource(
+        first, further=tuple(further), mode_error=mode_error, force=force, **reading
+    )
     settings = CalibrationSettings(particles, exact, chains, seed, device)
     check_calibration(study, source, settings, building)
     model = open_study(study, building, bars)

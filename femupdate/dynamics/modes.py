@@ -102,10 +102,35 @@ def response(
         omega: (k,) rad/s.
         port_stiffness: (N, k) complex dynamic stiffness in each port, N/m.
     """
-    rows = modes.rows.shape[1] - len(port_stiffness)
-    flexible = _receptance(modes, ratio, omega, rows)
+    columns = torch.cat([modes.participation[:, None, :], _ports(modes, port_stiffness)], dim=1)
+    flexible = _receptance(modes, ratio, omega, columns)
     # Absolute displacements times -omega^2, per unit base acceleration.
     free = modes.direct[:, :, None] + omega**2 * flexible[:, :, 0]
+    return _held(free, flexible, port_stiffness)
+
+
+def force_response(
+    modes: Modes, ratio: Tensor, omega: Tensor, port_stiffness: Sequence[Tensor], forced: int
+) -> Tensor:
+    """Complex receptance (N, f, k), m/N: displacement of the rows to a force on one of them.
+
+    Args:
+        modes, ratio, omega, port_stiffness: see `response`.
+        forced: the row on which the force acts.
+    """
+    columns = torch.cat([modes.rows[:, forced : forced + 1], _ports(modes, port_stiffness)], dim=1)
+    flexible = _receptance(modes, ratio, omega, columns)
+    return _held(flexible[:, :, 0], flexible, port_stiffness)
+
+
+def _ports(modes: Modes, port_stiffness: Sequence[Tensor]) -> Tensor:
+    """(N, j, m) rows of the ports, which are the last."""
+    return modes.rows[:, modes.rows.shape[1] - len(port_stiffness) :]
+
+
+def _held(free: Tensor, flexible: Tensor, port_stiffness: Sequence[Tensor]) -> Tensor:
+    """Motion (N, f, k) of the rows with what acts in the ports, from that (N, o, k) without."""
+    rows = flexible.shape[1] - len(port_stiffness)
     if not port_stiffness:
         return free
     stiffness = torch.stack(list(port_stiffness), dim=1)  # (N, j, k)
@@ -126,10 +151,9 @@ def _with_ports(between: Tensor, stiffness: Tensor, free: Tensor) -> Tensor:
     return torch.linalg.solve(system, free.mT[..., None])[..., 0].mT
 
 
-def _receptance(modes: Modes, ratio: Tensor, omega: Tensor, rows: int) -> Tensor:
-    """Displacement (N, o, c, k) of all rows under base acceleration and forces in the ports."""
+def _receptance(modes: Modes, ratio: Tensor, omega: Tensor, columns: Tensor) -> Tensor:
+    """Displacement (N, o, c, k) of all rows under loads whose modal forces are (N, c, m)."""
     count, outputs, size = modes.rows.shape
-    columns = torch.cat([modes.participation[:, None, :], modes.rows[:, rows:]], dim=1)
     pairs = (modes.rows[:, :, None, :] * columns[:, None, :, :]).reshape(count, -1, size)
     near = _near(modes.inverse, omega)
     parts = []

@@ -13,10 +13,15 @@ _CHANNEL = re.compile(
     rf"(?P<floor>{BASE}|{_FLOOR})(?::(?P<sensor>[^\s.:]+))?(?:\.(?P<direction>[xyz]))?",
     re.IGNORECASE,
 )
-_FRF = re.compile(rf"(?P<floor>{_FLOOR})(?:_(?P<part>re|im|sd))?", re.IGNORECASE)
+_FRF = re.compile(
+    rf"(?P<floor>{_FLOOR})(?:/(?P<force>{_FLOOR}))?(?:_(?P<part>re|im|sd))?", re.IGNORECASE
+)
 
 HISTORY_COLUMNS = "time_s, base, 2F ... RF, several sensors 2F:1 and 2F:2, other directions RF.y"
-FRF_COLUMNS = "frequency_hz, 2F ... RF as |H| or 2F_re and 2F_im, and 2F_sd"
+FRF_COLUMNS = (
+    "frequency_hz, 2F ... RF as |H| or 2F_re and 2F_im, and 2F_sd; or under a force at 3F, 2F/3F"
+    " ... RF/3F"
+)
 
 
 @dataclass(frozen=True)
@@ -38,10 +43,17 @@ class Channel:
 
 @dataclass(frozen=True)
 class FrfColumn:
-    """One column of an FRF table: the floor and its part (`abs`, `re`, `im` or `sd`)."""
+    """One column of an FRF table.
+
+    Attributes:
+        floor: that responds.
+        part: `abs`, `re`, `im` or `sd`.
+        force: floor at which a force acts; empty where the base moves.
+    """
 
     floor: str
     part: str
+    force: str = ""
 
 
 def parse_channel(name: str) -> Channel | None:
@@ -64,7 +76,8 @@ def parse_frf_column(name: str) -> FrfColumn | None:
     match = _FRF.fullmatch(name.strip())
     if match is None:
         return None
-    return FrfColumn(_floor_name(match["floor"]), (match["part"] or "abs").lower())
+    force = _floor_name(match["force"]) if match["force"] else ""
+    return FrfColumn(_floor_name(match["floor"]), (match["part"] or "abs").lower(), force)
 
 
 def floor_height(floor: str) -> float:

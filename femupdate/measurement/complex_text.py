@@ -3,7 +3,7 @@
 import re
 from collections.abc import Sequence
 
-from femupdate.measurement.table import Row, cells_of, find_delimiter, is_number
+from femupdate.measurement.cells import Row, cells_of, find_delimiter, is_number
 
 _NUMBER = r"[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?"
 _COMPLEX = re.compile(

@@ -1,6 +1,6 @@
 """Tables of measured frequency response functions."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,10 +10,10 @@ from femupdate.arrays import Complexes, Floats
 from femupdate.measurement.columns import (
     FREQUENCY,
     FRF_COLUMNS,
-    Channel,
     FrfColumn,
     floor_height,
 )
+from femupdate.measurement.force_unit import force_unit
 from femupdate.measurement.quantity import si_factor
 from femupdate.measurement.table import Table
 
@@ -45,27 +45,61 @@ class FrfTable:
     source: str = "FRF table"
 
 
-def frf_table(table: Table, at: int, known: Mapping[int, Channel | FrfColumn]) -> FrfTable:
+def frf_table(table: Table, at: int, columns: Mapping[FrfColumn, int]) -> FrfTable:
     """Return the response functions in a table.
 
     Args:
         table: the file's columns.
         at: position of the frequencies.
-        known: what the other columns stand for, by position.
+        columns: position of each column that is used.
 
     Raises:
         MeasurementError: the frequencies do not increase, a floor lacks a part of its response
             function, or a magnitude or standard deviation is not above zero.
     """
+    units = [table.units[i] or "" for column, i in columns.items() if column.part != "sd"]
+    forced = next((unit for unit in units if force_unit(unit)), None)
+    if forced is not None and not any(column.force for column in columns):
+        raise table.file.error(
+            f"a response in {forced} is one to a force; say at which floor it acts by the force"
+            " option, or by the columns' names, such as 2F/RF for 2F under a force at RF"
+        )
+    if any(column.force for column in columns):
+        raise table.file.error(
+            "these are responses to a force, which calibrate alone takes; give histories or FRFs"
+            " under base motion here"
+        )
+    return curves_of(table, at, columns, _ratio)
+
+
+def curves_of(
+    table: Table,
+    at: int,
+    columns: Mapping[FrfColumn, int],
+    values: Callable[[Table, int], Floats],
+    possible: tuple[float, float] = _POSSIBLE_RESPONSE,
+) -> FrfTable:
+    """Return the curves in some columns of a table, all under one excitation.
+
+    Args:
+        table: the file's columns.
+        at: position of the frequencies.
+        columns: position of each column that is used.
+        values: (r,) of the table's column at a position, in SI units.
+        possible: smallest and largest amplitude that a building can have.
+
+    Raises:
+        MeasurementError: see `frf_table`.
+    """
     file = table.file
     frequency = table.values[:, at] * si_factor(file, table.units[at] or "Hz", "frequency")
     _check_frequencies(table, frequency)
-    columns = {column: i for i, column in known.items() if isinstance(column, FrfColumn)}
     floors = tuple(sorted({column.floor for column in columns}, key=floor_height))
     if not floors:
         raise file.error(f"there is no column of a floor; columns are {FRF_COLUMNS}")
-    curves = [_curve(table, floor, columns) for floor in floors]
-    log_sd = np.array([_log_sd(table, floor, columns) for floor in floors])
+    at_floor = {(column.floor, column.part): i for column, i in columns.items()}
+    curves = [_curve(table, floor, at_floor, values, possible) for floor in floors]
+    log_sd = np.array([_log_sd(table, floor, at_floor) for floor in floors])
     whole = all(np.iscomplexobj(curve) for curve in curves)
     return FrfTable(
         frequency_hz=frequency,
@@ -92,26 +126,31 @@ def _check_frequencies(table: Table, frequency: Floats) -> None:
         )
 
 
-def _curve(table: Table, floor: str, columns: Mapping[FrfColumn, int]) -> NDArray[np.inexact]:
+def _curve(
+    table: Table,
+    floor: str,
+    columns: Mapping[tuple[str, str], int],
+    values: Callable[[Table, int], Floats],
+    possible: tuple[float, float],
+) -> NDArray[np.inexact]:
     """Return |H| or H of a floor, (m,), whichever the table has."""
-    magnitude, real, imaginary = (columns.get(FrfColumn(floor, p)) for p in ("abs", "re", "im"))
+    magnitude, real, imaginary = (columns.get((floor, part)) for part in ("abs", "re", "im"))
     if magnitude is not None and real is None and imaginary is None:
-        values: NDArray[np.inexact] = _ratio(table, magnitude)
-        plain = np.asarray(values, dtype=np.float64)
-        _require_possible(table, magnitude, plain, "|H|", _POSSIBLE_RESPONSE)
-        return values
+        size = values(table, magnitude)
+        _require_possible(table, magnitude, size, "|H|", possible)
+        return size
     if magnitude is None and real is not None and imaginary is not None:
-        values = _ratio(table, real) + 1j * _ratio(table, imaginary)
-        _require_possible(table, real, np.abs(values), "|H|", _POSSIBLE_RESPONSE)
-        return values
+        curve = values(table, real) + 1j * values(table, imaginary)
+        _require_possible(table, real, np.abs(curve), "|H|", possible)
+        return curve
     raise table.file.error(
         f"floor {floor} must have either the column {floor} (|H|) or both {floor}_re and"
         f" {floor}_im; complete the one or remove the other"
     )
 
 
-def _log_sd(table: Table, floor: str, columns: Mapping[FrfColumn, int]) -> Floats:
-    position = columns.get(FrfColumn(floor, "sd"))
+def _log_sd(table: Table, floor: str, columns: Mapping[tuple[str, str], int]) -> Floats:
+    position = columns.get((floor, "sd"))
     if position is None:
         return np.full(table.values.shape[0], np.nan)
     values = _ratio(table, position)
@@ -121,7 +160,8 @@ def _log_sd(table: Table, floor: str, columns: Mapping[FrfColumn, int]) -> Float
 
 def _ratio(table: Table, position: int) -> Floats:
     unit = (table.units[position] or "").strip()
-    if unit not in _RATIO_UNITS:
+    above, _, below = unit.partition("/")
+    if unit not in _RATIO_UNITS and above != below:
         raise table.file.error(
             f"a response function is a ratio without unit, not {unit!r}; convert it and write -",
             column=table.title(position),
@@ -136,7 +176,8 @@ def _require_possible(
     wrong = np.flatnonzero(values <= 0)
     if wrong.size:
         raise table.file.error(
-            f"{what} is {values[wrong[0]]:g} and must be above zero; correct or remove the row",
+            f"{what} is {values[wrong[0]]:g} and must be above zero; give |H| or both its parts"
+            " (modes are told by a column mode), or remove the row",
             int(table.lines[wrong[0]]),
             table.title(position),
         )

@@ -8,18 +8,23 @@ import numpy as np
 
 from femupdate.measurement.channel import RecordedChannel
 from femupdate.measurement.channel_checks import channel_findings, pair_findings
-from femupdate.measurement.columns import FREQUENCY
+from femupdate.measurement.columns import BASE, FREQUENCY
 from femupdate.measurement.direction import azimuth_of
+from femupdate.measurement.force_table import SOMEWHERE, force_functions, under_force
 from femupdate.measurement.frf_table import FrfTable
 from femupdate.measurement.mode_checks import mode_findings
 from femupdate.measurement.mode_table import modes_in_table
 from femupdate.measurement.next_step import NextStep, next_step, proposed_floors
-from femupdate.measurement.observation_file import read_observation_file
+from femupdate.measurement.observation_file import layout_of, observation_in
 from femupdate.measurement.quantity import is_acceleration, si_factor
 from femupdate.measurement.recording import RecordedFunction, RecordedMode, Recording
 from femupdate.measurement.registry import read_measured, readers
 
-_FRFS = "Write them as a table (frequency_hz, 2F, ..., RF) of floor over base acceleration."
+_FRFS = (
+    "Put in which response function, by its number, is which floor's: 2F/RF for 2F under a force at"
+    " RF, 2F for 2F over the base."
+)
+_FORCE = "Put in the floor at which the force acts."
 _POINT_MODES = "Put in which component of the shapes is which floor's."
 
 _POINTS = "It holds measuring points only; the histories or modes are in another file."
@@ -223,7 +228,7 @@ def inspect_file(path: str | Path, unit: str | None = None) -> Inspection:
     """
     path = Path(path)
     recording = read_measured(path)
-    functions = (*recording.functions, *_functions_of_table(recording, path, unit))
+    functions = (*recording.functions, *_functions_of_table(recording, unit))
     table = recording.mode_table
     modes = recording.modes if table is None else modes_in_table(table, {})
     other = bool(functions and recording.table is not None) or table is not None
@@ -245,14 +250,15 @@ def inspect_file(path: str | Path, unit: str | None = None) -> Inspection:
     )
 
 
-def _functions_of_table(
-    recording: Recording, path: Path, unit: str | None
-) -> tuple[RecordedFunction, ...]:
+def _functions_of_table(recording: Recording, unit: str | None) -> tuple[RecordedFunction, ...]:
     """Response functions of a table of ours; none of any other file."""
     names = recording.table.names if recording.table is not None else None
-    if FREQUENCY not in [name.lower() for name in names or ()]:
+    if recording.table is None or FREQUENCY not in [name.lower() for name in names or ()]:
         return ()
-    table = read_observation_file(path, unit)
+    layout = layout_of(recording.table, None)
+    if under_force(recording.table, layout):
+        return force_functions(recording.table, layout)
+    table = observation_in(recording, unit)
     if not isinstance(table, FrfTable):
         return ()
     curves = table.magnitude if table.complex_frf is None else table.complex_frf
@@ -264,7 +270,7 @@ def _functions_of_table(
             values=curve,
             unit=None,
             response=floor,
-            reference="base",
+            reference=BASE,
         )
         for floor, curve in zip(table.floors, curves, strict=True)
     )
@@ -300,9 +306,19 @@ def _step(
     if recording.modes:
         return NextStep(f"femupdate calibrate {path} --columns 2F=NAME,RF=NAME", _POINT_MODES)
     if functions and recording.table is not None:
+        if any(one.reference != BASE for one in functions):
+            return _force_step(path, functions, unit)
         return NextStep(f"femupdate calibrate {path}")
     if any(one.kind == "frequency response" for one in functions):
-        return NextStep("", _FRFS)
+        return NextStep(f"femupdate calibrate {path} --columns 2F/RF=NUMBER", _FRFS)
     if functions:
         return NextStep("", "Spectra alone do not tell a response; give the histories.")
     return NextStep("", _POINTS)
+
+
+def _force_step(path: Path, functions: Sequence[RecordedFunction], unit: str | None) -> NextStep:
+    silent = any(one.reference == SOMEWHERE for one in functions)
+    known = unit is not None or all(one.unit for one in functions)
+    options = (" --force FLOOR" if silent else "") + ("" if known else " --unit m/s2/N")
+    advice = _FORCE if silent else "" if known else "Put in the unit of the responses."
+    return NextStep(f"femupdate calibrate {path}{options}", advice)

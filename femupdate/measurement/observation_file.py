@@ -41,7 +41,14 @@ logger = logging.getLogger(__name__)
 # m/s2; a floor that feels forty times the largest base is a spike or a unit.
 LARGEST_RESPONSE = 40.0 * LARGEST_PEAK
 MINIMUM_SAMPLES = 64  # four segments of 32 samples: less is no spectrum
-__all__ = ["FrfTable", "Histories", "observation_in", "read_observation_file"]
+__all__ = [
+    "FrfTable",
+    "Histories",
+    "Layout",
+    "layout_of",
+    "observation_in",
+    "read_observation_file",
+]
 _COMMON_NAMES = (BASE, "RF", *(f"{n}F" for n in range(2, 13)))
 
 
@@ -82,8 +89,8 @@ def read_observation_file(
             where they bear one of our names.
 
     Raises:
-        MeasurementError: the file, a column or a cell cannot be used; the message names it. So is
-            a file of identified modes.
+        MeasurementError: the file, a column or a cell cannot be used; the message names it. So it
+            is of a file of identified modes, or of responses to a force.
     """
     recording = read_measured(path)
     if recording.modes or recording.mode_table is not None:
@@ -105,6 +112,44 @@ def observation_in(
 def _from_table(
     table: Table, unit: str | None, columns: Mapping[str, str] | None
 ) -> Histories | FrfTable:
+    layout = layout_of(table, columns)
+    if layout.of_histories:
+        channels = _columns_as_channels(table, layout.at, layout.known)
+        return _histories(table.file, channels, unit)
+    return frf_table(table, layout.at, layout.frfs)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What the columns of a table stand for.
+
+    Attributes:
+        at: position of the times or frequencies.
+        of_histories: whether these are times.
+        known: what each other column stands for, by its position.
+    """
+
+    at: int
+    of_histories: bool
+    known: Mapping[int, Channel | FrfColumn]
+
+    @property
+    def frfs(self) -> dict[FrfColumn, int]:
+        """Position of every column of response functions."""
+        return {column: i for i, column in self.known.items() if isinstance(column, FrfColumn)}
+
+
+def layout_of(table: Table, columns: Mapping[str, str] | None) -> Layout:
+    """What the columns of a table stand for.
+
+    Args:
+        table: with the names of its columns.
+        columns: our column name to the file's.
+
+    Raises:
+        MeasurementError: the table has neither times nor frequencies, or a column's name is not
+            known.
+    """
     file = table.file
     if table.names is None:
         raise file.error(f"the first row must name the columns ({HISTORY_COLUMNS})", 1)
@@ -117,10 +162,8 @@ def _from_table(
             f" it: columns={{{TIME!r}: {first!r}}}"
         )
     at = names.index(kinds[0])
-    if kinds[0].lower() == TIME:
-        known = _known_columns(table, names, at, columns)
-        return _histories(file, _columns_as_channels(table, at, known), unit)
-    return frf_table(table, at, _known_columns(table, names, at, columns))
+    known = _known_columns(table, names, at, columns)
+    return Layout(at, kinds[0].lower() == TIME, known)
 
 
 def _from_channels(recording: Recording, unit: str | None, columns: Mapping[str, str]) -> Histories:

@@ -3,6 +3,7 @@
 import re
 
 from femupdate.errors import UnitError
+from femupdate.measurement.force_unit import force_unit
 from femupdate.measurement.text import TextFile
 from femupdate.units import UNITS, factor
 
@@ -23,8 +24,9 @@ def plain_unit(unit: str) -> str:
 
 
 def is_unit(text: str) -> bool:
-    """Return whether a text names a unit of acceleration, time or frequency."""
-    return any(_known(plain_unit(text), kind) for kind in _MEASURED)
+    """Return whether a text names a unit of acceleration, time, frequency or per unit force."""
+    known = any(_known(plain_unit(text), kind) for kind in _MEASURED)
+    return known or force_unit(text) is not None
 
 
 def is_acceleration(unit: str) -> bool:

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from femupdate.arrays import Floats, Integers
+from femupdate.measurement.cells import Row, cells_of, find_delimiter, is_number
 from femupdate.measurement.channel import RecordedChannel
+from femupdate.measurement.complex_text import split_complex
 from femupdate.measurement.quantity import split_unit
 from femupdate.measurement.text import TextFile
-
-Row = tuple[int, str]  # line number, text
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +53,7 @@ def column_title(names: tuple[str, ...] | None, column: int) -> str:
 def read_table(file: TextFile) -> Table:
     """Read a table whose columns are parted by semicolons, tabs, commas or blanks.
 
+    A column of complex numbers becomes two, `name_re` and `name_im`.
     Lines starting with # are skipped. A first row whose first cell is not a number is the header;
     a second one without any number is the units row. Where the delimiter is not the comma, a
     comma in a number is the decimal sign.
@@ -61,32 +62,12 @@ def read_table(file: TextFile) -> Table:
         MeasurementError: a cell is blank, text or not finite, a row has another number of cells,
             or two columns have one name.
     """
-    rows = file.rows()
+    rows = split_complex(file.rows())
     delimiter = find_delimiter(rows[0][1])
     rows = drop_trailing_blanks(rows, delimiter)
     names, units, data = _head(file, rows, delimiter)
     values, lines = parse_rows(file, data, delimiter, names)
     return Table(file, names, units or (None,) * values.shape[1], values, lines)
-
-
-def find_delimiter(line: str) -> str | None:
-    """Return the delimiter of a row; None stands for blanks."""
-    # The semicolon comes first: beside it a comma can only be the decimal sign.
-    return next((mark for mark in ";\t," if mark in line), None)
-
-
-def cells_of(line: str, delimiter: str | None) -> list[str]:
-    """Split a row into its cells, without blanks and quotes around them."""
-    return [cell.strip().strip('"').strip() for cell in line.split(delimiter)]
-
-
-def is_number(cell: str) -> bool:
-    """Return whether a cell reads as a number (nan and inf included)."""
-    try:
-        float(cell.replace(",", "."))
-    except ValueError:
-        return False
-    return True
 
 
 def drop_trailing_blanks(rows: list[Row], delimiter: str | None) -> list[Row]:

@@ -49,7 +49,7 @@ def calibrate_study(
         require_surrogate(study, model.building)
         model = with_effects(study, model, show)
     started = time.monotonic()
-    measured = read_measured_of(model, source)
+    measured = read_measured_of(study, model, source, show)
     observation = measured.as_observation
     # No surrogate knows other kinds than FRFs under base motion.
     settings = replace(settings, exact=settings.exact or measured.others)

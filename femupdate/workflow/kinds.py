@@ -10,20 +10,31 @@ import torch
 from torch import Tensor
 
 from femupdate.building.schema import Building
+from femupdate.dynamics.force_response import RestFlexibility
 from femupdate.errors import MeasurementError
-from femupdate.inference.joint import JointLikelihood
+from femupdate.inference.force_likelihood import ForceLikelihood
+from femupdate.inference.joint import JointLikelihood, Kind
 from femupdate.inference.likelihood import DataLikelihood
 from femupdate.inference.modal_likelihood import ModalErrors, ModalLikelihood
 from femupdate.inference.predictive_check import PredictiveCheck, floor_squares, predictive_check
+from femupdate.measurement.force_frf import ForcedObservation, ForceTest, forced_observations
 from femupdate.measurement.kinds import read_any_kind
 from femupdate.measurement.modes import IdentifiedModes
 from femupdate.measurement.observation import (
     Observation,
     independent_share,
     require_floors_of_building,
+    select_floors,
 )
+from femupdate.progress import Progress
+from femupdate.study import Study
+from femupdate.workflow.force import check_base_level, check_level, open_rest
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.observed import ObservationSource, direction_of, observation_of
+from femupdate.workflow.observed import (
+    ObservationSource,
+    direction_of,
+    observation_of,
+)
 
 
 @dataclass(frozen=True)
@@ -33,11 +44,15 @@ class Measured:
     Attributes:
         base: FRFs under base motion; without a valid point where there are none.
         modes: identified modes, one entry a file.
+        forced: responses to forces, one entry a file and floor at which a force acts.
+        rest: static displacement under forces that the reduced model lacks; None of a stick.
         errors: of the modes.
     """
 
     base: Observation
     modes: tuple[IdentifiedModes, ...] = ()
+    forced: tuple[ForcedObservation, ...] = ()
+    rest: RestFlexibility | None = None
     errors: ModalErrors = field(default_factory=ModalErrors)
 
     @property
@@ -48,12 +63,12 @@ class Measured:
     @property
     def others(self) -> bool:
         """Whether there is anything that no surrogate knows."""
-        return bool(self.modes)
+        return bool(self.modes or self.forced)
 
     @property
     def notes(self) -> tuple[str, ...]:
         """Sentences on how everything was read, and what was assumed."""
-        return (*self.base.notes, *self._mode_notes())
+        return (*self.base.notes, *self._force_notes(), *self._mode_notes())
 
     @property
     def as_observation(self) -> Observation:
@@ -61,20 +76,42 @@ class Measured:
         if not self.others:
             return self.base
         sources = [self.base.source] if self.has_base else []
+        sources += [one.observation.source for one in self.forced]
         sources += [one.source for one in self.modes]
-        return replace(self.base, source=" and ".join(sources))
+        return replace(self.base, source=" and ".join(dict.fromkeys(sources)))
 
     def fingerprint(self) -> str:
         """Hash of all data as read, and of what is assumed of their errors."""
-        data = hashlib.sha256(repr((self.modes and self.errors, self.base.floors)).encode())
+        forces = [(one.force, one.observation.floors) for one in self.forced]
+        said = (self.modes and self.errors, self.base.floors, forces)
+        data = hashlib.sha256(repr(said).encode())
         arrays = [self.base.log_frf, self.base.noise_sd, self.base.valid]
         for one in self.modes:
             arrays += [one.frequency_hz, one.frequency_sd_hz, one.damping, one.damping_sd]
             arrays += [one.shape, one.shape_sd]
             data.update(repr(one.floors).encode())
+        for own in (one.observation for one in self.forced):
+            arrays += [own.log_frf, own.noise_sd, own.valid]
         for values in arrays:
             data.update(np.ascontiguousarray(values).tobytes())
         return data.hexdigest()
+
+    def _force_notes(self) -> list[str]:
+        told = []
+        for one in self.forced:
+            floors = ", ".join(one.observation.floors)
+            told.append(
+                f"{one.observation.source}: {one.quantity} of {floors} under a force at"
+                f" {one.force}, taken to act through the middle of its sensors."
+            )
+            told += [f"{one.observation.source}: {note}" for note in one.observation.notes]
+        if self.rest is not None:
+            told.append(
+                f"The reduced model lacks {self.rest.lacked:.0%} (rms) of the static displacement"
+                f" where a force acts; {self.rest.error:.1g} is left of it after a correction by"
+                " the full model."
+            )
+        return told
 
     def _mode_notes(self) -> list[str]:
         if not self.modes:
@@ -105,38 +142,70 @@ def _assumed(modes: IdentifiedModes, errors: ModalErrors) -> list[str]:
     return [f"{modes.source} gives no standard deviation; taken are {', '.join(assumed)}."]
 
 
-def read_measured_of(model: StudyModel, source: ObservationSource) -> Measured:
+def read_measured_of(
+    study: Study, model: StudyModel, source: ObservationSource, progress: Progress
+) -> Measured:
     """Read the files of a source, of any kind.
 
     Raises:
-        MeasurementError: a file cannot be used, or belongs to another building.
+        MeasurementError: a file cannot be used, belongs to another building, or is in another
+            unit or quantity than it says.
     """
-    return measured_of(model.building, source)
+    measured = measured_of(model.building, source)
+    check_base_level(model, measured.base)
+    if not measured.forced:
+        return measured
+    measured = replace(measured, rest=open_rest(study, model, progress))
+    for likelihood, one in zip(_of_forces(model, measured), measured.forced, strict=True):
+        check_level(model, likelihood, one)
+    return measured
 
 
 def measured_of(building: Building, source: ObservationSource) -> Measured:
     """Like `read_measured_of`, for a building that has no model yet."""
-    base, modes = [], []
+    base: list[Path] = []
+    modes: list[IdentifiedModes] = []
+    forced: list[ForcedObservation] = []
     for path in source.paths:
-        read = read_any_kind(path, source.unit, source.columns, direction_of(building))
+        read = read_any_kind(path, source.reading(direction_of(building)))
         if isinstance(read, IdentifiedModes):
             modes.append(_chosen(building, source, path, read))
+        elif isinstance(read, ForceTest):
+            forced += _forced(building, source, read)
         else:
             base.append(path)
-    if not base:
-        _require_sensors(source, modes)
-    if modes and building.effects:
+    if (modes or forced) and building.effects:
         raise MeasurementError(
-            f"{modes[0].source}: the building lists effects, with which identified modes cannot be"
-            " explained yet; give histories or FRFs, or leave the effects out"
+            f"{source.path}: the building lists effects, with which identified modes and responses"
+            " to forces cannot be explained yet; give histories or FRFs under base motion, or"
+            " leave the effects out"
         )
     errors = ModalErrors()
     if source.mode_error is not None:
         errors = replace(errors, model_frequency=source.mode_error)
+    others = Measured(_nothing(building, modes, forced), tuple(modes), tuple(forced), None, errors)
     if not base:
-        return Measured(_nothing(building, modes), tuple(modes), errors)
+        _require_sensors(source, others.base.floors)
+        return others
     own = replace(source, path=base[0], further=tuple(base[1:]))
-    return Measured(observation_of(building, own), tuple(modes), errors)
+    return replace(others, base=observation_of(building, own))
+
+
+def _forced(
+    building: Building, source: ObservationSource, test: ForceTest
+) -> list[ForcedObservation]:
+    """Responses to forces of the floors and in the band that are asked for."""
+    grid = building.frequency_grid.frequencies_hz()
+    low, high = source.band_hz or (0.0, np.inf)
+    band = max(low, float(grid[0])), min(high, float(grid[-1]))
+    noise = building.observation.noise_sd
+    found = []
+    for one in forced_observations(test, building.floors, band, noise):
+        own = one.observation
+        wanted = [name for name in own.floors if name in (source.sensors or own.floors)]
+        if wanted:
+            found.append(replace(one, observation=select_floors(own, wanted)))
+    return found
 
 
 def _chosen(
@@ -157,20 +226,23 @@ def _chosen(
     return modes
 
 
-def _require_sensors(source: ObservationSource, modes: Sequence[IdentifiedModes]) -> None:
-    """Refuse a floor that is asked for and that no file of modes has."""
-    have = dict.fromkeys(name for one in modes for name in one.floors)
-    missing = [name for name in source.sensors if name not in have]
+def _require_sensors(source: ObservationSource, floors: Sequence[str]) -> None:
+    """Refuse a floor that is asked for and that no file has."""
+    missing = [name for name in source.sensors if name not in floors]
     if missing:
         raise MeasurementError(
-            f"{source.path}: there is no {', '.join(missing)} to use; the modes have"
-            f" {', '.join(have) or 'frequencies alone'}"
+            f"{source.path}: there is no {', '.join(missing)} to use; the files have"
+            f" {', '.join(floors) or 'frequencies alone'} of what was asked for"
         )
 
 
-def _nothing(building: Building, modes: Sequence[IdentifiedModes]) -> Observation:
-    """An observation of the floors of modes that holds no FRFs."""
-    floors = tuple(name for name in building.floors if any(name in one.floors for one in modes))
+def _nothing(
+    building: Building, modes: Sequence[IdentifiedModes], forced: Sequence[ForcedObservation]
+) -> Observation:
+    """An observation of the floors of other kinds that holds no FRFs under base motion."""
+    seen = {name for one in modes for name in one.floors}
+    seen |= {name for one in forced for name in one.observation.floors}
+    floors = tuple(name for name in building.floors if name in seen)
     frequency = building.frequency_grid.frequencies_hz()
     empty = np.full((len(floors), frequency.size), np.nan)
     return Observation(
@@ -179,7 +251,7 @@ def _nothing(building: Building, modes: Sequence[IdentifiedModes]) -> Observatio
         log_frf=empty,
         noise_sd=empty,
         valid=np.zeros(empty.shape, dtype=bool),
-        source=" and ".join(one.source for one in modes),
+        source="nothing",
     )
 
 
@@ -189,8 +261,12 @@ def joint_likelihood(
     """The likelihood of all that was measured; `base` is that of the FRFs under base motion."""
     if not measured.others:
         return base
-    parts = _of_modes(model, measured)
+    parts: list[Kind] = [*_of_forces(model, measured), *_of_modes(model, measured)]
     return JointLikelihood([base, *parts] if measured.has_base else parts)
+
+
+def _of_forces(model: StudyModel, measured: Measured) -> list[ForceLikelihood]:
+    return [ForceLikelihood(model.system, one, None, measured.rest) for one in measured.forced]
 
 
 def _of_modes(model: StudyModel, measured: Measured) -> list[ModalLikelihood]:
@@ -227,7 +303,8 @@ def check_measured(
 
     Returns:
         The smallest mean squared whitened residual, and the posterior predictive check of every
-        floor's FRF and of the frequencies, damping ratios and shapes of every file of modes.
+        floor's FRF, under base motion or a force, and of the frequencies, damping ratios and
+        shapes of every file of modes.
     """
     names: list[str] = []
     freedom: list[float] = []
@@ -239,6 +316,10 @@ def check_measured(
         squares.append(torch.from_numpy(floor_squares(base, predicted)))
         freedom += (independent_share(base) * base.valid.sum(axis=1)).tolist()
         names += base.floors
+    for force in _of_forces(model, measured):
+        squares.append(force.squares(parameters))
+        freedom += force.freedom
+        names += force.names
     for one, likelihood in zip(measured.modes, _of_modes(model, measured), strict=True):
         kept = [k for k, count in enumerate(likelihood.freedom) if count]
         squares.append(likelihood.squares(parameters)[:, kept])

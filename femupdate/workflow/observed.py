@@ -12,7 +12,7 @@ from femupdate.building.schema import Building
 from femupdate.errors import MeasurementError
 from femupdate.measurement.agreement import agreement
 from femupdate.measurement.frf import observation_for
-from femupdate.measurement.kinds import read_any_kind
+from femupdate.measurement.kinds import Reading, read_any_kind
 from femupdate.measurement.observation import Observation, select_floors
 from femupdate.measurement.observation_file import read_observation_file
 from femupdate.measurement.pooled import pooled
@@ -33,6 +33,7 @@ class ObservationSource:
         sensors: floors to use; all of the file's where empty.
         band_hz: lowest and highest frequency to use, or None for all.
         further: files of other runs, read in the same way, to be explained together.
+        force: floor at which a force acts, for responses to it whose columns do not say it.
         mode_error: standard deviation of the model's own ln f, for identified modes; default None.
     """
 
@@ -42,6 +43,7 @@ class ObservationSource:
     sensors: tuple[str, ...] = ()
     band_hz: tuple[float, float] | None = None
     further: tuple[Path, ...] = ()
+    force: str | None = None
     mode_error: float | None = None
 
     @property
@@ -53,6 +55,10 @@ class ObservationSource:
     def runs(self) -> "tuple[ObservationSource, ...]":
         """Every file as a source of its own."""
         return tuple(replace(self, path=path, further=()) for path in self.paths)
+
+    def reading(self, direction: str) -> Reading:
+        """How each of the files is read, for a direction of the motion."""
+        return Reading(unit=self.unit, columns=self.columns, direction=direction, force=self.force)
 
     def made_from(self) -> dict[str, str]:
         """Hash of every file, for the record of what is made from them."""
@@ -187,7 +193,7 @@ def check_readable(source: ObservationSource) -> None:
         MeasurementError: a file cannot be used.
     """
     for path in source.paths:
-        read_any_kind(path, source.unit, source.columns)
+        read_any_kind(path, source.reading("x"))
 
 
 def observed_direction(model: StudyModel) -> str:

@@ -5,11 +5,16 @@ import pytest
 
 from femupdate.errors import MeasurementError
 from femupdate.measurement.inspection import inspect_file
-from femupdate.measurement.kinds import read_any_kind
+from femupdate.measurement.kinds import Reading, read_any_kind
 from femupdate.measurement.mode_checks import mac, mode_findings
 from femupdate.measurement.modes import in_phase, phase_collinearity
 from femupdate.measurement.observation_file import read_observation_file
 from femupdate.measurement.recording import RecordedMode
+
+
+def read(path, **how):
+    return read_any_kind(path, Reading(**how))
+
 
 TABLE = """# identified by somebody
 mode,frequency_hz,frequency_sd_hz,damping (%),damping_sd (%),2F,RF,RF_sd
@@ -20,7 +25,7 @@ mode,frequency_hz,frequency_sd_hz,damping (%),damping_sd (%),2F,RF,RF_sd
 
 
 def test_every_column(write):
-    modes = read_any_kind(write(TABLE, "modes.csv"))
+    modes = read(write(TABLE, "modes.csv"))
     assert (modes.names, modes.floors, modes.source) == (("1", "2", "3"), ("2F", "RF"), "modes.csv")
     np.testing.assert_array_equal(modes.frequency_hz, [1.75, 5.03, 7.7])
     np.testing.assert_array_equal(modes.frequency_sd_hz, [0.01, np.nan, np.nan])
@@ -33,7 +38,7 @@ def test_every_column(write):
 def test_foreign_names_semicolons_and_units_in_a_row(write):
     text = "Mode;f;xi;phi roof;phi ground;junk\n-;Hz;%;-;-;-\n1;1,75;2,0;1,0;0,1;5\n2;5,5;;;;\n"
     names = {"frequency_hz": "f", "damping": "xi", "RF": "phi roof", "2F": "phi ground"}
-    modes = read_any_kind(write(text, "m.csv"), columns=names)
+    modes = read(write(text, "m.csv"), columns=names)
     np.testing.assert_array_equal(modes.frequency_hz, [1.75, 5.5])
     np.testing.assert_allclose(modes.damping, [0.02, np.nan])
     np.testing.assert_array_equal(modes.shape[0], [0.1, 1.0])
@@ -42,7 +47,7 @@ def test_foreign_names_semicolons_and_units_in_a_row(write):
 @pytest.mark.parametrize("cell", ["3+4j", "(3+4j)", "3 + 4 i", "3.0+4.0*I"])
 def test_complex_shapes_are_turned_to_be_real(write, cell):
     text = f"mode,frequency_hz,2F,RF\n1,2.0,{cell},6+8j\n2,3.0,1j,-2j\n"
-    modes = read_any_kind(write(text, "m.csv"))
+    modes = read(write(text, "m.csv"))
     np.testing.assert_allclose(modes.shape[:, 1] / modes.shape[:, 0], [2.0, -2.0], rtol=1e-12)
     np.testing.assert_allclose(np.abs(modes.shape[0]), [5.0, 10.0], rtol=1e-12)
     assert modes.notes == ()
@@ -52,16 +57,16 @@ def test_parts_of_a_shape_and_sensors_of_a_floor(write):
     text = (
         "mode,frequency_hz,2F_re,2F_im,RF:1,RF:2,RF:1_sd,RF:2_sd,RF.y,base\n1,2,1,0,2,4,.3,.4,9,0\n"
     )
-    modes = read_any_kind(write(text, "m.csv"))
+    modes = read(write(text, "m.csv"))
     np.testing.assert_allclose(modes.shape, [[1.0, 3.0]])
     np.testing.assert_allclose(modes.shape_sd, [[np.nan, 0.25]])
-    other = read_any_kind(write(text, "m.csv"), direction="y")
+    other = read(write(text, "m.csv"), direction="y")
     assert (other.floors, other.shape.tolist()) == (("RF",), [[9.0]])
 
 
 def test_a_shape_out_of_phase_is_told(write):
     path = write("mode,frequency_hz,2F,RF\n1,2.0,1,1j\n", "m.csv")
-    assert read_any_kind(path).notes == (
+    assert read(path).notes == (
         "Mode 1: the floors do not move in phase; the part that does is used.",
     )
     assert inspect_file(path).findings == ("mode 1 at 2 Hz: the sensors do not move in phase",)
@@ -72,13 +77,13 @@ def test_a_shape_out_of_phase_is_told(write):
 def test_modes_of_a_universal_file(shared_file):
     pytest.importorskip("pyuff", reason="pyuff (extra `formats`) is not installed")
     path = shared_file("formats/uff55_translation.uff")
-    modes = read_any_kind(path, columns={"2F": "point 1 +Y", "RF": "point 4 +Y"})
+    modes = read(path, columns={"2F": "point 1 +Y", "RF": "point 4 +Y"})
     np.testing.assert_array_equal(modes.frequency_hz, [10.0, 12.0, 13.0])
     np.testing.assert_allclose(modes.shape[0], [-1.46518, 0.724863])
     with pytest.raises(MeasurementError, match=r"say which are.*among point 1 \+X, point 1 \+Y"):
-        read_any_kind(path)
+        read(path)
     with pytest.raises(MeasurementError, match=r"no component 'point 9 \+X' to take for 2F"):
-        read_any_kind(path, columns={"2F": "point 9 +X"})
+        read(path, columns={"2F": "point 9 +X"})
 
 
 def test_inspect(write):
@@ -142,7 +147,7 @@ HEAD = "mode,frequency_hz,damping,2F,RF\n"
 )
 def test_wrong_tables(write, text, message):
     with pytest.raises(MeasurementError, match=message):
-        read_any_kind(write(text, "m.csv"))
+        read(write(text, "m.csv"))
 
 
 def test_other_commands_say_what_the_file_is(write):
@@ -152,4 +157,4 @@ def test_other_commands_say_what_the_file_is(write):
 
 def test_mapped_column_that_is_not_there(write):
     with pytest.raises(MeasurementError, match=r"no column 'f1' to take for frequency_hz"):
-        read_any_kind(write(HEAD + "1,2,.02,1,2\n", "m.csv"), columns={"frequency_hz": "f1"})
+        read(write(HEAD + "1,2,.02,1,2\n", "m.csv"), columns={"frequency_hz": "f1"})

@@ -1,6 +1,7 @@
 """calibrate from identified modes, alone and together with FRFs."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -45,11 +46,12 @@ def frf_file(tmp_path_factory, tower_frf):
 
 @pytest.fixture
 def calibrate(tmp_path, tower_file):
-    def run(*paths, **reading):
+    def run(*paths, settings=SETTINGS, **reading):
         study = Study(tmp_path / "_".join(path.stem for path in paths))
         source = ObservationSource(paths[0], further=paths[1:], **reading)
-        check_calibration(study, source, SETTINGS, str(tower_file))
-        return study, calibrate_study(study, open_study(study, str(tower_file)), source, SETTINGS)
+        check_calibration(study, source, settings, str(tower_file))
+        model = open_study(study, str(tower_file))
+        return study, calibrate_study(study, model, source, settings)
 
     return run
 
@@ -103,3 +105,56 @@ def test_floors_of_another_building(tower_file, tmp_path):
     building = choose_building(Study(tmp_path), str(tower_file))
     with pytest.raises(MeasurementError, match="file of another building: it has floors 9F"):
         measured_of(building, ObservationSource(path))
+
+
+@pytest.fixture(scope="module")
+def force_file(tmp_path_factory, tower_modes):
+    """Accelerance of both floors under a force at the roof, with noise of .1 on ln|A|."""
+    own, shape = tower_modes(TRUTH)
+    omega, natural = 2 * np.pi * GRID[:, None], 2 * np.pi * own
+    share = shape * shape[1]  # (floor, mode)
+    motion = 1.0 / (natural**2 - omega**2 + 2j * ZETA * natural * omega)
+    noise = 0.1 * np.random.default_rng(8).standard_normal((2, GRID.size))
+    values = np.abs((-(omega**2) * motion) @ share.T).T * np.exp(noise)
+    path = tmp_path_factory.mktemp("force") / "force.csv"
+    rows = [f"{f:.1f},{a:.9g},{b:.9g},0.1,0.1" for f, a, b in zip(GRID, *values, strict=True)]
+    head = "frequency_hz,2F/RF (m/s2/N),RF/RF (m/s2/N),2F/RF_sd,RF/RF_sd"
+    path.write_text("\n".join([head, *rows]) + "\n")
+    return path
+
+
+def test_force_and_base_agree_and_narrow_together(calibrate, force_file, frf_file, modes_file):
+    _, force = calibrate(force_file)
+    _, every = calibrate(force_file, frf_file, modes_file)
+    for report in (force, every):
+        draws = report.posterior.samples
+        assert (np.abs(draws.mean(axis=0) - TRUTH) < 3.5 * draws.std(axis=0)).all()
+        assert report.check.whole > 0.01
+    assert (every.posterior.samples.std(axis=0) < force.posterior.samples.std(axis=0)).all()
+    assert force.check.names == ("2F/RF", "RF/RF")
+    assert every.posterior.observation.source == "frf.csv and force.csv and modes.csv"
+    assert any("accelerance of 2F, RF under a force at RF" in note for note in force.notes)
+
+
+@pytest.mark.parametrize(
+    ("unit", "message"),
+    [
+        ("g/N", "building's masses allow; it fits if it is in m/s2, not in g"),
+        ("m/s/N", "it fits if it is accelerance;"),
+        ("m/s2/kN", "it fits if it is a thousand times too small;"),
+    ],
+)
+def test_a_wrong_unit_is_told_by_the_masses(calibrate, force_file, tmp_path, unit, message):
+    path = tmp_path / "wrong.csv"
+    path.write_text(force_file.read_text().replace("m/s2/N", unit))
+    with pytest.raises(MeasurementError, match=message):
+        calibrate(path)
+
+
+def test_a_hammer_without_units_is_not_taken_for_base_motion(calibrate, force_file, tmp_path):
+    path = tmp_path / "bare.csv"
+    path.write_text(force_file.read_text().replace(" (m/s2/N)", "").replace("/RF", ""))
+    with pytest.raises(MeasurementError, match="if a hammer or a shaker excited it, say so"):
+        calibrate(path, settings=replace(SETTINGS, exact=True))
+    _, named = calibrate(path, force="RF", unit="m/s2/N")
+    assert named.check.names == ("2F/RF", "RF/RF")

@@ -5,10 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
+from femupdate.measurement.cells import cells_of, find_delimiter, is_number
 from femupdate.measurement.complex_text import split_complex
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import Recording
-from femupdate.measurement.table import Table, cells_of, find_delimiter, is_number
+from femupdate.measurement.table import Table
 from femupdate.measurement.text import TextFile, read_text
 
 # A column that no table of histories or of response functions has.

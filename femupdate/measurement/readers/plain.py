@@ -2,9 +2,11 @@
 
 from pathlib import Path
 
+from femupdate.measurement.cells import cells_of, find_delimiter, is_number
+from femupdate.measurement.complex_text import split_complex
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import TIME_NAME, Recording
-from femupdate.measurement.table import cells_of, find_delimiter, is_number, read_table
+from femupdate.measurement.table import read_table
 from femupdate.measurement.text import TextFile, read_text
 
 _LOOKED_AT = 50
@@ -13,6 +15,7 @@ _LOOKED_AT = 50
 def _recognises(head: str, suffix: str) -> bool:
     """Whether a file begins like a table: with a column of times or rows of numbers."""
     rows = TextFile(Path(), tuple(head.split("\n"))).rows()[:_LOOKED_AT]
+    rows = split_complex(rows) if rows else rows
     cells = [cells_of(text, find_delimiter(text)) for _, text in rows]
     named = bool(cells) and TIME_NAME.match(cells[0][0]) is not None
     return named or any(all(map(is_number, row)) for row in cells)

@@ -1,0 +1,132 @@
+"""Responses to a force at a floor: accelerance, with the flexibility that a reduced model lacks.
+
+The basis of a reduced model is made for a base that moves. It follows a force at a floor as well,
+but for the static displacement near the force, of up to a fifth where the force acts. That rest is
+learned from static solutions of the full model. A structure whose stiffness is a sum of theta_i
+times matrices has a flexibility of degree -1 in theta, and the rest, which is local, is close to
+a sum of C_i / theta_i.
+"""
+
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+import torch
+from scipy.stats import qmc
+from torch import Tensor
+
+from femupdate.arrays import Floats
+from femupdate.dynamics.modes import force_response
+from femupdate.dynamics.reduced import ReducedModel
+from femupdate.dynamics.system import System
+from femupdate.effects.structure import Structure
+from femupdate.fe.factorization import factorize
+from femupdate.processors import everywhere
+from femupdate.progress import SILENT, Progress
+
+_BATCH = 16
+_SAMPLES_A_FACTOR = 2
+
+
+@dataclass(frozen=True, eq=False)
+class RestFlexibility:
+    """What a reduced model lacks of the static displacement of f floors under forces at them.
+
+    Attributes:
+        terms: (p, f, f) m/N, each over its stiffness factor.
+        error: rms error that is left of the displacement where the force acts, relative.
+        lacked: rms share of that displacement that the reduced model lacks.
+    """
+
+    terms: Floats
+    error: float
+    lacked: float
+
+
+def accelerance(
+    system: System,
+    parameters: Tensor,
+    zeta: Tensor,
+    frequency_hz: Tensor,
+    forced: int,
+    rest: RestFlexibility | None = None,
+) -> Tensor:
+    """Complex acceleration (N, f, k) of all floors over a force at one of them, 1/kg.
+
+    Args:
+        system: the reduced model, with effects or without.
+        parameters: (N, p + q) stiffness factors, then sizes of effects.
+        zeta: (N,) damping ratios.
+        frequency_hz: (k,).
+        forced: floor at which the force acts, counted from the lowest.
+        rest: static displacement that the reduced model lacks; None for a stick, which lacks none.
+    """
+    omega = 2.0 * torch.pi * frequency_hz.to(torch.float64)
+    parts = []
+    for rows, ratio in zip(parameters.split(_BATCH), zeta.split(_BATCH), strict=True):
+        theta, sizes = system.split(rows)
+        modes = system.modes(theta, sizes)
+        ports = system.port_stiffness(omega, sizes)
+        moved = force_response(modes, system.ratio(modes.omega, ratio, sizes), omega, ports, forced)
+        if rest is not None:
+            terms = torch.from_numpy(rest.terms[:, :, forced]).to(theta)
+            moved = moved + (1.0 / theta @ terms)[:, :, None]
+        parts.append(-(omega**2) * moved)
+    return torch.cat(parts)
+
+
+def rest_flexibility(
+    structure: Structure,
+    reduced: ReducedModel,
+    lower: Floats,
+    upper: Floats,
+    progress: Progress = SILENT,
+) -> RestFlexibility:
+    """Learn what a reduced model lacks, from the full model at factors spread over their prior.
+
+    Args:
+        structure: the full model.
+        reduced: of it.
+        lower, upper: (p,) prior box.
+        progress: advances by one a full solution.
+    """
+    count = _SAMPLES_A_FACTOR * len(lower)
+    # The sequence is balanced over powers of two only.
+    sobol = qmc.Sobol(len(lower), seed=np.random.default_rng(0))
+    unit = sobol.random_base2((count - 1).bit_length())[:count]
+    theta = np.exp(np.log(lower) + (np.log(upper) - np.log(lower)) * unit)
+    progress.start("Solving the full model under forces at the floors", count)
+    full = []
+    for one in everywhere(partial(_static, structure), list(theta)):
+        full.append(one)
+        progress.advance()
+    known = [_reduced_static(reduced, one) for one in theta]
+    lacked = np.stack(full) - np.stack(known)
+    return _fitted(theta, np.stack(full), lacked)
+
+
+def _static(structure: Structure, theta: Floats) -> Floats:
+    """Displacements (f, f) of the floors under unit forces at them, m/N."""
+    stiffness = structure.stiffness_constant
+    for factor, term in zip(theta, structure.stiffness_terms, strict=True):
+        stiffness = stiffness + factor * term
+    rows = np.ascontiguousarray(structure.floor_rows.T)
+    return np.asarray(structure.floor_rows @ factorize(stiffness.tocsc()).apply(rows))
+
+
+def _reduced_static(model: ReducedModel, theta: Floats) -> Floats:
+    shapes = model.floor_shapes
+    return np.asarray(shapes @ np.linalg.solve(model.stiffness(theta), shapes.T))
+
+
+def _fitted(theta: Floats, full: Floats, lacked: Floats) -> RestFlexibility:
+    """Terms that explain the lacking displacements (n, f, f), relative to the whole ones."""
+    count, floors, _ = full.shape
+    # Every sample counts alike, whatever its stiffness.
+    scale = full.reshape(count, -1).max(axis=1)[:, None]
+    found = np.linalg.lstsq(1.0 / theta / scale, lacked.reshape(count, -1) / scale)[0]
+    left = lacked - (1.0 / theta @ found).reshape(full.shape)
+    at_force = np.arange(floors)
+    share = [(part / full)[:, at_force, at_force] for part in (left, lacked)]
+    error, whole = (float(np.sqrt((part**2).mean())) for part in share)
+    return RestFlexibility(found.reshape(-1, floors, floors), error, whole)

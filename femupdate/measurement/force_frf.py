@@ -1,0 +1,203 @@
+"""Frequency response functions under a force: of a hammer or a shaker at a floor."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from femupdate.arrays import Floats
+from femupdate.errors import MeasurementError
+from femupdate.measurement.columns import FrfColumn, floor_height
+from femupdate.measurement.force_unit import ForceUnit, force_unit
+from femupdate.measurement.frf_table import FrfTable, curves_of
+from femupdate.measurement.observation import Observation, require_floors_of_building
+from femupdate.measurement.quantity import si_factor
+from femupdate.measurement.table import Table
+
+LEAST_FREQUENCIES = 10
+_POSSIBLE = (1e-18, 1e6)  # accelerance, 1/kg, of a tower below its modes and of a toy at one
+_UNITS = "m/s2/N (accelerance), m/s/N (mobility) or m/N (receptance)"
+
+
+@dataclass(frozen=True, eq=False)
+class ForceTable:
+    """Responses to a force at one floor.
+
+    Attributes:
+        force: floor at which it acts, in the measured direction.
+        quantity: what the file holds: receptance, mobility or accelerance.
+        accelerance: magnitude in m/s2 per N whatever the file holds; without phase.
+    """
+
+    force: str
+    quantity: str
+    accelerance: FrfTable
+
+
+@dataclass(frozen=True, eq=False)
+class ForceTest:
+    """Responses to forces at one floor after the other, of one file."""
+
+    tables: tuple[ForceTable, ...]
+    source: str
+
+
+@dataclass(frozen=True, eq=False)
+class ForcedObservation:
+    """Responses to a force at one floor of a building.
+
+    Attributes:
+        force: floor at which it acts.
+        quantity: what the file holds.
+        observation: ln of the accelerance, 1/kg, of the floors that respond, at the frequencies of
+            the file.
+    """
+
+    force: str
+    quantity: str
+    observation: Observation
+
+
+def force_test(
+    table: Table, at: int, columns: Mapping[FrfColumn, int], force: str, unit: str | None
+) -> ForceTest:
+    """The responses to forces in a table.
+
+    Args:
+        table: the file's columns.
+        at: position of the frequencies.
+        columns: position of each column that is used.
+        force: floor at which the force acts, where a column's name does not say it.
+        unit: of the responses, where a column does not say it.
+
+    Raises:
+        MeasurementError: the unit of a column is not known or two columns differ in their
+            quantity, or see `frf_table`.
+    """
+    table = _without_zero_frequency(table, at)
+    floors = sorted({column.force or force for column in columns}, key=floor_height)
+    return ForceTest(
+        tuple(
+            _under_force(table, at, floor, _at_floor(table, columns, floor, force), unit)
+            for floor in floors
+        ),
+        table.file.path.name,
+    )
+
+
+def _without_zero_frequency(table: Table, at: int) -> Table:
+    """The same rows but the first, where its frequency is zero: nothing accelerates there."""
+    if table.values[0, at] != 0.0:
+        return table
+    return replace(table, values=table.values[1:], lines=table.lines[1:])
+
+
+def _at_floor(
+    table: Table, columns: Mapping[FrfColumn, int], floor: str, force: str
+) -> dict[FrfColumn, int]:
+    """The columns of responses to a force at one floor, each floor once."""
+    found: dict[FrfColumn, int] = {}
+    for column, i in columns.items():
+        if (column.force or force) == floor:
+            plain = replace(column, force=floor)
+            if plain in found:
+                raise table.file.error(
+                    f"{table.title(i)} and {table.title(found[plain])} are the same response;"
+                    " remove one"
+                )
+            found[plain] = i
+    return found
+
+
+def _under_force(
+    table: Table, at: int, force: str, columns: Mapping[FrfColumn, int], unit: str | None
+) -> ForceTable:
+    hertz = si_factor(table.file, table.units[at] or "Hz", "frequency")
+    omega = 2.0 * np.pi * table.values[:, at] * hertz
+    held = {i: _unit(table, i, unit) for column, i in columns.items() if column.part != "sd"}
+    quantities = {one.quantity for one in held.values()}
+    if len(quantities) > 1:
+        raise table.file.error(
+            f"responses to the force at {force} are in several quantities,"
+            f" {' and '.join(sorted(quantities))}; give them in files of their own"
+        )
+
+    def accelerance(own: Table, position: int) -> Floats:
+        of_column = held[position]
+        # A sign or a phase of i omega does not matter to the magnitude.
+        return own.values[:, position] * of_column.factor * omega ** (2 - of_column.power)
+
+    curves = curves_of(table, at, columns, accelerance, _POSSIBLE)
+    return ForceTable(force, next(iter(quantities)), replace(curves, complex_frf=None))
+
+
+def _unit(table: Table, position: int, asked: str | None) -> ForceUnit:
+    """The unit of a column, stated in the file or by the option."""
+    stated = table.units[position] or asked
+    found = None if stated is None else force_unit(stated)
+    if found is None:
+        said = "has no unit" if stated is None else f"cannot be in {stated!r}"
+        raise table.file.error(
+            f"a response to a force {said}; give it by the unit option or in the column's name,"
+            f" as {_UNITS}",
+            column=table.title(position),
+        )
+    return found
+
+
+def forced_observations(
+    test: ForceTest,
+    building_floors: Sequence[str],
+    band_hz: tuple[float, float],
+    default_noise: float,
+) -> tuple[ForcedObservation, ...]:
+    """Responses to forces on a building's floors, at the file's own frequencies.
+
+    Args:
+        test: as the file gives it.
+        building_floors: names, bottom to top.
+        band_hz: lowest and highest frequency at which the building's model is good.
+        default_noise: sd of ln|H| where the file gives none.
+
+    Raises:
+        MeasurementError: the building has no such floor, or fewer than ten frequencies lie in the
+            band.
+    """
+    return tuple(
+        _in_band(test, one, building_floors, band_hz, default_noise) for one in test.tables
+    )
+
+
+def _in_band(
+    test: ForceTest,
+    one: ForceTable,
+    building_floors: Sequence[str],
+    band_hz: tuple[float, float],
+    default_noise: float,
+) -> ForcedObservation:
+    table = one.accelerance
+    require_floors_of_building(test.source, (*table.floors, one.force), building_floors)
+    low, high = band_hz
+    slack = 1e-9  # grids are sums of rounded steps
+    own = table.frequency_hz
+    used = (own >= low * (1.0 - slack)) & (own <= high * (1.0 + slack))
+    if np.count_nonzero(used) < LEAST_FREQUENCIES:
+        raise MeasurementError(
+            f"{test.source}: fewer than ten frequencies lie between {low:g} and {high:g} Hz, which"
+            " the building's frequency grid and --band leave; widen them"
+        )
+    order = [table.floors.index(name) for name in building_floors if name in table.floors]
+    stated = np.full_like(table.magnitude, np.nan) if table.log_sd is None else table.log_sd
+    without = [name for name, row in zip(table.floors, stated, strict=True) if np.isnan(row).any()]
+    note = f"Noise on ln|H| taken as {default_noise:g} for {', '.join(without)}."
+    noise = np.where(np.isnan(stated), default_noise, stated)[order][:, used]
+    observation = Observation(
+        frequency_hz=own[used],
+        floors=tuple(table.floors[k] for k in order),
+        log_frf=np.log(table.magnitude)[order][:, used],
+        noise_sd=noise,
+        valid=np.ones(noise.shape, dtype=bool),
+        source=test.source,
+        notes=(note,) if without else (),
+    )
+    return ForcedObservation(one.force, one.quantity, observation)

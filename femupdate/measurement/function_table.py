@@ -1,0 +1,71 @@
+"""Frequency response functions of a file with points, such as a universal file, as a table."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from femupdate.measurement.columns import FREQUENCY
+from femupdate.measurement.recording import RecordedFunction, Recording
+from femupdate.measurement.table import Table
+from femupdate.measurement.text import TextFile
+
+_RESPONSES = ("frequency response", "transmissibility")
+_SHOWN = 8
+
+
+def table_of_functions(recording: Recording, columns: Mapping[str, str]) -> Table:
+    """The response functions of a file that are given our names, as a table.
+
+    Args:
+        recording: what the file holds.
+        columns: our column name, such as `2F` or `2F/RF`, to the file's function: its number from
+            1, or its points, as `point 3 +X/point 1 +X`.
+
+    Raises:
+        MeasurementError: there is no response function, none is given a name, a name is not known,
+            or two differ in their frequencies.
+    """
+    file = recording.file
+    known = [one for one in recording.functions if one.kind in _RESPONSES]
+    if not known:
+        kinds = ", ".join(dict.fromkeys(one.kind for one in recording.functions))
+        raise file.error(f"the file holds {kinds}; a response needs histories or FRFs")
+    listing = _listing(known)
+    if not columns:
+        raise file.error(
+            "say which floor each response function is, by the columns option, such as 2F/RF=1"
+            f" for 2F under a force at RF; its functions are {listing}"
+        )
+    chosen = {ours: _chosen(file, known, theirs, listing) for ours, theirs in columns.items()}
+    first = next(iter(chosen.values()))
+    for one in chosen.values():
+        if not np.array_equal(one.frequency_hz, first.frequency_hz):
+            raise file.error("the response functions are not at the same frequencies; split them")
+    names, units, values = [FREQUENCY], ["Hz"], [first.frequency_hz]
+    for ours, one in chosen.items():
+        names += [f"{ours}_re", f"{ours}_im"]
+        units += [one.unit or ""] * 2
+        values += [np.real(one.values), np.imag(one.values)]
+    stated = tuple(unit or None for unit in units)
+    lines = np.arange(1, first.frequency_hz.size + 1)
+    return Table(file, tuple(names), stated, np.column_stack(values), lines)
+
+
+def _listing(functions: Sequence[RecordedFunction]) -> str:
+    told = [
+        f"{k} = {one.response or one.name}/{one.reference or 'not said'} ({one.unit or 'no unit'})"
+        for k, one in enumerate(functions[:_SHOWN], start=1)
+    ]
+    return ", ".join(told) + (", ..." if len(functions) > _SHOWN else "")
+
+
+def _chosen(
+    file: TextFile, functions: Sequence[RecordedFunction], asked: str, listing: str
+) -> RecordedFunction:
+    if asked.isdecimal() and 1 <= int(asked) <= len(functions):
+        return functions[int(asked) - 1]
+    found = [one for one in functions if asked in (f"{one.response}/{one.reference}", one.name)]
+    if len(found) != 1:
+        problem = "there is no function" if not found else f"{len(found)} functions are called"
+        raise file.error(f"{problem} {asked!r}; choose by number: {listing}")
+    return found[0]

@@ -1,0 +1,157 @@
+"""Responses to forces: what a reduced model lacks for them, and the check of their unit."""
+
+import math
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from femupdate.array_archive import ArchiveError, check_shapes, read_arrays, write_arrays
+from femupdate.dynamics.force_response import RestFlexibility, rest_flexibility
+from femupdate.effects.structure import structure_of
+from femupdate.errors import MeasurementError
+from femupdate.inference.force_likelihood import ForceLikelihood
+from femupdate.inference.likelihood import DataLikelihood
+from femupdate.measurement.force_frf import ForcedObservation
+from femupdate.measurement.observation import Observation
+from femupdate.progress import Progress
+from femupdate.study import Study, damaged
+from femupdate.units import STANDARD_GRAVITY
+from femupdate.workflow.model import REDUCED, StudyModel
+
+REST = "flexibility under forces"
+_FILE = "force_flexibility.npz"
+_PROBES = 256
+# A level that misses all that the prior can do by more than this factor is no model error.
+_LEVEL = 2.0
+# Floor over base acceleration is one at zero frequency whatever the building is.
+_BASE_LEVEL = 6.0
+# What files are wrong by: factors, and powers of omega of another quantity.
+_FACTORS = {
+    "in m/s2, not in g": STANDARD_GRAVITY,
+    "a thousand times too large (mm, or per kN)": 1e3,
+    "a thousand times too small": 1e-3,
+    "in g, not in m/s2": 1.0 / STANDARD_GRAVITY,
+}
+_QUANTITIES = ("receptance", "mobility", "accelerance")
+
+
+def open_rest(study: Study, model: StudyModel, progress: Progress) -> RestFlexibility | None:
+    """What a study's reduced model lacks under forces, learned once; None for a stick."""
+    structure = structure_of(model.building)
+    if structure.is_stick:
+        return None
+    origin = {**model.made_from(), **_reduced_by(study)}
+    kept = study.find(REST, origin)
+    if kept is not None:
+        return _read(kept)
+    lower, upper = model.prior.lower.numpy(), model.prior.upper.numpy()
+    found = rest_flexibility(structure, model.reduced, lower, upper, progress)
+    path = study.path(_FILE)
+    numbers = torch.tensor([found.error, found.lacked], dtype=torch.float64).numpy()
+    write_arrays(path, terms=found.terms, numbers=numbers)
+    settings = {"error": found.error, "lacked": found.lacked}
+    study.record(REST, _FILE, "calibrate", origin, settings)
+    return found
+
+
+def _reduced_by(study: Study) -> dict[str, str]:
+    """Hash of the reduced model that something was learned for."""
+    kept = study.artefacts()
+    return {REDUCED: kept[REDUCED].sha256} if REDUCED in kept else {}
+
+
+def _read(path: Path) -> RestFlexibility:
+    try:
+        data = read_arrays(path)
+        check_shapes(data, {"terms": "pff", "numbers": "n"})
+    except ArchiveError as error:
+        raise damaged(path, error) from error
+    return RestFlexibility(data["terms"], *data["numbers"].tolist())
+
+
+def check_level(model: StudyModel, likelihood: ForceLikelihood, one: ForcedObservation) -> None:
+    """Refuse responses in another unit or quantity than their file says.
+
+    The masses of the building are known, so that no stiffness of the prior moves the level of the
+    accelerance by much: it is the mass line that tells the unit.
+
+    Raises:
+        MeasurementError: no parameters of the prior come near the level; another unit or quantity
+            would, and is named.
+    """
+    draws = model.parameters.sample(_PROBES, _generator())
+    away = likelihood.measured - likelihood.predict(draws)
+    omega = (2.0 * torch.pi * likelihood.frequency_hz).log()
+    level, spread = _level(away, omega, 0)
+    if level <= math.log(_LEVEL):
+        return
+    raise MeasurementError(_sentence(one, away, omega, spread))
+
+
+def check_base_level(model: StudyModel, base: Observation) -> None:
+    """Refuse a table of FRFs that cannot be floor over base acceleration.
+
+    Responses to a hammer without units look like it, and are smaller by the masses of the building.
+
+    Raises:
+        MeasurementError: no parameters of the prior come near |H|.
+    """
+    if base.coherence is not None or not base.valid.any():
+        return  # estimated here, from histories of the base and the floors
+    draws = model.parameters.split(model.parameters.sample(_PROBES, _generator()))
+    both = torch.cat([draws.theta, draws.sizes], dim=1)
+    predicted = DataLikelihood(model.system, base).predict(both, draws.zeta)
+    valid = torch.from_numpy(base.valid)
+    away = torch.where(valid, torch.from_numpy(base.log_frf) - predicted, torch.nan)
+    level, scatter = _level(away, torch.zeros(()), 0)
+    if level + scatter <= math.log(_BASE_LEVEL):
+        return
+    raise MeasurementError(
+        f"{base.source}: |H| of {', '.join(base.floors)} is {math.exp(level + scatter):.3g} times"
+        " away from all that floor over base acceleration can be in this building; if a hammer or"
+        " a shaker excited it, say so by --force FLOOR and --unit m/s2/N"
+    )
+
+
+def _generator() -> torch.Generator:
+    return torch.Generator().manual_seed(0)
+
+
+def _level(away: Tensor, omega: Tensor, power: int) -> tuple[float, float]:
+    """How far the nearest draw misses the level, and how much it scatters about it, in ln.
+
+    Args:
+        away: (n, f, k) measured less predicted ln|A|, NaN where not valid.
+        omega: (k,) ln of rad/s.
+        power: of omega that is taken off.
+    """
+    left = (away - power * omega).flatten(1)
+    middle = left.nanmedian(dim=1).values
+    scatter = (left - middle[:, None]).abs().nanmedian(dim=1).values
+    nearest = int((middle.abs() + scatter).argmin())
+    return float(middle[nearest].abs()), float(scatter[nearest])
+
+
+def _sentence(one: ForcedObservation, away: Tensor, omega: Tensor, spread: float) -> str:
+    """What looks wrong, and what would be right."""
+    own = one.observation
+    said = (
+        f"{own.source}: the {one.quantity} of {', '.join(own.floors)} under a force at {one.force}"
+    )
+    best, guess = math.inf, ""
+    power = _QUANTITIES.index(one.quantity)
+    for shift in range(-power, 3 - power):
+        for words, factor in {"": 1.0, **_FACTORS}.items():
+            if shift == 0 and factor == 1.0:
+                continue
+            level, scatter = _level(away - math.log(factor), omega, shift)
+            told = f"{_QUANTITIES[power + shift]} " if shift else ""
+            if level + scatter < best:
+                best, guess = level + scatter, f"{told}{words}".strip()
+    level, _ = _level(away, omega, 0)
+    hint = f"; it fits if it is {guess}" if best < math.log(_LEVEL) + spread else ""
+    return (
+        f"{said} is {math.exp(level):.3g} times away from all that the building's masses allow"
+        f"{hint}; correct its unit, or the masses of the building"
+    )

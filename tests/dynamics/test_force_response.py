@@ -1,0 +1,117 @@
+"""Responses to a force: against dense equations of motion, with dampers, and of a full frame."""
+
+import numpy as np
+import pytest
+import torch
+
+from femupdate.building.files import load_building
+from femupdate.building.shear import shear_operators
+from femupdate.dynamics.damping import RayleighDamping
+from femupdate.dynamics.force_response import accelerance, rest_flexibility
+from femupdate.dynamics.projection import lumped
+from femupdate.dynamics.reduction import reduce_structure
+from femupdate.dynamics.system import System
+from femupdate.effects.effect import Placed
+from femupdate.effects.registry import CATALOGUE
+from femupdate.effects.structure import structure_of
+from femupdate.fe.factorization import factorize
+from femupdate.workflow.model import reduction_target
+
+THETA = np.array([1.3, 0.8, 1.1, 0.7])
+FREQUENCY = np.linspace(0.3, 15.0, 40)
+
+
+@pytest.fixture(scope="module")
+def stick():
+    return lumped(structure_of(load_building("shear_4dof")))
+
+
+def direct(stiffness, mass, damping, forced):
+    """Accelerance (4, 40) by solving the equations at every frequency."""
+    omega = 2.0 * np.pi * FREQUENCY
+    load = np.eye(len(mass))[forced]
+    curves = [
+        -(w**2) * np.linalg.solve(stiffness + 1j * w * damping - w**2 * mass, load) for w in omega
+    ]
+    return np.array(curves).T
+
+
+@pytest.mark.parametrize("forced", [0, 2, 3])
+def test_a_stick_is_that_of_its_equations(stick, forced):
+    operators = shear_operators(load_building("shear_4dof"))
+    stiffness = np.einsum("p,pij->ij", THETA, operators.stiffness_terms)
+    law = RayleighDamping(0.02, (1.0, 20.0))
+    damping = law.mass_coefficient * operators.mass + law.stiffness_coefficient * stiffness
+    exact = direct(stiffness, operators.mass, damping, forced)
+    found = accelerance(
+        System(stick.model, law),
+        torch.from_numpy(THETA)[None],
+        torch.zeros(1, dtype=torch.float64),
+        torch.from_numpy(FREQUENCY),
+        forced,
+    )[0]
+    np.testing.assert_allclose(found, exact, rtol=1e-9)
+    # Above all modes the floor moves as if it were free: the mass line.
+    above = torch.tensor([3000.0], dtype=torch.float64)
+    arguments = (torch.from_numpy(THETA)[None], torch.zeros(1, dtype=torch.float64), above, forced)
+    high = accelerance(System(stick.model, RayleighDamping(1e-6, (1.0, 20.0))), *arguments)
+    assert float(high[0, forced, 0].real) == pytest.approx(
+        1.0 / operators.mass[forced, forced], rel=1e-3
+    )
+
+
+def test_a_damper_in_a_story_holds_the_floors(stick):
+    placed = Placed(CATALOGUE["story_damper"], "story 2")
+    law = RayleighDamping(0.02, (1.0, 20.0))
+    places = placed.effect.places(stick.structure)
+    placed = Placed(placed.effect, places[1])
+    terms = stick.terms(placed)
+    system = System(stick.model, law, (placed,), (terms,))
+    operators = shear_operators(load_building("shear_4dof"))
+    stiffness = np.einsum("p,pij->ij", THETA, operators.stiffness_terms)
+    damping = law.mass_coefficient * operators.mass + law.stiffness_coefficient * stiffness
+    size = torch.tensor([[0.1]], dtype=torch.float64)
+    omega = 2.0 * torch.pi * torch.from_numpy(FREQUENCY)
+    (port,) = system.port_stiffness(omega, size)
+    coefficient = float((port[0].imag / omega)[0])
+    np.testing.assert_allclose(port[0], 1j * coefficient * omega, rtol=1e-9)
+    line = np.array([-1.0, 1.0, 0.0, 0.0])
+    exact = direct(stiffness, operators.mass, damping + coefficient * np.outer(line, line), 3)
+    found = accelerance(
+        system,
+        torch.from_numpy(np.append(THETA, 0.1))[None],
+        torch.zeros(1, dtype=torch.float64),
+        torch.from_numpy(FREQUENCY),
+        3,
+    )[0]
+    np.testing.assert_allclose(found, exact, rtol=1e-8)
+
+
+def test_a_reduced_frame_with_its_rest_is_the_full_one(cabin_file):
+    """Statically to a thousandth where the force acts, where the basis alone lacks a tenth."""
+    building = load_building(cabin_file)
+    structure, target = structure_of(building), reduction_target(building)
+    model = reduce_structure(structure, target).model
+    rest = rest_flexibility(structure, model, target.lower, target.upper)
+    assert rest.error < 0.2 * rest.lacked
+    theta = np.sqrt(target.lower * target.upper) * np.array([1.2, 0.9])
+    stiffness = structure.stiffness_constant
+    for factor, term in zip(theta, structure.stiffness_terms, strict=True):
+        stiffness = stiffness + factor * term
+    known = 0.3 * float(target.frequency_hz[0])
+    dynamic = (stiffness - (2 * np.pi * known) ** 2 * structure.mass).tocsc()
+    load = np.ascontiguousarray(structure.floor_rows[0])
+    full = structure.floor_rows @ factorize(dynamic, definite=False).apply(load)
+    arguments = (
+        System(model),
+        torch.from_numpy(theta)[None],
+        torch.zeros(1, dtype=torch.float64),
+        torch.tensor([known], dtype=torch.float64),
+        0,
+    )
+    with_rest, without = (
+        accelerance(*arguments, one)[0, :, 0].real.numpy() / -((2 * np.pi * known) ** 2)
+        for one in (rest, None)
+    )
+    away = np.abs(without / full - 1.0).max()
+    assert np.abs(with_rest / full - 1.0).max() < max(0.2 * away, 1e-6)
