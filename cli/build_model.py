@@ -45,6 +45,6 @@ def command(
     from femupdate.workflow.pictures_modes import draw_model
 
     report = build_study(study, building, bars)
-    drawn = draw_model(study, report.model, bars) if pictures else ()
+    drawn = draw_model(study, report.model, report.modes, bars) if pictures else ()
     files = [export_opensees(study, report.model.building, shell=shell)] if export else []
     return Answer(report, drawn, {"exported": files, "study": study.folder}, files)

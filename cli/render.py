@@ -14,6 +14,13 @@ from .common import study_options
     "--modes", type=click.IntRange(1, 12), default=3, show_default=True, help="Number of modes."
 )
 @click.option(
+    "--mode",
+    "wanted",
+    type=click.IntRange(min=1),
+    multiple=True,
+    help="Number of a mode, as build-model lists it, to draw instead; may be given several times.",
+)
+@click.option(
     "--samples",
     type=click.IntRange(min=5),
     default=60,
@@ -21,16 +28,23 @@ from .common import study_options
     help="Posterior draws.",
 )
 @study_options(needs="posterior", draws=False)
-def command(modes: int, samples: int, study: Study, seed: int, bars: Bars) -> Answer:
+def command(
+    modes: int, wanted: tuple[int, ...], samples: int, study: Study, seed: int, bars: Bars
+) -> Answer:
     """Draw the mode shapes of the posterior off screen: mean shape and its spread.
 
-    The modes are those that the base motion excites, lowest first.
+    The modes are those that the base motion excites, lowest first, or those asked for. They have
+    the numbers of the full model, as `femupdate build-model` lists them.
+
+    \b
+    Example:
+      femupdate render --mode 3 --mode 11
     """
     from femupdate.workflow.checks import open_calibrated
     from femupdate.workflow.csv_tables import write_mode_table
     from femupdate.workflow.render import render_study
 
     model = open_calibrated(study, bars)
-    report = render_study(study, model, modes, samples, seed=seed, progress=bars)
+    report = render_study(study, model, modes, samples, wanted=wanted, seed=seed, progress=bars)
     tables = (write_mode_table(study, report),)
     return Answer(report, more={"study": study.folder}, tables=tables)

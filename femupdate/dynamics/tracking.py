@@ -1,10 +1,11 @@
 """Modes of the reduced model at parameter samples, matched to one another."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
-from femupdate.arrays import Floats
+from femupdate.arrays import Floats, Integers
 from femupdate.dynamics.reduced import ReducedModel
 
 # A mode counts as driven when some floor sees at least this share of the base motion in it.
@@ -87,3 +88,22 @@ def node_displacements(model: ReducedModel, vector: Floats) -> Floats:
     """Displacement of every node (..., N, 3) of reduced coordinates (..., r)."""
     assert model.node_shapes is not None
     return np.einsum("ndr,...r->...nd", model.node_shapes, vector)
+
+
+def modes_at_one(model: ReducedModel, theta: Floats, steps: int = 40) -> Integers:
+    """For every mode at theta (p,) the mode at factors 1 that it comes from, (r,).
+
+    The factors go from 1 to theta in even steps of their logarithms; at each the modes are paired,
+    one to one, with those that they resemble most.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    path = np.exp(np.linspace(0.0, 1.0, steps + 1)[:, None] * np.log(theta))
+    vectors = reduced_modes(model, path).vectors
+    origin = np.arange(vectors.shape[-1])
+    for before, after in pairwise(vectors):
+        _, partner = linear_sum_assignment(-((before.T @ after) ** 2))
+        renumbered = np.empty_like(origin)
+        renumbered[partner] = origin
+        origin = renumbered
+    return origin

@@ -23,6 +23,7 @@ def stick_mode_shapes(
     shapes_sd: ArrayLike | None = None,
     frequency_sd: ArrayLike | None = None,
     floors: Sequence[str] | None = None,
+    numbers: Sequence[int] | None = None,
     title: str = "Mode shapes",
 ) -> Figure:
     """Draw the modes of a building that is a stick of masses, each with its top to the right.
@@ -34,6 +35,7 @@ def stick_mode_shapes(
         shapes_sd: (k, f) standard deviations in the scale of the shapes, or None.
         frequency_sd: (k,) Hz, or None.
         floors: f names, the base first, or None.
+        numbers: k numbers of the modes; from 1 where None.
         title: over the figure.
 
     Raises:
@@ -52,18 +54,22 @@ def stick_mode_shapes(
     axes = figure.subplots(1, count, sharey=True, sharex=True, squeeze=False)[0]
     for mode, panel in enumerate(axes):
         sd = None if sds is None else sds[mode] / largest[mode]
-        _draw_stick(panel, heights, shown[mode], sd)
+        _draw_stick(panel, heights, shown[mode], sd, spread is not None)
         value = plus_minus(frequency[mode], 0.0 if spread is None else spread[mode])
-        panel.set_title(f"Mode {mode + 1}\n{value} Hz", fontweight="normal")
+        number = mode + 1 if numbers is None else numbers[mode]
+        panel.set_title(f"Mode {number}\n{value} Hz", fontweight="normal")
     _finish(axes, heights, floors)
     figure.supxlabel("Displacement over its largest", fontsize=10.0)
     add_head(figure, title)
     return figure
 
 
-def _draw_stick(panel: Axes, heights: Floats, shape: Floats, sd: Floats | None) -> None:
+def _draw_stick(
+    panel: Axes, heights: Floats, shape: Floats, sd: Floats | None, posterior: bool
+) -> None:
+    label = "Posterior mean" if posterior else "Shape"
     look: dict[str, Any] = {"linewidth": 1.8, "markersize": 6.0, "zorder": 2.2}
-    panel.plot(shape, heights, "o-", color=BLUE, label="Posterior mean", **look)
+    panel.plot(shape, heights, "o-", color=BLUE, label=label, **look)
     if sd is not None:
         low, high = shape - 2.0 * sd, shape + 2.0 * sd
         panel.fill_betweenx(heights, low, high, label="± 2 sd", **BAND)

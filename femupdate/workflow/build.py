@@ -10,13 +10,12 @@ from femupdate.arrays import Floats
 from femupdate.building.files import load_building
 from femupdate.building.mesh import BuildingMesh, mesh_building
 from femupdate.building.schema import Building
+from femupdate.dynamics.full_modes import FullModes, mesh_modes
 from femupdate.dynamics.reduction import CONFIDENCE, Reduction
-from femupdate.dynamics.tracking import reduced_modes
 from femupdate.effects.structure import Structure, structure_of
 from femupdate.errors import StudyError
 from femupdate.fe.assembly import AffineOperators
 from femupdate.fe.export_opensees import opensees_script
-from femupdate.fe.solve import Modes, lowest_modes
 from femupdate.progress import Progress, Silent
 from femupdate.study import BUILDING_FILE, Study, atomic_path, write_text
 from femupdate.tables import table
@@ -27,8 +26,11 @@ from femupdate.workflow.model import (
     keep_model,
     reduce_building,
 )
+from femupdate.workflow.modes import full_modes, keep_modes
+from femupdate.workflow.observed import observed_direction
 
-_MODES = 12
+_SHOWN = 12  # lowest modes that are told; above them those that move a share of the mass
+_MOVES = 0.01
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,8 +39,7 @@ class BuildReport:
 
     Attributes:
         model: the study's model.
-        frequencies_hz: lowest natural frequencies at theta = 1.
-        effective_mass: share of the mass that each moves in the direction of the base motion.
+        modes: lowest of the full model at theta = 1.
         dof: degrees of freedom of the full model after supports.
         elements: shells and beams.
         mass_kg: of the model, its supports included.
@@ -46,12 +47,21 @@ class BuildReport:
     """
 
     model: StudyModel
-    frequencies_hz: Floats
-    effective_mass: Floats
+    modes: FullModes
     dof: int
     elements: int
     mass_kg: float
     checks: tuple[str, ...]
+
+    @property
+    def frequencies_hz(self) -> Floats:
+        """Lowest natural frequencies at theta = 1."""
+        return self.modes.frequency_hz[:_SHOWN]
+
+    @property
+    def effective_mass(self) -> Floats:
+        """Share of the mass that each of them moves in the direction of the base motion."""
+        return self.modes.effective_mass[:_SHOWN, "xy".index(observed_direction(self.model))]
 
     def as_dict(self) -> dict[str, Any]:
         """What `--json` holds."""
@@ -59,6 +69,16 @@ class BuildReport:
             "building": self.model.building.name,
             "frequencies_hz": self.frequencies_hz,
             "effective_mass": self.effective_mass,
+            "modes": [
+                {
+                    "mode": k + 1,
+                    "frequency_hz": self.modes.frequency_hz[k],
+                    "direction": self.modes.direction[k],
+                    "effective_mass_x": self.modes.effective_mass[k, 0],
+                    "effective_mass_y": self.modes.effective_mass[k, 1],
+                }
+                for k in self._told()
+            ],
             "dof": self.dof,
             "elements": self.elements,
             "mass_kg": self.mass_kg,
@@ -70,18 +90,28 @@ class BuildReport:
     def lines(self) -> tuple[str, ...]:
         """Sizes, modes and checks, for people."""
         building = self.model.building
+        modes = self.modes
         rows = [
-            (str(number), f"{frequency:.3f}", f"{share:.1%}")
-            for number, (frequency, share) in enumerate(
-                zip(self.frequencies_hz, self.effective_mass, strict=True), start=1
+            (
+                str(k + 1),
+                f"{modes.frequency_hz[k]:.3f}",
+                modes.direction[k],
+                *(f"{share:.1%}" for share in modes.effective_mass[k]),
             )
+            for k in self._told()
         ]
+        head = ("mode", "Hz", "direction", "effective mass X", "effective mass Y")
         return (
             building.title or building.name,
             f"  {self.dof} degrees of freedom, {self.elements} elements",
-            table(("mode", "Hz", "mass moved by the base motion"), rows),
+            table(head, rows),
             *(f"  - {check}" for check in self.checks),
         )
+
+    def _told(self) -> list[int]:
+        """The lowest modes, and those above them that move much."""
+        mass = self.modes.effective_mass.max(axis=1)
+        return [k for k in range(len(mass)) if k < _SHOWN or mass[k] >= _MOVES]
 
 
 @dataclass(frozen=True)
@@ -116,26 +146,22 @@ def build_study(
         return _build_lumped(study, chosen)
     structure = structure_of(chosen)
     parts = MeshedFrame.of(structure)
-    modes = lowest_modes(parts.operators, np.ones(parts.operators.parameters), _MODES)
+    modes = mesh_modes(structure)
     reduction = reduce_building(chosen, structure, show)
     model = keep_model(study, chosen, KeptReduction.of(reduction))
+    keep_modes(study, model, modes)
     write_mesh(parts, study.path("mesh.vtu"), modes)
-    direction = parts.mesh.direction
-    excitation = parts.operators.inertia(direction)
-    mass = _total_mass(parts)
-    effective = (modes.shapes.T @ excitation) ** 2 / mass
     return BuildReport(
         model=model,
-        frequencies_hz=modes.frequency_hz,
-        effective_mass=effective,
+        modes=modes,
         dof=len(parts.operators.free),
         elements=parts.mesh.model.element_count,
-        mass_kg=mass,
+        mass_kg=_total_mass(parts),
         checks=_checks(parts, reduction, modes),
     )
 
 
-def write_mesh(parts: MeshedFrame, path: Path, modes: Modes | None = None) -> None:
+def write_mesh(parts: MeshedFrame, path: Path, modes: FullModes) -> None:
     """Write the mesh as VTU, with story and thickness of the cells and some mode shapes."""
     import meshio
 
@@ -147,12 +173,10 @@ def write_mesh(parts: MeshedFrame, path: Path, modes: Modes | None = None) -> No
     for dimension, name in ((2, "thickness_m"), (1, "section_area_m2")):
         data[name] = [block.section * (block.dimension() == dimension) for block in blocks]
     cells = [(block.cell_type, block.nodes) for block in blocks]
-    points = {}
-    if modes is not None:
-        full = parts.operators.expand(modes.shapes).reshape(len(model.nodes), 6, -1)
-        points = {
-            f"mode_{k + 1}_{f:.3f}_Hz": full[:, :3, k] for k, f in enumerate(modes.frequency_hz)
-        }
+    points = {
+        f"mode_{k + 1}_{frequency:.3f}_Hz": modes.shapes[k].reshape(-1, 3)
+        for k, frequency in enumerate(modes.frequency_hz[:_SHOWN])
+    }
     mesh = meshio.Mesh(model.nodes, cells, point_data=points, cell_data=data)
     with atomic_path(path) as temporary:
         mesh.write(temporary, file_format="vtu")
@@ -200,16 +224,12 @@ def _refuse_other(study: Study, building: Building) -> None:
 
 def _build_lumped(study: Study, building: Building) -> BuildReport:
     model = keep_model(study, building, KeptReduction.of(reduce_building(building)))
-    modes = reduced_modes(model.reduced, np.ones((1, model.reduced.parameters)))
-    excitation = np.einsum("rj,r->j", modes.vectors[0], model.reduced.excitation)
-    mass = float(model.reduced.story_mass[0])
     return BuildReport(
         model=model,
-        frequencies_hz=modes.frequency_hz[0],
-        effective_mass=excitation**2 / mass,
+        modes=full_modes(model),
         dof=model.reduced.size,
         elements=model.reduced.parameters,
-        mass_kg=mass,
+        mass_kg=float(model.reduced.story_mass[0]),
         checks=("Lumped masses: the reduced model is the model itself.",),
     )
 
@@ -219,7 +239,7 @@ def _total_mass(parts: MeshedFrame) -> float:
     return float(everything @ (parts.operators.mass_full @ everything))
 
 
-def _checks(parts: MeshedFrame, reduction: Reduction, modes: Modes) -> tuple[str, ...]:
+def _checks(parts: MeshedFrame, reduction: Reduction, modes: FullModes) -> tuple[str, ...]:
     mass = _total_mass(parts)
     stand = f"The structure stands: lowest frequency {modes.frequency_hz[0]:.3f} Hz."
     weighs = f"Mass of the model {mass / 1e3:.1f} t."

@@ -112,11 +112,9 @@ def write_diagnosis_tables(study: Study, report: DiagnosisReport) -> tuple[Path,
 
 def write_mode_table(study: Study, report: RenderReport) -> Path:
     """Write the modes of the posterior."""
-    rows = [
-        (one["mode"], one["frequency_hz"], one["frequency_sd"], one["found"])
-        for one in report.as_dict()["modes"]
-    ]
-    return _write(study, "modes", ("mode", "frequency_hz", "frequency_sd_hz", "found"), rows)
+    keys = ("mode", "frequency_hz", "frequency_sd", "direction", "effective_mass", "found")
+    rows = [[one[key] for key in keys] for one in report.as_dict()["modes"]]
+    return _write(study, "modes", keys, rows)
 
 
 def _quantiles(values: np.ndarray) -> list[float]:

@@ -131,7 +131,7 @@ def draw_demo(
     """Draw model, posteriors and prediction; the modes are drawn already."""
     cases = {"roof alone": report.roof_alone, "all six floors": report.all_floors}
     return (
-        *draw_model(study, report.built.model, progress),
+        *draw_model(study, report.built.model, report.built.modes, progress),
         draw_cases(study, cases, report.truth),
         *draw_posterior(study, report.all_floors, progress),
         *draw_prediction(study, report.predicted, progress),

@@ -4,7 +4,7 @@ import numpy as np
 
 from femupdate.arrays import Floats, Integers
 from femupdate.building.building_mesh import BuildingMesh
-from femupdate.dynamics.tracking import TrackedMode, node_displacements
+from femupdate.dynamics.tracking import node_displacements
 from femupdate.effects.drawn_building import DrawnBuilding
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
@@ -19,6 +19,7 @@ from femupdate.report.page_scene import (
     thinned_geometry,
 )
 from femupdate.workflow.effects import building_effects
+from femupdate.workflow.modes import StudyMode
 from femupdate.workflow.page_done import read_json
 from femupdate.workflow.page_parts import PageStudy
 from femupdate.workflow.prediction_quantities import heights_of
@@ -35,7 +36,7 @@ def building_section(page: PageStudy) -> Section:
         listed = tuple(one.in_words for one in building_effects(building).placed)
         blocks.append(Remarks(tuple(f"The building file lists: {one}." for one in listed)))
     if modes:
-        blocks.append(_mode_table(page, modes))
+        blocks.append(_mode_table(modes))
     blocks.append(_scene(page, modes))
     return Section("building", "The building", tuple(blocks))
 
@@ -62,27 +63,27 @@ def _stories(page: PageStudy) -> Table:
     )
 
 
-def _mode_table(page: PageStudy, modes: tuple[TrackedMode, ...]) -> Table:
-    excitation = page.model.reduced.excitation
-    total = float(excitation @ excitation)
+def _mode_table(modes: tuple[StudyMode, ...]) -> Table:
     rows = tuple(
         (
-            str(number),
-            f"{mode.frequency_mean:.3f}",
-            f"{mode.frequency_sd:.2g}",
-            f"{100.0 * float((mode.recognised.mean(axis=0) @ excitation) ** 2) / total:.1f} %",
+            str(one.number or "-"),
+            f"{one.tracked.frequency_mean:.3f}",
+            f"{one.tracked.frequency_sd:.2g}",
+            one.direction,
+            f"{100.0 * one.effective_mass:.1f} %",
         )
-        for number, mode in enumerate(modes, start=1)
+        for one in modes
     )
     return Table(
         name="modes",
         caption="Modes that the base motion excites, at the posterior",
-        head=("mode", "frequency, Hz", "sd", "effective mass"),
+        head=("mode", "frequency, Hz", "sd", "direction", "effective mass"),
         rows=rows,
+        note="Modes have the numbers of the full model with all factors 1.",
     )
 
 
-def _scene(page: PageStudy, modes: tuple[TrackedMode, ...]) -> Scene:
+def _scene(page: PageStudy, modes: tuple[StudyMode, ...]) -> Scene:
     building = page.model.building
     drawing = DrawnBuilding(structure_of(building))
     full = Geometry.of_building(drawing)
@@ -90,7 +91,7 @@ def _scene(page: PageStudy, modes: tuple[TrackedMode, ...]) -> Scene:
     content = scene_content(
         thin,
         _fields(page, drawing.structure, full),
-        [_moving(page, drawing, number, mode) for number, mode in enumerate(modes, start=1)],
+        [_moving(page, drawing, mode) for mode in modes],
         _signs(page, drawing),
         list(zip(("base", *building.floors), drawing.levels.tolist(), strict=True)),
     )
@@ -137,8 +138,9 @@ def _groups(mesh: BuildingMesh | None, full: Geometry, count: int) -> tuple[Inte
     return both[0], both[1]
 
 
-def _moving(page: PageStudy, drawing: DrawnBuilding, number: int, mode: TrackedMode) -> MovingShape:
+def _moving(page: PageStudy, drawing: DrawnBuilding, one: StudyMode) -> MovingShape:
     """A mode with the spread of its displacement over the draws."""
+    mode = one.tracked
     model = page.model.reduced
     if model.node_shapes is not None:
         shapes = node_displacements(model, mode.recognised)
@@ -150,7 +152,7 @@ def _moving(page: PageStudy, drawing: DrawnBuilding, number: int, mode: TrackedM
     mean = shapes.mean(axis=0)
     largest = np.linalg.norm(mean, axis=-1).max() or 1.0
     spread = 100.0 * np.sqrt(((shapes - mean) ** 2).sum(axis=-1).mean(axis=0)) / largest
-    title = f"mode {number}, {mode.frequency_mean:.2f} Hz"
+    title = f"{one.name}, {mode.frequency_mean:.2f} Hz"
     return MovingShape(name=title, shape=mean, spread=spread)
 
 

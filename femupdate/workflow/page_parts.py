@@ -9,13 +9,12 @@ import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.dynamics.system import System
-from femupdate.dynamics.tracking import TrackedMode
 from femupdate.inference.posterior import Posterior
 from femupdate.study import Study
 from femupdate.workflow.effect_surrogate import open_system
 from femupdate.workflow.model import StudyModel
+from femupdate.workflow.modes import StudyMode, find_modes, posterior_modes
 from femupdate.workflow.parameter_titles import parameter_titles
-from femupdate.workflow.render import posterior_modes
 from femupdate.workflow.status import StatusReport
 
 _MODES = 6
@@ -43,9 +42,12 @@ class PageStudy:
         return open_system(self.study, self.model)
 
     @cached_property
-    def modes(self) -> tuple[TrackedMode, ...]:
+    def modes(self) -> tuple[StudyMode, ...]:
         """The lowest modes that the base motion excites, over the posterior."""
-        return () if self.posterior is None else posterior_modes(self.model, self.posterior, _MODES)
+        if self.posterior is None:
+            return ()
+        full = find_modes(self.study, self.model)
+        return posterior_modes(self.model, self.posterior, full, _MODES)
 
     @cached_property
     def prediction(self) -> Any:

@@ -56,8 +56,9 @@ def _first_mode(page: PageStudy) -> tuple[str, ...]:
         return ()
     first = modes[0]
     return (
-        f"The lowest mode that the base motion excites is at {first.frequency_mean:.2f} Hz "
-        f"(standard deviation {first.frequency_sd:.2g} Hz).",
+        f"The lowest mode that the base motion excites, {first.name}, is at "
+        f"{first.tracked.frequency_mean:.2f} Hz (standard deviation "
+        f"{first.tracked.frequency_sd:.2g} Hz) and moves {first.effective_mass:.0%} of the mass.",
     )
 
 

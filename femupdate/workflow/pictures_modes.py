@@ -7,34 +7,29 @@ import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.building.schema import Building
-from femupdate.dynamics.tracking import (
-    TrackedMode,
-    driven_modes,
-    node_displacements,
-    reduced_modes,
-    track_mode,
-)
+from femupdate.dynamics.full_modes import FullModes
+from femupdate.dynamics.tracking import node_displacements
 from femupdate.progress import Progress, Silent
+from femupdate.report.scale import plus_minus
 from femupdate.study import Study
 from femupdate.workflow.model import StudyModel
+from femupdate.workflow.modes import StudyMode, modes_of_model
 
 _MODES = 3
 
 
 def draw_model(
-    study: Study, model: StudyModel, progress: Progress | None = None
+    study: Study, model: StudyModel, modes: FullModes, progress: Progress | None = None
 ) -> tuple[Path, ...]:
     """Draw the first modes that the base motion drives, at theta = 1."""
-    modes = reduced_modes(model.reduced, np.ones((1, model.reduced.parameters)))
-    chosen = driven_modes(model.reduced, modes, _MODES)
-    tracked = [track_mode(modes, modes.vectors[0][:, mode]) for mode in chosen]
-    return tuple(dict.fromkeys(draw_modes(study, model, tracked, "model_mode", progress)))
+    chosen = modes_of_model(model, modes, _MODES)
+    return tuple(dict.fromkeys(draw_modes(study, model, chosen, "model_mode", progress)))
 
 
 def draw_modes(
     study: Study,
     model: StudyModel,
-    modes: Sequence[TrackedMode],
+    modes: Sequence[StudyMode],
     name: str = "mode",
     progress: Progress | None = None,
 ) -> tuple[Path, ...]:
@@ -56,7 +51,7 @@ def draw_modes(
 
 
 def _draw_scenes(
-    study: Study, model: StudyModel, modes: Sequence[TrackedMode], name: str, show: Progress
+    study: Study, model: StudyModel, modes: Sequence[StudyMode], name: str, show: Progress
 ) -> tuple[Path, ...]:
     from femupdate.building.mesh import mesh_building
     from femupdate.report.figure import save_figure
@@ -66,36 +61,69 @@ def _draw_scenes(
     geometry = Geometry.of_model(mesh_building(model.building).model)
     show.start("Drawing mode shapes", len(modes))
     paths = []
-    for number, mode in enumerate(modes, start=1):
+    for one in modes:
+        mode = one.tracked
         shapes = node_displacements(model.reduced, mode.recognised)
         mean = shapes.mean(axis=0)
         largest = np.linalg.norm(mean, axis=-1).max()
         spread = np.sqrt(((shapes - mean) ** 2).sum(axis=-1).mean(axis=0)) / largest
-        path = study.path("pictures", f"{name}_{number}.png")
-        several = len(mode.frequency_hz) > 1
-        title = f"Mode {number}, {mode.frequency_mean:.2f} Hz, all factors 1"
-        if several:
-            title = f"Mode {number}: {mode.frequency_mean:.2f} ± {mode.frequency_sd:.2f} Hz"
-        sd = spread if several else None
-        save_figure(mode_shape_figure(geometry, mean / largest, shape_sd=sd, title=title), path)
+        path = study.path("pictures", f"{name}_{_file_label(one)}.png")
+        sd = spread if len(mode.frequency_hz) > 1 else None
+        figure = mode_shape_figure(geometry, mean / largest, shape_sd=sd, title=_title(one))
+        save_figure(figure, path)
         paths.append(path)
         show.advance()
     return tuple(paths)
 
 
-def _draw_sticks(study: Study, model: StudyModel, modes: Sequence[TrackedMode], name: str) -> Path:
+def draw_at_one(
+    study: Study, model: StudyModel, modes: FullModes, numbers: Sequence[int]
+) -> tuple[Path, ...]:
+    """Draw modes of the full model at theta = 1 that the reduced model does not have."""
+    from femupdate.building.mesh import mesh_building
+    from femupdate.report.figure import save_figure
+    from femupdate.report.geometry import Geometry
+    from femupdate.report.scenes import mode_shape_figure
+
+    geometry = Geometry.of_model(mesh_building(model.building).model)
+    paths = []
+    for number in numbers:
+        shape = modes.shapes[number - 1].reshape(-1, 3)
+        frequency, direction = modes.frequency_hz[number - 1], modes.direction[number - 1]
+        title = f"Mode {number} ({direction}), {frequency:.2f} Hz, all factors 1"
+        path = study.path("pictures", f"model_mode_{number}.png")
+        paths.append(save_figure(mode_shape_figure(geometry, shape, title=title), path))
+    return tuple(paths)
+
+
+def _title(one: StudyMode) -> str:
+    mode, share = one.tracked, f"{one.effective_mass:.1%} of the mass"
+    name = f"{one.name[0].upper()}{one.name[1:]}"
+    if len(mode.frequency_hz) == 1:
+        return f"{name}, {mode.frequency_mean:.2f} Hz, {share}, all factors 1"
+    return f"{name}: {plus_minus(mode.frequency_mean, mode.frequency_sd)} Hz, {share}"
+
+
+def _file_label(one: StudyMode) -> str:
+    """Number of a mode in the name of its picture, or its frequency in tenths of 1 Hz."""
+    return str(one.number or f"{one.tracked.frequency_mean:.1f}_Hz")
+
+
+def _draw_sticks(study: Study, model: StudyModel, modes: Sequence[StudyMode], name: str) -> Path:
     from femupdate.report.figure import save_figure
     from femupdate.report.plot_sticks import stick_mode_shapes
 
-    shapes = [mode.recognised @ model.reduced.floor_shapes.T for mode in modes]
-    several = len(modes[0].frequency_hz) > 1
+    tracked = [one.tracked for one in modes]
+    shapes = [mode.recognised @ model.reduced.floor_shapes.T for mode in tracked]
+    several = len(tracked[0].frequency_hz) > 1
     figure = stick_mode_shapes(
         levels_with_base(model.building),
         _with_base([own.mean(axis=0) for own in shapes]),
-        np.array([mode.frequency_mean for mode in modes]),
+        np.array([mode.frequency_mean for mode in tracked]),
         shapes_sd=_with_base([own.std(axis=0) for own in shapes]) if several else None,
-        frequency_sd=np.array([mode.frequency_sd for mode in modes]) if several else None,
+        frequency_sd=np.array([mode.frequency_sd for mode in tracked]) if several else None,
         floors=("base", *model.reduced.floors),
+        numbers=[one.number or k for k, one in enumerate(modes, start=1)],
         title="Mode shapes of the posterior" if several else "Mode shapes, all factors 1",
     )
     return save_figure(figure, study.path("pictures", f"{name}s.png"))

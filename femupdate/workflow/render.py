@@ -1,61 +1,74 @@
 """render: the posterior's mode shapes, off screen."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from femupdate.dynamics.tracking import (
-    ReducedModes,
-    TrackedMode,
-    driven_modes,
-    reduced_modes,
-    track_mode,
-)
-from femupdate.inference.posterior import Posterior, load_posterior
+from femupdate.errors import StudyError
+from femupdate.inference.posterior import load_posterior
 from femupdate.progress import Progress
 from femupdate.study import Study
 from femupdate.tables import table
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.pictures_modes import draw_modes
+from femupdate.workflow.modes import StudyMode, find_modes, posterior_modes
+from femupdate.workflow.pictures_modes import draw_at_one, draw_modes
 
 
 @dataclass(frozen=True)
 class RenderReport:
-    """Modes of the posterior that the base motion drives, lowest first.
+    """Modes of the posterior, lowest first.
 
     Attributes:
-        modes: frequencies and shapes.
+        modes: numbers, frequencies and shapes.
         pictures: where each is drawn.
+        at_one: pictures of modes at factors 1, which the posterior's model does not have.
     """
 
-    modes: tuple[TrackedMode, ...]
+    modes: tuple[StudyMode, ...]
     pictures: tuple[Path, ...]
+    at_one: tuple[Path, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
         """What `--json` holds."""
         return {
             "modes": [
                 {
-                    "mode": number,
-                    "frequency_hz": mode.frequency_mean,
-                    "frequency_sd": mode.frequency_sd,
-                    "found": mode.found,
+                    "mode": mode.number,
+                    "direction": mode.direction,
+                    "effective_mass": mode.effective_mass,
+                    "frequency_hz": mode.tracked.frequency_mean,
+                    "frequency_sd": mode.tracked.frequency_sd,
+                    "found": mode.tracked.found,
                     "picture": picture,
                 }
-                for number, (mode, picture) in enumerate(
-                    zip(self.modes, self.pictures, strict=True), start=1
-                )
-            ]
+                for mode, picture in zip(self.modes, self.pictures, strict=True)
+            ],
+            "at_factors_1": self.at_one,
         }
 
     def lines(self) -> tuple[str, ...]:
         """A table and the pictures, for people."""
         rows = [
-            (str(k), f"{m.frequency_mean:.3f}", f"{m.frequency_sd:.3f}", f"{m.found:.0%}")
-            for k, m in enumerate(self.modes, start=1)
+            (
+                str(one.number or "-"),
+                f"{one.tracked.frequency_mean:.3f}",
+                f"{one.tracked.frequency_sd:.2g}",
+                one.direction,
+                f"{one.effective_mass:.1%}",
+                f"{one.tracked.found:.0%}",
+            )
+            for one in self.modes
         ]
+        head = ("mode", "Hz", "sd", "direction", "effective mass", "recognised in draws")
+        tables = (table(head, rows),) if rows else ()
+        notes = (
+            ("  - The base motion does not excite these modes, so no data changed them:",)
+            if self.at_one
+            else ()
+        )
         pictures = (f"  {picture}" for picture in dict.fromkeys(self.pictures))
-        return (table(("mode", "Hz", "sd", "recognised in draws"), rows), *pictures)
+        return (*tables, *pictures, *notes, *(f"  {picture}" for picture in self.at_one))
 
 
 def render_study(
@@ -64,30 +77,38 @@ def render_study(
     modes: int = 3,
     samples: int = 60,
     *,
+    wanted: Sequence[int] = (),
     seed: int = 0,
     progress: Progress | None = None,
 ) -> RenderReport:
-    """Draw the mean shape and its spread for the lowest modes that the base motion drives.
+    """Draw the mean shape and its spread of modes.
+
+    Args:
+        study: with a posterior.
+        model: of the study.
+        modes: how many of the lowest that the base motion drives.
+        samples: draws of the posterior.
+        wanted: numbers of modes, as `build-model` lists them, to draw instead.
+        seed: of the draws.
+        progress: told about pictures.
 
     Raises:
-        StudyError: there is no posterior, or it is of another building.
+        StudyError: there is no posterior, it is of another building, or no mode has the number.
     """
     posterior = load_posterior(study.require("posterior", "calibrate"))
     study.check_fresh("posterior", model.made_from(), "calibrate")
-    tracked = posterior_modes(model, posterior, modes, samples, seed)
-    return RenderReport(tracked, draw_modes(study, model, tracked, progress=progress))
-
-
-def posterior_modes(
-    model: StudyModel, posterior: Posterior, modes: int, samples: int = 60, seed: int = 0
-) -> tuple[TrackedMode, ...]:
-    """The lowest modes that the base motion drives, followed through draws of the posterior."""
-    # Behind the factors stand parameters of effects, which these shapes do not show.
-    theta = posterior.thinned(samples, seed)[0][:, : model.reduced.parameters]
-    # The reference is the draw nearest to the mean: the mean itself can lie between modes.
-    centre = ((theta - theta.mean(axis=0)) / theta.std(axis=0)) ** 2
-    nearest = int(centre.sum(axis=1).argmin())
-    found = reduced_modes(model.reduced, theta)
-    reference = ReducedModes(found.frequency_hz[[nearest]], found.vectors[[nearest]])
-    chosen = driven_modes(model.reduced, reference, modes)
-    return tuple(track_mode(found, reference.vectors[0][:, mode]) for mode in chosen)
+    full = find_modes(study, model)
+    beyond = [number for number in wanted if not 1 <= number <= len(full.direction)]
+    if beyond:
+        raise StudyError(
+            f"there is no mode {beyond[0]} to draw; {model.building.name} has numbers 1 to "
+            f"{len(full.direction)}, which `femupdate build-model` lists"
+        )
+    tracked = posterior_modes(
+        model, posterior, full, modes, wanted=wanted, samples=samples, seed=seed
+    )
+    have = {one.number for one in tracked}
+    others = [number for number in wanted if number not in have]
+    drawn = draw_modes(study, model, tracked, progress=progress) if tracked else ()
+    at_one = draw_at_one(study, model, full, others) if others else ()
+    return RenderReport(tracked, drawn, at_one)

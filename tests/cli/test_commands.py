@@ -67,7 +67,7 @@ def test_build_model_in_words(femupdate, tmp_path, tower_file):
     done = femupdate("build-model", tower_file, "--study", tmp_path)
     assert done.code == 0
     assert done.out.startswith("Two-story tower\n  2 degrees of freedom, 2 elements\n")
-    assert "mass moved by the base motion" in done.out
+    assert "effective mass X" in done.out
     assert str(tmp_path / "pictures" / "model_modes.png") in done.out
 
 

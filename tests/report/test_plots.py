@@ -302,7 +302,7 @@ def test_sticks_turn_their_top_to_the_right():
     assert legend(figure) == ["Posterior mean", "± 2 sd", "At rest"]
     named = stick_mode_shapes([0.0, 3.0], [[0.0, 1.0]], [1.2], floors=("base", "RF"))
     assert [text.get_text() for text in named.axes[0].get_yticklabels()] == ["base", "RF"]
-    assert legend(named) == ["Posterior mean", "At rest"]
+    assert legend(named) == ["Shape", "At rest"]
 
 
 def test_spectra_over_the_ground():

@@ -34,7 +34,7 @@ def shown(path):
 
 def test_the_modes_of_a_lumped_building(tower, tower_model, tower_modes):
     report = render_study(tower, tower_model, samples=40, seed=1)
-    rendered = report.modes
+    rendered = [mode.tracked for mode in report.modes]
     assert [mode["mode"] for mode in report.as_dict()["modes"]] == [1, 2]
     theta, _ = load_posterior(tower.path("posterior.nc")).thinned(40, 1)
     own = np.array([tower_modes(row)[0] for row in theta])
@@ -90,8 +90,8 @@ def test_the_modes_of_a_frame(cabin):
     """PyVista's scenes where it can render, else matplotlib's: either way a picture a mode."""
     study, model, theta = cabin
     report = render_study(study, model, modes=2, samples=20)
-    rendered = report.modes
-    assert [path.name for path in report.pictures] == ["mode_1.png", "mode_2.png"]
+    rendered = [mode.tracked for mode in report.modes]
+    assert [path.name for path in report.pictures] == ["mode_2.png", "mode_3.png"]
     pictures = [shown(path) for path in report.pictures]
     assert not np.array_equal(pictures[0], pictures[1])
     # Modes across the motion are not among them: the lowest of all is one of those.
@@ -100,6 +100,19 @@ def test_the_modes_of_a_frame(cabin):
     np.testing.assert_allclose([m.frequency_mean for m in rendered], expected, rtol=0.02)
     assert all(0.0 < m.frequency_sd < 0.03 * m.frequency_mean for m in rendered)
     assert all(m.found > 0.8 for m in rendered)
+
+
+def test_a_mode_is_drawn_by_its_number(cabin):
+    """Mode 1 of the cabin goes across the motion: no data change it, and it is drawn as built."""
+    study, model, _ = cabin
+    report = render_study(study, model, wanted=(3, 1), samples=5)
+    assert [(mode.number, mode.direction) for mode in report.modes] == [(3, "torsion")]
+    assert [path.name for path in report.pictures] == ["mode_3.png"]
+    assert [path.name for path in report.at_one] == ["model_mode_1.png"]
+    shown(report.at_one[0])
+    assert "no data changed them" in "".join(report.lines())
+    with pytest.raises(StudyError, match="there is no mode 99"):
+        render_study(study, model, wanted=(99,))
 
 
 def test_without_graphics_matplotlib_draws(cabin, monkeypatch):

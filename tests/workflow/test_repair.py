@@ -223,7 +223,7 @@ def test_pictures_of_the_repaired_modes(repaired):
     rendered = render_study(study, open_study(study), samples=20, seed=1).modes
     omega = HEAVY.modes[0]
     # Frequencies of the mean draw; the mass lowers them by up to 3 %.
-    seen = np.array([mode.frequency_mean for mode in rendered])
+    seen = np.array([mode.tracked.frequency_mean for mode in rendered])
     np.testing.assert_allclose(seen, omega[: len(seen)] / (2 * np.pi), rtol=0.04)
 
 
