@@ -23,6 +23,7 @@ DOTS_PER_INCH = 150
 TITLE_HEIGHT = 0.40  # inches
 LEGEND_ROW_HEIGHT = 0.24
 NOTE_HEIGHT = 0.24
+_VISIBLE = 0.015  # of the height of a panel
 MARGIN = 12  # white pixels left around a rendered picture
 _TICKS_HZ = (0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
 
@@ -90,13 +91,14 @@ def add_head(
         figure: with all its panels drawn.
         title: in bold, on one line.
         handles: of the legend, with their labels; default everything drawn that has a label.
-        note: one quiet line under the title that says how to read the figure.
+        note: quiet lines under the title that say how to read the figure.
         columns: of the legend; default all on one line.
     """
     handles = _labelled(figure) if handles is None else handles
     columns = columns or max(len(handles), 1)
     legend = LEGEND_ROW_HEIGHT * ceil(len(handles) / columns) + (0.06 if handles else 0.0)
-    above = (TITLE_HEIGHT if title else 0.1) + (NOTE_HEIGHT if note else 0.0)
+    notes = NOTE_HEIGHT * (note.count("\n") + 1) if note else 0.0
+    above = (TITLE_HEIGHT if title else 0.1) + notes
     head = above + legend
     height = figure.get_figheight() + head
     figure.set_figheight(height)
@@ -105,7 +107,7 @@ def add_head(
     if title:
         figure.text(left, 1.0 - 0.1 / height, title, fontsize=13.0, fontweight="bold", va="top")
     if note:
-        place = 1.0 - (above - NOTE_HEIGHT) / height
+        place = 1.0 - (above - notes) / height
         figure.text(left, place, note, fontsize=9.0, color=QUIET, va="top")
     if handles:
         figure.legend(
@@ -116,6 +118,13 @@ def add_head(
             borderaxespad=0.0,
             borderpad=0.2,
         )
+
+
+def thin_band_note(share: float) -> str:
+    """What to say of bands whose widest is this share of the axis; nothing of those to be seen."""
+    if share > _VISIBLE:
+        return ""
+    return f"The bands are at most {100.0 * share:.2g} % of the axis high: thinner than the lines"
 
 
 def _labelled(figure: Figure) -> list[Any]:

@@ -16,6 +16,7 @@ from femupdate.report.figure import add_head, checked, frequency_ticks, new_figu
 from femupdate.report.style import BLUE, FAINT, INK, ORANGE, QUIET, styled
 
 _HIGHEST = 30.0  # times the noise, beyond which a colour says no more
+_CLOSE = 0.055  # of the axis: ticks nearer than this run into one another
 
 
 @dataclass(frozen=True)
@@ -116,7 +117,7 @@ def ranking(
     Args:
         effects: the strongest first.
         needed: log evidence that a name needs.
-        verdict: in a sentence, under the title.
+        verdict: in a sentence or two, under the title.
         title: over the figure.
 
     Raises:
@@ -138,12 +139,23 @@ def ranking(
     decades = [-10.0, 0.0, needed, 10.0, 100.0, 1e3, 1e4, 1e5]
     low, high = min(0.0, *(one.gain for one in shown)), max(one.gain for one in shown)
     ticks = [t for t in decades if low <= t <= 3.0 * high or t in (0.0, needed)]
-    panel.set_xticks([_scaled(t) for t in ticks], [f"{t:g}" for t in ticks])
-    panel.set_xlim(_scaled(max(low, -30.0)) - 0.1, 1.45 * _scaled(max(high, 3.0 * needed)))
+    left, right = _scaled(max(low, -30.0)) - 0.1, 1.45 * _scaled(max(high, 3.0 * needed))
+    ticks = _apart(ticks, (needed, 0.0), _CLOSE * (right - left))
+    panel.set_xticks([_scaled(t) for t in ticks], [f"{t:.3g}" for t in ticks])
+    panel.set_xlim(left, right)
     panel.set_xlabel("log evidence over the model as it is (dashed: what a name needs)")
     panel.grid(axis="y", visible=False)
     add_head(figure, title, note=verdict)
     return figure
+
+
+def _apart(ticks: Sequence[float], first: Sequence[float], least: float) -> list[float]:
+    """Ticks at least so far apart on the scale, some of them before the others."""
+    kept: list[float] = []
+    for tick in (*first, *ticks):
+        if all(abs(_scaled(tick) - _scaled(other)) >= least for other in kept):
+            kept.append(tick)
+    return sorted(kept)
 
 
 def _scaled(gain: float) -> float:

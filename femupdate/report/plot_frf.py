@@ -10,7 +10,13 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from femupdate.arrays import Flags, Floats
-from femupdate.report.figure import add_head, checked, checked_names, panel_grid
+from femupdate.report.figure import (
+    add_head,
+    checked,
+    checked_names,
+    panel_grid,
+    thin_band_note,
+)
 from femupdate.report.style import BAND, BLUE, INK, QUIET, styled
 
 NOISE: dict[str, Any] = {"color": QUIET, "alpha": 0.28, "linewidth": 0.0}
@@ -78,7 +84,9 @@ def frf_fit(
     columns, width = (1, 10.0) if len(names) == 1 else (2, 5.0)
     figure, panels = panel_grid(len(names), columns, (width, 1.95), "Frequency (Hz)", "|H|")
     for panel, floor in zip(panels, reversed(range(len(names))), strict=True):
-        panel.plot(frequency, np.exp(mean[floor]), color=BLUE, label="Predicted, mean")
+        panel.plot(
+            frequency, np.exp(mean[floor]), color=BLUE, linewidth=2.2, label="Predicted, mean"
+        )
         low, high = np.exp(lower[floor]), np.exp(upper[floor])
         panel.fill_between(frequency, low, high, label=f"Predicted, {prediction.band}", **BAND)
         if measured is not None:
@@ -86,7 +94,9 @@ def frf_fit(
         panel.set_title(names[floor])
     start = 0.0 if frequency[0] < 0.05 * frequency[-1] else frequency[0]
     panels[0].set(yscale="log", xlim=(start, frequency[-1]))
-    add_head(figure, title)
+    low, high = (np.log(limit) for limit in panels[0].get_ylim())
+    note = thin_band_note(float(np.median(upper - lower)) / (high - low))
+    add_head(figure, title, note=note)
     return figure
 
 
@@ -113,12 +123,12 @@ class _Measured:
 
 
 def _draw_measured(panel: Axes, frequency: Floats, measured: _Measured, floor: int) -> None:
-    """Draw a floor's measurement behind its prediction."""
+    """Draw a floor's measurement as a thin line on its prediction, which a good fit hides."""
     used, unused = measured.used[floor], measured.unused[floor]
     if not np.isfinite(np.stack([used, unused])).any():
         panel.set_title("not measured", loc="right", color=QUIET, fontweight="normal")
         return
-    panel.plot(frequency, np.exp(used), color=INK, linewidth=0.9, zorder=1.9, label="Measured")
+    panel.plot(frequency, np.exp(used), color=INK, linewidth=0.7, zorder=2.5, label="Measured")
     if measured.noise_sd is not None:
         twice, label = 2.0 * measured.noise_sd[floor], "Measured, ±2 sd of its noise"
         low, high = np.exp(used - twice), np.exp(used + twice)

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from femupdate.arrays import Floats
 from femupdate.errors import ReportError
-from femupdate.report.figure import add_head, checked, label_edges, new_figure
+from femupdate.report.figure import add_head, checked, label_edges, new_figure, thin_band_note
 from femupdate.report.style import BAND, BLUE, FAINT, INK, styled
 
 ZOOM_SHARE = 0.12  # of the record, at most, in the panels on the right
@@ -64,17 +64,22 @@ def floor_history_bands(
     axes[0, 1].set_title(f"{strong[0]:.{digits}f} to {strong[1]:.{digits}f} s")
     label_edges(axes, axes.size, "Time (s)", "m/s²")
     edges = np.abs(middle) + 2.0 * spread
-    axes[0, 0].set_ylim(symmetric_limits(edges, *([] if seen is None else [seen])))
-    add_head(figure, title)
+    limits = symmetric_limits(edges, *([] if seen is None else [seen]))
+    axes[0, 0].set_ylim(limits)
+    add_head(figure, title, note=thin_band_note(2.0 * float(spread.max()) / limits[1]))
     return figure
 
 
 def strong_part(time: Floats, acceleration: Floats) -> tuple[float, float]:
-    """Return the start and end, s, of the strongest twenty cycles or so of a history."""
+    """Return the start and end, s, of some twenty strong cycles of a history, its peak inside."""
     strong = strongest(acceleration**2, max(2, round(ZOOM_SHARE * len(time))))
     crossings = np.count_nonzero(np.diff(np.sign(acceleration[strong])))
     length = (strong.stop - strong.start) * 2 * ZOOM_CYCLES / max(crossings, 2 * ZOOM_CYCLES)
-    shown = strongest(acceleration**2, max(2, round(length)))
+    count = min(max(2, round(length)), len(time))
+    peak = int(np.abs(acceleration).argmax())
+    first, last = max(0, peak - count + 1), min(len(time), peak + count)
+    shown = strongest(acceleration[first:last] ** 2, count)
+    shown = slice(first + shown.start, first + shown.stop)
     return float(time[shown.start]), float(time[shown.stop - 1])
 
 

@@ -67,17 +67,13 @@ def theta_intervals(
 
 
 def _draw_intervals(panel: Axes, samples: Floats, heights: Floats, color: str, label: str) -> None:
-    """Lines from 5 to 95 % of samples (S, p), the means as dots, and both in figures."""
+    """Lines from 5 to 95 % of samples (S, p), the means as strokes, and both in figures."""
     low, high = np.quantile(samples, [0.05, 0.95], axis=0)
     mean = samples.mean(axis=0)
     panel.hlines(heights, low, high, color=color, linewidth=3.2, label=label, zorder=2.0)
-    look: dict[str, Any] = {
-        "color": "white",
-        "markeredgecolor": color,
-        "markersize": 5.5,
-        "mew": 1.4,
-    }
-    panel.plot(mean, heights, "o", **look)
+    # A stroke covers less of a short interval than a dot does.
+    look: dict[str, Any] = {"color": color, "markersize": 10.0, "mew": 1.4}
+    panel.plot(mean, heights, "|", **look)
     # Two figures of the narrowest interval.
     narrowest = np.maximum(high - low, 1e-3 * np.abs(mean)).min()
     digits = int(np.clip(1 - np.floor(np.log10(max(narrowest, 1e-4))), 0, 4))

@@ -73,7 +73,8 @@ def _fields(shape: Floats, sd: Floats | None) -> list[_Field]:
     magnitude = np.linalg.norm(shape, axis=1)
     largest = magnitude.max() or 1.0
     label = "Displacement over its largest"
-    fields = [_Field("Mean shape", label, magnitude / largest, 1.0, MAGNITUDE_MAP)]
+    heading = "Shape" if sd is None else "Mean shape"
+    fields = [_Field(heading, label, magnitude / largest, 1.0, MAGNITUDE_MAP)]
     if sd is not None:
         percent = 100.0 * sd / largest
         top = percent.max() or 1.0

@@ -45,7 +45,7 @@ def draw_diagnosis(study: Study, report: DiagnosisReport) -> tuple[Path, ...]:
             )
             for number, one in enumerate(found.findings[:_SHOWN])
         ]
-        sentence = textwrap.shorten(found.sentence, 110, placeholder=" ...")
+        sentence = textwrap.fill(found.sentence, 110)
         figure = ranking(shown, needed, sentence)
         paths.append(save_figure(figure, study.path("pictures", "effect_ranking.png")))
     return tuple(paths)

@@ -101,6 +101,7 @@ def browser():
 def test_the_page_works_in_a_browser(browser, written):
     """Opened from disk at two widths: no error, no request, a model, tabs, tooltips, downloads."""
     page = browser.new_page(viewport={"width": 390, "height": 900})
+    page.set_default_timeout(240_000)  # ms: software rendering on a busy machine
     wrong, asked = [], []
     page.on("console", lambda one: wrong.append(one.text) if one.type == "error" else None)
     page.on("pageerror", lambda one: wrong.append(str(one)))
