@@ -141,7 +141,9 @@ def ranking(
     ticks = [t for t in decades if low <= t <= 3.0 * high or t in (0.0, needed)]
     left, right = _scaled(max(low, -30.0)) - 0.1, 1.45 * _scaled(max(high, 3.0 * needed))
     ticks = _apart(ticks, (needed, 0.0), _CLOSE * (right - left))
-    panel.set_xticks([_scaled(t) for t in ticks], [f"{t:.3g}" for t in ticks])
+    panel.set_xticks(
+        [_scaled(t) for t in ticks], [f"{t:.3g}" if t < 1e3 else f"{t:,.0f}" for t in ticks]
+    )
     panel.set_xlim(left, right)
     panel.set_xlabel("log evidence over the model as it is (dashed: what a name needs)")
     panel.grid(axis="y", visible=False)

@@ -1,0 +1,45 @@
+"""What makes a picture readable: ticks apart, the peak in the zoom, one unit, thin bands told."""
+
+from itertools import pairwise
+
+import numpy as np
+
+from femupdate.report.figure import thin_band_note
+from femupdate.report.plot_diagnosis import Ranked, ranking
+from femupdate.report.plot_history import strong_part
+from femupdate.report.plot_members import member_force_bands
+
+
+def test_ticks_of_a_ranking_do_not_run_into_one_another():
+    effects = [Ranked("Added mass, 3F", 4000.0, "0.1", True), Ranked("Rocking, base", 3.0, "")]
+    figure = ranking(effects, 9.5, "One sentence.\nAnother one.")
+    figure.canvas.draw()
+    labels = [text for text in figure.axes[0].get_xticklabels() if text.get_text()]
+    boxes = [text.get_window_extent() for text in labels]
+    assert all(a.x1 < b.x0 for a, b in pairwise(boxes))
+    assert {"0", "9.5"} <= {text.get_text() for text in labels}
+
+
+def test_the_zoom_shows_the_peak():
+    """Long shaking holds more energy than a single spike, which is what counts."""
+    time = np.arange(8000) * 0.01
+    motion = np.sin(2 * np.pi * 2.0 * time) * ((time > 40) & (time < 60))
+    motion[1000] = 3.0
+    start, end = strong_part(time, motion)
+    assert start <= 10.0 <= end
+
+
+def test_members_share_a_unit_for_forces_and_one_for_moments():
+    time = np.linspace(0, 10, 500)
+    wave = np.sin(2 * np.pi * time)
+    forces = ("N", "Vy", "Mz")
+    small, large = (np.outer(size, wave) for size in ([2e2, 5.0, 30.0], [4e5, 3e4, 9e4]))
+    members = [("beam", forces, small, 0.01 * small**0), ("column", forces, large, 0 * large)]
+    figure = member_force_bands(time, members)
+    units = [panel.get_ylabel().split("(")[1] for panel in figure.axes]
+    assert units == ["kN)", "kN)", "kN m)"] * 2
+
+
+def test_bands_that_cannot_be_seen_are_told():
+    assert "0.4 % of the axis" in thin_band_note(0.004)
+    assert thin_band_note(0.1) == ""
