@@ -34,6 +34,10 @@ COMMANDS = {
         "latent_size.command",
         "How many latent coordinates a building's data can tell apart.",
     ),
+    "kinds": (
+        "kinds.command",
+        "Kinds of observation of one building, alone and together.",
+    ),
     "fuzz": (
         "fuzz.command",
         "Mutated files for every reader: read, or refused in one sentence.",

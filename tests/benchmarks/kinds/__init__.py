@@ -1,0 +1,1 @@
+"""Kinds of observation of one simulated building, alone and together."""
