@@ -19,6 +19,15 @@ def spawn(seed: Seed, count: int) -> list[SeedSequence]:
     return SeedSequence(parent.entropy, spawn_key=parent.spawn_key).spawn(count)
 
 
+# A training and its data set have one seed.
+DATA_SET, TRAINING = 0, 1
+
+
+def stream(seed: int, *number: int) -> SeedSequence:
+    """The stream of a number, or of a number below another one, without those before it."""
+    return SeedSequence(seed, spawn_key=number)
+
+
 def torch_generator(seed: Seed, device: torch.device | str = "cpu") -> torch.Generator:
     """A generator at the start of a stream."""
     state = seed if isinstance(seed, int) else int(seed.generate_state(1, np.uint64)[0])

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 
 from femupdate.progress import Silent
-from femupdate.seeds import spawn, torch_generator
+from femupdate.seeds import spawn, stream, torch_generator
 from femupdate.workflow.sampling import BRIDGE, FIRST, ChainRunner
 
 
@@ -46,3 +46,9 @@ def test_stages_and_runs_of_a_calibration_have_streams_of_their_own(tmp_path):
     run = ChainRunner(400, 4, 11, Silent(), tmp_path, json.dumps(1))
     streams = [one for stage in (FIRST, BRIDGE) for one in spawn(run.stage(stage), run.chains)]
     assert len({numbers(one) for one in streams}) == 2 * run.chains
+
+
+def test_a_stream_of_a_number_is_one_of_those_spawned():
+    assert numbers(stream(5, 2)) == numbers(spawn(5, 3)[2])
+    assert numbers(stream(5, 1, 2)) == numbers(spawn(spawn(5, 2)[1], 3)[2])
+    assert len({numbers(stream(5, 1, epoch)) for epoch in range(20)}) == 20

@@ -198,7 +198,7 @@ def _on_driven_shapes(structure: Structure, theta: Floats, top_hz: float) -> Red
 def _light(reduced: ReducedStructure) -> ReducedStructure:
     """A reduced structure without its shapes, of which eight pairs would fill the memory."""
     model = replace(reduced.model, node_shapes=None)
-    return replace(reduced, model=model, basis=reduced.basis[:0])
+    return replace(reduced, model=model, basis=reduced.basis[:0].copy())  # a view would keep all
 
 
 def _effect_errors(ours: "ShownModes", theirs: "ShownModes") -> tuple[Floats, Floats, Floats]:

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from femupdate.arrays import Floats
 from femupdate.dynamics.reduced import BaseRotation, ReducedModel
-from femupdate.dynamics.reduced_terms import ReducedStructure
+from femupdate.dynamics.reduced_terms import ReducedStructure, projected
 from femupdate.effects.structure import ROTATION, TRANSLATION, Structure
 from femupdate.fe.model import DOF_PER_NODE
 
@@ -54,16 +54,11 @@ def reduce_lumped(
 
 def reduced_on(structure: Structure, basis: Floats) -> ReducedStructure:
     """A structure seen through a mass-orthonormal basis (n, r)."""
-
-    def onto(matrix: object) -> Floats:
-        projected = basis.T @ (matrix @ basis)  # type: ignore[operator]
-        return 0.5 * (projected + projected.T)
-
     floors, force = structure.floor_rows @ basis, basis.T @ structure.rigid_force
     rigid = structure.story_rigid
     model = ReducedModel(
-        stiffness_terms=np.stack([onto(term) for term in structure.stiffness_terms]),
-        stiffness_constant=onto(structure.stiffness_constant),
+        stiffness_terms=np.stack([projected(basis, term) for term in structure.stiffness_terms]),
+        stiffness_constant=projected(basis, structure.stiffness_constant),
         excitation=force[:, TRANSLATION],
         floor_shapes=floors,
         floors=structure.floors,

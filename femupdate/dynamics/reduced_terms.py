@@ -143,8 +143,9 @@ class ReducedStructure:
 
 
 def projected(basis: Floats, matrix: csc_matrix) -> Floats:
-    """basis^T matrix basis (r, r), through the rows that the matrix has."""
-    by_row = matrix.tocsr()
+    """basis^T matrix basis (r, r), through the rows in which the matrix has numbers."""
+    by_row = matrix.tocsr(copy=True)
+    by_row.eliminate_zeros()
     rows = np.flatnonzero(np.diff(by_row.indptr))
     own = basis[rows]
     result = own.T @ (by_row[rows][:, rows] @ own)

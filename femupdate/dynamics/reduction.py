@@ -30,6 +30,7 @@ from femupdate.effects.structure import Structure
 from femupdate.errors import ModelError
 from femupdate.processors import everywhere
 from femupdate.progress import SILENT, Progress
+from femupdate.seeds import spawn
 
 _SIZES = (40, 60, 80, 100, 120, 140, 160, 180, 200, 230, 260, 300)
 _CHOOSE = 4  # unseen samples by which the number of shapes is chosen
@@ -129,7 +130,8 @@ class _Sample:
 
 
 def _certified(asked: _Question, target: ReductionTarget, progress: Progress) -> Reduction:
-    rng, checks = np.random.default_rng(target.seed + 1), _CHOOSE + _CERTIFY
+    (own,), checks = spawn(target.seed, 1), _CHOOSE + _CERTIFY
+    rng = np.random.default_rng(own)
     first, least = _samples(target, len(asked.structure.stiffness_terms)), 0
     progress.start("Reducing the model", len(first) + checks)
     shapes = [one.shapes for one in _solved(asked, target, first, progress)]
