@@ -17,6 +17,7 @@ from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.thresholds import FIT
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed
+from femupdate.linear import least_squares
 from femupdate.seeds import Seed, torch_generator
 
 
@@ -283,7 +284,7 @@ def _step(
     normal = normal[free][:, free]
     ridge = damping * torch.diag(normal.diagonal().clamp_min(1e-6))
     step = torch.zeros_like(z)
-    step[free] = torch.linalg.lstsq(normal + ridge, gradient[free][:, None]).solution[:, 0]
+    step[free] = least_squares(normal + ridge, gradient[free])
     return step.clamp(-1.0, 1.0)
 
 

@@ -17,6 +17,7 @@ from femupdate.arrays import Flags
 from femupdate.discrepancy.fit import Fit
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.thresholds import MODEL_ERROR
+from femupdate.linear import least_squares
 
 _STEP, _ROUNDS = 1e-3, 6
 PHASE = "the phase of the floors measured"
@@ -112,7 +113,7 @@ def _expected(
             rest = missed[seen].flatten().clamp(-MODEL_ERROR.wild, MODEL_ERROR.wild)
             left = torch.cat([rest, prior @ (other.z - z)])
             least = min(least, 0.5 * float(left @ left))
-            step = torch.linalg.lstsq(columns, left[:, None]).solution[:, 0]
+            step = least_squares(columns, left)
             z = torch.minimum(torch.maximum(z + step, where.lower), where.upper)
         found.append(least)
     return found

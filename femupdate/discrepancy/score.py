@@ -7,7 +7,6 @@ of it is taken out by projection; what is left is compared with the residuals (R
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 from torch import Tensor
 
 from femupdate.discrepancy.fit import Fit, coordinates, evaluate, extended
@@ -15,6 +14,7 @@ from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.thresholds import FIT
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
+from femupdate.linear import least_squares
 
 _NOTHING = 1e-9
 
@@ -110,8 +110,7 @@ def _score_at(problem: Problem, base: Fit, placed: Placed, start: tuple[float, .
     if base.common is not None:
         effect = base.common.whiten(effect[None])[0]
     residual, jacobian = base.weighed.residual, base.weighed.jacobian
-    along = torch.linalg.lstsq(jacobian, effect[:, None]).solution
-    own = effect - (jacobian @ along)[:, 0]
+    own = effect - jacobian @ least_squares(jacobian, effect)
     whole, left = float(effect @ effect), float(own @ own)
     absorbed = 1.0 - left / whole if whole > _NOTHING else 1.0
     if left <= _NOTHING or absorbed > 1.0 - 1e-6:

@@ -42,4 +42,8 @@ COMMANDS = {
         "fuzz.command",
         "Mutated files for every reader: read, or refused in one sentence.",
     ),
+    "interruptions": (
+        "interruptions.command",
+        "Commands killed or out of disk, then run again: nothing may be lost.",
+    ),
 }

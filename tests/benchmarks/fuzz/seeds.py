@@ -45,6 +45,13 @@ _INP = """\
 *ELEMENT, TYPE=B31, ELSET=beam
 3, 5, 6
 """
+_MODES = """\
+# identified from ambient vibration
+mode,frequency_hz,frequency_sd_hz,damping (%),damping_sd (%),2F,3F,RF,RF_sd
+1,1.75,0.01,1.0,0.2,0.35,0.7,-1,0.02
+2,5.03,,1.3,,-0.98,0.1,,
+3,7.70,-,,n/a,0.1,0.4,0.6,0.03
+"""
 _OWN = """\
 name = "own"
 kind = "mesh"
@@ -104,8 +111,9 @@ def write_seeds(folder: Path) -> None:
     _buildings(folder / "building")
     _meshes(folder / "mesh")
     observation = _observations(folder / "observation")
+    put(folder / "identified modes" / "csv", "modes.csv", {"modes.csv": _MODES})
     _records(folder / "record")
-    for kind in ("observation", "record"):
+    for kind in ("observation", "identified modes", "record"):
         for path in sorted((folder / kind).iterdir()):
             target = (path / "target.txt").read_text(encoding="utf-8")
             put(folder / "inspect" / f"{kind}-{path.name}", target, {target: path / target})

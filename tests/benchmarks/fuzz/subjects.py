@@ -56,6 +56,12 @@ def _observation(path: Path) -> object:
     return observation_of(load_building(path.with_name("tower.toml")), source)
 
 
+def _modes(path: Path) -> object:
+    from femupdate.measurement.kinds import read_any_kind
+
+    return read_any_kind(path)
+
+
 def _record(path: Path) -> object:
     from femupdate.measurement.record import read_record
 
@@ -111,7 +117,8 @@ SUBJECTS = (
     Subject("building", 0.2, _building),
     Subject("mesh", 0.15, _mesh),
     Subject("observation", 0.15, _observation),
-    Subject("record", 0.2, _record),
+    Subject("identified modes", 0.05, _modes),
+    Subject("record", 0.15, _record),
     Subject("inspect", 0.1, _inspected),
     Subject("weights", 0.05, _weights),
     Subject("posterior", 0.05, _posterior),

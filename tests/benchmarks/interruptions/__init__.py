@@ -1,0 +1,1 @@
+"""The benchmark `interruptions`: kills, full disks and limits in the middle of commands."""

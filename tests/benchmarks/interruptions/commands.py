@@ -1,0 +1,113 @@
+"""Commands to interrupt, and what each of them leaves behind."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from femupdate.inference.posterior import load_posterior
+from femupdate.surrogate.storage import load_surrogate
+
+SCRIPT = str(Path(sys.executable).with_name("femupdate"))
+_BUILDING = "shear_3dof"
+_FRAME = "two_story_openings"
+
+
+@dataclass(frozen=True)
+class Interruptible:
+    """A command that takes some seconds.
+
+    Attributes:
+        name: of the command.
+        words: its arguments but for --study.
+        result: file of the study that holds what it found.
+        read: digest of that file, without times and paths.
+    """
+
+    name: str
+    words: tuple[str, ...]
+    result: str
+    read: Callable[[Path], str]
+
+    def call(self, study: Path) -> list[str]:
+        """The whole command line."""
+        return [SCRIPT, *self.words, "--study", str(study)]
+
+    def digest(self, study: Path) -> str:
+        """What the command found."""
+        return self.read(study / self.result)
+
+
+def _posterior(path: Path) -> str:
+    draws = load_posterior(path)
+    arrays = (draws.theta, draws.zeta, draws.log_likelihood)
+    return sha256(b"".join(a.tobytes() for a in arrays if a is not None)).hexdigest()
+
+
+def _weights(path: Path) -> str:
+    state = load_surrogate(path).mvae.state_dict()
+    return sha256(b"".join(value.numpy().tobytes() for value in state.values())).hexdigest()
+
+
+def _findings(path: Path) -> str:
+    content = json.loads(path.read_text(encoding="utf-8"))
+    for name in ("seconds", "building", "study"):
+        content.pop(name, None)
+    return sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def _bytes(path: Path) -> str:
+    return sha256(path.read_bytes()).hexdigest()
+
+
+def interruptible(folder: Path) -> tuple[Interruptible, ...]:
+    """The commands, with the files that they need made in a folder."""
+    plain, hidden = folder / "plain.csv", folder / "hidden.csv"
+    common = ("--duration", "60", "--sampling", "50", "--band", "0.3,20", "--seed", "3")
+    effect = ("--effect", "added_mass@3F=0.3")
+    for path, more in ((plain, ()), (hidden, effect)):
+        run([SCRIPT, "simulate", "-o", str(path), "--building", _BUILDING, *common, *more])
+    quiet, building = ("--no-pictures",), ("--building", _BUILDING)
+    sampled = ("--exact", "--particles", "4000")
+    training = ("--samples", "7000", "--batch", "128", "--epochs", "3", "--fresh")
+    return (
+        Interruptible("train", ("train", *building, *training), "surrogate.safetensors", _weights),
+        Interruptible(
+            "calibrate --exact",
+            ("calibrate", str(plain), *building, *sampled, *quiet),
+            "posterior.nc",
+            _posterior,
+        ),
+        Interruptible(
+            "diagnose", ("diagnose", str(hidden), *building, *quiet), "diagnosis.json", _findings
+        ),
+        Interruptible(
+            "repair", ("repair", str(hidden), *building, *quiet), "repair.json", _findings
+        ),
+        Interruptible("build-model", ("build-model", _FRAME, *quiet), "reduced_model.npz", _bytes),
+    )
+
+
+def run(call: Sequence[str], **options: Any) -> subprocess.CompletedProcess[str]:
+    """Run a command to its end, with one thread for the numerical libraries.
+
+    Raises:
+        RuntimeError: it fails, where `check` is left out.
+    """
+    check = options.pop("check", True)
+    done = subprocess.run(
+        call, capture_output=True, text=True, check=False, env=environment(), **options
+    )
+    if check and done.returncode != 0:
+        raise RuntimeError(f"{' '.join(call)}: {done.stderr.strip()[-500:]}")
+    return done
+
+
+def environment() -> dict[str, str]:
+    """Of all commands: results are the same to the last digit for one number of threads."""
+    return {**os.environ, "OMP_NUM_THREADS": "1"}
