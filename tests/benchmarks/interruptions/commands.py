@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
@@ -10,12 +11,13 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+from femupdate.building.shipped import building_text
 from femupdate.inference.posterior import load_posterior
 from femupdate.surrogate.storage import load_surrogate
 
 SCRIPT = str(Path(sys.executable).with_name("femupdate"))
 _BUILDING = "shear_3dof"
-_FRAME = "two_story_openings"
+_FRAME = "two_story_openings"  # on a mesh large enough for processes of its own
 
 
 @dataclass(frozen=True)
@@ -72,9 +74,13 @@ def interruptible(folder: Path) -> tuple[Interruptible, ...]:
     effect = ("--effect", "added_mass@3F=0.3")
     for path, more in ((plain, ()), (hidden, effect)):
         run([SCRIPT, "simulate", "-o", str(path), "--building", _BUILDING, *common, *more])
+    frame = folder / "frame.toml"
+    text = re.sub(r'(?m)^size = "0.3 m"', 'size = "1 m"', building_text(_FRAME)[1])
+    frame.write_text(text, encoding="utf-8")
+    build = ("build-model", str(frame))
     quiet, building = ("--no-pictures",), ("--building", _BUILDING)
-    sampled = ("--exact", "--particles", "4000")
-    training = ("--samples", "7000", "--batch", "128", "--epochs", "3", "--fresh")
+    sampled = ("--exact", "--particles", "2000")
+    training = ("--samples", "5100", "--batch", "128", "--epochs", "2", "--fresh")
     return (
         Interruptible("train", ("train", *building, *training), "surrogate.safetensors", _weights),
         Interruptible(
@@ -89,7 +95,7 @@ def interruptible(folder: Path) -> tuple[Interruptible, ...]:
         Interruptible(
             "repair", ("repair", str(hidden), *building, *quiet), "repair.json", _findings
         ),
-        Interruptible("build-model", ("build-model", _FRAME, *quiet), "reduced_model.npz", _bytes),
+        Interruptible("build-model", (*build, *quiet), "reduced_model.npz", _bytes),
     )
 
 
