@@ -57,9 +57,9 @@ def _observation(path: Path) -> object:
 
 
 def _modes(path: Path) -> object:
-    from femupdate.measurement.kinds import read_any_kind
+    from femupdate.measurement.kinds import Reading, read_any_kind
 
-    return read_any_kind(path)
+    return read_any_kind(path, Reading())
 
 
 def _record(path: Path) -> object:
