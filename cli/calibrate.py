@@ -38,6 +38,9 @@ from .parameters import BuildingName, InputFile
     help="Error of the model's own natural frequencies, as a ratio; default 0.01.",
 )
 @click.option("--force", help="Floor that was hit or shaken, where column names do not say it.")
+@click.option(
+    "--anyway", is_flag=True, help="Keep a posterior even where the file is unlike the building."
+)
 @reading_options
 @study_options()
 def command(
@@ -49,6 +52,7 @@ def command(
     device: str,
     mode_error: float | None,
     force: str | None,
+    anyway: bool,
     reading: dict[str, Any],
     study: Study,
     seed: int,
@@ -75,7 +79,7 @@ def command(
     source = ObservationSource(
         first, further=tuple(further), mode_error=mode_error, force=force, **reading
     )
-    settings = CalibrationSettings(particles, exact, chains, seed, device)
+    settings = CalibrationSettings(particles, exact, chains, seed, device, anyway)
     check_calibration(study, source, settings, building)
     model = open_study(study, building, bars)
     report = calibrate_study(study, model, source, settings, bars)

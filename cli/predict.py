@@ -60,6 +60,20 @@ from .parameters import Channel, Columns, InputFile, Member
     help="Posterior draws for which member forces are computed.",
 )
 @click.option(
+    "--scatter",
+    type=click.FloatRange(0.0, 1.0),
+    default=0.05,
+    show_default=True,
+    help="Scatter of stiffness between events (sd of ln).",
+)
+@click.option(
+    "--damping-scatter",
+    type=click.FloatRange(0.0, 2.0),
+    default=0.2,
+    show_default=True,
+    help="Scatter of damping between events (sd of ln).",
+)
+@click.option(
     "--columns", type=Columns(), help="Column names of the measured file: ours=theirs,..."
 )
 @study_options(needs="posterior")
@@ -72,6 +86,8 @@ def command(
     columns: dict[str, str] | None,
     floor_spectra: bool,
     spectrum_damping: float,
+    scatter: float,
+    damping_scatter: float,
     study: Study,
     bars: Bars,
     pictures: bool,
@@ -81,6 +97,7 @@ def command(
 
     Reads JMA, K-NET, PEER, CSMIP and further formats; `femupdate list` has all of them.
     """
+    from femupdate.inference.next_event import EventScatter
     from femupdate.workflow.checks import open_calibrated
     from femupdate.workflow.csv_tables import write_prediction_tables
     from femupdate.workflow.pictures_prediction import draw_prediction
@@ -92,7 +109,11 @@ def command(
         study,
         open_calibrated(study, bars),
         RecordSource(record, unit, channel, scale),
-        PredictionSettings(spectrum_damping=oscillators, **settings),
+        PredictionSettings(
+            spectrum_damping=oscillators,
+            scatter=EventScatter(stiffness=scatter, damping=damping_scatter),
+            **settings,
+        ),
         measured=measured,
         columns=columns,
         progress=bars,

@@ -14,7 +14,7 @@ from femupdate.dynamics.damping import DampingLaw
 from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed
-from femupdate.measurement.estimated import HANN, as_estimated, segment_of
+from femupdate.measurement.estimated import HANN, Estimator
 from femupdate.measurement.observation import Observation
 
 Effects = tuple[Placed, ...]
@@ -27,14 +27,13 @@ class Block:
     Attributes:
         points: how many.
         independent: share of them that err independently.
-        segment_s: length of the Hann segments from which H1 estimated the FRFs, s; None for FRFs
-            read from a table.
+        estimator: what the estimate makes of FRFs; None for those read from a table.
         level: doublings of the amplitude above that of the first record.
     """
 
     points: int
     independent: float
-    segment_s: float | None = None
+    estimator: Estimator | None = None
     level: float = 0.0
 
 
@@ -124,7 +123,7 @@ class Problem:
     @property
     def estimated(self) -> bool:
         """Whether FRFs were estimated from histories here."""
-        return any(block.segment_s is not None for block in self.blocks)
+        return any(block.estimator is not None for block in self.blocks)
 
     @property
     def levels(self) -> bool:
@@ -143,8 +142,11 @@ class Problem:
             frequency = self.frequency_hz[first : first + block.points]
             first += block.points
             own = system.at_level(theta, zeta, sizes, block.level)
-            frf = system.frf(*own, sizes, frequency)
-            parts.append(as_estimated(frf, block.segment_s, frequency))
+            if block.estimator is None:
+                parts.append(system.frf(*own, sizes, frequency))
+                continue
+            asked = torch.from_numpy(block.estimator.frequency_hz)
+            parts.append(block.estimator(system.frf(*own, sizes, asked)))
         return torch.cat(parts, dim=2)
 
     def residuals(self, system: System, theta: Tensor, zeta: Tensor, sizes: Tensor) -> Tensor:
@@ -273,7 +275,7 @@ def make_problem(
             Block(
                 observation.frequency_hz.size,
                 min(1.0, spacing / (resolution * (1.0 if table else _CORRELATED))),
-                segment_of(observation),
+                observation.estimator,
             ),
         ),
         model_error=model_error,

@@ -3,8 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import norm
 
-from femupdate.arrays import Floats
+from femupdate.arrays import Flags, Floats
 from femupdate.dynamics.summary import HistorySummary
 from femupdate.tables import table
 
@@ -15,10 +16,13 @@ class Comparison:
 
     Attributes:
         floors: that were measured.
-        relative_error: (f,) rms of mean prediction less measurement over rms of the measurement.
+        relative_error: (f,) rms of the best estimate less measurement over rms of the measurement.
         correlation: (f,) of the two histories.
-        peak_ratio: (f,) peak of the mean prediction over the measured peak.
+        peak_ratio: (f,) peak of the best estimate over the measured peak.
         within_band: (f,) share of the instants at which the measurement lies within 2 sd.
+        score: (f,) continuous ranked probability score over the rms of the measurement, the lower
+            the better: what bands cost that are too wide as well as too narrow.
+        peak_within: (f,) whether the measured peak lies in its 90 % interval.
     """
 
     floors: tuple[str, ...]
@@ -26,6 +30,8 @@ class Comparison:
     correlation: Floats
     peak_ratio: Floats
     within_band: Floats
+    score: Floats
+    peak_within: Flags
 
     def as_dict(self) -> dict[str, dict[str, float]]:
         """The figures of every floor."""
@@ -35,6 +41,8 @@ class Comparison:
                 "correlation": float(self.correlation[k]),
                 "peak_ratio": float(self.peak_ratio[k]),
                 "within_band": float(self.within_band[k]),
+                "score": float(self.score[k]),
+                "peak_within": bool(self.peak_within[k]),
             }
             for k, floor in enumerate(self.floors)
         }
@@ -42,28 +50,53 @@ class Comparison:
     def table(self) -> str:
         """The figures of every floor, a line each."""
         rows = [
-            (floor, *(f"{v:.3f}" for v in values), f"{share:.1%}")
-            for floor, (*values, share) in (
-                (floor, own.values()) for floor, own in self.as_dict().items()
+            (
+                floor,
+                *(f"{own[name]:.3f}" for name in ("relative_error", "correlation", "peak_ratio")),
+                f"{own['within_band']:.1%}",
+                f"{own['score']:.3f}",
+                "yes" if own["peak_within"] else "no",
             )
+            for floor, own in self.as_dict().items()
         ]
-        return table(
-            ("against measured", "error rms", "correlation", "peak ratio", "within 2 sd"), rows
-        )
+        head = ("error rms", "correlation", "peak ratio", "within 2 sd", "CRPS/rms", "peak in 90 %")
+        return table(("against measured", *head), rows)
 
 
-def compare(summary: HistorySummary, measured: Floats) -> Comparison:
-    """Mean prediction against measured floor accelerations (f, n), NaN for floors without any."""
+def compare(summary: HistorySummary, alone: HistorySummary, measured: Floats) -> Comparison:
+    """Predictions against measured floor accelerations (f, n), NaN for floors without any.
+
+    Args:
+        summary: bands and peaks of the next measurement.
+        alone: of the parameters alone, whose mean is the best estimate.
+        measured: the floors.
+    """
     seen = np.isfinite(measured).all(axis=1)
     mean, sd, truth = summary.acceleration_mean[seen], summary.acceleration_sd[seen], measured[seen]
-    error = np.sqrt(((mean - truth) ** 2).mean(axis=1) / (truth**2).mean(axis=1))
-    correlation = (mean * truth).sum(axis=1) / np.sqrt(
-        (mean**2).sum(axis=1) * (truth**2).sum(axis=1)
+    best = alone.acceleration_mean[seen]
+    error = np.sqrt(((best - truth) ** 2).mean(axis=1) / (truth**2).mean(axis=1))
+    correlation = (best * truth).sum(axis=1) / np.sqrt(
+        (best**2).sum(axis=1) * (truth**2).sum(axis=1)
     )
     return Comparison(
         tuple(summary.floors[row] for row in np.flatnonzero(seen)),
         error,
         correlation,
-        np.abs(mean).max(axis=1) / np.abs(truth).max(axis=1),
+        np.abs(best).max(axis=1) / np.abs(truth).max(axis=1),
         (np.abs(mean - truth) <= 2.0 * sd).mean(axis=1),
+        _score(mean, sd, truth),
+        _inside(summary.peak_acceleration[:, seen], np.abs(truth).max(axis=1)),
     )
+
+
+def _score(mean: Floats, sd: Floats, truth: Floats) -> Floats:
+    """Mean score of normal bands (Gneiting and Raftery 2007, JASA 102, 359, eq. 21), over rms."""
+    wide = np.maximum(sd, 1e-12 * np.abs(truth).max())
+    away = (truth - mean) / wide
+    each = wide * (away * (2.0 * norm.cdf(away) - 1.0) + 2.0 * norm.pdf(away) - np.pi**-0.5)
+    return np.asarray(each.mean(axis=1) / np.sqrt((truth**2).mean(axis=1)))
+
+
+def _inside(peaks: Floats, measured: Floats) -> Flags:
+    low, high = np.quantile(peaks, [0.05, 0.95], axis=0)
+    return np.asarray((low <= measured) & (measured <= high))

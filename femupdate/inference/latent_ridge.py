@@ -14,7 +14,7 @@ import torch
 from scipy.interpolate import CubicSpline
 from torch import Tensor
 
-from femupdate.surrogate.gauss_newton import Descent, Misfit, nats_of
+from femupdate.surrogate.gauss_newton import Descent, Residuals, nats_of
 
 # So many standard deviations out along the widest direction the nats must have risen by half the
 # square of it, but for the tolerance; else the ridge is followed.
@@ -53,7 +53,7 @@ class _Ridge:
     information: Tensor
 
 
-def bent(misfit: Misfit, points: Descent, reach: Tensor) -> Tensor:
+def bent(misfit: Residuals, points: Descent, reach: Tensor) -> Tensor:
     """Which solutions (s,) a Gaussian of the curvature there does not describe.
 
     Args:
@@ -74,7 +74,7 @@ def bent(misfit: Misfit, points: Descent, reach: Tensor) -> Tensor:
     return found
 
 
-def along_ridges(misfit: Misfit, points: Descent, solutions: Descent, reach: Tensor) -> Descent:
+def along_ridges(misfit: Residuals, points: Descent, solutions: Descent, reach: Tensor) -> Descent:
     """Gaussians along the ridges through bent solutions, each centre a point of the descent.
 
     A ridge ends where it comes to one of the solutions, which stand for themselves.
@@ -94,7 +94,7 @@ def along_ridges(misfit: Misfit, points: Descent, solutions: Descent, reach: Ten
     return kept
 
 
-def _followed(misfit: Misfit, point: Descent, solutions: Descent, reach: Tensor) -> _Ridge:
+def _followed(misfit: Residuals, point: Descent, solutions: Descent, reach: Tensor) -> _Ridge:
     """The ridge to both sides of a point."""
     axis, sd = _widest(point)
     best = min([float(point.nats[0]), *solutions.nats.tolist()])
@@ -108,7 +108,7 @@ def _followed(misfit: Misfit, point: Descent, solutions: Descent, reach: Tensor)
 
 
 def _side(
-    misfit: Misfit,
+    misfit: Residuals,
     point: Descent,
     start: tuple[Tensor, float],
     best: float,
@@ -147,7 +147,7 @@ def _side(
     return torch.cat(z), torch.cat(levels), torch.cat(informations)
 
 
-def _pulled_back(misfit: Misfit, z: Tensor, direction: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+def _pulled_back(misfit: Residuals, z: Tensor, direction: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     """The best point near z (1, z) across a direction, its nats (1,) and information (1, z, z)."""
     identity = torch.eye(z.shape[1]).to(z)
     along = torch.outer(direction, direction)

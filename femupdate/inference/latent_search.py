@@ -23,6 +23,7 @@ from femupdate.surrogate.gauss_newton import (
     Kept,
     LatentData,
     Misfit,
+    Residuals,
     descend,
     distinct,
 )
@@ -55,13 +56,14 @@ class Control:
         data: the observation with the variance of its noise alone.
         respond: theta (n, p) and damping ratios (n,) to ln|H| (n, f, k) of the decoder's floors;
             what it gives for floors that are not observed does not matter.
-        shared: likewise to changes of ln|H| (n, c, f, k), one standard deviation of every error of
-            the model that all points share; None where there is no such thing.
+        settle: parameters (s, p) with the damping ratio last, from the decoder, to those of the
+            building's own maxima and to residuals that allow for its errors; None where the noise
+            of `data` is all there is.
     """
 
     data: LatentData
     respond: Callable[[Tensor, Tensor], Tensor]
-    shared: Callable[[Tensor, Tensor], Tensor] | None = None
+    settle: Callable[[Tensor], tuple[Tensor, Callable[[Tensor], Tensor]]] | None = None
 
 
 @dataclass(frozen=True)
@@ -101,50 +103,40 @@ def find_latent(
     # In double precision: differences of responses are taken.
     precise = copy.deepcopy(mvae).double()
 
-    def respond(z: Tensor) -> Tensor:
-        return control.respond(precise.parameters_at(z), precise.decoder.damping(z))
-
-    misfit = Misfit(respond, control.data, _FINE_STEP)
-    ended = descend(misfit, _nearest_reached(precise, near.z.double()), _WITH_RESPONSES)
+    misfit, starts = _own_misfit(precise, control, near.z.double())
+    ended = descend(misfit, starts, _WITH_RESPONSES)
     found = _expanded_or_followed(precise, misfit, _distinct(mvae, _arrived(ended), _BY_RESPONSES))
     log_weight = found.log_mass
     best = int(log_weight.argmax())
     squares = 2.0 * float(found.nats[best]) - float(found.z[best].square().sum())
-    mean, information = found.z.double(), found.information.double()
-    if control.shared is not None:
-        reached = _nearest_reached(precise, found.z.to(precise.lower))
-        parts = precise.parameters_at(reached), precise.decoder.damping(reached)
-        changes = (control.data.weight.sqrt() * control.shared(*parts)).flatten(2)
-        slopes = misfit.derivative(reached, misfit(reached))
-        mean, information = widened(mean, information, torch.bmm(changes, slopes).cpu())
     return FoundLatent(
-        ObservedLatent(log_weight.log_softmax(0), mean.cpu(), information.cpu()),
+        ObservedLatent(
+            log_weight.log_softmax(0), found.z.double().cpu(), found.information.double().cpu()
+        ),
         squares / int((control.data.weight > 0).sum()),
         misfit.responses,
     )
 
 
-def widened(mean: Tensor, information: Tensor, shared: Tensor) -> tuple[Tensor, Tensor]:
-    """Means and information of Gaussians that allow for errors that the data's points share.
+def _own_misfit(mvae: Mvae, control: Control, near: Tensor) -> tuple[Residuals, Tensor]:
+    """The misfit of the building's own responses, and where (s, z) to minimise it from."""
+    reached = _nearest_reached(mvae, near)
 
-    The search weighs the points as if all erred alone; the covariance F^-1 of what the data say
-    then becomes F^-1 (F + A) F^-1, A = S^T S (White, Econometrica 48, 1980), about the same place;
-    the prior of z draws what is less certain a little nearer.
+    def parameters(z: Tensor) -> tuple[Tensor, Tensor]:
+        return mvae.parameters_at(z), mvae.decoder.damping(z)
 
-    Args:
-        mean: (s, z), the prior of z included.
-        information: (s, z, z) F.
-        shared: (s, c, z) S, gradients by z of the log likelihood that one standard deviation of
-            every error brings.
-    """
-    identity = torch.eye(mean.shape[1]).to(information)
-    both = information + torch.bmm(shared.transpose(1, 2), shared)
-    # What the data say nothing of they say nothing of with errors either: a pseudo-inverse.
-    weaker = information @ torch.linalg.pinv(both, hermitian=True)
-    less = weaker @ information
-    less = 0.5 * (less + less.transpose(1, 2))
-    pull = weaker @ (information + identity) @ mean[:, :, None]
-    return torch.linalg.solve(less + identity, pull)[..., 0], less
+    if control.settle is None:
+        return Misfit(lambda z: control.respond(*parameters(z)), control.data, _FINE_STEP), reached
+
+    def joined(z: Tensor) -> Tensor:
+        theta, zeta = parameters(z)
+        return torch.cat([theta, zeta[:, None]], dim=1)
+
+    maxima, residuals = control.settle(joined(reached))
+    places = mvae.encode_parameters(maxima[:, :-1])
+    turned = mvae.decoder.damping_coordinate(maxima[:, -1])
+    starts = torch.cat([places, turned], dim=1)
+    return Residuals(lambda z: residuals(joined(z)), _FINE_STEP), starts
 
 
 def _decoder_misfit(mvae: Mvae, data: LatentData) -> Misfit:
@@ -192,7 +184,7 @@ def _arrived(descent: Descent) -> Descent:
     return descent[rows] if rows else descent
 
 
-def _expanded_or_followed(mvae: Mvae, misfit: Misfit, descent: Descent) -> Descent:
+def _expanded_or_followed(mvae: Mvae, misfit: Residuals, descent: Descent) -> Descent:
     """A Gaussian for each solution, a row of them where a Gaussian does not describe it."""
     descent, reach = _on_processor(descent), mvae.reach().cpu().double()
     followed = bent(misfit, descent, reach)

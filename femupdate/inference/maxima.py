@@ -58,24 +58,19 @@ class MaximaSettings:
     least_share: float = 0.1
 
 
-def draws_about_maxima(
+def found_from(
     prior: Parameters,
-    log_likelihood: LogLikelihood,
     residuals: Callable[[Tensor], Tensor],
     starts: Tensor,
-    count: int,
-    seed: Seed,
     settings: MaximaSettings | None = None,
-) -> WeightedDraws | None:
-    """Weighted parameters (count, p), or None where too few of them would count.
+) -> Descent:
+    """Different maxima that count, the heaviest first, in standard normal coordinates.
 
     Args:
         prior: of the parameters.
-        log_likelihood: of them.
-        residuals: whitened, (n, m): minus half their square is the log likelihood, smoothly.
+        residuals: of parameters, whitened, (n, m): minus half their square is the log likelihood,
+            smoothly.
         starts: (s, p) parameters, one at least near every maximum.
-        count: draws.
-        seed: of everything random.
         settings: see `MaximaSettings`.
     """
     chosen = settings or MaximaSettings()
@@ -84,26 +79,47 @@ def draws_about_maxima(
         return residuals(prior.from_normal(xi.clamp(-EDGE, EDGE)))
 
     misfit = Residuals(whitened, chosen.step)
-    ended = descend(misfit, prior.to_normal(starts).clamp(-EDGE, EDGE), chosen.descent)
-    found = distinct(ended, ended.log_mass, chosen.kept)
-    target, proposal = normal_target(prior, log_likelihood), student_about(found, chosen)
+    # A decoder reaches a little beyond the prior's box.
+    inside = torch.minimum(torch.maximum(starts, prior.lower), prior.upper)
+    ended = descend(misfit, prior.to_normal(inside).clamp(-EDGE, EDGE), chosen.descent)
+    return distinct(ended, ended.log_mass, chosen.kept)
+
+
+def draws_about(
+    prior: Parameters,
+    log_likelihood: LogLikelihood,
+    found: Descent,
+    count: int,
+    seed: Seed,
+    settings: MaximaSettings | None = None,
+) -> WeightedDraws | None:
+    """Weighted parameters (count, p) about maxima, or None where too few of them would count.
+
+    Args:
+        prior: of the parameters.
+        log_likelihood: of them.
+        found: the maxima, see `found_from`.
+        count: draws.
+        seed: of everything random.
+        settings: see `MaximaSettings`.
+    """
+    chosen = settings or MaximaSettings()
+    target = normal_target(prior, log_likelihood)
     try:
-        drawn = sampled(target, proposal, count, seed, chosen.importance)
+        drawn = sampled(target, student_about(found, chosen), count, seed, chosen.importance)
     except InferenceError:
         return None
     if drawn.effective < chosen.least_share * count:
         return None
-    return replace(
-        drawn,
-        points=prior.from_normal(drawn.points),
-        evaluations=drawn.evaluations + misfit.responses,
-    )
+    return replace(drawn, points=prior.from_normal(drawn.points))
 
 
 def student_about(found: Descent, settings: MaximaSettings) -> StudentMixture:
     """Students about maxima (s, d) with the curvature there, by their masses."""
     weight = found.log_mass.softmax(0).clamp_min(settings.lightest)
-    covariance = torch.linalg.inv(found.precision)
-    root = torch.linalg.cholesky(0.5 * (covariance + covariance.mT))
+    factor, failed = torch.linalg.cholesky_ex(found.precision)
+    root, uncertain = torch.linalg.cholesky_ex(torch.cholesky_inverse(factor))
+    if bool((failed > 0).any() | (uncertain > 0).any()) or not bool(root.isfinite().all()):
+        raise InferenceError("the curvature at a maximum has no inverse; use particles")
     gaussian = GaussianMixture((weight / weight.sum()).log(), found.z.double().cpu(), root)
     return StudentMixture(gaussian.widened(settings.importance.widen), settings.importance.freedom)

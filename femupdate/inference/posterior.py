@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from femupdate.array_archive import check_shapes
-from femupdate.arrays import Floats
+from femupdate.arrays import Floats, Integers
 from femupdate.errors import StudyError
+from femupdate.inference.error_draws import ErrorDraws, errors_as_groups, errors_from_groups
 from femupdate.measurement.observation import Observation
 from femupdate.netcdf import write_tree
 from femupdate.seeds import Seed
@@ -73,6 +74,8 @@ class Posterior:
         drawn: how.
         observation: what it was drawn for.
         settings: of the sampler.
+        model_error: what is known of the error of the model; None where it was not learned.
+        warnings: what whoever uses the draws should know, in sentences.
     """
 
     names: tuple[str, ...]
@@ -84,6 +87,8 @@ class Posterior:
     drawn: DrawnBy
     observation: Observation
     settings: Mapping[str, Any]
+    model_error: ErrorDraws | None = None
+    warnings: tuple[str, ...] = ()
 
     @property
     def samples(self) -> Floats:
@@ -95,11 +100,13 @@ class Posterior:
         """Damping ratios of all draws."""
         return None if self.zeta is None else self.zeta.reshape(-1)
 
+    def rows(self, count: int, seed: Seed) -> Integers:
+        """At most `count` rows of all draws, without replacement."""
+        return np.random.default_rng(seed).permutation(len(self.samples))[:count]
+
     def thinned(self, count: int, seed: Seed) -> tuple[Floats, Floats | None]:
         """At most `count` draws of theta (count, p) and zeta (count,), without replacement."""
-        rng = np.random.default_rng(seed)
-        rows = rng.permutation(len(self.samples))[:count]
-        zeta = self.zeta_samples
+        rows, zeta = self.rows(count, seed), self.zeta_samples
         return self.samples[rows], None if zeta is None else zeta[rows]
 
 
@@ -132,6 +139,7 @@ def save_posterior(posterior: Posterior, path: Path) -> None:
         measured["scatter"] = (floor_frequency, observation.scatter)
     tree = xr.DataTree.from_dict(
         {
+            **errors_as_groups(posterior.model_error, coordinates, grid),
             "/posterior": xr.Dataset(
                 draws, coords={**coordinates, "parameter": list(posterior.names)}
             ),
@@ -157,6 +165,7 @@ def save_posterior(posterior: Posterior, path: Path) -> None:
     tree.attrs = {
         "drawn_by": json.dumps(asdict(posterior.drawn)),
         "settings": json.dumps(dict(posterior.settings)),
+        "warnings": json.dumps(list(posterior.warnings)),
     }
     write_tree(tree, path)
 
@@ -232,6 +241,8 @@ def _posterior(tree: Any) -> Posterior:
         drawn=DrawnBy(**json.loads(tree.attrs["drawn_by"])),
         observation=_observation(measured),
         settings=json.loads(tree.attrs["settings"]),
+        model_error=errors_from_groups(tree),
+        warnings=tuple(json.loads(tree.attrs["warnings"])),
     )
 
 

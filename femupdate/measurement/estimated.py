@@ -1,39 +1,181 @@
-"""FRFs as an estimate from histories shows them: averaged by the window of its segments."""
+"""FRFs as an estimate from histories shows them, by the very base motion that was measured.
+
+Welch's estimate H1 = sum conj(X_s) Y_s / sum |X_s|^2 over segments s is linear in the floors'
+motion, and that is linear in the FRF: y = sum over frequencies of H X exp(i omega t). H1 is then a
+mean of the FRF over neighbouring frequencies, with weights that the base motion alone fixes. In
+stationary white noise these are the squared spectrum of the window (Bendat and Piersol 2010,
+section 8.5); in an earthquake, which ends before the building does, they are not, and peaks come
+out higher or lower by several percent. A model's FRF goes through the same means before it is
+compared.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import torch
+from scipy.sparse import block_array, csr_array, diags_array
 from torch import Tensor
 
-from femupdate.measurement.observation import Observation
+from femupdate.arrays import Complexes, Flags, Floats
+from femupdate.measurement.welch import Segments, segment_spectra
 
 HANN = 1.5  # equivalent noise bandwidth of the Hann window times its length
-_REACH = 3.0  # in units of 1 / T; beyond it the spectrum of the Hann window is negligible
+# In units of 1 / T; beyond it the spectrum of the Hann window is negligible.
+_REACH = 4.0
+# Frequencies in 1 / T at which FRFs are asked for at least; between them they are cubics.
+_DENSE = 3.0
+_BINS = 512  # at a time
 
 
-def segment_of(observation: Observation) -> float | None:
-    """Length of the Hann segments from which H1 estimated FRFs, s; None for a table."""
-    if observation.coherence is None:
-        return None
-    frequency = observation.frequency_hz
-    return HANN / (observation.resolution_hz or float(np.median(np.diff(frequency))))
+@dataclass(frozen=True, eq=False)
+class Estimator:
+    """What an estimate makes of an FRF.
 
-
-def as_estimated(frf: Tensor, segment_s: float | None, frequency_hz: Tensor) -> Tensor:
-    """FRFs (N, f, k) as Welch's method shows them: averaged over the spectrum of its window.
-
-    Of white noise H1 shows H averaged with the weight |W|^2, W = sinc(x) / (1 - x^2) with
-    x = f T for a Hann window of T seconds (Bendat and Piersol 2010, section 8.5; Harris 1978).
-    Without this, the finder would take the lower peaks for an effect.
+    Attributes:
+        frequency_hz: (e,) at which the FRF is asked for, evenly spaced.
+        weights: (k, e) complex means that give the estimate on a grid.
     """
-    if segment_s is None or frf.shape[2] < 2:
-        return frf
-    step = segment_s * float(frequency_hz[1] - frequency_hz[0])
-    reach = min(int(np.ceil(_REACH / step)), frf.shape[2] - 1)
-    x = step * np.arange(-reach, reach + 1)
-    x = np.where(np.abs(np.abs(x) - 1.0) < 1e-6, 1.0 - 1e-6, x)
-    weight = torch.from_numpy((np.sinc(x) / (1.0 - x**2)) ** 2)
-    weight = (weight / weight.sum()).reshape(1, 1, -1)
-    ends = [frf[..., :1].expand(-1, -1, reach), frf[..., -1:].expand(-1, -1, reach)]
-    wide = torch.cat([ends[0], frf, ends[1]], dim=2).reshape(-1, 1, frf.shape[2] + 2 * reach)
-    parts = [torch.nn.functional.conv1d(part, weight) for part in (wide.real, wide.imag)]
-    return torch.complex(*parts).reshape(frf.shape)
+
+    frequency_hz: Floats
+    weights: csr_array
+
+    def __call__(self, frf: Tensor) -> Tensor:
+        """Estimates (N, f, k) of FRFs (N, f, e)."""
+        flat = frf.flatten(0, 1)
+        both = self._real.to(flat.device, flat.real.dtype)
+        seen = torch.sparse.mm(both, torch.cat([flat.real, flat.imag], dim=1).T)
+        real, imaginary = seen.T.chunk(2, dim=1)
+        return torch.complex(real, imaginary).unflatten(0, frf.shape[:2])
+
+    def at(self, used: Flags) -> "Estimator":
+        """The estimate at some frequencies (k,) of its grid."""
+        return Estimator(self.frequency_hz, csr_array(self.weights[np.flatnonzero(used)]))
+
+    @cached_property
+    def _real(self) -> Tensor:
+        """The weights as a real matrix (2 k, 2 e) of real and imaginary parts."""
+        whole = block_array(
+            [[self.weights.real, -self.weights.imag], [self.weights.imag, self.weights.real]],
+            format="coo",
+        )
+        places = torch.from_numpy(np.stack([whole.row, whole.col]).astype(np.int64))
+        values = torch.from_numpy(np.asarray(whole.data, dtype=np.float64))
+        return torch.sparse_coo_tensor(
+            places, values, whole.shape, check_invariants=False
+        ).coalesce()
+
+
+def estimator_of(
+    base: Floats, time_step: float, segments: Segments, grid: Floats, bins: csr_array
+) -> Estimator:
+    """The means that Welch's estimate takes of a building at rest before the record.
+
+    Args:
+        base: (n,) acceleration.
+        time_step: s.
+        segments: how the record was cut.
+        grid: (k,) frequencies of the estimate, evenly spaced, Hz.
+        bins: (k, b) that brings estimates at the bins of the spectra to the grid.
+    """
+    length = segments.length
+    padded = len(base) + 2 * length
+    fine = np.asarray(np.fft.rfftfreq(padded, time_step), dtype=np.float64)
+    spectrum = np.fft.rfft(base, padded)
+    of_segments, bin_hz, starts = segment_spectra(base, time_step, segments)
+    used = np.unique(bins.nonzero()[1])
+    reach = _REACH / segments.seconds
+    dense = _dense(grid, reach, segments.seconds)
+    step = dense[1] - dense[0]
+    rows, columns, values = [], [], []
+    width = int(np.ceil(reach / fine[1]))
+    offsets = np.arange(-width, width + 1)
+    for some in np.array_split(used, max(1, len(used) // _BINS)):
+        middle = np.rint(bin_hz[some] / fine[1]).astype(int)
+        near = np.clip(middle[:, None] + offsets, 1, len(fine) - 1)
+        inside = middle[:, None] + offsets == near
+        omega = 2.0 * np.pi * fine[near]
+        turn = np.exp(1j * omega[..., None] * starts)
+        together = np.einsum("bjs,sb->bj", turn, of_segments[:, some].conj())
+        apart = (2.0 * np.pi * bin_hz[some, None] - omega) * time_step
+        seen = _window_spectrum(apart, length)
+        weight = np.where(inside, together * spectrum[near] * seen, 0.0)
+        # Where what leaks in from elsewhere rules, as near zero frequency, phases say nothing.
+        size = np.abs(weight)
+        vague = np.abs(weight.sum(axis=1)) < 0.5 * size.sum(axis=1)
+        weight = np.where(vague[:, None], size, weight)
+        weight /= weight.sum(axis=1, keepdims=True)
+        rows.append(np.repeat(some, offsets.size))
+        columns.append(near.ravel())
+        values.append(weight.ravel())
+    shape = (len(bin_hz), len(fine))
+    whole = csr_array(
+        (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=shape
+    )
+    return Estimator(dense, csr_array(bins @ whole @ _cubics(fine, dense, step)))
+
+
+def mean_estimator(
+    parts: Sequence[Estimator | None], shares: Floats, grid: Floats
+) -> Estimator | None:
+    """The mean of several estimates by shares (r, k) that add up to one; None is a table's."""
+    known = [part for part in parts if part is not None]
+    if not known:
+        return None
+    step = known[0].frequency_hz[1] - known[0].frequency_hz[0]
+    first = min(float(part.frequency_hz[0]) for part in known)
+    last = max(float(part.frequency_hz[-1]) for part in known)
+    dense = first + step * np.arange(int(np.rint((last - first) / step)) + 1)
+    total = csr_array((len(grid), len(dense)), dtype=np.complex128)
+    for part, share in zip(parts, shares, strict=True):
+        own = csr_array(np.eye(len(grid))) if part is None else part.weights
+        begin = grid if part is None else part.frequency_hz
+        at = np.rint((begin - first) / step).astype(int)
+        onto = csr_array((np.ones(len(at)), (np.arange(len(at)), at)), shape=(len(at), len(dense)))
+        total = total + diags_array(share) @ own @ onto
+    return Estimator(dense, csr_array(total))
+
+
+def _window_spectrum(angle: Floats, total: int) -> Complexes:
+    """sum w_t exp(-i angle t) of a Hann window of so many samples, by its closed form."""
+
+    def kernel(shift: float) -> Complexes:
+        a = angle + shift
+        half = 0.5 * a
+        small = np.abs(np.sin(half)) < 1e-12
+        ratio = np.where(small, total, np.sin(total * half) / np.where(small, 1.0, np.sin(half)))
+        return ratio * np.exp(-1j * half * (total - 1))
+
+    turn = 2.0 * np.pi / total
+    return 0.5 * kernel(0.0) - 0.25 * (kernel(-turn) + kernel(turn))
+
+
+def _dense(grid: Floats, reach: float, seconds: float) -> Floats:
+    """Evenly spaced frequencies over a grid and beyond, above zero."""
+    step = float(np.median(np.diff(grid))) if grid.size > 1 else reach
+    fine = step / max(1, int(np.ceil(_DENSE * step * seconds - 1e-9)))
+    below = min(int(np.ceil(reach / fine)) + 2, int(np.floor(grid[0] / fine - 1e-9)))
+    below = max(below, 0)
+    count = int(np.round((grid[-1] - grid[0]) / fine)) + int(np.ceil(reach / fine)) + 3
+    first = grid[0] - below * fine
+    if first <= 0.0:
+        first, below = grid[0] - (below - 1) * fine, below - 1
+    return first + fine * np.arange(below + count)
+
+
+def _cubics(fine: Floats, dense: Floats, step: float) -> csr_array:
+    """(j, e): values between four frequencies by the cubic through them."""
+    place = (fine - dense[0]) / step
+    first = np.clip(np.floor(place).astype(int) - 1, 0, len(dense) - 4)
+    # Beyond the ends the first and the last value go on.
+    x = np.clip(place, 0.0, len(dense) - 1.0) - first
+    weights = [
+        -(x - 1) * (x - 2) * (x - 3) / 6.0,
+        x * (x - 2) * (x - 3) / 2.0,
+        -x * (x - 1) * (x - 3) / 2.0,
+        x * (x - 1) * (x - 2) / 6.0,
+    ]
+    rows = np.tile(np.arange(len(fine)), 4)
+    columns = np.concatenate([first + k for k in range(4)])
+    return csr_array((np.concatenate(weights), (rows, columns)), shape=(len(fine), len(dense)))

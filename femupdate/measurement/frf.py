@@ -11,10 +11,12 @@ covers the bias as long as zeta f0 T is about 2 or more.
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from femupdate.arrays import Flags, Floats
 from femupdate.errors import MeasurementError
 from femupdate.measurement.columns import BASE
+from femupdate.measurement.estimated import estimator_of
 from femupdate.measurement.frf_table import FrfTable
 from femupdate.measurement.observation import (
     Observation,
@@ -96,6 +98,9 @@ def estimate_frf(
         # The equivalent noise bandwidth of the Hann window is 1.5 bins (Harris 1978).
         resolution_hz=1.5 / segments.seconds,
         source=histories.source,
+        estimator=estimator_of(
+            base, histories.time_step, segments, grid, at_grid.matrix(len(spectra.frequency_hz))
+        ),
         notes=(segments.note, *_sensor_notes(histories, direction), *_gaps(names, valid, inside)),
     )
 
@@ -184,6 +189,14 @@ class _Interpolator:
         upper = np.clip(np.searchsorted(bins, grid), 1, bins.size - 1)
         self._upper, self._inside = upper, inside
         self._share = (grid - bins[upper - 1]) / (bins[upper] - bins[upper - 1])
+
+    def matrix(self, bins: int) -> csr_array:
+        """(m, b) that does the same to values at the bins; zero where the grid lies outside."""
+        share = np.where(self._inside, self._share, 0.0)
+        weights = np.concatenate([np.where(self._inside, 1.0 - share, 0.0), share])
+        rows = np.tile(np.arange(share.size), 2)
+        columns = np.concatenate([self._upper - 1, self._upper])
+        return csr_array((weights, (rows, columns)), shape=(share.size, bins))
 
     def __call__(self, values: Floats) -> Floats:
         """(f, b) at the bins to (f, m) at the grid."""

@@ -2,12 +2,15 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from femupdate.arrays import Flags, Floats
 from femupdate.errors import MeasurementError
+
+if TYPE_CHECKING:
+    from femupdate.measurement.estimated import Estimator
 
 _OF_FLOORS = ("log_frf", "noise_sd", "valid", "phase", "coherence", "scatter")
 
@@ -33,6 +36,7 @@ class Observation:
         notes: sentences on how it was estimated and what is missing.
         scatter: (f, m) of several runs pooled into one (see `pooled`): sum of their squared
             deviations from what is pooled, each over the noise of its own run; None for one run.
+        estimator: what the estimate makes of an FRF; None for a table.
     """
 
     frequency_hz: Floats
@@ -46,6 +50,7 @@ class Observation:
     source: str = "observation"
     notes: tuple[str, ...] = ()
     scatter: Floats | None = None
+    estimator: "Estimator | None" = None
 
     def __post_init__(self) -> None:
         shape = (len(self.floors), self.frequency_hz.size)

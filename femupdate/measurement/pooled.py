@@ -14,6 +14,7 @@ import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.errors import MeasurementError
+from femupdate.measurement.estimated import mean_estimator
 from femupdate.measurement.observation import (
     Observation,
     independent_share,
@@ -51,6 +52,7 @@ def pooled(runs: Sequence[Observation], floors: Sequence[str]) -> Observation:
     weight = _weights(wide)
     resolution = _resolution(wide, weight.sum(axis=(1, 2)))
     precision = weight / resolved_share(wide[0].frequency_hz, resolution)
+    grid = wide[0].frequency_hz
     total, values = precision.sum(axis=0), np.stack([run.log_frf for run in wide])
     mean = _mean(values, precision)
     deviation = np.where(precision > 0.0, values - mean, 0.0)
@@ -65,6 +67,7 @@ def pooled(runs: Sequence[Observation], floors: Sequence[str]) -> Observation:
         resolution_hz=resolution,
         source=", ".join(run.source for run in runs),
         scatter=(precision * deviation**2).sum(axis=0),
+        estimator=mean_estimator([run.estimator for run in runs], _shares(precision), grid),
     )
 
 
@@ -99,6 +102,13 @@ def _resolution(runs: Sequence[Observation], weight: Floats) -> float | None:
         0.0 if estimated and run.coherence is None else run.resolution_hz or spacing for run in runs
     ]
     return float(np.sqrt(weight @ np.square(widths) / weight.sum()))
+
+
+def _shares(precision: Floats) -> Floats:
+    """Share (r, m) of every run in all floors together; alike where there is nothing."""
+    of_run = precision.sum(axis=1)
+    total = of_run.sum(axis=0)
+    return np.where(total > 0.0, of_run / np.where(total > 0.0, total, 1.0), 1.0 / len(of_run))
 
 
 def _mean(values: Floats, precision: Floats) -> Floats:

@@ -72,7 +72,7 @@ def effective_averages(length: int, count: int) -> float:
     The variance formula of Welch (1967) for Hann windows: n = K / (1 + 2 (1 - 1/K) rho), rho the
     squared correlation of neighbouring windows (1/36 for long ones).
     """
-    window, hop = _hann(length), length - length // 2
+    window, hop = window_of(length), length - length // 2
     rho = (np.sum(window[: length - hop] * window[hop:]) / np.sum(window**2)) ** 2
     return float(count / (1.0 + 2.0 * (1.0 - 1.0 / count) * rho))
 
@@ -117,6 +117,20 @@ def welch_spectra(base: Floats, floors: Floats, time_step: float, length: int) -
     return Spectra(frequency_hz, base_density, floor_density, cross_density)
 
 
+def segment_spectra(
+    base: Floats, time_step: float, segments: Segments
+) -> tuple[Complexes, Floats, Floats]:
+    """Spectra (s, b) of a base's segments, the bins (b,), Hz, and the starts (s,), s."""
+    length = segments.length
+    hop = length - length // 2
+    starts = hop * np.arange(segments.count)
+    cut = np.stack([base[start : start + length] for start in starts])
+    window = window_of(length)
+    spectra = np.fft.rfft(window * (cut - cut.mean(axis=1, keepdims=True)), _PADDING * length)
+    bins = np.asarray(np.fft.rfftfreq(_PADDING * length, time_step), dtype=np.float64)
+    return np.asarray(spectra), bins, np.asarray(starts * time_step, dtype=np.float64)
+
+
 def _cut(samples: int, time_step: float, length: int, wanted_s: float) -> Segments:
     overlap = length // 2
     count = (samples - overlap) // (length - overlap)
@@ -138,7 +152,8 @@ def _asked_segments(samples: int, time_step: float, asked_s: float, source: str)
     )
 
 
-def _hann(length: int) -> Floats:
+def window_of(length: int) -> Floats:
+    """The Hann window (length,) of a segment."""
     from scipy.signal import get_window
 
     return np.asarray(get_window("hann", length), dtype=np.float64)

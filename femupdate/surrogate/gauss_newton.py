@@ -135,7 +135,8 @@ def descend(misfit: Residuals, starts: Tensor, settings: DescentSettings | None 
         stiff = information + identity
         stiff = stiff + torch.diag_embed(damping[rows, None] * stiff.diagonal(dim1=1, dim2=2))
         step = torch.linalg.solve(stiff.double(), (pull - z[rows]).double()).to(z)
-        trial = z[rows] + step
+        # Where the response is no number, a start stays where it is.
+        trial = z[rows] + step.nan_to_num(0.0, 0.0, 0.0)
         new_residual = misfit(trial)
         new_nats = nats_of(new_residual, trial)
         gain = nats[rows] - new_nats

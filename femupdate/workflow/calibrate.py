@@ -13,7 +13,7 @@ from femupdate.study import Study
 from femupdate.workflow.calibrate_draws import against_data, against_modes, posterior_of
 from femupdate.workflow.calibrate_exact import sample_exact
 from femupdate.workflow.calibrate_latent import sample_latent
-from femupdate.workflow.calibrate_notes import judgement
+from femupdate.workflow.calibrate_notes import error_notes, judgement
 from femupdate.workflow.calibrate_settings import CalibrationSettings, plain_settings
 from femupdate.workflow.calibration_report import POSTERIOR, CalibrationReport
 from femupdate.workflow.kinds import Measured, read_measured_of
@@ -72,11 +72,9 @@ def calibrate_study(
     )
     latent = None if model.shared is None else sampled.latent
     posterior = posterior_of(model, observation, settings, sampled, latent, damping)
-    misfit, check = (
-        against_data(model, measured, posterior, sampled.least_noise, checking)
-        if latent is None
-        else (latent.misfit, None)
-    )
+    fitting = against_data(model, measured, posterior, sampled, checking)
+    warnings = judgement(posterior, fitting)
+    posterior = replace(posterior, warnings=warnings)
     path = study.path("posterior.nc")
     save_posterior(posterior, path)
     study.record(
@@ -84,22 +82,24 @@ def calibrate_study(
     )
     run.clear()
     found = identified(posterior)
+    # The decisive come first.
     notes = (
+        *warnings,
+        *error_notes(posterior),
+        *found.sentences(),
+        *against_modes(model, measured, posterior, checking),
         *measured.notes,
         *sampled.notes,
-        *against_modes(model, measured, posterior, checking),
-        *judgement(posterior, misfit, check),
-        *found.sentences(),
     )
-    write_summary(study, posterior, found, misfit, notes, check)
+    write_summary(study, posterior, found, fitting.misfit, notes, fitting.check)
     return CalibrationReport(
         model=model,
         posterior=posterior,
         path=path,
         r_hat=r_hat(posterior.theta),
         identified=found,
-        misfit=misfit,
-        check=check,
+        misfit=fitting.misfit,
+        check=fitting.check,
         notes=notes,
         seconds=time.monotonic() - started,
         invalid=sum(result.invalid for result in sampled.results),

@@ -1,5 +1,7 @@
 """Posterior draws with their damping ratios, and what they say of the data."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import torch
 from scipy.special import ndtr
@@ -7,18 +9,21 @@ from torch import Tensor
 
 from femupdate.arrays import Floats
 from femupdate.dynamics.system import System
+from femupdate.inference.draw_errors import draw_errors
+from femupdate.inference.error_draws import ErrorDraws
 from femupdate.inference.latent_search import FoundLatent
+from femupdate.inference.learned import LearnedLikelihood
 from femupdate.inference.likelihood import DataLikelihood
 from femupdate.inference.parameters import Parameter
 from femupdate.inference.posterior import Posterior
 from femupdate.inference.predictive_check import (
     PredictiveCheck,
     check_predictions,
-    floor_squares,
+    predictive_check,
     with_least_noise,
 )
 from femupdate.measurement.observation import Observation, independent_share
-from femupdate.seeds import Seed
+from femupdate.seeds import Seed, spawn, torch_generator
 from femupdate.workflow.calibrate_settings import CalibrationSettings, Sampled, plain_settings
 from femupdate.workflow.kinds import Measured, check_measured, mode_sentences
 from femupdate.workflow.model import StudyModel
@@ -45,14 +50,15 @@ def posterior_of(
     shape = len(sampled.results), len(sampled.results[0].theta)
     values = sampled.parameters.split(torch.cat([result.theta for result in sampled.results]))
     theta = _numpy(torch.cat([values.theta, values.sizes], dim=1))
+    damping, erring = spawn(seed, 2)
     if not model.damping.free:
         zeta = None
     elif len(values.zeta):
         zeta = _numpy(values.zeta)
     elif latent is None:
-        zeta = draw_zeta(model, observation, theta, seed)
+        zeta = draw_zeta(model, observation, theta, sampled.learned, damping)
     else:
-        zeta = latent_zeta(latent, model.damping, len(theta), seed)
+        zeta = latent_zeta(latent, model.damping, len(theta), damping)
     return Posterior(
         names=model.prior.names,
         theta=theta.reshape(*shape, -1),
@@ -63,25 +69,45 @@ def posterior_of(
         drawn=sampled.drawn,
         observation=observation,
         settings=plain_settings(settings),
+        model_error=_errors(model, observation, sampled, (theta, zeta, shape), erring),
     )
 
 
-def draw_zeta(model: StudyModel, observation: Observation, theta: Floats, seed: Seed) -> Floats:
+def _errors(
+    model: StudyModel,
+    observation: Observation,
+    sampled: Sampled,
+    draws: tuple[Floats, Floats | None, tuple[int, int]],
+    seed: Seed,
+) -> ErrorDraws | None:
+    """The error of the model at the draws theta (n, p) and zeta (n,), by runs."""
+    if sampled.learned is None:
+        return None
+    theta, zeta, shape = draws
+    ratio = np.full(len(theta), model.building.damping.ratio) if zeta is None else zeta
+    both = torch.from_numpy(np.column_stack([theta, ratio]))
+    return draw_errors(sampled.learned, both.unflatten(0, shape), observation, seed)
+
+
+def draw_zeta(
+    model: StudyModel,
+    observation: Observation,
+    theta: Floats,
+    likelihood: LearnedLikelihood | None,
+    seed: Seed,
+) -> Floats:
     """Damping ratios (n,) for posterior draws theta (n, p).
 
     p(zeta | theta, x) by the data-space likelihood on a grid, averaged over some draws of theta:
-    the height of the resonance peaks tells zeta almost regardless of theta. Where the model does
-    not reach the data, the noise is taken as large as the misfit, so that zeta stays uncertain.
+    the height of the resonance peaks tells zeta almost regardless of theta.
     """
     damping = model.damping
     rng = np.random.default_rng(seed)
     some = torch.from_numpy(theta[rng.permutation(len(theta))[:_ZETA_SAMPLES]])
     grid = torch.linspace(damping.lower, damping.upper, _ZETA_GRID, dtype=torch.float64)
-    likelihood = DataLikelihood(model.system, observation)
+    judge = likelihood or DataLikelihood(model.system, observation)
     both = torch.cat([some.repeat_interleave(len(grid), 0), grid.repeat(len(some))[:, None]], dim=1)
-    misfit = likelihood.misfit(both).reshape(len(some), len(grid))
-    inflation = max(1.0, float(misfit.min()) / likelihood.terms.count)
-    log_density = -0.5 * likelihood.terms.independent * misfit / inflation
+    log_density = judge(both).reshape(len(some), len(grid))
     density = torch.softmax(log_density, dim=1).mean(dim=0).numpy()
     # Within a cell of the grid zeta is uniform.
     width = (damping.upper - damping.lower) / (_ZETA_GRID - 1)
@@ -111,21 +137,50 @@ def predictive_log_frf(
     return np.asarray(frf.abs().clamp_min(1e-12).log().numpy())
 
 
+@dataclass(frozen=True)
+class Fitting:
+    """How posterior draws meet the data.
+
+    Attributes:
+        misfit: smallest mean squared residual, whitened by the stated noise alone.
+        check: posterior predictive p-values, with the noise and the errors that are allowed for.
+        explained: share of the measured variation of ln|H| over frequency that the best draw has;
+            None where no FRF was measured.
+    """
+
+    misfit: float
+    check: PredictiveCheck | None
+    explained: float | None = None
+
+
 def against_data(
-    model: StudyModel, measured: Measured, posterior: Posterior, least_noise: float, seed: Seed
-) -> tuple[float, PredictiveCheck]:
-    """Some posterior draws against the data: the smallest mean squared whitened residual, and the
-    posterior predictive check, with the noise that the likelihood allows."""
+    model: StudyModel,
+    measured: Measured,
+    posterior: Posterior,
+    sampled: Sampled,
+    seed: Seed,
+) -> Fitting:
+    """Some posterior draws against the data."""
     observation = posterior.observation
-    drawn = _some_draws(model, posterior, seed)
+    drawing, choosing = spawn(seed, 2)
+    drawn = _some_draws(model, posterior, drawing)
     if measured.others:
-        return check_measured(model, measured, drawn)
+        return Fitting(*check_measured(model, measured, drawn))
     likelihood = DataLikelihood(model.system, observation)
-    predicted = likelihood.predict(drawn[:, :-1], drawn[:, -1]).numpy()
-    squares = floor_squares(observation, predicted).sum(axis=1)
-    points = independent_share(observation) * np.count_nonzero(observation.valid)
-    allowed = with_least_noise(observation, least_noise)
-    return float(squares.min() / points), check_predictions(allowed, predicted)
+    residuals = likelihood.residuals(drawn)
+    points = independent_share(observation) * observation.valid.sum(axis=1)
+    left = residuals.square().sum(dim=1)
+    if sampled.learned is None:
+        allowed = with_least_noise(observation, sampled.least_noise)
+        predicted = likelihood.predict(drawn[:, :-1], drawn[:, -1]).numpy()
+        check = check_predictions(allowed, predicted)
+    else:
+        error = sampled.learned.error
+        shares = torch.softmax(error.log_densities(residuals), dim=1)
+        rows = torch.multinomial(shares, 1, generator=torch_generator(choosing))[:, 0]
+        squares = error.floor_squares(residuals, rows).numpy()
+        check = predictive_check(squares, points, observation.floors)
+    return Fitting(float(left.min() / points.sum()), check, likelihood.explained(drawn))
 
 
 def against_modes(

@@ -8,9 +8,11 @@ from torch import Tensor
 
 from femupdate.inference.bridge import as_smc_result
 from femupdate.inference.importance import Counted, WeightedDraws
-from femupdate.inference.joint import Kind
-from femupdate.inference.likelihood import MODES, DataLikelihood, LatentLikelihood
-from femupdate.inference.maxima import draws_about_maxima
+from femupdate.inference.joint import JointLikelihood, Kind
+from femupdate.inference.latent_likelihood import LatentLikelihood
+from femupdate.inference.learned import LearnedLikelihood, Settled, settled
+from femupdate.inference.likelihood import DataLikelihood
+from femupdate.inference.maxima import draws_about, found_from
 from femupdate.inference.parameters import Parameters
 from femupdate.inference.posterior import DrawnBy
 from femupdate.inference.prior_search import best_of_prior
@@ -18,9 +20,10 @@ from femupdate.inference.smc import SmcResult, TemperedSmc
 from femupdate.inference.tempering import LogLikelihood
 from femupdate.seeds import spawn
 from femupdate.study import Study
+from femupdate.surrogate.gauss_newton import Descent
 from femupdate.surrogate.storage import TrainedSurrogate
 from femupdate.workflow.calibrate_latent import decoded
-from femupdate.workflow.calibrate_notes import cost_notes, reduction_notes
+from femupdate.workflow.calibrate_notes import cost_notes, reduction_notes, require_own_building
 from femupdate.workflow.calibrate_settings import (
     CalibrationSettings,
     Sampled,
@@ -28,7 +31,7 @@ from femupdate.workflow.calibrate_settings import (
     by_runs,
 )
 from femupdate.workflow.decoded import FEW, sample_annealed
-from femupdate.workflow.kinds import Measured, joint_likelihood
+from femupdate.workflow.kinds import Measured, likelihoods_of_others
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.sampling import BRIDGE, FIRST, ChainRunner
 from femupdate.workflow.surrogates import find_surrogate
@@ -41,6 +44,7 @@ class _Problem:
     model: StudyModel
     measured: Measured
     settings: CalibrationSettings
+    starts: Tensor | None = None
 
     @property
     def prior(self) -> Parameters:
@@ -48,20 +52,48 @@ class _Problem:
         return self.model.parameters
 
     @cached_property
-    def target(self) -> Kind:
-        """The likelihood."""
-        return self.likelihood(torch.float32, MODES)
+    def settled(self) -> Settled:
+        """The highest likelihoods, and errors of the model that count there."""
+        found = settled(
+            self.prior,
+            self.model.system,
+            self.measured.base,
+            self.settings.seed,
+            starts=self.starts,
+            device=self.settings.device,
+            others=self.others,
+        )
+        require_own_building(self.model, found, anyway=self.settings.anyway)
+        return found
 
-    def likelihood(self, precision: torch.dtype, modes: int | None) -> Kind:
-        """By so many modes of a response, all where None."""
-        base = DataLikelihood(
+    @property
+    def others(self) -> tuple[Kind, ...]:
+        """Likelihoods of what is no FRF under base motion."""
+        return likelihoods_of_others(self.model, self.measured)
+
+    @cached_property
+    def learned(self) -> LearnedLikelihood:
+        """The likelihood, with the errors that count."""
+        data = DataLikelihood(
             self.model.system,
             self.measured.base,
             device=self.settings.device,
-            precision=precision,
-            modes=modes,
+            precision=torch.float32,
         )
-        return joint_likelihood(self.model, self.measured, base)
+        return replace(self.settled.likelihood, data=data)
+
+    @property
+    def maxima(self) -> Descent:
+        """Of the likelihood of all that was measured, in standard normal coordinates."""
+        if self.measured.has_base:
+            return self.settled.found
+        assert self.starts is not None
+        return found_from(self.prior, self.target.residuals, self.starts)
+
+    @cached_property
+    def target(self) -> Kind:
+        """The likelihood of all that was measured."""
+        return self.learned if self.measured.has_base else JointLikelihood(self.others)
 
 
 def sample_exact(
@@ -88,18 +120,25 @@ def sample_exact(
         sampled = _by_particles(problem, None, run)
     else:
         latent = LatentLikelihood(found[0], model.system, observation, device=settings.device)
-        refined = _about_maxima(problem, latent.solutions(), run)
-        sampled = refined or _by_particles(problem, latent, run)
-    return replace(sampled, notes=(*sampled.notes, *reduction_notes(model, observation)))
+        problem = replace(problem, starts=latent.solutions())
+        sampled = _about_maxima(problem, run) or _by_particles(problem, latent, run)
+    return replace(
+        sampled,
+        learned=problem.learned,
+        notes=(*sampled.notes, *reduction_notes(model, observation)),
+    )
 
 
 def _of_any_kind(problem: _Problem, run: ChainRunner) -> Sampled:
     """Without a surrogate: about maxima that the most likely points of the prior lead to."""
     if problem.prior.size > FEW:
         return _by_trajectories(problem, None, run)
-    starts, tried = best_of_prior(problem.prior, problem.target, run.stage(FIRST))
-    found = _about_maxima(problem, starts, run, tried)
-    return found or _by_particles(problem, None, run)
+    tried = 0
+    if not problem.measured.has_base:
+        starts, tried = best_of_prior(problem.prior, problem.target, run.stage(FIRST))
+        problem = replace(problem, starts=starts)
+    sampled = _about_maxima(problem, run, tried) or _by_particles(problem, None, run)
+    return replace(sampled, learned=problem.learned) if problem.measured.has_base else sampled
 
 
 def _by_trajectories(
@@ -118,9 +157,7 @@ def _by_trajectories(
     )
 
 
-def _about_maxima(
-    problem: _Problem, starts: Tensor, run: ChainRunner, tried: int = 0
-) -> Sampled | None:
+def _about_maxima(problem: _Problem, run: ChainRunner, tried: int = 0) -> Sampled | None:
     """By importance draws about the maxima; None where too few of them count.
 
     `tried` points of the prior have been judged to find the starts, unless they are latent draws.
@@ -130,15 +167,7 @@ def _about_maxima(
     run.show.start("Importance sampling (data-space likelihood)", expected)
     drawing, choosing = spawn(run.stage(BRIDGE), 2)
     counted = Counted(problem.target, run.show)
-    found = draws_about_maxima(
-        problem.prior,
-        counted,
-        # All modes in double precision: smooth in the parameters.
-        problem.likelihood(torch.float64, None).residuals,
-        starts,
-        run.particles,
-        drawing,
-    )
+    found = draws_about(problem.prior, counted, problem.maxima, run.particles, drawing)
     if found is None:
         return None
     theta, value = found.resample(run.particles, choosing)

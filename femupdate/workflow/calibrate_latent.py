@@ -1,9 +1,11 @@
 """Sampling by the latent likelihood: particles, or populations on the decoder."""
 
+from functools import partial
+
 import numpy as np
 
 from femupdate.inference.decoded_chains import DecodedPosterior, in_groups
-from femupdate.inference.likelihood import LatentLikelihood, usual_misfit
+from femupdate.inference.latent_likelihood import LatentLikelihood, usual_misfit
 from femupdate.inference.smc import SmcResult, TemperedSmc
 from femupdate.measurement.observation import Observation
 from femupdate.study import Study
@@ -14,6 +16,7 @@ from femupdate.workflow.calibrate_notes import (
     latent_notes,
     misfit_notes,
     noise_notes,
+    require_own_building,
 )
 from femupdate.workflow.calibrate_settings import CalibrationSettings, Sampled, by_runs
 from femupdate.workflow.decoded import FEW, sample_decoded, sampled_groups
@@ -32,28 +35,30 @@ def sample_latent(
     """Latent likelihood; by a population on the decoder where there are many parameters."""
     surrogate = require_surrogate(study, model.building)
     least = surrogate.info.noise_sd
-    noise, calibration = (
-        told(surrogate.info, observation) for told in (noise_notes, calibration_notes)
-    )
+    calibration = calibration_notes(surrogate.info, observation)
     # Draws on the decoder know no effects.
     if model.prior.size > FEW and not model.system.placed:
         results, notes = _sample_decoded(surrogate, model, observation, settings, run)
         drawn = by_runs("latent", "Hamiltonian moves judged by the reduced model", results)
-        return Sampled(
-            results, model.parameters, drawn, (*noise, *notes, *calibration), None, least
-        )
+        told = (*noise_notes(surrogate.info, observation), *notes, *calibration)
+        return Sampled(results, model.parameters, drawn, told, None, least)
     likelihood = LatentLikelihood(
         surrogate,
         model.system,
         observation,
         device=settings.device,
+        parameters=model.parameters,
         shared=model.shared,
+        check=partial(require_own_building, model, anyway=settings.anyway),
     )
+    assert likelihood.settled is not None
     sampler = TemperedSmc(model.prior.to(settings.device), likelihood, settings=settings.smc)
     results = run(sampler, "Sampling (latent likelihood)")
-    notes = (*likelihood.input.notes, *noise, *latent_notes(likelihood), *calibration)
+    notes = (*likelihood.input.notes, *latent_notes(likelihood), *calibration)
     drawn = by_runs("latent", "tempered particles", results)
-    return Sampled(results, model.prior, drawn, notes, likelihood.found, least)
+    return Sampled(
+        results, model.prior, drawn, notes, likelihood.found, 0.0, likelihood.settled.likelihood
+    )
 
 
 def _sample_decoded(

@@ -2,15 +2,17 @@
 
 import numpy as np
 
+from femupdate.errors import MeasurementError
 from femupdate.inference.bridge import BridgeResult
 from femupdate.inference.decoded_chains import DecodedPosterior
 from femupdate.inference.diagnostics import AGREEING, r_hat
-from femupdate.inference.likelihood import LatentLikelihood
+from femupdate.inference.latent_likelihood import LatentLikelihood
+from femupdate.inference.learned import Settled
 from femupdate.inference.posterior import Posterior
-from femupdate.inference.predictive_check import PredictiveCheck
 from femupdate.inference.smc import SmcResult
 from femupdate.measurement.observation import Observation
 from femupdate.surrogate.storage import ANY_FLOORS, SurrogateInfo
+from femupdate.workflow.calibrate_draws import Fitting
 from femupdate.workflow.decoded import tempered_words
 from femupdate.workflow.model import StudyModel
 
@@ -20,6 +22,11 @@ _DECODER_MAY_MISS = 0.25
 # Noise of the data over that which a surrogate allows, below which it is worth a word: that of two
 # runs together is.
 _MUCH_LESS = 0.75
+# Share of the measured variation below which an observation says nothing of its building.
+_EXPLAINED = 0.25
+# Draws that lie this near a limit, of the prior's width, and share of them that is worth a word:
+# a prior has that share of its width there itself.
+_NEAR, _PRESSED = 0.02, 0.3
 # Posterior predictive p-value below which it is worth a word.
 _UNUSUAL = 0.01
 
@@ -140,29 +147,93 @@ def cost_notes(
     )
 
 
-def judgement(
-    posterior: Posterior, misfit: float, check: PredictiveCheck | None
-) -> tuple[str, ...]:
-    """How well the data are met, and whether the independent runs agree."""
-    notes = []
-    factor = np.sqrt(misfit)
-    if misfit > 2.0:
-        text = (
-            f"The model misses the measurement by {factor:.1f} times its noise (rms, best "
-            "draw): something is missing in the model"
+def judgement(posterior: Posterior, fitting: Fitting) -> tuple[str, ...]:
+    """What decides whether a posterior can be used, the decisive first."""
+    return (
+        *_unlike(fitting),
+        *_missed(posterior, fitting),
+        *_at_limits(posterior),
+        *_runs_apart(posterior),
+    )
+
+
+def error_notes(posterior: Posterior) -> tuple[str, ...]:
+    """What is known of the error of the model."""
+    if posterior.model_error is None:
+        return ()
+    return (posterior.model_error.sentence(posterior.observation),)
+
+
+def require_own_building(model: StudyModel, settled: Settled, *, anyway: bool) -> None:
+    """Refuse an observation that says nothing of its building, before anything is drawn.
+
+    Raises:
+        MeasurementError: the best response has next to nothing of what was measured.
+    """
+    if anyway:
+        return
+    maxima = model.parameters.from_normal(settled.found.z)
+    explained = settled.likelihood.data.explained(maxima)
+    if not explained >= _EXPLAINED:  # which no number is not
+        best = max(float(np.nan_to_num(explained)), 0.0)
+        raise MeasurementError(
+            f"the observation is unlike anything that {model.building.name} can do: its best "
+            f"response has {best:.0%} of the measured variation over frequency; "
+            "check that the file belongs to the building, its units and directions, or add --anyway"
         )
-        if posterior.drawn.likelihood != "latent":
-            text += ", and the standard deviations are too small by about that factor"
-        notes.append(f"{text}; `femupdate diagnose` looks for it.")
-    elif check is not None and check.whole < _UNUSUAL:
+
+
+def _unlike(fitting: Fitting) -> list[str]:
+    if fitting.explained is None or fitting.explained >= _EXPLAINED:
+        return []
+    return ["The observation is unlike anything that this building can do: do not trust this."]
+
+
+def _missed(posterior: Posterior, fitting: Fitting) -> list[str]:
+    """How well the data are met."""
+    notes, check = [], fitting.check
+    if fitting.misfit > 2.0:
+        allowed = (
+            "the intervals allow for it"
+            if posterior.model_error is not None
+            else "the standard deviations are too small by about that factor"
+        )
+        notes.append(
+            f"The model misses the measured ln|H| by {fitting.misfit**0.5:.1f} times its noise "
+            f"(rms, best draw): something is missing in the model; {allowed}, and `femupdate "
+            "diagnose` looks for it."
+        )
+    if check is not None and check.whole < _UNUSUAL:
         share = f"{check.whole:.1%}" if check.whole >= 1e-3 else "Less than 0.1%"
         notes.append(
             f"{share} of data drawn from the posterior miss the model as much as the measured "
-            "data. Something small is missing, or the noise is larger than stated."
+            "data: they err more than is allowed for."
         )
+    return notes
+
+
+def _at_limits(posterior: Posterior) -> list[str]:
+    """Factors that press against the limits of their prior."""
+    width = posterior.upper - posterior.lower
+    draws = posterior.samples
+    told = []
+    for end, values in (("lower", posterior.lower), ("upper", posterior.upper)):
+        near = (np.abs(draws - values) < _NEAR * width).mean(axis=0)
+        named = [
+            f"{name} ({limit:.3g})"
+            for name, limit, share in zip(posterior.names, values, near, strict=True)
+            if share > _PRESSED
+        ]
+        if named:
+            told.append(
+                f"{', '.join(named)} press{'es' if len(named) == 1 else ''} against the prior's "
+                f"{end} limit: widen the prior, or look for what is missing in the model."
+            )
+    return told
+
+
+def _runs_apart(posterior: Posterior) -> list[str]:
     worst = r_hat(posterior.theta)
-    if worst is not None and worst.max() > AGREEING:
-        notes.append(
-            f"The independent runs differ (r-hat up to {worst.max():.2f}): use more particles."
-        )
-    return tuple(notes)
+    if worst is None or worst.max() <= AGREEING:
+        return []
+    return [f"The independent runs differ (r-hat up to {worst.max():.2f}): use more particles."]

@@ -7,6 +7,7 @@ from scipy.special import logsumexp
 
 from femupdate.inference.bridge import BridgeResult
 from femupdate.inference.latent_search import FoundLatent
+from femupdate.inference.learned import LearnedLikelihood
 from femupdate.inference.parameters import Parameters
 from femupdate.inference.posterior import DrawnBy
 from femupdate.inference.smc import SmcResult, SmcSettings
@@ -24,6 +25,7 @@ class CalibrationSettings:
         chains: independent runs, so that their agreement can be judged.
         seed: of the sampler.
         device: where the likelihood is evaluated.
+        anyway: store a posterior even of an observation that is unlike the building.
         smc: settings of the sampler.
     """
 
@@ -32,6 +34,7 @@ class CalibrationSettings:
     chains: int = _CHAINS
     seed: int = 0
     device: str = "cpu"
+    anyway: bool = False
     smc: SmcSettings = field(default_factory=SmcSettings)
 
 
@@ -47,6 +50,7 @@ class Sampled:
         latent: of the latent likelihood, where it was found by a search.
         least_noise: standard deviation of ln|H| below which the likelihood does not believe the
             file's noise.
+        learned: likelihood of the data with the error of the model that they show.
     """
 
     results: list[SmcResult]
@@ -55,6 +59,7 @@ class Sampled:
     notes: tuple[str, ...]
     latent: FoundLatent | None = None
     least_noise: float = 0.0
+    learned: LearnedLikelihood | None = None
 
 
 def by_runs(

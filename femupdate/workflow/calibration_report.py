@@ -13,9 +13,10 @@ from femupdate.inference.predictive_check import PredictiveCheck
 from femupdate.tables import table
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.parameter_titles import parameter_titles
-from femupdate.workflow.summary import identifiability_record
+from femupdate.workflow.summary import SUMMARY, identifiability_record
 
 POSTERIOR = "posterior"
+_MOST_NOTES = 6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,4 +118,7 @@ class CalibrationReport:
         lines += [f"  {sentence}" for sentence in posterior.drawn.sentences()]
         if self.check is not None:
             lines.append(f"  {self.check.sentence()}")
-        return (*lines, *(f"  - {note}" for note in self.notes), f"  {self.path}")
+        lines += [f"  - {note}" for note in self.notes[:_MOST_NOTES]]
+        if len(self.notes) > _MOST_NOTES:
+            lines.append(f"  - {len(self.notes) - _MOST_NOTES} more notes: {SUMMARY} in the study")
+        return (*lines, f"  {self.path}")

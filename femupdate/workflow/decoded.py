@@ -14,7 +14,7 @@ from femupdate.inference.decoded_chains import (
     decoded_posterior,
     in_groups,
 )
-from femupdate.inference.likelihood import floor_responses, latent_data
+from femupdate.inference.latent_likelihood import floor_responses, latent_data
 from femupdate.inference.parameters import Parameters
 from femupdate.inference.smc import TRAJECTORIES, KeptDraws, SmcResult, SmcState, TemperedSmc
 from femupdate.inference.tempering import LogLikelihood

@@ -337,14 +337,15 @@ def _at(observation: Observation, used: Flags) -> Observation:
     """The observation at some of its frequencies; its resolution stays what it is."""
     spacing = float(np.median(np.diff(observation.frequency_hz)))
     return Observation(
-        observation.frequency_hz[used],
-        observation.floors,
-        observation.log_frf[:, used],
-        observation.noise_sd[:, used],
-        observation.valid[:, used],
-        None if observation.phase is None else observation.phase[:, used],
-        None if observation.coherence is None else observation.coherence[:, used],
-        observation.resolution_hz or spacing,
-        observation.source,
-        observation.notes,
+        frequency_hz=observation.frequency_hz[used],
+        floors=observation.floors,
+        log_frf=observation.log_frf[:, used],
+        noise_sd=observation.noise_sd[:, used],
+        valid=observation.valid[:, used],
+        phase=None if observation.phase is None else observation.phase[:, used],
+        coherence=None if observation.coherence is None else observation.coherence[:, used],
+        resolution_hz=observation.resolution_hz or spacing,
+        source=observation.source,
+        notes=observation.notes,
+        estimator=None if observation.estimator is None else observation.estimator.at(used),
     )

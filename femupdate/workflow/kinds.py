@@ -13,7 +13,7 @@ from femupdate.building.schema import Building
 from femupdate.dynamics.force_response import RestFlexibility
 from femupdate.errors import MeasurementError
 from femupdate.inference.force_likelihood import ForceLikelihood
-from femupdate.inference.joint import JointLikelihood, Kind
+from femupdate.inference.joint import Kind
 from femupdate.inference.likelihood import DataLikelihood
 from femupdate.inference.modal_likelihood import ModalErrors, ModalLikelihood
 from femupdate.inference.predictive_check import PredictiveCheck, floor_squares, predictive_check
@@ -255,26 +255,21 @@ def _nothing(
     )
 
 
-def joint_likelihood(
-    model: StudyModel, measured: Measured, base: DataLikelihood
-) -> DataLikelihood | JointLikelihood:
-    """The likelihood of all that was measured; `base` is that of the FRFs under base motion."""
-    if not measured.others:
-        return base
-    parts: list[Kind] = [*_of_forces(model, measured), *_of_modes(model, measured)]
-    return JointLikelihood([base, *parts] if measured.has_base else parts)
+def likelihoods_of_others(model: StudyModel, measured: Measured) -> tuple[Kind, ...]:
+    """Of all that is no FRF under base motion."""
+    return (*_of_forces(model, measured), *_of_modes(model, measured))
 
 
 def _of_forces(model: StudyModel, measured: Measured) -> list[ForceLikelihood]:
     return [ForceLikelihood(model.system, one, None, measured.rest) for one in measured.forced]
 
 
-def _of_modes(model: StudyModel, measured: Measured) -> list[ModalLikelihood]:
+def _of_modes(model: StudyModel, measured: Measured) -> tuple[ModalLikelihood, ...]:
     free = model.damping.free
-    return [
+    return tuple(
         ModalLikelihood(model.system, one, None, measured.errors, damping=free)
         for one in measured.modes
-    ]
+    )
 
 
 def mode_sentences(model: StudyModel, measured: Measured, parameters: Tensor) -> tuple[str, ...]:

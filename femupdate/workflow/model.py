@@ -25,7 +25,7 @@ from femupdate.dynamics.snapshots import ReductionTarget
 from femupdate.dynamics.system import System
 from femupdate.effects.structure import Structure, structure_of
 from femupdate.errors import StudyError
-from femupdate.inference.likelihood import SharedErrors
+from femupdate.inference.learned import SharedErrors
 from femupdate.inference.parameters import Parameter, Parameters
 from femupdate.progress import SILENT, Progress
 from femupdate.study import BUILDING_FILE, Study, damaged

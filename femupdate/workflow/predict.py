@@ -1,19 +1,17 @@
 """predict: what the calibrated building does in another earthquake."""
 
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 
 from femupdate.arrays import Floats
 from femupdate.dynamics.comparison import Comparison, compare
-from femupdate.dynamics.history import history_batches
+from femupdate.dynamics.history import Histories, history_batches
 from femupdate.dynamics.member_histories import (
-    ChosenMembers,
     MemberForces,
     choose_members,
     member_forces,
@@ -22,13 +20,21 @@ from femupdate.dynamics.member_histories import (
 from femupdate.dynamics.spectra import FloorSpectra, floor_spectra
 from femupdate.dynamics.summary import HistorySummary, Statistics, statistics, summarise
 from femupdate.dynamics.superposition import BaseMotion
-from femupdate.inference.posterior import load_posterior
+from femupdate.dynamics.system import System
+from femupdate.inference.next_event import EventErrors
+from femupdate.inference.posterior import Posterior, load_posterior
 from femupdate.measurement.record import GroundMotion, read_record
 from femupdate.progress import Progress, Silent
+from femupdate.seeds import spawn
 from femupdate.study import Study, file_hash
 from femupdate.workflow.effect_surrogate import open_system
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.predict_draws import at_reached_level, prediction_draws
+from femupdate.workflow.predict_draws import (
+    PredictionDraws,
+    at_reached_level,
+    in_another_event,
+    prediction_draws,
+)
 from femupdate.workflow.prediction_file import save_prediction
 from femupdate.workflow.prediction_inputs import (
     PredictionSettings,
@@ -39,6 +45,8 @@ from femupdate.workflow.prediction_quantities import TIDY, PeakDraws, Quantity, 
 
 PREDICTION = "prediction"
 _EXAMPLES = 100
+# Errors of the model fade below this share of the lowest frequency.
+_FADING = 0.25
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +54,9 @@ class PredictionReport:
     """What was predicted.
 
     Attributes:
-        summary: bands and peaks.
+        summary: bands and peaks of the next measurement: parameters, scatter between events,
+            errors of the model and what does not follow the base.
+        alone: those of the parameters alone.
         path: the netCDF file.
         damping: what damping was used, in words.
         notes: what the user should know.
@@ -59,6 +69,7 @@ class PredictionReport:
     """
 
     summary: HistorySummary
+    alone: HistorySummary
     path: Path
     damping: str
     notes: tuple[str, ...]
@@ -77,12 +88,12 @@ class PredictionReport:
     @property
     def story_stiffness(self) -> Statistics:
         """(s,) statistics over the samples, N/m."""
-        return statistics(self.summary.story_stiffness)
+        return statistics(self.alone.story_stiffness)
 
     @property
     def comparison(self) -> Comparison | None:
         """With measured floors, where there are any."""
-        return None if self.measured is None else compare(self.summary, self.measured)
+        return None if self.measured is None else compare(self.summary, self.alone, self.measured)
 
     def as_dict(self) -> dict[str, Any]:
         """What `--json` holds."""
@@ -92,6 +103,9 @@ class PredictionReport:
             "prediction": self.path,
             "floors": floors,
             "peak_acceleration_m_s2": self.peak_acceleration.by_name(floors),
+            "peak_acceleration_of_parameters_m_s2": statistics(
+                self.alone.peak_acceleration
+            ).by_name(floors),
             "story_stiffness_n_per_m": self.story_stiffness.by_name(stories),
             "peaks": [
                 dict(zip(TIDY, row, strict=True))
@@ -161,26 +175,23 @@ def predict_study(
         reference = measured_floors(model, measured, columns, record, motion)
     posterior = load_posterior(study.require("posterior", "calibrate"))
     study.check_fresh("posterior", model.made_from(), "calibrate")
-    theta, zeta, damping = prediction_draws(model, posterior, settings)
     system = open_system(study, model)
-    theta, zeta, at_level = at_reached_level(system, posterior, theta, zeta, motion, settings, show)
-    chosen = choose_members(model.building, settings.members) if settings.members else None
-    show.start("Integrating the response", len(theta))
-    histories = history_batches(
-        system, theta, zeta, motion.acceleration, motion.time_step, progress=show
-    )
-    summary = summarise(histories, _EXAMPLES)
+    task = _Task(system, posterior, motion, settings, show)
+    draws = prediction_draws(model, posterior, settings)
+    alone, at_level = _as_calibrated(task, draws)
+    # A stiffness is the building's own: errors of shear and drift are none of it.
+    summary = replace(_in_another_event(task, draws), story_stiffness=alone.story_stiffness)
     spectra = _spectra(summary, motion, settings.spectrum_damping)
-    few = np.linspace(0, len(theta) - 1, min(settings.member_draws, len(theta))).astype(int)
-    members = _members(study, model, chosen, theta[few], zeta[few], motion, show)
+    members = _members(study, model, draws, motion, settings, show)
     path = study.path("prediction.nc")
-    save_prediction(summary, motion, path, damping, spectra)
-    _record(study, model, record, damping)
+    save_prediction(summary, alone, motion, path, draws.damping, spectra)
+    _record(study, model, record, draws.damping)
     return PredictionReport(
         summary=summary,
+        alone=alone,
         path=path,
-        damping=damping,
-        notes=(*_notes(model, motion), *at_level),
+        damping=draws.damping,
+        notes=(*_notes(model, motion, settings), *at_level, *posterior.warnings),
         seconds=time.monotonic() - started,
         quantities=quantities(
             model.building,
@@ -193,6 +204,49 @@ def predict_study(
         floor_spectra=spectra,
         members=members,
     )
+
+
+@dataclass(frozen=True)
+class _Task:
+    """What histories are computed of."""
+
+    system: System
+    posterior: Posterior
+    motion: GroundMotion
+    settings: PredictionSettings
+    show: Progress
+
+
+def _as_calibrated(task: _Task, draws: PredictionDraws) -> tuple[HistorySummary, tuple[str, ...]]:
+    """Bands of the parameters alone, as they were when they were measured."""
+    task.show.start("Integrating the response", len(draws.zeta))
+    histories, told = _histories(task, draws)
+    return summarise(histories, _EXAMPLES), told
+
+
+def _in_another_event(task: _Task, draws: PredictionDraws) -> HistorySummary:
+    """Bands of the next measurement."""
+    moving, erring = spawn(task.settings.seed, 2)
+    moved = in_another_event(task.system, task.posterior, draws, task.settings, moving)
+    task.show.start("Integrating the response of another event", len(draws.zeta))
+    histories, _ = _histories(task, moved)
+    lowest = float(task.system.modes(*task.system.split(draws.parameters[:1])).omega.min())
+    errors = EventErrors(task.posterior, draws.rows, _FADING * lowest / (2.0 * np.pi), erring)
+    return summarise(errors.applied(histories), _EXAMPLES)
+
+
+def _histories(task: _Task, draws: PredictionDraws) -> tuple[Iterator[Histories], tuple[str, ...]]:
+    theta, zeta, told = at_reached_level(
+        task.system,
+        task.posterior,
+        draws.parameters,
+        draws.zeta,
+        task.motion,
+        task.settings,
+        task.show,
+    )
+    record = task.motion.acceleration, task.motion.time_step
+    return history_batches(task.system, theta, zeta, *record, progress=task.show), told
 
 
 def _spectra(
@@ -219,15 +273,18 @@ def _record(study: Study, model: StudyModel, record: RecordSource, damping: str)
 def _members(
     study: Study,
     model: StudyModel,
-    chosen: ChosenMembers | None,
-    theta: torch.Tensor,
-    zeta: torch.Tensor,
+    draws: PredictionDraws,
     motion: GroundMotion,
+    settings: PredictionSettings,
     show: Progress,
 ) -> tuple[MemberForces, ...]:
     """Forces of the members asked for, written into the study."""
-    if chosen is None:
+    if not settings.members:
         return ()
+    chosen = choose_members(model.building, settings.members)
+    count = min(settings.member_draws, len(draws.zeta))
+    few = np.linspace(0, len(draws.zeta) - 1, count).astype(int)
+    theta, zeta = draws.parameters[few], draws.zeta[few]
     show.start("Forces of members", len(theta))
     members = member_forces(
         chosen,
@@ -241,10 +298,13 @@ def _members(
     return members
 
 
-def _notes(model: StudyModel, motion: GroundMotion) -> tuple[str, ...]:
+def _notes(
+    model: StudyModel, motion: GroundMotion, settings: PredictionSettings
+) -> tuple[str, ...]:
+    scatter = settings.scatter
     notes = [
         f"Record {motion.name}{' ' + motion.channel if motion.channel else ''}: peak "
-        f"{motion.peak:.3g} m/s2, {motion.duration:.1f} s at {1 / motion.time_step:.4g} Hz."
+        f"{motion.peak:.3g} m/s2, {motion.duration:.1f} s at {1 / motion.time_step:.4g} Hz.",
     ]
     top = float(model.frequency_hz[-1])
     if 0.5 / motion.time_step > 1.05 * top:
@@ -256,4 +316,9 @@ def _notes(model: StudyModel, motion: GroundMotion) -> tuple[str, ...]:
         notes.append(
             "The masses of this building are nominal: story shears and stiffnesses are relative."
         )
+    notes.append(
+        "Intervals are those of the next measurement: between events stiffness scatters by "
+        f"{scatter.stiffness:.0%} and damping by {scatter.damping:.0%} (--scatter, "
+        "--damping-scatter), and the model errs as it did in the calibration."
+    )
     return tuple(notes)

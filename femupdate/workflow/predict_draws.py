@@ -1,25 +1,49 @@
 """Posterior draws that a prediction follows, and their response histories."""
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 import torch
 
+from femupdate.arrays import Integers
 from femupdate.dynamics.system import System
 from femupdate.errors import BuildingError
 from femupdate.inference.posterior import Posterior
 from femupdate.measurement.record import GroundMotion
 from femupdate.progress import Progress
+from femupdate.seeds import Seed
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.prediction_inputs import PredictionSettings
+
+LAW = "the building's law"
+
+
+@dataclass(frozen=True, eq=False)
+class PredictionDraws:
+    """Posterior draws that a prediction follows.
+
+    Attributes:
+        rows: (n,) which draws.
+        parameters: (n, p) stiffness factors and sizes of effects.
+        zeta: (n,) damping ratios.
+        damping: whose ratios these are, in words.
+    """
+
+    rows: Integers
+    parameters: torch.Tensor
+    zeta: torch.Tensor
+    damping: str
 
 
 def prediction_draws(
     model: StudyModel, posterior: Posterior, settings: PredictionSettings
-) -> tuple[torch.Tensor, torch.Tensor, str]:
-    """Parameters (n, p) and damping ratios (n,) of some draws, and in words whose ratios.
+) -> PredictionDraws:
+    """Some draws with their damping ratios.
 
     Raises:
         BuildingError: a ratio is asked for, but the building's law gives every mode its own.
     """
+    rows = posterior.rows(settings.samples, settings.seed)
     theta, zeta = posterior.thinned(settings.samples, settings.seed)
     if model.building.damping.is_rayleigh:
         if settings.damping is not None:
@@ -27,7 +51,7 @@ def prediction_draws(
                 f"{model.building.name}: damping.law is rayleigh, which gives every mode its own "
                 "ratio; leave --damping out"
             )
-        ratio, text = np.full(len(theta), model.building.damping.ratio), "the building's law"
+        ratio, text = np.full(len(theta), model.building.damping.ratio), LAW
     elif settings.damping is not None:
         ratio, text = np.full(len(theta), settings.damping), f"{settings.damping:g} in all modes"
     elif zeta is not None:
@@ -35,7 +59,24 @@ def prediction_draws(
     else:
         ratio = np.full(len(theta), model.building.damping.ratio)
         text = f"{model.building.damping.ratio:g} in all modes, the building file's"
-    return torch.from_numpy(theta), torch.from_numpy(ratio), text
+    return PredictionDraws(rows, torch.from_numpy(theta), torch.from_numpy(ratio), text)
+
+
+def in_another_event(
+    system: System,
+    posterior: Posterior,
+    draws: PredictionDraws,
+    settings: PredictionSettings,
+    seed: Seed,
+) -> PredictionDraws:
+    """The draws as the building may be in another event."""
+    theta, sizes = system.split(draws.parameters)
+    box = [torch.from_numpy(end[: theta.shape[1]]) for end in (posterior.lower, posterior.upper)]
+    scatter = settings.scatter
+    if settings.damping is not None or draws.damping == LAW:
+        scatter = replace(scatter, damping=0.0)
+    moved, zeta = scatter.next_event(theta, draws.zeta, (box[0], box[1]), seed)
+    return replace(draws, parameters=torch.cat([moved, sizes], dim=1), zeta=zeta)
 
 
 def at_reached_level(

@@ -13,12 +13,17 @@ from femupdate.netcdf import write_tree
 
 def save_prediction(
     summary: HistorySummary,
+    alone: HistorySummary,
     motion: GroundMotion,
     path: Path,
     damping: str,
     spectra: FloorSpectra | None = None,
 ) -> None:
-    """Write netCDF groups `predictions` (bands, per-sample peaks) and `constant_data`."""
+    """Write netCDF groups `predictions` (bands, per-sample peaks) and `constant_data`.
+
+    Bands and peaks are those of the next measurement (`summary`); variables that begin with
+    `parameters_`, and stiffnesses, are of the parameters alone.
+    """
     import xarray as xr
 
     stories = np.arange(1, summary.peak_shear.shape[1] + 1)
@@ -27,10 +32,12 @@ def save_prediction(
         {
             "acceleration_mean": (("floor", "time_s"), summary.acceleration_mean),
             "acceleration_sd": (("floor", "time_s"), summary.acceleration_sd),
+            "parameters_acceleration_mean": (("floor", "time_s"), alone.acceleration_mean),
+            "parameters_acceleration_sd": (("floor", "time_s"), alone.acceleration_sd),
             "peak_acceleration": (("sample", "floor"), summary.peak_acceleration),
             "peak_shear": (("sample", "story"), summary.peak_shear),
             "peak_drift": (("sample", "story"), summary.peak_drift),
-            "story_stiffness": (("sample", "story"), summary.story_stiffness),
+            "story_stiffness": (("sample", "story"), alone.story_stiffness),
         },
         coords=coordinates,
         attrs={"units": json.dumps({"acceleration": "m/s2", "shear": "N", "drift": "m"})},

@@ -1,7 +1,7 @@
 """What a prediction is made from: the ground motion, floors measured in it, and settings."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +9,7 @@ import numpy as np
 from femupdate.arrays import Floats
 from femupdate.dynamics.member_histories import Place
 from femupdate.errors import MeasurementError
+from femupdate.inference.next_event import EventScatter
 from femupdate.measurement.observation_file import Histories, read_observation_file
 from femupdate.measurement.record import GroundMotion
 from femupdate.workflow.model import StudyModel
@@ -46,6 +47,7 @@ class PredictionSettings:
         members: places in the building, m: the end forces of the beam elements nearest to them are
             found; and names of walls, such as "X2:S1": the forces through their feet are.
         member_draws: draws at which the full model is solved for these.
+        scatter: how much the building differs from event to event.
     """
 
     samples: int = 300
@@ -54,6 +56,7 @@ class PredictionSettings:
     spectrum_damping: float | None = None
     members: tuple[Place | str, ...] = ()
     member_draws: int = 24
+    scatter: EventScatter = field(default_factory=EventScatter)
 
 
 def measured_floors(

@@ -38,6 +38,10 @@ COMMANDS = {
         "kinds.command",
         "Kinds of observation of one building, alone and together.",
     ),
+    "measured": (
+        "measured.command",
+        "How honest intervals are on measured events: each predicted from every other.",
+    ),
     "fuzz": (
         "fuzz.command",
         "Mutated files for every reader: read, or refused in one sentence.",

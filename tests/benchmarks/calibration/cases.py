@@ -8,7 +8,8 @@ import torch
 from femupdate.arrays import Floats
 from femupdate.dynamics.system import Responses
 from femupdate.inference.bridge import BridgeResult, Start, bridge
-from femupdate.inference.likelihood import DataLikelihood, LatentLikelihood
+from femupdate.inference.latent_likelihood import LatentLikelihood
+from femupdate.inference.likelihood import DataLikelihood
 from femupdate.inference.predictive_check import PredictiveCheck, check_predictions
 from femupdate.inference.smc import LogLikelihood, SmcResult, TemperedSmc
 from femupdate.measurement.observation import Observation

@@ -14,7 +14,8 @@ from scipy.stats import norm
 from femupdate.arrays import Floats
 from femupdate.building.shear import shear_operators
 from femupdate.inference.importance import WeightedDraws, importance_draws
-from femupdate.inference.likelihood import DataLikelihood, LatentLikelihood
+from femupdate.inference.latent_likelihood import LatentLikelihood
+from femupdate.inference.likelihood import DataLikelihood
 from femupdate.inference.smc import TemperedSmc
 from femupdate.measurement.observation import Observation
 from femupdate.surrogate.storage import TrainedSurrogate

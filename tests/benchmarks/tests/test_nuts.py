@@ -13,7 +13,7 @@ from femupdate.benchmarks.shear4dof.run import QUICK, run_shear4dof
 from femupdate.benchmarks.shipped import benchmark_model
 
 from femupdate.errors import InferenceError
-from femupdate.inference.likelihood import LatentLikelihood
+from femupdate.inference.latent_likelihood import LatentLikelihood
 from femupdate.inference.parameters import Parameters
 from femupdate.workflow.surrogates import shipped_surrogate
 

@@ -1,0 +1,68 @@
+"""The error of a model at posterior draws: how large, and on average where."""
+
+import torch
+from torch import Tensor
+
+from femupdate.inference.error_draws import COLUMNS, ErrorDraws, SizeDraws
+from femupdate.inference.learned import LearnedLikelihood, learned_error
+from femupdate.inference.model_error import ErrorLevel, LearnedError
+from femupdate.measurement.observation import Observation
+from femupdate.seeds import Seed, spawn, torch_generator
+
+# Draws from which the table of the phase's error is shortened.
+_TRIED = 50
+
+
+def draw_errors(
+    likelihood: LearnedLikelihood, parameters: Tensor, observation: Observation, seed: Seed
+) -> ErrorDraws:
+    """Errors at posterior draws (chains, draws, p)."""
+    amplitude, turned = spawn(seed, 2)
+    flat = parameters.flatten(0, 1)
+    residuals = likelihood.data.residuals(flat)
+    harmonics = likelihood.error.harmonics
+    shape = tuple(parameters.shape[:2])
+    phase = None
+    if observation.phase is not None:
+        whole = learned_error(likelihood.data, observation)
+        turns = likelihood.data.phase_residuals(flat, observation)
+        short = _that_counts(whole, turns[:_TRIED])
+        phase = _drawn(short, turns, observation, turned, shape)
+    return ErrorDraws(
+        _drawn(likelihood.error, residuals, observation, amplitude, shape),
+        phase,
+        harmonics.first_hz,
+        harmonics.width_hz,
+    )
+
+
+def _that_counts(whole: LearnedError, residuals: Tensor) -> LearnedError:
+    """The rows that count at residuals (n, f k), of a finer table where there is an error."""
+    densities = whole.log_densities(residuals)
+    row = int(densities.logsumexp(0).argmax())
+    if row == 0:
+        return whole.kept(whole.counting(densities))
+    finer = whole.finer(row)
+    return finer.kept(finer.counting(finer.log_densities(residuals)))
+
+
+def _drawn(
+    error: LearnedError,
+    residuals: Tensor,
+    observation: Observation,
+    seed: Seed,
+    shape: tuple[int, ...],
+) -> SizeDraws:
+    shares = torch.softmax(error.log_densities(residuals), dim=1)
+    rows = torch.multinomial(shares, 1, generator=torch_generator(seed))[:, 0]
+    levels = torch.tensor([_numbers(level) for level in error.levels], dtype=torch.float64)[rows]
+    values = error.harmonics.at(torch.from_numpy(observation.frequency_hz))
+    mean = torch.zeros(error.floors, values.shape[1], dtype=torch.float64)
+    for row in rows.unique().tolist():
+        mean -= error.likeliest(residuals[rows == row], row).sum(0)
+    mean = mean @ values.T / len(residuals)
+    return SizeDraws(levels.reshape(*shape, -1).numpy(), mean.numpy())
+
+
+def _numbers(level: ErrorLevel) -> list[float]:
+    return [getattr(level, name) for name in COLUMNS]

@@ -1,0 +1,120 @@
+"""What a posterior knows of the error of its model: its size at every draw, and where it is."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from femupdate.arrays import Floats
+from femupdate.measurement.observation import Observation
+
+COLUMNS = ("common", "own", "length_hz", "noise")
+# An error below this share of itself is not worth a word.
+_WORTH_SAYING = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class SizeDraws:
+    """The error of amplitudes or of phases.
+
+    Attributes:
+        levels: (chains, draws, 4) standard deviations common to the floors and of each alone in
+            ln|H| (or rad), length in Hz, and noise over the stated one: `COLUMNS`.
+        mean: (f, k) its mean over the posterior on the observation's floors and frequencies.
+    """
+
+    levels: Floats
+    mean: Floats
+
+    @property
+    def size(self) -> float:
+        """Standard deviation at one floor, rms over the draws."""
+        return float(np.sqrt(np.square(self.levels[..., :2]).sum(-1).mean()))
+
+    @property
+    def present(self) -> float:
+        """Share of the draws in which there is an error."""
+        return float((self.levels[..., :2] > 0.0).any(-1).mean())
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorDraws:
+    """What a posterior knows of the error of its model.
+
+    Attributes:
+        amplitude: of ln|H|.
+        phase: in rad; None where only |H| was measured.
+        first_hz, width_hz: of the band in which it was learned.
+    """
+
+    amplitude: SizeDraws
+    phase: SizeDraws | None
+    first_hz: float
+    width_hz: float
+
+    def sentence(self, observation: Observation) -> str:
+        """For the user."""
+        size = self.amplitude.size
+        noise = float(np.median(self.amplitude.levels[..., 3]))
+        wide = f" The noise is taken as {noise:.1f} times the stated one." if noise > 1.0 else ""
+        if self.amplitude.present < 0.5 or size < _WORTH_SAYING:
+            return f"No error of the model shows beside the noise.{wide}"
+        turn = ""
+        if self.phase is not None and self.phase.present >= 0.5:
+            turn = f" and {np.degrees(self.phase.size):.0f} degrees in phase"
+        length = float(np.median(self.amplitude.levels[..., 2]))
+        return (
+            f"The model is off by about {np.expm1(size):.0%} in amplitude{turn}, alike over "
+            f"{length:.2g} Hz{_most(self.amplitude.mean, observation)}; the intervals allow for "
+            f"it.{wide}"
+        )
+
+
+def errors_as_groups(
+    errors: ErrorDraws | None, draws: Mapping[str, Any], grid: Mapping[str, Any]
+) -> dict[str, Any]:
+    """The netCDF group of a posterior's errors, none where there are none."""
+    import xarray as xr
+
+    if errors is None:
+        return {}
+    content: dict[str, Any] = {}
+    for name, one in (("amplitude", errors.amplitude), ("phase", errors.phase)):
+        if one is not None:
+            content[f"{name}_levels"] = (("chain", "draw", "level"), one.levels)
+            content[f"{name}_mean"] = (("floor", "frequency_hz"), one.mean)
+    return {
+        "/model_error": xr.Dataset(
+            content,
+            coords={**draws, **grid, "level": list(COLUMNS)},
+            attrs={"first_hz": errors.first_hz, "width_hz": errors.width_hz},
+        )
+    }
+
+
+def errors_from_groups(tree: Any) -> ErrorDraws | None:
+    """What `errors_as_groups` wrote, from the tree of a posterior."""
+    if "model_error" not in tree.children:
+        return None
+    group = tree["model_error"].to_dataset()
+    amplitude, phase = (
+        SizeDraws(group[f"{name}_levels"].values, group[f"{name}_mean"].values)
+        if f"{name}_levels" in group
+        else None
+        for name in ("amplitude", "phase")
+    )
+    assert amplitude is not None
+    first, width = (float(group.attrs[name]) for name in ("first_hz", "width_hz"))
+    return ErrorDraws(amplitude, phase, first, width)
+
+
+def _most(mean: Floats, observation: Observation) -> str:
+    """Where the error is largest: floor and a third of the band."""
+    power = np.where(observation.valid, mean, 0.0) ** 2
+    seen = np.flatnonzero(observation.valid.any(axis=0))
+    thirds = np.array_split(seen, 3)
+    worst = max(thirds, key=lambda part: power[:, part].sum())
+    floor = observation.floors[int(power[:, worst].sum(axis=1).argmax())]
+    low, high = observation.frequency_hz[worst[[0, -1]]]
+    return f", most at {floor} between {low:.2g} and {high:.2g} Hz"

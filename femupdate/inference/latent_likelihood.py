@@ -1,0 +1,202 @@
+"""The amortised likelihood of the stiffness factors, in the latent space of a surrogate."""
+
+import copy
+from collections.abc import Callable
+
+import torch
+from scipy.stats import chi2
+from torch import Tensor
+from torch.nn.functional import pad
+
+from femupdate.dynamics.system import System
+from femupdate.errors import SurrogateError
+from femupdate.inference.encoder_input import encoder_input
+from femupdate.inference.latent_search import Control, find_latent
+from femupdate.inference.learned import Settled, SharedErrors, settled
+from femupdate.inference.likelihood import DataLikelihood, data_terms
+from femupdate.inference.parameters import Parameters
+from femupdate.measurement.observation import Observation, independent_share
+from femupdate.seeds import torch_generator
+from femupdate.surrogate.gauss_newton import LatentData
+from femupdate.surrogate.latent import LatentQuadratics
+from femupdate.surrogate.network import Mvae
+from femupdate.surrogate.storage import TrainedSurrogate
+from femupdate.surrogate.visibility import Visibility
+
+_CPU_ROWS = 4096
+_SEARCH_SEED = 0
+# Share of observations whose misfit is usual.
+_USUAL = 0.995
+
+
+class LatentLikelihood:
+    """ln of the latent likelihood of theta for one observation.
+
+    Args:
+        surrogate: trained for the building.
+        system: the building's reduced model, with its effects if it lists any, of which some
+            hundreds of responses are asked.
+        observation: on the surrogate's frequency grid.
+        device: where to evaluate.
+        power: that the likelihood is raised to; default the surrogate's own, from its calibration.
+        least_noise: standard deviation of ln|H| below which the file's noise is not believed:
+            idealisation errs as well; default that of the surrogate's training.
+        parameters: priors, the damping ratio last, where the error of the model is learned; None
+            where the noise as stated is all there is.
+        shared: errors of the model that all points share.
+        check: told of the maxima before anything is made of them; may refuse them by an error.
+
+    Attributes:
+        input: the observation as the encoder sees it.
+        proposal: what the observation encoder says.
+        found: q(z|x), and what it took to find it.
+        settled: the maxima and what the model errs by; None where that was not learned.
+        usual_misfit: what 199 in 200 observations of the building's own kind stay below.
+        power: of the likelihood.
+
+    Raises:
+        SurrogateError: the observation is on another frequency grid.
+        MeasurementError: see `encoder_input`.
+    """
+
+    def __init__(
+        self,
+        surrogate: TrainedSurrogate,
+        system: System,
+        observation: Observation,
+        *,
+        device: torch.device | str = "cpu",
+        power: float | None = None,
+        least_noise: float | None = None,
+        parameters: Parameters | None = None,
+        shared: SharedErrors | None = None,
+        check: Callable[[Settled], None] | None = None,
+    ) -> None:
+        if observation.frequency_hz.size != surrogate.mvae.sizes.points:
+            raise SurrogateError(
+                f"the surrogate knows {surrogate.mvae.sizes.points} frequencies, the observation "
+                f"has {observation.frequency_hz.size}; use the building's frequency grid"
+            )
+        self.input = encoder_input(observation, surrogate.info.floors)
+        self.power = surrogate.info.likelihood_power if power is None else power
+        # A module moves in place: the caller's stays where it is.
+        self._mvae = copy.deepcopy(surrogate.mvae).to(device).requires_grad_(False)
+        floor = surrogate.info.noise_sd if least_noise is None else least_noise
+        clean = latent_data(observation, surrogate.info.floors, floor, device)
+        seen = self.input.visibility
+        visibility = Visibility(seen.floors.to(device), seen.band.to(device))
+        with torch.no_grad():
+            self.proposal = self._mvae.encode_observation(self.input.log_frf.to(device), visibility)
+        # The search is short and the same for an observation whatever the seed of the sampler.
+        generator = torch_generator(_SEARCH_SEED)
+        self.settled: Settled | None = None
+
+        def settle(starts: Tensor) -> tuple[Tensor, Callable[[Tensor], Tensor]]:
+            assert parameters is not None
+            self.settled = settled(
+                parameters,
+                system,
+                observation,
+                _SEARCH_SEED,
+                starts=starts,
+                device=device,
+                shared=shared,
+            )
+            if check is not None:
+                check(self.settled)
+            maxima = parameters.from_normal(self.settled.found.z)
+            return maxima, self.settled.likelihood.residuals
+
+        control = Control(
+            clean,
+            floor_responses(system, observation, clean.log_frf),
+            None if parameters is None else settle,
+        )
+        self.found = find_latent(
+            self._mvae, _with_decoder_error(clean, self._mvae), self.proposal, control, generator
+        )
+        self.usual_misfit = usual_misfit(observation)
+        # theta says where z is, but for the coordinate of the damping.
+        sizes = self._mvae.sizes
+        spread = torch.diag(torch.arange(sizes.coordinates) >= sizes.parameters)
+        self._quadratics = LatentQuadratics(self.found.posterior, spread, device)
+
+    def __call__(self, theta: Tensor) -> Tensor:
+        """Log likelihood (n,), float32, of theta (n, p), on the device of theta."""
+        known = theta.to(self._mvae.lower)
+        # On a CPU in parts that stay in its cache, so that memory does not grow with the particles.
+        parts = known.split(_CPU_ROWS if known.device.type == "cpu" else len(known))
+        free = self._mvae.sizes.coordinates - known.shape[1]
+        places = (pad(self._mvae.encode_parameters(rows), (0, free)) for rows in parts)
+        values = torch.cat([self._quadratics(rows) for rows in places])
+        return self.power * values.to(theta.device)
+
+    @torch.no_grad()
+    def solutions(self, most: int = 16, drawn: int = 8) -> Tensor:
+        """Parameters (s, p) of the heaviest solutions and of some draws of q(z|x).
+
+        The damping ratio comes last. Two solutions that a smaller noise would
+        tell apart may be one here: the draws about it lead to both.
+        """
+        found, generator = self.found.posterior, torch_generator(_SEARCH_SEED)
+        heavy = found.log_weight.topk(min(most, len(found.log_weight))).indices
+        chosen = torch.multinomial(found.log_weight.exp(), drawn, True, generator=generator)
+        noise = torch.randn(drawn, found.mean.shape[1], 1, generator=generator).to(found.mean)
+        root = torch.linalg.cholesky(torch.linalg.inv(found.precision[chosen]))
+        away = found.mean[chosen] + (root @ noise)[..., 0]
+        mvae = copy.deepcopy(self._mvae).double()
+        z = torch.cat([found.mean[heavy], away]).to(mvae.lower)
+        theta = mvae.parameters_at(z)
+        return torch.cat([theta, mvae.decoder.damping(z)[:, None]], dim=1)
+
+
+def latent_data(
+    observation: Observation,
+    floors: tuple[str, ...],
+    least_noise: float,
+    device: torch.device | str = "cpu",
+) -> LatentData:
+    """An observation on the surrogate's floors, with the weight of each point.
+
+    Points that repeat one another (see `data_terms`) count as if they were noisier.
+    """
+    terms = data_terms(observation, floors)
+    rows = list(terms.rows)
+    log_values = torch.zeros(len(floors), observation.frequency_hz.size, dtype=torch.float64)
+    log_values[rows] = terms.log_frf
+    precision = torch.zeros_like(log_values)
+    precision[rows] = terms.independent * terms.weight
+    return LatentData(log_values.to(device), precision.clamp_max(least_noise**-2).to(device))
+
+
+def usual_misfit(observation: Observation) -> float:
+    """What 199 in 200 observations stay below: the chi-square's quantile, a valid point."""
+    free = max(1.0, int(observation.valid.sum()) * independent_share(observation))
+    return float(chi2.ppf(_USUAL, free) / free)
+
+
+def _with_decoder_error(data: LatentData, mvae: Mvae) -> LatentData:
+    """The same in single precision, where the decoder, which errs as well, responds."""
+    weight = data.weight.to(mvae.lower)
+    return LatentData(
+        data.log_frf.to(mvae.lower), weight / (1.0 + weight * mvae.decoder.excess_variance())
+    )
+
+
+def floor_responses(
+    system: System, observation: Observation, like: Tensor
+) -> Callable[[Tensor, Tensor], Tensor]:
+    """The reduced model's ln|H| (n, f, k) at theta (n, p) and damping ratios (n,).
+
+    On the surrogate's floors, as `like` (f, k) has them; zero where not observed.
+    """
+    # Differences of these are taken: they must be smooth.
+    exact = DataLikelihood(system, observation, device=like.device, modes=None)
+    rows = list(exact.terms.rows)
+
+    def respond(theta: Tensor, zeta: Tensor) -> Tensor:
+        values = theta.new_zeros(len(theta), *like.shape)
+        values[:, rows] = exact.predict(theta, zeta).to(values)
+        return values
+
+    return respond

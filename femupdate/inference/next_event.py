@@ -1,0 +1,203 @@
+"""What a posterior says of another event: its own stiffness and damping, and an error of its own.
+
+Stiffness and damping differ from event to event with amplitude, temperature and damage. The model
+errs in the next event as much as it did in the observed one, but elsewhere: over six earthquakes of
+one hotel the error learned in one says nothing of where it lies in another
+(`python -m tests.benchmarks measured`). A part of what was measured did not follow the base at all;
+the next measurement will have such a part too.
+
+Responses of a draw are multiplied by exp(error) over frequency. An error fades towards zero
+frequency, where a building moves as its base does.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import torch
+from scipy.signal import lfilter
+from torch import Tensor
+
+from femupdate.arrays import Complexes, Floats, Integers
+from femupdate.dynamics.history import Histories
+from femupdate.inference.error_draws import ErrorDraws, SizeDraws
+from femupdate.inference.model_error import MODEL_ERROR, Harmonics
+from femupdate.inference.posterior import Posterior
+from femupdate.measurement.observation import Observation
+from femupdate.seeds import Seed, spawn
+
+# Silence behind a record, s: what errors delay must not come round to its beginning.
+_SILENCE_S = 20.0
+# Largest standard deviation of the part of a response that does not follow the base.
+_MOST = 0.5
+# Share of what the coherence says of that part: the rest is leakage of the strong part of a short
+# record. Over six earthquakes of one hotel a quarter gives bands that hold 95 % of the samples.
+_NOT_LEAKAGE = 0.25
+_SAMPLES = 8  # at a time: spectra are large
+
+
+@dataclass(frozen=True, kw_only=True)
+class EventScatter:
+    """How much a building differs from event to event, where one event cannot tell.
+
+    Attributes:
+        stiffness: standard deviation of ln of all stiffness factors together. The frequencies of a
+            hotel scatter by 2.8 % over quakes of 7 to 90 gal, factors of an overpass by 6 % over
+            quakes of like strength.
+        damping: of ln of the damping ratio.
+    """
+
+    stiffness: float = 0.05
+    damping: float = 0.2
+
+    def next_event(
+        self, theta: Tensor, zeta: Tensor, box: tuple[Tensor, Tensor], seed: Seed
+    ) -> tuple[Tensor, Tensor]:
+        """Factors (n, p) and damping ratios (n,) of another event, factors within their box."""
+        away = np.random.default_rng(seed).standard_normal((2, len(theta)))
+        stiffer, damped = (torch.from_numpy(one).to(theta) for one in away)
+        moved = theta * torch.exp(self.stiffness * stiffer)[:, None]
+        inside = torch.minimum(torch.maximum(moved, box[0].to(theta)), box[1].to(theta))
+        return inside, (zeta * torch.exp(self.damping * damped)).clamp_max(0.99)
+
+
+@dataclass(frozen=True, eq=False)
+class EventErrors:
+    """Errors of a model in another event.
+
+    Attributes:
+        posterior: that has learned how large they are.
+        rows: (n,) of its draws, one a sample.
+        fade_hz: below it errors fade.
+        seed: of everything random.
+    """
+
+    posterior: Posterior
+    rows: Integers
+    fade_hz: float
+    seed: Seed
+
+    @cached_property
+    def _streams(self) -> list[Seed]:
+        return list(spawn(self.seed, len(self.rows)))
+
+    def applied(self, batches: Iterable[Histories]) -> Iterator[Histories]:
+        """Histories of the draws, with their errors."""
+        first = 0
+        for batch in batches:
+            for start in range(0, len(batch), _SAMPLES):
+                some = _samples(batch, slice(start, start + _SAMPLES))
+                yield self._erring(some, first + start)
+            first += len(batch)
+
+    def _erring(self, some: Histories, first: int) -> Histories:
+        count = some.floor_acceleration.shape[-1]
+        padded = count + round(_SILENCE_S / some.time_step)
+        frequency = np.asarray(np.fft.rfftfreq(padded, some.time_step), dtype=np.float64)
+        factor = self._factor(some.floors, frequency, first, len(some))
+        # A story errs as the floor on top of it does.
+        top = np.minimum(np.arange(some.story_drift.shape[1]), len(some.floors) - 1)
+
+        def moved(values: Floats, rows: Integers | slice) -> Floats:
+            spectrum = np.fft.rfft(values, padded) * factor[:, rows]
+            return np.asarray(np.fft.irfft(spectrum, padded)[..., :count])
+
+        return replace(
+            some,
+            floor_acceleration=moved(some.floor_acceleration, slice(None)),
+            story_shear=moved(some.story_shear, top),
+            story_drift=moved(some.story_drift, top),
+        )
+
+    def _factor(
+        self, floors: tuple[str, ...], frequency: Floats, first: int, count: int
+    ) -> Complexes:
+        """exp(error) (n, f, k) of samples from the first on."""
+        parts = np.zeros((2, count, len(floors), len(frequency)))
+        errors = self.posterior.model_error
+        for sample in range(count):
+            row = self.rows[first + sample]
+            amplitude, phase, apart = (
+                np.random.default_rng(one) for one in spawn(self._streams[first + sample], 3)
+            )
+            if errors is not None:
+                seen = (errors, len(floors), frequency)
+                parts[0, sample] = _drawn(errors.amplitude, row, *seen, amplitude)
+                if errors.phase is not None:
+                    parts[1, sample] = _drawn(errors.phase, row, *seen, phase)
+            parts[:, sample] += self._apart(floors, frequency, apart)
+        fading = 1.0 - np.exp(-((frequency / self.fade_hz) ** 2))
+        return np.asarray(np.exp(fading * (parts[0] + 1j * parts[1])))
+
+    def _apart(
+        self, floors: tuple[str, ...], frequency: Floats, rng: np.random.Generator
+    ) -> Floats:
+        """Relative change (2, f, k), in phase and across, by what does not follow the base."""
+        observation = self.posterior.observation
+        sd = incoherent_share(observation, floors, frequency)
+        if not sd.any():
+            return np.zeros((2, *sd.shape))
+        step, width = frequency[1], observation.resolution_hz or frequency[1]
+        kept = np.exp(-step / width)
+        white = rng.standard_normal((2, *sd.shape))
+        # Stationary from the first frequency on.
+        white[..., 0] /= np.sqrt(1.0 - kept**2)
+        return sd * lfilter([np.sqrt(1.0 - kept**2)], [1.0, -kept], white, axis=-1)
+
+
+def incoherent_share(
+    observation: Observation, floors: tuple[str, ...], frequency_hz: Floats
+) -> Floats:
+    """Relative standard deviation (f, k) of what does not follow the base, of either part.
+
+    Its power is (1 - g^2) / g^2 of what follows, g^2 being the ordinary coherence (Bendat and
+    Piersol 2010, section 6.1). Zero for tables, which have no coherence.
+    """
+    shape = (len(floors), len(frequency_hz))
+    if observation.coherence is None:
+        return np.zeros(shape)
+    rows = []
+    for values, valid in zip(observation.coherence, observation.valid, strict=True):
+        if not valid.any():
+            rows.append(np.full(len(frequency_hz), np.nan))
+            continue
+        known = np.clip(values[valid], 1e-3, 1.0)
+        share = _NOT_LEAKAGE * np.minimum(np.sqrt(0.5 * (1.0 - known) / known), _MOST)
+        rows.append(np.interp(frequency_hz, observation.frequency_hz[valid], share))
+    of_floor = dict(zip(observation.floors, rows, strict=True))
+    mean = np.nan_to_num(np.nanmean(rows, axis=0))
+    chosen = (of_floor.get(floor, mean) for floor in floors)
+    return np.array([np.where(np.isnan(row), mean, row) for row in chosen])
+
+
+def _drawn(
+    sizes: SizeDraws,
+    row: int,
+    errors: ErrorDraws,
+    floors: int,
+    frequency_hz: Floats,
+    rng: np.random.Generator,
+) -> Floats:
+    """One error (f, k), by the sizes of one draw."""
+    common, own, length, _ = sizes.levels.reshape(-1, sizes.levels.shape[-1])[row]
+    if common == own == 0.0:
+        return np.zeros((floors, len(frequency_hz)))
+    width = errors.width_hz
+    harmonics = Harmonics(errors.first_hz, width, MODEL_ERROR.period * width, MODEL_ERROR.harmonics)
+    spread = harmonics.spread(length).numpy()
+    white = rng.standard_normal((floors + 1, len(spread)))
+    coefficients = spread * (common * white[:1] + own * white[1:])
+    # Beyond the measured band errors go on as they were at its end.
+    inside = np.clip(frequency_hz, errors.first_hz, errors.first_hz + width)
+    values = harmonics.at(torch.from_numpy(inside)).numpy()
+    return np.asarray(coefficients @ values.T)
+
+
+def _samples(batch: Histories, some: slice) -> Histories:
+    return replace(
+        batch,
+        floor_acceleration=batch.floor_acceleration[some],
+        story_shear=batch.story_shear[some],
+        story_drift=batch.story_drift[some],
+    )

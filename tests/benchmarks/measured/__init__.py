@@ -1,0 +1,1 @@
+"""Measured events of one structure: every one predicted from every other."""

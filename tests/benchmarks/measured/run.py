@@ -1,0 +1,215 @@
+"""Every measured event of one structure from every other: bands, peaks, scores and pairs.
+
+A band is honest when it holds as much of what is measured as it says: 95 % of the samples within
+two standard deviations, nine of ten largest responses within their 90 % intervals, and the
+estimates from one event within the 90 % intervals that another gives for the next.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import permutations
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import torch
+
+from femupdate.arrays import Floats
+from femupdate.inference.next_event import EventScatter
+from femupdate.inference.posterior import Posterior
+from femupdate.measurement.record import read_record
+from femupdate.study import Study
+from femupdate.workflow.calibrate import calibrate_study
+from femupdate.workflow.calibrate_settings import CalibrationSettings
+from femupdate.workflow.model import StudyModel, open_study
+from femupdate.workflow.observed import ObservationSource
+from femupdate.workflow.predict import predict_study
+from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource
+
+from ..result import Job, Report, markdown_table
+
+# Events whose base peaks differ by less than this factor are of like strength.
+_LIKE = 2.0
+
+
+@dataclass(frozen=True)
+class MeasuredPlan:
+    """What is calibrated and predicted.
+
+    Attributes:
+        building: shipped name or file.
+        files: histories of the base and of floors, an event each.
+        base: column of the base's motion.
+        columns: our column names to the files'.
+        particles: posterior draws.
+        samples: histories of a prediction.
+    """
+
+    building: str
+    files: tuple[Path, ...]
+    base: str
+    columns: Mapping[str, str] | None
+    particles: int
+    samples: int
+
+
+@dataclass(frozen=True)
+class Event:
+    """One event and the posterior that it gives."""
+
+    name: str
+    path: Path
+    peak: float
+    study: Study
+    model: StudyModel
+    posterior: Posterior
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prediction:
+    """One floor of one event, predicted from another."""
+
+    calibrated: str
+    predicted: str
+    floor: str
+    within: float
+    peak_within: bool
+    score: float
+    error: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pair:
+    """Whether 90 % intervals for the next event hold the estimates from another."""
+
+    calibrated: str
+    other: str
+    like: bool
+    factors: float
+    frequency: bool
+
+
+def run_measured(job: Job, plan: MeasuredPlan) -> Report:
+    """Calibrate to every file, and predict every other one."""
+    with TemporaryDirectory() as folder:
+        job.progress.start("Calibrating", len(plan.files))
+        events = []
+        for path in plan.files:
+            events.append(_calibrated(plan, path, Path(folder) / path.stem, job.seed))
+            job.progress.advance()
+        couples = list(permutations(events, 2))
+        job.progress.start("Predicting", len(couples))
+        predictions: list[Prediction] = []
+        pairs: list[Pair] = []
+        for one, other in couples:
+            predictions += _predicted(plan, one, other)
+            pairs.append(_pair(one, other, job.seed))
+            job.progress.advance()
+    name = f"measured_{events[0].model.building.name}"
+    content = {"plan": plan, "predictions": predictions, "pairs": pairs}
+    return job.write(name, content, _text(predictions, pairs), answer=_answer(predictions, pairs))
+
+
+def _calibrated(plan: MeasuredPlan, path: Path, folder: Path, seed: int) -> Event:
+    study = Study(folder)
+    model = open_study(study, plan.building)
+    source = ObservationSource(path, columns=plan.columns)
+    settings = CalibrationSettings(particles=plan.particles, exact=True, chains=2, seed=seed)
+    report = calibrate_study(study, model, source, settings)
+    peak = read_record(path, None, _channel(plan)).peak
+    return Event(path.stem, path, peak, study, model, report.posterior)
+
+
+def _channel(plan: MeasuredPlan) -> str:
+    return (plan.columns or {}).get(plan.base, plan.base)
+
+
+def _predicted(plan: MeasuredPlan, event: Event, other: Event) -> list[Prediction]:
+    found = predict_study(
+        event.study,
+        event.model,
+        RecordSource(other.path, channel=_channel(plan)),
+        PredictionSettings(samples=plan.samples),
+        measured=other.path,
+        columns=plan.columns,
+    ).comparison
+    assert found is not None
+    return [
+        Prediction(
+            calibrated=event.name,
+            predicted=other.name,
+            floor=floor,
+            within=float(found.within_band[k]),
+            peak_within=bool(found.peak_within[k]),
+            score=float(found.score[k]),
+            error=float(found.relative_error[k]),
+        )
+        for k, floor in enumerate(found.floors)
+    ]
+
+
+def _pair(event: Event, other: Event, seed: int) -> Pair:
+    own, others = event.posterior, other.posterior
+    theta = _draws(own)
+    box = torch.from_numpy(np.array(own.lower)), torch.from_numpy(np.array(own.upper))
+    moved, _ = EventScatter().next_event(theta, torch.full_like(theta[:, 0], 0.05), box, seed)
+    low, high = np.quantile(moved.numpy(), [0.05, 0.95], axis=0)
+    mean = others.samples.mean(axis=0)
+    frequency = np.quantile(_fundamental(event.model, moved), [0.05, 0.95])
+    estimate = _fundamental(other.model, _draws(others)).mean()
+    return Pair(
+        calibrated=event.name,
+        other=other.name,
+        like=max(event.peak, other.peak) < _LIKE * min(event.peak, other.peak),
+        factors=float(((low <= mean) & (mean <= high)).mean()),
+        frequency=bool(frequency[0] <= estimate <= frequency[1]),
+    )
+
+
+def _draws(posterior: Posterior, count: int = 400) -> torch.Tensor:
+    return torch.from_numpy(np.ascontiguousarray(posterior.thinned(count, 0)[0]))
+
+
+def _fundamental(model: StudyModel, theta: torch.Tensor) -> Floats:
+    sizes = theta[:, model.system.factors :]
+    omega = model.system.modes(theta[:, : model.system.factors], sizes).omega
+    return np.asarray(omega.min(dim=1).values.numpy() / (2.0 * np.pi))
+
+
+def _answer(predictions: list[Prediction], pairs: list[Pair]) -> dict[str, float]:
+    like = [pair for pair in pairs if pair.like]
+    return {
+        "within_2_sd": float(np.mean([one.within for one in predictions])),
+        "peaks_within_90": float(np.mean([one.peak_within for one in predictions])),
+        "crps_over_rms": float(np.mean([one.score for one in predictions])),
+        "error_rms": float(np.mean([one.error for one in predictions])),
+        "factors_of_others_within_90": float(np.mean([one.factors for one in pairs])),
+        "frequency_of_others_within_90": float(np.mean([one.frequency for one in pairs])),
+        "frequency_of_like_within_90": float(np.mean([one.frequency for one in like or pairs])),
+    }
+
+
+def _text(predictions: list[Prediction], pairs: list[Pair]) -> str:
+    head = ("floor", "within 2 sd", "least", "peaks in 90 %", "CRPS / rms", "error rms")
+    rows = []
+    for floor in dict.fromkeys(one.floor for one in predictions):
+        some = [one for one in predictions if one.floor == floor]
+        within = [one.within for one in some]
+        rows.append(
+            (
+                floor,
+                f"{np.mean(within):.1%}",
+                f"{np.min(within):.1%}",
+                f"{np.mean([one.peak_within for one in some]):.0%}",
+                f"{np.mean([one.score for one in some]):.3f}",
+                f"{np.mean([one.error for one in some]):.3f}",
+            )
+        )
+    answer = _answer(predictions, pairs)
+    return (
+        f"{len(pairs)} predictions of one event from another.\n\n{markdown_table(head, rows)}\n\n"
+        f"Estimates of another event within the 90 % interval of the next: factors "
+        f"{answer['factors_of_others_within_90']:.0%}, first frequency "
+        f"{answer['frequency_of_others_within_90']:.0%} "
+        f"({answer['frequency_of_like_within_90']:.0%} among events of like strength)."
+    )

@@ -1,0 +1,151 @@
+"""The learned error of a model against dense covariance matrices and simulated errors."""
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import multivariate_normal
+
+from femupdate.inference.model_error import (
+    ErrorTable,
+    Harmonics,
+    LearnedError,
+    error_levels,
+    finer_levels,
+)
+
+FREQUENCY = torch.linspace(0.5, 12.0, 40, dtype=torch.float64)
+FEW = ErrorTable(sizes=(0.05, 0.3), lengths=(1 / 20, 1 / 5), noise=(1.0, 2.0))
+SHAPE = (2, len(FREQUENCY))
+
+
+def weight(seed=0):
+    rng = np.random.default_rng(seed)
+    values = rng.uniform(5.0, 30.0, SHAPE) ** 2
+    values[0, 7:9] = 0.0
+    return torch.from_numpy(values)
+
+
+def covariance(error, row, known=None):
+    """Dense covariance of ln|H|, the noise of the table's row included, where there are points."""
+    level, seen = error.levels[row], (error_weight := weight()).flatten() > 0
+    values = error.harmonics.at(FREQUENCY)
+    one = values @ torch.diag(error.harmonics.spread(level.length_hz) ** 2) @ values.T
+    floors = level.own**2 * torch.eye(2).double() + level.common**2
+    whole = torch.kron(floors, one)
+    noise = level.noise**2 / error_weight.flatten().clamp_min(1e-30)
+    whole = whole + torch.diag(noise)
+    if known is not None:
+        whole = whole + torch.einsum("ci,cj->ij", known.flatten(1), known.flatten(1))
+    return whole[seen][:, seen].numpy(), seen.numpy()
+
+
+def residuals(count=3, seed=1):
+    away = np.random.default_rng(seed).normal(0.0, 0.2, (count, *SHAPE))
+    return torch.from_numpy(away), (torch.from_numpy(away) * weight().sqrt()).flatten(1)
+
+
+@pytest.mark.parametrize("with_known", [False, True])
+def test_densities_are_those_of_dense_normal_distributions(with_known):
+    known = torch.from_numpy(np.random.default_rng(2).normal(0.0, 0.1, (3, *SHAPE)))
+    known = known if with_known else None
+    error = LearnedError(weight(), FREQUENCY, known=known, table=FEW)
+    plain, whitened = residuals()
+    found = error.log_densities(whitened)
+    stated = 0.5 * float(torch.log(weight()[weight() > 0]).sum()) - 0.5 * int(
+        (weight() > 0).sum()
+    ) * np.log(2.0 * np.pi)
+    for row in range(0, len(error.levels), 7):
+        dense, seen = covariance(error, row, known)
+        expected = multivariate_normal(cov=dense, allow_singular=False).logpdf(
+            plain.flatten(1).numpy()[:, seen]
+        )
+        np.testing.assert_allclose(
+            found[:, row].numpy() + stated - error.levels[row].log_weight, expected, rtol=1e-8
+        )
+
+
+def test_whitened_residuals_have_the_square_of_the_dense_covariance():
+    error = LearnedError(weight(), FREQUENCY, table=FEW)
+    plain, whitened = residuals()
+    for row in (0, 5, len(error.levels) - 1):
+        dense, seen = covariance(error, row)
+        flat = plain.flatten(1).numpy()[:, seen]
+        expected = np.einsum("ni,ij,nj->n", flat, np.linalg.inv(dense), flat)
+        white = error.whiten(whitened, row)
+        np.testing.assert_allclose(white.square().sum(1).numpy(), expected, rtol=1e-8)
+        floors = error.floor_squares(whitened, torch.full((len(flat),), row))
+        np.testing.assert_allclose(floors.sum(1).numpy(), expected, rtol=1e-8)
+
+
+def test_the_likeliest_error_is_the_conditional_mean():
+    error = LearnedError(weight(), FREQUENCY, table=FEW)
+    plain, whitened = residuals()
+    row = len(error.levels) - 1
+    level, dense = error.levels[row], covariance(error, row)
+    values = error.harmonics.at(FREQUENCY)
+    one = values @ torch.diag(error.harmonics.spread(level.length_hz) ** 2) @ values.T
+    floors = level.own**2 * torch.eye(2).double() + level.common**2
+    prior = torch.kron(floors, one).numpy()[:, dense[1]]
+    expected = plain.flatten(1).numpy()[:, dense[1]] @ np.linalg.solve(dense[0], prior.T)
+    found = torch.einsum("nfj,kj->nfk", error.likeliest(whitened, row), values).flatten(1)
+    np.testing.assert_allclose(found.numpy(), expected, atol=1e-9)
+
+
+def test_the_table_is_a_distribution_and_a_finer_one_weighs_as_its_row():
+    levels = error_levels(10.0, FEW)
+    # No error is as likely as any: its odds are one.
+    assert sum(np.exp(level.log_weight) for level in levels) == pytest.approx(2.0)
+    assert (levels[0].common, levels[0].own, levels[0].noise) == (0.0, 0.0, 1.0)
+    about = levels[-1]
+    finer = finer_levels(about, levels[0], FEW)
+    inner = [level for level in finer[1:] if level.noise >= 1.0]
+    assert sum(np.exp(level.log_weight) for level in inner) == pytest.approx(
+        np.exp(about.log_weight), rel=1e-9
+    )
+
+
+@settings(max_examples=20, deadline=None)
+@given(length=st.floats(0.3, 3.0))
+def test_harmonics_have_the_exponential_covariance(length):
+    """Away from the ends of the period, but for what is shorter than the shortest harmonic."""
+    harmonics = Harmonics.over(FREQUENCY)
+    at = torch.tensor([1.0, 2.0, 4.0], dtype=torch.float64)
+    values = harmonics.at(at)
+    found = values @ torch.diag(harmonics.spread(length) ** 2) @ values.T
+    expected = torch.exp(-(at[:, None] - at).abs() / length)
+    assert float((found - expected).abs().max()) < 0.12
+
+
+@pytest.mark.parametrize(("common", "own"), [(0.5, 0.0), (0.0, 0.5), (0.18, 0.18)])
+def test_sizes_are_learned_from_errors_of_known_size(common, own):
+    """Median over twenty realisations within a third of a truth that the table holds."""
+    error = LearnedError(
+        torch.full((3, 200), 400.0).double(), torch.linspace(0.5, 20.5, 200).double()
+    )
+    generator = torch.Generator().manual_seed(4)
+    values = error.harmonics.at(torch.linspace(0.5, 20.5, 200).double())
+    spread = error.harmonics.spread(1.0)
+    found = []
+    for _ in range(20):
+        c, o = (torch.randn(k, len(spread), generator=generator).double() for k in (1, 3))
+        delta = (spread * (common * c + own * o)) @ values.T
+        noise = 0.05 * torch.randn(3, 200, generator=generator).double()
+        p = torch.softmax(error.log_densities(((delta + noise) * 20.0).flatten()[None]), 1)[0]
+        sizes = torch.tensor([[one.common**2, one.own**2] for one in error.levels]).double()
+        found.append((p[:, None] * sizes).sum(0).sqrt())
+    middle = torch.stack(found).median(0).values
+    total = float((middle**2).sum().sqrt())
+    assert total == pytest.approx(np.hypot(common, own), rel=0.35)
+    assert (middle[0] > middle[1]) == (common > own) or common == own
+
+
+def test_without_an_error_the_row_of_none_takes_over():
+    """Its weight exceeds .9 in nine of ten cases of pure noise."""
+    error = LearnedError(torch.full(SHAPE, 100.0).double(), FREQUENCY)
+    noise = torch.randn(
+        40, SHAPE[0] * SHAPE[1], generator=torch.Generator().manual_seed(5)
+    ).double()
+    p = torch.softmax(error.log_densities(noise), 1)[:, 0]
+    assert float(p.quantile(0.1)) > 0.7
