@@ -239,7 +239,7 @@ def test_calibrate_with_the_surrogate(femupdate, trained, tower_observation):
     assert set(answer) >= CALIBRATE
     assert answer["likelihood"] == "latent"
     assert "log_evidence" not in answer
-    assert any("--exact uses the noise of the file" in note for note in answer["notes"])
+    assert any("error of the model" in note for note in answer["notes"])
 
 
 @pytest.fixture(scope="module")
