@@ -16,17 +16,20 @@ from .parameters import BuildingName
 @click.command("train")
 @click.option("--building", type=BuildingName(), help="Shipped name or TOML file, for a new study.")
 @click.option(
+    "--thorough",
+    is_flag=True,
+    help="Twice the samples and three times the epochs: some six times as long.",
+)
+@click.option(
     "--samples",
     type=click.IntRange(min=100),
-    default=100_000,
-    show_default=True,
+    show_default="50000; 100000 with --thorough",
     help="Simulated buildings in the data set.",
 )
 @click.option(
     "--epochs",
     type=click.IntRange(min=1),
-    default=45,
-    show_default=True,
+    show_default="16; 45 with --thorough",
     help="Passes over the data set.",
 )
 @click.option(
@@ -55,7 +58,9 @@ from .parameters import BuildingName
 @study_options(draws=False)
 def command(
     building: str | None,
-    samples: int,
+    thorough: bool,
+    samples: int | None,
+    epochs: int | None,
     start: Path | None,
     fresh: bool,
     study: Study,
@@ -64,6 +69,9 @@ def command(
 ) -> Answer:
     """Train the surrogate of the study's building.
 
+    The usual training takes some minutes. A longer one, by --thorough, reduces the number of
+    responses that a calibration needs afterwards.
+
     It also learns the effects that the building lists, over the range of their prior.
 
     After an interruption the same command resumes. It does nothing where a trained surrogate (the
@@ -71,10 +79,12 @@ def command(
     """
     from femupdate.workflow.checks import check_training
     from femupdate.workflow.model import open_study
-    from femupdate.workflow.train import default_settings, train_study
+    from femupdate.workflow.train import THOROUGH, USUAL, default_settings, train_study
 
-    check_training(study, samples, settings["batch"], start, building)
+    effort = THOROUGH if thorough else USUAL
+    count = samples or effort.samples
+    check_training(study, count, settings["batch"], start, building)
     model = open_study(study, building, bars)
-    chosen = default_settings(model, **settings)
-    report = train_study(study, model, samples, chosen, fresh=fresh, start=start, progress=bars)
+    chosen = default_settings(model, epochs=epochs or effort.epochs, **settings)
+    report = train_study(study, model, count, chosen, fresh=fresh, start=start, progress=bars)
     return Answer(report, more={"study": study.folder})

@@ -19,6 +19,7 @@ from femupdate.errors import SurrogateError
 from femupdate.inference.parameters import Parameters
 from femupdate.processors import processor_count
 from femupdate.progress import SILENT, Progress
+from femupdate.seeds import Seed, torch_generator
 
 logger = logging.getLogger(__name__)
 
@@ -57,7 +58,7 @@ class DatasetPlan:
     samples: int
     modes: int
     top_frequency_hz: float
-    seed: int
+    seed: Seed
 
 
 def compute_dataset(
@@ -84,7 +85,8 @@ def compute_dataset(
         StudyError: the folder cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    unit = torch.quasirandom.SobolEngine(prior.size, scramble=True, seed=plan.seed).draw(
+    scramble = torch_generator(plan.seed).initial_seed()
+    unit = torch.quasirandom.SobolEngine(prior.size, scramble=True, seed=scramble).draw(
         plan.samples, dtype=torch.float64
     )
     theta = prior.from_unit(unit)

@@ -16,6 +16,7 @@ from femupdate.dynamics.system import System
 from femupdate.errors import SurrogateError
 from femupdate.inference.parameters import Parameters
 from femupdate.progress import SILENT, Percent, Progress
+from femupdate.seeds import TRAINING, stream, torch_generator
 from femupdate.surrogate.checkpoint import TrainingRun, load_checkpoint, save_checkpoint
 from femupdate.surrogate.dataset import ModalDataset, log_frf_pool, sample_zeta
 from femupdate.surrogate.loss import LossSettings, LossTerms, loss_terms
@@ -385,5 +386,5 @@ def _update_average(run: TrainingRun, settings: TrainingSettings) -> None:
             average.lerp_(current, 1.0 - decay)
 
 
-def _generator(seed: int, stream: int) -> torch.Generator:
-    return torch.Generator().manual_seed(seed * 10_000_019 + stream)
+def _generator(seed: int, number: int) -> torch.Generator:
+    return torch_generator(stream(seed, TRAINING, number))

@@ -10,6 +10,7 @@ from femupdate import __version__
 from femupdate.errors import SurrogateError
 from femupdate.inference.parameters import Parameters
 from femupdate.progress import Progress, Silent
+from femupdate.seeds import DATA_SET, stream
 from femupdate.study import Study, file_hash
 from femupdate.surrogate.dataset import DatasetPlan, ModalDataset, compute_dataset, modes_kept
 from femupdate.surrogate.loss import LossSettings
@@ -33,6 +34,24 @@ _SURROGATE_FILE = "surrogate.safetensors"
 _CHECKPOINT = "training.safetensors"
 _MODES_KEPT = 28
 _MODES_DECODED = 28
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much is put into a training.
+
+    Attributes:
+        samples: simulated buildings in the data set.
+        epochs: passes over them.
+    """
+
+    samples: int
+    epochs: int
+
+
+# Of six stories, on one core: some six minutes, and half an hour.
+USUAL = Effort(50_000, 16)
+THOROUGH = Effort(100_000, 45)
 
 
 @dataclass(frozen=True)
@@ -93,7 +112,7 @@ def check_samples(samples: int, settings: TrainingSettings) -> None:
 def train_study(
     study: Study,
     model: StudyModel,
-    samples: int = 100_000,
+    samples: int = USUAL.samples,
     settings: TrainingSettings | None = None,
     *,
     fresh: bool = False,
@@ -192,7 +211,7 @@ def _dataset(
         samples,
         modes_kept(model.system, _MODES_KEPT),
         float(model.frequency_hz[-1]),
-        seed + 1,
+        stream(seed, DATA_SET),
     )
     # Shards of another building, plan or reduction are never mixed in: the folder's name says.
     folder = study.path("dataset", f"{model.hash[:12]}-{samples}-{_shapes(model)}-{seed}")

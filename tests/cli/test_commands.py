@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from femupdate import __version__
+from femupdate.errors import SurrogateError
 
 BUILD = {
     "frequencies_hz",
@@ -357,3 +358,26 @@ def test_more_is_said_on_stderr_alone(script, tmp_path, tower_file):
     done = script("build-model", tower_file, "--study", tmp_path, "--json", "-v")
     assert done.answer["building"] == "tower"
     assert "loaded the building tower" in done.err
+
+
+@pytest.mark.parametrize(
+    ("words", "effort"),
+    [
+        ([], (50_000, 16)),
+        (["--thorough"], (100_000, 45)),
+        (["--thorough", "--samples", 700, "--epochs", 3], (700, 3)),
+    ],
+)
+def test_how_much_is_put_into_a_training(
+    femupdate, tmp_path, monkeypatch, tower_file, words, effort
+):
+    asked = []
+
+    def refused(study, model, samples, settings, **_):
+        asked.append((samples, settings.epochs))
+        raise SurrogateError("not now")
+
+    monkeypatch.setattr("femupdate.workflow.train.train_study", refused)
+    done = femupdate("train", "--building", tower_file, "--study", tmp_path / "study", *words)
+    assert done.complaint == "not now"
+    assert asked == [effort]
