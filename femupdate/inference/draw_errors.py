@@ -9,8 +9,8 @@ from femupdate.inference.model_error import ErrorLevel, LearnedError
 from femupdate.measurement.observation import Observation
 from femupdate.seeds import Seed, spawn, torch_generator
 
-# Draws from which the table of the phase's error is shortened.
-_TRIED = 50
+# Draws at which responses are computed: what the error may be hardly differs between draws.
+_TRIED = 200
 
 
 def draw_errors(
@@ -19,6 +19,7 @@ def draw_errors(
     """Errors at posterior draws (chains, draws, p)."""
     amplitude, turned = spawn(seed, 2)
     flat = parameters.flatten(0, 1)
+    flat = flat[:: max(1, len(flat) // _TRIED)]
     residuals = likelihood.data.residuals(flat)
     harmonics = likelihood.error.harmonics
     shape = tuple(parameters.shape[:2])
@@ -26,7 +27,7 @@ def draw_errors(
     if observation.phase is not None:
         whole = learned_error(likelihood.data, observation)
         turns = likelihood.data.phase_residuals(flat, observation)
-        short = _that_counts(whole, turns[:_TRIED])
+        short = _that_counts(whole, turns)
         phase = _drawn(short, turns, observation, turned, shape)
     return ErrorDraws(
         _drawn(likelihood.error, residuals, observation, amplitude, shape),
@@ -54,8 +55,10 @@ def _drawn(
     shape: tuple[int, ...],
 ) -> SizeDraws:
     shares = torch.softmax(error.log_densities(residuals), dim=1)
-    rows = torch.multinomial(shares, 1, generator=torch_generator(seed))[:, 0]
-    levels = torch.tensor([_numbers(level) for level in error.levels], dtype=torch.float64)[rows]
+    generator, count = torch_generator(seed), shape[0] * shape[1]
+    drawn = torch.multinomial(shares.mean(0), count, replacement=True, generator=generator)
+    levels = torch.tensor([_numbers(level) for level in error.levels], dtype=torch.float64)[drawn]
+    rows = torch.multinomial(shares, 1, generator=generator)[:, 0]
     values = error.harmonics.at(torch.from_numpy(observation.frequency_hz))
     mean = torch.zeros(error.floors, values.shape[1], dtype=torch.float64)
     for row in rows.unique().tolist():

@@ -1,6 +1,7 @@
 """Training: it learns, stops, resumes bit for bit, and refuses what does not belong to it."""
 
 import copy
+import errno
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -11,7 +12,6 @@ from safetensors import safe_open
 from safetensors.torch import load_file
 
 from femupdate.errors import StudyError, SurrogateError
-from femupdate.surrogate import checkpoint as checkpoint_room
 from femupdate.surrogate import training as room
 from femupdate.surrogate.training import TrainingSettings, draw_visibility, train_mvae
 from femupdate.surrogate.visibility import EARLIEST_END, LATEST_START, Visibility
@@ -169,15 +169,11 @@ def test_a_checkpoint_cut_short(task, quick, stopped, share):
 def test_a_full_disk_is_one_sentence_and_leaves_the_old_checkpoint(
     task, quick, stopped, monkeypatch
 ):
-    """Not an OSError: the library that writes the file has an error of its own."""
 
-    def full(tensors, path, metadata=None):
-        path.write_bytes(b"half")
-        raise checkpoint_room.SafetensorError(
-            "Error while serializing: I/O error: No space left on device (os error 28)"
-        )
+    def full(temporary, path):
+        raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(checkpoint_room, "save_file", full)
+    monkeypatch.setattr("femupdate.atomic.os.replace", full)
     before = stopped.read_bytes()
     with pytest.raises(StudyError, match="the disk is full; free some space"):
         train_mvae(task, quick, stopped)
