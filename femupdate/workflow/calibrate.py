@@ -73,7 +73,7 @@ def calibrate_study(
     latent = None if model.shared is None else sampled.latent
     posterior = posterior_of(model, observation, settings, sampled, latent, damping)
     fitting = against_data(model, measured, posterior, sampled, checking)
-    warnings = judgement(posterior, fitting)
+    warnings = judgement(model, posterior, fitting)
     posterior = replace(posterior, warnings=warnings)
     path = study.path("posterior.nc")
     save_posterior(posterior, path)
