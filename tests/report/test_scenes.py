@@ -69,7 +69,7 @@ def test_scene_drawn_by_matplotlib(spread):
         geometry, sway(geometry), shape_sd=sd, title="Mode 1", renderer="matplotlib"
     )
     count = 1 + spread
-    headings = ["Mean shape", "Spread of the posterior"][:count]
+    headings = ["Mean shape" if spread else "Shape", "Spread of the posterior"][:count]
     for panel, heading in zip(panels_of(figure, count), headings, strict=True):
         assert panel.get_title(loc="left") == heading
         rest, building = panel.collections
