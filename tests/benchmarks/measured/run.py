@@ -106,7 +106,9 @@ def run_measured(job: Job, plan: MeasuredPlan) -> Report:
             pairs.append(_pair(one, other, job.seed))
             job.progress.advance()
     name = f"measured_{events[0].model.building.name}"
-    content = {"plan": plan, "predictions": predictions, "pairs": pairs}
+    # Results are kept with the project: names of files, not where they lie.
+    names = {"building": Path(plan.building).name, "files": [path.name for path in plan.files]}
+    content = {**names, "predictions": predictions, "pairs": pairs}
     return job.write(name, content, _text(predictions, pairs), answer=_answer(predictions, pairs))
 
 
