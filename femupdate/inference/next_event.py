@@ -2,9 +2,9 @@
 
 Stiffness and damping differ from event to event with amplitude, temperature and damage. The model
 errs in the next event as much as it did in the observed one, but elsewhere: over six earthquakes of
-one hotel the error learned in one says nothing of where it lies in another
-(`python -m tests.benchmarks measured`). A part of what was measured did not follow the base at all;
-the next measurement will have such a part too.
+one hotel, responses corrected by the error learned in another were no better. Part of what was
+measured did not follow the base at all; the next measurement will have such a part too. How well
+these bands hold what is measured is the benchmark `femupdate benchmark measured`.
 
 Responses of a draw are multiplied by exp(error) over frequency. An error fades towards zero
 frequency, where a building moves as its base does.

@@ -1,0 +1,44 @@
+"""What the next event adds: scatter of its own, and what does not follow the base."""
+
+import numpy as np
+import pytest
+import torch
+
+from femupdate.inference.next_event import EventScatter, incoherent_share
+from femupdate.measurement.observation import Observation
+
+GRID = np.linspace(1.0, 10.0, 10)
+
+
+def test_factors_scatter_together_by_as_much_as_asked():
+    theta, zeta = torch.ones(20_000, 3).double(), torch.full((20_000,), 0.02).double()
+    box = torch.full((3,), 0.1).double(), torch.full((3,), 9.0).double()
+    moved, damped = EventScatter(stiffness=0.05, damping=0.2).next_event(theta, zeta, box, 1)
+    # A standard deviation of 20,000 draws errs by half a percent.
+    assert float(moved[:, 0].log().std()) == pytest.approx(0.05, rel=0.02)
+    assert float((damped / 0.02).log().std()) == pytest.approx(0.2, rel=0.02)
+    assert torch.equal(moved[:, 0], moved[:, 2])
+    same, kept = EventScatter(stiffness=0.0, damping=0.0).next_event(theta, zeta, box, 1)
+    assert torch.equal(same, theta)
+    assert torch.equal(kept, zeta)
+
+
+def test_factors_stay_in_their_box():
+    theta, zeta = torch.full((500, 1), 2.0).double(), torch.full((500,), 0.02).double()
+    box = torch.tensor([1.0]).double(), torch.tensor([2.0]).double()
+    moved, _ = EventScatter(stiffness=0.3).next_event(theta, zeta, box, 1)
+    assert float(moved.max()) == 2.0
+
+
+def test_what_does_not_follow_the_base_has_the_power_that_the_coherence_leaves():
+    measured = Observation(
+        frequency_hz=GRID,
+        floors=("RF",),
+        log_frf=np.zeros((1, 10)),
+        noise_sd=np.full((1, 10), 0.1),
+        valid=np.ones((1, 10), dtype=bool),
+        coherence=np.full((1, 10), 0.9),
+    )
+    both = incoherent_share(measured, ("2F", "RF"), GRID)
+    # Half of the power 1 / 9 in either part; a quarter of that is no leakage. 2F has the mean.
+    np.testing.assert_allclose(both, 0.25 * np.sqrt(0.5 / 9.0), rtol=1e-12)
