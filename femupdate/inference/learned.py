@@ -96,10 +96,18 @@ class Settled:
 def learned_error(
     data: DataLikelihood, observation: Observation, known: Tensor | None = None
 ) -> LearnedError:
-    """The error that residuals of an observation may hold; see `LearnedError` for `known`."""
+    """The error that residuals of an observation may hold.
+
+    Args:
+        data: residuals of the observation.
+        observation: on its grid.
+        known: (c, f, k) changes of ln|H| by one standard deviation of every error that is known.
+    """
     terms = data.terms
-    frequency = torch.from_numpy(observation.frequency_hz)
-    return LearnedError(terms.independent * terms.weight, frequency, terms.independent, known)
+    weight, frequency = terms.independent * terms.weight, torch.from_numpy(observation.frequency_hz)
+    points = terms.independent * float((weight > 0).sum())
+    steps = None if known is None else (known.to(weight) * weight.sqrt()).flatten(1)
+    return LearnedError(weight, frequency, points, steps)
 
 
 def settled(

@@ -51,6 +51,9 @@ class ErrorTable:
 
 MODEL_ERROR = ErrorTable()
 
+# Numbers in the factors of all rows, up to which these are kept.
+_KEPT = 6e7
+
 
 @dataclass(frozen=True)
 class ErrorLevel:
@@ -148,18 +151,62 @@ class Harmonics:
         return torch.cat([share, share[1:]])
 
 
+@dataclass(frozen=True, eq=False)
+class _Factor:
+    """Cholesky factor of the precision of all coefficients, scaled to a prior of unit variance.
+
+    Coefficients of one floor alone (a group is a floor in one part) are tied to those of another
+    by what all share: the common process of their part, and errors known beforehand.
+
+    Attributes:
+        own: (f, j, j) of a floor's own, the same in all parts.
+        across: (g, j, s) of these and the shared ones.
+        shared: (s, s).
+    """
+
+    own: Tensor
+    across: Tensor
+    shared: Tensor
+
+    def forward(self, own: Tensor, shared: Tensor) -> tuple[Tensor, Tensor]:
+        """The factor's inverse times values of all coefficients, (g, j, n) and (s, n)."""
+        first = torch.linalg.solve_triangular(self._groups(own), own, upper=False)
+        rest = shared - torch.einsum("gjs,gjn->sn", self.across, first)
+        return first, torch.linalg.solve_triangular(self.shared, rest, upper=False)
+
+    def solve(self, own: Tensor, shared: Tensor) -> tuple[Tensor, Tensor]:
+        """The precision's inverse times values of all coefficients, (g, j, n) and (s, n)."""
+        first, rest = self.forward(own, shared)
+        rest = torch.linalg.solve_triangular(self.shared.T, rest, upper=True)
+        first = first - self.across @ rest
+        return torch.linalg.solve_triangular(self._groups(own).mT, first, upper=True), rest
+
+    @property
+    def half_log_determinant(self) -> float:
+        """Of the precision."""
+        parts = len(self.across) // len(self.own)
+        own = self.own.diagonal(dim1=1, dim2=2).log().sum()
+        return parts * float(own) + float(self.shared.diagonal().log().sum())
+
+    def _groups(self, like: Tensor) -> Tensor:
+        return self.own.repeat(len(like) // len(self.own), 1, 1)
+
+
 class LearnedError:
     """The density of residuals that hold an error of the model, summed over what it may be.
 
-    Residuals (n, f k) are whitened by the stated noise alone, zero where a point is not valid.
+    Residuals (n, p f k) are whitened by the stated noise alone, zero where a point is not valid.
+    They have p parts: ln|H|, and where it is compared the phase, whose error is as large (rad) and
+    independent.
 
     Args:
         weight: (f, k) inverse variance of the noise, zero where a point is not valid.
         frequency_hz: (k,).
-        independent: share of the points that err independently.
-        known: (c, f, k) changes of ln|H| by one standard deviation of every error that is known
-            beforehand, as that of a mesh.
+        points: how many numbers err independently; by default every valid one.
+        known: (c, p f k) changes of the residuals by one standard deviation of every error that is
+            known beforehand, as that of a mesh.
         table: what the error may be.
+        parts: p.
 
     Attributes:
         levels: rows of the table that are summed over.
@@ -171,40 +218,30 @@ class LearnedError:
         self,
         weight: Tensor,
         frequency_hz: Tensor,
-        independent: float = 1.0,
+        points: float | None = None,
         known: Tensor | None = None,
         table: ErrorTable = MODEL_ERROR,
+        parts: int = 1,
     ) -> None:
         seen = frequency_hz[(weight > 0).any(0)]
         self._table = table
         self.levels = error_levels(float(seen[-1] - seen[0]), table)
         self.harmonics = Harmonics.over(seen, table)
-        self.floors = len(weight)
-        self._points = independent * float((weight > 0).sum())
-        root = weight.sqrt()
-        # (f, k, j): every floor's own; products of different floors vanish.
-        self._wide = root[:, :, None] * self.harmonics.at(frequency_hz)
-        steps = weight.new_zeros(0, *weight.shape) if known is None else known
-        self._known = (steps * root).flatten(1)
-        self._prepare()
+        self.floors, self._parts = len(weight), parts
+        self._points = float(parts * (weight > 0).sum()) if points is None else points
+        # (f, k, j): what the harmonics of a floor do to its residuals.
+        self._wide = weight.sqrt()[:, :, None] * self.harmonics.at(frequency_hz)
+        self._known = weight.new_zeros(0, parts * weight.numel()) if known is None else known
+        self._normal = self._wide.mT @ self._wide
+        self._across = self._beside(self._known)
+        self._factors: dict[int, _Factor] = {}
 
-    def _prepare(self) -> None:
-        floors = torch.block_diag(*(one.T @ one for one in self._wide))
-        across = self._beside(self._known)
-        within = self._known @ self._known.T
-        normal = torch.cat([torch.cat([floors, across.T], 1), torch.cat([across, within], 1)])
-        one = torch.eye(len(normal)).to(normal)
-        self._roots = [self._root(level) for level in self.levels]
-        self._factors = [
-            torch.linalg.cholesky(one + root @ normal @ root / level.noise**2)
-            for root, level in zip(self._roots, self.levels, strict=True)
-        ]
-        self._constants = [
-            level.log_weight
-            - self._points * math.log(level.noise)
-            - float(factor.diagonal().log().sum())
-            for level, factor in zip(self.levels, self._factors, strict=True)
-        ]
+    def without_known(self) -> "LearnedError":
+        """Without the errors that are known beforehand."""
+        other = copy.copy(self)
+        other._known, other._across = self._known[:0], self._across[:0]
+        other._factors = {}
+        return other
 
     @property
     def start(self) -> int:
@@ -225,16 +262,16 @@ class LearnedError:
         """With some rows of the table alone."""
         fewer = copy.copy(self)
         fewer.levels = tuple(self.levels[row] for row in rows)
-        fewer._roots = [self._roots[row] for row in rows]
-        fewer._factors = [self._factors[row] for row in rows]
-        fewer._constants = [self._constants[row] for row in rows]
+        fewer._factors = {
+            k: self._factors[row] for k, row in enumerate(rows) if row in self._factors
+        }
         return fewer
 
     def finer(self, row: int) -> "LearnedError":
         """With a finer table about a row of this one."""
         fewer = copy.copy(self)
         fewer.levels = finer_levels(self.levels[row], self.levels[0], self._table)
-        fewer._prepare()
+        fewer._factors = {}
         return fewer
 
     def counting(self, densities: Tensor) -> list[int]:
@@ -243,18 +280,20 @@ class LearnedError:
         return (most > math.log(self._table.counts)).nonzero()[:, 0].tolist()
 
     def log_densities(self, residuals: Tensor) -> Tensor:
-        """Log density (n, g) of residuals (n, f k) by every row, whose prior is part of it.
+        """Log density (n, g) of residuals (n, p f k) by every row, whose prior is part of it.
 
         Up to the constant of the stated noise.
         """
         along, square = self._along(residuals), residuals.square().sum(1).to(self._wide)
         values = []
-        for level, root, factor, constant in zip(
-            self.levels, self._roots, self._factors, self._constants, strict=True
-        ):
-            inner = torch.linalg.solve_triangular(factor, root @ along.T, upper=False)
-            explained = inner.square().sum(0) / level.noise**4
-            values.append(constant - 0.5 * (square / level.noise**2 - explained))
+        for row, level in enumerate(self.levels):
+            factor = self._factor(row)
+            parts = factor.forward(*self._scaled(level, *along))
+            explained = parts[0].square().sum((0, 1)) + parts[1].square().sum(0)
+            constant = level.log_weight - self._points * math.log(level.noise)
+            constant -= factor.half_log_determinant
+            squares = (square - explained / level.noise**2) / level.noise**2
+            values.append(constant - 0.5 * squares)
         return torch.stack(values, dim=1)
 
     def log_density(self, residuals: Tensor) -> Tensor:
@@ -264,56 +303,103 @@ class LearnedError:
     def whiten(self, residuals: Tensor, row: int) -> Tensor:
         """Residuals (n, m) of unit covariance, were a row of the table true.
 
-        What is left beside the likeliest error comes first (f k), then its coefficients.
+        What is left beside the likeliest error comes first (p f k), then its coefficients: those of
+        every floor alone, and those that all share.
         """
-        noise, standard = self.levels[row].noise, self._likeliest(residuals, row)
-        left = residuals.to(self._wide) - self._along_back(standard @ self._roots[row])
-        return torch.cat([left / noise, standard], dim=1)
+        level = self.levels[row]
+        own, shared = self._standard(residuals, row)
+        left = residuals.to(self._wide) - self._along_back(*self._scaled(level, own, shared))
+        return torch.cat([left / level.noise, own.flatten(0, 1).T, shared.T], dim=1)
 
     def floor_squares(self, residuals: Tensor, rows: Tensor) -> Tensor:
-        """Squares (n, f) of residuals (n, f k), each of unit covariance by its own row (n,)."""
+        """Squares (n, f) of residuals (n, p f k), each of unit covariance by its own row (n,)."""
         parts = residuals.new_zeros(len(residuals), self.floors, dtype=torch.float64)
-        inner = self.floors * self._wide.shape[2]
-        points = residuals.shape[1]
+        points, inner = residuals.shape[1], self._parts * self.floors * self._wide.shape[2]
         for row in rows.unique().tolist():
             chosen = (rows == row).nonzero()[:, 0]
-            white = self.whiten(residuals[chosen], row)
+            white = self.whiten(residuals[chosen], row).square()
             for part in (white[:, :points], white[:, points : points + inner]):
-                parts[chosen] += part.unflatten(1, (self.floors, -1)).square().sum(2)
-            parts[chosen] += white[:, points + inner :].square().sum(1, True) / self.floors
+                parts[chosen] += part.unflatten(1, (self._parts, self.floors, -1)).sum((1, 3))
+            parts[chosen] += white[:, points + inner :].sum(1, True) / self.floors
         return parts
 
     def likeliest(self, residuals: Tensor, row: int) -> Tensor:
-        """Coefficients (n, f, j) of the likeliest error, were a row of the table true."""
-        values = self._likeliest(residuals, row) @ self._roots[row]
-        return values[:, : self.floors * self._wide.shape[2]].unflatten(1, (self.floors, -1))
+        """Coefficients (n, p f, j) of the likeliest error, were a row of the table true.
 
-    def _likeliest(self, residuals: Tensor, row: int) -> Tensor:
-        """Standard coefficients (n, d), whose prior is of unit variance."""
-        inner = self._along(residuals) @ self._roots[row] / self.levels[row].noise ** 2
-        return torch.cholesky_solve(inner.T, self._factors[row]).T
+        Without the errors that are known beforehand.
+        """
+        level = self.levels[row]
+        own, shared = self._scaled(level, *self._standard(residuals, row))
+        common = shared[len(self._known) :].unflatten(0, (self._parts, 1, -1))
+        return (own.unflatten(0, (self._parts, -1)) + common).flatten(0, 1).permute(2, 0, 1)
 
-    def _root(self, level: ErrorLevel) -> Tensor:
-        """Symmetric root (d, d) of the covariance of the coefficients."""
-        mean = torch.full((self.floors, self.floors), 1.0 / self.floors, dtype=torch.float64)
-        together = math.hypot(level.own, self.floors**0.5 * level.common)
-        between = level.own * (torch.eye(self.floors).to(mean) - mean) + together * mean
-        harmonic = torch.diag(self.harmonics.spread(level.length_hz))
-        known = torch.eye(len(self._known), dtype=torch.float64)
-        return torch.block_diag(torch.kron(between, harmonic), known)
+    def _factor(self, row: int) -> _Factor:
+        found = self._factors.get(row)
+        if found is None:
+            found = self._factored(self.levels[row])
+            size = found.own.numel() + found.across.numel() + found.shared.numel()
+            if size * len(self.levels) < _KEPT:
+                self._factors[row] = found
+        return found
+
+    def _factored(self, level: ErrorLevel) -> _Factor:
+        """In units of the noise's variance, to which the prior's precision is brought."""
+        spread, noise = self.harmonics.spread(level.length_hz), level.noise
+        count = len(spread)
+        one = torch.eye(count).to(self._wide)
+        scaled = spread[:, None] * self._normal * spread / noise**2
+        own = torch.linalg.cholesky(one + level.own**2 * scaled)
+        of_known = level.own * spread * self._across / noise**2  # (c, g, j)
+        of_common = (
+            level.own
+            * level.common
+            * torch.block_diag(*(scaled.flatten(0, 1) for _ in range(self._parts)))
+        )
+        both = torch.cat([of_known.permute(1, 2, 0), of_common.unflatten(0, (-1, count))], 2)
+        groups = own.repeat(self._parts, 1, 1)
+        across = torch.linalg.solve_triangular(groups, both, upper=False)
+        shared = self._shared_precision(level, scaled) - torch.einsum("gjs,gjt->st", across, across)
+        return _Factor(own, across, torch.linalg.cholesky(shared))
+
+    def _shared_precision(self, level: ErrorLevel, scaled: Tensor) -> Tensor:
+        """(s, s) of what all floors share, were there nothing of a floor's own."""
+        spread, noise = self.harmonics.spread(level.length_hz), level.noise
+        within = self._known @ self._known.T / noise**2
+        of_part = self._across.unflatten(1, (self._parts, -1)).sum(2)  # (c, p, j)
+        between = (level.common * spread * of_part / noise**2).flatten(1)
+        common = level.common**2 * torch.block_diag(*[scaled.sum(0)] * self._parts)
+        whole = torch.cat([torch.cat([within, between], 1), torch.cat([between.T, common], 1)])
+        return whole + torch.eye(len(whole)).to(whole)
+
+    def _standard(self, residuals: Tensor, row: int) -> tuple[Tensor, Tensor]:
+        """Likeliest coefficients (g, j, n) and (s, n), whose prior is of unit variance."""
+        level = self.levels[row]
+        own, shared = self._scaled(level, *self._along(residuals))
+        return self._factor(row).solve(own / level.noise**2, shared / level.noise**2)
+
+    def _scaled(self, level: ErrorLevel, own: Tensor, shared: Tensor) -> tuple[Tensor, Tensor]:
+        """Values of the coefficients (g, j, n) and (s, n), times their standard deviations."""
+        spread = self.harmonics.spread(level.length_hz)
+        common = level.common * spread.repeat(self._parts)
+        every = torch.cat([torch.ones(len(self._known)).to(common), common])
+        return level.own * spread[:, None] * own, every[:, None] * shared
 
     def _beside(self, residuals: Tensor) -> Tensor:
-        """Products (n, f j) of residuals (n, f k) with the harmonics of every floor."""
-        parts = residuals.to(self._wide).unflatten(1, (self.floors, -1))
-        return torch.einsum("nfk,fkj->nfj", parts, self._wide).flatten(1)
+        """Products (n, g, j) of residuals (n, p f k) with the harmonics of every floor."""
+        parts = residuals.to(self._wide).unflatten(1, (self._parts, self.floors, -1))
+        return torch.einsum("npfk,fkj->npfj", parts, self._wide).flatten(1, 2)
 
-    def _along(self, residuals: Tensor) -> Tensor:
-        """What residuals (n, f k) say of all coefficients, (n, d)."""
-        return torch.cat([self._beside(residuals), residuals.to(self._wide) @ self._known.T], 1)
+    def _along(self, residuals: Tensor) -> tuple[Tensor, Tensor]:
+        """What residuals (n, p f k) say of all coefficients, (g, j, n) and (s, n)."""
+        own = self._beside(residuals)
+        common = own.unflatten(1, (self._parts, -1)).sum(2).flatten(1)
+        known = residuals.to(self._wide) @ self._known.T
+        return own.permute(1, 2, 0), torch.cat([known, common], 1).T
 
-    def _along_back(self, values: Tensor) -> Tensor:
-        """Residuals (n, f k) that coefficients (n, d) bring."""
-        inner = self.floors * self._wide.shape[2]
-        of_floors = values[:, :inner].unflatten(1, (self.floors, -1))
-        back = torch.einsum("nfj,fkj->nfk", of_floors, self._wide).flatten(1)
-        return back + values[:, inner:] @ self._known
+    def _along_back(self, own: Tensor, shared: Tensor) -> Tensor:
+        """Residuals (n, p f k) that coefficients (g, j, n) and (s, n) bring."""
+        count = len(self._known)
+        common = shared[count:].unflatten(0, (self._parts, 1, -1))
+        of_floors = own.unflatten(0, (self._parts, -1)) + common
+        back = torch.einsum("pfjn,fkj->npfk", of_floors, self._wide).flatten(1)
+        return back + shared[:count].T @ self._known

@@ -46,11 +46,40 @@ def residuals(count=3, seed=1):
     return torch.from_numpy(away), (torch.from_numpy(away) * weight().sqrt()).flatten(1)
 
 
+def test_a_phase_is_a_second_part_that_only_known_errors_tie_to_the_first():
+    """The density of both parts is that of the dense covariance of twice as many floors."""
+    rng = np.random.default_rng(7)
+    there = (weight() > 0).flatten().repeat(2)
+    steps = torch.from_numpy(rng.normal(0.0, 1.0, (3, len(there)))) * there
+    error = LearnedError(weight(), FREQUENCY, known=steps, table=FEW, parts=2)
+    apart = LearnedError(weight(), FREQUENCY, table=FEW, parts=2)
+    both = torch.cat([residuals(seed=1)[1], residuals(seed=2)[1]], 1)
+    root = weight().sqrt().flatten().repeat(2)
+    for row in range(0, len(error.levels), 7):
+        one = torch.zeros(len(root), len(root)).double()
+        seen = (root > 0).numpy()
+        dense = torch.from_numpy(covariance(error, row)[0])
+        one[np.ix_(seen, seen)] = torch.block_diag(dense, dense)
+        cover = root[:, None] * one * root + steps.T @ steps
+        cover = cover[seen][:, seen].numpy()
+        expected = multivariate_normal(cov=cover).logpdf(both.numpy()[:, seen])
+        stated = 0.5 * seen.sum() * np.log(2.0 * np.pi)
+        found = error.log_densities(both)[:, row] - error.levels[row].log_weight
+        np.testing.assert_allclose(found.numpy() - stated, expected, rtol=1e-8)
+        white = error.whiten(both, row).square().sum(1)
+        flat = both.numpy()[:, seen]
+        squares = np.einsum("ni,ij,nj->n", flat, np.linalg.inv(cover), flat)
+        np.testing.assert_allclose(white.numpy(), squares, rtol=1e-7)
+        alone = error.without_known().log_densities(both)[:, row]
+        np.testing.assert_allclose(alone, apart.log_densities(both)[:, row], rtol=1e-12)
+
+
 @pytest.mark.parametrize("with_known", [False, True])
 def test_densities_are_those_of_dense_normal_distributions(with_known):
     known = torch.from_numpy(np.random.default_rng(2).normal(0.0, 0.1, (3, *SHAPE)))
     known = known if with_known else None
-    error = LearnedError(weight(), FREQUENCY, known=known, table=FEW)
+    steps = None if known is None else (known * weight().sqrt()).flatten(1)
+    error = LearnedError(weight(), FREQUENCY, known=steps, table=FEW)
     plain, whitened = residuals()
     found = error.log_densities(whitened)
     stated = 0.5 * float(torch.log(weight()[weight() > 0]).sum()) - 0.5 * int(
