@@ -13,6 +13,7 @@ from .lazy import LazyGroup
 # of the work.
 _COMMANDS = {
     "inspect": ("inspect_file", "Say what is in measured files and what looks wrong."),
+    "identify": ("identify", "Identify modes from floor motions alone (ambient vibration)."),
     "build-model": (
         "build_model",
         "Build and reduce the model of a building, and draw its modes.",

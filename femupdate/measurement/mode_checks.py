@@ -23,7 +23,7 @@ def mode_findings(modes: Sequence[RecordedMode]) -> tuple[str, ...]:
         f"{_called(one)} and {_called(other)} have nearly one frequency and one shape: this looks"
         " like one mode found twice"
         for one, other in combinations(modes, 2)
-        if _alike(one, other)
+        if alike(one, other)
     ]
     return (*single, *pairs)
 
@@ -60,6 +60,7 @@ def _called(mode: RecordedMode) -> str:
     return f"{name}at {mode.frequency_hz:.4g} Hz"
 
 
-def _alike(one: RecordedMode, other: RecordedMode) -> bool:
+def alike(one: RecordedMode, other: RecordedMode) -> bool:
+    """Whether two modes look like one that was found twice."""
     close = abs(np.log(one.frequency_hz / other.frequency_hz)) < _SAME_FREQUENCY
     return close and mac(one, other) > _SAME_SHAPE

@@ -11,6 +11,8 @@ from femupdate.measurement.columns import BASE, TIME, channel_name, floor_height
 from femupdate.measurement.floor_names import base_rank, floors_of
 
 _COMPONENTS = 3  # a record of one place has so many channels at most
+_LONG_S = 120.0  # records of earthquakes end sooner, ambient ones later
+_NO_BASE = "There is no base: the modes can be found if this is ambient vibration."
 _CHECK = "The floors are told from the sensors' places or names; check them against the building."
 
 
@@ -51,6 +53,11 @@ def next_step(
         return NextStep(calibrate + _columns(mapping, histories, names), _CHECK)
     if len(histories) <= _COMPONENTS and not floors:
         return NextStep(_predict(path, histories, usable, options), "")
+    if floors and not base and _lasts(histories[usable[0]]) >= _LONG_S:
+        columns = "" if names is not None and _speaks_our_names(names) else None
+        columns = _columns(mapping, histories, names) if columns is None else columns
+        name = shlex.quote(str(path))
+        return NextStep(f"femupdate identify {name} -o modes.csv{columns}", _NO_BASE)
     if not base and len(histories) <= _COMPONENTS:
         return NextStep(
             "",
@@ -69,6 +76,11 @@ def next_step(
 def proposed_floors(channels: Sequence[RecordedChannel]) -> tuple[str | None, ...]:
     """Floors that the channels' locations or names tell, None where they do not."""
     return floors_of([each.location or each.name for each in channels])
+
+
+def _lasts(channel: RecordedChannel) -> float:
+    """Length, s."""
+    return channel.values.size * channel.time_step
 
 
 def _is_usable(channel: RecordedChannel) -> bool:

@@ -105,8 +105,36 @@ def observation_in(
 ) -> Histories | FrfTable:
     """What `read_observation_file` reads, in a file that was opened."""
     if recording.table is None:
-        return _from_channels(recording, unit, columns or {})
+        channels = _mapped_channels(recording, unit, columns or {})
+        return _histories(recording.file, channels, unit)
     return _from_table(recording.table, unit, columns)
+
+
+def motions_in(
+    recording: Recording, columns: Mapping[str, str] | None = None
+) -> Mapping[Channel, RecordedChannel]:
+    """Histories of floors at the same times, of any quantity, with or without the base.
+
+    Args:
+        recording: what the file holds.
+        columns: our column name to the file's column or channel.
+
+    Raises:
+        MeasurementError: the file holds no histories, their times differ, or a column or cell
+            cannot be used; the message names it.
+    """
+    file, table = recording.file, recording.table
+    if table is None:
+        if not recording.channels:
+            raise file.error("there are no histories in the file; give the record of the floors")
+        channels = _mapped_channels(recording, None, columns or {})
+    else:
+        layout = layout_of(table, columns)
+        if not layout.of_histories:
+            raise file.error("these are response functions; modes come from a record of the floors")
+        channels = _columns_as_channels(table, layout.at, layout.known)
+    _require_same_times(file, channels)
+    return channels
 
 
 def _from_table(
@@ -166,7 +194,10 @@ def layout_of(table: Table, columns: Mapping[str, str] | None) -> Layout:
     return Layout(at, kinds[0].lower() == TIME, known)
 
 
-def _from_channels(recording: Recording, unit: str | None, columns: Mapping[str, str]) -> Histories:
+def _mapped_channels(
+    recording: Recording, unit: str | None, columns: Mapping[str, str]
+) -> dict[Channel, RecordedChannel]:
+    """The channels that are given to floors."""
     file, listing = recording.file, channel_listing(recording.file, recording.channels, unit)
     if not columns:
         raise file.error(
@@ -183,7 +214,7 @@ def _from_channels(recording: Recording, unit: str | None, columns: Mapping[str,
             name = ours if channel in chosen else theirs
             raise file.error(f"{name!r} is mapped twice; map every channel to one name")
         chosen[channel] = taken
-    return _histories(file, chosen, unit)
+    return chosen
 
 
 def _renamed(file: TextFile, names: tuple[str, ...], columns: Mapping[str, str]) -> tuple[str, ...]:
@@ -248,6 +279,13 @@ def _histories(
     file: TextFile, channels: Mapping[Channel, RecordedChannel], unit: str | None
 ) -> Histories:
     _require_base_and_floors(file, tuple(channels))
+    _require_same_times(file, channels)
+    first = next(iter(channels.values()))
+    rows = [_acceleration(file, each, channel, unit) for channel, each in channels.items()]
+    return Histories(first.time_step, tuple(channels), np.array(rows), file.path.name)
+
+
+def _require_same_times(file: TextFile, channels: Mapping[Channel, RecordedChannel]) -> None:
     first = next(iter(channels.values()))
     _require_spectrum(file, first.values.size)
     check_step(file, first.time_step, repr(first.name))
@@ -258,8 +296,6 @@ def _histories(
                 f" {first.name!r} {first.values.size} every {first.time_step:g} s; bring them to"
                 " the same times"
             )
-    rows = [_acceleration(file, each, channel, unit) for channel, each in channels.items()]
-    return Histories(first.time_step, tuple(channels), np.array(rows), file.path.name)
 
 
 def _require_spectrum(file: TextFile, count: int, line: int | None = None) -> None:
@@ -274,7 +310,7 @@ def _require_base_and_floors(file: TextFile, channels: tuple[Channel, ...]) -> N
     if BASE not in floors:
         raise file.error(
             "there is no column base, and a response is measured against the base; name or map"
-            " the base acceleration"
+            " the base acceleration, or take modes from the floors alone by femupdate identify"
         )
     if all(floor == BASE for floor in floors):
         raise file.error("there is no floor beside the base; add columns 2F ... RF")

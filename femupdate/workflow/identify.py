@@ -1,0 +1,143 @@
+"""identify: modes of a record of floors alone, as the table that `calibrate` reads."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from femupdate.arrays import Floats
+from femupdate.measurement.ambient import ORDER, AmbientModes, identify_modes
+from femupdate.measurement.channel import RecordedChannel
+from femupdate.measurement.columns import BASE, Channel
+from femupdate.measurement.mode_checks import mode_findings
+from femupdate.measurement.observation_file import motions_in
+from femupdate.measurement.quantity import si_factor
+from femupdate.measurement.registry import read_measured
+from femupdate.measurement.text import TextFile
+from femupdate.measurement.write import write_modes
+from femupdate.tables import table
+
+
+@dataclass(frozen=True)
+class Identified:
+    """Modes of a record, written.
+
+    Attributes:
+        ambient: the modes and what they were chosen from.
+        source: name of the record.
+        output: table of the modes.
+        findings: sentences on what looks wrong in them.
+    """
+
+    ambient: AmbientModes
+    source: str
+    output: Path
+    findings: tuple[str, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """What `--json` holds."""
+        names = ("name", "frequency_hz", "frequency_sd_hz", "damping", "damping_sd", "shape")
+        return {
+            "output": self.output,
+            "modes": [{name: getattr(one, name) for name in names} for one in self.ambient.modes],
+            "band_hz": self.ambient.band_hz,
+            "notes": self.ambient.notes,
+            "findings": self.findings,
+            "next": self.next,
+        }
+
+    @property
+    def next(self) -> str:
+        """The command to run next."""
+        return f"femupdate calibrate {self.output}"
+
+    def lines(self) -> tuple[str, ...]:
+        """Every mode, what was left out, and the next command."""
+        rows = [
+            (
+                one.name,
+                f"{one.frequency_hz:.4g} +- {one.frequency_sd_hz:.2g} Hz",
+                f"{100.0 * (one.damping or 0.0):.2g} +- {100.0 * (one.damping_sd or 0.0):.1g} %",
+            )
+            for one in self.ambient.modes
+        ]
+        return (
+            f"Modes of {self.source}, to {self.output}:",
+            table(("mode", "frequency", "damping ratio"), rows),
+            *(f"  - {note}" for note in (*self.ambient.notes, *self.findings)),
+            f"Next: {self.next}",
+        )
+
+
+def identify(
+    path: Path,
+    output: Path,
+    *,
+    columns: Mapping[str, str] | None = None,
+    band_hz: tuple[float, float] | None = None,
+    order: int = ORDER,
+) -> Identified:
+    """Identify the modes of a record of floors and write them as a table.
+
+    Args:
+        path: of the record.
+        output: CSV file.
+        columns: our column name to the file's column or channel.
+        band_hz: in which modes are looked for; by default about the first peaks of the spectra.
+        order: the largest of the models.
+
+    Raises:
+        MeasurementError: the record cannot be used or shows no mode, or pyOMA2 is missing.
+    """
+    recording = read_measured(path)
+    floors = {
+        ours: channel
+        for ours, channel in motions_in(recording, columns).items()
+        if ours.floor != BASE and ours.direction != "z" and not channel.vertical
+    }
+    if not floors:
+        raise recording.file.error(
+            "there is no horizontal motion of a floor; add columns 2F ... RF"
+        )
+    step = next(iter(floors.values())).time_step
+    names = tuple(ours.name for ours in floors)
+    found = identify_modes(_values(recording.file, floors), step, names, band_hz, order)
+    said = [f"modes of {path.name} by femupdate identify", *found.notes]
+    written = write_modes(output, found.modes, said)
+    return Identified(found, path.name, written, mode_findings(found.modes))
+
+
+def draw_identified(one: Identified, path: Path) -> Path:
+    """Draw spectra, poles of every order, and the modes' shapes.
+
+    Raises:
+        ReportError: the picture cannot be written.
+    """
+    from femupdate.report.figure import save_figure
+    from femupdate.report.plot_poles import stabilisation
+
+    return save_figure(stabilisation(one.ambient, one.source), path)
+
+
+def _values(file: TextFile, floors: Mapping[Channel, RecordedChannel]) -> Floats:
+    """Motion (c, n) in one unit, which need not be known where all have the same."""
+    channels = list(floors.values())
+    units = {channel.unit for channel in channels}
+    kinds = {channel.quantity for channel in channels}
+    if len(kinds) > 1:
+        raise file.error(
+            f"the channels hold {' and '.join(sorted(kinds))}; take channels of one quantity by the"
+            " columns option"
+        )
+    dead = next((one.name for one in channels if np.ptp(one.values) == 0.0), None)
+    if dead is not None:
+        raise file.error(f"channel {dead!r} is dead: all its values are the same; leave it out")
+    if len(units) == 1:
+        return np.array([one.values for one in channels])
+    if None in units:
+        raise file.error("some channels have a unit and some have none; give every one its unit")
+    return np.array(
+        [one.values * si_factor(file, one.unit or "", one.quantity) for one in channels]
+    )
