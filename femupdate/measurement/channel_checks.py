@@ -1,13 +1,12 @@
 """What looks wrong in one recorded history, before it is used for anything."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from femupdate.arrays import Flags, Floats
 from femupdate.measurement.channel import RecordedChannel
-from femupdate.measurement.columns import BASE
 from femupdate.measurement.record import LARGEST_PEAK, SMALLEST_PEAK
 from femupdate.units import STANDARD_GRAVITY
 
@@ -27,10 +26,6 @@ class Limits:
         neighbours: samples to either side that make the neighbourhood.
         stuck_s: time without any change between parts that move.
         peak: difference of the peak from the one stated, over it. Headers round to three digits.
-        segments: of Welch's method, half overlapping, to compare a floor with the base.
-        least_samples: of a record that is long enough for that.
-        coherence: of frequencies at which they are compared.
-        least_bins: number of such frequencies.
     """
 
     slowest_hz: float = 5.0
@@ -43,10 +38,6 @@ class Limits:
     neighbours: int = 10
     stuck_s: float = 1.0
     peak: float = 0.01
-    segments: int = 12
-    least_samples: int = 1024
-    coherence: float = 0.8
-    least_bins: int = 3
 
 
 LIMITS = Limits()
@@ -176,64 +167,3 @@ def _stuck(values: Floats) -> tuple[int, int]:
     lengths = np.where(inside, ends - starts, 0)
     longest = int(np.argmax(lengths))
     return int(starts[longest]), int(lengths[longest])
-
-
-def pair_findings(
-    channels: Sequence[RecordedChannel], floors: Sequence[str | None], limits: Limits = LIMITS
-) -> tuple[str, ...]:
-    """Return sentences on channels that are vertical, repeat another, or run against the base.
-
-    Args:
-        channels: of one file.
-        floors: of each, or None.
-        limits: from where on.
-    """
-    found: list[str] = []
-    vertical = [str(k) for k, channel in enumerate(channels, start=1) if channel.vertical]
-    if vertical:
-        are = "s " + ", ".join(vertical) + " are" if len(vertical) > 1 else f" {vertical[0]} is"
-        found.append(f"channel{are} vertical: no response to the base's horizontal motion.")
-    for later, channel in enumerate(channels):
-        for earlier in range(later):
-            if _repeats(channels[earlier], channel):
-                found.append(f"channels {earlier + 1} and {later + 1} hold the same numbers.")
-    bases = [k for k, floor in enumerate(floors) if floor == BASE]
-    for k, floor in enumerate(floors):
-        base = next((b for b in bases if _beside(channels[b], channels[k])), None)
-        if floor in (None, BASE) or base is None or channels[k].vertical:
-            continue
-        if _runs_against(channels[base], channels[k], limits):
-            found.append(
-                f"channel {k + 1} ({channels[k].name}) moves against the base where both should"
-                " move together, at low frequency: is its direction reversed?"
-            )
-    return tuple(found)
-
-
-def _repeats(one: RecordedChannel, other: RecordedChannel) -> bool:
-    return np.array_equal(one.values, other.values) and bool(np.ptp(one.values))
-
-
-def _beside(base: RecordedChannel, channel: RecordedChannel) -> bool:
-    """Whether two channels share their direction and times."""
-    alike = base.direction.upper() == channel.direction.upper()
-    times = (base.values.size, base.time_step) == (channel.values.size, channel.time_step)
-    return alike and times and not (base.vertical or channel.vertical)
-
-
-def _runs_against(base: RecordedChannel, channel: RecordedChannel, limits: Limits) -> bool:
-    """Whether H is negative where it is smooth: below half the frequency of its largest peak."""
-    from scipy.signal import coherence, csd
-
-    if base.values.size < limits.least_samples:
-        return False
-    segment = base.values.size // limits.segments
-    options = {"fs": 1.0 / base.time_step, "nperseg": segment}
-    ground, floor = (
-        one / max(float(np.abs(one).max()), 1e-300) for one in (base.values, channel.values)
-    )
-    frequency, seen = coherence(ground, floor, **options)
-    cross = csd(ground, floor, **options)[1]
-    peak = frequency[1 + int(np.argmax(np.abs(cross[1:])))]
-    low = (frequency > 0.0) & (frequency < 0.5 * peak) & (seen > limits.coherence)
-    return bool(low.sum() >= limits.least_bins and np.mean(cross[low].real < 0.0) > 0.9)

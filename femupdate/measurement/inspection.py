@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from femupdate.measurement.channel import RecordedChannel
-from femupdate.measurement.channel_checks import channel_findings, pair_findings
+from femupdate.measurement.channel_checks import channel_findings
 from femupdate.measurement.columns import BASE, FREQUENCY
 from femupdate.measurement.direction import azimuth_of
 from femupdate.measurement.force_table import SOMEWHERE, force_functions, under_force
@@ -16,6 +16,7 @@ from femupdate.measurement.mode_checks import mode_findings
 from femupdate.measurement.mode_table import modes_in_table
 from femupdate.measurement.next_step import NextStep, next_step, proposed_floors
 from femupdate.measurement.observation_file import layout_of, observation_in
+from femupdate.measurement.pair_checks import pair_findings
 from femupdate.measurement.quantity import is_acceleration, si_factor
 from femupdate.measurement.recording import RecordedFunction, RecordedMode, Recording
 from femupdate.measurement.registry import read_measured, readers

@@ -5,10 +5,11 @@ import pytest
 from scipy.signal import butter, sosfilt
 
 from femupdate.measurement.channel import RecordedChannel
-from femupdate.measurement.channel_checks import channel_findings, pair_findings
+from femupdate.measurement.channel_checks import channel_findings
 from femupdate.measurement.floor_names import base_rank, floors_of
 from femupdate.measurement.inspection import inspect_file
 from femupdate.measurement.next_step import next_step
+from femupdate.measurement.pair_checks import pair_findings
 
 RATE = 100.0
 

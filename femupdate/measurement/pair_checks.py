@@ -1,0 +1,291 @@
+"""What looks wrong between the channels of one building, told from their motion together.
+
+In its first mode a building's floors move together, the more the higher they are; well below that
+mode they move with the base. Both hold for nearly every building, whatever its stiffness. So a
+channel that runs against the others, late, or with the amplitude of another floor is told from its
+response to the base, or without one to the highest floor. A clock that drifts turns the phase of
+that response in time, in proportion to frequency, which no change of the building does.
+"""
+
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from femupdate.arrays import Complexes, Flags, Floats
+from femupdate.measurement.channel import RecordedChannel
+from femupdate.measurement.columns import BASE, floor_height, parse_channel
+
+
+@dataclass(frozen=True, kw_only=True)
+class PairLimits:
+    """From where on something between channels is worth a sentence.
+
+    Attributes:
+        segments: of Welch's method, half overlapping.
+        least_samples: of a record that is long enough.
+        amplified: response to the base from which a peak is a mode.
+        coherence: of frequencies that are compared.
+        least_bins: number of such frequencies.
+        out_of_order: amplitude of a floor over that of a higher one, in the first mode.
+        late: delay over the period of the first mode; damping alone makes a fifth of it.
+        sure: either, over its standard deviation.
+        scatter_rad: phase that may be left beside a drift.
+    """
+
+    segments: int = 12
+    least_samples: int = 1024
+    amplified: float = 1.25
+    coherence: float = 0.8
+    least_bins: int = 3
+    out_of_order: float = 1.2
+    late: float = 0.03
+    sure: float = 5.0
+    scatter_rad: float = 0.15
+
+
+PAIR_LIMITS = PairLimits()
+
+
+@dataclass(frozen=True, eq=False)
+class _Sensor:
+    """A horizontal channel on a known floor; the number is that of the file, from 1."""
+
+    number: int
+    floor: str
+    channel: RecordedChannel
+
+
+@dataclass(frozen=True, eq=False)
+class _Response:
+    """Response of a channel to the reference, its coherence, and independent averages."""
+
+    frequency_hz: Floats
+    values: Complexes
+    coherence: Floats
+    averages: float
+
+    def phase_sd(self) -> Floats:
+        """Standard deviation of the phase (Bendat and Piersol 2010, section 9.2), rad."""
+        seen = np.clip(self.coherence, 1e-6, 1.0 - 1e-6)
+        return np.sqrt((1.0 - seen) / (2.0 * seen * self.averages))
+
+
+def pair_findings(
+    channels: Sequence[RecordedChannel],
+    floors: Sequence[str | None],
+    limits: PairLimits = PAIR_LIMITS,
+) -> tuple[str, ...]:
+    """Return sentences on channels that are vertical, repeat another, or do not fit the others.
+
+    Args:
+        channels: of one file.
+        floors: of each, or None.
+        limits: from where on.
+    """
+    found: list[str] = []
+    vertical = [str(k) for k, channel in enumerate(channels, start=1) if _vertical(channel)]
+    if vertical:
+        are = "s " + ", ".join(vertical) + " are" if len(vertical) > 1 else f" {vertical[0]} is"
+        found.append(f"channel{are} vertical: no response to the base's horizontal motion.")
+    for later, channel in enumerate(channels):
+        for earlier in range(later):
+            if _repeats(channels[earlier], channel):
+                found.append(f"channels {earlier + 1} and {later + 1} hold the same numbers.")
+    for group in _groups(channels, floors):
+        found += _of_group(group, limits)
+    return tuple(found)
+
+
+def _vertical(channel: RecordedChannel) -> bool:
+    parsed = parse_channel(channel.name)
+    return channel.vertical or (parsed is not None and parsed.direction == "z")
+
+
+def _repeats(one: RecordedChannel, other: RecordedChannel) -> bool:
+    return np.array_equal(one.values, other.values) and bool(np.ptp(one.values))
+
+
+def _groups(
+    channels: Sequence[RecordedChannel], floors: Sequence[str | None]
+) -> list[list[_Sensor]]:
+    """Channels that share their direction and times, on floors that are known."""
+    found: dict[object, list[_Sensor]] = defaultdict(list)
+    for number, (channel, floor) in enumerate(zip(channels, floors, strict=True), start=1):
+        if floor is not None and not _vertical(channel) and np.ptp(channel.values):
+            parsed = parse_channel(channel.name)
+            along = parsed.direction if parsed else channel.direction.upper()
+            key = along, channel.values.size, channel.time_step
+            found[key].append(_Sensor(number, floor, channel))
+    return [sorted(own, key=lambda one: floor_height(one.floor)) for own in found.values()]
+
+
+def _of_group(group: Sequence[_Sensor], limits: PairLimits) -> Iterator[str]:
+    if len(group) < 2 or group[0].channel.values.size < limits.least_samples:
+        return
+    based = group[0].floor == BASE
+    reference = group[0] if based else group[-1]
+    others = [one for one in group if one is not reference]
+    whole = {one.number: _response(reference, one, limits, 0, 1) for one in others}
+    first = _first_mode(reference, whole[others[-1].number], based, limits)
+    if first is None:
+        return
+    against = [one for one in others if _runs_against(whole[one.number], first, based, limits)]
+    # Of floors alone, one that runs against all others is reversed; several are another mode.
+    if based or (len(against) == 1 < len(others)):
+        yield from (_against(one, based) for one in against)
+    sound = [one for one in others if one not in against]
+    yield from _out_of_order(reference, sound, whole, first, limits)
+    for one in sound:
+        delay = _delay(whole[one.number], first, based, limits)
+        drift = _drift(reference, one, first, limits)
+        if delay is not None and drift is None:
+            late = "behind" if delay > 0.0 else "ahead of"
+            yield (
+                f"channel {one.number} ({one.channel.name}) runs {1e3 * abs(delay):.3g} ms {late}"
+                f" channel {reference.number} ({reference.channel.name}): are their clocks the"
+                " same?"
+            )
+        if drift is not None:
+            yield (
+                f"channel {one.number} ({one.channel.name}) drifts against channel"
+                f" {reference.number} ({reference.channel.name}) by {1e3 * abs(drift):.3g} ms from"
+                " the first half of the record to the second: their clocks do not run alike."
+            )
+
+
+def _against(one: _Sensor, based: bool) -> str:
+    where = "the base where both should move together, at low frequency"
+    where = where if based else "all other floors in the lowest mode"
+    return (
+        f"channel {one.number} ({one.channel.name}) moves against {where}: is its direction"
+        " reversed?"
+    )
+
+
+def _response(
+    reference: _Sensor, one: _Sensor, limits: PairLimits, part: int, parts: int
+) -> _Response:
+    """Response of one part of several of the record."""
+    from scipy.signal import csd, welch
+
+    size = reference.channel.values.size // parts
+    x, y = (
+        each.channel.values[part * size : (part + 1) * size]
+        / max(float(np.abs(each.channel.values).max()), 1e-300)
+        for each in (reference, one)
+    )
+    scale = float(np.abs(one.channel.values).max() / np.abs(reference.channel.values).max())
+    segment = reference.channel.values.size // limits.segments // parts
+    options = {"fs": 1.0 / reference.channel.time_step, "nperseg": segment}
+    frequency, own = welch(x, **options)
+    other, cross = welch(y, **options)[1], csd(x, y, **options)[1]
+    own = np.maximum(own, 1e-300)
+    seen = np.abs(cross) ** 2 / np.maximum(own * other, 1e-300)
+    averages = 0.9 * size / segment  # half-overlapping Hann segments: 1.9 per two lengths
+    return _Response(frequency, cross / own * scale, seen, averages)
+
+
+def _first_mode(
+    reference: _Sensor, top: _Response, based: bool, limits: PairLimits
+) -> float | None:
+    """Frequency of the first mode, Hz, or None."""
+    from femupdate.measurement.ambient import first_peak
+
+    if not based:
+        return first_peak(reference.channel.values, reference.channel.time_step)
+    size = np.where(top.coherence > 0.5, np.abs(top.values), 0.0)
+    for k in range(1, size.size - 1):
+        if size[k] > limits.amplified and size[k] >= size[k - 1 : k + 2].max():
+            return float(top.frequency_hz[k])
+    return None
+
+
+def _low(response: _Response, first: float, based: bool, limits: PairLimits) -> Flags:
+    """Frequencies at which the floors should move together."""
+    low, high = (0.0, 0.5 * first) if based else (0.7 * first, 1.2 * first)
+    frequency = response.frequency_hz
+    return np.asarray(
+        (frequency > low) & (frequency < high) & (response.coherence > limits.coherence)
+    )
+
+
+def _runs_against(response: _Response, first: float, based: bool, limits: PairLimits) -> bool:
+    low = _low(response, first, based, limits)
+    needed = limits.least_bins if based else 1
+    return bool(low.sum() >= needed and np.mean(response.values[low].real < 0.0) > 0.9)
+
+
+def _out_of_order(
+    reference: _Sensor,
+    others: Sequence[_Sensor],
+    responses: dict[int, _Response],
+    first: float,
+    limits: PairLimits,
+) -> Iterator[str]:
+    """A sentence where floors do not move the more the higher they are, in the first mode."""
+    sizes = {reference.number: 1.0}
+    for one in others:
+        own = responses[one.number]
+        near = np.abs(own.frequency_hz - first) <= 0.1 * first + own.frequency_hz[1]
+        near &= own.coherence > 0.5
+        if not near.any():
+            return
+        sizes[one.number] = float(np.abs(own.values[near]).max())
+    ordered = sorted((reference, *others), key=lambda one: floor_height(one.floor))
+    wrong = [
+        (low, high)
+        for k, low in enumerate(ordered)
+        for high in ordered[k + 1 :]
+        if low.floor != high.floor and sizes[low.number] > limits.out_of_order * sizes[high.number]
+    ]
+    if not wrong:
+        return
+    low, high = max(wrong, key=lambda pair: sizes[pair[0].number] / sizes[pair[1].number])
+    yield (
+        f"channel {low.number} ({low.channel.name}) moves"
+        f" {sizes[low.number] / sizes[high.number]:.2g} times as much as channel {high.number}"
+        f" ({high.channel.name}) above it in the first mode, at {first:.3g} Hz: are they swapped?"
+    )
+
+
+def _delay(response: _Response, first: float, based: bool, limits: PairLimits) -> float | None:
+    """Seconds by which a channel runs behind the reference; None where it does not."""
+    used = _low(response, first, based, limits)
+    angle = np.angle(response.values[used])
+    return _shift(response.frequency_hz[used], angle, response.phase_sd()[used], first, limits)
+
+
+def _drift(reference: _Sensor, one: _Sensor, first: float, limits: PairLimits) -> float | None:
+    """Seconds by which a channel falls behind from half to half; None where it does not."""
+    early, late = (_response(reference, one, limits, part, 2) for part in (0, 1))
+    used = (early.frequency_hz > 0.0) & (
+        np.minimum(early.coherence, late.coherence) > limits.coherence
+    )
+    turn = np.angle(late.values[used] / early.values[used])
+    sd = np.hypot(early.phase_sd(), late.phase_sd())[used]
+    return _shift(early.frequency_hz[used], turn, sd, first, limits)
+
+
+def _shift(
+    frequency: Floats, angle: Floats, sd: Floats, first: float, limits: PairLimits
+) -> float | None:
+    """Delay, s, that explains phases in proportion to frequency; None where none is sure."""
+    if frequency.size < limits.least_bins:
+        return None
+    weight = 1.0 / sd**2
+    # Few frequencies would fit one long delay or other by chance.
+    longest = min(0.25 / first, 0.1 * (frequency.size - 1) / np.ptp(frequency))
+    tried = np.linspace(-longest, longest, 2 * int(40.0 * frequency.max() * longest) + 1)
+    fits = np.cos(angle + 2.0 * np.pi * frequency * tried[:, None]) @ weight
+    delay = float(tried[fits.argmax()])
+    left = np.angle(np.exp(1j * (angle + 2.0 * np.pi * frequency * delay)))
+    power = float((weight * frequency**2).sum())
+    delay -= float((weight * frequency * left).sum()) / (2.0 * np.pi * power)
+    left = np.angle(np.exp(1j * (angle + 2.0 * np.pi * frequency * delay)))
+    scatter = float(np.sqrt((weight * left**2).sum() / weight.sum()))
+    # Half-overlapping Hann windows: two bins of three are independent.
+    spread = np.sqrt(1.5 / power) / (2.0 * np.pi) * max(1.0, scatter / float(np.median(sd)))
+    sure = abs(delay) > limits.sure * spread and scatter < limits.scatter_rad
+    return delay if sure and abs(delay) > limits.late / first else None
