@@ -15,7 +15,7 @@ from femupdate.study_lock import locked
 
 from .answer import Answer
 from .bars import Bars
-from .parameters import Band, Columns, Input, Names, StudyFolder
+from .parameters import Band, Columns, Input, InputFile, Names, StudyFolder
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -100,11 +100,37 @@ def reading_options(function: F) -> F:
     )
     @click.option("--band", type=Band(), help="Frequency range, such as 0.5,18 (Hz).")
     @click.option("--unit", help="Unit of the accelerations, where the file gives none.")
-    @click.option("--columns", type=Columns(), help="Column names: ours=theirs,...")
+    @columns_options
     @functools.wraps(function)
     def wrapper(*args: Any, sensors: Any, band: Any, unit: Any, columns: Any, **kwargs: Any) -> Any:
         reading = {"sensors": sensors, "band_hz": band, "unit": unit, "columns": columns}
         return function(*args, reading=reading, **kwargs)
+
+    return wrapper  # type: ignore[return-value]
+
+
+def columns_options(function: F) -> F:
+    """Add --columns and --mapping, passed on as `columns`, and fill a `unit` that is missing."""
+
+    @click.option("--columns", type=Columns(), help="Column names: ours=theirs,...")
+    @click.option(
+        "--mapping", type=InputFile(), help="File that says which channel is which floor."
+    )
+    @functools.wraps(function)
+    def wrapper(*args: Any, columns: Any, mapping: Any, **kwargs: Any) -> Any:
+        if mapping is None:
+            return function(*args, columns=columns, **kwargs)
+        if columns is not None:
+            raise click.UsageError("--columns and --mapping say the same; give one of them")
+        from femupdate.measurement.mapping_file import read_mapping
+
+        try:
+            read = read_mapping(mapping)
+        except FemupdateError as error:
+            raise Failure(str(error)) from error
+        if "unit" in kwargs:
+            kwargs["unit"] = kwargs["unit"] or read.unit
+        return function(*args, columns=dict(read.columns), **kwargs)
 
     return wrapper  # type: ignore[return-value]
 

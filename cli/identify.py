@@ -5,8 +5,8 @@ from pathlib import Path
 import click
 
 from .answer import Answer
-from .common import Failure, plain_options
-from .parameters import Band, Columns, InputFile
+from .common import Failure, columns_options, plain_options
+from .parameters import Band, InputFile
 
 
 @click.command("identify")
@@ -18,7 +18,7 @@ from .parameters import Band, Columns, InputFile
     required=True,
     help="CSV file of the modes to write; a picture goes beside it.",
 )
-@click.option("--columns", type=Columns(), help="Column names: ours=theirs,...")
+@columns_options
 @click.option("--band", type=Band(), help="Frequency range of the modes, such as 0.5,18 (Hz).")
 @click.option(
     "--order",

@@ -9,8 +9,8 @@ from femupdate.study import Study
 
 from .answer import Answer
 from .bars import Bars
-from .common import study_options
-from .parameters import Channel, Columns, InputFile, Member
+from .common import columns_options, study_options
+from .parameters import Channel, InputFile, Member
 
 
 @click.command("predict")
@@ -73,9 +73,7 @@ from .parameters import Channel, Columns, InputFile, Member
     show_default=True,
     help="Scatter of damping between events (sd of ln).",
 )
-@click.option(
-    "--columns", type=Columns(), help="Column names of the measured file: ours=theirs,..."
-)
+@columns_options
 @study_options(needs="posterior")
 def command(
     record: Path,

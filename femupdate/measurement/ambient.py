@@ -127,12 +127,6 @@ def identify_modes(
     )
 
 
-def first_peak(values: Floats, time_step: float) -> float:
-    """Lowest frequency, Hz, that stands out of the spectrum of a history (n,)."""
-    frequency, spectra = _spectra((values - values.mean())[None], time_step)
-    return _first_peak(frequency, spectra, None)
-
-
 def _spectra(moving: Floats, time_step: float) -> tuple[Floats, Floats]:
     """Frequencies (b,) and power (c, b) over the variance of each channel."""
     from scipy.signal import welch

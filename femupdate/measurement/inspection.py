@@ -1,7 +1,7 @@
 """What is in a measured file, what looks wrong in it, and what to do with it next."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +14,10 @@ from femupdate.measurement.force_table import SOMEWHERE, force_functions, under_
 from femupdate.measurement.frf_table import FrfTable
 from femupdate.measurement.mode_checks import mode_findings
 from femupdate.measurement.mode_table import modes_in_table
-from femupdate.measurement.next_step import NextStep, next_step, proposed_floors
-from femupdate.measurement.observation_file import layout_of, observation_in
+from femupdate.measurement.next_step import NextStep, next_step
+from femupdate.measurement.observation_file import layout_of, motions_in, observation_in
 from femupdate.measurement.pair_checks import pair_findings
+from femupdate.measurement.proposal import proposed_floors
 from femupdate.measurement.quantity import is_acceleration, si_factor
 from femupdate.measurement.recording import RecordedFunction, RecordedMode, Recording
 from femupdate.measurement.registry import read_measured, readers
@@ -217,12 +218,16 @@ def _counted(number: int, what: str) -> str:
     return f"{number} " + what.replace("function", "functions") + ("" if " of " in what else "s")
 
 
-def inspect_file(path: str | Path, unit: str | None = None) -> Inspection:
+def inspect_file(
+    path: str | Path, unit: str | None = None, columns: Mapping[str, str] | None = None
+) -> Inspection:
     """Return what is in a measured file, in any format that is known.
 
     Args:
         path: the file.
         unit: of the accelerations, where the file does not say it.
+        columns: our column name to the file's column or channel, where the user says it; a
+            channel that is turned round is shown so.
 
     Raises:
         MeasurementError: it cannot be read.
@@ -235,6 +240,8 @@ def inspect_file(path: str | Path, unit: str | None = None) -> Inspection:
     other = bool(functions and recording.table is not None) or table is not None
     histories = () if other else recording.histories()
     floors = proposed_floors(histories)
+    if columns and histories:
+        histories, floors = _as_mapped(recording, histories, columns)
     channels = tuple(
         _inspected(recording, number, channel, floor, unit)
         for number, (channel, floor) in enumerate(zip(histories, floors, strict=True), start=1)
@@ -247,8 +254,23 @@ def inspect_file(path: str | Path, unit: str | None = None) -> Inspection:
         functions=functions,
         modes=modes,
         findings=(*pair_findings(histories, floors), *mode_findings(modes)),
-        step=_step(path, recording, histories, functions, unit),
+        step=_step(path, recording, histories, functions, unit, columns),
     )
+
+
+def _as_mapped(
+    recording: Recording, histories: Sequence[RecordedChannel], columns: Mapping[str, str]
+) -> tuple[tuple[RecordedChannel, ...], tuple[str | None, ...]]:
+    """The channels and their floors as the user says them, in the directions x, y and z."""
+    given = motions_in(recording, columns)
+    at = {(one.name, one.direction): ours for ours, one in given.items()}
+    own = {(one.name, one.direction): one for one in given.values()}
+    keys = [(one.name, one.direction) for one in histories]
+    channels = tuple(
+        replace(own[key], direction=at[key].direction.upper()) if key in own else one
+        for key, one in zip(keys, histories, strict=True)
+    )
+    return channels, tuple(at[key].floor if key in at else None for key in keys)
 
 
 def _functions_of_table(recording: Recording, unit: str | None) -> tuple[RecordedFunction, ...]:
@@ -298,10 +320,11 @@ def _step(
     histories: Sequence[RecordedChannel],
     functions: Sequence[RecordedFunction],
     unit: str | None,
+    columns: Mapping[str, str] | None,
 ) -> NextStep:
     if histories:
         names = None if recording.table is None else recording.table.names or ()
-        return next_step(path, histories, names, unit)
+        return next_step(path, histories, names, unit, columns)
     if recording.mode_table is not None:
         return NextStep(f"femupdate calibrate {path}")
     if recording.modes:

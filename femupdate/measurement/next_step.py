@@ -1,27 +1,36 @@
 """The command to run next on a measured file, with a proposal which floors its channels are."""
 
 import shlex
-from collections import defaultdict
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from femupdate.measurement.channel import RecordedChannel
-from femupdate.measurement.columns import BASE, TIME, channel_name, floor_height, parse_channel
-from femupdate.measurement.floor_names import base_rank, floors_of
+from femupdate.measurement.columns import BASE, TIME, parse_channel
+from femupdate.measurement.proposal import columns_of, is_usable, proposal
 
 _COMPONENTS = 3  # a record of one place has so many channels at most
 _LONG_S = 120.0  # records of earthquakes end sooner, ambient ones later
 _NO_BASE = "There is no base: the modes can be found if this is ambient vibration."
-_CHECK = "The floors are told from the sensors' places or names; check them against the building."
+_CHECK = (
+    "The floors are told from the sensors' places or names; check them against the building, or"
+    " write them to a file that you can correct, by --write-mapping."
+)
 
 
 @dataclass(frozen=True)
 class NextStep:
-    """A command, or an empty text, and a sentence on it."""
+    """What to run next.
+
+    Attributes:
+        command: or an empty text.
+        advice: a sentence on it.
+        columns: our column name to the channel or column that the file proposes, both directions.
+    """
 
     command: str
     advice: str = ""
+    columns: Mapping[str, str] = field(default_factory=dict)
 
 
 def next_step(
@@ -29,6 +38,7 @@ def next_step(
     histories: Sequence[RecordedChannel],
     names: Sequence[str] | None,
     unit: str | None,
+    columns: Mapping[str, str] | None = None,
 ) -> NextStep:
     """Return what to run next on a file of histories.
 
@@ -37,45 +47,42 @@ def next_step(
         histories: of it.
         names: of a table's columns, the one of times included; None of any other file.
         unit: that the user gave.
+        columns: our column name to the file's, that the user gave.
     """
-    usable = [k for k, each in enumerate(histories) if _is_usable(each)]
+    usable = [k for k, each in enumerate(histories) if is_usable(each)]
     unknown = unit is None and any(histories[k].unit is None for k in usable)
     options = f" --unit {unit or 'UNIT'}" if unit or unknown else ""
     if not usable:
         return NextStep("", "None of the channels is a horizontal acceleration.")
-    mapping = _mapping(histories, usable, names)
-    base = [ours for ours in mapping if ours.startswith(BASE)]
-    floors = [ours for ours in mapping if not ours.startswith(BASE)]
+    if columns:
+        return NextStep(_as_told(path, columns, options), "", columns)
+    proposed = proposal(histories)
+    columns = columns_of(proposed, histories, names)
+    along = columns_of({k: v for k, v in proposed.items() if ".y" not in k}, histories, names)
+    base = [ours for ours in proposed if ours.startswith(BASE)]
+    floors = [ours for ours in proposed if not ours.startswith(BASE)]
+    ours = names is not None and _speaks_our_names(names)
+    mapped = "" if ours else _option(along)
     calibrate = f"femupdate calibrate {shlex.quote(str(path))}{options}"
     if base and floors:
-        if names is not None and _speaks_our_names(names):
-            return NextStep(calibrate)
-        return NextStep(calibrate + _columns(mapping, histories, names), _CHECK)
+        return NextStep(calibrate + mapped, "" if ours else _CHECK, columns)
     if len(histories) <= _COMPONENTS and not floors:
         return NextStep(_predict(path, histories, usable, options), "")
     if floors and not base and _lasts(histories[usable[0]]) >= _LONG_S:
-        columns = "" if names is not None and _speaks_our_names(names) else None
-        columns = _columns(mapping, histories, names) if columns is None else columns
-        name = shlex.quote(str(path))
-        return NextStep(f"femupdate identify {name} -o modes.csv{columns}", _NO_BASE)
+        identify = f"femupdate identify {shlex.quote(str(path))} -o modes.csv{mapped}"
+        return NextStep(identify, _NO_BASE, columns)
     if not base and len(histories) <= _COMPONENTS:
         return NextStep(
             "",
             f"The channel sits at {', '.join(floors)}: a response needs the base's record too, with"
             " the same times in one file.",
         )
-    known = mapping or {BASE: -1}
     missing = ([] if base else [BASE]) + ([] if floors else ["RF"])
-    columns = _columns({k: v for k, v in known.items() if v >= 0}, histories, names, missing)
     return NextStep(
-        calibrate + columns,
+        calibrate + _option(along, missing),
         f"Put in which channels are {' and '.join(missing)}: their places do not tell it.",
+        columns,
     )
-
-
-def proposed_floors(channels: Sequence[RecordedChannel]) -> tuple[str | None, ...]:
-    """Floors that the channels' locations or names tell, None where they do not."""
-    return floors_of([each.location or each.name for each in channels])
 
 
 def _lasts(channel: RecordedChannel) -> float:
@@ -83,44 +90,12 @@ def _lasts(channel: RecordedChannel) -> float:
     return channel.values.size * channel.time_step
 
 
-def _is_usable(channel: RecordedChannel) -> bool:
-    parsed = parse_channel(channel.name)
-    vertical = channel.vertical or (parsed is not None and parsed.direction == "z")
-    return channel.quantity in ("acceleration", "unknown") and not vertical
-
-
-def _direction(channel: RecordedChannel) -> str:
-    """What channels of one direction have in common."""
-    parsed = parse_channel(channel.name)
-    if parsed is not None:
-        return parsed.direction
-    if channel.azimuth_deg is not None:
-        return f"{round(channel.azimuth_deg / 5.0) * 5 % 180}"
-    return channel.direction.upper()
-
-
-def _mapping(
-    histories: Sequence[RecordedChannel], usable: Sequence[int], names: Sequence[str] | None
-) -> dict[str, int]:
-    """Our column name to the channel's index, in the direction with most floors above a base."""
-    directions: dict[str, dict[str, list[int]]] = defaultdict(lambda: defaultdict(list))
-    floors_told = proposed_floors(histories)
-    for k in usable:
-        floor = floors_told[k]
-        if floor is not None:
-            directions[_direction(histories[k])][floor].append(k)
-    if not directions:
-        return {}
-    found = max(directions.values(), key=lambda floors: (BASE in floors, len(floors)))
-    if BASE in found:
-        ranks = {k: base_rank(histories[k].location or histories[k].name) for k in found[BASE]}
-        found[BASE] = [k for k in found[BASE] if ranks[k] == min(ranks.values())]
-    mapping: dict[str, int] = {}
-    for floor in sorted(found, key=floor_height):
-        several = len(found[floor]) > 1
-        for number, k in enumerate(found[floor], start=1):
-            mapping[channel_name(floor, str(number) if several else "")] = k
-    return mapping
+def _as_told(path: Path, columns: Mapping[str, str], options: str) -> str:
+    """The command for channels that the user has given to floors."""
+    name = shlex.quote(str(path))
+    if any(ours.startswith(BASE) for ours in columns):
+        return f"femupdate calibrate {name}{options}{_option(columns)}"
+    return f"femupdate identify {name} -o modes.csv{_option(columns)}"
 
 
 def _speaks_our_names(names: Sequence[str]) -> bool:
@@ -128,19 +103,10 @@ def _speaks_our_names(names: Sequence[str]) -> bool:
     return len(others) == len(names) - 1 and all(parse_channel(name) for name in others)
 
 
-def _columns(
-    mapping: dict[str, int],
-    histories: Sequence[RecordedChannel],
-    names: Sequence[str] | None,
-    missing: Sequence[str] = (),
-) -> str:
+def _option(columns: Mapping[str, str], missing: Sequence[str] = ()) -> str:
     """The option that maps channels, or columns of a table, to floors."""
-    table = names is not None
-    pairs = [f"{ours}={histories[k].name if table else k + 1}" for ours, k in mapping.items()]
+    pairs = [f"{ours}={theirs}" for ours, theirs in columns.items()]
     pairs += [f"{ours}=NUMBER" for ours in missing]
-    time = next((n for n in names or () if n not in {each.name for each in histories}), TIME)
-    if table and time.lower() != TIME:
-        pairs.insert(0, f"{TIME}={time}")
     return f" --columns {shlex.quote(','.join(pairs))}"
 
 

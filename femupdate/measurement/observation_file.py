@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -205,15 +205,18 @@ def _mapped_channels(
             f" such as base=1,RF=2; its channels are {listing}"
         )
     chosen: dict[Channel, RecordedChannel] = {}
+    used: list[RecordedChannel] = []
     for ours, theirs in columns.items():
         channel = parse_channel(ours)
         if channel is None:
             raise file.error(f"unknown column {ours!r}; columns are {HISTORY_COLUMNS}")
-        taken = chosen_channel(file, recording.channels, theirs, listing)
-        if channel in chosen or taken in chosen.values():
+        number = theirs.removeprefix("-").strip()  # a minus turns the channel round
+        taken = chosen_channel(file, recording.channels, number, listing)
+        if channel in chosen or taken in used:
             name = ours if channel in chosen else theirs
             raise file.error(f"{name!r} is mapped twice; map every channel to one name")
-        chosen[channel] = taken
+        used.append(taken)
+        chosen[channel] = taken if number == theirs else replace(taken, values=-taken.values)
     return chosen
 
 

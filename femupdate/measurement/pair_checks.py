@@ -25,7 +25,9 @@ class PairLimits:
     Attributes:
         segments: of Welch's method, half overlapping.
         least_samples: of a record that is long enough.
+        ambient_s: length of a record without base that shows the first mode.
         amplified: response to the base from which a peak is a mode.
+        resonant: likewise from which floors must be in order.
         coherence: of frequencies that are compared.
         least_bins: number of such frequencies.
         out_of_order: amplitude of a floor over that of a higher one, in the first mode.
@@ -36,10 +38,12 @@ class PairLimits:
 
     segments: int = 12
     least_samples: int = 1024
+    ambient_s: float = 120.0
     amplified: float = 1.25
+    resonant: float = 2.0
     coherence: float = 0.8
     least_bins: int = 3
-    out_of_order: float = 1.2
+    out_of_order: float = 1.6
     late: float = 0.03
     sure: float = 5.0
     scatter_rad: float = 0.15
@@ -59,10 +63,11 @@ class _Sensor:
 
 @dataclass(frozen=True, eq=False)
 class _Response:
-    """Response of a channel to the reference, its coherence, and independent averages."""
+    """Response to the reference, its coherence, the reference's power, independent averages."""
 
     frequency_hz: Floats
     values: Complexes
+    power: Floats
     coherence: Floats
     averages: float
 
@@ -125,10 +130,13 @@ def _of_group(group: Sequence[_Sensor], limits: PairLimits) -> Iterator[str]:
     if len(group) < 2 or group[0].channel.values.size < limits.least_samples:
         return
     based = group[0].floor == BASE
+    seconds = group[0].channel.values.size * group[0].channel.time_step
+    if not based and seconds < limits.ambient_s:
+        return
     reference = group[0] if based else group[-1]
     others = [one for one in group if one is not reference]
     whole = {one.number: _response(reference, one, limits, 0, 1) for one in others}
-    first = _first_mode(reference, whole[others[-1].number], based, limits)
+    first = _first_mode(whole[others[-1].number], based, limits)
     if first is None:
         return
     against = [one for one in others if _runs_against(whole[one.number], first, based, limits)]
@@ -184,18 +192,17 @@ def _response(
     own = np.maximum(own, 1e-300)
     seen = np.abs(cross) ** 2 / np.maximum(own * other, 1e-300)
     averages = 0.9 * size / segment  # half-overlapping Hann segments: 1.9 per two lengths
-    return _Response(frequency, cross / own * scale, seen, averages)
+    return _Response(frequency, cross / own * scale, own, seen, averages)
 
 
-def _first_mode(
-    reference: _Sensor, top: _Response, based: bool, limits: PairLimits
-) -> float | None:
-    """Frequency of the first mode, Hz, or None."""
-    from femupdate.measurement.ambient import first_peak
-
+def _first_mode(top: _Response, based: bool, limits: PairLimits) -> float | None:
+    """Frequency of the first mode, Hz, from the response of a high floor; or None."""
     if not based:
-        return first_peak(reference.channel.values, reference.channel.time_step)
-    size = np.where(top.coherence > 0.5, np.abs(top.values), 0.0)
+        # Coherent noise lies high, drifts low: the velocity is largest in the first mode.
+        seen = (top.coherence > limits.coherence) & (top.frequency_hz > 0.0)
+        velocity = np.where(seen, top.power / np.maximum(top.frequency_hz, 1e-12) ** 2, 0.0)
+        return float(top.frequency_hz[velocity.argmax()]) if seen.any() else None
+    size = np.where(top.coherence > 0.7, np.abs(top.values), 0.0)
     for k in range(1, size.size - 1):
         if size[k] > limits.amplified and size[k] >= size[k - 1 : k + 2].max():
             return float(top.frequency_hz[k])
@@ -213,8 +220,7 @@ def _low(response: _Response, first: float, based: bool, limits: PairLimits) -> 
 
 def _runs_against(response: _Response, first: float, based: bool, limits: PairLimits) -> bool:
     low = _low(response, first, based, limits)
-    needed = limits.least_bins if based else 1
-    return bool(low.sum() >= needed and np.mean(response.values[low].real < 0.0) > 0.9)
+    return bool(low.sum() >= limits.least_bins and np.mean(response.values[low].real < 0.0) > 0.9)
 
 
 def _out_of_order(
@@ -229,10 +235,12 @@ def _out_of_order(
     for one in others:
         own = responses[one.number]
         near = np.abs(own.frequency_hz - first) <= 0.1 * first + own.frequency_hz[1]
-        near &= own.coherence > 0.5
+        near &= own.coherence > limits.coherence
         if not near.any():
             return
         sizes[one.number] = float(np.abs(own.values[near]).max())
+    if reference.floor == BASE and max(sizes.values()) < limits.resonant:
+        return
     ordered = sorted((reference, *others), key=lambda one: floor_height(one.floor))
     wrong = [
         (low, high)
@@ -254,7 +262,10 @@ def _delay(response: _Response, first: float, based: bool, limits: PairLimits) -
     """Seconds by which a channel runs behind the reference; None where it does not."""
     used = _low(response, first, based, limits)
     angle = np.angle(response.values[used])
-    return _shift(response.frequency_hz[used], angle, response.phase_sd()[used], first, limits)
+    found = _shift(response.frequency_hz[used], angle, response.phase_sd()[used], first, limits)
+    # Beside a floor, neighbouring modes turn the phase at the first one's frequency too.
+    least = (1.0 if based else 2.0) * limits.late / first
+    return found if found is not None and abs(found) > least else None
 
 
 def _drift(reference: _Sensor, one: _Sensor, first: float, limits: PairLimits) -> float | None:

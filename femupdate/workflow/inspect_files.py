@@ -1,6 +1,6 @@
 """inspect: what is in measured files, in words and as one picture."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from femupdate.errors import MeasurementError, ReportError
 from femupdate.measurement.columns import BASE
 from femupdate.measurement.inspection import InspectedChannel, Inspection, inspect_file
+from femupdate.measurement.mapping_file import write_mapping
 from femupdate.tables import table
 
 if TYPE_CHECKING:
@@ -37,20 +38,35 @@ class InspectedFiles:
         return tuple(line for one in self.files for line in _lines(one))
 
 
-def inspect_files(paths: Sequence[Path], unit: str | None = None) -> InspectedFiles:
+def inspect_files(
+    paths: Sequence[Path], unit: str | None = None, columns: Mapping[str, str] | None = None
+) -> InspectedFiles:
     """Return what is in measured files.
 
     Args:
         paths: of the files; one that cannot be read does not keep the others back.
         unit: of accelerations, where a file does not say it.
+        columns: our column name to the file's column or channel, where the user says it.
     """
     files, refused = [], []
     for path in paths:
         try:
-            files.append(inspect_file(path, unit))
+            files.append(inspect_file(path, unit, columns))
         except MeasurementError as error:
             refused.append(str(error))
     return InspectedFiles(tuple(files), tuple(refused))
+
+
+def propose_mapping(one: Inspection, path: Path, unit: str | None = None) -> Path:
+    """Write which channels of a file are which floors, as far as it tells.
+
+    Raises:
+        MeasurementError: the file has no channels, or the mapping cannot be written.
+    """
+    channels = [each.channel for each in one.channels]
+    if not channels:
+        raise MeasurementError(f"{one.path}: there are no channels to map to floors")
+    return write_mapping(path, one.path, one.step.columns, channels, unit)
 
 
 def draw_inspection(one: Inspection, path: Path) -> Path:

@@ -52,6 +52,52 @@ def test_inspect_proposes_the_command_that_calibrates(
     np.testing.assert_allclose(answers[0]["mean"], answers[1]["mean"], rtol=1e-3)
 
 
+def test_a_mapping_file_is_written_edited_and_handed_back(femupdate, archive, tower_file, tmp_path):
+    mapping = tmp_path / "mapping.toml"
+    done = femupdate("inspect", archive, "--write-mapping", mapping)
+    assert done.out.rstrip().endswith(str(mapping))
+    assert "\n2F = 2  # 2nd floor, north wall, E, azimuth 90\n" in mapping.read_text()
+    again = femupdate("inspect", archive, "--write-mapping", mapping)
+    assert "is there already" in again.complaint
+    # The roof's sensor was turned round, and the second floor is left out.
+    text = mapping.read_text().replace("RF = 3", 'RF = "-3"').replace("2F = 2", "# 2F = 2")
+    mapping.write_text(text)
+    (one,) = femupdate("inspect", archive, "--mapping", mapping, "--json").answer["files"]
+    assert [each["floor"] for each in one["channels"]] == ["base", None, "RF"]
+    (finding,) = one["findings"]
+    assert "channel 3 (HNE, Roof) moves against the base" in finding
+    options = ("--building", tower_file, "--exact", "--particles", 200, "--chains", 1, "--json")
+    study = tmp_path / "study"
+    words = ("calibrate", archive, "--mapping", mapping)
+    answer = femupdate(*words, *options, "--study", study).answer
+    assert answer["floors"] == ["RF"]
+    both = femupdate(*words, "--columns", "RF=3")
+    assert both.code == 2
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[columns\n", "this is no mapping file"),
+        ("RF = 3\n", "unknown key 'RF'"),
+        ('unit = "gal"\n', "there is no [columns]"),
+        ("[columns]\nRF.y = 3\n", "RF has a dot; write it in quotes"),
+        ("[columns]\nRF = 3.5\n", "neither a channel's number nor its name"),
+        ("unit = 3\n[columns]\nRF = 3\n", "the unit 3 is no text"),
+        ("[columns]\nbase = 1\nroof = 3\n", "unknown column 'roof'"),
+        ("[columns]\nbase = 1\nRF = 9\n", "there is no channel '9'"),
+        ("[columns]\nbase = 1\nRF = '-1'\n", "'-1' is mapped twice"),
+    ],
+)
+def test_mapping_files_that_are_wrong(femupdate, archive, tower_file, tmp_path, text, words):
+    mapping = tmp_path / "mapping.toml"
+    mapping.write_text(text)
+    options = ("--building", tower_file, "--study", tmp_path / "new")
+    done = femupdate("calibrate", archive, "--mapping", mapping, *options)
+    assert words in done.complaint
+    assert not (tmp_path / "new").exists()
+
+
 def test_an_archive_without_the_mapping_is_refused_with_its_channels(
     femupdate, archive, tower_file, tmp_path
 ):

@@ -159,7 +159,8 @@ def test_next_command_maps_the_direction_with_most_floors(tmp_path):
         placed("Roof", "N", azimuth_deg=2.0),
     ]
     step = next_step(tmp_path / "a b.zip", channels, None, None)
-    assert step.command.endswith("a b.zip' --columns base=2,2F:1=4,2F:2=5,RF=7")
+    assert step.command.endswith("a b.zip' --columns base=2,2F:1=-4,2F:2=5,RF=7")
+    assert step.columns["base.y"] == "1"
     assert "check them against the building" in step.advice
 
 
