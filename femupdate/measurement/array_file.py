@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from femupdate.arrays import Floats
 from femupdate.measurement.columns import FREQUENCY, TIME
+from femupdate.measurement.mode_arrays import modes_in_arrays
 from femupdate.measurement.quantity import is_unit
 from femupdate.measurement.recording import TIME_NAME, Recording
 from femupdate.measurement.table import Table
@@ -25,6 +26,8 @@ LARGEST_BYTES = 400_000_000
 def table_of_arrays(file: TextFile, arrays: Mapping[str, Any]) -> Recording:
     """Return equally long arrays as a table; its times are an array or follow from a rate.
 
+    Arrays of modes (`modes_in_arrays`) are modes instead.
+
     A complex array becomes two columns, `name_re` and `name_im`; of an array with two axes the
     shorter one counts the columns, `name_1` and so on.
 
@@ -35,6 +38,9 @@ def table_of_arrays(file: TextFile, arrays: Mapping[str, Any]) -> Recording:
     Raises:
         MeasurementError: there is no numeric array, or neither times, frequencies nor a rate.
     """
+    modes = modes_in_arrays(file, arrays)
+    if modes:
+        return Recording(file, modes=modes)
     numbers = {name: np.squeeze(a) for name, a in arrays.items() if _is_numeric(a)}
     scalars = {name: float(a.real) for name, a in numbers.items() if a.ndim == 0}
     columns: dict[str, Floats] = {}

@@ -109,14 +109,13 @@ def test_without_pyuff(write, monkeypatch):
 @pytest.mark.parametrize(
     ("data", "name", "message"),
     [
-        (b"000001D ABC  BHZNZ" + bytes(40), "a.mseed", "this is miniSEED, which is known but not"),
-        (b"TDSm\x0e\0\0\0", "a.tdms", "a TDMS file of LabVIEW"),
+        (b"MS\x03\0\0", "a.mseed3", "this is miniSEED 3, which is known but not"),
         (b"\x89HDF\r\n\x1a\n\0\0", "a.h5", "an HDF5 file"),
         (b"\x93NUMPY\x01\0v\0{'descr'", "a.npy", "save all channels with their times as .npz"),
         (b"RIFF\x24\0\0\0WAVEfmt ", "a.wav", "a sound file"),
         (b"\x1f\x8b\x08\0\0", "a.tar.gz", "a gzip archive"),
         (b"%PDF-1.7\n\0", "a.pdf", "a PDF"),
-        (b"\0\0\x01\x02" * 90, "a.sac", "a SAC file"),
+        (b"\0\0\x01\x02" * 90, "a.gcf", "a Güralp file"),
         (b"Response and Fourier amplitude spectra (68 periods)\n", "a.v3", "take the .V2 file"),
         (b"<!DOCTYPE html><html>Log in</html>\n", "a.csv", "download the data file itself"),
     ],

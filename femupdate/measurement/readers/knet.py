@@ -10,6 +10,12 @@ from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.text import read_text
 
+# KiK-net numbers its six channels: the sensor in the borehole first, then that on the ground.
+_KIKNET = {
+    str(k + 3 * number): (along, place)
+    for number, place in enumerate(("borehole", "ground surface"))
+    for k, along in enumerate(("N-S", "E-W", "U-D"), start=1)
+}
 _SCALE = r"^Scale Factor\s+([\d.Ee+-]+)\s*\(gal\)\s*/\s*([\d.Ee+-]+)"
 
 
@@ -35,13 +41,15 @@ def _read(path: Path) -> Recording:
     _, direction = header_value(file, r"^Dir\.\s+(\S+)", "Dir.")
     memo, _ = header_value(file, r"^Memo\.", "the line 'Memo.' before its data")
     values = wrapped_numbers(file, memo + 1, count, at) * (factor / divisor)
+    along, place = _KIKNET.get(direction.group(1), (direction.group(1), ""))
     channel = RecordedChannel(
-        name=direction.group(1),
+        name=f"{along}, {place}" if place else along,
         values=values,
         time_step=1.0 / frequency,
         unit="gal",
-        direction=direction.group(1),
-        azimuth_deg=azimuth_of(direction.group(1)),
+        location=place,
+        direction=along,
+        azimuth_deg=azimuth_of(along),
     )
     return Recording(file, (channel,))
 

@@ -9,10 +9,11 @@ from femupdate.measurement.text import TextFile, read_head
 
 _SPECTRA = "the spectra of a record, not its history; take the .V2 file beside it"
 _CONVERT = "export the channels as CSV, MATLAB -v7 or numpy .npz"
+_ARRAYS = "save its arrays with numpy.savez (of pyOMA2's modes Fn, Xi and Phi)"
 # What the file begins with, what it is, and what to do.
 _KNOWN = (
-    (r"\d{6}[DRQM][ \0]|MS\x03", "miniSEED", "convert it with obspy to CSV"),
-    (r"TDSm", "a TDMS file of LabVIEW", _CONVERT),
+    (r"MS\x03", "miniSEED 3", "convert it to miniSEED 2 or CSV"),
+    (r"\x80[\x02-\x05]", "a pickle of Python, which can run code", _ARRAYS),
     (r"\x89HDF|\x8aHDF", "an HDF5 file", _CONVERT),
     (r"\x93NUMPY", "a single numpy array", "save all channels with their times as .npz"),
     (r"RIFF....WAVE", "a sound file (WAV)", _CONVERT),
@@ -21,18 +22,14 @@ _KNOWN = (
     (r"%PDF", "a PDF", "take the data, not the report"),
     (r"KMI|KINEMETRICS", "a Kinemetrics event file", _CONVERT),
     (r"Response and Fourier amplitude spectra", "CSMIP Volume 3", f"these are {_SPECTRA}"),
-    (r"CMP6|WID2|DAT2", "a GSE file", "convert it with obspy to CSV"),
+    (r"CMP6|DAT2", "a GSE file", "convert it with obspy to CSV"),
     (r"<\?xml|<!DOCTYPE|<html", "a web page or XML", "download the data file itself"),
 )
 _SUFFIXES = {
-    ".sac": ("a SAC file", "convert it with obspy to CSV"),
     ".evt": ("a Kinemetrics event file", _CONVERT),
     ".sgy": ("a SEG-Y file", "convert it with obspy to CSV"),
     ".segy": ("a SEG-Y file", "convert it with obspy to CSV"),
-    ".sg2": ("a SEG-2 file", "convert it with obspy to CSV"),
     ".gcf": ("a Güralp file", "convert it with obspy to CSV"),
-    ".mseed": ("miniSEED", "convert it with obspy to CSV"),
-    ".tdms": ("a TDMS file of LabVIEW", _CONVERT),
     ".xls": ("an old workbook", "export it as CSV"),
 }
 

@@ -1,0 +1,121 @@
+"""Records of seismic networks and instruments (miniSEED, SAC, GSE2, SEG-2), by ObsPy."""
+
+import re
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from femupdate.measurement.channel import RecordedChannel
+from femupdate.measurement.direction import azimuth_of
+from femupdate.measurement.reader import Reader
+from femupdate.measurement.recording import Recording
+from femupdate.measurement.text import TextFile
+
+# Second letter of a channel's code in the SEED convention: what the instrument feels.
+_QUANTITIES = {"N": "acceleration", "G": "acceleration", "H": "velocity", "L": "velocity"}
+_SEED = re.compile(r"[A-Z][A-Z][A-Z0-9]")
+_SUFFIXES = {".mseed": "MSEED", ".msd": "MSEED", ".ms": "MSEED", ".sac": "SAC", ".sg2": "SEG2"}
+_HEADS = ((r"\d{6}[DRQM][ \0]", "MSEED"), (r"WID2", "GSE2"), (r"\x55\x3a|\x3a\x55", "SEG2"))
+_MISALIGNED = 0.1  # of a sample
+
+
+def _format(head: str, suffix: str) -> str | None:
+    told = next((name for begins, name in _HEADS if re.match(begins, head)), None)
+    return told or (_SUFFIXES.get(suffix) if "\0" in head else None)
+
+
+def _recognises(head: str, suffix: str) -> bool:
+    return _format(head, suffix) is not None
+
+
+def _read(path: Path) -> Recording:
+    """The traces over the time that all of them have.
+
+    Raises:
+        MeasurementError: ObsPy is not installed, the file is damaged, a trace has a gap, or the
+            traces have no time in common.
+    """
+    file = TextFile(path)
+    try:
+        import obspy
+    except ImportError:
+        raise file.error(
+            "records of seismic networks are read by ObsPy, which is not installed; install it"
+            " with pip install 'femupdate[formats]'"
+        ) from None
+    with warnings.catch_warnings(), path.open("rb") as stream:
+        warnings.simplefilter("ignore")
+        kind = _format(stream.read(64).decode("latin-1"), path.suffix.lower())
+        stream.seek(0)
+        try:
+            traces = list(obspy.read(stream, format=kind or "MSEED"))
+        except Exception as error:  # a damaged file makes ObsPy raise nearly anything
+            raise file.error(
+                f"this {kind} file cannot be read ({error}); fetch it again from its source"
+            ) from None
+    _require_whole(file, traces)
+    common, notes = _together(file, traces)
+    return Recording(file, tuple(_channel(trace) for trace in common), notes=notes)
+
+
+def _require_whole(file: TextFile, traces: list[Any]) -> None:
+    if not traces:
+        raise file.error("there is no trace in the file; fetch it again from its source")
+    seen: dict[str, Any] = {}
+    for trace in sorted(traces, key=lambda one: one.stats.starttime):
+        before = seen.get(trace.id)
+        if before is not None:
+            gap = trace.stats.starttime - before.stats.endtime - before.stats.delta
+            what = f"a gap of {gap:.3g} s" if gap > 0.0 else f"an overlap of {-gap:.3g} s"
+            raise file.error(
+                f"{trace.id} has {what} after {before.stats.endtime}; cut the record before or"
+                " after it, or fill it"
+            )
+        seen[trace.id] = trace
+        if not np.isfinite(trace.data).all() or trace.stats.npts < 2:
+            raise file.error(f"{trace.id} holds no history of finite numbers")
+
+
+def _together(file: TextFile, traces: list[Any]) -> tuple[list[Any], tuple[str, ...]]:
+    """The traces cut to the time that all have, and sentences on what was done."""
+    start = max(trace.stats.starttime for trace in traces)
+    end = min(trace.stats.endtime for trace in traces)
+    if end <= start:
+        raise file.error("the traces have no time in common; give records of the same event")
+    cut = [trace.copy().trim(start, end, nearest_sample=True) for trace in traces]
+    shortest = min(trace.stats.npts for trace in cut if trace.stats.delta == cut[0].stats.delta)
+    for trace in cut:
+        if trace.stats.delta == cut[0].stats.delta:
+            trace.data = trace.data[:shortest]
+    notes = []
+    if any(trace.stats.npts != own.stats.npts for trace, own in zip(cut, traces, strict=True)):
+        notes.append(f"Cut to the time that all traces have: {start} to {end}.")
+    late = [abs(one.stats.starttime - cut[0].stats.starttime) / one.stats.delta for one in cut]
+    if max(late) > _MISALIGNED:
+        notes.append(
+            f"Traces begin up to {max(late):.2g} of a sample apart; resample them to one clock."
+        )
+    return cut, tuple(notes)
+
+
+def _channel(trace: Any) -> RecordedChannel:
+    code = trace.stats.channel
+    seed = _SEED.fullmatch(code) is not None
+    last = code[-1:].upper()
+    direction = "Up" if last == "Z" else last
+    place = [trace.stats.network, trace.stats.station, trace.stats.location]
+    return RecordedChannel(
+        name=trace.id,
+        values=np.asarray(trace.data, dtype=np.float64),
+        time_step=float(trace.stats.delta),
+        unit=None,
+        quantity=_QUANTITIES.get(code[1:2], "unknown") if seed else "unknown",
+        location=".".join(word for word in place if word),
+        direction=direction,
+        azimuth_deg=azimuth_of(direction) if last in "NE" else None,
+    )
+
+
+READER = Reader("seismic", "miniSEED, SAC, GSE2 and SEG-2, by ObsPy", _recognises, _read)

@@ -1,0 +1,79 @@
+"""TDMS files of LabVIEW, by npTDMS."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from femupdate.measurement.channel import RecordedChannel
+from femupdate.measurement.force_unit import FORCES
+from femupdate.measurement.quantity import is_acceleration
+from femupdate.measurement.reader import Reader
+from femupdate.measurement.recording import Recording
+from femupdate.measurement.text import TextFile
+
+_STEP = "wf_increment"
+_UNITS = ("unit_string", "NI_UnitDescription", "Unit", "unit")
+_NO_UNIT = ("", "-", "None")
+
+
+def _recognises(head: str, suffix: str) -> bool:
+    return head.startswith("TDSm")
+
+
+def _read(path: Path) -> Recording:
+    """Channels that are sampled by a clock, which the waveform's properties give.
+
+    Raises:
+        MeasurementError: npTDMS is not installed, the file is damaged, or no channel of numbers
+            has a time step.
+    """
+    file = TextFile(path)
+    try:
+        from nptdms import TdmsFile
+    except ImportError:
+        raise file.error(
+            "TDMS files are read by npTDMS, which is not installed; install it with"
+            " pip install 'femupdate[formats]'"
+        ) from None
+    try:
+        groups = TdmsFile.read(path).groups()
+        found = [(group.name, one) for group in groups for one in group.channels()]
+        numbers = [
+            (name, one) for name, one in found if len(one) > 1 and one[:].dtype.kind in "fiu"
+        ]
+    except Exception as error:  # a damaged file makes npTDMS raise nearly anything
+        raise file.error(
+            f"this TDMS file cannot be read ({error}); save it again from its program"
+        ) from None
+    timed = [(name, one) for name, one in numbers if one.properties.get(_STEP, 0.0) > 0.0]
+    if not timed:
+        raise file.error(
+            "no channel of the file has a time step (wf_increment); export the channels as CSV"
+            " with a column of times"
+        )
+    several = len({name for name, _ in timed}) > 1
+    left_out = [one.name for _, one in found if all(one is not other for _, other in timed)]
+    notes = (f"Channels without numbers or a time step: {', '.join(left_out)}.",)
+    return Recording(
+        file,
+        tuple(_channel(f"{name}/{one.name}" if several else one.name, one) for name, one in timed),
+        notes=notes if left_out else (),
+    )
+
+
+def _channel(name: str, one: Any) -> RecordedChannel:
+    unit = next((str(one.properties[key]) for key in _UNITS if key in one.properties), "")
+    known = unit.strip() not in _NO_UNIT
+    quantity = "acceleration" if is_acceleration(unit) else "unknown"
+    return RecordedChannel(
+        name=name,
+        values=np.asarray(one[:], dtype=np.float64),
+        time_step=float(one.properties[_STEP]),
+        unit=unit if known else None,
+        quantity="force" if unit in FORCES else quantity,
+        location=str(one.properties.get("description", "")),
+    )
+
+
+READER = Reader("tdms", "TDMS files of LabVIEW", _recognises, _read)
