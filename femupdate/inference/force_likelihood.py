@@ -39,6 +39,11 @@ class ForceLikelihood:
         self.terms = data_terms(forced.observation, system.floors)
         self.names = tuple(f"{name}/{forced.force}" for name in forced.observation.floors)
         self._used = (self.terms.weight > 0.0).any(dim=0)
+        estimator = forced.observation.estimator
+        # Of histories, the model's response goes through the same means as the measured one.
+        self._seen = None if estimator is None else estimator.at(self._used.numpy())
+        seen = self._seen
+        self._asked = self.frequency_hz if seen is None else torch.from_numpy(seen.frequency_hz)
 
     @property
     def freedom(self) -> tuple[float, ...]:
@@ -83,6 +88,7 @@ class ForceLikelihood:
             known = self._zeta is not None
             zeta = rows.new_full((len(rows),), self._zeta or 0.0) if known else rows[:, count]
             values = accelerance(
-                self._system, rows[:, :count], zeta, self.frequency_hz, self._forced, self._rest
-            )
-            yield values[:, list(self.terms.rows)].abs().clamp_min(_TINY).log()
+                self._system, rows[:, :count], zeta, self._asked, self._forced, self._rest
+            )[:, list(self.terms.rows)]
+            seen = values if self._seen is None else self._seen(values)
+            yield seen.abs().clamp_min(_TINY).log()

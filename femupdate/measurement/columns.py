@@ -13,11 +13,15 @@ _CHANNEL = re.compile(
     rf"(?P<floor>{BASE}|{_FLOOR})(?::(?P<sensor>[^\s.:]+))?(?:\.(?P<direction>[xyz]))?",
     re.IGNORECASE,
 )
+_FORCE = re.compile(rf"force/(?P<floor>{_FLOOR})(?:\.(?P<direction>[xyz]))?", re.IGNORECASE)
 _FRF = re.compile(
     rf"(?P<floor>{_FLOOR})(?:/(?P<force>{_FLOOR}))?(?:_(?P<part>re|im|sd))?", re.IGNORECASE
 )
 
-HISTORY_COLUMNS = "time_s, base, 2F ... RF, several sensors 2F:1 and 2F:2, other directions RF.y"
+HISTORY_COLUMNS = (
+    "time_s, base, 2F ... RF, several sensors 2F:1 and 2F:2, other directions RF.y, and a force at"
+    " RF as force/RF"
+)
 FRF_COLUMNS = (
     "frequency_hz, 2F ... RF as |H| or 2F_re and 2F_im, and 2F_sd; or under a force at 3F, 2F/3F"
     " ... RF/3F"
@@ -54,6 +58,32 @@ class FrfColumn:
     floor: str
     part: str
     force: str = ""
+
+
+@dataclass(frozen=True)
+class ForceChannel:
+    """The history of a force of a hammer or a shaker.
+
+    Attributes:
+        floor: at which it acts.
+        direction: `x`, `y` or `z`.
+    """
+
+    floor: str
+    direction: str = "x"
+
+    @property
+    def name(self) -> str:
+        """Of its column."""
+        return f"force/{self.floor}" + (f".{self.direction}" if self.direction != "x" else "")
+
+
+def parse_history(name: str) -> Channel | ForceChannel | None:
+    """Return the motion or the force that a column of histories stands for, or None."""
+    match = _FORCE.fullmatch(name.strip())
+    if match is None:
+        return parse_channel(name)
+    return ForceChannel(match["floor"].upper(), (match["direction"] or "x").lower())
 
 
 def parse_channel(name: str) -> Channel | None:

@@ -9,8 +9,14 @@ from femupdate.arrays import Floats
 from femupdate.errors import MeasurementError
 from femupdate.measurement.columns import FrfColumn, floor_height
 from femupdate.measurement.force_unit import ForceUnit, force_unit
+from femupdate.measurement.frf import estimate_frf
 from femupdate.measurement.frf_table import FrfTable, curves_of
-from femupdate.measurement.observation import Observation, require_floors_of_building
+from femupdate.measurement.observation import (
+    Observation,
+    require_floors_of_building,
+    select_floors,
+)
+from femupdate.measurement.observation_file import ForceHistories
 from femupdate.measurement.quantity import si_factor
 from femupdate.measurement.table import Table
 
@@ -143,6 +149,27 @@ def _unit(table: Table, position: int, asked: str | None) -> ForceUnit:
             column=table.title(position),
         )
     return found
+
+
+def forced_estimate(
+    measured: ForceHistories, building_floors: Sequence[str], grid: Floats, direction: str
+) -> ForcedObservation:
+    """Responses to a force, estimated from histories as those to base motion are.
+
+    Args:
+        measured: the force, and the floors that respond.
+        building_floors: names, bottom to top.
+        grid: (m,) the building's frequencies, Hz.
+        direction: of the motion.
+
+    Raises:
+        MeasurementError: the building has no such floor, or see `estimate_frf`.
+    """
+    own = measured.histories
+    require_floors_of_building(own.source, (*own.floors, measured.force), building_floors)
+    seen = estimate_frf(own, grid, direction)
+    order = [name for name in building_floors if name in seen.floors]
+    return ForcedObservation(measured.force, "accelerance", select_floors(seen, order))
 
 
 def forced_observations(

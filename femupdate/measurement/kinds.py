@@ -10,12 +10,18 @@ from femupdate.measurement.force_unit import force_unit
 from femupdate.measurement.frf_table import FrfTable
 from femupdate.measurement.function_table import table_of_functions
 from femupdate.measurement.modes import IdentifiedModes, identified_modes
-from femupdate.measurement.observation_file import Histories, Layout, layout_of, observation_in
+from femupdate.measurement.observation_file import (
+    ForceHistories,
+    Histories,
+    Layout,
+    any_observation_in,
+    layout_of,
+)
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.registry import read_measured
 from femupdate.measurement.table import Table
 
-AnyKind = Histories | FrfTable | ForceTest | IdentifiedModes
+AnyKind = Histories | ForceHistories | FrfTable | ForceTest | IdentifiedModes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,17 +59,17 @@ def read_any_kind(path: str | Path, how: Reading) -> AnyKind:
         table = table_of_functions(recording, how.columns or {})
         return _from_table(Recording(recording.file, table=table), table, how, None)
     if table is None:
-        return observation_in(recording, how.unit, how.columns)
+        return any_observation_in(recording, how.unit, how.columns)
     return _from_table(recording, table, how, how.columns)
 
 
 def _from_table(
     recording: Recording, table: Table, how: Reading, columns: Mapping[str, str] | None
-) -> Histories | FrfTable | ForceTest:
+) -> Histories | ForceHistories | FrfTable | ForceTest:
     layout = layout_of(table, columns)
     if not _forced(table, layout, how):
         own = how.unit if layout.of_histories else None
-        return observation_in(recording, own, columns)
+        return any_observation_in(recording, own, columns)
     _check_force(table, layout.frfs, how.force)
     return force_test(table, layout.at, layout.frfs, how.force or "", how.unit)
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from femupdate.measurement.channel import RecordedChannel
-from femupdate.measurement.columns import BASE, TIME, parse_channel
+from femupdate.measurement.columns import BASE, TIME, ForceChannel, parse_history
 from femupdate.measurement.proposal import columns_of, is_usable, proposal
 
 _COMPONENTS = 3  # a record of one place has so many channels at most
@@ -64,7 +64,8 @@ def next_step(
     ours = names is not None and _speaks_our_names(names)
     mapped = "" if ours else _option(along)
     calibrate = f"femupdate calibrate {shlex.quote(str(path))}{options}"
-    if base and floors:
+    forced = any(isinstance(parse_history(each.name), ForceChannel) for each in histories)
+    if (base or forced) and floors:
         return NextStep(calibrate + mapped, "" if ours else _CHECK, columns)
     if len(histories) <= _COMPONENTS and not floors:
         return NextStep(_predict(path, histories, usable, options), "")
@@ -100,7 +101,7 @@ def _as_told(path: Path, columns: Mapping[str, str], options: str) -> str:
 
 def _speaks_our_names(names: Sequence[str]) -> bool:
     others = [name for name in names if name.lower() != TIME]
-    return len(others) == len(names) - 1 and all(parse_channel(name) for name in others)
+    return len(others) == len(names) - 1 and all(parse_history(name) for name in others)
 
 
 def _option(columns: Mapping[str, str], missing: Sequence[str] = ()) -> str:

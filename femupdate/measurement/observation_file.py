@@ -1,9 +1,10 @@
 """Observations of a building in files: measured histories or frequency response functions."""
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -21,11 +22,13 @@ from femupdate.measurement.columns import (
     HISTORY_COLUMNS,
     TIME,
     Channel,
+    ForceChannel,
     FrfColumn,
     floor_height,
-    parse_channel,
     parse_frf_column,
+    parse_history,
 )
+from femupdate.measurement.force_unit import FORCES
 from femupdate.measurement.frf_table import FrfTable, frf_table
 from femupdate.measurement.quantity import si_factor, split_unit
 from femupdate.measurement.record import LARGEST_PEAK
@@ -42,9 +45,11 @@ logger = logging.getLogger(__name__)
 LARGEST_RESPONSE = 40.0 * LARGEST_PEAK
 MINIMUM_SAMPLES = 64  # four segments of 32 samples: less is no spectrum
 __all__ = [
+    "ForceHistories",
     "FrfTable",
     "Histories",
     "Layout",
+    "any_observation_in",
     "layout_of",
     "observation_in",
     "read_observation_file",
@@ -100,10 +105,36 @@ def read_observation_file(
     return observation_in(recording, unit, columns)
 
 
+@dataclass(frozen=True, eq=False)
+class ForceHistories:
+    """Accelerations of floors under one force.
+
+    Attributes:
+        force: floor at which it acts.
+        histories: where the base would be stands the force, N.
+    """
+
+    force: str
+    histories: Histories
+
+
 def observation_in(
     recording: Recording, unit: str | None = None, columns: Mapping[str, str] | None = None
 ) -> Histories | FrfTable:
     """What `read_observation_file` reads, in a file that was opened."""
+    found = any_observation_in(recording, unit, columns)
+    if isinstance(found, ForceHistories):
+        raise recording.file.error(
+            "these are responses to a force, which calibrate alone takes; give histories or FRFs"
+            " under base motion here"
+        )
+    return found
+
+
+def any_observation_in(
+    recording: Recording, unit: str | None = None, columns: Mapping[str, str] | None = None
+) -> Histories | ForceHistories | FrfTable:
+    """Likewise, or histories under a force."""
     if recording.table is None:
         channels = _mapped_channels(recording, unit, columns or {})
         return _histories(recording.file, channels, unit)
@@ -133,13 +164,14 @@ def motions_in(
         if not layout.of_histories:
             raise file.error("these are response functions; modes come from a record of the floors")
         channels = _columns_as_channels(table, layout.at, layout.known)
-    _require_same_times(file, channels)
-    return channels
+    motions = {ours: one for ours, one in channels.items() if isinstance(ours, Channel)}
+    _require_same_times(file, motions)
+    return motions
 
 
 def _from_table(
     table: Table, unit: str | None, columns: Mapping[str, str] | None
-) -> Histories | FrfTable:
+) -> Histories | ForceHistories | FrfTable:
     layout = layout_of(table, columns)
     if layout.of_histories:
         channels = _columns_as_channels(table, layout.at, layout.known)
@@ -159,7 +191,7 @@ class Layout:
 
     at: int
     of_histories: bool
-    known: Mapping[int, Channel | FrfColumn]
+    known: Mapping[int, Channel | ForceChannel | FrfColumn]
 
     @property
     def frfs(self) -> dict[FrfColumn, int]:
@@ -196,7 +228,7 @@ def layout_of(table: Table, columns: Mapping[str, str] | None) -> Layout:
 
 def _mapped_channels(
     recording: Recording, unit: str | None, columns: Mapping[str, str]
-) -> dict[Channel, RecordedChannel]:
+) -> dict[Channel | ForceChannel, RecordedChannel]:
     """The channels that are given to floors."""
     file, listing = recording.file, channel_listing(recording.file, recording.channels, unit)
     if not columns:
@@ -204,10 +236,10 @@ def _mapped_channels(
             "the file does not say which floors its channels are; say it by the columns option,"
             f" such as base=1,RF=2; its channels are {listing}"
         )
-    chosen: dict[Channel, RecordedChannel] = {}
+    chosen: dict[Channel | ForceChannel, RecordedChannel] = {}
     used: list[RecordedChannel] = []
     for ours, theirs in columns.items():
-        channel = parse_channel(ours)
+        channel = parse_history(ours)
         if channel is None:
             raise file.error(f"unknown column {ours!r}; columns are {HISTORY_COLUMNS}")
         number = theirs.removeprefix("-").strip()  # a minus turns the channel round
@@ -238,12 +270,12 @@ def _renamed(file: TextFile, names: tuple[str, ...], columns: Mapping[str, str])
 
 def _known_columns(
     table: Table, names: tuple[str, ...], at: int, columns: Mapping[str, str] | None
-) -> dict[int, Channel | FrfColumn]:
+) -> dict[int, Channel | ForceChannel | FrfColumn]:
     """Return what each column but the times or frequencies at `at` stands for, by its position."""
     file, of_histories = table.file, names[at].lower() == TIME
-    parse: Callable[[str], Channel | FrfColumn | None]
-    parse = parse_channel if of_histories else parse_frf_column
-    known: dict[int, Channel | FrfColumn] = {}
+    parse: Callable[[str], Channel | ForceChannel | FrfColumn | None]
+    parse = parse_history if of_histories else parse_frf_column
+    known: dict[int, Channel | ForceChannel | FrfColumn] = {}
     for position, name in enumerate(names):
         if position == at:
             continue
@@ -264,8 +296,8 @@ def _known_columns(
 
 
 def _columns_as_channels(
-    table: Table, at: int, known: Mapping[int, Channel | FrfColumn]
-) -> dict[Channel, RecordedChannel]:
+    table: Table, at: int, known: Mapping[int, Channel | ForceChannel | FrfColumn]
+) -> dict[Channel | ForceChannel, RecordedChannel]:
     """The columns of a table with their times in the column `at`."""
     file = table.file
     _require_spectrum(file, table.values.shape[0], int(table.lines[-1]))
@@ -274,21 +306,61 @@ def _columns_as_channels(
     return {
         channel: table.channel(i, step)
         for i, channel in known.items()
-        if isinstance(channel, Channel)
+        if isinstance(channel, Channel | ForceChannel)
     }
 
 
 def _histories(
-    file: TextFile, channels: Mapping[Channel, RecordedChannel], unit: str | None
-) -> Histories:
-    _require_base_and_floors(file, tuple(channels))
-    _require_same_times(file, channels)
-    first = next(iter(channels.values()))
-    rows = [_acceleration(file, each, channel, unit) for channel, each in channels.items()]
-    return Histories(first.time_step, tuple(channels), np.array(rows), file.path.name)
+    file: TextFile, channels: Mapping[Channel | ForceChannel, RecordedChannel], unit: str | None
+) -> Histories | ForceHistories:
+    motions = {ours: one for ours, one in channels.items() if isinstance(ours, Channel)}
+    forces = [ours for ours in channels if isinstance(ours, ForceChannel)]
+    if forces:
+        return _under_force(file, forces, channels, motions, unit)
+    _require_base_and_floors(file, tuple(motions))
+    _require_same_times(file, motions)
+    first = next(iter(motions.values()))
+    rows = [_acceleration(file, each, channel, unit) for channel, each in motions.items()]
+    return Histories(first.time_step, tuple(motions), np.array(rows), file.path.name)
 
 
-def _require_same_times(file: TextFile, channels: Mapping[Channel, RecordedChannel]) -> None:
+def _under_force(
+    file: TextFile,
+    forces: Sequence[ForceChannel],
+    channels: Mapping[Channel | ForceChannel, RecordedChannel],
+    motions: Mapping[Channel, RecordedChannel],
+    unit: str | None,
+) -> ForceHistories:
+    if len(forces) > 1:
+        raise file.error(
+            f"forces act at {' and '.join(one.floor for one in forces)}; give the record of each in"
+            " a file of its own"
+        )
+    (force,) = forces
+    floors = {ours: one for ours, one in motions.items() if ours.floor != BASE}
+    if not floors:
+        raise file.error("there is a force but no floor that responds; add columns 2F ... RF")
+    excitation = channels[force]
+    _require_same_times(file, {force: excitation, **floors})
+    if excitation.unit not in FORCES:
+        raise file.error(
+            f"the force's unit is {excitation.unit or 'not given'}; write one of"
+            f" {', '.join(FORCES)} behind its name, such as force/RF (N)",
+            column=repr(excitation.name),
+        )
+    if np.ptp(excitation.values) == 0.0:
+        raise file.error(
+            f"every value is {excitation.values[0]:g}: the force was not recorded",
+            column=repr(excitation.name),
+        )
+    rows = [excitation.values * FORCES[excitation.unit]]
+    rows += [_acceleration(file, each, ours, unit) for ours, each in floors.items()]
+    names = (Channel(BASE, BASE, direction=force.direction), *floors)
+    histories = Histories(excitation.time_step, names, np.array(rows), file.path.name)
+    return ForceHistories(force.floor, histories)
+
+
+def _require_same_times(file: TextFile, channels: Mapping[Any, RecordedChannel]) -> None:
     first = next(iter(channels.values()))
     _require_spectrum(file, first.values.size)
     check_step(file, first.time_step, repr(first.name))

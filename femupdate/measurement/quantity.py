@@ -3,7 +3,7 @@
 import re
 
 from femupdate.errors import UnitError
-from femupdate.measurement.force_unit import force_unit
+from femupdate.measurement.force_unit import FORCES, force_unit
 from femupdate.measurement.text import TextFile
 from femupdate.units import UNITS, factor
 
@@ -24,9 +24,9 @@ def plain_unit(unit: str) -> str:
 
 
 def is_unit(text: str) -> bool:
-    """Return whether a text names a unit of acceleration, time, frequency or per unit force."""
+    """Return whether a text names a unit of acceleration, time, frequency, force or per force."""
     known = any(_known(plain_unit(text), kind) for kind in _MEASURED)
-    return known or force_unit(text) is not None
+    return known or text in FORCES or force_unit(text) is not None
 
 
 def is_acceleration(unit: str) -> bool:

@@ -9,6 +9,7 @@ from femupdate.arrays import Floats, Integers
 from femupdate.measurement.cells import Row, cells_of, find_delimiter, is_number
 from femupdate.measurement.channel import RecordedChannel
 from femupdate.measurement.complex_text import split_complex
+from femupdate.measurement.force_unit import FORCES
 from femupdate.measurement.quantity import split_unit
 from femupdate.measurement.text import TextFile
 
@@ -42,6 +43,7 @@ class Table:
             values=self.values[:, column],
             time_step=time_step,
             unit=self.units[column],
+            quantity="force" if self.units[column] in FORCES else "acceleration",
         )
 
 

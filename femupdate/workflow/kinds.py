@@ -17,7 +17,12 @@ from femupdate.inference.joint import Kind
 from femupdate.inference.likelihood import DataLikelihood
 from femupdate.inference.modal_likelihood import ModalErrors, ModalLikelihood
 from femupdate.inference.predictive_check import PredictiveCheck, floor_squares, predictive_check
-from femupdate.measurement.force_frf import ForcedObservation, ForceTest, forced_observations
+from femupdate.measurement.force_frf import (
+    ForcedObservation,
+    ForceTest,
+    forced_estimate,
+    forced_observations,
+)
 from femupdate.measurement.kinds import read_any_kind
 from femupdate.measurement.modes import IdentifiedModes
 from femupdate.measurement.observation import (
@@ -26,6 +31,7 @@ from femupdate.measurement.observation import (
     require_floors_of_building,
     select_floors,
 )
+from femupdate.measurement.observation_file import ForceHistories
 from femupdate.progress import Progress
 from femupdate.study import Study
 from femupdate.workflow.force import check_base_level, check_level, open_rest
@@ -170,7 +176,7 @@ def measured_of(building: Building, source: ObservationSource) -> Measured:
         read = read_any_kind(path, source.reading(direction_of(building)))
         if isinstance(read, IdentifiedModes):
             modes.append(_chosen(building, source, path, read))
-        elif isinstance(read, ForceTest):
+        elif isinstance(read, ForceTest | ForceHistories):
             forced += _forced(building, source, read)
         else:
             base.append(path)
@@ -192,15 +198,21 @@ def measured_of(building: Building, source: ObservationSource) -> Measured:
 
 
 def _forced(
-    building: Building, source: ObservationSource, test: ForceTest
+    building: Building, source: ObservationSource, test: ForceTest | ForceHistories
 ) -> list[ForcedObservation]:
     """Responses to forces of the floors and in the band that are asked for."""
     grid = building.frequency_grid.frequencies_hz()
     low, high = source.band_hz or (0.0, np.inf)
     band = max(low, float(grid[0])), min(high, float(grid[-1]))
     noise = building.observation.noise_sd
+    if isinstance(test, ForceHistories):
+        inside = grid[(grid >= band[0]) & (grid <= band[1])]
+        seen = forced_estimate(test, building.floors, inside, direction_of(building))
+        tests: tuple[ForcedObservation, ...] = (seen,)
+    else:
+        tests = forced_observations(test, building.floors, band, noise)
     found = []
-    for one in forced_observations(test, building.floors, band, noise):
+    for one in tests:
         own = one.observation
         wanted = [name for name in own.floors if name in (source.sensors or own.floors)]
         if wanted:
