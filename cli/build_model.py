@@ -26,7 +26,7 @@ from .parameters import BuildingName
     show_default=True,
     help="Shell element of the exported script.",
 )
-@study_options()
+@study_options(copies=False)
 def command(
     building: str | None,
     export: str | None,

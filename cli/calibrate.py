@@ -5,11 +5,11 @@ from typing import Any
 
 import click
 
-from femupdate.study import Study
+from femupdate.study import MAIN_POSTERIOR, Study
 
 from .answer import Answer
 from .bars import Bars
-from .common import reading_options, study_options
+from .common import Tables, reading_options, study_options, table_options
 from .parameters import BuildingName, InputFile
 
 
@@ -31,6 +31,12 @@ from .parameters import BuildingName, InputFile
     show_default=True,
     help="Independent sampler runs.",
 )
+@click.option(
+    "--name",
+    default=MAIN_POSTERIOR,
+    show_default=True,
+    help="Name of the posterior; a study keeps any number of them.",
+)
 @click.option("--device", default="cpu", show_default=True, help="Device for torch: cpu, cuda, ...")
 @click.option(
     "--mode-error",
@@ -43,10 +49,12 @@ from .parameters import BuildingName, InputFile
 )
 @reading_options
 @study_options()
+@table_options("posterior")
 def command(
     observations: tuple[Path, ...],
     building: str | None,
     exact: bool,
+    name: str,
     particles: int,
     chains: int,
     device: str,
@@ -54,6 +62,7 @@ def command(
     force: str | None,
     anyway: bool,
     reading: dict[str, Any],
+    tables: Tables,
     study: Study,
     seed: int,
     bars: Bars,
@@ -70,11 +79,12 @@ def command(
     from femupdate.workflow.calibrate import calibrate_study
     from femupdate.workflow.calibrate_settings import CalibrationSettings
     from femupdate.workflow.checks import check_calibration
-    from femupdate.workflow.csv_tables import write_posterior_tables
     from femupdate.workflow.model import open_study
     from femupdate.workflow.observed import ObservationSource
     from femupdate.workflow.pictures_posterior import draw_posterior
+    from femupdate.workflow.result_tables import posterior_tables
 
+    study = Study(study.folder, name)
     first, *further = observations
     source = ObservationSource(
         first, further=tuple(further), mode_error=mode_error, force=force, **reading
@@ -84,4 +94,4 @@ def command(
     model = open_study(study, building, bars)
     report = calibrate_study(study, model, source, settings, bars)
     drawn = draw_posterior(study, report, bars) if pictures else ()
-    return Answer(report, drawn, tables=write_posterior_tables(study, report))
+    return Answer(report, drawn, tables=tables.write(study, posterior_tables(study, report)))

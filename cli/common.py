@@ -3,14 +3,18 @@
 import functools
 import logging
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, TypeVar
 
 import click
 
 from femupdate.errors import FemupdateError
-from femupdate.study import Study
+from femupdate.sheets import Sheet, require_xlsx, write_sheets
+from femupdate.study import MAIN_POSTERIOR, Study
+from femupdate.study_copy import copied
 from femupdate.study_lock import locked
 
 from .answer import Answer
@@ -30,8 +34,45 @@ class Failure(click.ClickException):
         click.echo(f"Error: {self.format_message()}", err=True)
 
 
+study_option = click.option(
+    "--study",
+    type=StudyFolder(),
+    default="study",
+    show_default=True,
+    help="Folder that holds everything for one building.",
+)
+"""Adds --study to a command that takes care of the rest itself."""
+
+_POSTERIOR = click.option(
+    "--posterior",
+    metavar="NAME",
+    default=MAIN_POSTERIOR,
+    show_default=True,
+    help="Posterior of the study to use, as `calibrate --name` named it.",
+)
+_OUTPUT = click.option(
+    "--output",
+    "copy",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Only read the study; work in a copy of it in this new folder.",
+)
+_NO_PICTURES = click.option("--no-pictures", is_flag=True, help="Draw no pictures.")
+
+
+def posterior_options(function: Callable[..., Answer]) -> Callable[..., Answer]:
+    """Add --study and --posterior; the function gets the study with that posterior chosen."""
+
+    @study_option
+    @_POSTERIOR
+    @functools.wraps(function)
+    def wrapper(*args: Any, study: Study, posterior: str, **kwargs: Any) -> Answer:
+        return function(*args, study=Study(study.folder, posterior), **kwargs)
+
+    return wrapper
+
+
 def study_options(
-    needs: str | None = None, writes: bool = True, draws: bool = True
+    needs: str | None = None, writes: bool = True, draws: bool = True, copies: bool = True
 ) -> Callable[[Callable[..., Answer]], Callable[..., None]]:
     """Add --study, --seed, --json and -v, print the answer, turn errors into exit code 1.
 
@@ -39,27 +80,31 @@ def study_options(
     can be left out, `pictures`.
 
     Args:
-        needs: artefact that the study must hold, made by `femupdate calibrate`.
+        needs: artefact that the study must hold, made by `femupdate calibrate`; of a posterior,
+            whose name is asked for as well.
         writes: the command writes into the study.
         draws: add --no-pictures.
+        copies: add --output, which leaves the study as it is.
     """
+    options = [
+        *([_POSTERIOR] if needs is not None else []),
+        *([_OUTPUT] if writes and copies else []),
+        *([_NO_PICTURES] if draws else []),
+    ]
 
     def decorate(function: Callable[..., Answer]) -> Callable[..., None]:
-        @click.option(
-            "--study",
-            type=StudyFolder(),
-            default="study",
-            show_default=True,
-            help="Folder that holds everything for one building.",
-        )
+        @study_option
         @running
         @functools.wraps(function)
         def wrapper(*args: Any, study: Study, as_json: bool, **kwargs: Any) -> None:
+            study = Study(study.folder, kwargs.pop("posterior", MAIN_POSTERIOR))
             if needs is not None:
                 study.require(needs, "calibrate")
             if draws:
                 kwargs["pictures"] = not kwargs.pop("no_pictures")
             with ExitStack() as stack:
+                if copy := kwargs.pop("copy", None):
+                    study = copied(study, copy)
                 if writes:
                     study.check_writable()
                     stack.enter_context(locked(study.folder, _command_name()))
@@ -67,9 +112,7 @@ def study_options(
                 answer = function(*args, study=study, bars=bars, **kwargs)
             answer.show(as_json)
 
-        if not draws:
-            return wrapper
-        return click.option("--no-pictures", is_flag=True, help="Draw no pictures.")(wrapper)
+        return functools.reduce(lambda made, option: option(made), options, wrapper)
 
     return decorate
 
@@ -133,6 +176,43 @@ def columns_options(function: F) -> F:
         return function(*args, columns=dict(read.columns), **kwargs)
 
     return wrapper  # type: ignore[return-value]
+
+
+@dataclass(frozen=True)
+class Tables:
+    """Writes tables of a command into its study.
+
+    Attributes:
+        workbook: name of the XLSX file that holds them all; None where there is none.
+    """
+
+    workbook: str | None
+
+    def write(self, study: Study, sheets: Sequence[Sheet]) -> tuple[Path, ...]:
+        """Write them beside the results of the chosen posterior."""
+        from femupdate.workflow.result_tables import TABLES
+
+        return write_sheets(study.result(TABLES), sheets, self.workbook)
+
+
+def table_options(workbook: str) -> Callable[[F], F]:
+    """Add --xlsx to a command that writes tables; the function gets `tables`.
+
+    Args:
+        workbook: name of the XLSX file.
+    """
+
+    def decorate(function: F) -> F:
+        @click.option("--xlsx", is_flag=True, help="Also write the tables as one XLSX workbook.")
+        @functools.wraps(function)
+        def wrapper(*args: Any, xlsx: bool, **kwargs: Any) -> Any:
+            if xlsx:
+                require_xlsx()
+            return function(*args, tables=Tables(workbook if xlsx else None), **kwargs)
+
+        return wrapper  # type: ignore[return-value]
+
+    return decorate
 
 
 def running(function: F) -> F:

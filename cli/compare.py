@@ -4,34 +4,38 @@ from pathlib import Path
 
 import click
 
+from femupdate.study import Study
+
 from .answer import Answer
-from .common import plain_options
+from .common import plain_options, study_option
 
 
 @click.command("compare")
-@click.argument("before", type=click.Path(exists=True, path_type=Path))
-@click.argument("after", type=click.Path(exists=True, path_type=Path))
+@click.argument("before")
+@click.argument("after")
 @click.option(
     "--picture",
     type=click.Path(dir_okay=False, path_type=Path),
     help="Draw the intervals of both into a PNG.",
 )
+@study_option
 @plain_options
-def command(before: Path, after: Path, picture: Path | None) -> Answer:
-    """Say which stories changed from the study BEFORE to the study AFTER an event.
+def command(before: str, after: str, picture: Path | None, study: Study) -> Answer:
+    """Say which stories changed from BEFORE to AFTER an event.
 
-    Both are study folders or posterior files of one building, each from a measurement of its own.
+    Both are posteriors of one building, each from a measurement of its own. They are named as
+    `femupdate calibrate --name` named them in the study, or as study folders or posterior files.
     Changes nothing.
 
     \b
     Example:
-      femupdate calibrate before.csv --study before
-      femupdate calibrate after.csv --study after
+      femupdate calibrate before.csv --name before
+      femupdate calibrate after.csv --name after
       femupdate compare before after
     """
-    from femupdate.workflow.compare import compare_states, open_state
+    from femupdate.workflow.compare import compare_states, find_state
 
-    report = compare_states(open_state(before), open_state(after))
+    report = compare_states(find_state(before, study), find_state(after, study))
     if picture is None:
         return Answer(report)
     from femupdate.workflow.pictures_posterior import draw_comparison

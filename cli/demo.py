@@ -10,7 +10,7 @@ from .common import study_options
 
 
 @click.command("demo")
-@study_options(draws=False)
+@study_options(draws=False, copies=False)
 def command(study: Study, seed: int, bars: Bars) -> Answer:
     """Run the whole chain on a shipped synthetic observation and a real ground motion."""
     from femupdate.workflow.demo import draw_demo, run_demo

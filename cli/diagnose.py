@@ -9,7 +9,7 @@ from femupdate.study import Study
 
 from .answer import Answer
 from .bars import Bars
-from .common import reading_options, study_options
+from .common import Tables, reading_options, study_options, table_options
 from .parameters import BuildingName, InputFile
 
 
@@ -31,6 +31,7 @@ from .parameters import BuildingName, InputFile
 )
 @reading_options
 @study_options()
+@table_options("diagnosis")
 def command(
     observation: Path,
     building: str | None,
@@ -38,6 +39,7 @@ def command(
     no_phase: bool,
     sampled: int,
     reading: dict[str, Any],
+    tables: Tables,
     study: Study,
     seed: int,
     bars: Bars,
@@ -50,10 +52,10 @@ def command(
     """
     from femupdate.discrepancy.thresholds import DiagnosisSettings
     from femupdate.workflow.checks import readable
-    from femupdate.workflow.csv_tables import write_diagnosis_tables
     from femupdate.workflow.diagnose import diagnose_study
     from femupdate.workflow.model import open_study
     from femupdate.workflow.pictures_discrepancy import draw_diagnosis
+    from femupdate.workflow.result_tables import diagnosis_tables
 
     source = readable(observation, reading)
     more = None if second is None else readable(second, reading)
@@ -64,5 +66,5 @@ def command(
         report,
         draw_diagnosis(study, report) if pictures else (),
         {"diagnosis": report.path},
-        tables=write_diagnosis_tables(study, report),
+        tables=tables.write(study, diagnosis_tables(report)),
     )

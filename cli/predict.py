@@ -9,7 +9,7 @@ from femupdate.study import Study
 
 from .answer import Answer
 from .bars import Bars
-from .common import columns_options, study_options
+from .common import Tables, columns_options, study_options, table_options
 from .parameters import Channel, InputFile, Member
 
 
@@ -75,6 +75,7 @@ from .parameters import Channel, InputFile, Member
 )
 @columns_options
 @study_options(needs="posterior")
+@table_options("prediction")
 def command(
     record: Path,
     channel: int | str | None,
@@ -86,6 +87,7 @@ def command(
     spectrum_damping: float,
     scatter: float,
     damping_scatter: float,
+    tables: Tables,
     study: Study,
     bars: Bars,
     pictures: bool,
@@ -97,10 +99,10 @@ def command(
     """
     from femupdate.inference.next_event import EventScatter
     from femupdate.workflow.checks import open_calibrated
-    from femupdate.workflow.csv_tables import write_prediction_tables
     from femupdate.workflow.pictures_prediction import draw_prediction
     from femupdate.workflow.predict import predict_study
     from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource
+    from femupdate.workflow.result_tables import prediction_tables
 
     oscillators = spectrum_damping if floor_spectra else None
     report = predict_study(
@@ -117,4 +119,4 @@ def command(
         progress=bars,
     )
     drawn = draw_prediction(study, report, bars) if pictures else ()
-    return Answer(report, drawn, tables=write_prediction_tables(study, report))
+    return Answer(report, drawn, tables=tables.write(study, prediction_tables(report)))

@@ -6,7 +6,7 @@ from femupdate.study import Study
 
 from .answer import Answer
 from .bars import Bars
-from .common import study_options
+from .common import Tables, study_options, table_options
 
 
 @click.command("render")
@@ -28,8 +28,15 @@ from .common import study_options
     help="Posterior draws.",
 )
 @study_options(needs="posterior", draws=False)
+@table_options("modes")
 def command(
-    modes: int, wanted: tuple[int, ...], samples: int, study: Study, seed: int, bars: Bars
+    modes: int,
+    wanted: tuple[int, ...],
+    samples: int,
+    tables: Tables,
+    study: Study,
+    seed: int,
+    bars: Bars,
 ) -> Answer:
     """Draw the mode shapes of the posterior off screen: mean shape and its spread.
 
@@ -41,10 +48,10 @@ def command(
       femupdate render --mode 3 --mode 11
     """
     from femupdate.workflow.checks import open_calibrated
-    from femupdate.workflow.csv_tables import write_mode_table
     from femupdate.workflow.render import render_study
+    from femupdate.workflow.result_tables import mode_tables
 
     model = open_calibrated(study, bars)
     report = render_study(study, model, modes, samples, wanted=wanted, seed=seed, progress=bars)
-    tables = (write_mode_table(study, report),)
-    return Answer(report, more={"study": study.folder}, tables=tables)
+    written = tables.write(study, mode_tables(report))
+    return Answer(report, more={"study": study.folder}, tables=written)

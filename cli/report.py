@@ -10,18 +10,10 @@ from femupdate.study_lock import locked
 
 from .answer import Answer
 from .bars import Bars
-from .common import plain_options
-from .parameters import StudyFolder
+from .common import plain_options, posterior_options
 
 
 @click.command("report")
-@click.option(
-    "--study",
-    type=StudyFolder(),
-    default="study",
-    show_default=True,
-    help="Folder that holds everything for one building.",
-)
 @click.option(
     "-o",
     "--output",
@@ -29,6 +21,7 @@ from .parameters import StudyFolder
     help="HTML file to write; default report.html in the study.",
 )
 @plain_options
+@posterior_options
 def command(study: Study, output: Path | None) -> Answer:
     """Write one HTML page with everything that a study says, to hand on.
 

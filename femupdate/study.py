@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
@@ -19,6 +20,13 @@ BUILDING_FILE = "building.toml"
 LAYOUT = 1
 """Of a study's files; it grows by one when an older femupdate could not read what a newer wrote."""
 _LARGEST_MANIFEST = 10_000_000  # bytes
+
+MAIN_POSTERIOR = "posterior"
+"""Name of the posterior that has none of its own; its files lie in the study's own folder."""
+NAMED = "posteriors"
+"""Folder of a study in which every other posterior has a folder of its own."""
+_OF_A_POSTERIOR = ("posterior", "prediction")  # artefacts that every posterior has for itself
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,40}")
 
 
 def write_text(path: Path | str, text: str) -> None:
@@ -56,6 +64,11 @@ class Artefact:
     sha256: str
 
 
+def owner_of(key: str) -> str:
+    """Name of the posterior that a recorded artefact belongs to."""
+    return key.rpartition(" ")[0] or MAIN_POSTERIOR
+
+
 def _artefact(entry: Mapping[str, Any]) -> Artefact:
     """An entry of the record; its file lies in the study's folder."""
     artefact = Artefact(**entry)
@@ -74,18 +87,56 @@ def damaged(path: Path, reason: object) -> StudyError:
 
 
 class Study:
-    """A folder that holds everything made for one building and its observation.
+    """A folder that holds everything made for one building, seen with one of its posteriors.
 
     Args:
         folder: made when the first artefact is written.
+        posterior: name of the posterior that artefacts and results are of.
+
+    Raises:
+        StudyError: a posterior cannot have this name.
     """
 
-    def __init__(self, folder: Path | str) -> None:
-        self.folder = Path(folder)
+    def __init__(self, folder: Path | str, posterior: str = MAIN_POSTERIOR) -> None:
+        if _NAME.fullmatch(posterior) is None:
+            raise StudyError(
+                f"{posterior!r} cannot be the name of a posterior; use at most 41 letters, "
+                "digits, - and _"
+            )
+        self.folder, self.posterior = Path(folder), posterior
 
     def path(self, *parts: str) -> Path:
         """Path of a file inside the study."""
         return self.folder.joinpath(*parts)
+
+    def result(self, *parts: str) -> Path:
+        """Path of a file that comes of the chosen posterior."""
+        if self.posterior == MAIN_POSTERIOR:
+            return self.path(*parts)
+        return self.path(NAMED, self.posterior, *parts)
+
+    def key(self, name: str) -> str:
+        """Under which an artefact is recorded, such as "posterior" or "roof posterior"."""
+        if self.posterior == MAIN_POSTERIOR or name not in _OF_A_POSTERIOR:
+            return name
+        return f"{self.posterior} {name}"
+
+    def artefact(self, name: str) -> Artefact | None:
+        """What is recorded of an artefact, that of the chosen posterior.
+
+        Raises:
+            StudyError: the record cannot be read.
+        """
+        return self.artefacts().get(self.key(name))
+
+    def posteriors(self) -> tuple[str, ...]:
+        """Names of all posteriors, in the order of their names but the one without first.
+
+        Raises:
+            StudyError: the record cannot be read.
+        """
+        keys = [key for key in self.artefacts() if key.split(" ")[-1] == MAIN_POSTERIOR]
+        return tuple(owner_of(key) for key in sorted(keys, key=lambda key: (" " in key, key)))
 
     def check_folder(self) -> Path:
         """The folder itself where it is there, else the lowest folder above it that is.
@@ -145,17 +196,26 @@ class Study:
         made_from: Mapping[str, str],
         settings: Mapping[str, Any] | None = None,
     ) -> Artefact:
-        """Note that `file` has been written, by what and from what."""
+        """Note that `file` has been written, by what and from what.
+
+        Args:
+            name: of the artefact.
+            file: inside the study, or inside the folder of the chosen posterior.
+            command: that wrote it.
+            made_from: hash of each thing it was made from.
+            settings: that it was made with.
+        """
+        written = self.result(file) if name in _OF_A_POSTERIOR else self.path(file)
         artefact = Artefact(
-            file,
+            written.relative_to(self.folder).as_posix(),
             command,
             __version__,
             datetime.now(UTC).isoformat(timespec="seconds"),
             dict(settings or {}),
             dict(made_from),
-            file_hash(self.path(file)),
+            file_hash(written),
         )
-        entries = {**self.artefacts(), name: artefact}
+        entries = {**self.artefacts(), self.key(name): artefact}
         content = {
             "femupdate": __version__,
             "layout": LAYOUT,
@@ -166,7 +226,7 @@ class Study:
 
     def find(self, name: str, made_from: Mapping[str, str]) -> Path | None:
         """Path of an artefact if it is there, whole, and made from just these things."""
-        artefact = self.artefacts().get(name)
+        artefact = self.artefact(name)
         if artefact is None or dict(artefact.made_from) != dict(made_from):
             return None
         path = self.path(artefact.file)
@@ -184,10 +244,11 @@ class Study:
         Raises:
             StudyError: it is missing, or is not the file that was recorded.
         """
-        artefact = self.artefacts().get(name)
+        artefact = self.artefact(name)
         if artefact is None or not self.path(artefact.file).is_file():
             raise StudyError(
-                f"the study {self.folder} holds no {name}; run `femupdate {command}` first"
+                f"the study {self.folder} holds no {self.key(name)}; run `femupdate {command}` "
+                f"first{self._others(name)}"
             )
         path = self.path(artefact.file)
         if file_hash(path) != artefact.sha256:
@@ -197,18 +258,25 @@ class Study:
             )
         return path
 
+    def _others(self, name: str) -> str:
+        """Posteriors that could be meant instead."""
+        others = [one for one in self.posteriors() if one != self.posterior]
+        if name != MAIN_POSTERIOR or not others:
+            return ""
+        return f", or choose {' or '.join(others)} with --posterior"
+
     def check_fresh(self, name: str, made_from: Mapping[str, str], command: str) -> None:
         """Make sure that an artefact was made from these things.
 
         Raises:
             StudyError: it is stale; the message names what has changed.
         """
-        artefact = self.artefacts().get(name)
+        artefact = self.artefact(name)
         if artefact is None:
             return
         changed = [key for key, value in made_from.items() if artefact.made_from.get(key) != value]
         if changed:
             raise StudyError(
-                f"the {name} in {self.folder} was made from another {' and '.join(changed)}; run "
-                f"`femupdate {command}` again"
+                f"the {self.key(name)} in {self.folder} was made from another "
+                f"{' and '.join(changed)}; run `femupdate {command}` again"
             )

@@ -15,7 +15,10 @@ _LOCK = ".lock"
 _OWNER = ".lock-owner.json"
 # Folders inside a study into which files are written.
 _WRITTEN = ("", "pictures", "tables")
-_INNER = (*_WRITTEN, "dataset/*", "sampling", *(f"repaired/{inner}" for inner in _WRITTEN))
+_INNER = (
+    *(f"{study}{inner}" for study in ("", "repaired/", "posteriors/*/") for inner in _WRITTEN),
+    *("dataset/*", "sampling", "posteriors/*/sampling"),
+)
 
 
 @contextlib.contextmanager

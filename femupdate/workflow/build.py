@@ -211,14 +211,14 @@ def _refuse_other(study: Study, building: Building) -> None:
     from femupdate.building.files import mechanics_hash
 
     kept = study.path(BUILDING_FILE)
-    if not kept.exists() or "posterior" not in study.artefacts():
+    if not kept.exists() or not study.posteriors():
         return
     own = load_building(kept)
     if mechanics_hash(own) != mechanics_hash(building):
         which = "another version of " if own.name == building.name else "the building "
         raise StudyError(
             f"the study {study.folder} already holds a posterior of {which}{own.name}; choose "
-            f"another folder for {building.name} with --study"
+            f"another folder for {building.name} with --study, or run `femupdate start-over`"
         )
 
 

@@ -62,7 +62,7 @@ def calibrate_study(
         settings.chains,
         sampling,
         show,
-        study.path("sampling"),
+        study.result("sampling"),
         json.dumps([origin, settled, _judged(study, measured)], sort_keys=True),
     )
     sampled = (
@@ -75,7 +75,7 @@ def calibrate_study(
     fitting = against_data(model, measured, posterior, sampled, checking)
     warnings = judgement(model, posterior, fitting)
     posterior = replace(posterior, warnings=warnings)
-    path = study.path("posterior.nc")
+    path = study.result("posterior.nc")
     save_posterior(posterior, path)
     study.record(
         POSTERIOR, "posterior.nc", "calibrate", origin, {**source.files_as_settings(), **settled}

@@ -55,7 +55,7 @@ def calibrate_with_effects(
     show.advance()
     kept = {"inflation": inflation, **level_settings(model, fitted.placed, source)}
     posterior = effect_posterior(model, observation, draws, kept)
-    path = study.path("posterior.nc")
+    path = study.result("posterior.nc")
     save_posterior(posterior, path)
     origin = {**model.made_from(), **source.made_from()}
     study.record(POSTERIOR, "posterior.nc", "calibrate", origin, source.files_as_settings())

@@ -1,7 +1,7 @@
 """compare: which stories changed between two posteriors, as before and after an event."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ import numpy as np
 from femupdate.arrays import Floats
 from femupdate.building.files import load_building
 from femupdate.building.parameters import factor_titles
-from femupdate.errors import InferenceError
+from femupdate.errors import InferenceError, StudyError
 from femupdate.inference.change import NAMED, Changes, changes
 from femupdate.inference.posterior import Posterior, load_posterior
 from femupdate.study import BUILDING_FILE, Study
@@ -27,16 +27,20 @@ class State:
     """A posterior of a building in one state.
 
     Attributes:
-        path: of the posterior.
+        path: of the study or the posterior file.
+        name: what to call it.
         posterior: its draws.
         titles: what its factors are of, by name; empty where no building file is beside it.
         hashes: of what it was made from, where its study says so.
+        summary: that the calibration kept; empty where no study is known.
     """
 
     path: Path
+    name: str
     posterior: Posterior
     titles: Mapping[str, str]
     hashes: Mapping[str, str]
+    summary: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,8 +122,8 @@ class CompareReport:
         )
         keys = ("parameter", "of", "before", "after", "change", "change_sd", "probability")
         return {
-            "before": self.before.path,
-            "after": self.after.path,
+            "before": self.before.name,
+            "after": self.after.name,
             "verdict": self.verdict,
             "sentence": self.sentence(),
             "probability_of_no_change": found.none,
@@ -145,22 +149,49 @@ class CompareReport:
         return (self.sentence(), table(head, rows), *(f"  - {note}" for note in self.notes))
 
 
-def open_state(path: Path) -> State:
-    """The posterior of a study folder, or a posterior file.
+def find_state(text: str, study: Study) -> State:
+    """The posterior that a user names.
+
+    Args:
+        text: a study folder, a posterior file, or the name of a posterior of the study.
+        study: that is asked for the name.
 
     Raises:
         StudyError: there is none, or it is damaged.
     """
-    if not path.is_dir():
-        return State(path=path, posterior=load_posterior(path), titles={}, hashes={})
-    study = Study(path)
+    path, names = Path(text), study.posteriors()
+    if text in names:
+        return open_state(Study(study.folder, text), text)
+    if path.is_dir():
+        return open_state(Study(path), text)
+    if path.is_file():
+        return State(path=path, name=text, posterior=load_posterior(path), titles={}, hashes={})
+    known = f"; {study.folder} holds {', '.join(names)}" if names else ""
+    raise StudyError(
+        f"there is no study folder, no posterior file and no posterior called {text}{known}"
+    )
+
+
+def open_state(study: Study, name: str = "") -> State:
+    """The chosen posterior of a study.
+
+    Args:
+        study: the folder.
+        name: what to call it; default the folder.
+
+    Raises:
+        StudyError: there is none, or it is damaged.
+    """
     file = study.require("posterior", "calibrate")
-    building = study.path(BUILDING_FILE)
+    building, recorded = study.path(BUILDING_FILE), study.artefact("posterior")
+    assert recorded is not None
     return State(
-        path=path,
+        path=study.folder,
+        name=name or str(study.folder),
         posterior=load_posterior(file),
         titles=factor_titles(load_building(building)) if building.exists() else {},
-        hashes=study.artefacts()["posterior"].made_from,
+        hashes=recorded.made_from,
+        summary=kept_summary(study),
     )
 
 
@@ -173,7 +204,7 @@ def compare_states(before: State, after: State) -> CompareReport:
     names, other = _factors(before), _factors(after)
     if names != other or not names:
         raise InferenceError(
-            f"{before.path} and {after.path} have other stiffness factors ({', '.join(names)}; "
+            f"{before.name} and {after.name} have other stiffness factors ({', '.join(names)}; "
             f"{', '.join(other)}); compare posteriors of one building"
         )
     _require_different(before, after)
@@ -204,7 +235,7 @@ def _require_different(before: State, after: State) -> None:
     ]
     if files[0] & files[1] or _same_responses(before, after):
         raise InferenceError(
-            f"{before.path} and {after.path} come from the same measurement; compare posteriors of "
+            f"{before.name} and {after.name} come from the same measurement; compare posteriors of "
             "two measurements"
         )
 
@@ -237,8 +268,7 @@ def _notes(before: State, after: State) -> tuple[str, ...]:
 
 def _widths(before: State, after: State) -> tuple[str, ...]:
     """What the posteriors say of themselves that bears on a comparison."""
-    kept = [kept_summary(Study(one.path)) for one in (before, after) if one.path.is_dir()]
-    worst = max((one.get("misfit") or 0.0 for one in kept), default=0.0)
+    worst = max(one.summary.get("misfit") or 0.0 for one in (before, after))
     if worst <= _MISFIT:
         return ()
     return (

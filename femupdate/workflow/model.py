@@ -241,7 +241,8 @@ def choose_building(study: Study, name: str | None) -> Building:
     if mechanics_hash(asked) != mechanics_hash(own):
         raise StudyError(
             f"the study {study.folder} holds the building {own.name}, not {asked.name} as asked "
-            "(or another version of it); choose another folder with --study"
+            "(or another version of it); choose another folder with --study, or run "
+            "`femupdate start-over`"
         )
     return own
 

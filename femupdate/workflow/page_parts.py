@@ -10,7 +10,7 @@ import numpy as np
 from femupdate.arrays import Floats
 from femupdate.dynamics.system import System
 from femupdate.inference.posterior import Posterior
-from femupdate.study import Study
+from femupdate.study import Artefact, Study
 from femupdate.workflow.effect_surrogate import open_system
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.modes import StudyMode, find_modes, posterior_modes
@@ -76,8 +76,12 @@ class PageStudy:
         return {name: title.partition(": ")[0] for name, title in self.titles.items()}
 
     def state(self, name: str) -> str | None:
-        """State of a thing that the study may hold."""
-        return next((item.state for item in self.status.items if item.name == name), None)
+        """State of a thing that the study may hold, of the posterior that the page shows."""
+        return self.status.state(self.study.key(name))
+
+    def recorded(self, name: str) -> Artefact:
+        """What the study has recorded of a thing that it holds."""
+        return self.study.artefacts()[self.study.key(name)]
 
 
 def probability_text(value: float) -> str:

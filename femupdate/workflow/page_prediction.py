@@ -36,7 +36,7 @@ def prediction_section(page: PageStudy) -> Section:
         text = "Nothing was predicted; femupdate predict --record FILE does."
         return Section("prediction", title, (Text((text,)),))
     predictions = tree["predictions"].to_dataset()
-    settings = page.study.artefacts()["prediction"].settings
+    settings = page.recorded("prediction").settings
     base = tree["constant_data"].to_dataset()["base_acceleration"].values
     lead = (
         f"Record {tree.attrs.get('record', '')} {tree.attrs.get('channel', '')}, scaled by "

@@ -66,7 +66,7 @@ def _prediction(page: PageStudy) -> tuple[str, ...]:
     found = predicted_quantities(page)
     if not found:
         return ()
-    settings = page.study.artefacts()["prediction"].settings
+    settings = page.recorded("prediction").settings
     keys = ("acceleration", "ratio" if "ratio" in found else "drift", "base")
     parts = [_largest(found[key]) for key in keys]
     name = str(settings.get("file", "the record")).replace("\\", "/").rsplit("/", 1)[-1]

@@ -38,13 +38,13 @@ def draw_posterior(
         plot_frf.Prediction(predicted.mean(axis=0), low, high),
         plot_frf.MeasuredFrf(observation.log_frf, observation.noise_sd, observation.valid),
     )
-    paths = [save_figure(frf, study.path("pictures", "frf_fit.png"))]
+    paths = [save_figure(frf, study.result("pictures", "frf_fit.png"))]
     show.advance()
     pairs = posterior_pairs(sets, names, bounds)
-    paths.append(save_figure(pairs, study.path("pictures", "posterior.png")))
+    paths.append(save_figure(pairs, study.result("pictures", "posterior.png")))
     show.advance()
     intervals = theta_intervals(names, sets, bounds)
-    paths.append(save_figure(intervals, study.path("pictures", "stiffness_factors.png")))
+    paths.append(save_figure(intervals, study.result("pictures", "stiffness_factors.png")))
     show.advance()
     return tuple(paths)
 
@@ -71,7 +71,7 @@ def draw_cases(study: Study, cases: dict[str, CalibrationReport], truth: tuple[f
         np.column_stack([first.lower, first.upper]),
         truth,
     )
-    return save_figure(figure, study.path("pictures", "posterior_cases.png"))
+    return save_figure(figure, study.result("pictures", "posterior_cases.png"))
 
 
 def draw_comparison(report: CompareReport, path: Path) -> Path:

@@ -31,12 +31,12 @@ def draw_prediction(
         measured=report.measured,
         title=title,
     )
-    paths = [save_figure(bands, study.path("pictures", "floor_histories.png"))]
+    paths = [save_figure(bands, study.result("pictures", "floor_histories.png"))]
     show.advance()
     lines = story_shear_drift(
         summary.examples.story_shear, summary.examples.story_drift, summary.story_stiffness
     )
-    paths.append(save_figure(lines, study.path("pictures", "story_shear_drift.png")))
+    paths.append(save_figure(lines, study.result("pictures", "story_shear_drift.png")))
     show.advance()
     spectra = report.floor_spectra
     if spectra is not None:
@@ -48,14 +48,14 @@ def draw_prediction(
             base=spectra.base,
             title=f"Floor spectra at {spectra.damping:.0%} damping, mean ± 2 sd: {motion.name}",
         )
-        paths.append(save_figure(figure, study.path("pictures", "floor_spectra.png")))
+        paths.append(save_figure(figure, study.result("pictures", "floor_spectra.png")))
     if report.members:
         figure = member_force_bands(
             summary.time,
             [(f"{m.member.kind} {m.member.name}", *_main_forces(m)) for m in report.members],
             title=f"Forces of members, mean ± 2 sd: {motion.name}",
         )
-        paths.append(save_figure(figure, study.path("pictures", "member_forces.png")))
+        paths.append(save_figure(figure, study.result("pictures", "member_forces.png")))
     return tuple(paths)
 
 

@@ -183,7 +183,7 @@ def predict_study(
     summary = replace(_in_another_event(task, draws), story_stiffness=alone.story_stiffness)
     spectra = _spectra(summary, motion, settings.spectrum_damping)
     members = _members(study, model, draws, motion, settings, show)
-    path = study.path("prediction.nc")
+    path = study.result("prediction.nc")
     save_prediction(summary, alone, motion, path, draws.damping, spectra)
     _record(study, model, record, draws.damping)
     return PredictionReport(
@@ -263,7 +263,7 @@ def _record(study: Study, model: StudyModel, record: RecordSource, damping: str)
     """Note in the study what the prediction was made from."""
     origin = {
         **model.made_from(),
-        "posterior": study.artefacts()["posterior"].sha256,
+        "posterior": file_hash(study.require("posterior", "calibrate")),
         "record": file_hash(record.path),
     }
     settings = {"file": str(record.path), "scale": record.scale, "damping": damping}
@@ -294,7 +294,7 @@ def _members(
         1.3 * float(model.frequency_hz[-1]),
         show,
     )
-    write_member_forces(members, motion.time_step, study.path("member_forces.csv"))
+    write_member_forces(members, motion.time_step, study.result("member_forces.csv"))
     return members
 
 

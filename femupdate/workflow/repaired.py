@@ -87,7 +87,7 @@ def keep_effect_posterior(
     """
     model = open_study(study)
     posterior = effect_posterior(model, observation, draws, settings)
-    save_posterior(posterior, study.path("posterior.nc"))
+    save_posterior(posterior, study.result("posterior.nc"))
     origin = {**model.made_from(), "observation": file_hash(source.path)}
     study.record(POSTERIOR, "posterior.nc", "repair", origin, {"file": str(source.path)})
 

@@ -108,7 +108,7 @@ def report_study(
             made=f"femupdate {__version__}, {datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
             sections=tuple(sections),
         ),
-        path or study.path(PAGE),
+        path or study.result(PAGE),
     )
     return ReportReport(
         path=written,
@@ -121,7 +121,6 @@ def report_study(
 
 def _posterior(study: Study, status: StatusReport) -> Posterior | None:
     """The posterior, where it is whole."""
-    state = next((one.state for one in status.items if one.name == "posterior"), MISSING)
-    if state in (MISSING, DAMAGED):
+    if status.state(study.key("posterior")) in (None, MISSING, DAMAGED):
         return None
     return load_posterior(study.require("posterior", "calibrate"))

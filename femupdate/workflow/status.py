@@ -1,6 +1,5 @@
 """status: what a study holds, what is stale, and what to do next. Reads only, and fast."""
 
-import json
 import shlex
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -13,11 +12,19 @@ from femupdate.building.document import without_effects
 from femupdate.building.files import load_building, mechanics_hash
 from femupdate.building.schema import Building
 from femupdate.building.shipped import shipped_buildings
-from femupdate.study import BUILDING_FILE, Artefact, Study, file_hash
+from femupdate.study import (
+    BUILDING_FILE,
+    MAIN_POSTERIOR,
+    NAMED,
+    Artefact,
+    Study,
+    file_hash,
+    owner_of,
+)
 from femupdate.tables import table
+from femupdate.workflow.summary import kept_summary
 
 CURRENT, STALE, DAMAGED, MISSING = "current", "stale", "changed by hand", "missing"
-_SUMMARY = "posterior_summary.json"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,6 +40,7 @@ class Item:
         version: of femupdate.
         created: UTC time, ISO 8601.
         sources: files that it was made from.
+        again: the command, with all it needs, that makes it again.
     """
 
     name: str
@@ -43,6 +51,7 @@ class Item:
     version: str
     created: str
     sources: tuple[str, ...]
+    again: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,6 +75,10 @@ class StatusReport:
     warnings: tuple[str, ...]
     studies: tuple[Path, ...]
     next: tuple[tuple[str, str], ...]
+
+    def state(self, name: str) -> str | None:
+        """State of an item; None where the study has none of the name."""
+        return next((item.state for item in self.items if item.name == name), None)
 
     def as_dict(self) -> dict[str, Any]:
         """What `--json` holds."""
@@ -141,7 +154,7 @@ class _Look:
         return tuple(self._item(name, artefact) for name, artefact in made)
 
     def _item(self, name: str, artefact: Artefact) -> Item:
-        state, reason = self._state(artefact)
+        state, reason = self._state(name, artefact)
         return Item(
             name=name,
             file=artefact.file,
@@ -151,15 +164,44 @@ class _Look:
             version=artefact.version,
             created=artefact.created,
             sources=sources_of(artefact),
+            again=self._again(name, artefact),
         )
 
-    def _state(self, artefact: Artefact) -> tuple[str, str]:
+    def _again(self, name: str, artefact: Artefact) -> str:
+        """The command that makes an item again, from the same files and with the same choices."""
+        words = [shlex.quote(source) for source in sources_of(artefact)]
+        if artefact.command == "predict":
+            words.insert(0, "--record")
+        words += self._choices(artefact)
+        if owner_of(name) != MAIN_POSTERIOR:
+            option = "--name" if artefact.command == "calibrate" else "--posterior"
+            words += [option, owner_of(name)]
+        return " ".join((artefact.command, *words))
+
+    def _choices(self, artefact: Artefact) -> list[str]:
+        """Options that an artefact was made with, where they are not the defaults."""
+        settings, words = artefact.settings, []
+        sensors, band = settings.get("sensors"), settings.get("band_hz")
+        if settings.get("exact"):
+            words.append("--exact")
+        if sensors and (self.building is None or set(sensors) != set(self.building.floors)):
+            words += ["--sensors", ",".join(sensors)]
+        if band:
+            words += ["--band", f"{band[0]:g},{band[1]:g}"]
+        if settings.get("scale", 1.0) != 1.0:
+            words += ["--scale", f"{settings['scale']:g}"]
+        return words
+
+    def _state(self, name: str, artefact: Artefact) -> tuple[str, str]:
         path = self.study.path(artefact.file)
         if not path.exists():
             return MISSING, ""
         if file_hash(path) != artefact.sha256:
             return DAMAGED, ""
-        changed = [key for key, value in artefact.made_from.items() if self._differs(key, value)]
+        seen = Study(self.study.folder, owner_of(name))
+        changed = [
+            key for key, value in artefact.made_from.items() if self._differs(seen.key(key), value)
+        ]
         changed += self._changed_files(artefact)
         if changed:
             return STALE, f"the {' and the '.join(dict.fromkeys(changed))} changed since"
@@ -187,7 +229,9 @@ class _Look:
 
     def _unfinished(self) -> tuple[str, ...]:
         told = []
-        if any(self.study.path("sampling").glob("*")):
+        if any(self.study.folder.glob("sampling/*")) or any(
+            self.study.folder.glob(f"{NAMED}/*/sampling/*")
+        ):
             told.append(
                 "A calibration was interrupted; `femupdate calibrate` with the same options goes "
                 "on where it stopped."
@@ -197,12 +241,12 @@ class _Look:
         return tuple(told)
 
     def _warnings(self) -> tuple[str, ...]:
-        """Notes of the calibration, kept beside the posterior."""
-        path = self.study.path(_SUMMARY)
-        if "posterior" not in self.artefacts or not path.exists():
+        """Notes of the calibration, kept beside the chosen posterior."""
+        name = self.study.key("posterior")
+        if name not in self.artefacts:
             return ()
-        kept = json.loads(path.read_text(encoding="utf-8"))
-        return tuple(f"Posterior: {note}" for note in kept.get("notes", ()))
+        notes = kept_summary(self.study).get("notes", ())
+        return tuple(f"{name[0].upper()}{name[1:]}: {note}" for note in notes)
 
     def _studies(self) -> tuple[Path, ...]:
         return tuple(path.parent for path in sorted(self.study.folder.glob("*/study.json")))
@@ -213,18 +257,28 @@ class _Look:
             reason = "The study has no building yet; NAME is a file or one of `femupdate list`."
             return ((self._say("build-model NAME"), reason),)
         again = [
-            (self._say(_again(item)), f"The {item.name} is {item.state}. {_sentence(item.reason)}")
+            (self._say(item.again), f"The {item.name} is {item.state}. {_sentence(item.reason)}")
             for item in self.items
             if item.state != CURRENT
         ]
         if again:
             return tuple(dict(again).items())
-        if "posterior" not in self.artefacts:
+        if not self.study.posteriors():
             return self._first_calibration()
-        if "prediction" not in self.artefacts:
+        shown = self._shown()
+        option = "" if shown.posterior == MAIN_POSTERIOR else f" --posterior {shown.posterior}"
+        if shown.key("prediction") not in self.artefacts:
             reason = "Nothing is predicted yet; RECORD is a ground motion."
-            return ((self._say("predict --record RECORD"), reason),)
-        return ((self._say("report"), "Everything is current; this writes the page to hand on."),)
+            return ((self._say(f"predict --record RECORD{option}"), reason),)
+        reason = "Everything is current; this writes the page to hand on."
+        return ((self._say(f"report{option}"), reason),)
+
+    def _shown(self) -> Study:
+        """The study with the chosen posterior, or the first that it holds."""
+        have = self.study.posteriors()
+        if self.study.posterior in have:
+            return self.study
+        return Study(self.study.folder, have[0])
 
     def _first_calibration(self) -> tuple[tuple[str, str], ...]:
         """Before there is a posterior."""
@@ -254,14 +308,6 @@ def sources_of(artefact: Artefact) -> tuple[str, ...]:
     settings: Mapping[str, Any] = artefact.settings
     first = settings.get("file")
     return () if first is None else (str(first), *map(str, settings.get("further", ())))
-
-
-def _again(item: Item) -> str:
-    """The command that makes an item again, with the files it was made from."""
-    names = " ".join(shlex.quote(name) for name in item.sources)
-    if item.command == "predict":
-        names = f"--record {names}"
-    return f"{item.command} {names}".strip()
 
 
 def _sentence(reason: str) -> str:

@@ -57,7 +57,7 @@ def write_summary(
         "identifiability": identifiability_record(found),
         "notes": list(notes),
     }
-    path = study.path(SUMMARY)
+    path = study.result(SUMMARY)
     write_text(path, json.dumps(content, indent=1) + "\n")
     return path
 
@@ -92,7 +92,7 @@ def kept_summary(study: Study) -> dict[str, Any]:
     Raises:
         StudyError: the file cannot be read.
     """
-    path = study.path(SUMMARY)
+    path = study.result(SUMMARY)
     if not path.exists():
         return {}
     try:

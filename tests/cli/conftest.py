@@ -76,3 +76,14 @@ def script() -> Callable[..., Outcome]:
         return Outcome(done.returncode, done.stdout, done.stderr)
 
     return call
+
+
+@pytest.fixture(scope="session")
+def record(tmp_path_factory, tower_observation):
+    """The base motion of the observation, as a record of its own."""
+    from femupdate.measurement.record import GroundMotion
+    from femupdate.measurement.write import write_record
+
+    histories = tower_observation.histories
+    motion = GroundMotion(histories.acceleration[0], histories.time_step)
+    return write_record(tmp_path_factory.mktemp("record") / "record.csv", motion)

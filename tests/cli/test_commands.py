@@ -243,17 +243,6 @@ def test_calibrate_with_the_surrogate(femupdate, trained, tower_observation):
     assert any("error of the model" in note for note in answer["notes"])
 
 
-@pytest.fixture(scope="module")
-def record(tmp_path_factory, tower_observation):
-    """The base motion of the observation, as a record of its own."""
-    from femupdate.measurement.record import GroundMotion
-    from femupdate.measurement.write import write_record
-
-    histories = tower_observation.histories
-    motion = GroundMotion(histories.acceleration[0], histories.time_step)
-    return write_record(tmp_path_factory.mktemp("record") / "record.csv", motion)
-
-
 def test_predict(femupdate, exact, record, tower_observation):
     _, study = exact
     answer = femupdate(

@@ -14,8 +14,9 @@ from femupdate.cli.main import group
 
 COMMANDS = group.list_commands(click.Context(group))
 BENCHMARKS = benchmarks.list_commands(click.Context(benchmarks))
-WITHOUT_STUDY = ("benchmark", "compare", "examples", "identify", "inspect", "list")
-WITH_STUDY = [name for name in COMMANDS if name not in (*WITHOUT_STUDY, "report", "status")]
+WITHOUT_STUDY = ("benchmark", "examples", "identify", "inspect", "list")
+WITHOUT_SEED = ("compare", "report", "start-over", "status")
+WITH_STUDY = [name for name in COMMANDS if name not in (*WITHOUT_STUDY, *WITHOUT_SEED)]
 WORK = ["build-model", "train", "calibrate", "predict", "render"]
 HEAVY = ("torch", "scipy", "pyvista", "vtkmodules", "matplotlib", "pydantic", "xarray", "numpy")
 
@@ -60,7 +61,7 @@ def test_nothing_heavy_is_imported_to_say_what_there_is(arguments):
     assert imported(*arguments)[1] == []
 
 
-@pytest.mark.parametrize("command", ["compare", "examples", "identify", "inspect", "list"])
+@pytest.mark.parametrize("command", ["examples", "identify", "inspect", "list"])
 def test_nothing_heavy_is_imported_for_the_help_of_a_command_without_a_study(command):
     text, heavy = imported(command, "--help")
     assert heavy == []

@@ -8,7 +8,7 @@ import pytest
 
 from femupdate.errors import InferenceError, StudyError
 from femupdate.study import Study
-from femupdate.workflow.compare import compare_states, open_state
+from femupdate.workflow.compare import compare_states, find_state, open_state
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,7 @@ def state(tmp_path_factory, tower_file):
         source = ObservationSource(path)
         chosen = CalibrationSettings(particles=400, exact=True, seed=seed)
         calibrate_study(study, open_study(study, str(tower_file)), source, chosen)
-        return open_state(study.folder)
+        return open_state(study)
 
     return calibrated
 
@@ -79,13 +79,26 @@ def test_the_command_prints_and_draws(states, tmp_path):
 
 
 def test_a_posterior_file_is_as_good_as_its_study(states):
-    file = open_state(states.softer.path / "posterior.nc")
+    file = find_state(str(states.softer.path / "posterior.nc"), Study("nowhere"))
     found = compare_states(states.before, file).changes
     assert np.allclose(found.size, compare_states(states.before, states.softer).changes.size)
 
 
+def test_two_posteriors_of_one_study_are_compared_by_their_names(states, tmp_path):
+    study = Study(shutil.copytree(states.before.path, tmp_path / "study"))
+    later = Study(study.folder, "after")
+    later.result().mkdir(parents=True)
+    shutil.copyfile(states.softer.path / "posterior.nc", later.result("posterior.nc"))
+    later.record("posterior", "posterior.nc", "calibrate", {"observation": "another"})
+    report = compare_states(find_state("posterior", study), find_state("after", study))
+    assert report.verdict == "changed"
+    assert report.as_dict()["after"] == "after"
+    with pytest.raises(StudyError, match=r"called later; .* holds posterior, after$"):
+        find_state("later", study)
+
+
 def test_one_measurement_is_not_compared_with_itself(states, tmp_path):
-    copy = open_state(shutil.copytree(states.before.path, tmp_path / "copy"))
+    copy = open_state(Study(shutil.copytree(states.before.path, tmp_path / "copy")))
     with pytest.raises(InferenceError, match="come from the same measurement"):
         compare_states(states.before, copy)
 
@@ -101,4 +114,4 @@ def test_other_buildings_are_refused(states, calibrated):
 
 def test_a_study_without_a_posterior_is_named(tmp_path):
     with pytest.raises(StudyError, match="run `femupdate calibrate` first"):
-        open_state(tmp_path)
+        open_state(Study(tmp_path))

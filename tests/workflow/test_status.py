@@ -45,7 +45,7 @@ def test_an_edited_measurement_makes_its_posterior_stale(look, tmp_path):
     assert states()["posterior"] == "stale"
     report = study_status(study)
     assert report.items[-1].reason == "the file my run.csv changed since"
-    assert report.next[0][0].startswith(f"femupdate calibrate '{copy}' --study")
+    assert report.next[0][0].startswith(f"femupdate calibrate '{copy}' --exact --study")
 
 
 def test_a_new_posterior_makes_the_prediction_stale(look):

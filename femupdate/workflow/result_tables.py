@@ -1,28 +1,29 @@
 """Tables for spreadsheets: one observation a row, a heading for every column, units in it."""
 
-from collections.abc import Iterable, Iterator, Sequence
-from pathlib import Path
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
+from femupdate.discrepancy.diagnose import Finding
 from femupdate.measurement.observation import on_all_floors
-from femupdate.study import Study, write_text
-from femupdate.tables import csv_text
+from femupdate.sheets import Sheet
+from femupdate.study import Study
 from femupdate.workflow.calibrate_draws import predictive_log_frf
 from femupdate.workflow.calibration_report import CalibrationReport
 from femupdate.workflow.diagnose import DiagnosisReport
 from femupdate.workflow.effect_surrogate import open_system
 from femupdate.workflow.parameter_titles import parameter_titles
 from femupdate.workflow.predict import PredictionReport
-from femupdate.workflow.prediction_quantities import TIDY
+from femupdate.workflow.prediction_quantities import TIDY, Quantity
 from femupdate.workflow.render import RenderReport
 
-FOLDER = "tables"
+TABLES = "tables"
+"""Folder of them in a study."""
 
 
-def write_posterior_tables(study: Study, report: CalibrationReport) -> tuple[Path, ...]:
-    """Write the parameters, and the frequency responses measured and predicted."""
+def posterior_tables(study: Study, report: CalibrationReport) -> tuple[Sheet, ...]:
+    """The parameters, and the frequency responses measured and predicted."""
     posterior = report.posterior
     titles = parameter_titles(report.model.building, posterior.names)
     draws = [*posterior.samples.T]
@@ -30,14 +31,33 @@ def write_posterior_tables(study: Study, report: CalibrationReport) -> tuple[Pat
     if posterior.zeta_samples is not None:
         draws, names = [*draws, posterior.zeta_samples], [*names, "zeta"]
     rows = [
-        (name, titles.get(name, "damping ratio"), own.mean(), own.std(), *_quantiles(own))
+        (
+            name,
+            titles.get(name, "damping ratio"),
+            float(own.mean()),
+            float(own.std()),
+            *_quantiles(own),
+        )
         for name, own in zip(names, draws, strict=True)
     ]
     head = ("parameter", "of", "mean", "sd", "q05", "median", "q95")
     return (
-        _write(study, "posterior", head, rows),
-        _write(study, "frf_fit", _FRF, _responses(study, report)),
+        Sheet.of("posterior", head, rows),
+        *_stiffness(report),
+        Sheet.of("frf_fit", _FRF, _responses(study, report)),
     )
+
+
+def _stiffness(report: CalibrationReport) -> tuple[Sheet, ...]:
+    """Stiffness of the stories, where the file gives it; of a frame, `predict` computes it."""
+    building, posterior = report.model.building, report.posterior
+    known = [getattr(story, "stiffness", None) for story in building.stories]
+    if None in known:
+        return ()
+    places = tuple(building.story_names)
+    factors = posterior.samples[:, : len(places)]
+    one = Quantity("stiffness", "kN/mm", places, 1e-6 * factors * np.array(known, dtype=float))
+    return (Sheet.of("story_stiffness", TIDY, one.tidy()),)
 
 
 _FRF = (
@@ -72,14 +92,13 @@ def _responses(study: Study, report: CalibrationReport) -> Iterator[tuple[Any, .
             yield (floor, *("" if value != value else value for value in values))
 
 
-def write_prediction_tables(study: Study, report: PredictionReport) -> tuple[Path, ...]:
-    """Write peaks and histories of a prediction."""
+def prediction_tables(report: PredictionReport) -> tuple[Sheet, ...]:
+    """Peaks and histories of a prediction."""
     summary = report.summary
     rows = [row for one in report.quantities.values() for row in one.tidy()]
     return (
-        _write(study, "predicted_peaks", TIDY, rows),
-        _write(
-            study,
+        Sheet.of("predicted_peaks", TIDY, rows),
+        Sheet.of(
             "floor_histories",
             ("floor", "time_s", "acceleration_mean_m_s2", "acceleration_sd_m_s2"),
             (
@@ -96,37 +115,70 @@ def write_prediction_tables(study: Study, report: PredictionReport) -> tuple[Pat
     )
 
 
-def write_diagnosis_tables(study: Study, report: DiagnosisReport) -> tuple[Path, ...]:
-    """Write the effects that were fitted, and the residuals by floor and band."""
-    effects = report.as_dict()["effects"]
-    keys = ("name", "place", "probability", "log_evidence_over_none", "size", "size_sd", "unit")
+_EFFECTS = (
+    "effect",
+    "place",
+    "in_words",
+    "probability",
+    "log_evidence_over_none",
+    "size",
+    "size_sd",
+    "unit",
+    "meaning_of_size",
+    "added_mass_t",
+    "hidden_by_stiffness_factors",
+)
+
+
+def diagnosis_tables(report: DiagnosisReport) -> tuple[Sheet, ...]:
+    """The effects that were fitted, and the residuals by floor and band."""
     cells = [
         (cell.floor, *cell.band_hz, cell.excess, cell.p_value)
         for cell in report.diagnosis.residuals
     ]
     return (
-        _write(study, "effects", keys, ([one[key] for key in keys] for one in effects)),
-        _write(study, "residual_map", ("floor", "from_hz", "to_hz", "excess", "p_value"), cells),
+        Sheet.of("effects", _EFFECTS, (_effect(report, one) for one in report.diagnosis.findings)),
+        Sheet.of("residual_map", ("floor", "from_hz", "to_hz", "excess", "p_value"), cells),
     )
 
 
-def write_mode_table(study: Study, report: RenderReport) -> Path:
-    """Write the modes of the posterior."""
+def _effect(report: DiagnosisReport, one: Finding) -> tuple[Any, ...]:
+    """Size with its unit and meaning; an added mass also in tonnes, where masses are known."""
+    first = next(iter(one.placed.effect.parameters), None)
+    return (
+        one.placed.effect.title,
+        one.placed.place,
+        one.in_words,
+        one.probability,
+        one.evidence.log_evidence,
+        "" if first is None else one.size,
+        "" if first is None else one.size_sd,
+        "" if first is None else first.unit,
+        "" if first is None else first.text,
+        _tonnes(report, one),
+        one.score.absorbed,
+    )
+
+
+def _tonnes(report: DiagnosisReport, one: Finding) -> Any:
+    structure = report.reduced.structure
+    if not getattr(structure.building, "masses_known", True):
+        return ""
+    mass = one.placed.effect.terms(structure, one.placed.place).mass
+    return "" if mass is None else 1e-3 * one.size * float(mass.rigid[0, 0])
+
+
+def mode_tables(report: RenderReport) -> tuple[Sheet, ...]:
+    """The modes of the posterior."""
     keys = ("mode", "frequency_hz", "frequency_sd", "direction", "effective_mass", "found")
     rows = [[one[key] for key in keys] for one in report.as_dict()["modes"]]
-    return _write(study, "modes", keys, rows)
+    return (Sheet.of("modes", keys, rows),)
 
 
 def _quantiles(values: np.ndarray) -> list[float]:
     return [float(value) for value in np.quantile(values, [0.05, 0.5, 0.95])]
 
 
-def _short(values: np.ndarray) -> list[str]:
+def _short(values: np.ndarray) -> list[float]:
     """Six significant figures: histories are long."""
-    return [f"{value:.6g}" for value in values]
-
-
-def _write(study: Study, name: str, head: Sequence[str], rows: Iterable[Sequence[Any]]) -> Path:
-    path = study.path(FOLDER, f"{name}.csv")
-    write_text(path, csv_text(head, rows))
-    return path
+    return [float(f"{value:.6g}") for value in values]

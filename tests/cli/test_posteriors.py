@@ -1,0 +1,109 @@
+"""Several posteriors in one study, studies that are only read, starting over, workbooks."""
+
+import pytest
+
+FEW = ("--exact", "--particles", 200, "--no-pictures")
+
+
+@pytest.fixture(scope="module")
+def study(femupdate, tower_study, tower_observation, record, tmp_path_factory):
+    """The tower with a posterior from both floors and one from the roof, each with a prediction."""
+    import shutil
+
+    folder = tmp_path_factory.mktemp("two") / "study"
+    shutil.copytree(tower_study, folder)
+    few = ("--samples", 10, "--no-pictures", "--study", folder)
+    path = tower_observation.path
+    for words in (
+        ("calibrate", path, "--sensors", "RF", *FEW, "--name", "roof", "--study", folder),
+        ("predict", "--record", record, *few),
+        ("predict", "--record", record, "--scale", 2, *few, "--posterior", "roof", "--xlsx"),
+    ):
+        done = femupdate(*words)
+        assert done.code == 0, done.err
+    return folder
+
+
+def test_a_second_posterior_leaves_the_first_alone(study, tower_study, snapshot):
+    first, both = snapshot(tower_study), snapshot(study)
+    assert both["posterior.nc"] == first["posterior.nc"]
+    assert both["posterior_summary.json"] == first["posterior_summary.json"]
+    roof = {"posterior.nc", "posterior_summary.json", "prediction.nc", "tables/frf_fit.csv"}
+    assert {f"posteriors/roof/{name}" for name in roof} <= set(both)
+    assert both["prediction.nc"] != both["posteriors/roof/prediction.nc"]
+
+
+def test_status_names_both_and_how_to_make_them_again(femupdate, study, tower_observation):
+    items = {
+        one["name"]: one for one in femupdate("status", "--study", study, "--json").answer["items"]
+    }
+    assert {"posterior", "prediction", "roof posterior", "roof prediction"} <= set(items)
+    assert {one["state"] for one in items.values()} == {"current"}
+    again = items["roof posterior"]["again"]
+    assert again == f"calibrate {tower_observation.path} --exact --sensors RF --name roof"
+    assert items["roof prediction"]["again"].endswith("--scale 2 --posterior roof")
+
+
+def test_a_new_roof_posterior_makes_only_its_own_prediction_stale(
+    femupdate, study, tower_observation, tmp_path
+):
+    """On a copy by --output, so that the study itself is only read."""
+    copy = tmp_path / "copy"
+    words = ("calibrate", tower_observation.path, "--sensors", "RF", *FEW, "--name", "roof")
+    assert femupdate(*words, "--seed", 5, "--study", study, "--output", copy).code == 0
+    items = femupdate("status", "--study", copy, "--json").answer["items"]
+    stale = {one["name"] for one in items if one["state"] == "stale"}
+    assert stale == {"roof prediction"}
+    again = femupdate(*words, "--study", study, "--output", copy)
+    assert again.code == 1
+    assert f"go on with it by --study {copy}" in again.err
+
+
+def test_what_only_reads_a_study_writes_elsewhere(femupdate, study, snapshot, tmp_path):
+    before = snapshot(study)
+    for words in (
+        ("render", "--samples", 5, "--posterior", "roof", "--output", tmp_path / "copy"),
+        ("report", "--posterior", "roof", "-o", tmp_path / "roof.html"),
+    ):
+        done = femupdate(*words, "--study", study)
+        assert done.code == 0, done.err
+    assert (tmp_path / "copy" / "posteriors" / "roof" / "tables" / "modes.csv").exists()
+    assert "scaled by 2" in (tmp_path / "roof.html").read_text(encoding="utf-8")
+    assert snapshot(study) == before
+
+
+def test_a_posterior_that_is_not_there_is_refused_with_those_that_are(femupdate, study):
+    done = femupdate("render", "--study", study, "--posterior", "ruf")
+    assert done.code == 1
+    assert "holds no ruf posterior" in done.err
+    assert "choose posterior or roof with --posterior" in done.err
+    done = femupdate("render", "--study", study, "--posterior", "../roof")
+    assert done.code == 1
+    assert "cannot be the name of a posterior" in done.err
+
+
+def test_a_workbook_holds_the_tables_as_numbers(study):
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.load_workbook(
+        study / "posteriors" / "roof" / "tables" / "prediction.xlsx", read_only=True
+    )
+    assert book.sheetnames == ["predicted_peaks", "floor_histories"]
+    head, *rows = book["predicted_peaks"].values
+    assert head[:3] == ("quantity", "unit", "place")
+    stiffness = [row for row in rows if row[0] == "stiffness"]
+    assert [row[1:3] for row in stiffness] == [("kN/mm", "low"), ("kN/mm", "high")]
+    assert all(isinstance(row[3], float) for row in rows)
+
+
+def test_starting_over_removes_what_femupdate_wrote_and_nothing_else(femupdate, study, tmp_path):
+    import shutil
+
+    copy = shutil.copytree(study, tmp_path / "study")
+    (copy / "my notes.txt").write_text("kept")
+    asked = femupdate("start-over", "--study", copy)
+    assert asked.code != 0
+    assert "posteriors/roof/prediction.nc" in asked.err
+    assert "my notes.txt stays" in asked.err
+    assert (copy / "posterior.nc").exists()
+    assert femupdate("start-over", "--study", copy, "--yes").code == 0
+    assert [path.name for path in copy.rglob("*")] == ["my notes.txt"]
