@@ -32,7 +32,7 @@ def main(folder: Path) -> None:
     for name, mean, sd in zip(
         calibrated.posterior.names, draws.mean(axis=0), draws.std(axis=0), strict=True
     ):
-        print(f"{name}  {mean:.3f} +- {sd:.3f}")
+        print(f"{name}  {mean:.3f} ± {sd:.3f}")
     with as_file(EXAMPLES / "records" / "ridgecrest_2019_clc_90.csv") as record:
         predicted = predict_study(study, model, RecordSource(record, scale=0.1))
     for floor, peak in zip(predicted.summary.floors, predicted.peak_acceleration.mean, strict=True):

@@ -43,7 +43,7 @@ class Finding:
 
     @property
     def in_words(self) -> str:
-        """Effect, place and size, such as "3F carries 9.8 % more mass than modelled (+- 0.3 %)"."""
+        """Effect, place and size, such as "3F carries 9.8 % more mass than modelled (± 0.3 %)"."""
         effect = self.placed.effect
         said = effect.said(self.placed.place, self.size)
         if not effect.parameters:

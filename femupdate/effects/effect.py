@@ -44,8 +44,8 @@ class Parameter:
         return f"{self._scale * value:.3g} {self._unit}"
 
     def scatter(self, sd: float) -> str:
-        """A standard deviation with its unit, such as "+- 1.2 %"."""
-        return f"+- {self._scale * sd:.2g} {self._unit}"
+        """A standard deviation with its unit, such as "± 1.2 %"."""
+        return f"± {self._scale * sd:.2g} {self._unit}"
 
     @property
     def _unit(self) -> str:

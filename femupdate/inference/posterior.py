@@ -55,7 +55,7 @@ class DrawnBy:
             error = self.log_evidence_error
             told.append(
                 f"log evidence {self.log_evidence:.2f}"
-                + ("" if error is None else f" +- {error:.2g}")
+                + ("" if error is None else f" ± {error:.2g}")
             )
         return tuple(told)
 

@@ -205,7 +205,7 @@ def _function_text(one: RecordedFunction) -> str:
 
 
 def _mode_text(one: RecordedMode) -> str:
-    spread = "" if one.frequency_sd_hz is None else f" +- {one.frequency_sd_hz:.2g}"
+    spread = "" if one.frequency_sd_hz is None else f" ± {one.frequency_sd_hz:.2g}"
     damping = "" if one.damping is None else f", damping ratio {one.damping:.4g}"
     seen = int(np.count_nonzero(~np.isnan(one.shape)))
     name = f"mode {one.name}" if one.name else "mode"

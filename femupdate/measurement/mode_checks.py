@@ -46,7 +46,7 @@ def _of_one(mode: RecordedMode) -> list[str]:
     if mode.damping is not None and not 0.0 < mode.damping <= _MUCH_DAMPING:
         found.append(f"{_called(mode)} has a damping ratio of {mode.damping:.3g}")
     if mode.frequency_sd_hz is not None and mode.frequency_sd_hz > _WIDE * mode.frequency_hz:
-        found.append(f"{_called(mode)} is hardly known: +-{mode.frequency_sd_hz:.3g} Hz")
+        found.append(f"{_called(mode)} is hardly known: ±{mode.frequency_sd_hz:.3g} Hz")
     seen = shape[~np.isnan(shape)]
     if seen.size and phase_collinearity(seen) < _IN_PHASE:
         found.append(f"{_called(mode)}: the sensors do not move in phase")

@@ -1,5 +1,6 @@
 """Making and saving figures, and checking what they are made from."""
 
+import textwrap
 from collections.abc import Sequence
 from math import ceil
 from pathlib import Path
@@ -21,8 +22,10 @@ from femupdate.report.style import QUIET, styled
 DOTS_PER_INCH = 150
 
 TITLE_HEIGHT = 0.40  # inches
+TITLE_ROW = 0.22  # of every line after the first
 LEGEND_ROW_HEIGHT = 0.24
 NOTE_HEIGHT = 0.24
+_TITLE_WIDTH, _NOTE_WIDTH = 0.116, 0.075  # inches of a character, in the mean
 _VISIBLE = 0.015  # of the height of a panel
 MARGIN = 12  # white pixels left around a rendered picture
 _TICKS_HZ = (0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
@@ -89,16 +92,18 @@ def add_head(
 
     Args:
         figure: with all its panels drawn.
-        title: in bold, on one line.
+        title: in bold.
         handles: of the legend, with their labels; default everything drawn that has a label.
         note: quiet lines under the title that say how to read the figure.
         columns: of the legend; default all on one line.
     """
     handles = _labelled(figure) if handles is None else handles
+    title = _wrapped(title, figure.get_figwidth(), _TITLE_WIDTH)
+    note = _wrapped(note, figure.get_figwidth(), _NOTE_WIDTH)
     columns = columns or max(len(handles), 1)
     legend = LEGEND_ROW_HEIGHT * ceil(len(handles) / columns) + (0.06 if handles else 0.0)
     notes = NOTE_HEIGHT * (note.count("\n") + 1) if note else 0.0
-    above = (TITLE_HEIGHT if title else 0.1) + notes
+    above = (TITLE_HEIGHT + TITLE_ROW * title.count("\n") if title else 0.1) + notes
     head = above + legend
     height = figure.get_figheight() + head
     figure.set_figheight(height)
@@ -118,6 +123,12 @@ def add_head(
             borderaxespad=0.0,
             borderpad=0.2,
         )
+
+
+def _wrapped(text: str, width: float, of_character: float) -> str:
+    """Lines that a figure of this width (inches) holds, for characters of a mean width."""
+    longest = max(int((width - 0.2) / of_character), 10)
+    return "\n".join(textwrap.fill(line, longest) for line in text.split("\n"))
 
 
 def thin_band_note(share: float) -> str:

@@ -71,7 +71,7 @@ def residual_map(
         pictures.append(draw_misfit(panel, floors, edges, grid, top))
         panel.set_title(name)
     bar = figure.colorbar(pictures[0], ax=list(panels), pad=0.02)
-    bar.set_label("residual / noise (rms)")
+    bar.set_label("Residual over noise, rms")
     add_head(figure, title, note="1 and less is what noise alone leaves")
     return figure
 
@@ -100,7 +100,7 @@ def draw_misfit(
                 panel.text(x, row, text, ha="center", va="center", fontsize=7, color=colour)
     frequency_ticks(panel, edges[0], edges[-1])
     panel.set_yticks(range(len(floors)), floors)
-    panel.set_xlabel("Frequency (Hz)")
+    panel.set_xlabel("Frequency, Hz")
     return picture
 
 
@@ -131,7 +131,7 @@ def ranking(
     for row, one in enumerate(shown):
         length = _scaled(one.gain)
         panel.barh(row, length, color=ORANGE if one.leading else BLUE, height=0.62)
-        text = f" {one.gain:.0f}   size {one.size}" if one.size else f" {one.gain:.0f}"
+        text = f" {one.gain:,.0f}   {one.size}" if one.size else f" {one.gain:,.0f}"
         panel.text(max(length, 0.0), row, text, va="center", fontsize=8, color=INK)
     panel.axvline(_scaled(needed), color=QUIET, linestyle="--", linewidth=1.0)
     panel.axvline(0.0, color=INK, linewidth=0.8)
@@ -145,7 +145,7 @@ def ranking(
         [_scaled(t) for t in ticks], [f"{t:.3g}" if t < 1e3 else f"{t:,.0f}" for t in ticks]
     )
     panel.set_xlim(left, right)
-    panel.set_xlabel("log evidence over the model as it is (dashed: what a name needs)")
+    panel.set_xlabel("Log evidence over the model as it is (dashed: what a name needs)")
     panel.grid(axis="y", visible=False)
     add_head(figure, title, note=verdict)
     return figure

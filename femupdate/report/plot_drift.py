@@ -1,5 +1,6 @@
 """Story shear against story drift."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,9 +13,9 @@ from numpy.typing import ArrayLike
 
 from femupdate.arrays import Floats
 from femupdate.errors import ReportError
-from femupdate.report.figure import add_head, checked, panel_grid
+from femupdate.report.figure import add_head, checked, checked_names, panel_grid
 from femupdate.report.plot_history import strongest, symmetric_limits
-from femupdate.report.scale import Scale, force_scale, length_scale, three_figures
+from femupdate.report.scale import Scale, force_scale, interval_text, length_scale
 from femupdate.report.style import BLUE, INK, styled
 
 LINES = 100  # samples drawn
@@ -26,6 +27,7 @@ def story_shear_drift(
     shear: ArrayLike,
     drift: ArrayLike,
     stiffness: ArrayLike,
+    stories: Sequence[str],
     *,
     title: str = "Story shear against story drift",
 ) -> Figure:
@@ -37,6 +39,7 @@ def story_shear_drift(
         shear: (S, s, n) N.
         drift: (S, s, n) m.
         stiffness: (S', s) N/m of all samples: mean slope and 5 to 95 % interval.
+        stories: s names, the lowest first.
         title: over the figure.
 
     Raises:
@@ -44,6 +47,7 @@ def story_shear_drift(
     """
     forces = checked("shear", shear, None, None, None)
     count = forces.shape[1]
+    names = checked_names("stories", stories, count)
     drifts = checked("drift", drift, *forces.shape)
     slopes = checked("stiffness", stiffness, None, count)
     if not len(forces) or not len(slopes):
@@ -52,12 +56,12 @@ def story_shear_drift(
     forces, drifts = forces[:LINES, :, part], drifts[:LINES, :, part]
     force, length = force_scale(forces), length_scale(drifts)
     columns = min(count, 2 if count <= 4 else 3)
-    across, up = f"Drift ({length.unit})", f"Shear ({force.unit})"
+    across, up = f"Drift, {length.unit}", f"Shear, {force.unit}"
     figure, panels = panel_grid(count, columns, (3.6, 2.75), across, up)
     for panel, story in zip(panels, reversed(range(count)), strict=True):
         lines = np.stack([drifts[:, story] / length.factor, forces[:, story] / force.factor], -1)
         _draw_story(panel, lines, slopes[:, story], force, length)
-        panel.set_title(f"Story {story + 1}")
+        panel.set_title(f"Story {names[story]}")
     panels[0].set_ylim(symmetric_limits(forces / force.factor))
     panels[0].set_xlim(symmetric_limits(drifts / length.factor))
     panels[0].xaxis.set_major_locator(MaxNLocator(5))
@@ -82,6 +86,6 @@ def _draw_story(panel: Axes, lines: Floats, stiffness: Floats, force: Scale, len
     panel.axline((0.0, 0.0), slope=shown.mean(), color=INK, linewidth=1.1, linestyle="--")
     low, high = np.quantile(shown, [0.05, 0.95])
     unit = f"{force.unit}/{length.unit}"
-    text = f"{three_figures(shown.mean())} {unit}\n[{three_figures(low)}, {three_figures(high)}]"
+    text = interval_text(shown.mean(), shown.std(), low, high).replace(" [", f" {unit}\n[")
     look: dict[str, Any] = {"ha": "right", "va": "bottom", "fontsize": 8.5}
     panel.text(0.97, 0.05, text, transform=panel.transAxes, **look)

@@ -17,10 +17,10 @@ from femupdate.report.figure import (
     panel_grid,
     thin_band_note,
 )
-from femupdate.report.style import BAND, BLUE, INK, QUIET, styled
+from femupdate.report.style import BAND, BLUE, MEASURED, QUIET, styled
 
 NOISE: dict[str, Any] = {"color": QUIET, "alpha": 0.28, "linewidth": 0.0}
-LEFT_OUT: dict[str, Any] = {"color": QUIET, "linewidth": 0.7, "linestyle": (0, (1, 1.5))}
+LEFT_OUT: dict[str, Any] = {"color": QUIET, "linewidth": 1.0, "linestyle": (0, (1, 1.5))}
 
 
 @dataclass(frozen=True)
@@ -82,10 +82,10 @@ def frf_fit(
     )
     measured = None if observation is None else _Measured.of(observation, shape)
     columns, width = (1, 10.0) if len(names) == 1 else (2, 5.0)
-    figure, panels = panel_grid(len(names), columns, (width, 1.95), "Frequency (Hz)", "|H|")
+    figure, panels = panel_grid(len(names), columns, (width, 1.95), "Frequency, Hz", "|H|")
     for panel, floor in zip(panels, reversed(range(len(names))), strict=True):
         panel.plot(
-            frequency, np.exp(mean[floor]), color=BLUE, linewidth=2.2, label="Predicted, mean"
+            frequency, np.exp(mean[floor]), color=BLUE, linewidth=1.0, label="Predicted, mean"
         )
         low, high = np.exp(lower[floor]), np.exp(upper[floor])
         panel.fill_between(frequency, low, high, label=f"Predicted, {prediction.band}", **BAND)
@@ -123,12 +123,12 @@ class _Measured:
 
 
 def _draw_measured(panel: Axes, frequency: Floats, measured: _Measured, floor: int) -> None:
-    """Draw a floor's measurement as a thin line on its prediction, which a good fit hides."""
+    """Draw a floor's measurement below its prediction."""
     used, unused = measured.used[floor], measured.unused[floor]
     if not np.isfinite(np.stack([used, unused])).any():
         panel.set_title("not measured", loc="right", color=QUIET, fontweight="normal")
         return
-    panel.plot(frequency, np.exp(used), color=INK, linewidth=0.7, zorder=2.5, label="Measured")
+    panel.plot(frequency, np.exp(used), label="Measured", **MEASURED)
     if measured.noise_sd is not None:
         twice, label = 2.0 * measured.noise_sd[floor], "Measured, ±2 sd of its noise"
         low, high = np.exp(used - twice), np.exp(used + twice)

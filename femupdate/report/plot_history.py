@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from femupdate.arrays import Floats
 from femupdate.errors import ReportError
 from femupdate.report.figure import add_head, checked, label_edges, new_figure, thin_band_note
-from femupdate.report.style import BAND, BLUE, FAINT, INK, styled
+from femupdate.report.style import BAND, BLUE, FAINT, MEASURED, styled
 
 ZOOM_SHARE = 0.12  # of the record, at most, in the panels on the right
 ZOOM_CYCLES = 20  # there, at most
@@ -62,7 +62,7 @@ def floor_history_bands(
         whole.set_title(floors[floor])
     digits = 1 if strong[1] - strong[0] > 2.0 else 2
     axes[0, 1].set_title(f"{strong[0]:.{digits}f} to {strong[1]:.{digits}f} s")
-    label_edges(axes, axes.size, "Time (s)", "m/s²")
+    label_edges(axes, axes.size, "Time, s", "m/s²")
     edges = np.abs(middle) + 2.0 * spread
     limits = symmetric_limits(edges, *([] if seen is None else [seen]))
     axes[0, 0].set_ylim(limits)
@@ -107,18 +107,8 @@ def _draw_history(
     panel.plot(t, middle, color=BLUE, linewidth=1.2 if zoomed else 0.6, label=labels[0])
     panel.fill_between(t, middle - twice, middle + twice, label=labels[1], **BAND)
     if measured is not None:
-        # Behind the prediction where there is no room to see both.
-        look = (0.9, "--", 2.5) if zoomed else (0.5, "-", 1.5)
-        width, dashes, order = look
-        panel.plot(
-            t,
-            measured[inside],
-            color=INK,
-            linewidth=width,
-            linestyle=dashes,
-            zorder=order,
-            label=labels[2],
-        )
+        look = {**MEASURED, "linewidth": 2.6 if zoomed else 1.2}
+        panel.plot(t, measured[inside], label=labels[2], **look)
     panel.set_xlim(*limits)
 
 

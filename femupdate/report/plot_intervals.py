@@ -15,6 +15,7 @@ from femupdate.report.style import FAINT, INK, styled
 
 ROW_HEIGHT = 0.26  # inches for each interval
 BETWEEN_ROWS = 0.2
+_VISIBLE = 0.006  # of the axis: an interval as long as two strokes are wide
 
 
 @styled
@@ -61,9 +62,18 @@ def theta_intervals(
     panel.tick_params(axis="y", length=0, labelsize=10.0)
     panel.grid(visible=False, axis="y")
     panel.spines["left"].set_visible(False)
-    panel.set_xlabel("Factor on Young's modulus")
-    add_head(figure, title)
+    panel.set_xlabel("Stiffness over that in the building file")
+    add_head(figure, title, note=_short_note(panel, cases))
     return figure
+
+
+def _short_note(panel: Axes, cases: Sequence[SampleSet]) -> str:
+    """What to say where an interval is shorter than the stroke at its mean."""
+    low, high = panel.get_xlim()
+    lengths = [np.ptp(np.quantile(case.samples, [0.05, 0.95], axis=0), axis=0) for case in cases]
+    if min(float(own.min()) for own in lengths) > _VISIBLE * (high - low):
+        return ""
+    return "Some intervals are shorter than the stroke at their mean: read the figures at the right"
 
 
 def _draw_intervals(panel: Axes, samples: Floats, heights: Floats, color: str, label: str) -> None:

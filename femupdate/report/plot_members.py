@@ -45,7 +45,7 @@ def member_force_bands(
             _draw(panel, instants[shown], one[shown], 2.0 * two[shown], force, scale)
         row[0].set_title(name, loc="left")
     for panel in axes[-1]:
-        panel.set_xlabel("Time (s)")
+        panel.set_xlabel("Time, s")
     add_head(figure, title)
     return figure
 
@@ -66,5 +66,5 @@ def _draw(panel: Axes, time: Floats, mean: Floats, band: Floats, force: str, sca
     panel.plot(time, mean / scale.factor, color=BLUE, linewidth=1.0, label="Mean")
     panel.fill_between(time, low, high, label="Mean ± 2 sd", **BAND)
     unit = f"{scale.unit} m" if force.startswith("M") else scale.unit
-    panel.set_ylabel(f"{force.replace('_', ' ')} ({unit})")
+    panel.set_ylabel(f"{force.replace('_', ' ')}, {unit}")
     panel.set_xlim(time[0], time[-1])

@@ -15,16 +15,11 @@ from femupdate.report.glyphs import Glyphs
 from femupdate.report.marked_building import draw_marked
 from femupdate.report.plot_diagnosis import draw_misfit, largest_misfit
 from femupdate.report.rendering import Renderer
-from femupdate.report.style import BLUE, INK, ORANGE, styled
+from femupdate.report.style import BLUE, MEASURED, ORANGE, styled
 
-_BEFORE: dict[str, Any] = {"color": ORANGE, "linewidth": 1.1, "label": "model before"}
-_AFTER: dict[str, Any] = {"color": BLUE, "linewidth": 1.1, "label": "model after"}
-_MEASURED: dict[str, Any] = {
-    "color": INK,
-    "linewidth": 0.8,
-    "alpha": 0.8,
-    "label": "measured",
-}
+_BEFORE: dict[str, Any] = {"color": ORANGE, "linewidth": 1.1, "label": "Model before"}
+_AFTER: dict[str, Any] = {"color": BLUE, "linewidth": 1.1, "label": "Model after"}
+_MEASURED: dict[str, Any] = {**MEASURED, "label": "Measured"}
 _WINDOW_S = 6.0
 
 
@@ -125,9 +120,9 @@ def _scene(
 ) -> None:
     grids = [scene.before, scene.after]
     top = largest_misfit(grids)
-    for panel, name, grid in zip(panels[::2], ("before", "after"), grids, strict=True):
+    for panel, name, grid in zip(panels[::2], ("Before", "After"), grids, strict=True):
         picture = draw_misfit(panel, floors, scene.edges_hz, grid, top)
-        panel.set_title(f"{name}: residual / noise")
+        panel.set_title(f"{name}: residual over noise")
     figure.colorbar(picture, ax=panels[2], pad=0.02)
     draw_marked(panels[1], scene.geometry, scene.glyphs, scene.floors, renderer)
     panels[1].set_title(scene.caption, loc="center")
@@ -146,10 +141,10 @@ def _frf(panel: Axes, curves: Curves, place: int, *, last: bool) -> None:
     panel.plot(frequency, curves.before[place], **_BEFORE)
     if curves.after is not None:
         panel.plot(frequency, curves.after[place], **_AFTER)
-    panel.set_ylabel(f"{curves.floors[place]}  ln|H|")
+    panel.set_ylabel(f"{curves.floors[place]}, ln|H|")
     panel.set_xlim(float(frequency[0]), float(frequency[-1]))
     if last:
-        panel.set_xlabel("Frequency (Hz)")
+        panel.set_xlabel("Frequency, Hz")
     else:
         panel.tick_params(labelbottom=False)
 
@@ -159,12 +154,14 @@ def _theta(panel: Axes, story: GapStory) -> None:
     if story.theta_after is not None:
         sets.append((story.theta_after, _AFTER, 0.12))
     for draws, style, shift in sets:
-        low, middle, high = np.quantile(draws, [0.05, 0.5, 0.95], axis=0)
+        low, high = np.quantile(draws, [0.05, 0.95], axis=0)
+        middle = draws.mean(axis=0)
         rows = np.arange(len(story.names)) + shift
         panel.hlines(rows, low, high, color=style["color"], linewidth=3.0)
-        panel.plot(middle, rows, "o", color=style["color"], markersize=4)
+        # A stroke covers less of a short interval than a dot does.
+        panel.plot(middle, rows, "|", color=style["color"], markersize=11.0, mew=1.4)
     panel.set_yticks(range(len(story.names)), list(story.names))
-    panel.set_xlabel("stiffness factor, 5 to 95 %")
+    panel.set_xlabel("Stiffness factor, mean, 5 to 95 %")
 
 
 def _histories(panel: Axes, held: Any) -> None:
@@ -179,6 +176,6 @@ def _histories(panel: Axes, held: Any) -> None:
         panel.plot(held.time[shown], held.after[top][shown], **_AFTER)
         text += f" before, {held.error_after:.2f} after"
     panel.set_title(text)
-    panel.set_xlabel("Time (s)")
-    panel.set_ylabel(f"{held.floors[top]} (m/s²)")
+    panel.set_xlabel("Time, s")
+    panel.set_ylabel(f"{held.floors[top]}, m/s²")
     panel.set_xlim(float(held.time[shown][0]), float(held.time[shown][-1]))

@@ -36,9 +36,7 @@ def floor_spectra_bands(
     middle, spread = checked("mean", mean, *shape), checked("sd", sd, *shape)
     ground = checked("base", base, len(frequency))
     size, columns = (3.6, 2.5), min(3, len(floors))
-    figure, panels = panel_grid(
-        len(floors), columns, size, "Oscillator (Hz)", "Acceleration (m/s²)"
-    )
+    figure, panels = panel_grid(len(floors), columns, size, "Oscillator, Hz", "Acceleration, m/s²")
     for panel, floor in zip(panels, reversed(range(len(floors))), strict=True):
         low, high = middle[floor] - 2 * spread[floor], middle[floor] + 2 * spread[floor]
         panel.plot(frequency, middle[floor], color=BLUE, label="Floor, mean")

@@ -85,6 +85,6 @@ def _finish(axes: Sequence[Axes], heights: Floats, floors: Sequence[str] | None)
     widest = max(1.0, *(abs(bound) for bound in axes[0].get_xlim()))
     axes[0].set_xlim(-1.05 * widest, 1.05 * widest)
     if floors is None:
-        axes[0].set_ylabel("Height (m)")
+        axes[0].set_ylabel("Height, m")
     else:
         axes[0].set(yticks=heights, yticklabels=checked_names("floors", floors, len(heights)))

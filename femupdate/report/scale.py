@@ -35,12 +35,13 @@ def _suiting(scales: tuple[Scale, ...], values: ArrayLike) -> Scale:
     return [scale for scale in scales if scale.start <= largest][-1]
 
 
-def three_figures(value: float) -> str:
-    """Return three significant figures with their zeros, never an exponent: 0.300, 32.8, 1560."""
-    if not value:
-        return "0"
-    decimals = 2 - int(np.floor(np.log10(abs(value))))
-    return f"{round(value, decimals):.{max(decimals, 0)}f}"
+def interval_text(mean: float, sd: float, low: float, high: float) -> str:
+    """Mean and interval with two figures of the standard deviation, four of the mean at most."""
+    decimals = 3 - int(np.floor(np.log10(abs(mean)))) if mean else 3
+    if sd > 0.0:
+        decimals = min(decimals, 1 - int(np.floor(np.log10(sd))))
+    shown = max(decimals, 0)
+    return f"{mean:.{shown}f} [{low:.{shown}f}, {high:.{shown}f}]"
 
 
 def plus_minus(mean: float, sd: float) -> str:

@@ -78,7 +78,7 @@ def _fields(shape: Floats, sd: Floats | None) -> list[_Field]:
     if sd is not None:
         percent = 100.0 * sd / largest
         top = percent.max() or 1.0
-        label = "Standard deviation (% of the largest displacement)"
+        label = "Standard deviation, % of the largest displacement"
         fields.append(_Field("Spread of the posterior", label, percent, top, SPREAD_MAP))
     return fields
 

@@ -21,9 +21,13 @@ SERIES = (BLUE, ORANGE, GREEN, PURPLE, AMBER, SKY)
 INK = "#22262B"  # text and measured data
 QUIET = "#6B7280"  # axes and what stands behind
 FAINT = "#D9DDE3"  # grids and priors
+PALE = "#A9AFBA"  # measured data below a prediction
 
 # Of a prediction: two standard deviations either way, or an interval.
 BAND: dict[str, Any] = {"color": BLUE, "alpha": 0.28, "linewidth": 0.0}
+
+# Wide and pale below the prediction: it shows on both sides of a line that fits well.
+MEASURED: dict[str, Any] = {"color": PALE, "linewidth": 2.6, "zorder": 1.8}
 
 MAGNITUDE_MAP = "viridis"
 SPREAD_MAP = "cividis"

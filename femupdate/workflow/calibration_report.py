@@ -114,7 +114,7 @@ class CalibrationReport:
         ]
         zeta = posterior.zeta_samples
         if zeta is not None:
-            lines.append(f"  damping ratio {zeta.mean():.4f} +- {zeta.std():.4f}")
+            lines.append(f"  damping ratio {zeta.mean():.4f} ± {zeta.std():.4f}")
         lines += [f"  {sentence}" for sentence in posterior.drawn.sentences()]
         if self.check is not None:
             lines.append(f"  {self.check.sentence()}")

@@ -19,6 +19,7 @@ from femupdate.tables import table
 from femupdate.workflow.summary import kept_summary
 
 _LIKELY_NONE = 0.8  # probability from which nothing counts as changed
+_ALIKE = 0.5  # probability from which all changed alike
 _MISFIT = 1.5  # mean squared residual over the noise from which a posterior is too narrow
 
 
@@ -77,6 +78,14 @@ class CompareReport:
             return "changed"
         return "unchanged" if self.changes.none >= _LIKELY_NONE else "unclear"
 
+    @property
+    def named(self) -> tuple[str, ...]:
+        """Names of the factors that changed, by the verdict; none where all changed alike."""
+        if self.verdict != "changed" or self.changes.alike > _ALIKE:
+            return ()
+        pairs = zip(self.names, self.changes.probability, strict=True)
+        return tuple(name for name, probability in pairs if probability >= NAMED)
+
     def sentence(self) -> str:
         """The verdict for an engineer."""
         found = self.changes
@@ -93,13 +102,13 @@ class CompareReport:
                 f"({_share(found.probability[likeliest])}). A change of one story is seen from "
                 f"{_range(found.visible)} on."
             )
-        if found.alike > 0.5:
+        if found.alike > _ALIKE:
             return (
                 f"All stiffnesses changed alike, by {_change(found.size[0], found.size_sd[0])}, "
                 f"with a probability of {_share(found.alike)}. Look for a common reason first: "
                 "temperature, level of motion, or masses."
             )
-        named = [k for k in range(len(self.names)) if found.probability[k] >= NAMED]
+        named = [self.names.index(name) for name in self.named]
         parts = [
             f"{self.titles[k]} by {_change(found.size[k], found.size_sd[k])} "
             f"(probability {_share(found.probability[k])})"
@@ -286,7 +295,7 @@ def _share(value: float) -> str:
 
 def _change(log: float, sd: float) -> str:
     """A change of ln theta as a percentage with its standard deviation."""
-    return f"{100.0 * np.expm1(log):+.1f} % +- {100.0 * np.exp(log) * sd:.1f} %"
+    return f"{100.0 * np.expm1(log):+.1f} % ± {100.0 * np.exp(log) * sd:.1f} %"
 
 
 def _range(visible: Floats) -> str:
@@ -296,4 +305,4 @@ def _range(visible: Floats) -> str:
 
 
 def _mean_sd(draws: Floats) -> str:
-    return f"{draws.mean():.3f} +- {draws.std():.3f}"
+    return f"{draws.mean():.3f} ± {draws.std():.3f}"

@@ -75,14 +75,14 @@ class DemoReport:
         """Both posteriors beside the truth, and the prediction, for people."""
         cases = [case.posterior.samples.T for case in (self.all_floors, self.roof_alone)]
         rows = [
-            (name, f"{true:.2f}", *(f"{own.mean():.3f} +- {own.std():.3f}" for own in both))
+            (name, f"{true:.2f}", *(f"{own.mean():.3f} ± {own.std():.3f}" for own in both))
             for name, true, *both in zip(
                 self.all_floors.posterior.names, self.truth, *cases, strict=True
             )
         ]
         peaks, floors = self.predicted.peak_acceleration, self.predicted.summary.floors
         return (
-            "\nStiffness factors, mean +- sd (the observation is synthetic, so truth is known)",
+            "\nStiffness factors, mean ± sd (the observation is synthetic, so truth is known)",
             table(("", "truth", "all six floors", "roof alone"), rows),
             "\nPeak floor acceleration under a tenth of the Ridgecrest record, m/s2",
             peaks.table("", floors, ".3f"),

@@ -423,12 +423,12 @@ def _screen(observation: Observation, found: Diagnosis) -> tuple[str, ...]:
 
 def _row(one: Finding) -> tuple[str, ...]:
     """What the table says of an effect."""
-    error = f" +- {one.evidence.error:.2g}" if one.evidence.effective else ""
+    error = f" ± {one.evidence.error:.2g}" if one.evidence.effective else ""
     return (
         one.placed.label,
         f"{one.evidence.log_evidence:.1f}{error}",
         f"{one.probability:.3f}",
-        f"{one.size:.4g} +- {one.size_sd:.2g}",
+        f"{one.size:.4g} ± {one.size_sd:.2g}",
         f"{one.score.absorbed:.0%}",
     )
 

@@ -298,7 +298,7 @@ def mode_sentences(model: StudyModel, measured: Measured, parameters: Tensor) ->
             shape = "" if np.isnan(mac[k]) else f", MAC {mac[k]:.3f}"
             told.append(
                 f"Mode {name} at {modes.frequency_hz[k]:.4g} Hz: the posterior has"
-                f" {own.mean():.4g} +- {own.std():.2g} Hz{shape}."
+                f" {own.mean():.4g} ± {own.std():.2g} Hz{shape}."
             )
     return tuple(told)
 

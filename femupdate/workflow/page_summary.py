@@ -3,10 +3,11 @@
 import numpy as np
 
 from femupdate.report.page import Block, Remarks, Section, Text
+from femupdate.report.scale import interval_text
 from femupdate.workflow.page_done import bad_items, posterior_notes, read_json
 from femupdate.workflow.page_parts import PageStudy
 from femupdate.workflow.page_prediction import predicted_quantities
-from femupdate.workflow.prediction_quantities import Quantity, interval_text
+from femupdate.workflow.prediction_quantities import Quantity
 
 _WARNS = ("is missing", "too small", "too narrow", "unlike", "misses", "not enough", "beyond")
 

@@ -1,12 +1,12 @@
 """Pictures of what is missing in a model, and of its repair."""
 
-import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from femupdate.arrays import Floats
+from femupdate.discrepancy.diagnose import Finding
 from femupdate.discrepancy.fit import Fit
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.residual_map import Cell, residual_cells
@@ -31,7 +31,7 @@ def draw_diagnosis(study: Study, report: DiagnosisReport) -> tuple[Path, ...]:
     floors, edges, grid = _cells_as_grid(found.residuals)
     paths = [
         save_figure(
-            residual_map(floors, edges, [("model as it is", grid)]),
+            residual_map(floors, edges, [("Model as it is", grid)]),
             study.path("pictures", "residual_map.png"),
         )
     ]
@@ -40,15 +40,20 @@ def draw_diagnosis(study: Study, report: DiagnosisReport) -> tuple[Path, ...]:
             Ranked(
                 f"{one.placed.effect.title}, {one.placed.place}",
                 one.evidence.log_evidence,
-                f"{one.size:.3g} ± {one.size_sd:.1g}" if one.size_sd else "",
+                _size(one),
                 number == 0 and found.verdict in ("named", "indistinguishable"),
             )
             for number, one in enumerate(found.findings[:_SHOWN])
         ]
-        sentence = textwrap.fill(found.sentence, 110)
-        figure = ranking(shown, needed, sentence)
+        figure = ranking(shown, needed, found.sentence)
         paths.append(save_figure(figure, study.path("pictures", "effect_ranking.png")))
     return tuple(paths)
+
+
+def _size(one: Finding) -> str:
+    """Size of an effect with its spread and unit; nothing of one that is there or not."""
+    first = next(iter(one.placed.effect.parameters), None)
+    return "" if first is None else f"{first.shown(one.size)} {first.scatter(one.size_sd)}"
 
 
 def draw_repair(study: Study, report: RepairReport) -> tuple[Path, ...]:
@@ -59,9 +64,9 @@ def draw_repair(study: Study, report: RepairReport) -> tuple[Path, ...]:
 
     problem, done, held = report.problem, report.repair, report.held
     floors, edges, first = _cells_as_grid(residual_cells(problem, done.before))
-    maps = [("before", first)]
+    maps = [("Before", first)]
     if done.rounds:
-        maps.append(("after", _cells_as_grid(residual_cells(problem, done.after))[2]))
+        maps.append(("After", _cells_as_grid(residual_cells(problem, done.after))[2]))
     placed = [one.finding.placed for one in done.rounds]
     headline = "Nothing was added"
     if placed:

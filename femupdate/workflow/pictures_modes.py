@@ -97,7 +97,7 @@ def draw_at_one(
 
 
 def _title(one: StudyMode) -> str:
-    mode, share = one.tracked, f"{one.effective_mass:.1%} of the mass"
+    mode, share = one.tracked, f"{100.0 * one.effective_mass:.1f} % of the mass"
     name = f"{one.name[0].upper()}{one.name[1:]}"
     if len(mode.frequency_hz) == 1:
         return f"{name}, {mode.frequency_mean:.2f} Hz, {share}, all factors 1"

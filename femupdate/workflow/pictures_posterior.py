@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from femupdate.building.parameters import factor_titles
 from femupdate.measurement.observation import on_all_floors
 from femupdate.progress import Progress, Silent
 from femupdate.study import Study
@@ -43,7 +44,13 @@ def draw_posterior(
     pairs = posterior_pairs(sets, names, bounds)
     paths.append(save_figure(pairs, study.result("pictures", "posterior.png")))
     show.advance()
-    intervals = theta_intervals(names, sets, bounds)
+    factors = [k for k, name in enumerate(posterior.names) if "@" not in name]
+    titles = factor_titles(model.building)
+    intervals = theta_intervals(
+        [titles[posterior.names[k]] for k in factors],
+        [SampleSet(label, posterior.samples[:, factors])],
+        bounds[factors],
+    )
     paths.append(save_figure(intervals, study.result("pictures", "stiffness_factors.png")))
     show.advance()
     return tuple(paths)

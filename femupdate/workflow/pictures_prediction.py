@@ -34,7 +34,10 @@ def draw_prediction(
     paths = [save_figure(bands, study.result("pictures", "floor_histories.png"))]
     show.advance()
     lines = story_shear_drift(
-        summary.examples.story_shear, summary.examples.story_drift, summary.story_stiffness
+        summary.examples.story_shear,
+        summary.examples.story_drift,
+        summary.story_stiffness,
+        report.quantities["drift"].places,
     )
     paths.append(save_figure(lines, study.result("pictures", "story_shear_drift.png")))
     show.advance()
@@ -46,7 +49,8 @@ def draw_prediction(
             spectra.acceleration.sd,
             summary.floors,
             base=spectra.base,
-            title=f"Floor spectra at {spectra.damping:.0%} damping, mean ± 2 sd: {motion.name}",
+            title=f"Floor spectra at {100.0 * spectra.damping:.3g} % damping, mean ± 2 sd: "
+            f"{motion.name}",
         )
         paths.append(save_figure(figure, study.result("pictures", "floor_spectra.png")))
     if report.members:

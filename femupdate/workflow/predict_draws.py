@@ -55,7 +55,7 @@ def prediction_draws(
     elif settings.damping is not None:
         ratio, text = np.full(len(theta), settings.damping), f"{settings.damping:g} in all modes"
     elif zeta is not None:
-        ratio, text = zeta, f"{zeta.mean():.4f} +- {zeta.std():.4f}, from the posterior"
+        ratio, text = zeta, f"{zeta.mean():.4f} ± {zeta.std():.4f}, from the posterior"
     else:
         ratio = np.full(len(theta), model.building.damping.ratio)
         text = f"{model.building.damping.ratio:g} in all modes, the building file's"

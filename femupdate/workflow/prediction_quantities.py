@@ -9,6 +9,7 @@ import numpy as np
 from femupdate.arrays import Floats
 from femupdate.building.schema import Building
 from femupdate.dynamics.summary import HistorySummary, Statistics, statistics
+from femupdate.report.scale import interval_text
 from femupdate.tables import table
 from femupdate.units import STANDARD_GRAVITY
 
@@ -53,15 +54,6 @@ class Quantity:
         own = self.statistics
         rows = zip(own.mean, own.sd, own.q05, own.q95, strict=True)
         return tuple(interval_text(*(float(value) for value in row)) for row in rows)
-
-
-def interval_text(mean: float, sd: float, low: float, high: float) -> str:
-    """Mean and interval with two figures of the standard deviation, four of the mean at most."""
-    decimals = 3 - int(np.floor(np.log10(abs(mean)))) if mean else 3
-    if sd > 0.0:
-        decimals = min(decimals, 1 - int(np.floor(np.log10(sd))))
-    shown = max(decimals, 0)
-    return f"{mean:.{shown}f} [{low:.{shown}f}, {high:.{shown}f}]"
 
 
 def side_by_side(found: Iterable[Quantity]) -> list[list[Quantity]]:

@@ -107,8 +107,8 @@ class RepairReport:
             lines.append(f"  what is left: {rest}. p-value {p_values}")
         columns = zip(self.theta_before.T, self.theta_after.T, strict=True)
         lines += [
-            f"  theta_{k}  {before.mean():.3f} +- {before.std():.3f}  ->  "
-            f"{after.mean():.3f} +- {after.std():.3f}"
+            f"  theta_{k}  {before.mean():.3f} ± {before.std():.3f}  ->  "
+            f"{after.mean():.3f} ± {after.std():.3f}"
             for k, (before, after) in enumerate(columns, start=1)
         ]
         if held is not None:

@@ -38,6 +38,10 @@ COMMANDS = {
         "kinds.command",
         "Kinds of observation of one building, alone and together.",
     ),
+    "changes": (
+        "changes.command",
+        "Whether a changed story is named, and how often an unchanged one.",
+    ),
     "measured": (
         "measured.command",
         "How honest intervals are on measured events: each predicted from every other.",

@@ -85,7 +85,7 @@ def test_words_for_people(femupdate, repaired, hidden):
     assert told.code == 0
     assert told.out.startswith("Verdict: named. The story below RF adds ")
     (row, *_) = [line.split() for line in told.out.splitlines() if "story_damper@RF" in line]
-    assert row[2] == "+-"  # the error of the sampled evidence
+    assert row[2] == "±"  # the error of the sampled evidence
     assert 0.0 < float(row[3]) < 1.0
     told = femupdate("repair", hidden["heavy"], "--study", repaired["study"])
     assert told.code == 0

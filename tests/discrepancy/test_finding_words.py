@@ -17,37 +17,37 @@ def in_words(name, place, size, sd):
     [
         (
             ("wall_stiffness", "all", 0.125, 0.0086),
-            "The walls are 12.5 % stiffer than modelled in all stories (+- 0.86 %)",
+            "The walls are 12.5 % stiffer than modelled in all stories (± 0.86 %)",
         ),
         (
             ("added_mass", "3F", -0.0976, 0.0033),
-            "3F carries 9.76 % less mass than modelled (+- 0.33 %)",
+            "3F carries 9.76 % less mass than modelled (± 0.33 %)",
         ),
         (
             ("channel_delay", "RF", 0.0021, 0.0001),
-            "RF is 2.1 ms late (+- 0.1 ms)",
+            "RF is 2.1 ms late (± 0.1 ms)",
         ),
         (("swapped_channels", "2F,3F", 1.0, 0.0), "The channels of 2F and 3F are exchanged"),
         (
             ("damping_law", "rayleigh", 0.5, 0.1),
-            "Damping follows Rayleigh's law by 50 % (+- 10 %)",
+            "Damping follows Rayleigh's law by 50 % (± 10 %)",
         ),
         (
             ("base_sway", "base", 0.1, 0.01),
-            "The base sways by 10 % of the roof's static displacement (+- 1 %)",
+            "The base sways by 10 % of the roof's static displacement (± 1 %)",
         ),
         (
             ("wall_stiffness", "S2", -0.25, 0.02),
-            "The walls are 25 % softer than modelled in S2 (+- 2 %)",
+            "The walls are 25 % softer than modelled in S2 (± 2 %)",
         ),
         (
             ("brace", "ground-3F", 0.3, 0.01),
-            "A brace between the ground and 3F has 30 % of the building's stiffness (+- 1 %)",
+            "A brace between the ground and 3F has 30 % of the building's stiffness (± 1 %)",
         ),
         (
             ("non_structural_walls", "X1/S2", 0.2, 0.03),
             "The non-structural walls on line X1 in S2 have 20 % of their elastic stiffness "
-            "(+- 3 %)",
+            "(± 3 %)",
         ),
     ],
 )

@@ -104,7 +104,7 @@ def test_errors_are_as_large_as_their_standard_deviations(chain, building_of, ob
         )
     errors = np.array(errors)
     count = len(errors)
-    # The prior of the gain (0 +- 0.05) pulls by a tenth of an sd.
+    # The prior of the gain (0 ± 0.05) pulls by a tenth of an sd.
     assert np.abs(errors.mean(axis=0)).max() < 4.0 / np.sqrt(count)
     spread = (errors**2).sum() / chi2.ppf([0.0005, 0.9995], errors.size)
     assert spread[1] < 1.0 < spread[0]

@@ -66,7 +66,7 @@ def test_a_posterior_in_the_corner_of_the_box(box, linear_gaussian, shift):
     prior = box([0.3, -5.0, 10.0], [3.0, 2.0, 11.0])
     exact = linear_gaussian(PROBLEM[0], PROBLEM[1] + shift, 0.5)
     result = TemperedSmc(prior, exact.on(prior)).run(1000, 1)
-    # Over six seeds -.06 +- .06; with proposals of Gaussian tails it was off by 2 and 9.
+    # Over six seeds -.06 ± .06; with proposals of Gaussian tails it was off by 2 and 9.
     assert result.log_evidence == pytest.approx(exact.log_evidence, abs=0.3)
 
 

@@ -89,7 +89,7 @@ def test_modes_of_a_universal_file(shared_file):
 def test_inspect(write):
     one = inspect_file(write(TABLE, "modes.csv"))
     assert one.summary == "3 modes (tables of identified modes)"
-    assert one.mode_texts[0] == "mode 1 at 1.75 +- 0.01 Hz, damping ratio 0.01, 2 components"
+    assert one.mode_texts[0] == "mode 1 at 1.75 ± 0.01 Hz, damping ratio 0.01, 2 components"
     assert one.step.command.startswith("femupdate calibrate ")
     assert one.as_dict()["modes"][1]["damping"] == pytest.approx(0.013)
 
@@ -110,7 +110,7 @@ def test_findings():
     doubtful = mode(2.0, [0.0, 0.0], damping=0.2, frequency_sd_hz=0.5)
     assert [text.split(" at 2 Hz")[1] for text in mode_findings((doubtful,))] == [
         " has a damping ratio of 0.2",
-        " is hardly known: +-0.5 Hz",
+        " is hardly known: ±0.5 Hz",
         ": every component of the shape is zero",
     ]
 

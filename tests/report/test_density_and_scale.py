@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.stats import norm
 
 from femupdate.report.density import density_1d, density_2d, mass_level
-from femupdate.report.scale import force_scale, length_scale, plus_minus, three_figures
+from femupdate.report.scale import force_scale, length_scale, plus_minus
 
 NORMAL = np.random.default_rng(2).normal(size=(2, 40000))
 
@@ -64,14 +64,6 @@ def test_force_unit(values, unit):
 )
 def test_length_unit(values, unit):
     assert length_scale(values).unit == unit
-
-
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [(0.3, "0.300"), (32.84, "32.8"), (328.4, "328"), (1.0, "1.00"), (1562.8, "1560"), (0.0, "0")],
-)
-def test_three_figures(value, text):
-    assert three_figures(value) == text
 
 
 @pytest.mark.parametrize(

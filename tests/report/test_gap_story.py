@@ -57,19 +57,19 @@ def test_a_repair_from_residuals_to_held_out_data():
     assert [text.get_text() for text in after.texts] == ["1.0"] * 8
     assert marked.get_title() == "added mass"
     labels = [panel.get_ylabel() for panel in curves]
-    assert labels == ["RF  ln|H|", "4F  ln|H|", "2F  ln|H|"], "the three worst, top down"
+    assert labels == ["RF, ln|H|", "4F, ln|H|", "2F, ln|H|"], "the three worst, top down"
     for panel, place in zip(curves, (3, 2, 0), strict=True):
         measured, first, second = (one.get_ydata() for one in panel.lines)
         np.testing.assert_allclose(first - measured, GAP[place, 0])
         np.testing.assert_array_equal(second, measured)
-    assert curves[-1].get_xlabel() == "Frequency (Hz)"
+    assert curves[-1].get_xlabel() == "Frequency, Hz"
     ends = np.array([segment[:, 0] for segment in theta.collections[0].get_segments()])
     np.testing.assert_allclose(ends, np.quantile(DRAWS, [0.05, 0.95], axis=0).T)
     assert held.get_title(loc="left") == "second.csv, kept out: error 1.00 before, 0.25 after"
-    assert held.get_ylabel() == "RF (m/s²)"
+    assert held.get_ylabel() == "RF, m/s²"
     assert held.get_xlim()[1] - held.get_xlim()[0] < 6.1, "around the largest acceleration"
     legend = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert legend == ["measured", "model before", "model after"]
+    assert legend == ["Measured", "Model before", "Model after"]
 
 
 def test_where_nothing_was_added():
@@ -78,4 +78,4 @@ def test_where_nothing_was_added():
     assert [len(panel.lines) for panel in curves] == [2, 2, 2]
     assert len(theta.collections) == 1
     legend = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert legend == ["measured", "model before"]
+    assert legend == ["Measured", "Model before"]

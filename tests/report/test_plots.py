@@ -87,7 +87,7 @@ def bands(**more: object) -> Figure:
 def shear_drift(stories: int, count: int) -> Figure:
     drift = 1e-4 * RNG.normal(size=(count, stories, 700))
     stiffness = 3e8 * (1.0 + 0.05 * RNG.normal(size=(count, stories)))
-    return story_shear_drift(drift * stiffness[..., None], drift, stiffness)
+    return story_shear_drift(drift * stiffness[..., None], drift, stiffness, "123456"[:stories])
 
 
 def spectra() -> Figure:
@@ -201,7 +201,7 @@ def test_frequency_responses_with_what_was_measured():
     assert np.isnan(used[:30]).all()
     assert np.isnan(left_out[30:]).all()
     assert roof.get_yscale() == "log"
-    assert (bottom.get_xlabel(), figure.axes[4].get_ylabel()) == ("Frequency (Hz)", "|H|")
+    assert (bottom.get_xlabel(), figure.axes[4].get_ylabel()) == ("Frequency, Hz", "|H|")
     assert figure.axes[3].get_title(loc="right") == "not measured"
     assert len(figure.axes[3].lines) == 1
     assert legend(figure) == [
@@ -239,7 +239,7 @@ def test_intervals_of_stiffness_factors():
     figure = theta_intervals(names(2), both, bounds(2), [1.0, 1.2])
     panel = figure.axes[0]
     assert [text.get_text() for text in panel.get_yticklabels()] == names(2)
-    assert panel.get_xlabel() == "Factor on Young's modulus"
+    assert panel.get_xlabel() == "Stiffness over that in the building file"
     prior = panel.patches
     assert [(bar.get_x(), bar.get_x() + bar.get_width()) for bar in prior] == [
         pytest.approx((1 / 3, 3.0))
@@ -270,20 +270,20 @@ def test_histories_and_the_strong_part():
     assert zoomed.get_title(loc="left") == "3.00 to 4.50 s"
     np.testing.assert_array_equal(whole.lines[1].get_ydata(), measured[5])
     assert np.isnan(line(figure.axes[5], "Measured")[:, 1]).all(), "no sensor on 4F"
-    assert (whole.get_ylabel(), figure.axes[-1].get_xlabel()) == ("m/s²", "Time (s)")
+    assert (whole.get_ylabel(), figure.axes[-1].get_xlabel()) == ("m/s²", "Time, s")
     assert legend(figure) == ["Predicted, mean", "Predicted, mean ± 2 sd", "Measured"]
     assert legend(bands()) == legend(figure)[:2]
 
 
 def test_shear_and_drift_in_units_that_suit():
     drift = np.linspace(-2e-3, 2e-3, 50) * np.ones((4, 2, 1))
-    figure = story_shear_drift(3e8 * drift, drift, [[2.9e8, 3e8], [3.1e8, 3e8]])
+    figure = story_shear_drift(3e8 * drift, drift, [[2.9e8, 3e8], [3.1e8, 3e8]], ["S1", "S2"])
     upper, lower = figure.axes[:2]
-    assert lower.get_xlabel() == "Drift (mm)"
-    assert upper.get_ylabel() == "Shear (kN)"
+    assert lower.get_xlabel() == "Drift, mm"
+    assert upper.get_ylabel() == "Shear, kN"
     curve = upper.collections[0].get_segments()[0]
     np.testing.assert_allclose(curve[[0, -1]], [[-2.0, -600.0], [2.0, 600.0]])
-    assert upper.texts[0].get_text() == "300 kN/mm\n[300, 300]"
+    assert upper.texts[0].get_text() == "300.0 kN/mm\n[300.0, 300.0]"
     assert lower.texts[0].get_text() == "300 kN/mm\n[291, 309]"
     assert upper.lines[0].get_slope() == pytest.approx(300.0)
     assert legend(figure) == ["4 posterior samples", "Mean stiffness [5, 95 %]"]
@@ -298,7 +298,7 @@ def test_sticks_turn_their_top_to_the_right():
     assert panel.get_title(loc="left") == "Mode 1\n1.250 ± 0.020 Hz"
     band = panel.collections[0].get_paths()[0].vertices[:, 0]
     assert (band.min(), band.max()) == pytest.approx((0.0, 1.1))
-    assert panel.get_ylabel() == "Height (m)"
+    assert panel.get_ylabel() == "Height, m"
     assert legend(figure) == ["Posterior mean", "± 2 sd", "At rest"]
     named = stick_mode_shapes([0.0, 3.0], [[0.0, 1.0]], [1.2], floors=("base", "RF"))
     assert [text.get_text() for text in named.axes[0].get_yticklabels()] == ["base", "RF"]
@@ -313,7 +313,7 @@ def test_spectra_over_the_ground():
     assert (line(roof, "Ground")[:, 1] == 0.5).all()
     assert edges_of(roof, "Mean ± 2 sd") == pytest.approx((1.6, 2.4))
     assert [text.get_text() for text in roof.get_xticklabels()][:3] == ["0.2", "0.5", "1"]
-    assert (roof.get_xlabel(), roof.get_ylabel()) == ("Oscillator (Hz)", "Acceleration (m/s²)")
+    assert (roof.get_xlabel(), roof.get_ylabel()) == ("Oscillator, Hz", "Acceleration, m/s²")
 
 
 def test_residuals_over_the_noise():
@@ -323,7 +323,7 @@ def test_residuals_over_the_noise():
     assert [text.get_text() for text in panel.texts] == ["0.5", "12", "2.0"]
     np.testing.assert_allclose([text.get_position()[0] for text in panel.texts], [2.0, 6.0, 6.0])
     assert panel.collections[0].norm.vmax == 12.3
-    assert figure.axes[1].get_ylabel() == "residual / noise (rms)"
+    assert figure.axes[1].get_ylabel() == "Residual over noise, rms"
     assert [text.get_text() for text in panel.get_yticklabels()] == ["2F", "RF"]
 
 
@@ -331,7 +331,7 @@ def test_the_ranking_puts_the_strongest_on_top():
     panel = ranking(RANKED, 4.6, "Verdict.").axes[0]
     assert [text.get_text() for text in panel.get_yticklabels()] == ["mass", "soft story in S2"]
     assert [bar.get_width() for bar in panel.patches] == pytest.approx(np.arcsinh([-0.5, 40.0]))
-    assert [text.get_text() for text in panel.texts] == [" -1", " 80   size 0.30 ± 0.02"]
+    assert [text.get_text() for text in panel.texts] == [" -1", " 80   0.30 ± 0.02"]
     assert panel.patches[0].get_facecolor() != panel.patches[1].get_facecolor()
 
 
@@ -462,11 +462,15 @@ def test_folder_that_is_a_file_and_name_that_is_no_picture(tmp_path):
         (lambda: bands(measured=np.zeros((6, 7))), "measured has the shape"),
         (lambda: bands(window=(5.0, 500.0)), "lies outside the record"),
         (
-            lambda: story_shear_drift(np.ones((2, 3, 9)), np.ones((2, 2, 9)), np.ones((2, 3))),
+            lambda: story_shear_drift(
+                np.ones((2, 3, 9)), np.ones((2, 2, 9)), np.ones((2, 3)), "abc"
+            ),
             "drift",
         ),
         (
-            lambda: story_shear_drift(np.ones((0, 3, 9)), np.ones((0, 3, 9)), np.ones((2, 3))),
+            lambda: story_shear_drift(
+                np.ones((0, 3, 9)), np.ones((0, 3, 9)), np.ones((2, 3)), "abc"
+            ),
             "no sample",
         ),
         (lambda: stick_mode_shapes([0.0, 3.0], np.ones((2, 3)), [1.0, 2.0]), "shapes has"),
@@ -508,7 +512,7 @@ def test_top_floor_comes_first():
 def test_forces_of_members_and_their_units():
     panels = member_forces().axes
     labels = [panel.get_ylabel() for panel in panels]
-    assert labels == ["N with columns (kN)", "V (kN)", "M (MN m)"]
+    assert labels == ["N with columns, kN", "V, kN", "M, MN m"]
     assert panels[0].get_title(loc="left") == "wall X2:S1"
     assert np.abs(line(panels[2], "Mean")[:, 1]).max() == pytest.approx(9.0, rel=3e-3)
     with pytest.raises(ReportError, match="mean has the shape"):

@@ -4,10 +4,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from femupdate.report.figure import thin_band_note
+from femupdate.report.figure import add_head, new_figure, thin_band_note
 from femupdate.report.plot_diagnosis import Ranked, ranking
+from femupdate.report.plot_frf import MeasuredFrf, Prediction, frf_fit
 from femupdate.report.plot_history import strong_part
+from femupdate.report.plot_intervals import theta_intervals
 from femupdate.report.plot_members import member_force_bands
+from femupdate.report.plot_posterior import SampleSet
 
 
 def test_ticks_of_a_ranking_do_not_run_into_one_another():
@@ -36,10 +39,39 @@ def test_members_share_a_unit_for_forces_and_one_for_moments():
     small, large = (np.outer(size, wave) for size in ([2e2, 5.0, 30.0], [4e5, 3e4, 9e4]))
     members = [("beam", forces, small, 0.01 * small**0), ("column", forces, large, 0 * large)]
     figure = member_force_bands(time, members)
-    units = [panel.get_ylabel().split("(")[1] for panel in figure.axes]
-    assert units == ["kN)", "kN)", "kN m)"] * 2
+    units = [panel.get_ylabel().split(", ")[1] for panel in figure.axes]
+    assert units == ["kN", "kN", "kN m"] * 2
 
 
 def test_bands_that_cannot_be_seen_are_told():
     assert "0.4 % of the axis" in thin_band_note(0.004)
     assert thin_band_note(0.1) == ""
+
+
+def test_titles_and_notes_stay_inside_their_figure():
+    figure = new_figure(4.0, 2.0)
+    figure.subplots()
+    add_head(figure, "Mode 9 (slabs), 26.10 Hz, 7.5 % of the mass, all factors 1", note="So " * 60)
+    figure.canvas.draw()
+    edge = figure.bbox.x1
+    assert all(text.get_window_extent().x1 < edge for text in figure.texts)
+    first, second = (text.get_window_extent() for text in figure.texts)
+    assert second.y1 <= first.y0 + 1
+
+
+def test_a_measured_line_shows_below_a_fit_that_hides_it():
+    log = np.zeros((1, 50))
+    figure = frf_fit(np.linspace(0.1, 10, 50), ["RF"], Prediction(log, log, log), MeasuredFrf(log))
+    predicted, measured = figure.axes[0].lines
+    assert measured.get_linewidth() > 2.5 * predicted.get_linewidth()
+    assert measured.get_zorder() < predicted.get_zorder()
+
+
+def test_intervals_shorter_than_their_stroke_are_told():
+    rng = np.random.default_rng(0)
+    for spread, told in ((1e-3, True), (0.3, False)):
+        draws = 1.0 + spread * rng.standard_normal((500, 2))
+        bounds = np.array([[0.3, 3.0]] * 2)
+        figure = theta_intervals(["story S1", "story S2"], [SampleSet("RF", draws)], bounds)
+        texts = " ".join(text.get_text() for text in figure.texts)
+        assert ("shorter than the stroke" in texts) == told

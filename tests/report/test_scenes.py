@@ -81,7 +81,7 @@ def test_scene_drawn_by_matplotlib(spread):
         bars
         == [
             "Displacement over its largest",
-            "Standard deviation (% of the largest displacement)",
+            "Standard deviation, % of the largest displacement",
         ][:count]
     )
     assert [text.get_text() for text in figure.texts] == [

@@ -110,7 +110,7 @@ def test_twice_the_record_is_twice_the_response(tower, tower_model, record):
 def test_damping_is_the_posterior_s_own_unless_one_is_given(tower, tower_model, record):
     own = predicted(tower, tower_model, record)
     zeta = load_posterior(tower.path("posterior.nc")).thinned(20, 0)[1]
-    assert own.damping == f"{zeta.mean():.4f} +- {zeta.std():.4f}, from the posterior"
+    assert own.damping == f"{zeta.mean():.4f} ± {zeta.std():.4f}, from the posterior"
     light, heavy = (
         predicted(tower, tower_model, record, PredictionSettings(samples=20, damping=ratio))
         for ratio in (0.01, 0.2)

@@ -9,8 +9,9 @@ from femupdate.cli.main import group
 
 from femupdate.building.parameters import factor_titles
 from femupdate.inference.posterior import load_posterior
+from femupdate.report.scale import interval_text
 from femupdate.workflow.parameter_titles import effect_title
-from femupdate.workflow.prediction_quantities import Quantity, interval_text, tables
+from femupdate.workflow.prediction_quantities import Quantity, tables
 
 
 def rows_of(path):

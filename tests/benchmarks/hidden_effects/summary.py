@@ -152,7 +152,7 @@ def _share(
         return Row(what, first, goal, "-", 0)
     p = sum(map(good, cases)) / len(cases)
     error = np.sqrt(max(p * (1.0 - p), 0.25 / len(cases)) / len(cases))
-    return Row(what, first, goal, f"{p:.1%} +- {error:.1%}", len(cases))
+    return Row(what, first, goal, f"{p:.1%} ± {error:.1%}", len(cases))
 
 
 def _median(

@@ -72,3 +72,12 @@ def test_latent_size(run):
     done = run(*arguments, "9F")
     assert done.exit_code == 1
     assert "shear_4dof has no floor 9F to observe; it has 2F, 3F, 4F, RF" in done.stderr
+
+
+def test_changes(run, tmp_path):
+    """A building: a softened story is named, no other, and nothing where nothing changed."""
+    found = answer(run("changes", "--pairs", "1", "--json"))
+    assert found["right: unchanged"] == {"pairs": 1, "right": 1, "false_alarms": 0, "unclear": 0}
+    assert found["right: softened"]["right"] == 1
+    pairs = json.loads((tmp_path / "changes.json").read_text(encoding="utf-8"))["pairs"]
+    assert [one["state"] for one in pairs] == ["unchanged", "softened"] * 2

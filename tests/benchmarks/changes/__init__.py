@@ -1,0 +1,1 @@
+"""Two states of a building compared: what changed, and how often nothing that did."""
