@@ -123,9 +123,9 @@ class EventErrors:
             )
             if errors is not None:
                 seen = (errors, len(floors), frequency)
-                parts[0, sample] = _drawn(errors.amplitude, row, *seen, amplitude)
+                parts[0, sample] = drawn_error(errors.amplitude, row, *seen, amplitude)
                 if errors.phase is not None:
-                    parts[1, sample] = _drawn(errors.phase, row, *seen, phase)
+                    parts[1, sample] = drawn_error(errors.phase, row, *seen, phase)
             parts[:, sample] += self._apart(floors, frequency, apart)
         fading = 1.0 - np.exp(-((frequency / self.fade_hz) ** 2))
         return np.asarray(np.exp(fading * (parts[0] + 1j * parts[1])))
@@ -171,7 +171,7 @@ def incoherent_share(
     return np.array([np.where(np.isnan(row), mean, row) for row in chosen])
 
 
-def _drawn(
+def drawn_error(
     sizes: SizeDraws,
     row: int,
     errors: ErrorDraws,
@@ -179,7 +179,16 @@ def _drawn(
     frequency_hz: Floats,
     rng: np.random.Generator,
 ) -> Floats:
-    """One error (f, k), by the sizes of one draw."""
+    """One error (f, k) of the model elsewhere, in ln|H| or rad.
+
+    Args:
+        sizes: of the errors, by draws of a posterior.
+        row: of the draw.
+        errors: that the sizes are of.
+        floors: f.
+        frequency_hz: (k,).
+        rng: stream of its chance.
+    """
     common, own, length, _ = sizes.levels.reshape(-1, sizes.levels.shape[-1])[row]
     if common == own == 0.0:
         return np.zeros((floors, len(frequency_hz)))

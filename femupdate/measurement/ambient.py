@@ -253,7 +253,7 @@ def _modes(
             notes.append(f"Left out: {pole.frequency_hz:.4g} Hz, which is hardly known.")
         elif pole.damping < max(_UNDAMPED, _UNDAMPED_SD * spread.damping):
             notes.append(
-                f"Left out: {pole.frequency_hz:.4g} Hz, whose damping ratio {pole.damping:.2g} +-"
+                f"Left out: {pole.frequency_hz:.4g} Hz, whose damping ratio {pole.damping:.2g} ±"
                 f" {spread.damping:.1g} may be none, as of a machine that runs at one frequency."
             )
         else:

@@ -44,7 +44,7 @@ class Curve:
         name: of the mean.
         bands: drawn behind it, the widest first.
         measured: (n,) NaN where nothing was measured, or None.
-        measured_sd: (n,) noise, or None.
+        measured_sd: (n,) noise; without it the measurement is a wide line, not points.
         ignored: (n,) measured, but not used; or None.
     """
 
@@ -114,6 +114,9 @@ def _points(
     x: Floats, y: Floats, name: str, color: str, sd: Floats | None = None
 ) -> dict[str, Any]:
     shown = np.isfinite(y)
+    if sd is None and name == "measured":
+        line = {"color": color, "width": 3.2}
+        return {"x": x, "y": y, "type": "scatter", "mode": "lines", "name": name, "line": line}
     points: dict[str, Any] = {
         "x": x[shown],
         "y": y[shown],

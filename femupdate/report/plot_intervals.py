@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from femupdate.arrays import Floats
 from femupdate.report.figure import add_head, checked, new_figure
-from femupdate.report.plot_posterior import SampleSet, checked_cases
+from femupdate.report.plot_posterior import CaseSamples, SampleSet, checked_cases
 from femupdate.report.style import FAINT, INK, styled
 
 ROW_HEIGHT = 0.26  # inches for each interval
@@ -67,7 +67,7 @@ def theta_intervals(
     return figure
 
 
-def _short_note(panel: Axes, cases: Sequence[SampleSet]) -> str:
+def _short_note(panel: Axes, cases: Sequence[CaseSamples]) -> str:
     """What to say where an interval is shorter than the stroke at its mean."""
     low, high = panel.get_xlim()
     lengths = [np.ptp(np.quantile(case.samples, [0.05, 0.95], axis=0), axis=0) for case in cases]

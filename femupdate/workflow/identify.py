@@ -58,8 +58,8 @@ class Identified:
         rows = [
             (
                 one.name,
-                f"{one.frequency_hz:.4g} +- {one.frequency_sd_hz:.2g} Hz",
-                f"{100.0 * (one.damping or 0.0):.2g} +- {100.0 * (one.damping_sd or 0.0):.1g} %",
+                f"{one.frequency_hz:.4g} ± {one.frequency_sd_hz:.2g} Hz",
+                f"{100.0 * (one.damping or 0.0):.2g} ± {100.0 * (one.damping_sd or 0.0):.1g} %",
             )
             for one in self.ambient.modes
         ]

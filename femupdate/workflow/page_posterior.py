@@ -1,8 +1,10 @@
 """Sections of the page on the data, the fit and the posterior."""
 
 import numpy as np
+from numpy.random import default_rng
 
 from femupdate.arrays import Floats
+from femupdate.inference.next_event import drawn_error
 from femupdate.inference.posterior import Posterior
 from femupdate.measurement.observation import Observation, on_all_floors
 from femupdate.report.page import Block, Chart, Remarks, Section, Table, Text
@@ -16,10 +18,13 @@ from femupdate.report.page_charts import (
     interval_figure,
     pairs_figure,
 )
+from femupdate.seeds import spawn
 from femupdate.workflow.calibrate_draws import predictive_log_frf
+from femupdate.workflow.calibrate_notes import error_notes
 from femupdate.workflow.page_parts import PageStudy, figures
-from femupdate.workflow.summary import identified
+from femupdate.workflow.summary import identified, kept_summary
 
+_ALONE, _NEXT = "parameters alone, 5 to 95 %", "with the error of the model, 5 to 95 %"
 _PAIR_DRAWS = 300
 _MOST_PAIRS = 7  # parameters of which every pair is drawn
 
@@ -88,18 +93,22 @@ def fit_section(page: PageStudy) -> Section:
         return Section("fit", "Fit", ())
     predicted = predictive_log_frf(page.system, page.model, posterior)
     low, high = np.quantile(predicted, [0.05, 0.95], axis=0)
+    erring = _with_errors(page, posterior, predicted)
     floors = page.model.building.floors
     seen = on_all_floors(posterior.observation, floors)
     up = Axis(title="|H|, floor over base", log=True)
     panels = []
     for row, floor in reversed(list(enumerate(floors))):
-        band = Band(name="5 to 95 % of the posterior", low=np.exp(low[row]), high=np.exp(high[row]))
+        bands = [Band(name=_ALONE, low=np.exp(low[row]), high=np.exp(high[row]))]
+        if erring is not None:
+            wide = (np.exp(edge[row]) for edge in erring)
+            bands.insert(0, Band(name=_NEXT, low=next(wide), high=next(wide), outer=True))
         measured = np.exp(seen.log_frf[row])
         used = np.where(seen.valid[row], measured, np.nan)
         curve = Curve(
             x=seen.frequency_hz,
             mean=np.exp(predicted[:, row].mean(axis=0)),
-            bands=(band,),
+            bands=tuple(bands),
             measured=used,
             measured_sd=measured * seen.noise_sd[row],
             ignored=np.where(seen.valid[row], np.nan, measured),
@@ -109,17 +118,55 @@ def fit_section(page: PageStudy) -> Section:
         name="frequency_responses",
         caption="Frequency responses, measured and predicted",
         panels=tuple(panels),
-        note=_band_note(low, high),
+        note=_band_note(low, high, erring),
         height=420,
     )
-    return Section("fit", "Fit", (chart,))
+    blocks: list[Block] = []
+    if posterior.warnings:
+        blocks.append(Remarks(posterior.warnings, warning=True))
+    told = (*error_notes(posterior), *_kept_check(page))
+    if told:
+        blocks.append(Remarks(told))
+    return Section("fit", "Fit", (*blocks, chart))
 
 
-def _band_note(low: Floats, high: Floats) -> str:
-    """The width of the band in words, which may be too thin to see."""
+def _with_errors(
+    page: PageStudy, posterior: Posterior, predicted: Floats
+) -> tuple[Floats, Floats] | None:
+    """(f, k) 5 and 95 % of ln|H| with errors of the model as large as learned, and elsewhere."""
+    errors = posterior.model_error
+    if errors is None:
+        return None
+    rows, frequency = posterior.rows(len(predicted), 0), page.model.frequency_hz.numpy()
+    floors = predicted.shape[1]
+    streams = spawn(0, len(rows))
+    moved = [
+        own + drawn_error(errors.amplitude, row, errors, floors, frequency, default_rng(stream))
+        for own, row, stream in zip(predicted, rows, streams, strict=True)
+    ]
+    low, high = np.quantile(moved, [0.05, 0.95], axis=0)
+    return low, high
+
+
+def _kept_check(page: PageStudy) -> tuple[str, ...]:
+    """Posterior predictive p-value, where the calibration kept one."""
+    kept = kept_summary(page.study).get("posterior_predictive_p") or {}
+    if "whole" not in kept:
+        return ()
+    return (
+        f"Posterior predictive p-value {kept['whole']:.2g}: the share of data made by the model, "
+        "with the errors that are allowed for, that agree less well with it than the measured.",
+    )
+
+
+def _band_note(low: Floats, high: Floats, erring: tuple[Floats, Floats] | None) -> str:
+    """The widths of the bands in words, which may be too thin to see."""
     width = 50.0 * float(np.median(high - low))
-    note = f"The band is ±{width:.2g} % of the amplitude wide in its median"
+    note = f"The band of the parameters is ±{width:.2g} % of the amplitude wide in its median"
     thin = "; it is thinner than the line that is drawn." if width < 2.0 else "."
+    if erring is not None:
+        wide = 50.0 * float(np.median(erring[1] - erring[0]))
+        thin += f" With the error of the model, as of another measurement, it is ±{wide:.2g} %."
     return f"{note}{thin} Bars at the points are one standard deviation of their noise."
 
 

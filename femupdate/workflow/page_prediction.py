@@ -1,5 +1,6 @@
 """The section of the page on a predicted earthquake."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -49,7 +50,8 @@ def prediction_section(page: PageStudy) -> Section:
     found = _quantities(page, predictions)
     blocks: list[Block] = [
         Text((lead,) if known else (lead, relative)),
-        _histories(predictions, base),
+        *_scores(settings.get("against_measured")),
+        _histories(predictions, tree["constant_data"].to_dataset()),
         *_spectra(predictions),
         _profiles(found),
         *(_table(one) for one in side_by_side(found.values())),
@@ -72,15 +74,49 @@ def _quantities(page: PageStudy, predictions: Any) -> dict[str, Quantity]:
     return dict(quantities(page.model.building, floors, peaks, mass))
 
 
-def _histories(predictions: Any, base: Floats) -> Chart:
+def _scores(kept: Mapping[str, Mapping[str, float]] | None) -> tuple[Table, ...]:
+    """How well measured floors were met, where the prediction was compared with any."""
+    if not kept:
+        return ()
+    rows = tuple(
+        (
+            floor,
+            f"{own['relative_error']:.3f}",
+            f"{own['correlation']:.3f}",
+            f"{own['peak_ratio']:.3f}",
+            f"{100.0 * own['within_band']:.1f} %",
+            f"{own['score']:.3f}",
+            "yes" if own["peak_within"] else "no",
+        )
+        for floor, own in kept.items()
+    )
+    head = ("error rms", "correlation", "peak ratio", "within 2 sd", "CRPS/rms", "peak in 90 %")
+    note = (
+        "Error rms: of the best estimate, over the rms of the measurement. CRPS/rms: score of the "
+        "whole band, the lower the better. A good band holds some 95 % of the samples."
+    )
+    caption = "Against floors measured in the same motion"
+    return (Table(name="scores", caption=caption, head=("floor", *head), rows=rows, note=note),)
+
+
+def _histories(predictions: Any, known: Any) -> Chart:
+    base = known["base_acceleration"].values
     time = predictions["time_s"].values
     panels, shown = [], 0
     for row, floor in reversed(list(enumerate(predictions["floor"].values))):
         mean = predictions["acceleration_mean"].values[row]
         kept = thinned(mean)
         shown = max(shown, len(kept))
-        bands = tuple(_bands(predictions, row, mean, kept))
-        curve = Curve(x=time[kept], mean=mean[kept], bands=bands)
+        measured = None
+        if "measured_acceleration" in known:
+            measured = known["measured_acceleration"].values[row][kept]
+        curve = Curve(
+            x=time[kept],
+            mean=mean[kept],
+            name="mean",
+            bands=_bands(predictions, row, kept),
+            measured=measured,
+        )
         up = Axis(title="acceleration, m/s²")
         panels.append((str(floor), curve_figure(curve, Axis(title="time, s"), up)))
     note = f"All {len(time)} samples are shown."
@@ -104,31 +140,21 @@ def _base(base: Floats, time: Floats) -> Figure:
     return curve_figure(curve, Axis(title="time, s"), Axis(title="acceleration, m/s²"))
 
 
-def _bands(predictions: Any, row: int, mean: Floats, kept: Any) -> list[Band]:
-    """Every standard deviation of the acceleration that is kept, the widest first."""
-    names = [
-        name
-        for name, values in predictions.data_vars.items()
-        if str(name).startswith("acceleration")
-        and str(name).endswith("_sd")
-        and values.dims == ("floor", "time_s")
-    ]
-    found = {str(name): predictions[name].values[row] for name in names}
-    order = sorted(found, key=lambda name: -float(np.mean(found[name])))
-    return [
-        Band(
-            name=f"{_band_name(name)}, mean ± 2 sd",
-            low=(mean - 2.0 * found[name])[kept],
-            high=(mean + 2.0 * found[name])[kept],
-            outer=name != "acceleration_sd",
+_BANDS = (
+    ("", "next measurement, mean ± 2 sd", True),
+    ("parameters_", "parameters alone, mean ± 2 sd", False),
+)
+
+
+def _bands(predictions: Any, row: int, kept: Any) -> tuple[Band, ...]:
+    """Of the next measurement and of the parameters alone, the wider first."""
+    found = []
+    for of, name, outer in _BANDS:
+        mean, sd = (
+            predictions[f"{of}acceleration_{part}"].values[row][kept] for part in ("mean", "sd")
         )
-        for name in order
-    ]
-
-
-def _band_name(variable: str) -> str:
-    words = variable.removeprefix("acceleration").removesuffix("_sd").strip("_")
-    return words.replace("_", " ") or "parameters"
+        found.append(Band(name=name, low=mean - 2.0 * sd, high=mean + 2.0 * sd, outer=outer))
+    return tuple(found)
 
 
 def _spectra(predictions: Any) -> tuple[Chart, ...]:

@@ -184,9 +184,8 @@ def predict_study(
     spectra = _spectra(summary, motion, settings.spectrum_damping)
     members = _members(study, model, draws, motion, settings, show)
     path = study.result("prediction.nc")
-    save_prediction(summary, alone, motion, path, draws.damping, spectra)
-    _record(study, model, record, draws.damping)
-    return PredictionReport(
+    save_prediction(summary, alone, motion, path, draws.damping, spectra, reference)
+    report = PredictionReport(
         summary=summary,
         alone=alone,
         path=path,
@@ -204,6 +203,8 @@ def predict_study(
         floor_spectra=spectra,
         members=members,
     )
+    _record(study, model, record, report)
+    return report
 
 
 @dataclass(frozen=True)
@@ -259,14 +260,18 @@ def _spectra(
     return floor_spectra(floors, motion.acceleration, motion.time_step, damping)
 
 
-def _record(study: Study, model: StudyModel, record: RecordSource, damping: str) -> None:
-    """Note in the study what the prediction was made from."""
+def _record(
+    study: Study, model: StudyModel, record: RecordSource, report: PredictionReport
+) -> None:
+    """Note in the study what the prediction was made from, and how well it met measured floors."""
     origin = {
         **model.made_from(),
         "posterior": file_hash(study.require("posterior", "calibrate")),
         "record": file_hash(record.path),
     }
-    settings = {"file": str(record.path), "scale": record.scale, "damping": damping}
+    settings = {"file": str(record.path), "scale": record.scale, "damping": report.damping}
+    if report.comparison is not None:
+        settings["against_measured"] = report.comparison.as_dict()
     study.record(PREDICTION, "prediction.nc", "predict", origin, settings)
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from femupdate.arrays import Floats
 from femupdate.dynamics.spectra import FloorSpectra
 from femupdate.dynamics.summary import HistorySummary
 from femupdate.measurement.record import GroundMotion
@@ -18,11 +19,13 @@ def save_prediction(
     path: Path,
     damping: str,
     spectra: FloorSpectra | None = None,
+    measured: Floats | None = None,
 ) -> None:
     """Write netCDF groups `predictions` (bands, per-sample peaks) and `constant_data`.
 
     Bands and peaks are those of the next measurement (`summary`); variables that begin with
-    `parameters_`, and stiffnesses, are of the parameters alone.
+    `parameters_`, and stiffnesses, are of the parameters alone. Floors that were measured in the
+    same motion, (f, n) m/s2 with NaN where there is no sensor, are kept beside the base motion.
     """
     import xarray as xr
 
@@ -50,6 +53,10 @@ def save_prediction(
     constant = xr.Dataset(
         {"base_acceleration": ("time_s", motion.acceleration)}, {"time_s": summary.time}
     )
+    if measured is not None:
+        constant = constant.assign_coords(floor=list(summary.floors)).assign(
+            measured_acceleration=(("floor", "time_s"), measured)
+        )
     tree = xr.DataTree.from_dict({"/predictions": predictions, "/constant_data": constant})
     tree.attrs = {"record": motion.name, "channel": motion.channel, "damping": damping}
     write_tree(tree, path)
