@@ -4,6 +4,8 @@ from pathlib import Path
 
 import click
 
+from femupdate.errors import ReportError
+
 from .answer import Answer
 from .common import Failure, columns_options, plain_options
 from .parameters import InputFile
@@ -47,14 +49,18 @@ def command(
         raise Failure(f"{write_mapping} is there already; choose another name, or remove it")
     found = inspect_files(files, unit, columns)
     pictures = None
+    problems = list(found.refused)
     if picture is not None and found.files:
-        pictures = (draw_inspection(found.files[0], picture),)
+        try:
+            pictures = (draw_inspection(found.files[0], picture),)
+        except ReportError as error:  # what is in the file is said all the same
+            problems.append(str(error))
     written = []
     if write_mapping is not None and found.files:
         written.append(propose_mapping(found.files[0], write_mapping, unit))
     answer = Answer(found, pictures, files=written)
-    if found.refused:
+    if problems:
         if found.files:
             answer.show(click.get_current_context().params["as_json"])
-        raise Failure("\n".join(found.refused))
+        raise Failure("\n".join(problems))
     return answer

@@ -23,7 +23,8 @@ _MISALIGNED = 0.1  # of a sample
 
 def _format(head: str, suffix: str) -> str | None:
     told = next((name for begins, name in _HEADS if re.match(begins, head)), None)
-    return told or (_SUFFIXES.get(suffix) if "\0" in head else None)
+    binary = "\0" in head and not head.startswith("MS\x03")  # which is miniSEED 3
+    return told or (_SUFFIXES.get(suffix) if binary else None)
 
 
 def _recognises(head: str, suffix: str) -> bool:
