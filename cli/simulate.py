@@ -26,7 +26,7 @@ from .parameters import Band, BuildingName, Channel, InputFile, Numbers, SizedEf
 )
 @click.option("--theta", type=Numbers(), help="Stiffness factors; default: random.")
 @click.option("--zeta", type=click.FloatRange(0.0, 1.0), help="Damping ratio of all modes.")
-@click.option("--mesh-size", type=float, help="Mesh size, m; default: half of the building's own.")
+@click.option("--mesh-size", type=float, help="Mesh size, m; default: .4 of the building's own.")
 @click.option(
     "--duration", "duration_s", type=float, default=80.0, show_default=True, help="Length, s."
 )

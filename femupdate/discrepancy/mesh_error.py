@@ -7,9 +7,14 @@ mode's strain energy. The mean factors, carried on towards an infinitely fine me
 1911), correct the model; how they scatter from theta to theta is what the correction leaves open:
 errors that all points share. They widen the intervals and weaken the evidence for whatever they
 could pass for, or else the finder would name effects that only make up for a mesh.
+
+The finer mesh has an error of its own, a third of the one seen (errors fall as the square of the
+mesh size). Where the finer mesh itself is the model, that is what is corrected and left open.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,15 +23,12 @@ from scipy.optimize import linear_sum_assignment
 from femupdate.arrays import Floats
 from femupdate.discrepancy.mesh_points import error_of_points
 from femupdate.discrepancy.thresholds import MESH_ERROR
-from femupdate.dynamics.projection import reduced_on
-from femupdate.dynamics.reduced_terms import ReducedStructure
+from femupdate.dynamics.reduced import ReducedModel
+from femupdate.dynamics.reduced_terms import ReducedStructure, ReducedTerms
 from femupdate.effects.effect import UNSCALED, Placed
 from femupdate.effects.registry import CATALOGUE
-from femupdate.effects.structure import TRANSLATION, Structure
+from femupdate.effects.structure import Structure
 from femupdate.errors import ModelError
-from femupdate.fe.driven import driven_shapes
-from femupdate.fe.factorization import factorize
-from femupdate.progress import SILENT, Progress
 
 _MEMBERS = (
     "wall_stiffness",
@@ -35,6 +37,7 @@ _MEMBERS = (
     "cracked_beams",
     "cracked_columns",
 )
+_NUMBERS = ("left", "effect", "shape", "points", "share", "share_sd")
 
 
 @dataclass(frozen=True)
@@ -53,6 +56,8 @@ class MeshError:
             modes' rms: two near ones that mix differently must not decide).
         points: rms of ln|H| and phase (rad) that is left, point by point, when stiffness factors
             and damping ratio are fitted; at a damping ratio of 1 %.
+        share: of the mean that is corrected.
+        share_sd: its standard deviation.
     """
 
     labels: tuple[str, ...]
@@ -62,6 +67,18 @@ class MeshError:
     effect: float
     shape: float
     points: float
+    share: float = 1.0
+    share_sd: float = 0.0
+
+    @staticmethod
+    def of(content: Mapping[str, Any]) -> "MeshError":
+        """From plain values, as `dataclasses.asdict` gives them.
+
+        Raises:
+            KeyError, ValueError, TypeError: they are no such values.
+        """
+        labels, mean, sd = (tuple(content[name]) for name in ("labels", "mean", "sd"))
+        return MeshError(labels, mean, sd, *(float(content[name]) for name in _NUMBERS))
 
     @property
     def placed(self) -> tuple[Placed, ...]:
@@ -73,7 +90,30 @@ class MeshError:
     def steps(self) -> Floats:
         """(c, q) one standard deviation of every error of the corrected model, as sizes."""
         return MESH_ERROR.open_factor * np.vstack(
-            [np.diag(self.sd), MESH_ERROR.share_sd * np.asarray(self.mean)]
+            [np.diag(self.sd), self.share_sd * np.asarray(self.mean)]
+        )
+
+    def of_mesh(self, ratio: float) -> "MeshError":
+        """Of the coarse mesh, `ratio` times the building's own, whose half was the finer one.
+
+        Corrected is the middle between the finer mesh and an infinitely fine one.
+        """
+        seen = ratio**2 - MESH_ERROR.half**2
+        beyond = 0.5 * MESH_ERROR.half**2 / seen
+        return replace(self, share=1.0 + beyond, share_sd=MESH_ERROR.distance_sd * beyond)
+
+    def of_half(self) -> "MeshError":
+        """Of the finer mesh itself, half as wide as the coarse one: a third of what was seen."""
+        left = MESH_ERROR.half**2 / (1.0 - MESH_ERROR.half**2)
+        return replace(
+            self,
+            sd=tuple(left * one for one in self.sd),
+            left=left * self.left,
+            effect=left * self.effect,
+            shape=left * self.shape,
+            points=left * self.points,
+            share=0.5 * left,
+            share_sd=0.5 * left * MESH_ERROR.distance_sd,
         )
 
 
@@ -99,11 +139,7 @@ class _Lesson:
 
 
 def learn_mesh_error(
-    coarse: Structure,
-    fine: Structure,
-    thetas: Floats,
-    frequency_hz: Floats,
-    progress: Progress = SILENT,
+    coarse: ReducedModel, fine: ReducedStructure, thetas: Floats, frequency_hz: Floats
 ) -> MeshError:
     """Compare a model with that of a finer mesh.
 
@@ -112,63 +148,59 @@ def learn_mesh_error(
         fine: the building on the finer mesh.
         thetas: (n, p) at which they are compared.
         frequency_hz: (k,) at which responses are compared, and up to which modes are.
-        progress: a bar of the thetas.
 
     Raises:
         ModelError: no mode is the same on both meshes.
     """
-    placed, top_hz = _members(fine), float(frequency_hz[-1])
-    lessons, pairs = [], []
-    progress.start("Comparing with a finer mesh", len(thetas))
-    for theta in thetas:
-        ours, theirs = (_on_driven_shapes(one, theta, top_hz) for one in (coarse, fine))
-        lessons.append(_lesson(ours, modes_shown(theirs, theta, top_hz), placed, theta, top_hz))
-        pairs.append((_light(ours), _light(theirs)))  # the terms of effects are known now
-        progress.advance()
+    structure, top_hz = fine.structure, float(frequency_hz[-1])
+    placed = _members(structure)
+    ours, theirs = (
+        [modes_shown(one, theta, top_hz) for theta in thetas] for one in (coarse, fine.model)
+    )
+    lessons = [
+        _lesson(own, other, fine, placed, theta)
+        for own, other, theta in zip(ours, theirs, thetas, strict=True)
+    ]
     if not any(len(one.sought) for one in lessons):
         raise ModelError(
-            f"{fine.building.name}: no mode below {top_hz:g} Hz can be followed from the mesh to a "
-            "finer one, so the error of the mesh is unknown; write a smaller mesh.size"
+            f"{structure.building.name}: no mode below {top_hz:g} Hz can be followed from the mesh "
+            "to a finer one, so the error of the mesh is unknown; write a smaller mesh.size"
         )
-    kinds = [one.effect.name for one in placed]
-    mean, sd, left = _estimate(lessons, kinds)
+    mean, sd, left = _estimate(lessons, [one.effect.name for one in placed])
     labels = tuple(one.label for one in placed)
     found = MeshError(labels, tuple(mean.tolist()), tuple(sd.tolist()), left, 0.0, 0.0, 0.0)
-    pairs = [(corrected(ours, found, 1.0), theirs) for ours, theirs in pairs]
+    # The coarse model as the mean factors have it: what they leave is what it misses the true one.
+    undone = corrected(fine, replace(found, share=-1.0)).model
     shown = [
-        _effect_errors(*(modes_shown(one, theta, top_hz) for one in pair))
-        for pair, theta in zip(pairs, thetas, strict=True)
+        _effect_errors(own, modes_shown(undone, theta, top_hz))
+        for own, theta in zip(ours, thetas, strict=True)
     ]
-    points = [
-        error_of_points(*pair, theta, frequency_hz)
-        for pair, theta in zip(pairs, thetas, strict=True)
-    ]
+    points = [error_of_points(coarse, undone, theta, frequency_hz) for theta in thetas]
     sizes, shapes, weights = (np.concatenate(parts) for parts in zip(*shown, strict=True))
     total = max(float(weights.sum()), 1e-300)
-    effect = float(np.sqrt(weights @ sizes**2 / total))
     return replace(
         found,
-        effect=effect,
+        effect=float(np.sqrt(weights @ sizes**2 / total)),
         shape=float(weights @ shapes / total),
         points=float(np.sqrt(np.mean(np.square(points)))),
     )
 
 
-def corrected(
-    reduced: ReducedStructure, mesh: MeshError, share: float = MESH_ERROR.share
-) -> ReducedStructure:
-    """The reduced structure with the stiffness that a fine mesh would give it.
+def corrected(reduced: ReducedStructure, mesh: MeshError) -> ReducedStructure:
+    """The reduced structure with the stiffness that a fine mesh would give it."""
+    terms = [reduced.terms(placed) for placed in mesh.placed]
+    return replace(reduced, model=corrected_model(reduced.model, mesh, terms))
 
-    Args:
-        reduced: the structure.
-        mesh: its error.
-        share: of what the finer mesh showed.
-    """
-    terms = reduced.model.stiffness_terms.copy()
-    for placed, value in zip(mesh.placed, mesh.mean, strict=True):
-        for story, matrix, _ in reduced.terms(placed).stiffness:
-            terms[story] += share * value * matrix.numpy()
-    return replace(reduced, model=replace(reduced.model, stiffness_terms=terms))
+
+def corrected_model(
+    model: ReducedModel, mesh: MeshError, terms: Sequence[ReducedTerms]
+) -> ReducedModel:
+    """The same of a reduced model, from what the effects of the error add to it."""
+    stiffness = model.stiffness_terms.copy()
+    for value, added in zip(mesh.mean, terms, strict=True):
+        for story, matrix, _ in added.stiffness:
+            stiffness[story] += mesh.share * value * matrix.numpy()
+    return replace(model, stiffness_terms=stiffness)
 
 
 def _members(structure: Structure) -> tuple[Placed, ...]:
@@ -181,24 +213,6 @@ def _members(structure: Structure) -> tuple[Placed, ...]:
         for place in effect.places(structure)
         if place in names
     )
-
-
-def _on_driven_shapes(structure: Structure, theta: Floats, top_hz: float) -> ReducedStructure:
-    """A structure on the shapes that motion of the base drives at a theta.
-
-    They hold what small changes of the stiffness do, too: the error of a natural frequency is the
-    square of that of its shape.
-    """
-    force = structure.rigid_force[:, [TRANSLATION]]
-    factors = factorize(structure.stiffness(theta))
-    found = driven_shapes(factors, structure.mass, force, structure.floor_rows, top_hz)
-    return reduced_on(structure, found.shapes)
-
-
-def _light(reduced: ReducedStructure) -> ReducedStructure:
-    """A reduced structure without its shapes, of which eight pairs would fill the memory."""
-    model = replace(reduced.model, node_shapes=None)
-    return replace(reduced, model=model, basis=reduced.basis[:0].copy())  # a view would keep all
 
 
 def _effect_errors(ours: "ShownModes", theirs: "ShownModes") -> tuple[Floats, Floats, Floats]:
@@ -218,16 +232,15 @@ def _effect_errors(ours: "ShownModes", theirs: "ShownModes") -> tuple[Floats, Fl
 
 
 def _lesson(
-    coarse: ReducedStructure,
+    ours: "ShownModes",
     theirs: "ShownModes",
+    fine: ReducedStructure,
     placed: tuple[Placed, ...],
     theta: Floats,
-    top_hz: float,
 ) -> _Lesson:
-    ours = modes_shown(coarse, theta, top_hz)
     rows, columns = _matched(ours, theirs)
     sought = theirs.squared[columns] / ours.squared[rows] - 1.0
-    shares = _energy_shares(coarse, placed, theta, ours, rows)
+    shares = _energy_shares(fine, placed, theta, theirs, columns)
     # What the floors show most of must be right above all.
     size = np.linalg.norm(ours.effect[:, rows], axis=0)
     return _Lesson(shares, sought, size / size.max(initial=1e-300))
@@ -248,9 +261,8 @@ class ShownModes:
     effect: Floats
 
 
-def modes_shown(reduced: ReducedStructure, theta: Floats, top_hz: float) -> ShownModes:
+def modes_shown(model: ReducedModel, theta: Floats, top_hz: float) -> ShownModes:
     """Modes of a structure below a frequency that its floors show."""
-    model = reduced.model
     squared, vectors = np.linalg.eigh(model.stiffness(theta))
     effect = (model.floor_shapes @ vectors) * (model.excitation @ vectors)
     size = np.abs(effect).max(axis=0)
@@ -279,7 +291,7 @@ def _matched(ours: ShownModes, theirs: ShownModes) -> tuple[NDArray[np.intp], ND
 
 
 def _energy_shares(
-    coarse: ReducedStructure,
+    reduced: ReducedStructure,
     placed: tuple[Placed, ...],
     theta: Floats,
     modes: ShownModes,
@@ -289,7 +301,7 @@ def _energy_shares(
     vectors, shares = modes.vectors[:, rows], []
     for one in placed:
         energy = np.zeros(len(rows))
-        for story, matrix, _ in coarse.terms(one).stiffness:
+        for story, matrix, _ in reduced.terms(one).stiffness:
             factor = 1.0 if story == UNSCALED else theta[story]
             energy = energy + factor * ((matrix.numpy() @ vectors) * vectors).sum(axis=0)
         shares.append(energy / modes.squared[rows])
@@ -334,6 +346,7 @@ __all__ = [
     "MeshError",
     "ShownModes",
     "corrected",
+    "corrected_model",
     "learn_mesh_error",
     "modes_shown",
 ]

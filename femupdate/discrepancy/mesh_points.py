@@ -5,15 +5,15 @@ import torch
 
 from femupdate.arrays import Floats
 from femupdate.discrepancy.thresholds import MESH_ERROR
-from femupdate.dynamics.reduced_terms import ReducedStructure
+from femupdate.dynamics.reduced import ReducedModel
 from femupdate.dynamics.system import System
 
 _STEP = 1e-3  # relative, of the unknowns
 
 
 def error_of_points(
-    coarse: ReducedStructure,
-    fine: ReducedStructure,
+    coarse: ReducedModel,
+    fine: ReducedModel,
     theta: Floats,
     frequency_hz: Floats,
     zeta: float = MESH_ERROR.damping,
@@ -49,9 +49,9 @@ def at_damping(error: float, zeta: float) -> float:
     return error * (MESH_ERROR.damping / zeta) ** MESH_ERROR.damping_power
 
 
-def _frf(structure: ReducedStructure, unknowns: Floats, frequency_hz: Floats) -> Floats:
+def _frf(model: ReducedModel, unknowns: Floats, frequency_hz: Floats) -> Floats:
     """Complex FRFs (N, f, k) at stiffness factors and a damping ratio (N, p + 1)."""
-    system = System(structure.model)
+    system = System(model)
     values = torch.from_numpy(unknowns)
     none = values.new_zeros((len(values), 0))
     frequency = torch.from_numpy(frequency_hz)

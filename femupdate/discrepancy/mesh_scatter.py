@@ -111,7 +111,7 @@ class _About:
     def errors(self) -> Tensor:
         """One standard deviation of each (c, n), in the unit of the residuals."""
         top_hz = MESH_ERROR.beyond_top * float(self.problem.frequency_hz.max())
-        modes = modes_shown(self.problem.reduced, self.theta[0].numpy(), top_hz)
+        modes = modes_shown(self.problem.reduced.model, self.theta[0].numpy(), top_hz)
         here = self._predicted(self.problem.reduced)
         stiffness = torch.cat([self._members(), *self._frequencies(modes)])
         return torch.cat([self.problem.moved(here, stiffness), *self._shown(modes, here)])

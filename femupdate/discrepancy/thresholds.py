@@ -184,17 +184,15 @@ class ModelErrorThresholds:
 class MeshErrorThresholds:
     """How the error of a mesh is learned from a finer one."""
 
-    finer: float = _entry(2.0 / 3.0, "of the mesh size", "of the finer mesh")
+    finer: float = _entry(2.0 / 3.0, "of the mesh size", "of the finder's mesh")
+    half: float = _entry(0.5, "of the mesh size", "of the mesh from which errors are learned")
     thetas: int = _entry(8, "sets of factors", "at which meshes are compared")
     inner: float = _entry(1.5, "factor", "by which the ends of the prior are left out")
-    share: float = _entry(
-        1.4,
-        "of the error seen",
-        "that is corrected",
-        "the middle between what the finer mesh shows and Richardson's limit (1911), 9/5",
-    )
-    share_sd: float = _entry(
-        0.25, "of the error seen", "its standard deviation", ".6 of the distance to both"
+    distance_sd: float = _entry(
+        0.6,
+        "of the distance",
+        "from what is corrected to the finer mesh and to the limit: its standard deviation",
+        "the correction is in the middle of both (Richardson 1911)",
     )
     open_factor: float = _entry(
         1.5,
@@ -203,7 +201,7 @@ class MeshErrorThresholds:
         "theta of clean buildings off by 1.5 sd without it",
     )
     shown: float = _entry(0.003, "of the largest", "effect of a mode below which it is left out")
-    same_frequency: float = _entry(0.02, "ln f", "within which modes of two meshes are one")
+    same_frequency: float = _entry(0.06, "ln f", "within which modes of two meshes are one")
     same_effect: float = _entry(0.4, "ln", "of the size shown, likewise")
     same_shape: float = _entry(0.05, "1 - cosine", "of the shapes shown, likewise")
     prior: float = _entry(0.1, "of the stiffness", "prior standard deviation of the mean factors")

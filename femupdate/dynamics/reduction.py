@@ -10,7 +10,6 @@ from functools import partial
 
 import numpy as np
 import torch
-from scipy.stats import qmc
 
 from femupdate.arrays import Floats
 from femupdate.dynamics.damping import ConstantDamping
@@ -23,6 +22,7 @@ from femupdate.dynamics.snapshots import (
     FeltModes,
     ReductionTarget,
     compressed,
+    log_even_samples,
 )
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed, Terms
@@ -132,7 +132,7 @@ class _Sample:
 def _certified(asked: _Question, target: ReductionTarget, progress: Progress) -> Reduction:
     (own,), checks = spawn(target.seed, 1), _CHOOSE + _CERTIFY
     rng = np.random.default_rng(own)
-    first, least = _samples(target, len(asked.structure.stiffness_terms)), 0
+    first, least = log_even_samples(target, len(asked.structure.stiffness_terms)), 0
     progress.start("Reducing the model", len(first) + checks)
     shapes = [one.shapes for one in _solved(asked, target, first, progress)]
     for _ in range(_ROUNDS):
@@ -231,22 +231,6 @@ def _errors(
     """Reduced less full ln|H| (N, f, k)."""
     truth = np.stack([one.log_frf for one in full])
     return asked.log_frf(reduced, samples, target) - truth
-
-
-def _samples(target: ReductionTarget, stories: int) -> Floats:
-    """Samples (n, p + q) for the basis.
-
-    Soft stories have most modes below the top of the grid: stiffness factors are even in their
-    logarithm, sizes by themselves.
-    """
-    sobol = qmc.Sobol(len(target.lower), seed=np.random.default_rng(target.seed))
-    # The sequence is balanced over powers of two only.
-    power = max(target.samples - 1, 0).bit_length()
-    unit = sobol.random_base2(power)[: target.samples]
-    even = target.lower + (target.upper - target.lower) * unit
-    low, high = np.log(target.lower[:stories]), np.log(target.upper[:stories])
-    even[:, :stories] = np.exp(low + (high - low) * unit[:, :stories])
-    return even
 
 
 def _unseen(target: ReductionTarget, rng: np.random.Generator) -> Floats:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import eigh, solve_triangular
 from scipy.sparse import csc_matrix
+from scipy.stats import qmc
 
 from femupdate.arrays import Floats
 
@@ -97,3 +98,23 @@ def compressed(mass: csc_matrix, shapes: Floats, size: int) -> Floats:
     # Once more: the energies span many decades and the first pass loses orthogonality with them.
     factor = np.linalg.cholesky(basis.T @ (mass @ basis))
     return np.asarray(solve_triangular(factor, basis.T, lower=True).T)
+
+
+def log_even_samples(target: ReductionTarget, stories: int | None = None) -> Floats:
+    """Samples (n, p + q) for the basis.
+
+    Soft stories have most modes below the top of the grid: stiffness factors are even in their
+    logarithm, sizes by themselves.
+
+    Args:
+        target: box and number.
+        stories: p; all parameters are factors where None.
+    """
+    sobol = qmc.Sobol(len(target.lower), seed=np.random.default_rng(target.seed))
+    # The sequence is balanced over powers of two only.
+    power = max(target.samples - 1, 0).bit_length()
+    unit = sobol.random_base2(power)[: target.samples]
+    even = target.lower + (target.upper - target.lower) * unit
+    low, high = np.log(target.lower[:stories]), np.log(target.upper[:stories])
+    even[:, :stories] = np.exp(low + (high - low) * unit[:, :stories])
+    return even

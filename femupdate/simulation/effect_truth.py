@@ -82,7 +82,7 @@ def fine_model(
 
     Args:
         building: of either kind.
-        mesh_size: m; half of the building's own where None.
+        mesh_size: m; two fifths of the building's own where None.
         sensors: as for `sensor_model`.
 
     Raises:

@@ -21,7 +21,7 @@ class SimulationSettings:
     Attributes:
         theta: stiffness factors, one a story; drawn from the prior where None.
         zeta: damping ratio of all modes; the building's own damping where None.
-        mesh_size: m; half of the building's own where None.
+        mesh_size: m; two fifths of the building's own where None.
         sensors: points on every floor, or by floor (see `sensor_model`).
         base_motion: motion of the base; band-limited white noise where None.
         duration_s, rms_m_s2, band_hz: of the white noise; the rms is that between the ramps of one

@@ -16,7 +16,9 @@ from femupdate.workflow.calibrate_latent import sample_latent
 from femupdate.workflow.calibrate_notes import error_notes, judgement
 from femupdate.workflow.calibrate_settings import CalibrationSettings, plain_settings
 from femupdate.workflow.calibration_report import POSTERIOR, CalibrationReport
+from femupdate.workflow.finer_mesh import FINER
 from femupdate.workflow.kinds import Measured, read_measured_of
+from femupdate.workflow.mesh_error import with_finer_mesh
 from femupdate.workflow.model import REDUCED, StudyModel
 from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.sampling import ChainRunner
@@ -49,6 +51,7 @@ def calibrate_study(
         require_surrogate(study, model.building)
         model = with_effects(study, model, show)
     started = time.monotonic()
+    model = with_finer_mesh(study, model, show)
     measured = read_measured_of(study, model, source, show)
     observation = measured.as_observation
     # No surrogate knows other kinds than FRFs under base motion.
@@ -73,7 +76,7 @@ def calibrate_study(
     latent = None if model.shared is None else sampled.latent
     posterior = posterior_of(model, observation, settings, sampled, latent, damping)
     fitting = against_data(model, measured, posterior, sampled, checking)
-    warnings = judgement(model, posterior, fitting)
+    warnings = judgement(posterior, fitting)
     posterior = replace(posterior, warnings=warnings)
     path = study.result("posterior.nc")
     save_posterior(posterior, path)
@@ -110,5 +113,5 @@ def calibrate_study(
 def _judged(study: Study, measured: Measured) -> list[str]:
     """Hashes of what a likelihood is made of: the data as read, reduced model and surrogate."""
     kept = study.artefacts()
-    models = [kept[name].sha256 for name in (REDUCED, SURROGATE) if name in kept]
+    models = [kept[name].sha256 for name in (REDUCED, FINER, SURROGATE) if name in kept]
     return [__version__, measured.fingerprint(), *models]

@@ -61,6 +61,7 @@ class _Problem:
             self.settings.seed,
             starts=self.starts,
             device=self.settings.device,
+            shared=self.model.shared,
             others=self.others,
         )
         require_own_building(self.model, found, anyway=self.settings.anyway)

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from femupdate.building.frame import FrameBuilding
 from femupdate.errors import MeasurementError
 from femupdate.inference.bridge import BridgeResult
 from femupdate.inference.decoded_chains import DecodedPosterior
@@ -148,12 +147,11 @@ def cost_notes(
     )
 
 
-def judgement(model: StudyModel, posterior: Posterior, fitting: Fitting) -> tuple[str, ...]:
+def judgement(posterior: Posterior, fitting: Fitting) -> tuple[str, ...]:
     """What decides whether a posterior can be used, the decisive first."""
     return (
         *_unlike(fitting),
         *_missed(posterior, fitting),
-        *_of_mesh(model),
         *_at_limits(posterior),
         *_runs_apart(posterior),
     )
@@ -212,16 +210,6 @@ def _missed(posterior: Posterior, fitting: Fitting) -> list[str]:
             "data: they err more than is allowed for."
         )
     return notes
-
-
-def _of_mesh(model: StudyModel) -> list[str]:
-    """What the mesh of a frame leaves open."""
-    if not isinstance(model.building, FrameBuilding):
-        return []
-    return [
-        f"Factors of single stories carry the error of the mesh of {model.building.mesh.size:g} m, "
-        "up to some percent, which the intervals do not hold; a finer mesh shows how much."
-    ]
 
 
 def _at_limits(posterior: Posterior) -> list[str]:

@@ -39,7 +39,7 @@ from femupdate.workflow.effects import (
     problem_of,
     structure_near,
 )
-from femupdate.workflow.mesh_error import open_mesh_error
+from femupdate.workflow.mesh_error import open_mesh_error, with_finer_mesh
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource, observation_of
 from femupdate.workflow.second_record import SecondRecord, second_record
@@ -185,11 +185,12 @@ class ModelParts:
 
 def model_parts(study: Study, model: StudyModel, progress: Progress | None = None) -> ModelParts:
     """Open what serves every observation; the error of a mesh is learned when first needed."""
+    model = with_finer_mesh(study, model, progress)
     plain = plain_structure(model)
     if plain.structure.operators is None:
         return ModelParts(plain, plain.structure)
     structure = finder_structure(model.building)
-    mesh = open_mesh_error(study, model.building, structure, progress)
+    mesh = open_mesh_error(study, model, structure, progress)
     return ModelParts(plain, structure, mesh)
 
 

@@ -65,7 +65,7 @@ def with_effects(study: Study, model: StudyModel, progress: Progress | None = No
     structure = finder_structure(model.building)
     check_places(structure, effects)
     reduced = _reduced(study, model, structure, (effects.placed, prior), progress)
-    mesh = open_mesh_error(study, model.building, structure, progress)
+    mesh = open_mesh_error(study, model, structure, progress)
     reduced = reduced if mesh is None else corrected(reduced, mesh)
     terms = tuple(reduced.terms(one) for one in effects.placed)
     system = System(reduced.model, model.law, effects.placed, terms)

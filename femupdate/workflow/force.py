@@ -7,8 +7,10 @@ import torch
 from torch import Tensor
 
 from femupdate.array_archive import ArchiveError, check_shapes, read_arrays, write_arrays
+from femupdate.building.frame import FrameBuilding
 from femupdate.dynamics.force_response import RestFlexibility, rest_flexibility
-from femupdate.effects.structure import structure_of
+from femupdate.dynamics.reduced import ReducedModel
+from femupdate.effects.structure import Structure, structure_of
 from femupdate.errors import MeasurementError
 from femupdate.inference.force_likelihood import ForceLikelihood
 from femupdate.inference.likelihood import DataLikelihood
@@ -17,6 +19,7 @@ from femupdate.measurement.observation import Observation
 from femupdate.progress import Progress
 from femupdate.study import Study, damaged
 from femupdate.units import STANDARD_GRAVITY
+from femupdate.workflow.finer_mesh import FINER, half_mesh_size
 from femupdate.workflow.model import REDUCED, StudyModel
 
 REST = "flexibility under forces"
@@ -38,15 +41,15 @@ _QUANTITIES = ("receptance", "mobility", "accelerance")
 
 def open_rest(study: Study, model: StudyModel, progress: Progress) -> RestFlexibility | None:
     """What a study's reduced model lacks under forces, learned once; None for a stick."""
-    structure = structure_of(model.building)
-    if structure.is_stick:
+    if model.building.kind == "shear":
         return None
     origin = {**model.made_from(), **_reduced_by(study)}
     kept = study.find(REST, origin)
     if kept is not None:
         return _read(kept)
+    structure, reduced = _full_and_reduced(model)
     lower, upper = model.prior.lower.numpy(), model.prior.upper.numpy()
-    found = rest_flexibility(structure, model.reduced, lower, upper, progress)
+    found = rest_flexibility(structure, reduced, lower, upper, progress)
     path = study.path(_FILE)
     numbers = torch.tensor([found.error, found.lacked], dtype=torch.float64).numpy()
     write_arrays(path, terms=found.terms, numbers=numbers)
@@ -55,10 +58,19 @@ def open_rest(study: Study, model: StudyModel, progress: Progress) -> RestFlexib
     return found
 
 
+def _full_and_reduced(model: StudyModel) -> tuple[Structure, ReducedModel]:
+    """The full model behind the reduced one, and this without what corrects its mesh."""
+    building, finer = model.building, model.finer
+    if finer is None:
+        return structure_of(building), model.reduced
+    assert isinstance(building, FrameBuilding)
+    return structure_of(building, half_mesh_size(building)), finer.model
+
+
 def _reduced_by(study: Study) -> dict[str, str]:
-    """Hash of the reduced model that something was learned for."""
+    """Hashes of the reduced models that something was learned for."""
     kept = study.artefacts()
-    return {REDUCED: kept[REDUCED].sha256} if REDUCED in kept else {}
+    return {name: kept[name].sha256 for name in (REDUCED, FINER) if name in kept}
 
 
 def _read(path: Path) -> RestFlexibility:

@@ -1,7 +1,7 @@
-"""The error of a frame's mesh, learned once and kept in the study."""
+"""The error of a frame's mesh, learned once from a mesh twice as fine and kept in the study."""
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 from scipy.stats import qmc
@@ -12,63 +12,98 @@ from femupdate.building.frame import FrameBuilding
 from femupdate.building.schema import Building
 from femupdate.discrepancy.mesh_error import MeshError, learn_mesh_error
 from femupdate.discrepancy.thresholds import MESH_ERROR as THRESHOLDS
+from femupdate.dynamics.finer_mesh import on_finer_mesh, on_nodes_of
+from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.effects.structure import Structure, structure_of
 from femupdate.progress import Progress, Silent
 from femupdate.study import Study, damaged, write_text
 from femupdate.workflow.effects import finder_origin
-from femupdate.workflow.model import theta_prior
+from femupdate.workflow.finer_mesh import FinerMesh, half_mesh_size, keep_finer
+from femupdate.workflow.model import StudyModel, on_kept_finer, reduction_target, theta_prior
 
 MESH_ERROR = "mesh error"
 _FILE = "mesh_error.json"
 
 
-def open_mesh_error(
-    study: Study, building: Building, structure: Structure, progress: Progress | None = None
-) -> MeshError | None:
-    """The error of the building's mesh; None for what is not meshed here.
+def with_finer_mesh(
+    study: Study, model: StudyModel, progress: Progress | None = None
+) -> StudyModel:
+    """The model of a frame on a mesh twice as fine, which is made once and kept.
 
-    Without one in the study it is learned from a finer mesh, in minutes, and kept.
+    A stick comes back as it is, as does a mesh that was read.
 
     Args:
         study: that keeps it.
-        building: of the study.
-        structure: its full model on the finder's mesh.
+        model: of the study.
         progress: told about the steps.
     """
-    plain = without_effects(building)
+    plain, model = without_effects(model.building), on_kept_finer(study, model)
+    if not isinstance(plain, FrameBuilding) or model.finer is not None:
+        return model
+    coarse, fine = structure_of(plain), structure_of(plain, half_mesh_size(plain))
+    found = on_finer_mesh(
+        coarse, model.reduced, fine, reduction_target(plain), progress or Silent()
+    )
+    own = on_nodes_of(coarse, found)
+    keep_finer(study, plain, _learned(model, plain, replace(found, model=own)))
+    return on_kept_finer(study, model)
+
+
+def _learned(model: StudyModel, building: FrameBuilding, fine: ReducedStructure) -> FinerMesh:
+    if building.by_kind:
+        return FinerMesh(fine.model)
+    grid = building.frequency_grid.frequencies_hz()
+    error = learn_mesh_error(model.reduced, fine, _thetas(building), grid)
+    return FinerMesh(fine.model, error, tuple(fine.terms(one) for one in error.placed))
+
+
+def open_mesh_error(
+    study: Study, model: StudyModel, structure: Structure, progress: Progress | None = None
+) -> MeshError | None:
+    """The error of the finder's mesh; None for what is not meshed here.
+
+    Without one in the study it is learned from the finer mesh that calibrations use, and kept.
+
+    Args:
+        study: that keeps it.
+        model: of the study.
+        structure: the full model on the finder's mesh.
+        progress: told about the steps.
+    """
+    plain = without_effects(model.building)
     if not isinstance(plain, FrameBuilding):
         return None
     kept = kept_mesh_error(study, plain)
     if kept is not None:
         return kept
-    fine = structure_of(plain, THRESHOLDS.finer**2 * plain.mesh.size)
+    finer = with_finer_mesh(study, model, progress).finer
+    assert finer is not None
+    assert finer.error is not None
+    known = dict(zip(finer.error.labels, finer.terms, strict=True))
+    fine = ReducedStructure(structure, finer.model, np.zeros((len(structure.axis), 0)), known)
+    own = on_finer_mesh(
+        structure_of(plain), model.reduced, structure, reduction_target(plain), progress or Silent()
+    )
     grid = plain.frequency_grid.frequencies_hz()
-    found = learn_mesh_error(structure, fine, _thetas(plain), grid, progress or Silent())
+    found = learn_mesh_error(own.model, fine, _thetas(plain), grid).of_mesh(THRESHOLDS.finer)
     keep_mesh_error(study, plain, found)
     return found
 
 
 def kept_mesh_error(study: Study, building: Building) -> MeshError | None:
-    """What the study knows of its building's mesh."""
+    """What the study knows of the finder's mesh."""
     kept = study.find(MESH_ERROR, finder_origin(building))
     if kept is None:
         return None
     try:
         content = json.loads(kept.read_text(encoding="utf-8"))
-        if "points" not in content:  # learned before responses were compared
-            return None
-        return MeshError(
-            tuple(content["labels"]),
-            tuple(content["mean"]),
-            tuple(content["sd"]),
-            *(float(content[name]) for name in ("left", "effect", "shape", "points")),
-        )
+        return MeshError.of(content) if "share_sd" in content else None  # of an earlier version
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise damaged(kept, error) from error
 
 
 def keep_mesh_error(study: Study, building: Building, mesh: MeshError) -> None:
-    """Write a mesh error into a study."""
+    """Write the error of the finder's mesh into a study."""
     study.folder.mkdir(parents=True, exist_ok=True)
     write_text(study.path(_FILE), json.dumps(asdict(mesh), indent=2) + "\n")
     study.record(
@@ -85,3 +120,12 @@ def _thetas(building: Building) -> Floats:
     )
     unit = qmc.Sobol(len(low), seed=np.random.default_rng(4)).random(THRESHOLDS.thetas)
     return np.asarray(np.exp(low + (high - low) * unit))
+
+
+__all__ = [
+    "MESH_ERROR",
+    "keep_mesh_error",
+    "kept_mesh_error",
+    "open_mesh_error",
+    "with_finer_mesh",
+]

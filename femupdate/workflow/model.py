@@ -1,16 +1,12 @@
 """The building of a study with its reduced model: made once, then read back."""
 
-import json
 from collections.abc import Mapping
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
 import torch
 from torch import Tensor
 
-from femupdate.array_archive import check_shapes, read_arrays, write_arrays
 from femupdate.building.files import (
     load_building,
     mechanics_hash,
@@ -19,7 +15,7 @@ from femupdate.building.files import (
 from femupdate.building.parameters import factor_ranges
 from femupdate.building.schema import Building
 from femupdate.dynamics.damping import DampingLaw, damping_law
-from femupdate.dynamics.reduced import BaseRotation, ReducedModel
+from femupdate.dynamics.reduced import ReducedModel
 from femupdate.dynamics.reduction import Reduction, reduce_structure
 from femupdate.dynamics.snapshots import ReductionTarget
 from femupdate.dynamics.system import System
@@ -28,21 +24,13 @@ from femupdate.errors import StudyError
 from femupdate.inference.learned import SharedErrors
 from femupdate.inference.parameters import Parameter, Parameters
 from femupdate.progress import SILENT, Progress
-from femupdate.study import BUILDING_FILE, Study, damaged
+from femupdate.study import BUILDING_FILE, Study
+from femupdate.workflow.finer_mesh import FinerMesh, kept_finer
+from femupdate.workflow.reduced_file import load_reduced, save_reduced
 
 DEFAULT_BUILDING = "six_story_wall_frame"
 REDUCED = "reduced model"
 _REDUCED_FILE = "reduced_model.npz"
-_ARRAYS = {
-    "stiffness_terms": "prr",
-    "stiffness_constant": "rr",
-    "excitation": "r",
-    "floor_shapes": "fr",
-    "story_inertia": "sr",
-    "story_mass": "s",
-    "story_drift": "sr",
-}
-_ROTATION = ("force", "mass", "story_moment", "levels")
 
 
 @dataclass(frozen=True)
@@ -51,13 +39,14 @@ class StudyModel:
 
     Attributes:
         building: as its file says.
-        reduced: the reduced model.
+        reduced: the reduced model; on the finer mesh where the study has one.
         prior: of the stiffness factors.
         damping: the damping ratio.
         reduction_error: rms difference of ln|H| from the full model; 0 for lumped buildings.
         system: the reduced model and its damping; with the effects that the building lists where a
             surrogate of them is at work, and the prior is then of their sizes as well.
         shared: what the mesh of that system leaves open; None for a stick.
+        finer: what the study keeps of a mesh twice as fine; None for a stick.
     """
 
     building: Building
@@ -67,6 +56,7 @@ class StudyModel:
     damping: Parameter
     reduction_error: float
     shared: SharedErrors | None = None
+    finer: FinerMesh | None = None
 
     @property
     def law(self) -> DampingLaw:
@@ -144,6 +134,8 @@ def open_study(
 ) -> StudyModel:
     """Return the model of a study; build it first where the study does not hold it yet.
 
+    A frame is on the finer mesh from its first calibration on, and so is all that follows.
+
     Args:
         study: the folder.
         building: name or path of a building; default the study's own, or the six-story building
@@ -158,9 +150,24 @@ def open_study(
     kept = study.find(REDUCED, {"building": mechanics_hash(chosen)})
     if kept is not None:
         reduced, error = load_reduced(kept)
-        return _study_model(chosen, reduced, error)
+        return on_kept_finer(study, _study_model(chosen, reduced, error))
     reduction = reduce_building(chosen, progress=progress)
     return keep_model(study, chosen, KeptReduction.of(reduction))
+
+
+def on_kept_finer(study: Study, model: StudyModel) -> StudyModel:
+    """The model on the finer mesh that its study keeps, or as it is where there is none."""
+    finer = model.finer or kept_finer(study, model.building)
+    if finer is None or finer is model.finer:
+        return model
+    system = System(finer.corrected, model.law)
+    return replace(
+        model,
+        reduced=finer.corrected,
+        system=system,
+        shared=finer.scatter(model.law),
+        finer=finer,
+    )
 
 
 def keep_model(study: Study, building: Building, reduced: KeptReduction) -> StudyModel:
@@ -190,39 +197,6 @@ def reduce_building(
     """Make the reduced model of any building, without its effects."""
     plain = structure or structure_of(building)
     return reduce_structure(plain, reduction_target(building), progress=progress or SILENT)
-
-
-def save_reduced(model: ReducedModel, rms_error: float, path: Path) -> None:
-    """Write a reduced model as npz, atomically."""
-    arrays = {name: getattr(model, name) for name in _ARRAYS}
-    if model.node_shapes is not None:
-        arrays["node_shapes"] = model.node_shapes
-    if model.rotation is not None:
-        arrays |= {f"rotation_{name}": getattr(model.rotation, name) for name in _ROTATION}
-    header = json.dumps({"floors": model.floors, "rms_error": rms_error})
-    write_arrays(path, header=np.array(header), **arrays)
-
-
-def load_reduced(path: Path) -> tuple[ReducedModel, float]:
-    """Read a reduced model and its rms error.
-
-    Raises:
-        StudyError: the file is not what `save_reduced` writes.
-    """
-    try:
-        data = read_arrays(path)
-        check_shapes(data, _ARRAYS)
-        header = json.loads(str(data["header"]))
-        turned = {k.removeprefix("rotation_"): data[k] for k in data if k.startswith("rotation_")}
-        model = ReducedModel(
-            **{name: data[name] for name in _ARRAYS},
-            floors=tuple(header["floors"]),
-            node_shapes=data.get("node_shapes"),
-            rotation=BaseRotation(**turned) if turned else None,
-        )
-        return model, float(header["rms_error"])
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise damaged(path, error) from error
 
 
 def choose_building(study: Study, name: str | None) -> Building:

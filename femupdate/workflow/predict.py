@@ -28,7 +28,7 @@ from femupdate.progress import Progress, Silent
 from femupdate.seeds import spawn
 from femupdate.study import Study, file_hash
 from femupdate.workflow.effect_surrogate import open_system
-from femupdate.workflow.model import StudyModel
+from femupdate.workflow.model import StudyModel, on_kept_finer
 from femupdate.workflow.predict_draws import (
     PredictionDraws,
     at_reached_level,
@@ -169,6 +169,7 @@ def predict_study(
     """
     show, settings = progress or Silent(), settings or PredictionSettings()
     started = time.monotonic()
+    model = on_kept_finer(study, model)
     motion = read_record(record.path, record.unit, record.channel).scaled(record.scale)
     reference = None
     if measured is not None:

@@ -10,7 +10,7 @@ from femupdate.inference.posterior import load_posterior
 from femupdate.progress import Progress
 from femupdate.study import Study
 from femupdate.tables import table
-from femupdate.workflow.model import StudyModel
+from femupdate.workflow.model import StudyModel, on_kept_finer
 from femupdate.workflow.modes import StudyMode, find_modes, posterior_modes
 from femupdate.workflow.pictures_modes import draw_at_one, draw_modes
 
@@ -97,6 +97,7 @@ def render_study(
     """
     posterior = load_posterior(study.require("posterior", "calibrate"))
     study.check_fresh("posterior", model.made_from(), "calibrate")
+    model = on_kept_finer(study, model)
     full = find_modes(study, model)
     beyond = [number for number in wanted if not 1 <= number <= len(full.direction)]
     if beyond:

@@ -7,6 +7,7 @@ import numpy as np
 
 from femupdate.building.document import without_effects
 from femupdate.building.files import save_building
+from femupdate.building.frame import FrameBuilding
 from femupdate.building.schema import Building
 from femupdate.discrepancy.mesh_error import MeshError
 from femupdate.discrepancy.posterior import Draws
@@ -22,6 +23,7 @@ from femupdate.workflow.effects import (
     keep_basis,
     with_effect,
 )
+from femupdate.workflow.finer_mesh import keep_finer
 from femupdate.workflow.mesh_error import keep_mesh_error
 from femupdate.workflow.model import KeptReduction, StudyModel, keep_model, open_study
 from femupdate.workflow.observed import ObservationSource
@@ -66,6 +68,8 @@ def keep_repaired(
         keep_basis(kept, reduced, building)
     if mesh is not None:
         keep_mesh_error(kept, building, mesh)
+    if model.finer is not None and isinstance(building, FrameBuilding):
+        keep_finer(kept, building, model.finer)
     return kept
 
 

@@ -13,11 +13,10 @@ from femupdate.workflow.model import (
     DEFAULT_BUILDING,
     choose_building,
     damping_parameter,
-    load_reduced,
     open_study,
-    save_reduced,
 )
 from femupdate.workflow.pictures_modes import draw_model
+from femupdate.workflow.reduced_file import load_reduced, save_reduced
 
 
 @pytest.mark.parametrize(

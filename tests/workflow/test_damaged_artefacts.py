@@ -13,7 +13,8 @@ from femupdate.errors import StudyError
 from femupdate.study import MANIFEST, file_hash, write_text
 from femupdate.workflow.effects import BASIS, finder_origin, finder_structure, read_basis
 from femupdate.workflow.mesh_error import MESH_ERROR, kept_mesh_error
-from femupdate.workflow.model import REDUCED, load_reduced, open_study
+from femupdate.workflow.model import REDUCED, open_study
+from femupdate.workflow.reduced_file import load_reduced
 
 
 def rerecorded(study, name):
@@ -86,7 +87,7 @@ def test_a_basis_of_another_structure(cabin_study, basis, message):
 
 @pytest.mark.parametrize(
     "content",
-    ["", "{", "[" * 100_000, '{"points": 1}', '{"points": 1, "labels": 3}'],
+    ["", "{", "[" * 100_000, '{"share_sd": 1}', '{"share_sd": 1, "labels": 3}'],
     ids=["empty", "cut", "without end", "keys missing", "no list"],
 )
 def test_a_mesh_error_that_is_none(cabin_study, content):

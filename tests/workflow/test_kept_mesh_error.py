@@ -1,13 +1,19 @@
 """What a study keeps of its building's mesh error."""
 
 import json
+import shutil
 
+import numpy as np
 import pytest
+import torch
 
 from femupdate.building.files import load_building
 from femupdate.discrepancy.mesh_error import MeshError
+from femupdate.errors import StudyError
 from femupdate.study import Study
-from femupdate.workflow.mesh_error import keep_mesh_error, kept_mesh_error
+from femupdate.workflow.finer_mesh import FINER
+from femupdate.workflow.mesh_error import keep_mesh_error, kept_mesh_error, with_finer_mesh
+from femupdate.workflow.model import open_study
 
 LEARNED = MeshError(
     ("wall_stiffness@ground", "cracked_beams@upper"),
@@ -37,9 +43,62 @@ def test_that_of_another_mesh_is_not_taken(kept):
     assert kept_mesh_error(study, finer) is None
 
 
-@pytest.mark.parametrize("missing", [("points",), ("effect", "shape", "points")])
+@pytest.mark.parametrize("missing", [("share_sd",), ("shape", "points", "share", "share_sd")])
 def test_one_that_was_learned_of_less_is_learned_again(kept, missing):
     path = next(kept[0].folder.glob("mesh_error.json"))
     content = json.loads(path.read_text(encoding="utf-8"))
     path.write_text(json.dumps({k: v for k, v in content.items() if k not in missing}))
     assert kept_mesh_error(*kept) is None
+
+
+@pytest.fixture(scope="module")
+def cabin(cabin_built, tmp_path_factory):
+    """A study of the cabin and its model on the finer mesh."""
+    study = Study(shutil.copytree(cabin_built.folder, tmp_path_factory.mktemp("finer") / "cabin"))
+    return study, with_finer_mesh(study, open_study(study))
+
+
+def test_a_study_is_on_its_finer_mesh_from_then_on(cabin):
+    study, model = cabin
+    again = open_study(study)
+    theta = np.array([0.8, 1.3])
+    np.testing.assert_array_equal(again.reduced.stiffness(theta), model.reduced.stiffness(theta))
+    np.testing.assert_array_equal(again.shared.steps, model.shared.steps)
+    asked = torch.tensor([[0.8, 1.3]]).double(), again.frequency_hz, torch.tensor([0.03]).double()
+    np.testing.assert_allclose(again.shared(*asked), model.shared(*asked), atol=1e-12)
+    assert with_finer_mesh(study, again) is again
+
+
+def test_the_finer_mesh_is_softer_and_what_it_leaves_open_small(cabin, cabin_built):
+    _, model = cabin
+    coarse = open_study(cabin_built)
+    theta = np.array([1.0, 1.0])
+    first = [np.linalg.eigvalsh(one.reduced.stiffness(theta))[0] for one in (coarse, model)]
+    assert 0.9 * first[0] < first[1] < first[0]
+    asked = torch.ones((1, 2)).double(), model.frequency_hz, torch.tensor([0.03]).double()
+    open_ = model.shared(*asked)[0]
+    moved = [one.system.log_frf(asked[0], asked[2], asked[1]) for one in (coarse, model)]
+    assert 0.0 < open_.square().sum(0).mean().sqrt() < (moved[1] - moved[0]).square().mean().sqrt()
+
+
+def test_a_stick_has_no_mesh(tower, tower_model):
+    assert with_finer_mesh(tower, tower_model) is tower_model
+
+
+@pytest.mark.parametrize("damage", ["no terms", "a cut header", "an error without its size"])
+def test_a_finer_mesh_that_is_none(cabin, tmp_path, damage):
+    study = Study(shutil.copytree(cabin[0].folder, tmp_path / "cabin"))
+    path = study.path("finer_mesh.npz")
+    arrays = dict(np.load(path))
+    header = json.loads(str(arrays["header"]))
+    if damage == "no terms":
+        del arrays["term_matrix"]
+    elif damage == "a cut header":
+        arrays["header"] = np.array(str(arrays["header"])[:-5])
+    else:
+        del header["error"]["left"]
+        arrays["header"] = np.array(json.dumps(header))
+    np.savez(path, **arrays)
+    study.record(FINER, path.name, "calibrate", study.artefacts()[FINER].made_from)
+    with pytest.raises(StudyError, match=r"finer_mesh\.npz is not what femupdate writes there"):
+        open_study(study)

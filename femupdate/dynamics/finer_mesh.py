@@ -1,0 +1,148 @@
+"""A reduced model carried over to a finer mesh of the same building, for all its parameters.
+
+The responses from which a basis is taken are known from the coarse mesh. Their inertial forces,
+brought to the finer mesh, move it by nearly the right shapes: one static solution takes the place
+of a whole eigenproblem, and what the coarse mesh has wrong is of higher modes, of which it leaves
+little (inverse iteration; Bathe 2014, Finite Element Procedures, section 11.2). The Galerkin
+projection of the finer mesh on these shapes does the rest.
+"""
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix, diags
+
+from femupdate.arrays import Floats
+from femupdate.dynamics.projection import reduced_on
+from femupdate.dynamics.reduced import ReducedModel
+from femupdate.dynamics.reduced_terms import ReducedStructure
+from femupdate.dynamics.snapshots import (
+    STATIC_WEIGHT,
+    FeltModes,
+    ReductionTarget,
+    compressed,
+    log_even_samples,
+)
+from femupdate.effects.structure import TRANSLATION, Structure
+from femupdate.fe.factorization import factorize
+from femupdate.fe.model import DOF_PER_NODE
+from femupdate.processors import everywhere
+from femupdate.progress import SILENT, Progress
+
+# Twenty samples of a six-story building give natural frequencies within .05 % over the prior and
+# .02 % in its middle, where the meshes differ by .4 to .8 %.
+_SAMPLES = 20
+_LEAST = 1e-5  # energy of a response, of the largest, that is kept
+_DIGITS = 6  # decimals of a metre in which lines of two meshes are the same
+
+
+def on_finer_mesh(
+    coarse: Structure,
+    reduced: ReducedModel,
+    fine: Structure,
+    target: ReductionTarget,
+    progress: Progress = SILENT,
+) -> ReducedStructure:
+    """Return the structure of a finer mesh on as many shapes as the coarse one has.
+
+    Args:
+        coarse: the building on its mesh.
+        reduced: of it, with the displacement of its nodes.
+        fine: the building on a finer mesh.
+        target: what `reduced` reproduces.
+        progress: advances by one a full solution.
+    """
+    assert reduced.node_shapes is not None
+    thetas = log_even_samples(replace(target, samples=_SAMPLES))
+    progress.start("Carrying the model over to a finer mesh", len(thetas))
+    task = partial(_moved, fine, reduced, _loads(coarse, reduced.node_shapes, fine), target)
+    shapes = []
+    for one in everywhere(task, list(thetas)):
+        shapes.append(one)
+        progress.advance()
+    basis = compressed(fine.mass, np.concatenate(shapes, axis=1), reduced.size)
+    return reduced_on(fine, basis)
+
+
+def on_nodes_of(coarse: Structure, reduced: ReducedStructure) -> ReducedModel:
+    """The reduced model of a finer mesh, its node shapes at the nodes of the coarse one."""
+    shapes = reduced.model.node_shapes
+    assert shapes is not None
+    between = interpolation(_nodes(reduced.structure), _nodes(coarse))
+    moved = _interpolated(between, shapes).astype(np.float32)
+    return replace(reduced.model, node_shapes=moved)
+
+
+def interpolation(known: Floats, wanted: Floats) -> csr_matrix:
+    """Weights (m, n) of n known nodes at m wanted points, linear between the lines of a lattice.
+
+    Args:
+        known: (n, 3) on crossings of a lattice's lines, not all of which need be there.
+        wanted: (m, 3) points.
+    """
+    known, wanted = np.round(known, _DIGITS), np.round(wanted, _DIGITS)
+    lines = [np.unique(known[:, axis]) for axis in range(3)]
+    shape = tuple(len(line) for line in lines)
+    number = np.full(shape, -1)
+    places = (np.searchsorted(line, known[:, axis]) for axis, line in enumerate(lines))
+    number[tuple(places)] = np.arange(len(known))
+    pairs = [_between(line, wanted[:, axis]) for axis, line in enumerate(lines)]
+    total = csr_matrix((len(wanted), len(known)))
+    for corner in np.ndindex(2, 2, 2):
+        chosen = [pair[end] for pair, end in zip(pairs, corner, strict=True)]
+        weight = np.prod([share for _, share in chosen], axis=0)
+        column = number[tuple(place for place, _ in chosen)]
+        rows = np.flatnonzero((weight > 0.0) & (column >= 0))
+        total = total + csr_matrix((weight[rows], (rows, column[rows])), shape=total.shape)
+    # Where a crossing is empty the others stand in for it.
+    sums = np.asarray(total.sum(axis=1))[:, 0]
+    return csr_matrix(diags(1.0 / np.where(sums > 0.0, sums, 1.0)) @ total)
+
+
+def _between(
+    line: Floats, values: Floats
+) -> tuple[tuple[NDArray[np.intp], Floats], tuple[NDArray[np.intp], Floats]]:
+    """The places (m,) below and above values (m,) on a sorted line, each with its share."""
+    if len(line) == 1:
+        place = np.zeros(len(values), dtype=np.intp)
+        return (place, np.ones(len(values))), (place, np.zeros(len(values)))
+    below = np.clip(np.searchsorted(line, values, side="right") - 1, 0, len(line) - 2)
+    share = np.clip((values - line[below]) / (line[below + 1] - line[below]), 0.0, 1.0)
+    return (below, 1.0 - share), (below + 1, share)
+
+
+def _nodes(structure: Structure) -> Floats:
+    assert structure.mesh is not None
+    return structure.mesh.model.nodes
+
+
+def _interpolated(between: csr_matrix, shapes: NDArray[np.float32]) -> Floats:
+    """Displacements (m, 3, r) of other nodes, from (n, 3, r)."""
+    return np.stack([between @ shapes[:, axis].astype(np.float64) for axis in range(3)], axis=1)
+
+
+def _loads(coarse: Structure, shapes: NDArray[np.float32], fine: Structure) -> Floats:
+    """Inertial forces (n, r) on the finer mesh per unit acceleration of each coarse shape."""
+    operators, nodes = fine.operators, _nodes(fine)
+    assert operators is not None
+    moved = np.zeros((len(nodes), DOF_PER_NODE, shapes.shape[2]))
+    moved[:, :3] = _interpolated(interpolation(_nodes(coarse), nodes), shapes)
+    return operators.gather(operators.mass_full @ moved.reshape(-1, shapes.shape[2]))
+
+
+def _moved(
+    fine: Structure, reduced: ReducedModel, loads: Floats, target: ReductionTarget, theta: Floats
+) -> Floats:
+    """Weighted shapes (n, c) of the finer mesh at a theta (p,), to take a basis from."""
+    squared, vectors = np.linalg.eigh(reduced.stiffness(theta))
+    felt = FeltModes(
+        np.sqrt(np.maximum(squared, 0.0)),
+        reduced.excitation @ vectors,
+        reduced.floor_shapes @ vectors,
+        np.zeros(len(reduced.floors)),
+    )
+    forces = loads @ ((vectors * squared) @ felt.combinations(target, _LEAST))
+    static = STATIC_WEIGHT * fine.rigid_force[:, [TRANSLATION]]
+    return factorize(fine.stiffness(theta)).apply(np.column_stack([forces, static]))

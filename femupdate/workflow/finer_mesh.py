@@ -1,0 +1,136 @@
+"""A frame's reduced model on a mesh twice as fine, as a study keeps it."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from femupdate.array_archive import check_shapes, read_arrays, write_arrays
+from femupdate.building.document import without_effects
+from femupdate.building.files import mechanics_hash
+from femupdate.building.frame import FrameBuilding
+from femupdate.building.schema import Building
+from femupdate.discrepancy.mesh_error import MeshError, corrected_model
+from femupdate.discrepancy.mesh_scatter import MeshScatter
+from femupdate.discrepancy.thresholds import MESH_ERROR
+from femupdate.dynamics.damping import DampingLaw
+from femupdate.dynamics.reduced import ReducedModel
+from femupdate.dynamics.reduced_terms import ReducedStiffness, ReducedTerms
+from femupdate.dynamics.system import System
+from femupdate.study import Study, damaged
+from femupdate.workflow.reduced_file import reduced_arrays, reduced_from
+
+FINER = "finer mesh"
+_FILE = "finer_mesh.npz"
+_TERMS = {"term_owner": "t", "term_story": "t", "term_series": "t", "term_matrix": "trr"}
+
+
+@dataclass(frozen=True, eq=False)
+class FinerMesh:
+    """A building on a mesh of half the size of its own.
+
+    Attributes:
+        model: its reduced model; node shapes are at the nodes of the building's own mesh.
+        error: of the building's own mesh, as this one shows it; None where stiffness factors
+            belong to kinds of members, which can make up for it themselves.
+        terms: what the effects that stand for the error add to the model.
+    """
+
+    model: ReducedModel
+    error: MeshError | None = None
+    terms: tuple[ReducedTerms, ...] = ()
+
+    @cached_property
+    def corrected(self) -> ReducedModel:
+        """The model, brought nearer to an infinitely fine mesh."""
+        if self.error is None:
+            return self.model
+        return corrected_model(self.model, self.error.of_half(), self.terms)
+
+    def scatter(self, law: DampingLaw) -> MeshScatter | None:
+        """What that leaves open of a system of the corrected model."""
+        if self.error is None:
+            return None
+        left = self.error.of_half()
+        system = System(self.corrected, law, left.placed, self.terms)
+        return MeshScatter(system, torch.from_numpy(left.steps))
+
+
+def half_mesh_size(building: FrameBuilding) -> float:
+    """Of the finer mesh, m."""
+    return MESH_ERROR.half * building.mesh.size
+
+
+def keep_finer(study: Study, building: FrameBuilding, finer: FinerMesh) -> None:
+    """Write a finer mesh into a study."""
+    study.folder.mkdir(parents=True, exist_ok=True)
+    error = None if finer.error is None else asdict(finer.error)
+    header = json.dumps({"floors": finer.model.floors, "error": error})
+    arrays = {**reduced_arrays(finer.model), **_term_arrays(finer)}
+    write_arrays(study.path(_FILE), header=np.array(header), **arrays)
+    size = half_mesh_size(building)
+    study.record(FINER, _FILE, "calibrate", _origin(building), {"mesh_m": size})
+
+
+def kept_finer(study: Study, building: Building) -> FinerMesh | None:
+    """That of a study, or None where it has none.
+
+    Raises:
+        StudyError: the file is not what `keep_finer` writes.
+    """
+    if not isinstance(building, FrameBuilding):
+        return None
+    kept = study.find(FINER, _origin(building))
+    return None if kept is None else _read(kept)
+
+
+def _origin(building: FrameBuilding) -> dict[str, str]:
+    return {
+        "building": mechanics_hash(without_effects(building)),
+        "mesh_m": f"{half_mesh_size(building):.4g}",
+    }
+
+
+def _read(path: Path) -> FinerMesh:
+    try:
+        data = read_arrays(path)
+        header = json.loads(str(data["header"]))
+        model = reduced_from(data, header["floors"])
+        if header["error"] is None:
+            return FinerMesh(model)
+        error = MeshError.of(header["error"])
+        return FinerMesh(model, error, _terms(data, len(error.labels)))
+    except (ValueError, KeyError, TypeError, RecursionError, AttributeError) as error:
+        raise damaged(path, error) from error
+
+
+def _term_arrays(finer: FinerMesh) -> dict[str, NDArray[Any]]:
+    """Stiffness of the terms, one after the other, with the number of the effect of each."""
+    parts = [(k, one) for k, terms in enumerate(finer.terms) for one in terms.stiffness]
+    size = finer.model.size
+    matrices = [one.matrix.numpy().astype(np.float32) for _, one in parts]
+    return {
+        "term_owner": np.array([k for k, _ in parts], dtype=np.int64),
+        "term_story": np.array([one.story for _, one in parts], dtype=np.int64),
+        "term_series": np.array([one.series for _, one in parts], dtype=np.float64),
+        "term_matrix": np.array(matrices, dtype=np.float32).reshape(-1, size, size),
+    }
+
+
+def _terms(data: Mapping[str, NDArray[Any]], count: int) -> tuple[ReducedTerms, ...]:
+    check_shapes(data, {**_TERMS, "stiffness_constant": "rr"})
+    parts: list[list[ReducedStiffness]] = [[] for _ in range(count)]
+    columns: Sequence[NDArray[Any]] = [data[name] for name in _TERMS]
+    for owner, story, series, matrix in zip(*columns, strict=True):
+        whole = torch.from_numpy(matrix.astype(np.float64))
+        parts[owner].append(ReducedStiffness(int(story), whole, float(series)))
+    return tuple(ReducedTerms(stiffness=tuple(one)) for one in parts)
+
+
+__all__ = ["FINER", "FinerMesh", "half_mesh_size", "keep_finer", "kept_finer"]

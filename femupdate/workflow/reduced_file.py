@@ -1,0 +1,70 @@
+"""Reduced models as a study keeps them."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femupdate.array_archive import check_shapes, read_arrays, write_arrays
+from femupdate.dynamics.reduced import BaseRotation, ReducedModel
+from femupdate.study import damaged
+
+_ARRAYS = {
+    "stiffness_terms": "prr",
+    "stiffness_constant": "rr",
+    "excitation": "r",
+    "floor_shapes": "fr",
+    "story_inertia": "sr",
+    "story_mass": "s",
+    "story_drift": "sr",
+}
+_ROTATION = ("force", "mass", "story_moment", "levels")
+
+
+def save_reduced(model: ReducedModel, rms_error: float, path: Path) -> None:
+    """Write a reduced model as npz, atomically."""
+    header = json.dumps({"floors": model.floors, "rms_error": rms_error})
+    write_arrays(path, header=np.array(header), **reduced_arrays(model))
+
+
+def load_reduced(path: Path) -> tuple[ReducedModel, float]:
+    """Read a reduced model and its rms error.
+
+    Raises:
+        StudyError: the file is not what `save_reduced` writes.
+    """
+    try:
+        data = read_arrays(path)
+        header = json.loads(str(data["header"]))
+        return reduced_from(data, header["floors"]), float(header["rms_error"])
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise damaged(path, error) from error
+
+
+def reduced_arrays(model: ReducedModel) -> dict[str, NDArray[Any]]:
+    """All of a reduced model but the names of its floors."""
+    arrays = {name: getattr(model, name) for name in _ARRAYS}
+    if model.node_shapes is not None:
+        arrays["node_shapes"] = model.node_shapes
+    if model.rotation is not None:
+        arrays |= {f"rotation_{name}": getattr(model.rotation, name) for name in _ROTATION}
+    return arrays
+
+
+def reduced_from(data: Mapping[str, NDArray[Any]], floors: Sequence[str]) -> ReducedModel:
+    """What `reduced_arrays` gave.
+
+    Raises:
+        ArchiveError: an array is missing, or of another shape.
+    """
+    check_shapes(data, _ARRAYS)
+    turned = {k.removeprefix("rotation_"): data[k] for k in data if k.startswith("rotation_")}
+    return ReducedModel(
+        **{name: data[name] for name in _ARRAYS},
+        floors=tuple(floors),
+        node_shapes=data.get("node_shapes"),
+        rotation=BaseRotation(**turned) if turned else None,
+    )

@@ -1,0 +1,82 @@
+"""A reduced model on a finer mesh, against the full equations of that mesh."""
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+from femupdate.dynamics.finer_mesh import interpolation, on_finer_mesh, on_nodes_of
+from femupdate.dynamics.reduction import reduce_structure
+from femupdate.dynamics.snapshots import ReductionTarget
+from femupdate.effects.structure import structure_of
+
+GRID = 0.2 * np.arange(1, 151)
+TARGET = ReductionTarget(np.full(2, 1 / 3), np.full(2, 3.0), GRID, 0.01, 0.02, 16)
+
+
+@pytest.fixture(scope="module")
+def coarse(small_frame):
+    return small_frame(2.0).structure
+
+
+@pytest.fixture(scope="module")
+def fine(coarse):
+    return structure_of(coarse.building, 1.0)
+
+
+@pytest.fixture(scope="module")
+def carried(coarse, fine):
+    return on_finer_mesh(coarse, reduce_structure(coarse, TARGET).model, fine, TARGET)
+
+
+def driven(squared, modes, floors, force):
+    """Frequencies, Hz, of modes below the top of the grid, and what the floors show of them."""
+    shown = (floors @ modes) * (modes.T @ force)
+    size = np.abs(shown).max(axis=0)
+    kept = (size > 0.05 * size.max()) & (squared < (2 * np.pi * GRID[-1]) ** 2)
+    return np.sqrt(squared[kept]) / (2 * np.pi), shown[:, kept]
+
+
+@pytest.mark.parametrize("theta", [(1.0, 1.0), (0.41, 2.3), (2.7, 0.9)])
+def test_its_modes_are_those_of_the_finer_mesh(coarse, fine, carried, theta):
+    theta = np.array(theta)
+    K, M = fine.stiffness(theta).toarray(), fine.mass.toarray()
+    own, shown = driven(*eigh(K, M), fine.floor_rows, fine.rigid_force[:, 0])
+    model = carried.model
+    found = driven(*np.linalg.eigh(model.stiffness(theta)), model.floor_shapes, model.excitation)
+    K, M = coarse.stiffness(theta).toarray(), coarse.mass.toarray()
+    before, _ = driven(*eigh(K, M), coarse.floor_rows, coarse.rigid_force[:, 0])
+    assert len(own) == len(found[0]) >= 2
+    np.testing.assert_allclose(found[0], own, rtol=1e-3)
+    np.testing.assert_allclose(found[1], shown, atol=0.01 * np.abs(shown).max())
+    assert before[0] > 1.005 * own[0]  # the coarse mesh is farther off by far
+
+
+def test_its_shapes_are_seen_at_the_nodes_of_the_coarse_mesh(coarse, fine, carried):
+    """Many nodes of the coarse mesh are nodes of the finer mesh, too."""
+    own, wide = coarse.mesh.model.nodes, fine.mesh.model.nodes
+    apart = np.linalg.norm(wide - own[:, None], axis=2)
+    rows, columns = np.nonzero(apart < 1e-6)
+    assert len(rows) > len(own) / 2
+    seen = on_nodes_of(coarse, carried).node_shapes
+    expected = carried.model.node_shapes[columns]
+    np.testing.assert_allclose(seen[rows], expected, rtol=1e-5, atol=1e-9)
+
+
+def test_values_between_the_lines_of_a_lattice():
+    lines = [np.array([0.0, 1.5, 2.0]), np.array([-1.0, 3.0]), np.array([0.0, 0.7])]
+    known = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
+    rng = np.random.default_rng(2)
+    wanted = rng.uniform([0.0, -1.0, 0.0], [2.0, 3.0, 0.7], (20, 3))
+    plane = known @ [1.0, -2.0, 0.5] + 3.0
+    found = interpolation(known, wanted) @ plane
+    np.testing.assert_allclose(found, wanted @ [1.0, -2.0, 0.5] + 3.0, atol=1e-5)
+
+
+def test_crossings_without_a_node_are_left_out():
+    """A wall in one plane: nothing is known beside it."""
+    known = np.array([[x, 0.0, z] for x in (0.0, 2.0) for z in (0.0, 1.0)] + [[0.0, 4.0, 1.0]])
+    weights = interpolation(known, np.array([[0.5, 0.0, 0.5], [0.5, 1.0, 1.0]])).toarray()
+    np.testing.assert_allclose(weights[0], [0.375, 0.375, 0.125, 0.125, 0.0])
+    # Of four crossings about the second point one has no node.
+    share = np.array([0.0, 0.75 * 0.75, 0.0, 0.25 * 0.75, 0.75 * 0.25])
+    np.testing.assert_allclose(weights[1], share / share.sum())
