@@ -23,7 +23,7 @@ from femupdate.study import BUILDING_FILE, Study, file_hash, write_text
 from femupdate.workflow.amplitude import level_settings
 from femupdate.workflow.diagnose import ModelParts, model_parts, prepared, refined, sought
 from femupdate.workflow.held_out import Held, hold
-from femupdate.workflow.model import StudyModel
+from femupdate.workflow.model import StudyModel, on_kept_finer
 from femupdate.workflow.observed import ObservationSource, observation_of
 from femupdate.workflow.repaired import keep_effect_posterior, keep_repaired, repaired_building
 from femupdate.workflow.second_record import level_between, second_record
@@ -165,6 +165,7 @@ def repair_study(
     other = None if holdout is None else observation_of(model.building, holdout)
     more = None if second is None else second_record(model, source, second)
     parts = model_parts(study, model, show)
+    model = on_kept_finer(study, model)
     others = () if more is None else (more,)
     problem, base = prepared(model, parts, observation, use_phase, chosen, show, others)
     show.start("Looking for what is missing", 3)

@@ -42,6 +42,10 @@ COMMANDS = {
         "changes.command",
         "Whether a changed story is named, and how often an unchanged one.",
     ),
+    "frame-coverage": (
+        "frame_coverage.command",
+        "Whether intervals of frames hold the truth of another mesh or program.",
+    ),
     "measured": (
         "measured.command",
         "How honest intervals are on measured events: each predicted from every other.",

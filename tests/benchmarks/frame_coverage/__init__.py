@@ -1,0 +1,1 @@
+"""Whether intervals of a frame hold the truth of another mesh or another program."""

@@ -1,0 +1,64 @@
+"""A building's modes by OpenSees, as a truth for simulations."""
+
+import contextlib
+import io
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from femupdate.arrays import Floats
+from femupdate.building.building_mesh import BuildingMesh
+from femupdate.building.frame import FrameBuilding
+from femupdate.building.mesh import mesh_building
+from femupdate.dynamics.reduced import ReducedModel
+from femupdate.fe.export_opensees import opensees_script
+
+SHELLS = ("ASDShellQ4", "ShellMITC4")
+_MODES = 120
+
+
+def opensees_model(
+    building: FrameBuilding, theta: Floats, mesh_size: float, shell: str
+) -> ReducedModel:
+    """A model without parameters: the lowest modes that OpenSees finds, and its floors.
+
+    Args:
+        building: to be rebuilt there.
+        theta: (p,) stiffness factors.
+        mesh_size: m.
+        shell: type of its shell elements.
+    """
+    mesh = mesh_building(building, mesh_size)
+    script = opensees_script(mesh.model, theta, types={"shell": shell})
+    names: dict[str, Any] = {"__name__": "opensees_model"}
+    exec(compile(script, "opensees_model.py", "exec"), names)
+    names["build"]()
+    frequency = np.array(names["frequencies"](_MODES, "SparseGeneral"))
+    return _from_modes(names["ops"], mesh, frequency)
+
+
+def _from_modes(ops: Any, mesh: BuildingMesh, frequency: Floats) -> ReducedModel:
+    axis, count = mesh.direction + 1, len(frequency)
+    with contextlib.redirect_stdout(io.StringIO()):
+        found: Mapping[str, Any] = ops.modalProperties("-return")
+    share = np.array(found["partiFactorMX" if mesh.direction == 0 else "partiFactorMY"])
+    floors = np.array(
+        [
+            [
+                np.mean([ops.nodeEigenvector(int(node) + 1, mode, axis) for node in nodes])
+                for mode in range(1, count + 1)
+            ]
+            for nodes in mesh.floor_nodes.values()
+        ]
+    )
+    return ReducedModel(
+        stiffness_terms=np.zeros((0, count, count)),
+        stiffness_constant=np.diag((2.0 * np.pi * frequency) ** 2),
+        excitation=share,
+        floor_shapes=floors,
+        floors=mesh.floors,
+        story_inertia=np.zeros((0, count)),
+        story_mass=np.zeros(0),
+        story_drift=np.zeros((0, count)),
+    )

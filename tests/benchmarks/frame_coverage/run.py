@@ -1,0 +1,272 @@
+"""Frames whose truth another mesh or another program made, calibrated, and their intervals."""
+
+import json
+import shutil
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from femupdate.arrays import Flags, Floats
+from femupdate.building.files import load_building
+from femupdate.building.frame import FrameBuilding
+from femupdate.building.quantities import ALL
+from femupdate.dynamics.history import HistorySettings, floor_histories
+from femupdate.dynamics.reduced import ReducedModel
+from femupdate.dynamics.system import System
+from femupdate.measurement.columns import BASE, Channel
+from femupdate.measurement.observation_file import Histories
+from femupdate.measurement.record import GroundMotion
+from femupdate.measurement.write import write_observation_histories
+from femupdate.simulation.full_model import SensorModel, sensor_model
+from femupdate.study import Study, write_text
+from femupdate.workflow.calibrate import calibrate_study
+from femupdate.workflow.calibrate_settings import CalibrationSettings
+from femupdate.workflow.mesh_error import with_finer_mesh
+from femupdate.workflow.model import open_study
+from femupdate.workflow.observed import ObservationSource
+from femupdate.workflow.train import default_settings, train_study
+
+from ..result import Job, Report, markdown_table
+from .motions import RATE_HZ, RECORDED, SIMULATED, WHITE, base_motion
+from .opensees import SHELLS, opensees_model
+
+_NAME = "frame_coverage"
+_FINER = (0.4, 0.6)  # of the building's own mesh size
+_LIKE_OURS = 0.5  # mesh of OpenSees' models
+_THETA, _ZETA = (0.65, 1.5), (0.005, 0.03)
+_NOISE = (0.002, 0.01)  # of a sensor, over the rms of the base
+# Of the surrogate: its search ends with the building's own responses, so that a rough one serves.
+_SAMPLES, _EPOCHS, _BATCH = 12_000, 8, 256
+_MOTIONS = (WHITE, RECORDED, WHITE, SIMULATED)
+
+Make = Callable[[FrameBuilding, Floats], ReducedModel]
+
+
+@dataclass(frozen=True)
+class CoveragePlan:
+    """What is tried.
+
+    Attributes:
+        building: shipped name or file of a frame.
+        cases: simulated buildings.
+        particles: posterior draws for each.
+        exact: the data-space posterior, not the latent one.
+    """
+
+    building: str
+    cases: int
+    particles: int
+    exact: bool = True
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """One building and its posterior.
+
+    Attributes:
+        truth: what made the data.
+        motion: of the base.
+        theta: (p,) true factors; zeta: true damping ratio.
+        mean, sd, low, high: (p,) of the posterior, the ends those of the 90 % interval.
+        zeta_low, zeta_high: 90 % interval of the damping ratio.
+        misfit: of the best draw.
+        seconds: of processor time.
+    """
+
+    truth: str
+    motion: str
+    theta: list[float]
+    zeta: float
+    mean: list[float]
+    sd: list[float]
+    low: list[float]
+    high: list[float]
+    zeta_low: float
+    zeta_high: float
+    misfit: float
+    seconds: float
+
+    @property
+    def held(self) -> Flags:
+        """Which true factors (p,) lie within their intervals."""
+        theta = np.array(self.theta)
+        return (np.array(self.low) <= theta) & (theta <= np.array(self.high))
+
+    @property
+    def away(self) -> Floats:
+        """Errors (p,) over their standard deviations."""
+        return (np.array(self.mean) - np.array(self.theta)) / np.array(self.sd)
+
+    @property
+    def zeta_held(self) -> bool:
+        """Whether the true damping ratio lies within its interval."""
+        return self.zeta_low <= self.zeta <= self.zeta_high
+
+
+def run_coverage(job: Job, plan: CoveragePlan) -> Report:
+    """Simulate and calibrate every case, and count."""
+    building = load_building(plan.building)
+    assert isinstance(building, FrameBuilding)
+    way = "exact" if plan.exact else "latent"
+    folder = job.folder / f"{_NAME}_{building.name}_{way}"
+    model = _prepared(job, plan.building, job.folder / f"{_NAME}_{building.name}")
+    makers = list(_truths().items())
+    job.progress.start("Calibrating", plan.cases)
+    cases = []
+    for number, rng in enumerate(np.random.default_rng(job.seed).spawn(plan.cases)):
+        path = folder / f"{number}.json"
+        if not path.exists():
+            kind = makers[(number // len(_MOTIONS)) % len(makers)]
+            motion = _MOTIONS[number % len(_MOTIONS)]
+            found = _case(plan, model, building, kind, motion, rng)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_text(path, json.dumps(asdict(found)) + "\n")
+        cases.append(Case(**json.loads(path.read_text(encoding="utf-8"))))
+        job.progress.advance()
+    content = {"building": building.name, "likelihood": way, "cases": [asdict(c) for c in cases]}
+    answer = {"likelihood": way, **counted(cases)}
+    name = f"{_NAME}_{building.name}_{way}"
+    return job.write(name, content, _text(cases), packages=("openseespy",), answer=answer)
+
+
+def _prepared(job: Job, building: str, folder: Path) -> Study:
+    """A study with the building's model on the finer mesh and a surrogate, both made once."""
+    study = Study(folder)
+    model = with_finer_mesh(study, open_study(study, building, job.progress), job.progress)
+    settings = default_settings(model, batch=_BATCH, epochs=_EPOCHS)
+    train_study(study, model, _SAMPLES, settings, progress=job.progress)
+    return study
+
+
+def _truths() -> dict[str, Make]:
+    """What may make the data, by its name."""
+    meshes: dict[str, Make] = {f"mesh of {ratio:g}": partial(meshed, ratio) for ratio in _FINER}
+    shells = {f"OpenSees, {shell}": partial(_by_opensees, shell) for shell in SHELLS}
+    return meshes | shells
+
+
+def _by_opensees(shell: str, building: FrameBuilding, theta: Floats) -> ReducedModel:
+    return opensees_model(building, theta, _LIKE_OURS * building.mesh.size, shell)
+
+
+def meshed(ratio: float, building: FrameBuilding, theta: Floats) -> ReducedModel:
+    """All modes below the sampling rate's half, and floors that are the means of their sensors."""
+    seen = sensor_model(building, theta, 0.5 * RATE_HZ, mesh_size=ratio * building.mesh.size)
+    own = sensor_rows(building, seen)
+    rows = np.array([seen.model.floor_shapes[own[floor]].mean(axis=0) for floor in own])
+    return replace(seen.model, floor_shapes=rows, floors=building.floors)
+
+
+def sensor_rows(building: FrameBuilding, seen: SensorModel) -> dict[str, list[int]]:
+    """Rows of the building's own sensors on every floor, whose mean it is observed by."""
+    found: dict[str, list[int]] = {floor: [] for floor in building.floors}
+    for row, (channel, place) in enumerate(zip(seen.channels, seen.places, strict=True)):
+        asked = building.sensors.of(channel.floor)[1]
+        if asked == ALL or frozenset(place.split("-")) in [frozenset(p.split("-")) for p in asked]:
+            found[channel.floor].append(row)
+    return found
+
+
+def _case(
+    plan: CoveragePlan,
+    model: Study,
+    building: FrameBuilding,
+    kind: tuple[str, Make],
+    motion: str,
+    rng: np.random.Generator,
+) -> Case:
+    started = time.process_time()
+    theta = np.exp(rng.uniform(np.log(_THETA[0]), np.log(_THETA[1]), len(building.stories)))
+    zeta = float(np.exp(rng.uniform(np.log(_ZETA[0]), np.log(_ZETA[1]))))
+    base = base_motion(motion, rng)
+    truth = kind[1](building, theta)
+    with TemporaryDirectory() as name:
+        study = Study(shutil.copytree(model.folder, Path(name) / "study"))
+        path = written(Path(name), truth, zeta, base, rng)
+        settings = CalibrationSettings(particles=plan.particles, exact=plan.exact, anyway=True)
+        source = ObservationSource(path)
+        report = calibrate_study(study, open_study(study), source, settings)
+    draws, ratio = report.posterior.samples, report.posterior.zeta
+    assert ratio is not None
+    low, high = np.quantile(draws, [0.05, 0.95], axis=0)
+    return Case(
+        truth=kind[0],
+        motion=motion,
+        theta=theta.tolist(),
+        zeta=zeta,
+        mean=draws.mean(axis=0).tolist(),
+        sd=draws.std(axis=0).tolist(),
+        low=low.tolist(),
+        high=high.tolist(),
+        zeta_low=float(np.quantile(ratio, 0.05)),
+        zeta_high=float(np.quantile(ratio, 0.95)),
+        misfit=report.misfit,
+        seconds=time.process_time() - started,
+    )
+
+
+def written(
+    folder: Path, truth: ReducedModel, zeta: float, base: GroundMotion, rng: np.random.Generator
+) -> Path:
+    """What noisy sensors at the base and on all floors record."""
+    moved = floor_histories(
+        System(truth),
+        np.zeros((1, 0)),
+        zeta,
+        base.acceleration,
+        base.time_step,
+        settings=HistorySettings(oversampling=16, tolerance=0.0),
+    ).floor_acceleration[0]
+    exact = np.vstack([base.acceleration, moved])
+    noise = rng.uniform(*_NOISE) * base.acceleration.std()
+    channels = tuple(Channel(floor, floor) for floor in (BASE, *truth.floors))
+    seen = exact + noise * rng.standard_normal(exact.shape)
+    histories = Histories(base.time_step, channels, seen, "simulated frame")
+    return write_observation_histories(folder / "observation.csv", histories)
+
+
+def counted(cases: list[Case]) -> dict[str, float]:
+    held = np.concatenate([case.held for case in cases])
+    away = np.concatenate([case.away for case in cases])
+    relative = np.concatenate([np.array(case.sd) / np.array(case.theta) for case in cases])
+    return {
+        "cases": len(cases),
+        "within_90": float(held.mean()),
+        "rms_z": float(np.sqrt((away**2).mean())),
+        "median_sd": float(np.median(relative)),
+        "zeta_within_90": float(np.mean([case.zeta_held for case in cases])),
+    }
+
+
+def _text(cases: list[Case]) -> str:
+    groups = {"all": cases}
+    for kind in ("truth", "motion"):
+        names = dict.fromkeys(getattr(case, kind) for case in cases)
+        groups |= {name: [c for c in cases if getattr(c, kind) == name] for name in names}
+    rows = []
+    for name, some in groups.items():
+        found = counted(some)
+        rows.append(
+            [
+                name,
+                str(len(some)),
+                f"{found['within_90']:.0%}",
+                f"{found['rms_z']:.2f}",
+                f"{found['median_sd']:.2%}",
+                f"{found['zeta_within_90']:.0%}",
+            ]
+        )
+    head = [
+        "truth or motion",
+        "cases",
+        "factors within 90 %",
+        "error over sd, rms",
+        "median sd",
+        "damping within 90 %",
+    ]
+    return markdown_table(head, rows)
