@@ -17,7 +17,7 @@ from femupdate.building.analysis import (
 from femupdate.building.effect_entry import EffectEntry
 from femupdate.building.entry import Complaint, Entry, unknown
 from femupdate.building.members import FloorMass, FrameStory, Material, Story, Supports
-from femupdate.building.quantities import Label
+from femupdate.building.quantities import Flag, Label
 from femupdate.building.references import require, resolve
 from femupdate.building.sections import Section
 
@@ -43,6 +43,7 @@ class BuildingBase(Entry):
     reduction: ReductionSettings = ReductionSettings()
     effects: tuple[EffectEntry, ...] = ()
     provenance: Provenance = Provenance()
+    masses_known: Flag | None = None  # left out of the document, and so of its hash, where not said
 
     @model_validator(mode="after")
     def _consistent(self) -> "BuildingBase":
@@ -63,6 +64,11 @@ class BuildingBase(Entry):
     def by_kind(self) -> bool:
         """Whether members of different kinds have stiffness factors of their own."""
         return False
+
+    @property
+    def forces_are_relative(self) -> bool:
+        """Whether masses are nominal, so that only stiffness over mass can be known."""
+        return self.masses_known is False
 
     def doubts(self) -> tuple[str, ...]:
         """What an engineer would ask about the figures, a sentence each."""

@@ -16,6 +16,7 @@ class Scale:
 
 
 _FORCE = (Scale("N", 1.0, 0.0), Scale("kN", 1e3, 1e3), Scale("MN", 1e6, 5e6))
+_MASS = (Scale("g", 1e-3, 0.0), Scale("kg", 1.0, 0.1), Scale("t", 1e3, 1e3))
 # Engineers think of drifts in mm, also in tenths of one and in hundreds.
 _LENGTH = (Scale("µm", 1e-6, 0.0), Scale("mm", 1e-3, 5e-5), Scale("m", 1.0, 2.0))
 
@@ -28,6 +29,11 @@ def force_scale(values: ArrayLike) -> Scale:
 def length_scale(values: ArrayLike) -> Scale:
     """Return µm, mm or m, whichever suits the largest of the values, m."""
     return _suiting(_LENGTH, values)
+
+
+def mass_scale(values: ArrayLike) -> Scale:
+    """Return g, kg or t, whichever suits the largest of the values, kg."""
+    return _suiting(_MASS, values)
 
 
 def _suiting(scales: tuple[Scale, ...], values: ArrayLike) -> Scale:

@@ -186,6 +186,12 @@ def measured_of(building: Building, source: ObservationSource) -> Measured:
             " to forces cannot be explained yet; give histories or FRFs under base motion, or"
             " leave the effects out"
         )
+    if forced and building.forces_are_relative:
+        raise MeasurementError(
+            f"{forced[0].observation.source}: the masses of {building.name} are nominal, and"
+            " responses to a force are as large as the masses let them be; give the masses and"
+            " leave masses_known out, or give modes or the response to base motion"
+        )
     errors = ModalErrors()
     if source.mode_error is not None:
         errors = replace(errors, model_frequency=source.mode_error)

@@ -18,6 +18,7 @@ from femupdate.report.page_scene import (
     scene_content,
     thinned_geometry,
 )
+from femupdate.report.scale import mass_scale
 from femupdate.workflow.effects import building_effects
 from femupdate.workflow.modes import StudyMode
 from femupdate.workflow.page_done import read_json
@@ -44,14 +45,15 @@ def building_section(page: PageStudy) -> Section:
 def _stories(page: PageStudy) -> Table:
     building = page.model.building
     heights, above = heights_of(building), page.model.reduced.story_mass
-    known = getattr(building, "masses_known", True)
-    title, unit = ("mass above its middle, t", 1e3) if known else ("nominal mass above, kg", 1.0)
+    known = not building.forces_are_relative
+    scale = mass_scale(above)
+    title = f"mass above its middle, {scale.unit}" if known else f"nominal mass, {scale.unit}"
     rows = [
         (
             name,
             floor,
             "not given" if heights is None else f"{heights[k]:.3g}",
-            f"{above[k] / unit:.4g}",
+            f"{above[k] / scale.factor:.4g}",
         )
         for k, (name, floor) in enumerate(zip(building.story_names, building.floors, strict=True))
     ]

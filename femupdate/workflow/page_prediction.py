@@ -46,7 +46,7 @@ def prediction_section(page: PageStudy) -> Section:
         f"{predictions.sizes['sample']} draws of the posterior were followed."
     )
     relative = "Masses are nominal: shears and stiffnesses are relative."
-    known = getattr(page.model.building, "masses_known", True)
+    known = not page.model.building.forces_are_relative
     found = _quantities(page, predictions)
     blocks: list[Block] = [
         Text((lead,) if known else (lead, relative)),

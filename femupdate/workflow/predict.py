@@ -318,7 +318,7 @@ def _notes(
             f"The reduced model is checked up to {top:.4g} Hz; what the record holds above that is "
             "followed approximately."
         )
-    if not getattr(model.building, "masses_known", True):
+    if model.building.forces_are_relative:
         notes.append(
             "The masses of this building are nominal: story shears and stiffnesses are relative."
         )

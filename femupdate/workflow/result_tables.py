@@ -162,7 +162,7 @@ def _effect(report: DiagnosisReport, one: Finding) -> tuple[Any, ...]:
 
 def _tonnes(report: DiagnosisReport, one: Finding) -> Any:
     structure = report.reduced.structure
-    if not getattr(structure.building, "masses_known", True):
+    if structure.building.forces_are_relative:
         return ""
     mass = one.placed.effect.terms(structure, one.placed.place).mass
     return "" if mass is None else 1e-3 * one.size * float(mass.rigid[0, 0])

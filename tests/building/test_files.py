@@ -15,7 +15,7 @@ from femupdate.building.files import (
     save_building,
 )
 from femupdate.building.frame import FrameBuilding
-from femupdate.building.shipped import shipped_buildings
+from femupdate.building.shipped import building_text, shipped_buildings
 from femupdate.building.toml_writer import to_toml
 from femupdate.errors import BuildingError
 
@@ -182,3 +182,15 @@ def test_toml_writer_refuses_what_it_cannot_write():
 def test_toml_comments_stand_behind_their_entries():
     text = to_toml({"a": {"b": 1}}, comment=lambda key: f"said of {key}")
     assert text == "[a]\nb = 1  # said of a.b\n"
+
+
+def test_masses_of_a_frame_may_be_nominal(tmp_path):
+    """The key counts where it is said, and leaves the hash of every other building alone."""
+    text = building_text("two_story_openings")[1]
+    path = tmp_path / "nominal.toml"
+    path.write_text(text.replace('kind = "frame"', 'kind = "frame"\nmasses_known = false'))
+    nominal, plain = load_building(path), load_building("two_story_openings")
+    assert nominal.forces_are_relative
+    assert not plain.forces_are_relative
+    assert "masses_known" not in to_document(plain)
+    assert mechanics_hash(nominal) != mechanics_hash(plain)
