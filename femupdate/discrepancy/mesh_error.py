@@ -89,9 +89,9 @@ class MeshError:
     @property
     def steps(self) -> Floats:
         """(c, q) one standard deviation of every error of the corrected model, as sizes."""
-        return MESH_ERROR.open_factor * np.vstack(
-            [np.diag(self.sd), self.share_sd * np.asarray(self.mean)]
-        )
+        open_ = MESH_ERROR.open_factor * np.asarray(self.sd)
+        common = MESH_ERROR.open_factor * self.share_sd * np.asarray(self.mean)
+        return np.vstack([np.diag(np.hypot(open_, MESH_ERROR.formulation)), common])
 
     def of_mesh(self, ratio: float) -> "MeshError":
         """Of the coarse mesh, `ratio` times the building's own, whose half was the finer one.

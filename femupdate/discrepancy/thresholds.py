@@ -200,6 +200,12 @@ class MeshErrorThresholds:
         "by which a finer mesh may be off further than learned",
         "theta of clean buildings off by 1.5 sd without it",
     )
+    formulation: float = _entry(
+        0.002,
+        "of the stiffness",
+        "by which two programs differ in members of one kind and story",
+        "frames of OpenSees: factors off by .05 to .2 %",
+    )
     shown: float = _entry(0.003, "of the largest", "effect of a mode below which it is left out")
     same_frequency: float = _entry(0.06, "ln f", "within which modes of two meshes are one")
     same_effect: float = _entry(0.4, "ln", "of the size shown, likewise")
