@@ -150,7 +150,7 @@ class ModalLikelihood:
 
     Raises:
         InferenceError: something acts along lines (dampers, appendages), so that the model has no
-            real modes.
+            real modes; or more modes are identified than the model has.
     """
 
     names = ("frequencies", "damping ratios", "shapes")
@@ -168,6 +168,12 @@ class ModalLikelihood:
             raise InferenceError(
                 "a building with dampers or appendages has no real modes, and identified modes"
                 " cannot be compared with it; give histories or FRFs"
+            )
+        if len(modes.names) > system.model.size:
+            raise InferenceError(
+                f"{modes.source} holds {len(modes.names)} modes but the model has"
+                f" {system.model.size} in all; leave out those that are doubtful, or the highest"
+                " by --band"
             )
         self._system, self._zeta = system, zeta
         self.terms = modal_terms(modes, system.floors, errors or ModalErrors(), damping)

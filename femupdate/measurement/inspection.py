@@ -21,6 +21,7 @@ from femupdate.measurement.proposal import proposed_floors
 from femupdate.measurement.quantity import is_acceleration, si_factor
 from femupdate.measurement.recording import RecordedFunction, RecordedMode, Recording
 from femupdate.measurement.registry import read_measured, readers
+from femupdate.measurement.static_test import is_static
 
 _FRFS = (
     "Put in which response function, by its number, is which floor's: 2F/RF for 2F under a force at"
@@ -129,10 +130,12 @@ class Inspection:
     @property
     def summary(self) -> str:
         """How many of what, and the format."""
+        table = self.recording.table
         counts = {
             "channel": len(self.channels),
             "function of frequency": len(self.functions),
             "mode": len(self.modes),
+            "load case": len(table.values) if table is not None and is_static(table) else 0,
             "measuring point": len(self.recording.points),
         }
         said = [_counted(number, what) for what, number in counts.items() if number]
@@ -237,7 +240,8 @@ def inspect_file(
     functions = (*recording.functions, *_functions_of_table(recording, unit))
     table = recording.mode_table
     modes = recording.modes if table is None else modes_in_table(table, {})
-    other = bool(functions and recording.table is not None) or table is not None
+    static = recording.table is not None and is_static(recording.table)
+    other = static or bool(functions and recording.table is not None) or table is not None
     histories = () if other else recording.histories()
     floors = proposed_floors(histories)
     if columns and histories:
@@ -325,7 +329,8 @@ def _step(
     if histories:
         names = None if recording.table is None else recording.table.names or ()
         return next_step(path, histories, names, unit, columns)
-    if recording.mode_table is not None:
+    static = recording.table is not None and is_static(recording.table)
+    if static or recording.mode_table is not None:
         return NextStep(f"femupdate calibrate {path}")
     if recording.modes:
         return NextStep(f"femupdate calibrate {path} --columns 2F=NAME,RF=NAME", _POINT_MODES)

@@ -19,9 +19,10 @@ from femupdate.measurement.observation_file import (
 )
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.registry import read_measured
+from femupdate.measurement.static_test import StaticTest, is_static, static_test
 from femupdate.measurement.table import Table
 
-AnyKind = Histories | ForceHistories | FrfTable | ForceTest | IdentifiedModes
+AnyKind = Histories | ForceHistories | FrfTable | ForceTest | StaticTest | IdentifiedModes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +61,8 @@ def read_any_kind(path: str | Path, how: Reading) -> AnyKind:
         return _from_table(Recording(recording.file, table=table), table, how, None)
     if table is None:
         return any_observation_in(recording, how.unit, how.columns)
+    if is_static(table):
+        return static_test(table)
     return _from_table(recording, table, how, how.columns)
 
 

@@ -113,8 +113,9 @@ def independent_share(observation: Observation) -> float:
 
 def resolved_share(frequency_hz: Floats, resolution_hz: float | None) -> float:
     """Spacing of a grid (m,) over a resolution, at most one."""
-    spacing = float(np.median(np.diff(frequency_hz)))
-    return min(1.0, spacing / (resolution_hz or spacing))
+    if resolution_hz is None or len(frequency_hz) < 2:
+        return 1.0
+    return min(1.0, float(np.median(np.diff(frequency_hz))) / resolution_hz)
 
 
 def require_floors_of_building(

@@ -9,7 +9,7 @@ from femupdate.units import UNITS, factor
 
 _BRACKETED = re.compile(r"^(?P<name>.*\S)\s*[(\[]\s*(?P<unit>[^()\[\]]+?)\s*[)\]]$")
 _EXPLAINED = re.compile(r"^([A-Za-z]+)\s*\(.*\)$")  # gal(cm/s/s), as JMA writes
-_MEASURED = ("acceleration", "time", "frequency")
+_MEASURED = ("acceleration", "time", "frequency", "length")
 
 
 def plain_unit(unit: str) -> str:
@@ -24,7 +24,7 @@ def plain_unit(unit: str) -> str:
 
 
 def is_unit(text: str) -> bool:
-    """Return whether a text names a unit of acceleration, time, frequency, force or per force."""
+    """Return whether a text names a unit of motion, time, frequency, force, or per force."""
     known = any(_known(plain_unit(text), kind) for kind in _MEASURED)
     return known or text in FORCES or force_unit(text) is not None
 

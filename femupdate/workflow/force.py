@@ -151,6 +151,12 @@ def _sentence(one: ForcedObservation, away: Tensor, omega: Tensor, spread: float
     said = (
         f"{own.source}: the {one.quantity} of {', '.join(own.floors)} under a force at {one.force}"
     )
+    level, _ = _level(away, omega, 0)
+    if one.quantity not in _QUANTITIES:
+        return (
+            f"{said} is {math.exp(level):.3g} times away from all that the prior of the building's"
+            " stiffness allows; correct its unit, the load's, or the prior"
+        )
     best, guess = math.inf, ""
     power = _QUANTITIES.index(one.quantity)
     for shift in range(-power, 3 - power):
@@ -161,7 +167,6 @@ def _sentence(one: ForcedObservation, away: Tensor, omega: Tensor, spread: float
             told = f"{_QUANTITIES[power + shift]} " if shift else ""
             if level + scatter < best:
                 best, guess = level + scatter, f"{told}{words}".strip()
-    level, _ = _level(away, omega, 0)
     hint = f"; it fits if it is {guess}" if best < math.log(_LEVEL) + spread else ""
     return (
         f"{said} is {math.exp(level):.3g} times away from all that the building's masses allow"

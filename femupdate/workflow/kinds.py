@@ -32,6 +32,7 @@ from femupdate.measurement.observation import (
     select_floors,
 )
 from femupdate.measurement.observation_file import ForceHistories
+from femupdate.measurement.static_test import StaticTest, static_observations
 from femupdate.progress import Progress
 from femupdate.study import Study
 from femupdate.workflow.force import check_base_level, check_level, open_rest
@@ -176,7 +177,7 @@ def measured_of(building: Building, source: ObservationSource) -> Measured:
         read = read_any_kind(path, source.reading(direction_of(building)))
         if isinstance(read, IdentifiedModes):
             modes.append(_chosen(building, source, path, read))
-        elif isinstance(read, ForceTest | ForceHistories):
+        elif isinstance(read, ForceTest | ForceHistories | StaticTest):
             forced += _forced(building, source, read)
         else:
             base.append(path)
@@ -185,12 +186,6 @@ def measured_of(building: Building, source: ObservationSource) -> Measured:
             f"{source.path}: the building lists effects, with which identified modes and responses"
             " to forces cannot be explained yet; give histories or FRFs under base motion, or"
             " leave the effects out"
-        )
-    if forced and building.forces_are_relative:
-        raise MeasurementError(
-            f"{forced[0].observation.source}: the masses of {building.name} are nominal, and"
-            " responses to a force are as large as the masses let them be; give the masses and"
-            " leave masses_known out, or give modes or the response to base motion"
         )
     errors = ModalErrors()
     if source.mode_error is not None:
@@ -204,7 +199,7 @@ def measured_of(building: Building, source: ObservationSource) -> Measured:
 
 
 def _forced(
-    building: Building, source: ObservationSource, test: ForceTest | ForceHistories
+    building: Building, source: ObservationSource, test: ForceTest | ForceHistories | StaticTest
 ) -> list[ForcedObservation]:
     """Responses to forces of the floors and in the band that are asked for."""
     grid = building.frequency_grid.frequencies_hz()
@@ -215,6 +210,8 @@ def _forced(
         inside = grid[(grid >= band[0]) & (grid <= band[1])]
         seen = forced_estimate(test, building.floors, inside, direction_of(building))
         tests: tuple[ForcedObservation, ...] = (seen,)
+    elif isinstance(test, StaticTest):
+        tests = static_observations(test, building.floors)
     else:
         tests = forced_observations(test, building.floors, band, noise)
     found = []

@@ -7,7 +7,6 @@ from femupdate.errors import MeasurementError
 from femupdate.study import Study
 from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.calibrate_settings import CalibrationSettings
-from femupdate.workflow.kinds import measured_of
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
 
@@ -95,12 +94,3 @@ def test_diagnose_says_what_it_needs(record):
 
     with pytest.raises(MeasurementError, match="responses to a force, which calibrate alone takes"):
         read_observation_file(record(shaker))
-
-
-def test_nominal_masses_cannot_explain_a_force(record, tower_file, tmp_path):
-    nominal = tmp_path / "nominal.toml"
-    text = tower_file.read_text().replace('kind = "shear"', 'kind = "shear"\nmasses_known = false')
-    nominal.write_text(text)
-    model = open_study(Study(tmp_path / "study"), str(nominal))
-    with pytest.raises(MeasurementError, match="the masses of tower are nominal"):
-        measured_of(model.building, ObservationSource(record(shaker)))

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femupdate.errors import MeasurementError
+from femupdate.errors import InferenceError, MeasurementError
 from femupdate.study import Study
 from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.calibrate_settings import CalibrationSettings
@@ -158,3 +158,10 @@ def test_a_hammer_without_units_is_not_taken_for_base_motion(calibrate, force_fi
         calibrate(path, settings=replace(SETTINGS, exact=True))
     _, named = calibrate(path, force="RF", unit="m/s2/N")
     assert named.check.names == ("2F/RF", "RF/RF")
+
+
+def test_more_modes_than_the_model_has_are_refused(calibrate, modes_file, tmp_path):
+    path = tmp_path / "three.csv"
+    path.write_text(modes_file.read_text() + "3,19.0,0.02,5.0,0.5,-1\n")
+    with pytest.raises(InferenceError, match=r"three.csv holds 3 modes but the model has 2 in all"):
+        calibrate(path)

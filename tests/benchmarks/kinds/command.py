@@ -16,7 +16,7 @@ from ..result import Job, Report
 )
 @benchmark_options
 def command(job: Job, buildings: int) -> Report:
-    """Whether histories, modes and responses to a force of one building agree, and narrow together.
+    """Whether histories, modes, force tests and ambient records agree, and narrow together.
 
     Each building is shear_3dof with its own stiffness factors.
     """

@@ -1,6 +1,7 @@
 """Simulated buildings of known truth, calibrated to each kind of observation and to all."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -10,6 +11,8 @@ import torch
 from femupdate.arrays import Floats
 from femupdate.building.files import load_building
 from femupdate.dynamics.force_response import accelerance
+from femupdate.measurement.columns import BASE
+from femupdate.measurement.write import write_observation_histories
 from femupdate.simulation.simulate import (
     SimulationSettings,
     simulate_observation,
@@ -18,13 +21,14 @@ from femupdate.simulation.simulate import (
 from femupdate.study import Study
 from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.calibrate_settings import CalibrationSettings
+from femupdate.workflow.identify import identify
 from femupdate.workflow.model import StudyModel, open_study
 from femupdate.workflow.observed import ObservationSource
 
 from ..result import Job, Report, markdown_table
 
 BUILDING = "shear_3dof"
-KINDS = ("histories", "modes", "force")
+KINDS = ("histories", "modes", "force", "ambient")
 ALL = "all together"
 _ZETA = 0.03
 _MODE_SD, _SHAPE_SD, _FORCE_SD = 0.005, 0.03, 0.1
@@ -79,7 +83,7 @@ def _report(job: Job, away: dict[str, Floats], width: dict[str, list[Floats]]) -
 def _files(
     folder: Path, model: StudyModel, theta: Floats, number: int, rng: np.random.Generator
 ) -> list[Path]:
-    """Histories, identified modes and responses to a force at the roof, with their noise."""
+    """Histories, identified modes, responses to a force at the roof, modes of an ambient record."""
     settings = SimulationSettings(
         theta=tuple(theta.tolist()),
         zeta=_ZETA,
@@ -91,7 +95,24 @@ def _files(
     )
     simulation = simulate_observation(load_building(BUILDING), settings)
     histories = write_simulation(simulation, folder / "histories.csv").observation
-    return [histories, _modes(folder, model, theta, rng), _force(folder, model, theta, rng)]
+    modes, force = _modes(folder, model, theta, rng), _force(folder, model, theta, rng)
+    return [histories, modes, force, _ambient(folder, replace(settings, seed=1000 + number))]
+
+
+def _ambient(folder: Path, settings: SimulationSettings) -> Path:
+    """Modes that are identified from ten minutes of floors alone, the base moving unseen."""
+    long = replace(
+        settings, duration_s=600.0, band_hz=(0.3, 45.0), rms_m_s2=0.02, sensor_noise_m_s2=0.002
+    )
+    seen = simulate_observation(load_building(BUILDING), long).histories
+    floors = [k for k, channel in enumerate(seen.channels) if channel.floor != BASE]
+    record = replace(
+        seen,
+        channels=tuple(seen.channels[k] for k in floors),
+        acceleration=seen.acceleration[floors],
+    )
+    path = write_observation_histories(folder / "ambient.csv", record)
+    return identify(path, folder / "ambient_modes.csv").output
 
 
 def _modes(folder: Path, model: StudyModel, theta: Floats, rng: np.random.Generator) -> Path:
