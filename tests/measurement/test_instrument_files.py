@@ -69,6 +69,23 @@ def test_a_trace_with_a_gap_is_refused(obspy, trace, tmp_path, starts, words):
 
 
 @pytest.mark.filterwarnings("ignore")
+def test_parts_of_a_trace_are_one(obspy, trace, tmp_path):
+    path = tmp_path / "a.mseed"
+    obspy.Stream([trace("HNE"), trace("HNE", 2.0, 2)]).write(str(path), format="MSEED")
+    (channel,) = read_measured(path).channels
+    np.testing.assert_array_equal(channel.values, [*VALUES, *(2 * VALUES)])
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_gse_and_sac_are_told_by_their_content(trace, tmp_path):
+    for kind in ("GSE2", "SAC"):
+        path = tmp_path / f"{kind}.dat"
+        trace("BHE").write(str(path), format=kind)
+        (channel,) = read_measured(path).channels
+        np.testing.assert_allclose(channel.values, VALUES)
+
+
+@pytest.mark.filterwarnings("ignore")
 def test_traces_that_never_meet(obspy, trace, tmp_path):
     path = tmp_path / "a.mseed"
     both = [trace("HNE"), trace("HNN", 60.0)]

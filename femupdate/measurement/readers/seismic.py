@@ -1,4 +1,4 @@
-"""Records of seismic networks and instruments (miniSEED, SAC, GSE2, SEG-2), by ObsPy."""
+"""Records of seismic networks and instruments (miniSEED, SAC, GSE, SEG-2), by ObsPy."""
 
 import re
 import warnings
@@ -17,12 +17,22 @@ from femupdate.measurement.text import TextFile
 _QUANTITIES = {"N": "acceleration", "G": "acceleration", "H": "velocity", "L": "velocity"}
 _SEED = re.compile(r"[A-Z][A-Z][A-Z0-9]")
 _SUFFIXES = {".mseed": "MSEED", ".msd": "MSEED", ".ms": "MSEED", ".sac": "SAC", ".sg2": "SEG2"}
-_HEADS = ((r"\d{6}[DRQM][ \0]", "MSEED"), (r"WID2", "GSE2"), (r"\x55\x3a|\x3a\x55", "SEG2"))
+_HEADS = (
+    (r"\d{6}[DRQMVAST][ *\0]", "MSEED"),
+    (r"(?s)(.{0,4000}\n)?WID2 ", "GSE2"),
+    (r"(?s)(.{0,4000}\n)?WID1 ", "GSE1"),
+    (r"\x55\x3a|\x3a\x55", "SEG2"),
+)
+# A SAC file says the version of its header, 6, in either order of bytes.
+_SAC_VERSION, _SAC_AT, _SAC_HEADER = ("\x06\0\0\0", "\0\0\0\x06"), slice(304, 308), 632
+_HEAD = 5000  # bytes
 _MISALIGNED = 0.1  # of a sample
 
 
 def _format(head: str, suffix: str) -> str | None:
     told = next((name for begins, name in _HEADS if re.match(begins, head)), None)
+    if told is None and len(head) >= _SAC_HEADER and head[_SAC_AT] in _SAC_VERSION:
+        return "SAC"
     binary = "\0" in head and not head.startswith("MS\x03")  # which is miniSEED 3
     return told or (_SUFFIXES.get(suffix) if binary else None)
 
@@ -48,14 +58,15 @@ def _read(path: Path) -> Recording:
         ) from None
     with warnings.catch_warnings(), path.open("rb") as stream:
         warnings.simplefilter("ignore")
-        kind = _format(stream.read(64).decode("latin-1"), path.suffix.lower())
+        kind = _format(stream.read(_HEAD).decode("latin-1"), path.suffix.lower())
         stream.seek(0)
         try:
-            traces = list(obspy.read(stream, format=kind or "MSEED"))
+            traces = list(obspy.read(stream, format=kind or "MSEED").merge(method=-1))
         except Exception as error:  # a damaged file makes ObsPy raise nearly anything
             raise file.error(
                 f"this {kind} file cannot be read ({error}); fetch it again from its source"
             ) from None
+    traces = [trace for trace in traces if trace.data.dtype.kind in "fiu"]  # others are logs
     _require_whole(file, traces)
     common, notes = _together(file, traces)
     return Recording(file, tuple(_channel(trace) for trace in common), notes=notes)
@@ -63,7 +74,7 @@ def _read(path: Path) -> Recording:
 
 def _require_whole(file: TextFile, traces: list[Any]) -> None:
     if not traces:
-        raise file.error("there is no trace in the file; fetch it again from its source")
+        raise file.error("there is no trace of numbers in the file; fetch it again from its source")
     seen: dict[str, Any] = {}
     for trace in sorted(traces, key=lambda one: one.stats.starttime):
         before = seen.get(trace.id)
@@ -119,4 +130,4 @@ def _channel(trace: Any) -> RecordedChannel:
     )
 
 
-READER = Reader("seismic", "miniSEED, SAC, GSE2 and SEG-2, by ObsPy", _recognises, _read)
+READER = Reader("seismic", "miniSEED, SAC, GSE and SEG-2, by ObsPy", _recognises, _read)
