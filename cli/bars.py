@@ -1,16 +1,21 @@
 """Progress on stderr."""
 
 import sys
+import threading
+import time
 from typing import Any
 
 import click
 
+_EVERY_S = 20.0  # between two lines of a log
+
 
 class Bars:
-    """Progress on stderr: bars on a terminal, one line for each step in a log."""
+    """Progress on stderr: bars on a terminal; in a log a line for each step, and the time left."""
 
     def __init__(self) -> None:
         self._bar: Any = None
+        self._log: _Log | None = None
         self._on_terminal = sys.stderr.isatty()
 
     def __enter__(self) -> "Bars":
@@ -24,6 +29,7 @@ class Bars:
         self._finish()
         if not self._on_terminal:
             click.echo(f"{label} ...", err=True)
+            self._log = _Log(label, total)
             return
         from tqdm import tqdm
 
@@ -41,6 +47,8 @@ class Bars:
             if note:
                 self._bar.set_postfix_str(note, refresh=False)
             self._bar.update(count)
+        elif self._log is not None:
+            self._log.advance(count, note)
 
     def say(self, text: str) -> None:
         """Print a line between the bars."""
@@ -52,3 +60,38 @@ class Bars:
         if self._bar is not None:
             self._bar.close()
             self._bar = None
+        self._log = None
+
+
+class _Log:
+    """Progress where there is no terminal: now and then a line with the time that is left.
+
+    Args:
+        label: of the work.
+        total: units of it.
+    """
+
+    def __init__(self, label: str, total: int) -> None:
+        self._label, self._total, self._done = label, total, 0
+        self._started = self._told = time.monotonic()
+        self._lock = threading.Lock()
+
+    def advance(self, count: int, note: str) -> None:
+        """Count, and say so if nothing was said for a while."""
+        with self._lock:
+            self._done += count
+            now = time.monotonic()
+            if now - self._told < _EVERY_S or not 0 < self._done < self._total:
+                return
+            self._told = now
+            left = (now - self._started) * (self._total - self._done) / self._done
+            parts = [f"{100.0 * self._done / self._total:.0f} %", f"{_in_words(left)} left", note]
+        click.echo(f"  {self._label}: {', '.join(part for part in parts if part)}", err=True)
+
+
+def _in_words(seconds: float) -> str:
+    """A time to wait, such as "about 4 min"."""
+    if seconds < 90.0:
+        return f"about {max(5.0, 5.0 * round(seconds / 5.0)):.0f} s"
+    minutes = seconds / 60.0
+    return f"about {minutes:.0f} min" if minutes < 90.0 else f"about {minutes / 60.0:.1f} h"

@@ -9,10 +9,11 @@ from femupdate.study import Study
 from .answer import Answer
 from .bars import Bars
 from .common import study_options
+from .help import GroupedCommand
 from .parameters import BuildingName
 
 
-@click.command("build-model")
+@click.command("build-model", cls=GroupedCommand)
 @click.argument("building", type=BuildingName(), required=False)
 @click.option(
     "--export",
@@ -40,6 +41,11 @@ def command(
 
     BUILDING is a TOML file or the name of a shipped building. The default is the building of the
     study, or six_story_wall_frame in a new study.
+
+    \b
+    Examples:
+      femupdate build-model six_story_wall_frame
+      femupdate build-model my_building.toml --study mine
     """
     from femupdate.workflow.build import build_study, export_opensees
     from femupdate.workflow.pictures_modes import draw_model

@@ -10,10 +10,11 @@ from femupdate.study import MAIN_POSTERIOR, Study
 from .answer import Answer
 from .bars import Bars
 from .common import Tables, reading_options, study_options, table_options
+from .help import GroupedCommand
 from .parameters import BuildingName, InputFile
 
 
-@click.command("calibrate")
+@click.command("calibrate", cls=GroupedCommand)
 @click.argument("observations", type=InputFile(), nargs=-1, required=True)
 @click.option("--building", type=BuildingName(), help="Shipped name or TOML file, for a new study.")
 @click.option("--exact", is_flag=True, help="Sample the likelihood of the data themselves.")
@@ -22,14 +23,14 @@ from .parameters import BuildingName, InputFile
     type=click.IntRange(min=200),
     default=5000,
     show_default=True,
-    help="Number of posterior draws.",
+    help="Draws of the posterior (particles): more give smoother intervals and take longer.",
 )
 @click.option(
     "--chains",
     type=click.IntRange(min=1),
     default=4,
     show_default=True,
-    help="Independent sampler runs.",
+    help="Runs of the sampler apart, whose agreement is checked.",
 )
 @click.option(
     "--name",
@@ -75,6 +76,12 @@ def command(
     identified modes (mode, frequency_hz, damping, 2F, ..., RF). Several sensors on one floor are
     named 2F:1, 2F:2. Several files, of one kind or of several, are measurements of
     the same building, which one posterior explains together. The options hold for all files.
+
+    \b
+    Examples:
+      femupdate examples
+      femupdate calibrate examples/six_story_white_noise.csv
+      femupdate calibrate examples/six_story_white_noise.csv --sensors RF --name roof
     """
     from femupdate.workflow.calibrate import calibrate_study
     from femupdate.workflow.calibrate_settings import CalibrationSettings

@@ -8,9 +8,10 @@ from femupdate.study import Study
 
 from .answer import Answer
 from .common import plain_options, study_option
+from .help import GroupedCommand
 
 
-@click.command("compare")
+@click.command("compare", cls=GroupedCommand)
 @click.argument("before")
 @click.argument("after")
 @click.option(

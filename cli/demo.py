@@ -7,12 +7,18 @@ from femupdate.study import Study
 from .answer import Answer
 from .bars import Bars
 from .common import study_options
+from .help import GroupedCommand
 
 
-@click.command("demo")
+@click.command("demo", cls=GroupedCommand)
 @study_options(draws=False, copies=False)
 def command(study: Study, seed: int, bars: Bars) -> Answer:
-    """Run the whole chain on a shipped synthetic observation and a real ground motion."""
+    """Run the whole chain on a shipped synthetic observation and a real ground motion.
+
+    \b
+    Example:
+      femupdate demo --study demo
+    """
     from femupdate.workflow.demo import draw_demo, run_demo
 
     report = run_demo(study, seed, bars)

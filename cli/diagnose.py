@@ -10,10 +10,11 @@ from femupdate.study import Study
 from .answer import Answer
 from .bars import Bars
 from .common import Tables, reading_options, study_options, table_options
+from .help import GroupedCommand
 from .parameters import BuildingName, InputFile
 
 
-@click.command("diagnose")
+@click.command("diagnose", cls=GroupedCommand)
 @click.argument("observation", type=InputFile())
 @click.option("--building", type=BuildingName(), help="Shipped name or TOML file, for a new study.")
 @click.option(
@@ -49,6 +50,11 @@ def command(
 
     Every effect of the catalogue is tested at every place. The leading ones are fitted, and their
     evidence is weighed. Nothing is changed: `femupdate repair` adds what was found.
+
+    \b
+    Examples:
+      femupdate diagnose examples/six_story_white_noise.csv
+      femupdate diagnose run1.csv --second stronger_run.csv
     """
     from femupdate.discrepancy.thresholds import DiagnosisSettings
     from femupdate.workflow.checks import readable

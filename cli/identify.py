@@ -6,10 +6,11 @@ import click
 
 from .answer import Answer
 from .common import Failure, columns_options, plain_options
+from .help import GroupedCommand
 from .parameters import Band, InputFile
 
 
-@click.command("identify")
+@click.command("identify", cls=GroupedCommand)
 @click.argument("record", type=InputFile())
 @click.option(
     "-o",
@@ -44,6 +45,11 @@ def command(
     Writes frequencies, damping ratios and shapes with their standard deviations as the table that
     `femupdate calibrate` reads. Poles that do not come back from order to order are left out; the
     picture shows them. Needs the package pyOMA2: pip install 'femupdate[ambient]'.
+
+    \b
+    Examples:
+      femupdate identify ambient.csv -o modes.csv
+      femupdate calibrate modes.csv --building my_building.toml
     """
     from femupdate.workflow.identify import draw_identified, identify
 

@@ -8,10 +8,11 @@ from femupdate.errors import ReportError
 
 from .answer import Answer
 from .common import Failure, columns_options, plain_options
+from .help import GroupedCommand
 from .parameters import InputFile
 
 
-@click.command("inspect")
+@click.command("inspect", cls=GroupedCommand)
 @click.argument("files", type=InputFile(), nargs=-1, required=True)
 @click.option("--unit", help="Unit of the accelerations, where a file gives none.")
 @click.option(
@@ -37,6 +38,10 @@ def command(
 
     Reads tables (CSV), MATLAB and numpy files, universal files, and the records of CESMD, USGS,
     COSMOS, ESM, K-NET, JMA and PEER, also in zip archives. Changes nothing.
+
+    \b
+    Example:
+      femupdate inspect examples/six_story_white_noise.csv --picture inspected.png
     """
     from femupdate.workflow.inspect_files import draw_inspection, inspect_files, propose_mapping
 

@@ -10,10 +10,11 @@ from femupdate.study import Study
 from .answer import Answer
 from .bars import Bars
 from .common import Tables, columns_options, study_options, table_options
+from .help import GroupedCommand
 from .parameters import Channel, InputFile, Member
 
 
-@click.command("predict")
+@click.command("predict", cls=GroupedCommand)
 @click.option("--record", type=InputFile(), required=True, help="Ground motion.")
 @click.option("--channel", type=Channel(), help="Channel of the record, by name or number.")
 @click.option("--unit", help="Unit of the accelerations, where the file gives none.")
@@ -28,7 +29,7 @@ from .parameters import Channel, InputFile, Member
     type=click.IntRange(min=2),
     default=300,
     show_default=True,
-    help="Posterior draws that are integrated.",
+    help="Draws of the posterior whose response is computed.",
 )
 @click.option(
     "--measured",
@@ -96,6 +97,11 @@ def command(
     """Predict floor accelerations and story shears for a ground motion.
 
     Reads JMA, K-NET, PEER, CSMIP and further formats; `femupdate list` has all of them.
+
+    \b
+    Examples:
+      femupdate predict --record examples/records/ridgecrest_2019_clc_90.csv --scale 0.1
+      femupdate predict --record run2.csv --measured run2.csv --posterior roof
     """
     from femupdate.inference.next_event import EventScatter
     from femupdate.workflow.checks import open_calibrated

@@ -10,10 +10,11 @@ from femupdate.study import Study
 from .answer import Answer
 from .bars import Bars
 from .common import reading_options, study_options
+from .help import GroupedCommand
 from .parameters import BuildingName, InputFile
 
 
-@click.command("repair")
+@click.command("repair", cls=GroupedCommand)
 @click.argument("observation", type=InputFile())
 @click.option("--building", type=BuildingName(), help="Shipped name or TOML file, for a new study.")
 @click.option("--holdout", type=InputFile(), help="Data that are only predicted, before and after.")
@@ -41,6 +42,11 @@ def command(
 
     At most three effects are added, each only on clear evidence. The repaired building is a study
     of its own in the folder `repaired` of this study. Every command takes it.
+
+    \b
+    Examples:
+      femupdate repair run1.csv --holdout run2.csv
+      femupdate report --study study/repaired
     """
     from femupdate.discrepancy.thresholds import DiagnosisSettings
     from femupdate.workflow.checks import readable

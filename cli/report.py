@@ -11,9 +11,10 @@ from femupdate.study_lock import locked
 from .answer import Answer
 from .bars import Bars
 from .common import plain_options, posterior_options
+from .help import GroupedCommand
 
 
-@click.command("report")
+@click.command("report", cls=GroupedCommand)
 @click.option(
     "-o",
     "--output",

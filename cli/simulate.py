@@ -10,10 +10,11 @@ from femupdate.study import Study
 from .answer import Answer
 from .bars import Bars
 from .common import Failure, study_options
+from .help import GroupedCommand
 from .parameters import Band, BuildingName, Channel, InputFile, Numbers, SizedEffect
 
 
-@click.command("simulate")
+@click.command("simulate", cls=GroupedCommand)
 @click.option(
     "-o",
     "--output",
@@ -91,6 +92,10 @@ def command(
 
     Band-limited white noise (or a record) shakes the full model, on a finer mesh than calibrations
     use. Single accelerometers with their own noise record it.
+
+    \b
+    Example:
+      femupdate simulate -o obs.csv --building shear_4dof --effect added_mass@3F=0.1
     """
     if output.exists() and not force:
         raise Failure(f"{output} is there already; choose another name, or replace it by --force")

@@ -7,9 +7,10 @@ from femupdate.study_lock import locked
 
 from .answer import Answer
 from .common import plain_options, study_option
+from .help import GroupedCommand
 
 
-@click.command("start-over")
+@click.command("start-over", cls=GroupedCommand)
 @click.option("--yes", is_flag=True, help="Do not ask.")
 @study_option
 @plain_options

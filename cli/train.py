@@ -10,10 +10,11 @@ from femupdate.study import Study
 from .answer import Answer
 from .bars import Bars
 from .common import study_options
+from .help import GroupedCommand
 from .parameters import BuildingName
 
 
-@click.command("train")
+@click.command("train", cls=GroupedCommand)
 @click.option("--building", type=BuildingName(), help="Shipped name or TOML file, for a new study.")
 @click.option(
     "--thorough",
@@ -24,20 +25,20 @@ from .parameters import BuildingName
     "--samples",
     type=click.IntRange(min=100),
     show_default="50000; 100000 with --thorough",
-    help="Simulated buildings in the data set.",
+    help="Simulated responses to learn from: more make the surrogate more precise.",
 )
 @click.option(
     "--epochs",
     type=click.IntRange(min=1),
     show_default="16; 45 with --thorough",
-    help="Passes over the data set.",
+    help="Passes of the training over all samples (epochs).",
 )
 @click.option(
     "--batch",
     type=click.IntRange(min=8),
     default=512,
     show_default=True,
-    help="Samples per step.",
+    help="Samples in one step of the training.",
 )
 @click.option(
     "--learning-rate",
@@ -76,6 +77,11 @@ def command(
 
     After an interruption the same command resumes. It does nothing where a trained surrogate (the
     study's own or a shipped one) fits the building.
+
+    \b
+    Examples:
+      femupdate train --study mine
+      femupdate train --building my_building.toml --study mine --thorough
     """
     from femupdate.workflow.checks import check_training
     from femupdate.workflow.model import open_study

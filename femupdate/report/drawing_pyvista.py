@@ -26,20 +26,40 @@ def render(geometry: Geometry, moved: Floats, values: Floats, color_map: str, to
         color_map: name of a matplotlib colour map.
         top: value of the last colour.
     """
-    with _plotter() as (pyvista, plotter):
-        look = {
-            "scalars": "value",
-            "cmap": color_map,
-            "clim": (0.0, top),
-            "lighting": False,  # shades would be read as values
-            "show_scalar_bar": False,
-        }
-        for mesh in _meshes(pyvista, geometry, moved, values):
-            plotter.add_mesh(mesh, **look)
-        for points, lines, line_look in _wires(geometry, moved):
-            wires = _lines(pyvista, points, lines)
-            plotter.add_mesh(wires, color=INK, lighting=False, **line_look)
-        return _seen(plotter)
+    return next(render_sequence(geometry, [(moved, values)], color_map, top))
+
+
+def render_sequence(
+    geometry: Geometry, states: Sequence[tuple[Floats, Floats]], color_map: str, top: float
+) -> Iterator[Pixels]:
+    """Yield a picture (h, w, 3) of each state, all seen from where the first fills the picture.
+
+    Args:
+        geometry: the building at rest, drawn as a grey outline.
+        states: of each (N, 3) where its nodes are drawn, and (N,) what colours it, to `top`.
+        color_map: name of a matplotlib colour map.
+        top: value of the last colour.
+    """
+    look = {
+        "scalars": "value",
+        "cmap": color_map,
+        "clim": (0.0, top),
+        "lighting": False,  # shades would be read as values
+        "show_scalar_bar": False,
+        "reset_camera": False,
+    }
+    fine = len(states) == 1
+    with _plotter(fine) as (pyvista, plotter):
+        for number, (moved, values) in enumerate(states):
+            plotter.clear_actors()
+            for mesh in _meshes(pyvista, geometry, moved, values):
+                plotter.add_mesh(mesh, **look)
+            for points, lines, line_look in _wires(geometry, moved):
+                wires = _lines(pyvista, points, lines)
+                plotter.add_mesh(wires, color=INK, lighting=False, reset_camera=False, **line_look)
+            if number == 0:
+                _look_at(plotter)
+            yield np.asarray(plotter.screenshot(return_img=True))[..., :3]
 
 
 def render_marked(
@@ -67,23 +87,30 @@ def render_marked(
 
 
 @contextmanager
-def _plotter() -> Iterator[tuple[Any, Any]]:
-    """PyVista, imported where it is needed, and an empty white picture."""
+def _plotter(fine: bool = True) -> Iterator[tuple[Any, Any]]:
+    """PyVista, imported where it is needed, and an empty white picture, small if not fine."""
     with _quiet_vtk():
         import pyvista
 
-        plotter: Any = pyvista.Plotter(off_screen=True, window_size=list(WINDOW))
+        plotter: Any = pyvista.Plotter(
+            off_screen=True, window_size=[one if fine else one // 2 for one in WINDOW]
+        )
         try:
             plotter.set_background("white")
-            plotter.enable_anti_aliasing("ssaa")
+            if fine:
+                plotter.enable_anti_aliasing("ssaa")
             yield pyvista, plotter
         finally:
             plotter.close()
 
 
-def _seen(plotter: Any) -> Pixels:
+def _look_at(plotter: Any) -> None:
     plotter.enable_parallel_projection()
     plotter.view_vector(VIEW, viewup=(0.0, 0.0, 1.0))
+
+
+def _seen(plotter: Any) -> Pixels:
+    _look_at(plotter)
     return np.asarray(plotter.screenshot(return_img=True))[..., :3]
 
 

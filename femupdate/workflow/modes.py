@@ -1,7 +1,7 @@
 """The modes of a study under the numbers of its full model."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from femupdate.dynamics.tracking import (
 )
 from femupdate.effects.structure import Structure, structure_of
 from femupdate.inference.posterior import Posterior
+from femupdate.measurement.observation import on_all_floors
 from femupdate.study import Study, damaged
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import observed_direction
@@ -35,6 +36,8 @@ class StudyMode:
         number: in the full model at factors 1; None of one that lies above all that are numbered.
         direction: what moves most there: "X", "Y", "torsion" or "slabs"; empty without a number.
         effective_mass: share of the mass that the base motion moves in it, in the mean.
+        influence: by how many times their noise (rms) the fit would miss the measured ln|H|
+            without it; None where no FRF was measured.
         tracked: frequencies and shapes.
     """
 
@@ -42,6 +45,7 @@ class StudyMode:
     direction: str
     effective_mass: float
     tracked: TrackedMode
+    influence: float | None = None
 
     @property
     def name(self) -> str:
@@ -109,13 +113,14 @@ def posterior_modes(
     samples: int = 60,
     seed: int = 0,
 ) -> tuple[StudyMode, ...]:
-    """Modes followed through draws of the posterior.
+    """Modes followed through draws of the posterior, those that matter most to the data first.
 
     Args:
         model: of the study.
         posterior: of its factors.
         full: numbers of the modes.
-        count: how many of the lowest that the base motion drives, where none is wanted.
+        count: how many of those that the base motion drives, where none is wanted; the lowest
+            where no FRF was measured.
         wanted: numbers of modes; those that the reduced model does not have are left out.
         samples: draws.
         seed: which.
@@ -128,11 +133,45 @@ def posterior_modes(
     found = reduced_modes(model.reduced, theta)
     reference = ReducedModes(found.frequency_hz[[nearest]], found.vectors[[nearest]])
     origin = modes_at_one(model.reduced, theta[nearest])
-    chosen = driven_modes(model.reduced, reference, count)
+    influence = _influence(model, posterior, reference)
+    chosen = driven_modes(model.reduced, reference, model.reduced.size)
+    if influence is not None:
+        chosen.sort(key=lambda k: -influence[k])
+    chosen = chosen[:count]
     if wanted:
         numbers = _numbers(model, full, origin)
         chosen = [numbers.index(one) for one in wanted if one in numbers]
-    return _named(model, full, found, reference, chosen, origin)
+    named = _named(model, full, found, reference, chosen, origin)
+    if influence is None:
+        return named
+    return tuple(
+        replace(one, influence=float(influence[k])) for one, k in zip(named, chosen, strict=True)
+    )
+
+
+def _influence(model: StudyModel, posterior: Posterior, at: ReducedModes) -> Floats | None:
+    """(r,) rms change of ln|H| over its noise at the points used, if a mode were left out.
+
+    With one damping ratio for all modes, H = 1 + sum_k g_k w^2 / (w_k^2 - w^2 + 2 i zeta w_k w)
+    (Clough and Penzien 2003, section 12-4).
+    """
+    seen = on_all_floors(posterior.observation, model.building.floors)
+    if not seen.valid.any():
+        return None
+    vectors, own = at.vectors[0], at.frequency_hz[0][:, None]
+    zeta = posterior.zeta_samples
+    ratio = model.building.damping.ratio if zeta is None else float(zeta.mean())
+    gain = (model.reduced.floor_shapes @ vectors) * (model.reduced.excitation @ vectors)
+    f = seen.frequency_hz
+    terms = f**2 / (own**2 - f**2 + 2j * ratio * own * f)
+    whole = 1.0 + gain @ terms
+    used, noise = seen.valid, seen.noise_sd
+    return np.array(
+        [
+            np.sqrt(np.mean((np.log(np.abs(1.0 - part / whole)[used]) / noise[used]) ** 2))
+            for part in gain.T[:, :, None] * terms[:, None, :]
+        ]
+    )
 
 
 def _numbers(model: StudyModel, full: FullModes, origin: np.ndarray) -> list[int | None]:

@@ -43,11 +43,12 @@ class PageStudy:
 
     @cached_property
     def modes(self) -> tuple[StudyMode, ...]:
-        """The lowest modes that the base motion excites, over the posterior."""
+        """The modes that matter most to the data, lowest first, over the posterior."""
         if self.posterior is None:
             return ()
         full = find_modes(self.study, self.model)
-        return posterior_modes(self.model, self.posterior, full, _MODES)
+        found = posterior_modes(self.model, self.posterior, full, _MODES)
+        return tuple(sorted(found, key=lambda one: one.tracked.frequency_mean))
 
     @cached_property
     def prediction(self) -> Any:

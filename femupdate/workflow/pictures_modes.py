@@ -67,11 +67,38 @@ def _draw_scenes(
         mean = shapes.mean(axis=0)
         largest = np.linalg.norm(mean, axis=-1).max()
         spread = np.sqrt(((shapes - mean) ** 2).sum(axis=-1).mean(axis=0)) / largest
-        path = study.path("pictures", f"{name}_{_file_label(one)}.png")
+        path = _folder(study, name) / f"{name}_{_file_label(one)}.png"
         sd = spread if len(mode.frequency_hz) > 1 else None
         figure = mode_shape_figure(geometry, mean / largest, shape_sd=sd, title=_title(one))
         save_figure(figure, path)
         paths.append(path)
+        show.advance()
+    return tuple(paths)
+
+
+def animate_modes(
+    study: Study, model: StudyModel, modes: Sequence[StudyMode], progress: Progress | None = None
+) -> tuple[Path, ...]:
+    """Write the mean shapes of modes as GIF files; the modes of a stick share one."""
+    from femupdate.building.mesh import mesh_building
+    from femupdate.report.animation import mode_animation, stick_animation
+    from femupdate.report.geometry import Geometry
+
+    show, paths = progress or Silent(), []
+    show.start("Animating mode shapes", len(modes))
+    if model.reduced.node_shapes is None:
+        means = [
+            one.tracked.recognised.mean(axis=0) @ model.reduced.floor_shapes.T for one in modes
+        ]
+        names = [f"{one.name[0].upper()}{one.name[1:]}" for one in modes]
+        path = study.result("pictures", "modes.gif")
+        levels = levels_with_base(model.building)
+        return (stick_animation(levels, _with_base(means), names, path),)
+    geometry = Geometry.of_model(mesh_building(model.building).model)
+    for one in modes:
+        mean = node_displacements(model.reduced, one.tracked.recognised.mean(axis=0))
+        path = study.result("pictures", f"mode_{_file_label(one)}.gif")
+        paths.append(mode_animation(geometry, mean, path, title=_title(one)))
         show.advance()
     return tuple(paths)
 
@@ -94,6 +121,11 @@ def draw_at_one(
         path = study.path("pictures", f"model_mode_{number}.png")
         paths.append(save_figure(mode_shape_figure(geometry, shape, title=title), path))
     return tuple(paths)
+
+
+def _folder(study: Study, name: str) -> Path:
+    """Pictures of the model lie in the study, those of a posterior beside its other results."""
+    return study.result("pictures") if name == "mode" else study.path("pictures")
 
 
 def _title(one: StudyMode) -> str:
@@ -126,7 +158,7 @@ def _draw_sticks(study: Study, model: StudyModel, modes: Sequence[StudyMode], na
         numbers=[one.number or k for k, one in enumerate(modes, start=1)],
         title="Mode shapes of the posterior" if several else "Mode shapes, all factors 1",
     )
-    return save_figure(figure, study.path("pictures", f"{name}s.png"))
+    return save_figure(figure, _folder(study, name) / f"{name}s.png")
 
 
 def levels_with_base(building: Building) -> Floats:

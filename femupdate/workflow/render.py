@@ -12,21 +12,23 @@ from femupdate.study import Study
 from femupdate.tables import table
 from femupdate.workflow.model import StudyModel, on_kept_finer
 from femupdate.workflow.modes import StudyMode, find_modes, posterior_modes
-from femupdate.workflow.pictures_modes import draw_at_one, draw_modes
+from femupdate.workflow.pictures_modes import animate_modes, draw_at_one, draw_modes
 
 
 @dataclass(frozen=True)
 class RenderReport:
-    """Modes of the posterior, lowest first.
+    """Modes of the posterior, those that matter most to the data first.
 
     Attributes:
         modes: numbers, frequencies and shapes.
         pictures: where each is drawn.
+        animations: of the modes, as GIF files, where they were asked for.
         at_one: pictures of modes at factors 1, which the posterior's model does not have.
     """
 
     modes: tuple[StudyMode, ...]
     pictures: tuple[Path, ...]
+    animations: tuple[Path, ...] = ()
     at_one: tuple[Path, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
@@ -40,10 +42,12 @@ class RenderReport:
                     "frequency_hz": mode.tracked.frequency_mean,
                     "frequency_sd": mode.tracked.frequency_sd,
                     "found": mode.tracked.found,
+                    "influence": mode.influence,
                     "picture": picture,
                 }
                 for mode, picture in zip(self.modes, self.pictures, strict=True)
             ],
+            "animations": self.animations,
             "at_factors_1": self.at_one,
         }
 
@@ -57,18 +61,42 @@ class RenderReport:
                 one.direction,
                 f"{one.effective_mass:.1%}",
                 f"{one.tracked.found:.0%}",
+                "-" if one.influence is None else f"{one.influence:.3g}",
             )
             for one in self.modes
         ]
-        head = ("mode", "Hz", "sd", "direction", "effective mass", "recognised in draws")
+        head = (
+            "mode",
+            "Hz",
+            "sd",
+            "direction",
+            "effective mass",
+            "recognised in draws",
+            "influence",
+        )
         tables = (table(head, rows),) if rows else ()
+        said = (_ORDER,) if any(one.influence is not None for one in self.modes) else ()
         notes = (
             ("  - The base motion does not excite these modes, so no data changed them:",)
             if self.at_one
             else ()
         )
+        animated = (f"  {path}" for path in self.animations)
         pictures = (f"  {picture}" for picture in dict.fromkeys(self.pictures))
-        return (*tables, *pictures, *notes, *(f"  {picture}" for picture in self.at_one))
+        return (
+            *tables,
+            *said,
+            *pictures,
+            *animated,
+            *notes,
+            *(f"  {picture}" for picture in self.at_one),
+        )
+
+
+_ORDER = (
+    "  - Influence: by how many times their noise the fit would miss the measured ln|H| without "
+    "the mode. Without --mode, the modes that matter most to the data come first."
+)
 
 
 def render_study(
@@ -78,6 +106,7 @@ def render_study(
     samples: int = 60,
     *,
     wanted: Sequence[int] = (),
+    animated: bool = False,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> RenderReport:
@@ -86,9 +115,10 @@ def render_study(
     Args:
         study: with a posterior.
         model: of the study.
-        modes: how many of the lowest that the base motion drives.
+        modes: how many, of those that matter most to the data.
         samples: draws of the posterior.
         wanted: numbers of modes, as `build-model` lists them, to draw instead.
+        animated: write GIF files of the modes as well.
         seed: of the draws.
         progress: told about pictures.
 
@@ -112,4 +142,5 @@ def render_study(
     others = [number for number in wanted if number not in have]
     drawn = draw_modes(study, model, tracked, progress=progress) if tracked else ()
     at_one = draw_at_one(study, model, full, others) if others else ()
-    return RenderReport(tracked, drawn, at_one)
+    moving = animate_modes(study, model, tracked, progress) if animated and tracked else ()
+    return RenderReport(tracked, drawn, moving, at_one)

@@ -170,7 +170,15 @@ def _tonnes(report: DiagnosisReport, one: Finding) -> Any:
 
 def mode_tables(report: RenderReport) -> tuple[Sheet, ...]:
     """The modes of the posterior."""
-    keys = ("mode", "frequency_hz", "frequency_sd", "direction", "effective_mass", "found")
+    keys = (
+        "mode",
+        "frequency_hz",
+        "frequency_sd",
+        "direction",
+        "effective_mass",
+        "found",
+        "influence",
+    )
     rows = [[one[key] for key in keys] for one in report.as_dict()["modes"]]
     return (Sheet.of("modes", keys, rows),)
 

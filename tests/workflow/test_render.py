@@ -176,3 +176,47 @@ def test_modes_that_the_base_does_not_drive_are_left_out(tower_model):
 def test_levels_of_sticks(tower_model, cabin_study):
     np.testing.assert_allclose(levels_with_base(tower_model.building), [0, 1, 2])
     np.testing.assert_allclose(levels_with_base(open_study(cabin_study).building), [0, 3.2, 6.0])
+
+
+def test_the_modes_that_matter_to_the_data_come_first(tower, tower_model):
+    """With the roof measured in a narrow band about the second mode, that one comes first."""
+    posterior = load_posterior(tower.path("posterior.nc"))
+    second = render_study(tower, tower_model, samples=5).modes[1].tracked.frequency_mean
+    seen = posterior.observation
+    near = np.abs(seen.frequency_hz - second) < 0.3
+    assert near.any()
+    narrow = replace(seen, valid=seen.valid & near)
+    save_posterior(replace(posterior, observation=narrow), tower.path("posterior.nc"))
+    tower.record("posterior", "posterior.nc", "calibrate", tower_model.made_from())
+    report = render_study(tower, tower_model, samples=5)
+    assert [mode.number for mode in report.modes] == [2, 1]
+    assert report.modes[0].influence > report.modes[1].influence
+    assert any(line.startswith("  - Influence: ") for line in report.lines())
+
+
+def test_modes_move(tower, tower_model):
+    from PIL import Image
+
+    (path,) = render_study(tower, tower_model, samples=5, animated=True).animations
+    assert path == tower.path("pictures", "modes.gif")
+    with Image.open(path) as picture:
+        assert picture.n_frames == 16
+        first = np.asarray(picture.convert("RGB"))
+        picture.seek(8)
+        assert (np.asarray(picture.convert("RGB")) != first).mean() > 0.001
+
+
+def test_a_mesh_moves_without_opengl(tmp_path, cabin_file):
+    from PIL import Image
+
+    from femupdate.building.files import load_building
+    from femupdate.building.mesh import mesh_building
+    from femupdate.report.animation import mode_animation
+    from femupdate.report.geometry import Geometry
+
+    geometry = Geometry.of_model(mesh_building(load_building(str(cabin_file))).model)
+    shape = np.zeros_like(geometry.nodes)
+    shape[:, 0] = geometry.nodes[:, 2]
+    path = mode_animation(geometry, shape, tmp_path / "sway.gif", renderer="matplotlib")
+    with Image.open(path) as picture:
+        assert picture.n_frames == 16
