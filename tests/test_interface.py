@@ -23,7 +23,11 @@ def test_the_recipes_run_and_a_softened_story_is_found(tmp_path, monkeypatch, ca
     building = load_building("shear_3dof")
     for seed, (name, second) in enumerate({"before": 1.1, "after": 0.99}.items()):
         settings = SimulationSettings(
-            theta=(0.9, second, 1.0), duration_s=40.0, sampling_hz=100.0, seed=seed
+            theta=(0.9, second, 1.0),
+            duration_s=60.0,
+            sampling_hz=100.0,
+            band_hz=(0.3, 30.0),
+            seed=seed,
         )
         write_simulation(simulate_observation(building, settings), Path(f"{name}.csv"))
     rows = [f"{0.02 * k:.2f},{0.3 * (-1) ** (k // 20)}" for k in range(400)]

@@ -40,8 +40,8 @@ def test_options_have_headings_in_the_order_of_the_work():
     headings = [line for line in text.splitlines() if line.endswith(":") and line[0] != " "]
     assert headings == ["What is read:", "How it is done:", "What is written:", "General:"]
     read, written = text.index("What is read:"), text.index("What is written:")
-    assert read < text.index("--sensors") < text.index("--particles") < written
-    assert written < text.index("--name")
+    assert read < text.index("\n  --sensors") < text.index("\n  --particles") < written
+    assert written < text.index("\n  --name")
 
 
 def test_a_log_tells_the_time_that_is_left(monkeypatch):

@@ -35,7 +35,8 @@ def shown(path):
 def test_the_modes_of_a_lumped_building(tower, tower_model, tower_modes):
     report = render_study(tower, tower_model, samples=40, seed=1)
     rendered = [mode.tracked for mode in report.modes]
-    assert [mode["mode"] for mode in report.as_dict()["modes"]] == [1, 2]
+    assert [mode["mode"] for mode in report.as_dict()["modes"]] == [2, 1]
+    rendered.reverse()
     theta, _ = load_posterior(tower.path("posterior.nc")).thinned(40, 1)
     own = np.array([tower_modes(row)[0] for row in theta])
     np.testing.assert_allclose([m.frequency_mean for m in rendered], own.mean(axis=0), rtol=1e-9)
@@ -179,17 +180,18 @@ def test_levels_of_sticks(tower_model, cabin_study):
 
 
 def test_the_modes_that_matter_to_the_data_come_first(tower, tower_model):
-    """With the roof measured in a narrow band about the second mode, that one comes first."""
+    """Over all frequencies the second does; in a narrow band about the first, that one."""
     posterior = load_posterior(tower.path("posterior.nc"))
-    second = render_study(tower, tower_model, samples=5).modes[1].tracked.frequency_mean
+    second, first = render_study(tower, tower_model, samples=5).modes
+    assert (second.number, first.number) == (2, 1)
     seen = posterior.observation
-    near = np.abs(seen.frequency_hz - second) < 0.3
+    near = np.abs(seen.frequency_hz - first.tracked.frequency_mean) < 0.5
     assert near.any()
     narrow = replace(seen, valid=seen.valid & near)
     save_posterior(replace(posterior, observation=narrow), tower.path("posterior.nc"))
     tower.record("posterior", "posterior.nc", "calibrate", tower_model.made_from())
     report = render_study(tower, tower_model, samples=5)
-    assert [mode.number for mode in report.modes] == [2, 1]
+    assert [mode.number for mode in report.modes] == [1, 2]
     assert report.modes[0].influence > report.modes[1].influence
     assert any(line.startswith("  - Influence: ") for line in report.lines())
 
