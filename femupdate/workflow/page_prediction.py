@@ -179,7 +179,7 @@ def _profiles(found: dict[str, Quantity]) -> Chart:
         name="peaks",
         caption="Peaks over the height",
         panels=panels,
-        note="Mean and 5 to 95 % of the posterior.",
+        note="Mean and 5 to 95 % of the next measurement.",
         height=120 + 42 * most,
     )
 

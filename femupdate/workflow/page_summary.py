@@ -57,9 +57,10 @@ def _first_mode(page: PageStudy) -> tuple[str, ...]:
         return ()
     first = modes[0]
     return (
-        f"The lowest mode that the base motion excites, {first.name}, is at "
+        f"The lowest of the modes that matter to the data, {first.name}, is at "
         f"{first.tracked.frequency_mean:.2f} Hz (standard deviation "
-        f"{first.tracked.frequency_sd:.2g} Hz) and moves {first.effective_mass:.0%} of the mass.",
+        f"{first.tracked.frequency_sd:.2g} Hz) and moves "
+        f"{100.0 * first.effective_mass:.0f} % of the mass.",
     )
 
 
