@@ -213,6 +213,11 @@ def layout_of(table: Table, columns: Mapping[str, str] | None) -> Layout:
     file = table.file
     if table.names is None:
         raise file.error(f"the first row must name the columns ({HISTORY_COLUMNS})", 1)
+    if any(name.lower().startswith("load/") for name in table.names):
+        raise file.error(
+            "these are static load cases, which calibrate and inspect alone take; give histories"
+            " or FRFs here"
+        )
     names = _renamed(file, table.names, columns or {})
     kinds = [name for name in names if name.lower() in (TIME, FREQUENCY)]
     if len(kinds) != 1:

@@ -70,6 +70,13 @@ def test_inspect_says_what_it_is(load_file):
     assert one.step.command == f"femupdate calibrate {one.path}"
 
 
+def test_other_commands_say_what_it_is(load_file):
+    from femupdate.measurement.observation_file import read_observation_file
+
+    with pytest.raises(MeasurementError, match="static load cases, which calibrate and inspect"):
+        read_observation_file(load_file(HEAD + rows([5.0, 10.0], ROOF)))
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
