@@ -40,7 +40,9 @@ def calibrate_study(
         SurrogateError: no surrogate fits the building (latent likelihood).
         InferenceError: the sampler cannot go on.
     """
+    started = time.monotonic()
     show, settings = progress or Silent(), settings or CalibrationSettings()
+    model = with_finer_mesh(study, model, show)
     if model.building.effects and settings.exact:
         from femupdate.workflow.calibrate_effects import calibrate_with_effects
 
@@ -50,8 +52,6 @@ def calibrate_study(
 
         require_surrogate(study, model.building)
         model = with_effects(study, model, show)
-    started = time.monotonic()
-    model = with_finer_mesh(study, model, show)
     measured = read_measured_of(study, model, source, show)
     observation = measured.as_observation
     # No surrogate knows other kinds than FRFs under base motion.

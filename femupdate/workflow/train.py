@@ -27,6 +27,7 @@ from femupdate.surrogate.training import (
     TrainingTask,
     train_mvae,
 )
+from femupdate.workflow.mesh_error import with_finer_mesh
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.surrogates import SURROGATE, find_surrogate
 
@@ -136,6 +137,7 @@ def train_study(
     settings = settings or default_settings(model)
     check_samples(samples, settings)
     initial = None if start is None else load_surrogate(start).mvae
+    model = with_finer_mesh(study, model, show)
     if len(model.building.effects) > len(model.system.placed):
         from femupdate.workflow.effect_surrogate import with_effects
 
