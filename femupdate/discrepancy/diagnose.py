@@ -1,22 +1,34 @@
 """What is missing: every effect tested, the leading ones fitted, their evidence weighed."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from femupdate.discrepancy.certify import Tested, certify
+from femupdate.discrepancy.consequence import Consequence, consequence
 from femupdate.discrepancy.evidence import Evidence, laplace, sampled
 from femupdate.discrepancy.exchange import exchange_fits
-from femupdate.discrepancy.fit import Fit, extended, fit, fit_baseline
+from femupdate.discrepancy.fit import (
+    Fit,
+    about,
+    extended,
+    fit,
+    fit_baseline,
+    log_posterior,
+    narrowed,
+    settle,
+)
 from femupdate.discrepancy.further_measurements import MeasurementValue, measurement_values
 from femupdate.discrepancy.observability import same_to_sensors, unobservable_effects
 from femupdate.discrepancy.problem import Problem
+from femupdate.discrepancy.remains import Remains, remains
 from femupdate.discrepancy.residual_map import Cell, p_value, residual_cells
 from femupdate.discrepancy.score import Score, candidates, score
 from femupdate.discrepancy.thresholds import FIT, VERDICT, DiagnosisSettings
 from femupdate.effects.effect import Placed
 from femupdate.progress import SILENT, Progress
 
-NONE, NAMED, AMBIGUOUS = "none", "named", "ambiguous"
+NONE, NAMED, PARTLY, AMBIGUOUS = "none", "named", "partly", "ambiguous"
 INDISTINGUISHABLE, UNKNOWN = "indistinguishable", "unknown"
 
 
@@ -29,7 +41,8 @@ class Finding:
         score: its score test.
         fitted: the model with it.
         evidence: over the model without it.
-        probability: among all candidates, none and something unknown.
+        changes: what it does to frequencies and responses.
+        tested: on data to which it was not fitted; None where it was not.
         size, size_sd: of its first parameter.
     """
 
@@ -37,9 +50,15 @@ class Finding:
     score: Score
     fitted: Fit
     evidence: Evidence
-    probability: float
+    changes: Consequence
+    tested: Tested | None
     size: float
     size_sd: float
+
+    def carried(self, settings: DiagnosisSettings) -> bool:
+        """Whether the evidence carries it, on data to which it was not fitted too."""
+        enough = self.evidence.log_evidence >= settings.over_none
+        return enough and (self.tested is None or self.tested.certified)
 
     @property
     def in_words(self) -> str:
@@ -58,28 +77,27 @@ class Diagnosis:
     Attributes:
         base: the model as it is, at its most probable parameters.
         p_value: of noise alone leaving its residuals.
-        inflation: how much larger than stated the noise is taken, because nothing explains more.
-        verdict: "none", "named", "ambiguous", "indistinguishable" or "unknown".
+        verdict: "none", "named" (certain, and nothing of note is left), "partly" (certain, and
+            something else is missing), "ambiguous", "indistinguishable" or "unknown".
         findings: fitted candidates, the most probable first.
         scores: all score tests, the strongest first.
         unobservable: labels of effects that these sensors could not show.
         residuals: of the model as it is, by floor and band.
         twins: labels that the leading finding cannot be told from.
-        partner: label of a second effect, with which the first explains what it does not alone.
+        left: what the model misses, with the effect where one is named.
         worth: of further measurements, the best first, where the first is not told from its twins.
         sentence: the verdict for an engineer.
     """
 
     base: Fit
     p_value: float
-    inflation: float
     verdict: str
     findings: tuple[Finding, ...]
     scores: tuple[Score, ...]
     unobservable: tuple[str, ...]
     residuals: tuple[Cell, ...]
     twins: tuple[str, ...]
-    partner: str
+    left: Remains
     worth: tuple[MeasurementValue, ...]
     sentence: str
 
@@ -87,6 +105,15 @@ class Diagnosis:
     def leading(self) -> Finding | None:
         """The most probable finding."""
         return self.findings[0] if self.findings else None
+
+    @property
+    def shares(self) -> tuple[float, ...]:
+        """Probability (c,) of each finding were nothing missing but one of them, or nothing."""
+        evidence = np.array([0.0, *(one.evidence.log_evidence for one in self.findings)])
+        weight = np.exp(evidence - evidence.max())
+        # Half of the prior probability is for nothing; the rest is shared evenly.
+        weight[1:] /= max(len(self.scores), 1)
+        return tuple((weight / weight.sum())[1:].tolist())
 
     @property
     def close(self) -> tuple[Finding, ...]:
@@ -143,9 +170,13 @@ def diagnose(
         among: labels of the only candidates that are fitted; None for the leading ones.
     """
     chosen = settings or DiagnosisSettings()
+    progress.advance(note="fitting the model as it is")
     if base is None:
-        progress.advance(note="fitting the model as it is")
         base = fit_baseline(problem, seed=chosen.seed)[0]
+    if problem.known is None:
+        problem = about(problem, base)
+    base = narrowed(settle(problem, base))
+    problem = base.problem
     progress.advance(note="testing every effect")
     scores = sorted(
         (score(problem, base, placed) for placed in candidates(problem, base.placed)),
@@ -158,32 +189,30 @@ def diagnose(
     if among is None and _worth_all(problem, base, fits, chosen):
         progress.advance(note="fitting every effect")
         fits += _others(problem, base, scores, fits, distant)
-    best = _best(problem, [base, *fits])
-    if _too_much_left(problem, base, best, chosen):
+    if _much_left(problem, [base, *fits], chosen):
         progress.advance(note="trying exchanged channels")
-        fits = _with_exchanges(problem, base, scores, fits, best.chi2, chosen.seed)
-        best = _best(problem, [base, *fits])
-    inflation, partner = _inflation(problem, base, best), ""
-    findings = _weigh(problem, base, fits, scores, inflation, chosen)
-    if findings and _too_much_left(problem, base, best, chosen):
-        progress.advance(note="trying pairs of effects")
-        findings, partner, best = _with_partner(problem, findings, best, chosen)
-    verdict, twins = _verdict(problem, base, findings, best, chosen)
-    inflation = _inflation(problem, base, best)
-    sentence = _sentence(verdict, findings, twins, partner, inflation)
+        fits = _with_exchanges(problem, base, scores, fits, chosen.seed)
+    base = _as_good(problem, base, fits)
+    findings = _weigh(problem, base, fits, scores, chosen)
+    progress.advance(note="testing half of the data against the other")
+    findings = _certified(problem, base, findings, len(scores), chosen)
+    verdict, twins = _verdict(problem, base, findings, chosen)
+    best = findings[0].fitted if verdict in (NAMED, PARTLY) else base
+    left = remains(problem, best)
+    sentence = _sentence(verdict, findings, twins, left)
+    problem.error.forget()
     if verdict == NONE and problem.effective < VERDICT.fewest_points * base.coordinates.size:
         sentence = _few_points(problem, base)
     return Diagnosis(
         base,
         p_value(problem, base),
-        inflation,
         verdict,
         findings,
         tuple(scores),
         unseen(unobservable, verdict, findings, twins),
         residual_cells(problem, base),
         twins,
-        partner if verdict != UNKNOWN else "",
+        left,
         _worth(problem, findings, twins),
         sentence,
     )
@@ -215,81 +244,22 @@ def _chosen(
     return leading if distant is None else _with(leading, scores, distant.placed[-1])
 
 
-def _inflation(problem: Problem, base: Fit, best: Fit) -> float:
-    """Factor on the noise variance with which the best fit leaves only noise; at least one."""
-    return max(1.0, best.chi2 / max(problem.effective - base.coordinates.size, 1.0))
-
-
 def _with_exchanges(
-    problem: Problem, base: Fit, scores: list[Score], fits: list[Fit], best: float, seed: int
+    problem: Problem, base: Fit, scores: list[Score], fits: list[Fit], seed: int
 ) -> list[Fit]:
     """The fits with channels exchanged: without the exchange theta may lie far off."""
     exchanges = [one.placed for one in scores if one.placed.exchange]
-    again = [
-        one
-        for one in exchange_fits(problem, base, exchanges, seed)
-        if one.chi2 < VERDICT.better_exchange * best
-    ]
+    best = max(log_posterior(problem, one) for one in [base, *fits])
+    again = [settle(problem, one) for one in exchange_fits(problem, base, exchanges, seed)]
+    again = [one for one in again if log_posterior(problem, one) > best]
     redone = {one.placed[-1] for one in again}
     return [*(one for one in fits if one.placed[-1] not in redone), *again]
 
 
-def _excess(problem: Problem, base: Fit, chi2: float) -> tuple[float, bool]:
-    """What a sum of squares is more than noise leaves, and whether that is beyond chance."""
-    freedom = max(problem.effective - base.coordinates.size, 1.0)
-    excess = chi2 - freedom
-    return excess, excess > VERDICT.beyond_chance * np.sqrt(2.0 * freedom)
-
-
-def _left(problem: Problem, fitted: Fit) -> float:
-    """What a fit leaves unexplained, as a sum of squares.
-
-    Errors that many points share could hide a good part of what a wrong effect leaves, each moved a
-    little further than it should: where there are such, every point is taken to err alone.
-    """
-    return fitted.chi2 if problem.left_open is None else fitted.misfit
-
-
-def _best(problem: Problem, fits: list[Fit]) -> Fit:
-    """The fit that leaves least."""
-    return min(fits, key=lambda one: _left(problem, one))
-
-
-def _too_much_left(problem: Problem, base: Fit, best: Fit, settings: DiagnosisSettings) -> bool:
-    """Whether even the best fit leaves, beyond chance, a part of what there is to explain.
-
-    Mass takes the place of a tie or a brace for most of their effect; what it cannot explain says
-    that it is not mass.
-    """
-    if problem.left_open is None:
-        excess = _excess(problem, base, base.chi2)[0]
-        left, significant = _excess(problem, base, best.chi2)
-        return significant and left > settings.unknown_left * excess
-    return _poor(problem, best) and best.misfit > settings.unknown_left * base.misfit
-
-
-def _poor(problem: Problem, best: Fit) -> bool:
-    """Whether a fit leaves more than noise and the usual error of a right model do."""
-    expected = problem.expected(best.zeta(problem.fixed_zeta))
-    return best.misfit > expected + VERDICT.beyond_chance * np.sqrt(2.0 * problem.effective)
-
-
-def _with_partner(
-    problem: Problem, findings: tuple[Finding, ...], best: Fit, settings: DiagnosisSettings
-) -> tuple[tuple[Finding, ...], str, Fit]:
-    """Put first the effect that explains most together with a second one."""
-    chosen, partner = 0, ""
-    for number, one in enumerate(findings[: settings.paired]):
-        tests = [score(problem, one.fitted, p) for p in candidates(problem, one.fitted.placed)]
-        strongest = sorted(tests, key=lambda test: -abs(test.statistic))[:2]
-        for test in strongest:
-            both = _fit_candidates(problem, one.fitted, [test])[0]
-            if _left(problem, both) < VERDICT.better_pair * _left(problem, best):
-                best, chosen, partner = both, number, test.placed.label
-    if not partner:
-        return findings, "", best
-    others = (one for k, one in enumerate(findings) if k != chosen)
-    return (findings[chosen], *others), partner, best
+def _much_left(problem: Problem, fits: list[Fit], settings: DiagnosisSettings) -> bool:
+    """Whether even the best of fits leaves an error that an engineer would notice."""
+    best = max(fits, key=lambda one: log_posterior(problem, one))
+    return remains(problem, best).size >= settings.least_response
 
 
 def _leading(scores: list[Score], count: int) -> list[Score]:
@@ -321,7 +291,12 @@ def _fit_candidates(
     followed = [one if one.misfit > enough else _further(small, one) for one in begun]
     enough = _enough(followed)
     return [
-        fit(problem, one.placed, one.z, 0 if one.misfit > enough else FIT.steps) for one in followed
+        settle(
+            problem,
+            fit(problem, one.placed, one.z, 0 if one.misfit > enough else FIT.steps),
+            0 if one.misfit > enough else FIT.steps,
+        )
+        for one in followed
     ]
 
 
@@ -333,8 +308,8 @@ def _others(
     Where theta has made up for most of an effect, a test at that theta does not see it; the first
     steps of a fit do.
     """
-    known, small = {one.placed[-1].label for one in fits}, problem.on_fewer()
-    best = min([base.misfit, *(one.misfit for one in fits)])
+    known, small = {one.placed[-1].label for one in fits}, problem.on_fewer().at_row(0)
+    best = min(one.chi2 for one in [base, *fits])
     tests = [one for one in scores if one.placed.label not in known]
     begun = (_begun(small, base, one, distant, FIT.glance) for one in tests)
     ahead = sorted(begun, key=lambda one: one.misfit)[: FIT.ahead]
@@ -342,7 +317,7 @@ def _others(
         (_further(small, one, FIT.first_steps) for one in ahead), key=lambda one: one.misfit
     )
     return [
-        fit(problem, one.placed, _further(small, one).z, FIT.steps)
+        settle(problem, fit(problem, one.placed, _further(small, one).z, FIT.steps))
         for one in ahead[: FIT.others]
         if one.misfit < FIT.more * best
     ]
@@ -350,9 +325,9 @@ def _others(
 
 def _worth_all(problem: Problem, base: Fit, fits: list[Fit], settings: DiagnosisSettings) -> bool:
     """Whether something may be named, so that every effect is due its chance; or nothing fits."""
-    best = min([base, *fits], key=lambda one: one.misfit)
-    gain = 0.5 * (base.chi2 - min([base.chi2, *(one.chi2 for one in fits)]))
-    return gain > settings.over_none + problem.mesh_evidence or _poor(problem, best)
+    without = log_posterior(problem, base)
+    gain = max((log_posterior(problem, one) for one in fits), default=without) - without
+    return gain > settings.over_none or _much_left(problem, [base, *fits], settings)
 
 
 def _enough(fits: list[Fit]) -> float:
@@ -382,87 +357,117 @@ def _further(problem: Problem, begun: Fit, steps: int = FIT.steps) -> Fit:
     return fit(problem, begun.placed, begun.z, steps)
 
 
+def _as_good(problem: Problem, base: Fit, fits: list[Fit]) -> Fit:
+    """The model as it is, from where those with an effect more lie best.
+
+    Else an effect would be credited with a search that it led to a better place.
+    """
+    leading = sorted(fits, key=lambda one: -log_posterior(problem, one))[: FIT.again]
+    again = [
+        settle(problem, fit(problem, base.placed, one.z[: len(base.z)], FIT.steps, base.system))
+        for one in leading
+    ]
+    return max([base, *again], key=lambda one: log_posterior(problem, one))
+
+
 def _weigh(
     problem: Problem,
     base: Fit,
     fits: list[Fit],
     scores: list[Score],
-    inflation: float,
     settings: DiagnosisSettings,
 ) -> tuple[Finding, ...]:
     """Findings in the order of their evidence over the model without them."""
     by_label = {one.placed.label: one for one in scores}
-    gains = [_gain(problem, base, one, inflation) for one in fits]
+    without = laplace(problem, base).log_evidence
+    gains = [laplace(problem, one).log_evidence - without for one in fits]
     evidence = {k: Evidence(gain) for k, gain in enumerate(gains)}
-    if settings.sampled and len(fits):
-        reference = sampled(problem, base, inflation, settings.draws, settings.seed)
-        for k in sorted(evidence, key=lambda k: -gains[k])[: settings.sampled]:
-            mine = sampled(problem, fits[k], inflation, settings.draws, settings.seed)
-            error = float(np.hypot(mine.error, reference.error))
-            gain = mine.log_evidence - reference.log_evidence
-            evidence[k] = Evidence(gain, error, mine.effective)
+    order = sorted(evidence, key=lambda k: -gains[k])
+    if settings.sampled and fits:
+        reference = sampled(problem, base, settings.draws, settings.seed)
+        for k in order[: settings.sampled]:
+            evidence[k] = _over(sampled(problem, fits[k], settings.draws, settings.seed), reference)
+    if order:
+        lowest = _about_the_first(problem, base, [fits[k] for k in order[: VERDICT.compared + 1]])
+        for k, gain in zip(order, lowest, strict=False):
+            if gain < evidence[k].log_evidence:
+                evidence[k] = replace(evidence[k], log_evidence=gain)
     order = sorted(evidence, key=lambda k: -evidence[k].log_evidence)
-    # Half of the prior probability is for "nothing is missing", the rest is shared evenly.
-    logs = np.array([evidence[k].log_evidence for k in order]) - np.log(max(len(scores), 1))
-    total = np.logaddexp.reduce(np.concatenate([[0.0], logs]))
-    found = []
-    for k, value in zip(order, logs, strict=True):
-        fitted = fits[k]
-        placed = fitted.placed[-1]
-        size, sd = _first_size(fitted, inflation)
-        found.append(
-            Finding(
-                placed,
-                by_label[placed.label],
-                fitted,
-                evidence[k],
-                float(np.exp(value - total)),
-                size,
-                sd,
-            )
-        )
-    return tuple(found)
+    return tuple(
+        _finding(problem, fits[k], by_label[fits[k].placed[-1].label], evidence[k]) for k in order
+    )
 
 
-def _gain(problem: Problem, base: Fit, fitted: Fit, inflation: float) -> float:
-    """Log evidence over the model without the effect."""
-    with_it, without = laplace(problem, fitted, inflation), laplace(problem, base, inflation)
-    return with_it.log_evidence - without.log_evidence
+def _over(one: Evidence, reference: Evidence) -> Evidence:
+    error = float(np.hypot(one.error, reference.error))
+    return Evidence(one.log_evidence - reference.log_evidence, error, one.effective)
 
 
-def _first_size(fitted: Fit, inflation: float) -> tuple[float, float]:
+def _about_the_first(problem: Problem, base: Fit, fits: list[Fit]) -> list[float]:
+    """Log evidence over the base with the errors known beforehand as they are about the first fit.
+
+    They are taken along straight lines, which bend: a name must hold about either model.
+    """
+    if problem.known is None:
+        return []
+    there = about(problem, fits[0])
+    values = [
+        laplace(there, settle(there, fit(there, one.placed, one.z, FIT.first_steps, one.system)))
+        for one in [base, *fits]
+    ]
+    return [one.log_evidence - values[0].log_evidence for one in values[1:]]
+
+
+def _finding(problem: Problem, fitted: Fit, test: Score, evidence: Evidence) -> Finding:
+    size, sd = _first_size(fitted)
+    changes = consequence(problem, fitted)
+    return Finding(fitted.placed[-1], test, fitted, evidence, changes, None, size, sd)
+
+
+def _first_size(fitted: Fit) -> tuple[float, float]:
     """First parameter of the last effect, and its standard deviation."""
     count = len(fitted.placed[-1].effect.parameters)
     if not count:
         return 1.0, 0.0
-    values, sd = fitted.sizes(inflation)
+    values, sd = fitted.sizes()
     return float(values[-count]), float(sd[-count])
 
 
-def _verdict(
+def _certified(
     problem: Problem,
     base: Fit,
     findings: tuple[Finding, ...],
-    best: Fit,
+    tried: int,
     settings: DiagnosisSettings,
+) -> tuple[Finding, ...]:
+    """The findings, the leading ones tested on data to which they were not fitted."""
+    if not findings or findings[0].evidence.log_evidence < settings.over_none:
+        return findings
+    first = findings[0].evidence.log_evidence
+    least = max(settings.over_none, first - settings.margin(first))
+    close = [one for one in findings if one.evidence.log_evidence >= least]
+    fits = [one.fitted for one in close[: VERDICT.compared + 1]]
+    tests = certify(problem, base, fits, tried, settings.false_share)
+    return tuple(replace(one, tested=tests.get(one.placed.label)) for one in findings)
+
+
+def _verdict(
+    problem: Problem, base: Fit, findings: tuple[Finding, ...], settings: DiagnosisSettings
 ) -> tuple[str, tuple[str, ...]]:
     """The verdict and what the leading finding cannot be told from."""
-    significant = _excess(problem, base, base.chi2)[1]
-    if not findings:
-        return (UNKNOWN if significant else NONE), ()
+    wrong = remains(problem, base).size >= settings.least_response
+    nothing = UNKNOWN if wrong else NONE
+    if not findings or not findings[0].carried(settings):
+        return nothing, ()
     first = findings[0]
-    gain = base.chi2 - first.fitted.chi2
-    carried = first.evidence.log_evidence >= settings.over_none + problem.mesh_evidence
-    if not (carried and gain >= settings.smallest_gain * base.chi2):
-        return (UNKNOWN if significant else NONE), ()
-    if _too_much_left(problem, base, best, settings):
-        return UNKNOWN, ()
-    value = first.evidence.log_evidence
-    least = value - settings.margin(value)
+    if not first.changes.matters(settings.least_frequency, settings.least_response):
+        return nothing, ()
+    least = first.evidence.log_evidence - settings.margin(first.evidence.log_evidence)
     near = [other for other in findings[1:] if other.evidence.log_evidence > least]
     twins = tuple(other.placed.label for other in near)
     if not near:
-        return NAMED, ()
+        left = remains(problem, first.fitted).size >= settings.least_response
+        return (PARTLY if left else NAMED), ()
     tests = [first.score, *(other.score for other in near)]
     same = same_to_sensors(problem, base, tests, settings.alike)
     return (INDISTINGUISHABLE if same else AMBIGUOUS), twins
@@ -484,27 +489,26 @@ def _few_points(problem: Problem, base: Fit) -> str:
 
 
 def _sentence(
-    verdict: str,
-    findings: tuple[Finding, ...],
-    twins: tuple[str, ...],
-    partner: str,
-    inflation: float,
+    verdict: str, findings: tuple[Finding, ...], twins: tuple[str, ...], left: Remains
 ) -> str:
     if verdict == NONE:
-        return "The model explains the data; nothing needs to be added."
+        text = "The model explains the data; nothing needs to be added."
+        if findings and findings[0].tested is not None and findings[0].tested.certified:
+            text += f" {findings[0].in_words}, but that is of no consequence."
+        return " ".join([text, left.sentence]).rstrip()
     if verdict == UNKNOWN:
-        return (
-            "The model misses the data by more than their noise, and nothing in the catalogue "
-            "explains most of it."
+        text = (
+            "The model misses the data by more than their noise, and no effect of the catalogue is "
+            "certain to explain it."
         )
+        return f"{text} {left.sentence}".rstrip()
     first = findings[0]
     if verdict == NAMED:
-        text = f"{first.in_words}. {first.placed.effect.sentence}"
-    else:
-        how = "cannot be told from" if verdict == INDISTINGUISHABLE else "competes with"
-        text = f"{first.in_words}. It {how} {', '.join(twins)}."
-    if partner:
-        text += f" Alone it leaves much unexplained; with {partner} it explains most."
-    if inflation > 1.5:
-        text += f" The best model still misses the data by {inflation**0.5:.1f} times the noise."
-    return text
+        return f"{first.in_words}. {first.placed.effect.sentence} {left.sentence}".rstrip()
+    if verdict == PARTLY:
+        return (
+            f"{first.in_words}. {first.placed.effect.sentence} Something else is missing as well. "
+            f"{left.sentence}"
+        )
+    how = "cannot be told from" if verdict == INDISTINGUISHABLE else "competes with"
+    return f"{first.in_words}. It {how} {', '.join(twins)}."

@@ -12,7 +12,7 @@ import torch
 from scipy.special import log_ndtr
 from torch import Tensor
 
-from femupdate.discrepancy.fit import Fit, weighed_residuals
+from femupdate.discrepancy.fit import Fit, densities, raw_residuals
 from femupdate.discrepancy.problem import Problem
 from femupdate.inference.importance import LogTarget, weighted_draws
 from femupdate.inference.mixture import GaussianMixture, StudentMixture
@@ -39,27 +39,19 @@ class Evidence:
     effective: float = 0.0
 
 
-def laplace(problem: Problem, fitted: Fit, inflation: float = 1.0) -> Evidence:
-    """Laplace's approximation.
+def laplace(problem: Problem, fitted: Fit) -> Evidence:
+    """Laplace's approximation, summed over what the model may err by.
 
     Args:
         problem: the data.
-        fitted: the model at its most probable parameters.
-        inflation: by how much the variance of the noise is larger than stated; what no model
-            explains makes all evidence weaker.
+        fitted: the model at its most probable parameters by its likeliest row.
     """
-    fitted = fitted.weighed
-    hessian = fitted.hessian(inflation)
-    log_det = torch.linalg.slogdet(hessian).logabsdet
+    log_det = torch.linalg.slogdet(fitted.hessian()).logabsdet
     size = fitted.coordinates.size
-    value = -0.5 * fitted.chi2 / inflation + log_prior(problem, fitted, fitted.z[None])[0]
-    value = (
-        float(value)
-        - _half_log_determinant(fitted)
-        + 0.5 * size * np.log(2.0 * np.pi)
-        - 0.5 * float(log_det)
-    )
-    return Evidence(value + _within_limits(fitted, inflation))
+    value = float(torch.logsumexp(densities(problem, fitted), 0))
+    value += float(log_prior(problem, fitted, fitted.z[None])[0])
+    value += 0.5 * size * np.log(2.0 * np.pi) - 0.5 * float(log_det)
+    return Evidence(value + _within_limits(fitted))
 
 
 def log_prior(problem: Problem, fitted: Fit, z: Tensor) -> Tensor:
@@ -82,54 +74,49 @@ def log_prior(problem: Problem, fitted: Fit, z: Tensor) -> Tensor:
     return value + density.sum(dim=1)
 
 
-def _within_limits(fitted: Fit, inflation: float) -> float:
+def _within_limits(fitted: Fit) -> float:
     """Log of the share of the normal approximation that lies within the limits.
 
     One unknown after the other; where the most probable value sits at its limit, half or less.
     """
     where = fitted.coordinates
-    sd = fitted.covariance(inflation).diagonal().clamp_min(1e-30).sqrt()
+    sd = fitted.covariance().diagonal().clamp_min(1e-30).sqrt()
     low = ((where.lower - fitted.z) / sd).numpy()
     high = ((where.upper - fitted.z) / sd).numpy()
     lower_tail, upper_tail = np.exp(log_ndtr(low)), np.exp(log_ndtr(-high))
     return float(np.log(np.clip(1.0 - lower_tail - upper_tail, 1e-12, 1.0)).sum())
 
 
-def sampled(
-    problem: Problem, fitted: Fit, inflation: float = 1.0, draws: int = 200, seed: Seed = 0
-) -> Evidence:
+def sampled(problem: Problem, fitted: Fit, draws: int = 200, seed: Seed = 0) -> Evidence:
     """Evidence from an importance sample about the most probable parameters."""
-    proposal = student_about(fitted, inflation, _WIDEN, _FREEDOM)
-    target = log_target(problem, fitted, inflation)
+    proposal = student_about(fitted, _WIDEN, _FREEDOM)
+    target = log_target(problem, fitted)
     found = weighted_draws(target, proposal, draws, torch_generator(seed))
     return Evidence(found.log_evidence, found.log_evidence_error, found.effective)
 
 
-def log_target(problem: Problem, fitted: Fit, inflation: float) -> LogTarget:
-    """Prior and likelihood of a model's unknowns z (n, d), impossible outside their limits."""
+def log_target(problem: Problem, fitted: Fit) -> LogTarget:
+    """Prior and likelihood of a model's unknowns z (n, d), impossible outside their limits.
+
+    The likelihood is summed over the rows of the table of errors that count at the fit.
+    """
     where = fitted.coordinates
+    rows = problem.error.counting(densities(problem, fitted)[None])
+    error = problem.error.kept(rows)
 
     def target(z: Tensor) -> tuple[Tensor, Tensor]:
         inside = ((z >= where.lower) & (z <= where.upper)).all(dim=1)
         log_likelihood = torch.full((len(z),), -torch.inf, dtype=torch.float64)
         if inside.any():
-            squares = weighed_residuals(problem, fitted, z[inside]).square().sum(dim=1)
-            log_likelihood[inside] = -0.5 * squares / inflation - _half_log_determinant(fitted)
+            log_likelihood[inside] = error.log_density(raw_residuals(fitted, z[inside]))
         return log_prior(problem, fitted, z), log_likelihood
 
     return target
 
 
-def student_about(fitted: Fit, inflation: float, widen: float, freedom: int) -> StudentMixture:
+def student_about(fitted: Fit, widen: float, freedom: int) -> StudentMixture:
     """A multivariate t about a model's most probable parameters, with their covariance widened."""
-    covariance = widen * fitted.covariance(inflation)
+    covariance = widen * fitted.covariance()
     ridge = _SLIGHT * covariance.diagonal().mean() * torch.eye(len(covariance)).to(covariance)
     root = torch.linalg.cholesky(0.5 * (covariance + covariance.T) + ridge)
-    return StudentMixture(
-        GaussianMixture(root.new_zeros(1), fitted.weighed.z[None], root[None]), freedom
-    )
-
-
-def _half_log_determinant(fitted: Fit) -> float:
-    """Of the noise's covariance: errors that points share differ from effect to effect."""
-    return 0.0 if fitted.common is None else fitted.common.half_log_determinant
+    return StudentMixture(GaussianMixture(root.new_zeros(1), fitted.z[None], root[None]), freedom)

@@ -1,5 +1,8 @@
 """Most probable parameters of a model with effects, by Levenberg and Marquardt's method.
 
+What the model errs by is learned with them: a fit takes one row of the table of
+`inference.model_error` for true, and the row that its residuals make likeliest is taken next.
+
 The unknowns are ln theta and ln zeta (uniform priors on a box) and the sizes of the effects in
 units of their prior's standard deviation.
 """
@@ -12,7 +15,6 @@ import torch
 from torch import Tensor
 
 from femupdate.arrays import Floats
-from femupdate.discrepancy.common_errors import CommonErrors
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.thresholds import FIT
 from femupdate.dynamics.system import System
@@ -41,6 +43,18 @@ class Coordinates:
     has_zeta: bool
     scales: Tensor
     neutral: Tensor
+
+    def holding(self, values: Tensor) -> "Coordinates":
+        """The same with the last unknowns held at values (h,)."""
+        first = self.size - len(values)
+        lower, upper, precision = self.lower.clone(), self.upper.clone(), self.precision.clone()
+        lower[first:], upper[first:], precision[first:] = values, values, 0.0
+        return replace(self, lower=lower, upper=upper, precision=precision)
+
+    def held(self, z: Tensor) -> Tensor | None:
+        """Those of the unknowns z (d,) that are held; None where none is."""
+        kept = self.lower == self.upper
+        return z[kept] if kept.any() else None
 
     @property
     def size(self) -> int:
@@ -103,21 +117,17 @@ def coordinates(problem: Problem, placed: tuple[Placed, ...]) -> Coordinates:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A model at its most probable parameters, as if every point erred alone.
-
-    What is said of it (`chi2`, `theta` and all below them) is of the fit with `common` as part of
-    the noise, one step of generalised least squares from here. Not more than a step: where errors
-    are as large as a peak is wide, a search would go wherever straight lines best hide a misfit.
+    """A model at its most probable parameters, were a row of the table of its errors true.
 
     Attributes:
         placed: its effects.
         coordinates: what z means.
         z: (d,) the unknowns.
-        residual: (n,) whitened.
-        jacobian: (n, d) of the prediction by the unknowns, whitened.
+        residual: (m,) whitened by the row.
+        jacobian: (m, d) of the prediction by the unknowns, likewise.
+        raw: (n,) residuals in the unit of the noise.
         system: the model.
-        common: errors that many points share, about here; or None.
-        own_error: share of an effect's size by which the model of the effect may err.
+        problem: structure and data, with the row.
     """
 
     placed: tuple[Placed, ...]
@@ -125,22 +135,9 @@ class Fit:
     z: Tensor
     residual: Tensor
     jacobian: Tensor
+    raw: Tensor
     system: System
-    common: CommonErrors | None = None
-    own_error: float = 0.0
-
-    @cached_property
-    def weighed(self) -> "Fit":
-        """The fit with the common errors as part of the noise."""
-        if self.common is None:
-            return self
-        where = self.coordinates
-        residual = self.common.whiten(self.residual[None])[0]
-        jacobian = self.common.whiten(self.jacobian.T).T
-        step = _step(where, self.z, residual, jacobian, 0.0)
-        z = torch.minimum(torch.maximum(self.z + step, where.lower), where.upper)
-        left = residual - jacobian @ (z - self.z)
-        return replace(self, z=z, residual=left, jacobian=jacobian, common=None)
+    problem: Problem
 
     @property
     def known(self) -> Floats:
@@ -150,53 +147,58 @@ class Fit:
 
     @property
     def misfit(self) -> float:
-        """What a search lessens: as if every point erred alone, with the distance from priors."""
-        c = self.coordinates
-        return float(self.residual @ self.residual + (c.precision * (self.z - c.mean) ** 2).sum())
+        """What a search lessens: squares by the problem's row, with the distance from priors."""
+        return float(self.residual @ self.residual) + self.penalty
+
+    @cached_property
+    def densities(self) -> Tensor:
+        """(g,) log density of the data by every row of the problem's table of errors."""
+        return self.problem.error.log_densities(self.raw[None])[0]
+
+    @cached_property
+    def left(self) -> Tensor:
+        """(m,) residuals of independent points by the noise alone."""
+        error = self.problem.error
+        return error.whiten(error.tame(self.raw[None], 0), 0)[0]
 
     @property
     def chi2(self) -> float:
-        """Sum of squared residuals, of independent points."""
-        return float(self.weighed.residual @ self.weighed.residual)
+        """Sum of squared residuals, of independent points, by the noise alone."""
+        return float(self.left @ self.left)
 
     @property
     def penalty(self) -> float:
         """Squared distance from the normal priors' means, in their standard deviations."""
         c = self.coordinates
-        return float((c.precision * (self.weighed.z - c.mean) ** 2).sum())
+        return float((c.precision * (self.z - c.mean) ** 2).sum())
 
-    def hessian(self, inflation: float = 1.0) -> Tensor:
+    def hessian(self) -> Tensor:
         """(d, d) curvature of minus the log posterior, Gauss and Newton's."""
-        jacobian = self.weighed.jacobian
-        return jacobian.T @ jacobian / inflation + torch.diag(self.coordinates.precision)
+        return self.jacobian.T @ self.jacobian + torch.diag(self.coordinates.precision)
 
-    def covariance(self, inflation: float = 1.0) -> Tensor:
-        """(d, d) of the unknowns, for a noise of `inflation` times the stated variance."""
-        return torch.linalg.pinv(self.hessian(inflation), hermitian=True)
+    def covariance(self) -> Tensor:
+        """(d, d) of the unknowns."""
+        return torch.linalg.pinv(self.hessian(), hermitian=True)
 
-    def theta(self, inflation: float = 1.0) -> tuple[Floats, Floats]:
+    def theta(self) -> tuple[Floats, Floats]:
         """Stiffness factors and their standard deviations, (p,) each."""
         count = self.coordinates.stories
-        theta = self.weighed.z[:count].exp()
-        sd = theta * self.covariance(inflation).diagonal()[:count].clamp_min(0.0).sqrt()
+        theta = self.z[:count].exp()
+        sd = theta * self.covariance().diagonal()[:count].clamp_min(0.0).sqrt()
         return theta.numpy(), sd.numpy()
 
-    def sizes(self, inflation: float = 1.0) -> tuple[Floats, Floats]:
+    def sizes(self) -> tuple[Floats, Floats]:
         """Parameters of the effects and their standard deviations, (q,) each."""
         c = self.coordinates
-        known = self.weighed.known
-        variance = c.scales**2 * self.covariance(inflation).diagonal()[c.first_size :].clamp_min(
-            0.0
-        )
-        return known, np.hypot(
-            variance.sqrt().numpy(), self.own_error * (known - c.neutral.numpy())
-        )
+        variance = c.scales**2 * self.covariance().diagonal()[c.first_size :].clamp_min(0.0)
+        own = self.problem.own_error * (self.known - c.neutral.numpy())
+        return self.known, np.hypot(variance.sqrt().numpy(), own)
 
     def zeta(self, fixed: float) -> float:
         """Damping ratio."""
         if not self.coordinates.has_zeta:
             return fixed
-        return float(self.weighed.z[self.coordinates.stories].exp())
+        return float(self.z[self.coordinates.stories].exp())
 
 
 def evaluate(problem: Problem, system: System, where: Coordinates, z: Tensor) -> Tensor:
@@ -204,16 +206,11 @@ def evaluate(problem: Problem, system: System, where: Coordinates, z: Tensor) ->
     return problem.residuals(system, *where.split(z, problem.fixed_zeta))
 
 
-def weighed_residuals(problem: Problem, fitted: Fit, z: Tensor) -> Tensor:
-    """Residuals (N, n) about a fit, at the unknowns z (N, d), of unit covariance.
-
-    With common errors along straight lines: over the tenths of a percent by which those of a mesh
-    move the unknowns, responses are straight.
-    """
-    if fitted.common is None:
-        return evaluate(problem, fitted.system, fitted.coordinates, z)
-    centre = fitted.weighed
-    return centre.residual - (z - centre.z) @ centre.jacobian.T
+def raw_residuals(fitted: Fit, z: Tensor) -> Tensor:
+    """Residuals (N, n) in the unit of the noise at the unknowns z (N, d) of a fit's model."""
+    where, problem = fitted.coordinates, fitted.problem
+    known = where.split(z, problem.fixed_zeta)
+    return problem.compared(problem.predicted(fitted.system, *known))
 
 
 def fit(
@@ -222,10 +219,22 @@ def fit(
     start: Tensor,
     iterations: int = 15,
     system: System | None = None,
+    held: Tensor | None = None,
 ) -> Fit:
-    """Fit a model with effects from a starting point z (d,)."""
+    """Fit a model with effects from a starting point z (d,).
+
+    Args:
+        problem: structure and data, with the row of the table of errors that is taken for true.
+        placed: the effects.
+        start: the unknowns.
+        iterations: steps, at most.
+        system: the model, where it is at hand.
+        held: (h,) values that the last unknowns keep; by default all are fitted.
+    """
     model = system or problem.system(placed)
     where = coordinates(problem, placed)
+    if held is not None:
+        where = where.holding(held)
     z = torch.minimum(torch.maximum(start.clone(), where.lower), where.upper)
     residual, jacobian = _linearise(problem, model, where, z)
     objective = _objective(where, z, residual)
@@ -252,11 +261,57 @@ def fit(
         residual, jacobian = _linearise(problem, model, where, z)
         if gain < FIT.smallest_decrease:
             break
-    common = None
-    if problem.left_open is not None:
-        at = where.split(z[None], problem.fixed_zeta)
-        common = CommonErrors.of(problem.left_open(problem, placed, *at).T)
-    return Fit(placed, where, z, residual, jacobian, model, common, problem.own_error)
+    raw = problem.compared(problem.predicted(model, *where.split(z[None], problem.fixed_zeta)))[0]
+    return Fit(placed, where, z, residual, jacobian, raw, model, problem)
+
+
+def about(problem: Problem, fitted: Fit) -> Problem:
+    """The problem with the errors that are known beforehand as they are about a fit."""
+    if problem.left_open is None:
+        return problem
+    at = fitted.coordinates.split(fitted.z[None], problem.fixed_zeta)
+    return replace(problem, known=problem.left_open(problem, fitted.placed, *at))
+
+
+def settle(problem: Problem, fitted: Fit, steps: int = FIT.steps) -> Fit:
+    """The fit by the likeliest row of the table of errors at it, followed until it stays.
+
+    Args:
+        problem: structure and data.
+        fitted: where the search starts; of any row.
+        steps: of each fit, at most.
+    """
+    for _ in range(FIT.rounds):
+        row = likeliest_row(problem, fitted)
+        if fitted.problem.row == row and fitted.problem.known is problem.known:
+            break
+        held = fitted.coordinates.held(fitted.z)
+        same = fitted.problem.reduced is problem.reduced
+        model = fitted.system if same else None
+        fitted = fit(problem.at_row(row), fitted.placed, fitted.z, steps, model, held)
+    return fitted
+
+
+def narrowed(fitted: Fit) -> Fit:
+    """The fit, of a table of errors without rows that no model with an effect more would take.
+
+    What explains more leaves errors no larger, or such as count already.
+    """
+    error, row = fitted.problem.error, fitted.problem.row
+    rows = {*error.counting(fitted.densities[None]), *error.no_larger(row), 0}
+    return replace(fitted, problem=fitted.problem.with_rows(sorted(rows)))
+
+
+def likeliest_row(problem: Problem, fitted: Fit) -> int:
+    """Row of the table of errors that residuals make most likely."""
+    return int(densities(problem, fitted).argmax())
+
+
+def densities(problem: Problem, fitted: Fit) -> Tensor:
+    """(g,) log density of the data at a fit by every row of a problem's table of errors."""
+    if fitted.problem.error is problem.error:
+        return fitted.densities
+    return problem.error.log_densities(fitted.raw[None])[0]
 
 
 def _objective(where: Coordinates, z: Tensor, residual: Tensor) -> float:
@@ -314,9 +369,17 @@ def fit_baseline(
     rough = coarse(problem)
     misfit = (evaluate(rough, system, where, z) ** 2).sum(dim=1)
     near = [fit(rough, placed, z[k], 10, system) for k in misfit.argsort()[:starts]]
-    near.sort(key=lambda one: one.chi2 + one.penalty)
-    fits = [fit(problem, placed, one.z, 25, system) for one in near[: max(2, starts // 3)]]
-    return sorted(fits, key=lambda one: one.chi2 + one.penalty)
+    near.sort(key=lambda one: one.misfit)
+    # No few points decide while the model may err much.
+    wide = problem.at_row(problem.error.start)
+    fits = [fit(wide, placed, one.z, 25, system) for one in near[: max(2, starts // 3)]]
+    settled = [settle(problem, one) for one in fits]
+    return sorted(settled, key=lambda one: -log_posterior(problem, one))
+
+
+def log_posterior(problem: Problem, fitted: Fit) -> float:
+    """Log density of data and normal priors at a fit, summed over the table of errors."""
+    return float(torch.logsumexp(densities(problem, fitted), 0)) - 0.5 * fitted.penalty
 
 
 def prior_draws(
@@ -337,7 +400,7 @@ def prior_draws(
 
 def coarse(problem: Problem) -> Problem:
     """The problem as if its noise were coarse, and every point erred alone."""
-    return replace(problem.on_fewer(), sd=(problem.sd**2 + FIT.coarse_noise**2).sqrt())
+    return replace(problem.on_fewer(), sd=(problem.sd**2 + FIT.coarse_noise**2).sqrt(), row=0)
 
 
 def extended(problem: Problem, base: Fit, placed: tuple[Placed, ...], sizes: Floats) -> Tensor:

@@ -33,8 +33,6 @@ class Draws:
         log_evidence_error: its standard error.
         effective: effective number of the weighted draws behind these.
         evaluations: likelihoods that it took.
-        linearised: whether responses were taken along straight lines about the fit, as they are
-            where errors of the mesh are part of the noise.
     """
 
     theta: Floats
@@ -45,27 +43,23 @@ class Draws:
     log_evidence_error: float
     effective: float
     evaluations: int
-    linearised: bool
 
 
-def draw(
-    problem: Problem, fitted: Fit, count: int, inflation: float = 1.0, seed: Seed = 0
-) -> Draws:
+def draw(problem: Problem, fitted: Fit, count: int, seed: Seed = 0) -> Draws:
     """Draw from the posterior of a fitted model.
 
     Args:
         problem: structure and data.
         fitted: the model at its most probable parameters.
         count: number of draws, and of weighted ones behind them.
-        inflation: variance of the noise over the stated one.
         seed: of everything random.
 
     Raises:
         InferenceError: no draw about the fit is possible.
     """
     weighing, choosing, erring = spawn(seed, 3)
-    proposal = student_about(fitted, inflation, _SETTINGS.widen, _SETTINGS.freedom)
-    target = log_target(problem, fitted, inflation)
+    proposal = student_about(fitted, _SETTINGS.widen, _SETTINGS.freedom)
+    target = log_target(problem, fitted)
     found = sampled(target, proposal, count, weighing, _SETTINGS)
     z, log_likelihood = found.resample(count, choosing)
     theta, zeta, sizes = fitted.coordinates.split(
@@ -80,7 +74,6 @@ def draw(
         log_evidence_error=found.log_evidence_error,
         effective=found.effective,
         evaluations=found.evaluations,
-        linearised=fitted.common is not None,
     )
 
 

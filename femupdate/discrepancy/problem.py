@@ -2,18 +2,19 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from femupdate.discrepancy.mesh_points import at_damping
 from femupdate.discrepancy.thresholds import FIT
 from femupdate.discrepancy.thresholds import MODEL_ERROR as THRESHOLDS
 from femupdate.dynamics.damping import DampingLaw
 from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed
+from femupdate.inference.model_error import ErrorLevel, LearnedError
 from femupdate.measurement.estimated import HANN, Estimator
 from femupdate.measurement.observation import Observation
 
@@ -56,12 +57,13 @@ class Problem:
         left_open: gives one standard deviation (c, n) of every error of the model that many points
             share, in the unit of the residuals, of this problem with some effects at theta (1, p),
             zeta (1,) and sizes (1, q); None where there is none.
-        mesh_evidence: log evidence that errors of the model itself may bring to an effect.
         own_error: share of an effect's size by which the model of the effect may err.
-        model_error: what of `sd` is not the data's noise but what the model errs at the worst.
-        usual_error: rms of ln|H| by which a right model of 1 % damping is known to err.
         search: the structure on a basis for the whole prior, on which only instruments and damping
             may have effects; None where `reduced` serves there.
+        known: (c, n) such errors of the model about one fit, for all models alike; None for none.
+        rows_kept: of the table of what the model may err by (see `error`); None for all.
+        row: which of them residuals are whitened by.
+        halves: the data in two parts that err independently; none where they cannot be parted.
     """
 
     reduced: ReducedStructure
@@ -77,19 +79,64 @@ class Problem:
     sd: Tensor
     blocks: tuple[Block, ...]
     left_open: "Callable[[Problem, Effects, Tensor, Tensor, Tensor], Tensor] | None" = None
-    mesh_evidence: float = 0.0
     own_error: float = 0.0
-    model_error: float = 0.0
-    usual_error: float = 0.0
     search: ReducedStructure | None = None
+    known: Tensor | None = None
+    rows_kept: tuple[int, ...] | None = None
+    row: int = 0
+    halves: "tuple[Problem, ...]" = ()
 
     def for_search(self) -> "Problem":
         """The same on the basis that serves over the whole prior."""
-        return self if self.search is None else replace(self, reduced=self.search, left_open=None)
+        if self.search is None:
+            return self
+        return replace(self, reduced=self.search, left_open=None, known=None)
 
     def on_fewer(self) -> "Problem":
         """The same on the shapes that count most: for searches, which the whole basis ends."""
-        return replace(self, reduced=self.reduced.first(FIT.fewer_shapes), left_open=None)
+        fewer = self.reduced.first(FIT.fewer_shapes)
+        return replace(self, reduced=fewer, left_open=None, known=None)
+
+    def half(self, number: int) -> "Problem":
+        """One half of the data, for the same structure on the same basis."""
+        own = self.halves[number]
+        return replace(
+            own,
+            reduced=self.reduced,
+            left_open=self.left_open,
+            rows_kept=self.rows_kept,
+            row=self.row,
+        )
+
+    def at_row(self, row: int) -> "Problem":
+        """The same, residuals whitened by another row of the table of errors."""
+        if row == self.row:
+            return self
+        other = replace(self, row=row)
+        # The table stays; its factors are dear.
+        other.__dict__["error"] = self.error
+        return other
+
+    def with_rows(self, rows: list[int]) -> "Problem":
+        """The same with some rows of the table of errors alone, its own among them."""
+        before = self.rows_kept or range(len(self.error.levels))
+        kept = tuple(before[row] for row in rows)
+        return replace(self, rows_kept=kept, row=rows.index(self.row))
+
+    @cached_property
+    def error(self) -> LearnedError:
+        """What the model may err by, beside the noise."""
+        weight = self.independent / self.sd**2
+        parts = 1 if self.phase is None else 2
+        whole = LearnedError(
+            weight, self.frequency_hz, self.effective, self.known, parts=parts, wild=THRESHOLDS.wild
+        )
+        return whole if self.rows_kept is None else whole.kept(self.rows_kept)
+
+    @property
+    def level(self) -> ErrorLevel:
+        """The row by which residuals are whitened."""
+        return self.error.levels[self.row]
 
     @property
     def points(self) -> int:
@@ -102,17 +149,6 @@ class Problem:
         """Number of them that err independently."""
         valid = float((torch.isfinite(self.sd) * self.independent).sum())
         return valid if self.phase is None else 2.0 * valid
-
-    def expected(self, zeta: float) -> float:
-        """Sum of squares that noise and the usual error of a right model leave.
-
-        Args:
-            zeta: damping ratio: sharp peaks show more of an error of frequencies.
-        """
-        error = max(THRESHOLDS.usual * self.model_error**2, at_damping(self.usual_error, zeta) ** 2)
-        usual = 1.0 + (error - self.model_error**2) / self.sd**2
-        left = float((torch.isfinite(self.sd) * self.independent * usual).sum())
-        return left if self.phase is None else 2.0 * left
 
     @property
     def independent(self) -> Tensor:
@@ -150,24 +186,30 @@ class Problem:
         return torch.cat(parts, dim=2)
 
     def residuals(self, system: System, theta: Tensor, zeta: Tensor, sizes: Tensor) -> Tensor:
-        """Whitened residuals (N, n), observed less predicted, zero where not valid.
+        """Residuals (N, m), observed less predicted, of unit covariance by the problem's row.
 
         Args:
             system: with the effects.
             theta: (N, p); zeta: (N,); sizes: (N, q) of the effects.
         """
-        return self.compared(self.predicted(system, theta, zeta, sizes))
+        return self.whitened(self.compared(self.predicted(system, theta, zeta, sizes)))
+
+    def whitened(self, residuals: Tensor) -> Tensor:
+        """Residuals (N, m) of unit covariance by the problem's row, of those by the noise alone."""
+        return self.error.whiten(self.error.tame(residuals, self.row), self.row)
 
     def compared(self, predicted: Tensor) -> Tensor:
-        """Whitened residuals (N, n) of complex FRFs (N, f, k) of all floors."""
+        """Residuals (N, n) of complex FRFs (N, f, k) of all floors, in the unit of their noise.
+
+        Zero where not valid.
+        """
         frf = predicted[:, list(self.rows)]
         weight = (1.0 / self.sd) * self.independent**0.5
         size = frf.abs().clamp_min(1e-12).log()
-        # One wild point, where an anti-resonance is a sample off, must not decide anything.
-        parts = [_tame((self.log_frf - size) * weight)]
+        parts = [((self.log_frf - size) * weight).flatten(1)]
         if self.phase is not None:
             turn = torch.remainder(self.phase - frf.angle() + torch.pi, 2.0 * torch.pi) - torch.pi
-            parts.append(_tame(turn * weight))
+            parts.append((turn * weight).flatten(1))
         return torch.cat(parts, dim=1)
 
     def moved(self, from_: Tensor, to: Tensor) -> Tensor:
@@ -179,15 +221,6 @@ class Problem:
         if self.phase is not None:
             parts.append((ratio.angle() * weight).flatten(1))
         return torch.cat(parts, dim=1)
-
-
-def _tame(residuals: Tensor) -> Tensor:
-    """Residuals (N, n) of (N, f, k), none beyond what counts.
-
-    A model that is none (a negative stiffness gives no number) misses every point by that much.
-    """
-    most = THRESHOLDS.wild
-    return residuals.nan_to_num(nan=most).clamp(-most, most).flatten(1)
 
 
 def together(first: Problem, second: Problem, level: float) -> Problem:
@@ -210,6 +243,9 @@ def together(first: Problem, second: Problem, level: float) -> Problem:
         phase=torch.cat(joined, dim=1) if len(joined) == 2 else None,
         sd=torch.cat([_on_rows(p.sd, p.rows, rows, torch.inf) for p in (first, second)], dim=1),
         blocks=(*first.blocks, *(replace(one, level=level) for one in second.blocks)),
+        halves=tuple(
+            together(*both, level) for both in zip(first.halves, second.halves, strict=False)
+        ),
     )
 
 
@@ -235,6 +271,7 @@ def make_problem(
     *,
     use_phase: bool = True,
     model_error: float = 0.0,
+    own_error: float = 0.0,
 ) -> Problem:
     """Bring an observation and a structure together.
 
@@ -246,6 +283,7 @@ def make_problem(
         observation: on its own grid.
         use_phase: compare phases where they were measured.
         model_error: added to the noise of ln|H|.
+        own_error: share of an effect's size by which the model of the effect may err.
     """
     table = observation.coherence is None
     valid = torch.from_numpy(observation.valid)
@@ -278,5 +316,5 @@ def make_problem(
                 observation.estimator,
             ),
         ),
-        model_error=model_error,
+        own_error=own_error,
     )

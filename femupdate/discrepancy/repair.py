@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from femupdate.discrepancy.diagnose import NAMED, Diagnosis, Finding, diagnose
+from femupdate.discrepancy.diagnose import NAMED, PARTLY, Diagnosis, Finding, diagnose
 from femupdate.discrepancy.fit import Fit
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.residual_map import p_value
@@ -82,7 +82,7 @@ def repair(
         found = found or diagnose(now, settings, current, progress)
         leading = found.leading
         enough = p_value(now, current) > VERDICT.repaired or len(rounds) == VERDICT.most_rounds
-        if found.verdict != NAMED or leading is None or (rounds and enough):
+        if found.verdict not in (NAMED, PARTLY) or leading is None or (rounds and enough):
             break
         rounds.append(Round(found, leading, current.chi2, leading.fitted.chi2))
         current, found = leading.fitted, None
@@ -97,7 +97,7 @@ def as_fitted(done: Repair) -> Repair:
 
     A model that was fitted anew at the end has moved the sizes on from where they were named.
     """
-    values, sd = done.after.sizes(done.last.inflation)
+    values, sd = done.after.sizes()
     first = len(done.before.sizes()[0])
     rounds = []
     for one in done.rounds:

@@ -52,14 +52,15 @@ def residual_cells(problem: Problem, fitted: Fit) -> tuple[Cell, ...]:
     return tuple(cells)
 
 
-def p_value(problem: Problem, fitted: Fit, inflation: float = 1.0) -> float:
+def p_value(problem: Problem, fitted: Fit) -> float:
     """Probability that noise alone leaves residuals as large as these."""
     freedom = max(problem.effective - fitted.coordinates.size, 1.0)
-    return float(chi2.sf(fitted.chi2 / inflation, freedom))
+    return float(chi2.sf(fitted.chi2, freedom))
 
 
 def _squared(problem: Problem, fitted: Fit) -> tuple[Floats, Flags]:
     """Squared residuals (f, k), amplitude and phase together, and which points are valid."""
     floors, points = problem.log_frf.shape
-    residual = fitted.weighed.residual.reshape(-1, floors, points).numpy()
+    parts = 1 if problem.phase is None else 2
+    residual = fitted.left[: parts * floors * points].reshape(-1, floors, points).numpy()
     return (residual**2).sum(axis=0), np.isfinite(problem.sd.numpy())

@@ -107,9 +107,7 @@ def _score_at(problem: Problem, base: Fit, placed: Placed, start: tuple[float, .
     if bool((changed == changed[0, 0]).all()):  # all missed alike: no structure is left there
         return Score(placed, start, 0.0, 0.0, 0.0, 1.0, None)
     effect = base.residual - changed[0]  # change of the prediction
-    if base.common is not None:
-        effect = base.common.whiten(effect[None])[0]
-    residual, jacobian = base.weighed.residual, base.weighed.jacobian
+    residual, jacobian = base.residual, base.jacobian
     own = effect - jacobian @ least_squares(jacobian, effect)
     whole, left = float(effect @ effect), float(own @ own)
     absorbed = 1.0 - left / whole if whole > _NOTHING else 1.0
@@ -119,7 +117,7 @@ def _score_at(problem: Problem, base: Fit, placed: Placed, start: tuple[float, .
     statistic = float(unit @ residual)
     if not start:  # an exchange is there or not
         rest = residual - effect
-        gain = base.chi2 - float(rest @ rest)
+        gain = float(residual @ residual) - float(rest @ rest)
         worth = float(np.sqrt(max(gain, 0.0)))
         return Score(placed, start, worth, 1.0, left**0.5, absorbed, unit)
     size = placed.effect.parameters[0]

@@ -42,16 +42,15 @@ class DiagnosisSettings:
     least_strength: float = _entry(
         1.0, "D per prior sd", "below which an effect cannot be seen", _STICKS
     )
-    smallest_gain: float = _entry(
-        0.002, "share", "of the residual sum of squares that a name must explain", _FRAMES
+    false_share: float = _entry(
+        0.05, "share", "of names that may be false", "the usual rate of false discoveries"
     )
-    unknown_left: float = _entry(
-        0.1,
-        "share",
-        "of the excess that an effect may leave before the verdict is unknown",
-        _FRAMES,
+    least_frequency: float = _entry(
+        0.01, "share", "of a natural frequency below which a change is of no consequence"
     )
-    paired: int = _entry(2, "effects", "leading ones that are tried with a second effect")
+    least_response: float = _entry(
+        0.02, "share", "of a response below which a change or an error is of no consequence"
+    )
     seed: int = _entry(0, "", "of starts and samples")
 
     def margin(self, log_evidence: float) -> float:
@@ -65,12 +64,6 @@ class VerdictThresholds:
 
     fewest_points: float = _entry(
         3.0, "points", "independent, for each unknown, below which the data cannot tell"
-    )
-    beyond_chance: float = _entry(
-        5.0, "sd", "of a chi-square, from which what is left is more than chance", _FRAMES
-    )
-    better_pair: float = _entry(
-        0.98, "share", "of the best sum of squares that a pair of effects must stay below"
     )
     better_exchange: float = _entry(
         0.8, "share", "of the best sum of squares that an exchange of channels must stay below"
@@ -87,7 +80,7 @@ class VerdictThresholds:
     )
     most_rounds: int = _entry(3, "effects", "added by one repair, at most")
     clearly: float = _entry(
-        0.9, "share", "of what a fit leaves that another must stay below to take its place"
+        6.0, "log density", "of the data by which a fit must exceed another to take its place"
     )
     obvious: float = _entry(
         0.5, "share", "of the coarse sum of squares that a mended channel must stay below"
@@ -106,12 +99,14 @@ class FitThresholds:
     fewer_shapes: int = _entry(
         140, "shapes", "of a basis in searches", "ln|H| errs by .01 rms, in a third of the time"
     )
+    rounds: int = _entry(4, "rows", "of the table of errors that a fit tries, at most")
     first_steps: int = _entry(5, "steps", "of every leading candidate")
     steps: int = _entry(15, "steps", "of a candidate that is followed, at most")
     glance: int = _entry(2, "steps", "of every other effect before a name is given")
     ahead: int = _entry(12, "effects", "of these that get the first steps")
     others: int = _entry(4, "effects", "of these that are fitted to convergence")
     more: float = _entry(1.5, "times the best", "misfit up to which these are fitted")
+    again: int = _entry(2, "effects", "from whose fits the model without them is fitted again")
     far_behind: float = _entry(2.0, "times the best", "misfit beyond which one is dropped")
     behind: float = _entry(200.0, "misfit", "beyond that many times the best")
     baseline_draws: int = _entry(384, "draws", "of the prior from which a search starts")
@@ -158,26 +153,11 @@ class ModelErrorThresholds:
         "the same of a mesh that was read",
         ".03 rms (.2 m against .1 m) over peaks of ten to twenty points that err alike",
     )
-    mesh_evidence: float = _entry(
-        40.0,
-        "log evidence",
-        "that an unknown mesh error may bring to an effect",
-        "11 to 30 on clean truths of a .15 m mesh",
-    )
-    mesh_evidence_learned: float = _entry(
-        8.0,
-        "log evidence",
-        "the same where the mesh error was learned",
-        "53 frames without effects: -5 to 10, one 18",
-    )
     size: float = _entry(
         0.03, "share", "by which a mesh misjudges an effect's size", "trials: .001 to .09"
     )
-    usual: float = _entry(
-        0.5, "share", "of its squared error that a right model shows", "a sixth to a half seen"
-    )
     noisy: float = _entry(0.15, "ln|H|", "noise above which an estimate is biased and left out")
-    wild: float = _entry(8.0, "sd", "beyond which a residual counts no more")
+    wild: float = _entry(8.0, "sd", "of error and noise beyond which a residual counts no more")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -51,8 +51,8 @@ class ErrorTable:
 
 MODEL_ERROR = ErrorTable()
 
-# Numbers in the factors of all rows, up to which these are kept.
-_KEPT = 6e7
+# Numbers in the factors of rows, up to which these are kept; and rows that are worked at once.
+_KEPT, _AT_ONCE = 5e7, 24
 
 
 @dataclass(frozen=True)
@@ -133,7 +133,7 @@ class Harmonics:
     @staticmethod
     def over(seen_hz: Tensor, table: ErrorTable = MODEL_ERROR) -> "Harmonics":
         """Over measured frequencies (k,)."""
-        first, width = float(seen_hz[0]), float(seen_hz[-1] - seen_hz[0])
+        first, width = float(seen_hz.min()), float(seen_hz.max() - seen_hz.min())
         return Harmonics(first, width, table.period * width, table.harmonics)
 
     def at(self, frequency_hz: Tensor) -> Tensor:
@@ -153,15 +153,16 @@ class Harmonics:
 
 @dataclass(frozen=True, eq=False)
 class _Factor:
-    """Cholesky factor of the precision of all coefficients, scaled to a prior of unit variance.
+    """Cholesky factors of the precision of all coefficients, scaled to a prior of unit variance.
 
-    Coefficients of one floor alone (a group is a floor in one part) are tied to those of another
-    by what all share: the common process of their part, and errors known beforehand.
+    One for each of r rows of the table. Coefficients of one floor alone (a group is a floor in one
+    part) are tied to those of another by what all share: the common process of their part, and
+    errors known beforehand.
 
     Attributes:
-        own: (f, j, j) of a floor's own, the same in all parts.
-        across: (g, j, s) of these and the shared ones.
-        shared: (s, s).
+        own: (r, f, j, j) of a floor's own, the same in all parts.
+        across: (r, g, j, s) of these and the shared ones.
+        shared: (r, s, s).
     """
 
     own: Tensor
@@ -169,27 +170,33 @@ class _Factor:
     shared: Tensor
 
     def forward(self, own: Tensor, shared: Tensor) -> tuple[Tensor, Tensor]:
-        """The factor's inverse times values of all coefficients, (g, j, n) and (s, n)."""
-        first = torch.linalg.solve_triangular(self._groups(own), own, upper=False)
-        rest = shared - torch.einsum("gjs,gjn->sn", self.across, first)
+        """The factors' inverses times values of all coefficients, (r, g, j, n) and (r, s, n)."""
+        first = torch.linalg.solve_triangular(self._groups, own, upper=False)
+        rest = shared - (self.across.mT @ first).sum(1)
         return first, torch.linalg.solve_triangular(self.shared, rest, upper=False)
 
     def solve(self, own: Tensor, shared: Tensor) -> tuple[Tensor, Tensor]:
-        """The precision's inverse times values of all coefficients, (g, j, n) and (s, n)."""
+        """The precisions' inverses times values of all coefficients, shaped likewise."""
         first, rest = self.forward(own, shared)
-        rest = torch.linalg.solve_triangular(self.shared.T, rest, upper=True)
-        first = first - self.across @ rest
-        return torch.linalg.solve_triangular(self._groups(own).mT, first, upper=True), rest
+        rest = torch.linalg.solve_triangular(self.shared.mT, rest, upper=True)
+        first = first - self.across @ rest[:, None]
+        return torch.linalg.solve_triangular(self._groups.mT, first, upper=True), rest
 
     @property
-    def half_log_determinant(self) -> float:
-        """Of the precision."""
-        parts = len(self.across) // len(self.own)
-        own = self.own.diagonal(dim1=1, dim2=2).log().sum()
-        return parts * float(own) + float(self.shared.diagonal().log().sum())
+    def half_log_determinants(self) -> Tensor:
+        """(r,) of the precisions."""
+        parts = self.across.shape[1] // self.own.shape[1]
+        own = self.own.diagonal(dim1=2, dim2=3).log().sum((1, 2))
+        return parts * own + self.shared.diagonal(dim1=1, dim2=2).log().sum(1)
 
-    def _groups(self, like: Tensor) -> Tensor:
-        return self.own.repeat(len(like) // len(self.own), 1, 1)
+    @property
+    def size(self) -> int:
+        """Numbers in it."""
+        return self.own.numel() + self.across.numel() + self.shared.numel()
+
+    @property
+    def _groups(self) -> Tensor:
+        return self.own.repeat(1, self.across.shape[1] // self.own.shape[1], 1, 1)
 
 
 class LearnedError:
@@ -207,6 +214,8 @@ class LearnedError:
             known beforehand, as that of a mesh.
         table: what the error may be.
         parts: p.
+        wild: standard deviations of a point, error and noise together, beyond which it counts as
+            that many; by default every point counts whole.
 
     Attributes:
         levels: rows of the table that are summed over.
@@ -222,19 +231,21 @@ class LearnedError:
         known: Tensor | None = None,
         table: ErrorTable = MODEL_ERROR,
         parts: int = 1,
+        wild: float = math.inf,
     ) -> None:
         seen = frequency_hz[(weight > 0).any(0)]
         self._table = table
-        self.levels = error_levels(float(seen[-1] - seen[0]), table)
+        self.levels = error_levels(float(seen.max() - seen.min()), table)
         self.harmonics = Harmonics.over(seen, table)
         self.floors, self._parts = len(weight), parts
         self._points = float(parts * (weight > 0).sum()) if points is None else points
+        self._weight, self._wild = weight.flatten().repeat(parts), wild
         # (f, k, j): what the harmonics of a floor do to its residuals.
         self._wide = weight.sqrt()[:, :, None] * self.harmonics.at(frequency_hz)
         self._known = weight.new_zeros(0, parts * weight.numel()) if known is None else known
         self._normal = self._wide.mT @ self._wide
         self._across = self._beside(self._known)
-        self._factors: dict[int, _Factor] = {}
+        self._factors: dict[tuple[int, ...], _Factor] = {}
 
     def without_known(self) -> "LearnedError":
         """Without the errors that are known beforehand."""
@@ -242,6 +253,10 @@ class LearnedError:
         other._known, other._across = self._known[:0], self._across[:0]
         other._factors = {}
         return other
+
+    def forget(self) -> None:
+        """Give back the memory of what is kept for speed."""
+        self._factors.clear()
 
     @property
     def start(self) -> int:
@@ -274,6 +289,15 @@ class LearnedError:
         fewer._factors = {}
         return fewer
 
+    def no_larger(self, row: int) -> list[int]:
+        """Rows none of whose errors, and whose noise, is larger than a row's."""
+        most = self.levels[row]
+        return [
+            number
+            for number, one in enumerate(self.levels)
+            if one.common <= most.common and one.own <= most.own and one.noise <= most.noise
+        ]
+
     def counting(self, densities: Tensor) -> list[int]:
         """Rows that count at one at least of some points, from their log densities (n, g)."""
         most = (densities - densities.max()).max(0).values
@@ -284,32 +308,58 @@ class LearnedError:
 
         Up to the constant of the stated noise.
         """
-        along, square = self._along(residuals), residuals.square().sum(1).to(self._wide)
-        values = []
-        for row, level in enumerate(self.levels):
-            factor = self._factor(row)
-            parts = factor.forward(*self._scaled(level, *along))
-            explained = parts[0].square().sum((0, 1)) + parts[1].square().sum(0)
-            constant = level.log_weight - self._points * math.log(level.noise)
-            constant -= factor.half_log_determinant
-            squares = (square - explained / level.noise**2) / level.noise**2
-            values.append(constant - 0.5 * squares)
-        return torch.stack(values, dim=1)
+        every = tuple(range(len(self.levels)))
+        chunks = [every[k : k + _AT_ONCE] for k in range(0, len(every), _AT_ONCE)]
+        return torch.cat([self._densities(residuals, rows) for rows in chunks], dim=1)
+
+    def _densities(self, residuals: Tensor, rows: tuple[int, ...]) -> Tensor:
+        """Log density (n, r) of residuals (n, p f k) by some rows."""
+        tamed = residuals.to(self._wide)[None]
+        if math.isfinite(self._wild):
+            tamed = torch.cat([self.tame(tamed, row) for row in rows])
+        factor, noise = self._factor(rows), self._of(rows, "noise")
+        first, rest = factor.forward(*self._scaled(rows, *self._along(tamed)))
+        explained = first.square().sum((1, 2)) + rest.square().sum(1)  # (r, n)
+        squares = (tamed.square().sum(2) - explained / noise[:, None] ** 2) / noise[:, None] ** 2
+        constant = self._of(rows, "log_weight") - self._points * noise.log()
+        constant = constant - factor.half_log_determinants
+        return (constant[:, None] - 0.5 * squares).T
 
     def log_density(self, residuals: Tensor) -> Tensor:
         """Log density (n,) of residuals (n, f k), summed over the table."""
         return torch.logsumexp(self.log_densities(residuals), dim=1)
 
+    def tame(self, residuals: Tensor, row: int) -> Tensor:
+        """Residuals (n, p f k) of which none is wilder than counts, were a row of the table true.
+
+        One point, where an anti-resonance is a sample off, must not decide anything. A model that
+        is none (a negative stiffness gives no number) misses every point by the most.
+        """
+        if math.isinf(self._wild):
+            return residuals
+        level = self.levels[row]
+        error = (level.common**2 + level.own**2) * self._weight
+        most = self._wild * (level.noise**2 + error).sqrt()
+        return torch.minimum(torch.maximum(residuals.nan_to_num(nan=math.inf), -most), most)
+
     def whiten(self, residuals: Tensor, row: int) -> Tensor:
-        """Residuals (n, m) of unit covariance, were a row of the table true.
+        """Residuals (n, m) of unit covariance, were a row of the table true; along straight lines.
 
         What is left beside the likeliest error comes first (p f k), then its coefficients: those of
         every floor alone, and those that all share.
         """
         level = self.levels[row]
+        if level.common == level.own == 0.0 and not len(self._known):
+            none = residuals.new_zeros(len(residuals), self._coefficients, dtype=torch.float64)
+            return torch.cat([residuals.to(self._wide) / level.noise, none], dim=1)
         own, shared = self._standard(residuals, row)
-        left = residuals.to(self._wide) - self._along_back(*self._scaled(level, own, shared))
-        return torch.cat([left / level.noise, own.flatten(0, 1).T, shared.T], dim=1)
+        left = residuals.to(self._wide) - self._along_back(*self._scaled((row,), own, shared))
+        return torch.cat([left / level.noise, own[0].flatten(0, 1).T, shared[0].T], dim=1)
+
+    @property
+    def _coefficients(self) -> int:
+        """Of all floors alone, and of what they share."""
+        return self._parts * (self.floors + 1) * self._wide.shape[2] + len(self._known)
 
     def floor_squares(self, residuals: Tensor, rows: Tensor) -> Tensor:
         """Squares (n, f) of residuals (n, p f k), each of unit covariance by its own row (n,)."""
@@ -328,78 +378,102 @@ class LearnedError:
 
         Without the errors that are known beforehand.
         """
-        level = self.levels[row]
-        own, shared = self._scaled(level, *self._standard(residuals, row))
-        common = shared[len(self._known) :].unflatten(0, (self._parts, 1, -1))
-        return (own.unflatten(0, (self._parts, -1)) + common).flatten(0, 1).permute(2, 0, 1)
+        own, shared = self._scaled((row,), *self._standard(residuals, row))
+        common = shared[0, len(self._known) :].unflatten(0, (self._parts, 1, -1))
+        return (own[0].unflatten(0, (self._parts, -1)) + common).flatten(0, 1).permute(2, 0, 1)
 
-    def _factor(self, row: int) -> _Factor:
-        found = self._factors.get(row)
+    def _factor(self, rows: tuple[int, ...]) -> _Factor:
+        found = self._factors.get(rows)
         if found is None:
-            found = self._factored(self.levels[row])
-            size = found.own.numel() + found.across.numel() + found.shared.numel()
-            if size * len(self.levels) < _KEPT:
-                self._factors[row] = found
+            found = self._factored(rows)
+            if found.size + sum(one.size for one in self._factors.values()) < _KEPT:
+                self._factors[rows] = found
         return found
 
-    def _factored(self, level: ErrorLevel) -> _Factor:
-        """In units of the noise's variance, to which the prior's precision is brought."""
-        spread, noise = self.harmonics.spread(level.length_hz), level.noise
-        count = len(spread)
-        one = torch.eye(count).to(self._wide)
-        scaled = spread[:, None] * self._normal * spread / noise**2
-        own = torch.linalg.cholesky(one + level.own**2 * scaled)
-        of_known = level.own * spread * self._across / noise**2  # (c, g, j)
-        of_common = (
-            level.own
-            * level.common
-            * torch.block_diag(*(scaled.flatten(0, 1) for _ in range(self._parts)))
+    def _of(self, rows: tuple[int, ...], name: str) -> Tensor:
+        """(r,) of one attribute of rows of the table."""
+        values = [getattr(self.levels[row], name) for row in rows]
+        return torch.tensor(values, dtype=torch.float64)
+
+    def _spread(self, rows: tuple[int, ...]) -> Tensor:
+        """(r, j) standard deviations of the harmonics' coefficients, of a process of size one."""
+        return torch.stack([self.harmonics.spread(self.levels[row].length_hz) for row in rows])
+
+    def _factored(self, rows: tuple[int, ...]) -> _Factor:
+        noise, spread = (
+            self._of(rows, "noise"),
+            self._spread(rows) / self._of(rows, "noise")[:, None],
         )
-        both = torch.cat([of_known.permute(1, 2, 0), of_common.unflatten(0, (-1, count))], 2)
-        groups = own.repeat(self._parts, 1, 1)
+        owns, commons = (self._of(rows, name) for name in ("own", "common"))
+        scaled = spread[:, None, :, None] * self._normal * spread[:, None, None, :]  # (r, f, j, j)
+        one = torch.eye(spread.shape[1]).to(scaled)
+        own = torch.linalg.cholesky(one + owns[:, None, None, None] ** 2 * scaled)
+        known = (
+            spread[:, None, :, None] * self._across.permute(1, 2, 0) / noise[:, None, None, None]
+        )
+        both = self._with_common(known, commons[:, None, None, None] * scaled)
+        both = owns[:, None, None, None] * both
+        groups = own.repeat(1, self._parts, 1, 1)
         across = torch.linalg.solve_triangular(groups, both, upper=False)
-        shared = self._shared_precision(level, scaled) - torch.einsum("gjs,gjt->st", across, across)
+        shared = self._shared_precision(rows, scaled, known) - (across.mT @ across).sum(1)
         return _Factor(own, across, torch.linalg.cholesky(shared))
 
-    def _shared_precision(self, level: ErrorLevel, scaled: Tensor) -> Tensor:
-        """(s, s) of what all floors share, were there nothing of a floor's own."""
-        spread, noise = self.harmonics.spread(level.length_hz), level.noise
-        within = self._known @ self._known.T / noise**2
-        of_part = self._across.unflatten(1, (self._parts, -1)).sum(2)  # (c, p, j)
-        between = (level.common * spread * of_part / noise**2).flatten(1)
-        common = level.common**2 * torch.block_diag(*[scaled.sum(0)] * self._parts)
-        whole = torch.cat([torch.cat([within, between], 1), torch.cat([between.T, common], 1)])
-        return whole + torch.eye(len(whole)).to(whole)
+    def _with_common(self, known: Tensor, common: Tensor) -> Tensor:
+        """(r, g, j, s) of the known errors (r, g, j, c) and of each part's own (r, f, j, j)."""
+        floors, count, blocks = common.shape[1], common.shape[2], []
+        for part in range(self._parts):
+            wide = common.new_zeros(len(common), floors, count, self._parts * count)
+            wide[..., part * count : (part + 1) * count] = common
+            blocks.append(wide)
+        return torch.cat([known, torch.cat(blocks, 1)], 3)
+
+    def _shared_precision(self, rows: tuple[int, ...], scaled: Tensor, known: Tensor) -> Tensor:
+        """(r, s, s) of what all floors share, were there nothing of a floor's own."""
+        noise, commons = self._of(rows, "noise"), self._of(rows, "common")
+        within = self._known @ self._known.T / noise[:, None, None] ** 2
+        of_part = known.unflatten(1, (self._parts, -1)).sum(2).flatten(1, 2)  # (r, p j, c)
+        between = commons[:, None, None] * of_part
+        common = commons[:, None, None] ** 2 * scaled.sum(1)
+        count, c = common.shape[1], len(self._known)
+        whole = torch.eye(c + self._parts * count).to(common).repeat(len(rows), 1, 1)
+        whole[:, :c, :c] += within
+        whole[:, c:, :c] += between
+        whole[:, :c, c:] += between.mT
+        for part in range(self._parts):
+            at = slice(c + part * count, c + (part + 1) * count)
+            whole[:, at, at] += common
+        return whole
 
     def _standard(self, residuals: Tensor, row: int) -> tuple[Tensor, Tensor]:
-        """Likeliest coefficients (g, j, n) and (s, n), whose prior is of unit variance."""
-        level = self.levels[row]
-        own, shared = self._scaled(level, *self._along(residuals))
-        return self._factor(row).solve(own / level.noise**2, shared / level.noise**2)
+        """Likeliest coefficients (1, g, j, n) and (1, s, n), whose prior is of unit variance."""
+        own, shared = self._scaled((row,), *self._along(residuals.to(self._wide)[None]))
+        squared = self.levels[row].noise ** 2
+        return self._factor((row,)).solve(own / squared, shared / squared)
 
-    def _scaled(self, level: ErrorLevel, own: Tensor, shared: Tensor) -> tuple[Tensor, Tensor]:
-        """Values of the coefficients (g, j, n) and (s, n), times their standard deviations."""
-        spread = self.harmonics.spread(level.length_hz)
-        common = level.common * spread.repeat(self._parts)
-        every = torch.cat([torch.ones(len(self._known)).to(common), common])
-        return level.own * spread[:, None] * own, every[:, None] * shared
+    def _scaled(self, rows: tuple[int, ...], own: Tensor, shared: Tensor) -> tuple[Tensor, Tensor]:
+        """Coefficients (r, g, j, n) and (r, s, n), times their standard deviations."""
+        spread = self._spread(rows)
+        owns, commons = (self._of(rows, name)[:, None] for name in ("own", "common"))
+        common = (commons * spread).repeat(1, self._parts)
+        every = torch.cat([common.new_ones(len(rows), len(self._known)), common], 1)
+        return (owns * spread)[:, None, :, None] * own, every[:, :, None] * shared
 
     def _beside(self, residuals: Tensor) -> Tensor:
-        """Products (n, g, j) of residuals (n, p f k) with the harmonics of every floor."""
-        parts = residuals.to(self._wide).unflatten(1, (self._parts, self.floors, -1))
-        return torch.einsum("npfk,fkj->npfj", parts, self._wide).flatten(1, 2)
+        """Products (..., g, j) of residuals (..., p f k) with the harmonics of every floor."""
+        parts = residuals.unflatten(-1, (self._parts, self.floors, -1))
+        return torch.einsum("...pfk,fkj->...pfj", parts, self._wide).flatten(-3, -2)
 
     def _along(self, residuals: Tensor) -> tuple[Tensor, Tensor]:
-        """What residuals (n, p f k) say of all coefficients, (g, j, n) and (s, n)."""
-        own = self._beside(residuals)
-        common = own.unflatten(1, (self._parts, -1)).sum(2).flatten(1)
-        known = residuals.to(self._wide) @ self._known.T
-        return own.permute(1, 2, 0), torch.cat([known, common], 1).T
+        """What residuals (r, n, p f k) say of all coefficients, (r, g, j, n) and (r, s, n)."""
+        own = self._beside(residuals)  # (r, n, g, j)
+        common = own.unflatten(2, (self._parts, -1)).sum(3).flatten(2)
+        known = residuals @ self._known.T
+        return own.permute(0, 2, 3, 1), torch.cat([known, common], 2).mT
 
     def _along_back(self, own: Tensor, shared: Tensor) -> Tensor:
-        """Residuals (n, p f k) that coefficients (g, j, n) and (s, n) bring."""
+        """Residuals (n, p f k) that coefficients (1, g, j, n) and (1, s, n) bring."""
         count = len(self._known)
-        common = shared[count:].unflatten(0, (self._parts, 1, -1))
-        of_floors = own.unflatten(0, (self._parts, -1)) + common
-        back = torch.einsum("pfjn,fkj->npfk", of_floors, self._wide).flatten(1)
-        return back + shared[:count].T @ self._known
+        common = shared[0, count:].unflatten(0, (self._parts, 1, -1))
+        of_floors = own[0].unflatten(0, (self._parts, -1)) + common  # (p, f, j, n)
+        back = (self._wide @ of_floors).permute(3, 0, 1, 2).flatten(1)
+        return back + shared[0, :count].T @ self._known

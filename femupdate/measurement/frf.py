@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.sparse import csr_array
 
-from femupdate.arrays import Flags, Floats
+from femupdate.arrays import Flags, Floats, Indices
 from femupdate.errors import MeasurementError
 from femupdate.measurement.columns import BASE
 from femupdate.measurement.estimated import estimator_of
@@ -24,7 +24,13 @@ from femupdate.measurement.observation import (
     select_floors,
 )
 from femupdate.measurement.observation_file import Histories
-from femupdate.measurement.welch import Segments, Spectra, choose_segments, welch_spectra
+from femupdate.measurement.welch import (
+    FEWEST_AVERAGES,
+    Segments,
+    Spectra,
+    choose_segments,
+    welch_spectra,
+)
 
 DEFAULT_NOISE = 0.2  # on ln|H|, where neither the file nor the coherence says
 # Accelerometers are calibrated to about 1 %, so no estimate is better than that.
@@ -51,6 +57,7 @@ def estimate_frf(
     frequency_hz: Floats,
     direction: str = "x",
     segment_s: float | None = None,
+    half: int | None = None,
 ) -> Observation:
     """Estimate the FRFs of all floors in one direction, with their noise from the coherence.
 
@@ -66,6 +73,8 @@ def estimate_frf(
         direction: of the motion: x, y or z.
         segment_s: length of a segment, s; by default the inverse of the grid's step, shorter
             where that would leave fewer than five independent segments.
+        half: 0 or 1 for every other segment alone; the noise is that of the whole record, as much
+            larger as there are fewer segments.
 
     Raises:
         MeasurementError: there is no base or floor channel in the direction, the record is too
@@ -75,12 +84,17 @@ def estimate_frf(
     base, floors, names = _floor_means(histories, direction)
     wanted = 1.0 / float(np.median(np.diff(grid))) if grid.size > 1 else 8.0 / float(grid[0])
     segments = choose_segments(base.size, histories.time_step, wanted, segment_s, histories.source)
-    spectra = welch_spectra(base, floors, histories.time_step, segments.length)
+    spectra = welch_spectra(base, floors, histories.time_step, segments)
     coherence = np.abs(spectra.cross) ** 2 / np.maximum(spectra.base * spectra.floors, _TINY)
     frf = spectra.cross / np.maximum(spectra.base, _TINY)
     incoherent = _incoherent(spectra, coherence, segments.effective)
     noise = _noise(spectra, coherence, incoherent, segments.effective)
     trusted = _trusted(spectra, incoherent, noise, segments.effective)
+    if half is not None:
+        whole, segments = segments, _half(segments, half, histories.source)
+        noise = noise * (whole.effective / segments.effective) ** 0.5
+        spectra = welch_spectra(base, floors, histories.time_step, segments)
+        frf = spectra.cross / np.maximum(spectra.base, _TINY)
 
     inside = _resolved(grid, segments, histories.time_step)
     at_grid = _Interpolator(spectra.frequency_hz, grid, inside)
@@ -105,8 +119,20 @@ def estimate_frf(
     )
 
 
+def _half(segments: Segments, number: int, source: str) -> Segments:
+    half = segments.half(number)
+    if half.effective < FEWEST_AVERAGES:
+        raise MeasurementError(
+            f"{source}: {segments.count} segments are too few to be parted in two halves"
+        )
+    return half
+
+
 def observation_from_table(
-    table: FrfTable, frequency_hz: Floats, default_noise: float = DEFAULT_NOISE
+    table: FrfTable,
+    frequency_hz: Floats,
+    default_noise: float = DEFAULT_NOISE,
+    half: int | None = None,
 ) -> Observation:
     """Bring a table of FRFs to a frequency grid, interpolating ln|H| within the table's range.
 
@@ -114,6 +140,7 @@ def observation_from_table(
         table: of measured FRFs.
         frequency_hz: (m,) the building's grid, increasing.
         default_noise: sd of ln|H| where the table gives none.
+        half: 0 or 1 for every other independent point alone.
 
     Raises:
         MeasurementError: no point of the grid lies in the table's range.
@@ -128,6 +155,9 @@ def observation_from_table(
         phase = np.angle(at_grid(table.complex_frf.real) + 1j * at_grid(table.complex_frf.imag))
     valid = np.broadcast_to(inside, noise.shape).copy()
     _require_points(valid, table.source)
+    resolution = _table_spacing(table, grid)
+    if half is not None:
+        valid &= _alternate(grid, resolution) == half
     without = [f for f, row in zip(table.floors, stated, strict=True) if np.isnan(row).any()]
     notes = (f"Noise on ln|H| taken as {default_noise:g} for {', '.join(without)}.",)
     return Observation(
@@ -137,10 +167,16 @@ def observation_from_table(
         noise_sd=noise,
         valid=valid,
         phase=phase,
-        resolution_hz=_table_spacing(table, grid),
+        resolution_hz=resolution,
         source=table.source,
         notes=(*(notes if without else ()), *_gaps(table.floors, valid, inside)),
     )
+
+
+def _alternate(grid: Floats, resolution_hz: float | None) -> Indices:
+    """0 or 1 (m,) by turns, from one point that errs independently to the next."""
+    spacing = float(np.median(np.diff(grid))) if grid.size > 1 else 1.0
+    return np.floor((grid - grid[0]) / (resolution_hz or spacing) + 1e-6).astype(np.int32) % 2
 
 
 def _table_spacing(table: FrfTable, grid: Floats) -> float | None:
@@ -159,6 +195,7 @@ def observation_for(
     direction: str = "x",
     segment_s: float | None = None,
     default_noise: float = DEFAULT_NOISE,
+    half: int | None = None,
 ) -> Observation:
     """Return the observation in a file, on the building's floors and frequency grid.
 
@@ -169,6 +206,7 @@ def observation_for(
         direction: of the motion, for histories.
         segment_s: see `estimate_frf`.
         default_noise: see `observation_from_table`.
+        half: 0 or 1 for one half of the data alone.
 
     Raises:
         MeasurementError: the file has a floor that the building has not, or see `estimate_frf`
@@ -176,9 +214,9 @@ def observation_for(
     """
     require_floors_of_building(data.source, data.floors, building_floors)
     if isinstance(data, FrfTable):
-        observation = observation_from_table(data, frequency_hz, default_noise)
+        observation = observation_from_table(data, frequency_hz, default_noise, half)
     else:
-        observation = estimate_frf(data, frequency_hz, direction, segment_s)
+        observation = estimate_frf(data, frequency_hz, direction, segment_s, half)
     return select_floors(observation, [f for f in building_floors if f in observation.floors])
 
 

@@ -1,10 +1,10 @@
 """Spectra of base and floors by Welch's method, and the averages in them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from femupdate.arrays import Complexes, Floats
+from femupdate.arrays import Complexes, Floats, Indices
 from femupdate.errors import MeasurementError
 
 MINIMUM_AVERAGES = 5.0  # effective number of segments that the default length must leave
@@ -24,6 +24,7 @@ class Segments:
         effective: number of independent segments that average as well.
         seconds: length of a segment, s.
         wanted: the length that the frequency grid asks for, s.
+        first, every: of these segments in half-overlapping ones, and the step between them.
     """
 
     length: int
@@ -31,6 +32,23 @@ class Segments:
     effective: float
     seconds: float
     wanted: float
+    first: int = 0
+    every: int = 1
+
+    @property
+    def starts(self) -> Indices:
+        """Samples (s,) at which segments begin."""
+        hop = self.length - self.length // 2
+        return hop * (self.first + self.every * np.arange(self.count, dtype=np.int32))
+
+    def half(self, number: int) -> "Segments":
+        """Every other segment, from the first or the second.
+
+        Both halves err all but independently: of half-overlapping Hann windows that are neighbours
+        the squared correlation is 1/36 (Welch 1967).
+        """
+        count = (self.count + 1 - number) // 2
+        return replace(self, count=count, effective=float(count), first=number, every=2)
 
     @property
     def note(self) -> str:
@@ -98,15 +116,19 @@ def choose_segments(
     return _cut(samples, time_step, length, wanted_s)
 
 
-def welch_spectra(base: Floats, floors: Floats, time_step: float, length: int) -> Spectra:
+def welch_spectra(base: Floats, floors: Floats, time_step: float, segments: Segments) -> Spectra:
     """Return the spectra of base (n,) and floors (f, n), segment means removed."""
     from scipy.signal import csd, welch
 
+    length, overlap = segments.length, segments.length // 2
+    if segments.every > 1:  # one behind the other, without overlap
+        chosen = (segments.starts[:, None] + np.arange(length)).ravel()
+        base, floors, overlap = base[chosen], floors[:, chosen], 0
     options = {
         "fs": 1.0 / time_step,
         "window": "hann",
         "nperseg": length,
-        "noverlap": length // 2,
+        "noverlap": overlap,
         "nfft": _PADDING * length,
         "detrend": "constant",
     }
@@ -121,9 +143,7 @@ def segment_spectra(
     base: Floats, time_step: float, segments: Segments
 ) -> tuple[Complexes, Floats, Floats]:
     """Spectra (s, b) of a base's segments, the bins (b,), Hz, and the starts (s,), s."""
-    length = segments.length
-    hop = length - length // 2
-    starts = hop * np.arange(segments.count)
+    length, starts = segments.length, segments.starts
     cut = np.stack([base[start : start + length] for start in starts])
     window = window_of(length)
     spectra = np.fft.rfft(window * (cut - cut.mean(axis=1, keepdims=True)), _PADDING * length)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import torch
 
-from femupdate.discrepancy.fit import Fit, weighed_residuals
+from femupdate.discrepancy.fit import Fit, raw_residuals
 from femupdate.discrepancy.posterior import Draws, draw
 from femupdate.discrepancy.problem import Problem
 from femupdate.inference.posterior import save_posterior
@@ -50,10 +50,9 @@ def calibrate_with_effects(
     if problem.reduced.structure.operators is not None:
         keep_basis(study, problem.reduced, model.building)
     show.start("Drawing the posterior", 1)
-    inflation = max(1.0, fitted.chi2 / max(problem.effective - fitted.coordinates.size, 1.0))
-    draws = draw(problem, fitted, settings.particles, inflation, settings.seed)
+    draws = draw(problem, fitted, settings.particles, settings.seed)
     show.advance()
-    kept = {"inflation": inflation, **level_settings(model, fitted.placed, source)}
+    kept = level_settings(model, fitted.placed, source)
     posterior = effect_posterior(model, observation, draws, kept)
     path = study.result("posterior.nc")
     save_posterior(posterior, path)
@@ -100,9 +99,9 @@ def _check(problem: Problem, fitted: Fit, draws: Draws) -> PredictiveCheck:
     as they are of the likelihood."""
     some = slice(None, None, max(1, len(draws.theta) // _CHECKED))
     parts = (torch.from_numpy(values[some]) for values in (draws.theta, draws.zeta, draws.sizes))
-    residual = weighed_residuals(problem, fitted, fitted.coordinates.joined(*parts))
-    floors, points = problem.log_frf.shape
-    squares = residual.reshape(len(residual), -1, floors, points).square().sum((1, 3))
+    error, row = fitted.problem.error, fitted.problem.row
+    residual = error.tame(raw_residuals(fitted, fitted.coordinates.joined(*parts)), row)
+    squares = error.floor_squares(residual, torch.full((len(residual),), row))
     freedom = (torch.isfinite(problem.sd) * problem.independent).sum(1)
     names = tuple(problem.reduced.model.floors[row] for row in problem.rows)
     return predictive_check(squares.numpy(), freedom.numpy(), names)

@@ -10,10 +10,18 @@ from typing import Any
 import numpy as np
 from torch import Tensor
 
-from femupdate.discrepancy.diagnose import AMBIGUOUS, UNKNOWN, Diagnosis, Finding
+from femupdate.discrepancy.diagnose import AMBIGUOUS, PARTLY, UNKNOWN, Diagnosis, Finding
 from femupdate.discrepancy.diagnose import diagnose as find
 from femupdate.discrepancy.exchange import promising
-from femupdate.discrepancy.fit import Fit, extended, fit, fit_baseline
+from femupdate.discrepancy.fit import (
+    Fit,
+    about,
+    extended,
+    fit,
+    fit_baseline,
+    log_posterior,
+    settle,
+)
 from femupdate.discrepancy.global_search import global_fit
 from femupdate.discrepancy.mesh_error import MeshError, corrected
 from femupdate.discrepancy.mesh_scatter import with_mesh_error
@@ -41,7 +49,7 @@ from femupdate.workflow.effects import (
 )
 from femupdate.workflow.mesh_error import open_mesh_error, with_finer_mesh
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.observed import ObservationSource, observation_of
+from femupdate.workflow.observed import ObservationSource, halves_of, observation_of
 from femupdate.workflow.second_record import SecondRecord, second_record
 
 DIAGNOSIS = "diagnosis"
@@ -81,11 +89,13 @@ class DiagnosisReport:
         """What the JSON file and `--json` hold."""
         found = self.diagnosis
         return {
-            "p_value": found.p_value,
             "verdict": found.verdict,
             "sentence": found.sentence,
-            "effects": [_finding(one) for one in found.findings],
-            "partner_of_the_first": found.partner or None,
+            "effects": [
+                {**_finding(one), "probability": share}
+                for one, share in zip(found.findings, found.shares, strict=True)
+            ],
+            "remaining": found.left.as_dict(),
             "cannot_be_seen": list(found.unobservable),
             "cannot_be_told_from_the_first": list(found.twins),
             "would_decide": list(self.would_decide),
@@ -96,7 +106,7 @@ class DiagnosisReport:
             ],
             "chi2": found.base.chi2,
             "independent_points": self.problem.effective,
-            "noise_inflation": found.inflation,
+            "p_value": found.p_value,
             "theta": found.base.theta()[0].tolist(),
             "screen": list(self.screen),
             "seconds": self.seconds,
@@ -108,10 +118,10 @@ class DiagnosisReport:
         lines = [
             f"Verdict: {found.verdict}. {found.sentence}",
             f"  residuals {found.base.chi2:.0f} over {points:.0f} independent points "
-            f"(p-value {found.p_value:.2g}); {self.seconds:.1f} s",
+            f"by the noise alone; {self.seconds:.1f} s",
         ]
         if found.findings:
-            head = ("effect", "log evidence", "probability", "size", "absorbed by theta")
+            head = ("effect", "log evidence", "on other data", "size", "absorbed by theta")
             lines.append(table(head, [_row(one) for one in found.findings[:_SHOWN]]))
         if found.unobservable:
             lines.append(f"  cannot be seen with these sensors: {', '.join(found.unobservable)}")
@@ -149,8 +159,9 @@ def diagnose_study(
     other = None if second is None else second_record(model, source, second)
     parts = model_parts(study, model, show)
     others = () if other is None else (other,)
-    problem, base = prepared(model, parts, observation, use_phase, chosen, show, others)
-    show.start("Looking for what is missing", 3)
+    halves = halves_of(model.building, source)
+    problem, base = prepared(model, parts, observation, use_phase, chosen, show, others, halves)
+    show.start("Looking for what is missing", 4)
     problem, base, found = sought(model, parts, problem, base, chosen, show)
     report = DiagnosisReport(
         diagnosis=found,
@@ -202,6 +213,7 @@ def prepared(
     settings: DiagnosisSettings | None = None,
     progress: Progress | None = None,
     others: Sequence[SecondRecord] = (),
+    halves: Sequence[Observation] = (),
 ) -> tuple[Problem, Fit]:
     """The problem with its mesh error, and the model as it is fitted to it.
 
@@ -214,9 +226,11 @@ def prepared(
     plain = parts.plain
     check_places(plain.structure, effects)
     show.start("Fitting the model as it is", 1)
-    problem = problem_of(plain, model.building, observation, use_phase, parts.mesh)
+    problem = problem_of(plain, model.building, observation, use_phase, parts.mesh, halves)
     for other in others:
-        own = problem_of(plain, model.building, other.observation, use_phase, parts.mesh)
+        own = problem_of(
+            plain, model.building, other.observation, use_phase, parts.mesh, other.halves
+        )
         problem = together(problem, own, other.level)
     if plain.structure.operators is None:
         check_sizes(model.building, problem.system(effects.placed), effects.values)
@@ -254,7 +268,7 @@ def _as_listed(
     tried = fit_baseline(
         problem, effects.placed, effects.values, seed, FIT.listed_draws, FIT.listed_starts
     )[0]
-    if tried.chi2 + tried.penalty > VERDICT.clearly * (base.chi2 + base.penalty):
+    if log_posterior(problem, tried) < log_posterior(problem, base) + VERDICT.clearly:
         return problem, base
     return refined(model, parts, problem, tried, show)
 
@@ -285,8 +299,7 @@ def sought(
 
     first = find(problem, chosen, base, show)
     near = _run_off(model, parts, problem, base, first, chosen, show)
-    settled = near[2].verdict not in (UNKNOWN, AMBIGUOUS) and not near[2].partner
-    if settled:
+    if near[2].verdict not in (UNKNOWN, AMBIGUOUS, PARTLY):
         return near
     show.advance(note="searching far from the model as it is")
     leading = [one.placed for one in first.findings]
@@ -296,7 +309,7 @@ def sought(
     there, far = refined(model, parts, problem, far, show)
     moved = fit(there, base.placed, base.z)
     again = find(there, chosen, moved, show, far)
-    if again.verdict == UNKNOWN or _least(again) > VERDICT.clearly * _least(near[2]):
+    if again.verdict == UNKNOWN or _best(again) < _best(near[2]) + VERDICT.clearly:
         return near
     return _run_off(model, parts, there, moved, again, chosen, show)
 
@@ -336,9 +349,10 @@ def _run_off(
     return problem, first, told
 
 
-def _least(found: Diagnosis) -> float:
-    """Sum of squares that the best of the fits leaves."""
-    return min([found.base.chi2, *(one.fitted.chi2 for one in found.findings)])
+def _best(found: Diagnosis) -> float:
+    """Log density of the data by the best of the fits."""
+    fits = [found.base, *(one.fitted for one in found.findings)]
+    return max(log_posterior(one.problem, one) for one in fits)
 
 
 def _rightly_named(problem: Problem, rough: Fit, seed: int) -> Fit:
@@ -405,7 +419,11 @@ def _around(
     problem = replace(problem, reduced=near)
     if parts.mesh is not None:
         problem = with_mesh_error(problem, parts.mesh)
-    return problem, fit(problem, *start)
+    # Where the fit was, the errors of the mesh are as straight lines have them.
+    begun = fit(problem.at_row(problem.error.start), *start)
+    problem = about(problem, begun)
+    fitted = settle(problem, begun)
+    return fitted.problem, fitted
 
 
 def _sized(fitted: Fit) -> Sized:
@@ -428,10 +446,17 @@ def _row(one: Finding) -> tuple[str, ...]:
     return (
         one.placed.label,
         f"{one.evidence.log_evidence:.1f}{error}",
-        f"{one.probability:.3f}",
+        _on_other_data(one),
         f"{one.size:.4g} ± {one.size_sd:.2g}",
         f"{one.score.absorbed:.0%}",
     )
+
+
+def _on_other_data(one: Finding) -> str:
+    """What the halves of the data say of an effect that was fitted to the other."""
+    if one.tested is None:
+        return "-"
+    return f"{one.tested.log_e_value:.1f} ({'holds' if one.tested.certified else 'too little'})"
 
 
 def _finding(one: Finding) -> dict[str, Any]:
@@ -439,7 +464,10 @@ def _finding(one: Finding) -> dict[str, Any]:
     return {
         "name": effect.name,
         "place": one.placed.place,
-        "probability": one.probability,
+        "log_evidence_on_other_data": None if one.tested is None else one.tested.log_e_value,
+        "certified": None if one.tested is None else one.tested.certified,
+        "changes_of_frequency": one.changes.frequency,
+        "changes_of_response": one.changes.response,
         "log_evidence_over_none": one.evidence.log_evidence,
         "size": one.size,
         "size_sd": one.size_sd,

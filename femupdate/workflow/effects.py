@@ -275,6 +275,7 @@ def problem_of(
     observation: Observation,
     use_phase: bool = True,
     mesh: MeshError | None = None,
+    halves: Sequence[Observation] = (),
 ) -> Problem:
     """A building and what was observed of it, for the effect finder.
 
@@ -286,6 +287,7 @@ def problem_of(
         observation: on its grid.
         use_phase: compare phases where they were measured.
         mesh: error of the mesh, where it is known.
+        halves: of the observation, where it can be parted.
     """
     seen = np.flatnonzero(observation.valid.any(axis=0))
     used = np.zeros(observation.frequency_hz.size, dtype=bool)
@@ -301,20 +303,10 @@ def problem_of(
         _at(observation, used),
         use_phase=use_phase,
         model_error=_model_error(building, mesh),
-    )
-    return replace(
-        problem,
-        mesh_evidence=_mesh_evidence(building, mesh),
         own_error=0.0 if building.kind == "shear" else MODEL_ERROR.size,
-        usual_error=0.0 if mesh is None else mesh.points,
     )
-
-
-def _mesh_evidence(building: Building, mesh: MeshError | None) -> float:
-    """Log evidence that an effect may owe to errors of the model."""
-    if building.kind == "shear":
-        return 0.0
-    return MODEL_ERROR.mesh_evidence if mesh is None else MODEL_ERROR.mesh_evidence_learned
+    parts = (problem_of(reduced, building, one, use_phase, mesh) for one in halves)
+    return replace(problem, halves=tuple(parts))
 
 
 def _model_error(building: Building, mesh: MeshError | None) -> float:

@@ -91,7 +91,7 @@ def hold(
     rows = [reduced.model.floors.index(floor) for floor in floors]
     predicted = []
     for fitted in (done.before, done.after):
-        theta, zeta, sizes = fitted.coordinates.split(fitted.weighed.z[None], problem.fixed_zeta)
+        theta, zeta, sizes = fitted.coordinates.split(fitted.z[None], problem.fixed_zeta)
         theta, zeta = fitted.system.at_level(theta, zeta, sizes, level)
         sample = (theta, zeta, sizes)
         predicted.append(transformed_sensors(fitted.system, sample, base, data.time_step)[rows])
@@ -115,8 +115,9 @@ def hold(
 def _mean_square(problem: Problem, fitted: Fit) -> float:
     """Mean squared whitened residual of other data at the fitted parameters."""
     where = fitted.coordinates
-    theta, zeta, sizes = where.split(fitted.weighed.z[None], problem.fixed_zeta)
-    residual = problem.residuals(fitted.system, theta, zeta, sizes)
+    theta, zeta, sizes = where.split(fitted.z[None], problem.fixed_zeta)
+    residual = problem.compared(problem.predicted(fitted.system, theta, zeta, sizes))
+    residual = problem.error.tame(residual, 0)
     return float((residual**2).sum()) / max(problem.effective, 1.0)
 
 

@@ -35,6 +35,7 @@ class ObservationSource:
         further: files of other runs, read in the same way, to be explained together.
         force: floor at which a force acts, for responses to it whose columns do not say it.
         mode_error: standard deviation of the model's own ln f, for identified modes; default None.
+        half: 0 or 1 for one half of the data alone (see `halves_of`).
     """
 
     path: Path
@@ -45,6 +46,7 @@ class ObservationSource:
     further: tuple[Path, ...] = ()
     force: str | None = None
     mode_error: float | None = None
+    half: int | None = None
 
     @property
     def paths(self) -> tuple[Path, ...]:
@@ -86,6 +88,21 @@ def observation_of(building: Building, source: ObservationSource) -> Observation
     return as_one(building, runs_of(building, source))
 
 
+def halves_of(building: Building, source: ObservationSource) -> tuple[Observation, ...]:
+    """The data in two parts that err independently; none where they cannot be parted.
+
+    Of several runs every other one; of one record every other segment; of a table every other
+    point.
+    """
+    try:
+        if len(source.paths) > 1:
+            runs = runs_of(building, source)
+            return tuple(as_one(building, runs[number::2]) for number in (0, 1))
+        return tuple(observation_of(building, replace(source, half=number)) for number in (0, 1))
+    except MeasurementError:
+        return ()
+
+
 def as_one(building: Building, runs: Sequence[Observation]) -> Observation:
     """Runs of a building as one observation, whose notes say whether they agree."""
     if len(runs) == 1:
@@ -122,6 +139,7 @@ def _whole(building: Building, source: ObservationSource) -> Observation:
         building.frequency_grid.frequencies_hz(),
         direction=direction_of(building),
         default_noise=building.observation.noise_sd,
+        half=source.half,
     )
 
 
@@ -212,6 +230,7 @@ __all__ = [
     "as_one",
     "check_readable",
     "direction_of",
+    "halves_of",
     "observation_of",
     "observed_direction",
     "read_observation",

@@ -27,7 +27,7 @@ def draw_diagnosis(study: Study, report: DiagnosisReport) -> tuple[Path, ...]:
     from femupdate.report.plot_diagnosis import Ranked, ranking, residual_map
 
     found = report.diagnosis
-    needed = report.settings.over_none + report.problem.mesh_evidence
+    needed = report.settings.over_none
     floors, edges, grid = _cells_as_grid(found.residuals)
     paths = [
         save_figure(
@@ -123,7 +123,7 @@ def _curves(report: RepairReport, floors: tuple[str, ...]) -> "Curves":
 
 
 def _log_frf(problem: Problem, fitted: Fit) -> Floats:
-    theta, zeta, sizes = fitted.coordinates.split(fitted.weighed.z[None], problem.fixed_zeta)
+    theta, zeta, sizes = fitted.coordinates.split(fitted.z[None], problem.fixed_zeta)
     frequency = problem.frequency_hz[: problem.blocks[0].points]
     frf = fitted.system.frf(theta, zeta, sizes, frequency)[0, list(problem.rows)]
     return np.asarray(frf.abs().log().numpy())

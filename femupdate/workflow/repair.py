@@ -24,7 +24,7 @@ from femupdate.workflow.amplitude import level_settings
 from femupdate.workflow.diagnose import ModelParts, model_parts, prepared, refined, sought
 from femupdate.workflow.held_out import Held, hold
 from femupdate.workflow.model import StudyModel, on_kept_finer
-from femupdate.workflow.observed import ObservationSource, observation_of
+from femupdate.workflow.observed import ObservationSource, halves_of, observation_of
 from femupdate.workflow.repaired import keep_effect_posterior, keep_repaired, repaired_building
 from femupdate.workflow.second_record import level_between, second_record
 
@@ -167,8 +167,9 @@ def repair_study(
     parts = model_parts(study, model, show)
     model = on_kept_finer(study, model)
     others = () if more is None else (more,)
-    problem, base = prepared(model, parts, observation, use_phase, chosen, show, others)
-    show.start("Looking for what is missing", 3)
+    halves = halves_of(model.building, source)
+    problem, base = prepared(model, parts, observation, use_phase, chosen, show, others, halves)
+    show.start("Looking for what is missing", 4)
     problem, base, found = sought(model, parts, problem, base, chosen, show)
     mended, done = _mended(model, parts, (problem, base, found), chosen, show)
     before, after = _posteriors(problem, mended, done, chosen.seed, show)
@@ -184,8 +185,7 @@ def repair_study(
         kept = keep_repaired(study, model, building, mended.reduced, parts.mesh)
         span = tuple(block.level for block in problem.blocks)
         levels = level_settings(model, done.after.placed, source, span)
-        own = {"inflation": done.last.inflation, **levels}
-        keep_effect_posterior(kept, observation, source, after, own)
+        keep_effect_posterior(kept, observation, source, after, levels)
     report = RepairReport(
         repair=done,
         problem=problem,
@@ -229,8 +229,8 @@ def _posteriors(
 ) -> tuple[Draws, Draws]:
     """Draws of the model as it was and as it is; the same where nothing was added."""
     show.start("Updating the posterior", 2)
-    before = draw(problem, done.before, _DRAWS, done.last.inflation, seed)
+    before = draw(problem, done.before, _DRAWS, seed)
     show.advance()
-    after = draw(mended, done.after, _DRAWS, done.last.inflation, seed) if done.rounds else before
+    after = draw(mended, done.after, _DRAWS, seed) if done.rounds else before
     show.advance()
     return before, after

@@ -111,7 +111,7 @@ def effect_posterior(
         lower=prior.lower.numpy(),
         upper=prior.upper.numpy(),
         drawn=DrawnBy(
-            likelihood="linearised" if draws.linearised else "exact",
+            likelihood="exact",
             way="importance sampling about the best fit",
             chains=1,
             evaluations=draws.evaluations,

@@ -12,7 +12,12 @@ from femupdate.measurement.columns import BASE
 from femupdate.measurement.observation import Observation
 from femupdate.measurement.observation_file import Histories, read_observation_file
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.observed import ObservationSource, observation_of, observed_direction
+from femupdate.workflow.observed import (
+    ObservationSource,
+    halves_of,
+    observation_of,
+    observed_direction,
+)
 
 _SILENT = 1e-300
 
@@ -24,10 +29,12 @@ class SecondRecord:
     Attributes:
         observation: its FRFs.
         level: of its motion above the first record's, in doublings; zero where they are alike.
+        halves: of it, where it can be parted.
     """
 
     observation: Observation
     level: float
+    halves: tuple[Observation, ...] = ()
 
     @property
     def note(self) -> str:
@@ -47,7 +54,8 @@ def second_record(
     """
     observation = observation_of(model.building, second)
     level = level_between(model, first, second)
-    return SecondRecord(observation, 0.0 if abs(level) < LEVEL.alike else level)
+    halves = halves_of(model.building, second)
+    return SecondRecord(observation, 0.0 if abs(level) < LEVEL.alike else level, halves)
 
 
 def level_between(model: StudyModel, first: ObservationSource, second: ObservationSource) -> float:

@@ -1,6 +1,7 @@
 """Evidence and posterior of small models against numerical integration over their prior."""
 
 from copy import copy
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -53,10 +54,11 @@ class Quadrature:
         whole = np.clip(np.concatenate([amplitude, turn]) / SD, -8.0, 8.0)
         return (whole**2).sum()
 
-    def but(self, inflation):
-        """The same with the variance of the noise times `inflation`."""
+    def by(self, level, points):
+        """The same by a row of the table of errors that holds noise alone."""
         other = copy(self)
-        other.log = self.prior - 0.5 * self.chi2 / inflation
+        constant = level.log_weight - points * np.log(level.noise)
+        other.log = self.prior + constant - 0.5 * self.chi2 / level.noise**2
         return other
 
     def mean(self, what):
@@ -93,8 +95,15 @@ def case(request, building_of, observe, pose, place):
     observation = observe(("RF",), GRID, seen, SD, 11)
     problem = pose(building_of([MASS], [SPRING], zeta=None, ratio=ZETA), observation)
     placed = place(label) if label else ()
-    start = torch.zeros(1 + len(placed), dtype=torch.float64)
-    return problem, fit(problem, placed, start, 40), Quadrature(observation, name, scale, lower)
+    integrals = Quadrature(observation, name, scale, lower)
+    return (*fitted_by(problem, placed, 0), integrals)
+
+
+def fitted_by(problem, placed, row):
+    """A problem that knows one row of the table of errors alone, and the fit by it."""
+    alone = replace(problem)
+    alone.__dict__["error"] = problem.error.kept([row])
+    return alone, fit(alone, placed, torch.zeros(1 + len(placed), dtype=torch.float64), 40)
 
 
 def test_the_residuals_are_those_by_hand(case):
@@ -125,11 +134,22 @@ def test_sampled_evidence_within_its_own_error(case):
 
 def test_evidence_where_the_noise_is_larger_than_stated(case):
     problem, fitted, quadrature = case
-    found = sampled(problem, fitted, 2.0, 400, 5)
-    assert abs(found.log_evidence - quadrature.but(2.0).log_evidence) < 4.0 * found.error
-    assert laplace(problem, fitted, 2.0).log_evidence == pytest.approx(
-        quadrature.but(2.0).log_evidence, abs=0.35
-    )
+    whole = replace(problem)
+    row = next(k for k, one in enumerate(whole.error.levels) if one.noise > 1.0)
+    wide, fitted = fitted_by(whole, fitted.placed, row)
+    expected = quadrature.by(whole.error.levels[row], problem.effective).log_evidence
+    found = sampled(wide, fitted, 400, 5)
+    assert abs(found.log_evidence - expected) < 4.0 * found.error
+    assert laplace(wide, fitted).log_evidence == pytest.approx(expected, abs=0.35)
+
+
+def test_evidence_is_summed_over_what_the_model_may_err_by(case):
+    """Each row alone weighs less than the table, and none of a right model more than it has."""
+    problem, fitted, _ = case
+    whole = replace(problem)
+    summed = laplace(whole, fitted).log_evidence
+    alone = laplace(problem, fitted).log_evidence
+    assert alone < summed < alone + np.log(2.0)
 
 
 def test_draws_have_the_moments_of_the_posterior(case):
@@ -153,7 +173,9 @@ def test_draws_have_the_moments_of_the_posterior(case):
 
 def test_draws_keep_to_the_limits(case):
     problem, fitted, quadrature = case
-    draws = draw(problem, fitted, 500, inflation=25.0, seed=1)
+    whole = replace(problem)
+    wide, fitted = fitted_by(whole, fitted.placed, len(whole.error.levels) - 1)
+    draws = draw(wide, fitted, 500, seed=1)
     assert ((draws.theta >= 0.5) & (draws.theta <= 2.0)).all()
     if quadrature.size[0] == 0.0 and draws.sizes.size:
         assert (draws.sizes >= 0.0).all()

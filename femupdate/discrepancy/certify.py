@@ -1,0 +1,110 @@
+"""Names that hold on data to which they were not fitted.
+
+The data are parted in two halves that err independently. The parameters of an effect are fitted to
+one; on the other, stiffness and damping are fitted anew with the effect held and without it, each
+with what it may err by. The ratio of the densities there has, where the effect is missing, an
+expectation of one at most, so it is an e-value (Vovk and Wang 2021, Ann. Stat. 49, 1736; split
+likelihood ratios: Wasserman, Ramdas and Balakrishnan 2020, PNAS 117, 16880). The mean over both
+orders of the halves is one too. The rule of Benjamini and Hochberg for e-values holds the rate of
+false discoveries, whatever the dependence (Wang and Ramdas 2022, J. R. Stat. Soc. B 84, 822).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from torch import Tensor
+
+from femupdate.discrepancy.fit import Fit, about, fit, log_posterior
+from femupdate.discrepancy.problem import Problem
+from femupdate.discrepancy.thresholds import FIT
+
+
+@dataclass(frozen=True)
+class Tested:
+    """An effect on data to which it was not fitted.
+
+    Attributes:
+        label: of the effect.
+        gains: log density gained on the second half by what the first half says, and the reverse.
+        certified: whether the effect holds there.
+    """
+
+    label: str
+    gains: tuple[float, ...]
+    certified: bool
+
+    @property
+    def log_e_value(self) -> float:
+        """Of the mean of both e-values."""
+        return float(np.logaddexp.reduce(self.gains) - np.log(len(self.gains)))
+
+
+def certify(
+    problem: Problem, base: Fit, fits: Sequence[Fit], tried: int, false_share: float
+) -> dict[str, Tested]:
+    """Test fitted effects half against half, by label; none where the data cannot be parted.
+
+    Args:
+        problem: structure and data.
+        base: the model without the effects, fitted to all data.
+        fits: with one effect more each.
+        tried: number of effects from which these were chosen.
+        false_share: of false discoveries that is allowed.
+    """
+    if len(problem.halves) != 2:
+        return {}
+    halves = [_Half.of(problem, base, number) for number in (0, 1)]
+    found = {}
+    for one in fits:
+        gains = tuple(halves[1 - number].gain(one, halves[number].values(one)) for number in (0, 1))
+        found[one.placed[-1].label] = Tested(one.placed[-1].label, gains, False)
+    values = sorted((one.log_e_value for one in found.values()), reverse=True)
+    least = _least(values, tried, false_share)
+    return {
+        label: Tested(label, one.gains, one.log_e_value >= least) for label, one in found.items()
+    }
+
+
+def _least(values: list[float], tried: int, false_share: float) -> float:
+    """Log e-value from which effects are discoveries: the k-th is above tried / (k share)."""
+    found = np.inf
+    for count, value in enumerate(values, start=1):
+        needed = float(np.log(tried / (count * false_share)))
+        if value >= needed:
+            found = needed
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Half:
+    """One half of the data, and the model without effects fitted to it."""
+
+    problem: Problem
+    base: Fit
+
+    @staticmethod
+    def of(problem: Problem, base: Fit, number: int) -> "_Half":
+        own = about(problem.half(number), base)
+        return _Half(own, fit(own, base.placed, base.z, FIT.first_steps, base.system))
+
+    def values(self, one: Fit) -> Tensor:
+        """Parameters of the last effect of a fit, by this half."""
+        fitted = self._fitted(one, one.z)
+        return fitted.z[len(fitted.z) - _count(one) :]
+
+    def gain(self, one: Fit, values: Tensor) -> float:
+        """Log density over that of the model without the last effect, which is held."""
+        start = one.z.clone()
+        start[len(start) - len(values) :] = values
+        with_it = self._fitted(one, start, values)
+        return log_posterior(self.problem, with_it) - log_posterior(self.problem, self.base)
+
+    def _fitted(self, one: Fit, start: Tensor, held: Tensor | None = None) -> Fit:
+        """A fit to this half by the errors that are likeliest for all data."""
+        at = self.problem.at_row(one.problem.row)
+        return fit(at, one.placed, start, FIT.first_steps, one.system, held)
+
+
+def _count(one: Fit) -> int:
+    return len(one.placed[-1].effect.parameters)
