@@ -46,22 +46,17 @@ def consequence(problem: Problem, fitted: Fit) -> Consequence:
     power = [torch.where(valid, one.abs() ** 2, 0.0).sum(1) for one in frf]
     ratio = torch.where(power[1] > 0.0, (power[0] / power[1]).sqrt() - 1.0, 0.0)
     moved = max(
-        _moved(problem, fitted, *both, level=level)
-        for level in {block.level for block in problem.blocks}
+        _moved(problem, fitted, both, level) for level in {block.level for block in problem.blocks}
     )
     return Consequence(moved, float(ratio.abs().max()))
 
 
 def _moved(
-    problem: Problem,
-    fitted: Fit,
-    with_it: tuple[Tensor, Tensor, Tensor],
-    without: tuple[Tensor, Tensor, Tensor],
-    level: float,
+    problem: Problem, fitted: Fit, both: list[tuple[Tensor, Tensor, Tensor]], level: float
 ) -> float:
     """Largest change of a natural frequency up to the top of the band, at one level of motion."""
     found = []
-    for theta, zeta, sizes in (with_it, without):
+    for theta, zeta, sizes in both:
         own = fitted.system.at_level(theta, zeta, sizes, level)[0]
         frequency = fitted.system.modes(own, sizes).frequency_hz[0]
         found.append(frequency[torch.isfinite(frequency)])

@@ -277,9 +277,7 @@ class LearnedError:
         """With some rows of the table alone."""
         fewer = copy.copy(self)
         fewer.levels = tuple(self.levels[row] for row in rows)
-        fewer._factors = {
-            k: self._factors[row] for k, row in enumerate(rows) if row in self._factors
-        }
+        fewer._factors = {}
         return fewer
 
     def finer(self, row: int) -> "LearnedError":

@@ -12,7 +12,7 @@ from femupdate.report.page_charts import Interval, bar_figure, interval_figure
 from femupdate.report.style import BLUE, ORANGE
 from femupdate.study import Study
 from femupdate.workflow.page_done import read_json
-from femupdate.workflow.page_parts import PageStudy, probability_text
+from femupdate.workflow.page_parts import PageStudy
 from femupdate.workflow.repaired import REPAIRED
 
 _SHOWN = 8
@@ -90,7 +90,7 @@ def _effects(effects: list[dict[str, Any]]) -> Table:
         (
             _words(one["name"], one["place"]),
             _size(one),
-            probability_text(float(one["probability"])),
+            _elsewhere(one),
             f"{100.0 * one['absorbed_by_theta']:.0f} %",
         )
         for one in effects
@@ -98,9 +98,15 @@ def _effects(effects: list[dict[str, Any]]) -> Table:
     return Table(
         name="effects",
         caption="Effects",
-        head=("effect", "size", "probability", "hidden by the stiffness factors"),
+        head=("effect", "size", "on other data", "hidden by the stiffness factors"),
         rows=rows,
     )
+
+
+def _elsewhere(one: dict[str, Any]) -> str:
+    """Whether an effect holds on data to which it was not fitted."""
+    known = {True: "holds", False: "too little", None: ""}
+    return known[one.get("certified")]
 
 
 def _size(one: dict[str, Any]) -> str:
