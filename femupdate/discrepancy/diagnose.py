@@ -67,7 +67,7 @@ class Finding:
         said = effect.said(self.placed.place, self.size)
         if not effect.parameters:
             return said
-        return f"{said} ({effect.parameters[0].scatter(self.size_sd)})"
+        return f"{said} ({effect.scatter(self.size, self.size_sd)})"
 
 
 @dataclass(frozen=True, eq=False)

@@ -146,6 +146,11 @@ class Fit:
         return (c.neutral + c.scales * self.z[c.first_size :]).numpy()
 
     @property
+    def split(self) -> tuple[Tensor, Tensor, Tensor]:
+        """theta (1, p), zeta (1,) and sizes (1, q)."""
+        return self.coordinates.split(self.z[None], self.problem.fixed_zeta)
+
+    @property
     def misfit(self) -> float:
         """What a search lessens: squares by the problem's row, with the distance from priors."""
         return float(self.residual @ self.residual) + self.penalty
@@ -208,9 +213,8 @@ def evaluate(problem: Problem, system: System, where: Coordinates, z: Tensor) ->
 
 def raw_residuals(fitted: Fit, z: Tensor) -> Tensor:
     """Residuals (N, n) in the unit of the noise at the unknowns z (N, d) of a fit's model."""
-    where, problem = fitted.coordinates, fitted.problem
-    known = where.split(z, problem.fixed_zeta)
-    return problem.compared(problem.predicted(fitted.system, *known))
+    problem = fitted.problem
+    return problem.missed(fitted.system, fitted.coordinates.split(z, problem.fixed_zeta))
 
 
 def fit(
@@ -261,7 +265,7 @@ def fit(
         residual, jacobian = _linearise(problem, model, where, z)
         if gain < FIT.smallest_decrease:
             break
-    raw = problem.compared(problem.predicted(model, *where.split(z[None], problem.fixed_zeta)))[0]
+    raw = problem.missed(model, where.split(z[None], problem.fixed_zeta))[0]
     return Fit(placed, where, z, residual, jacobian, raw, model, problem)
 
 
@@ -283,7 +287,7 @@ def settle(problem: Problem, fitted: Fit, steps: int = FIT.steps) -> Fit:
     """
     for _ in range(FIT.rounds):
         row = likeliest_row(problem, fitted)
-        if fitted.problem.row == row and fitted.problem.known is problem.known:
+        if fitted.problem.row == row and fitted.problem.same_errors(problem):
             break
         held = fitted.coordinates.held(fitted.z)
         same = fitted.problem.reduced is problem.reduced

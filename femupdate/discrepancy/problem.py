@@ -117,6 +117,10 @@ class Problem:
         other.__dict__["error"] = self.error
         return other
 
+    def same_errors(self, other: "Problem") -> bool:
+        """Whether both have one table of errors, and one set of those known beforehand."""
+        return self.known is other.known and self.rows_kept == other.rows_kept
+
     def with_rows(self, rows: list[int]) -> "Problem":
         """The same with some rows of the table of errors alone, its own among them."""
         before = self.rows_kept or range(len(self.error.levels))
@@ -192,7 +196,11 @@ class Problem:
             system: with the effects.
             theta: (N, p); zeta: (N,); sizes: (N, q) of the effects.
         """
-        return self.whitened(self.compared(self.predicted(system, theta, zeta, sizes)))
+        return self.whitened(self.missed(system, (theta, zeta, sizes)))
+
+    def missed(self, system: System, known: tuple[Tensor, Tensor, Tensor]) -> Tensor:
+        """Residuals (N, n) in the unit of the noise, of theta (N, p), zeta (N,), sizes (N, q)."""
+        return self.compared(self.predicted(system, *known))
 
     def whitened(self, residuals: Tensor) -> Tensor:
         """Residuals (N, m) of unit covariance by the problem's row, of those by the noise alone."""

@@ -61,11 +61,12 @@ def repair(
     progress: Progress = SILENT,
     renewed: Callable[[Problem, Fit], tuple[Problem, Fit]] | None = None,
     found: Diagnosis | None = None,
+    better: Callable[[Problem, Fit, Fit], bool] | None = None,
 ) -> Repair:
-    """Diagnose and add, at most three times, while an effect is named and something is left.
+    """Diagnose and add, at most three times, while an effect is certain and something is left.
 
-    An effect that competes with another, or that these sensors cannot tell from another, is not
-    added: the engineer decides.
+    An effect that competes with another, that these sensors cannot tell from another, or with which
+    data kept out are predicted worse, is not added: the engineer decides.
 
     Args:
         problem: structure and data.
@@ -75,6 +76,8 @@ def repair(
         renewed: makes the problem and the fit anew where an exchange of channels was added, which
             moves theta far; by default they stay.
         found: of the model as it is, where it was diagnosed already.
+        better: whether data kept out are predicted better by the second of two fits; by default the
+            halves of the data decide alone, by which names are certified.
     """
     rounds: list[Round] = []
     now, current = problem, base
@@ -83,6 +86,8 @@ def repair(
         leading = found.leading
         enough = p_value(now, current) > VERDICT.repaired or len(rounds) == VERDICT.most_rounds
         if found.verdict not in (NAMED, PARTLY) or leading is None or (rounds and enough):
+            break
+        if better is not None and not better(now, current, leading.fitted):
             break
         rounds.append(Round(found, leading, current.chi2, leading.fitted.chi2))
         current, found = leading.fitted, None

@@ -233,6 +233,10 @@ class Effect(ABC):
         first = self.parameters[0]
         return f"{self.title} {self.where(place)}: {first.text} {first.shown(size)}"
 
+    def scatter(self, size: float, sd: float) -> str:
+        """The standard deviation of what `said` says."""
+        return self.parameters[0].scatter(sd)
+
     def terms(self, structure: Structure, place: str) -> Terms:
         """What unit size adds to the structure."""
         return Terms()

@@ -1,8 +1,10 @@
 """Data kept out of a repair: how well they are predicted before and after."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+import torch
 
 from femupdate.arrays import Floats
 from femupdate.discrepancy.fit import Fit
@@ -54,6 +56,44 @@ class Held:
         )
 
 
+def predicts_better(
+    model: StudyModel,
+    mesh: MeshError | None,
+    observation: Observation,
+    use_phase: bool,
+    level: float,
+) -> Callable[[Problem, Fit, Fit], bool]:
+    """Whether data kept out are more likely by the second of two fits, by ln|H| and phase.
+
+    Args:
+        model: of the study.
+        mesh: error of the mesh, where it is known.
+        observation: the data kept out.
+        use_phase: compare phases where they were measured.
+        level: of the data, in doublings above those that were fitted.
+    """
+
+    def better(problem: Problem, before: Fit, after: Fit) -> bool:
+        own = _at_level(model, mesh, problem, observation, use_phase, level)
+        raw = torch.cat([own.missed(one.system, one.split) for one in (before, after)])
+        values = own.error.log_density(raw)
+        return bool(values[1] > values[0])
+
+    return better
+
+
+def _at_level(
+    model: StudyModel,
+    mesh: MeshError | None,
+    problem: Problem,
+    observation: Observation,
+    use_phase: bool,
+    level: float,
+) -> Problem:
+    own = problem_of(problem.reduced, model.building, observation, use_phase, mesh)
+    return replace(own, blocks=tuple(replace(block, level=level) for block in own.blocks))
+
+
 def hold(
     model: StudyModel,
     mesh: MeshError | None,
@@ -80,8 +120,7 @@ def hold(
         MeasurementError: a channel that the observation has is missing in the file.
     """
     reduced = problem.reduced
-    own = problem_of(reduced, model.building, observation, use_phase, mesh)
-    own = replace(own, blocks=tuple(replace(block, level=level) for block in own.blocks))
+    own = _at_level(model, mesh, problem, observation, use_phase, level)
     chi2 = [_mean_square(own, fitted) for fitted in (done.before, done.after)]
     data = read_observation_file(source.path, source.unit, source.columns)
     floors = observation.floors
@@ -91,7 +130,7 @@ def hold(
     rows = [reduced.model.floors.index(floor) for floor in floors]
     predicted = []
     for fitted in (done.before, done.after):
-        theta, zeta, sizes = fitted.coordinates.split(fitted.z[None], problem.fixed_zeta)
+        theta, zeta, sizes = fitted.split
         theta, zeta = fitted.system.at_level(theta, zeta, sizes, level)
         sample = (theta, zeta, sizes)
         predicted.append(transformed_sensors(fitted.system, sample, base, data.time_step)[rows])
@@ -114,10 +153,7 @@ def hold(
 
 def _mean_square(problem: Problem, fitted: Fit) -> float:
     """Mean squared whitened residual of other data at the fitted parameters."""
-    where = fitted.coordinates
-    theta, zeta, sizes = where.split(fitted.z[None], problem.fixed_zeta)
-    residual = problem.compared(problem.predicted(fitted.system, theta, zeta, sizes))
-    residual = problem.error.tame(residual, 0)
+    residual = problem.error.tame(problem.missed(fitted.system, fitted.split), 0)
     return float((residual**2).sum()) / max(problem.effective, 1.0)
 
 

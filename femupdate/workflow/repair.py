@@ -2,6 +2,7 @@
 
 import json
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,7 @@ from femupdate.progress import Progress, Silent
 from femupdate.study import BUILDING_FILE, Study, file_hash, write_text
 from femupdate.workflow.amplitude import level_settings
 from femupdate.workflow.diagnose import ModelParts, model_parts, prepared, refined, sought
-from femupdate.workflow.held_out import Held, hold
+from femupdate.workflow.held_out import Held, hold, predicts_better
 from femupdate.workflow.model import StudyModel, on_kept_finer
 from femupdate.workflow.observed import ObservationSource, halves_of, observation_of
 from femupdate.workflow.repaired import keep_effect_posterior, keep_repaired, repaired_building
@@ -171,12 +172,15 @@ def repair_study(
     problem, base = prepared(model, parts, observation, use_phase, chosen, show, others, halves)
     show.start("Looking for what is missing", 4)
     problem, base, found = sought(model, parts, problem, base, chosen, show)
-    mended, done = _mended(model, parts, (problem, base, found), chosen, show)
+    level, better = 0.0, None
+    if holdout is not None and other is not None:
+        level = 0.0 if more is None else level_between(model, source, holdout)
+        better = predicts_better(model, parts.mesh, other, use_phase, level)
+    mended, done = _mended(model, parts, (problem, base, found), chosen, show, better)
     before, after = _posteriors(problem, mended, done, chosen.seed, show)
     held = None
     if holdout is not None and other is not None:
         show.start("Predicting the data kept out", 1)
-        level = 0.0 if more is None else level_between(model, source, holdout)
         held = hold(model, parts.mesh, problem, done, holdout, other, use_phase, level)
         show.advance()
     building, kept = model.building, None
@@ -210,6 +214,7 @@ def _mended(
     sought: tuple[Problem, Fit, Diagnosis],
     settings: DiagnosisSettings,
     show: Progress,
+    better: Callable[[Problem, Fit, Fit], bool] | None,
 ) -> tuple[Problem, Repair]:
     """What was added, and the problem on a basis about the last fit, from what was found first."""
     problem, base, found = sought
@@ -217,7 +222,7 @@ def _mended(
     def renewed(now: Problem, fitted: Fit) -> tuple[Problem, Fit]:
         return refined(model, parts, now, fitted, show)
 
-    done = mend(problem, base, settings, show, renewed, found)
+    done = mend(problem, base, settings, show, renewed, found, better)
     if not done.rounds or done.rounds[-1].finding.placed.exchange:
         return done.problem, done
     mended, last = refined(model, parts, done.problem, done.after, show, alone=True)

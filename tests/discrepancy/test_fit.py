@@ -32,6 +32,9 @@ class Linear:
     def predicted(self, system, theta, zeta, sizes):
         return torch.cat([theta.log(), sizes], dim=1) @ self.design.T
 
+    def missed(self, system, known):
+        return self.compared(self.predicted(system, *known))
+
     def compared(self, predicted):
         return self.data - predicted
 

@@ -42,6 +42,10 @@ class JointFlexibility(Effect):
         """As `Effect.said`."""
         return f"Joints are {1.0 / max(size, 1e-12):.3g} times as stiff as E I / L of the member"
 
+    def scatter(self, size: float, sd: float) -> str:
+        """As `Effect.scatter`: of the stiffness, which is one over the size."""
+        return f"± {sd / max(size, 1e-12) ** 2:.2g}"
+
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """A ball at the ends of every floor's near edge."""
         levels = range(1, len(drawn.levels))
