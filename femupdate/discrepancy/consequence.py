@@ -11,12 +11,12 @@ from femupdate.discrepancy.problem import Problem
 
 @dataclass(frozen=True)
 class Consequence:
-    """Largest changes by an effect of its fitted size, all else as it is.
+    """Largest changes by an effect of its fitted size.
 
     Attributes:
-        frequency: of a natural frequency in the measured band, as a share.
-        response: of a floor's response to even shaking over the band (rms), as a share; of an
-            instrument's, the rms of what it adds to the readings.
+        frequency: of a natural frequency in the measured band, all else as it is, as a share.
+        response: of |H| of a floor (rms over the band, as a share of |H|), against the model
+            without the effect as it is fitted; of an instrument, what it adds to the readings.
     """
 
     frequency: float
@@ -27,8 +27,8 @@ class Consequence:
         return self.frequency >= frequency or self.response >= response
 
 
-def consequence(problem: Problem, fitted: Fit) -> Consequence:
-    """What the last effect of a fit changes."""
+def consequence(problem: Problem, base: Fit, fitted: Fit) -> Consequence:
+    """What the last effect of a fit changes, beside the model without it as it is fitted."""
     placed, where = fitted.placed[-1], fitted.coordinates
     if placed.exchange:
         return Consequence(0.0, 1.0)
@@ -43,12 +43,13 @@ def consequence(problem: Problem, fitted: Fit) -> Consequence:
         change = torch.where(valid, (frf[0] / frf[1] - 1.0).abs() ** 2, 0.0)
         response = float((change.sum(1) / valid.sum(1).clamp_min(1)).sqrt().max())
         return Consequence(0.0, response)
-    power = [torch.where(valid, one.abs() ** 2, 0.0).sum(1) for one in frf]
-    ratio = torch.where(power[1] > 0.0, (power[0] / power[1]).sqrt() - 1.0, 0.0)
+    plain = problem.predicted(base.system, *base.split)[0, list(problem.rows)].abs()
+    change = torch.where(valid, (frf[0].abs() - plain) ** 2, 0.0).sum(1)
+    whole = torch.where(valid, plain**2, 0.0).sum(1).clamp_min(1e-300)
     moved = max(
         _moved(problem, fitted, both, level) for level in {block.level for block in problem.blocks}
     )
-    return Consequence(moved, float(ratio.abs().max()))
+    return Consequence(moved, float((change / whole).sqrt().max()))
 
 
 def _moved(

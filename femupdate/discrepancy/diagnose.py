@@ -55,6 +55,10 @@ class Finding:
     size: float
     size_sd: float
 
+    def matters(self, settings: DiagnosisSettings) -> bool:
+        """Whether an engineer would notice what it changes."""
+        return self.changes.matters(settings.least_frequency, settings.least_response)
+
     def carried(self, settings: DiagnosisSettings) -> bool:
         """Whether the evidence carries it, on data to which it was not fitted too."""
         enough = self.evidence.log_evidence >= settings.over_none
@@ -394,7 +398,8 @@ def _weigh(
                 evidence[k] = replace(evidence[k], log_evidence=gain)
     order = sorted(evidence, key=lambda k: -evidence[k].log_evidence)
     return tuple(
-        _finding(problem, fits[k], by_label[fits[k].placed[-1].label], evidence[k]) for k in order
+        _finding(problem, base, fits[k], by_label[fits[k].placed[-1].label], evidence[k])
+        for k in order
     )
 
 
@@ -418,9 +423,9 @@ def _about_the_first(problem: Problem, base: Fit, fits: list[Fit]) -> list[float
     return [one.log_evidence - values[0].log_evidence for one in values[1:]]
 
 
-def _finding(problem: Problem, fitted: Fit, test: Score, evidence: Evidence) -> Finding:
+def _finding(problem: Problem, base: Fit, fitted: Fit, test: Score, evidence: Evidence) -> Finding:
     size, sd = _first_size(fitted)
-    changes = consequence(problem, fitted)
+    changes = consequence(problem, base, fitted)
     return Finding(fitted.placed[-1], test, fitted, evidence, changes, None, size, sd)
 
 
@@ -460,7 +465,7 @@ def _verdict(
     if not findings or not findings[0].carried(settings):
         return nothing, ()
     first = findings[0]
-    if not first.changes.matters(settings.least_frequency, settings.least_response):
+    if not first.matters(settings):
         return nothing, ()
     least = first.evidence.log_evidence - settings.margin(first.evidence.log_evidence)
     near = [other for other in findings[1:] if other.evidence.log_evidence > least]

@@ -38,6 +38,7 @@ class Repair:
         last: the diagnosis that ended it.
         p_before, p_after: of noise alone leaving the residuals.
         problem: as the model after was fitted to it.
+        refused: what the evidence carries last, but data kept out do not.
     """
 
     before: Fit
@@ -47,6 +48,7 @@ class Repair:
     p_before: float
     p_after: float
     problem: Problem
+    refused: tuple[Finding, ...] = ()
 
     @property
     def verdict(self) -> str:
@@ -80,21 +82,46 @@ def repair(
             halves of the data decide alone, by which names are certified.
     """
     rounds: list[Round] = []
+    refused: tuple[Finding, ...] = ()
     now, current = problem, base
     while True:
         found = found or diagnose(now, settings, current, progress)
-        leading = found.leading
         enough = p_value(now, current) > VERDICT.repaired or len(rounds) == VERDICT.most_rounds
-        if found.verdict not in (NAMED, PARTLY) or leading is None or (rounds and enough):
+        if found.verdict not in (NAMED, PARTLY) or (rounds and enough):
             break
-        if better is not None and not better(now, current, leading.fitted):
+        leading, refused = _chosen(now, current, found, settings or DiagnosisSettings(), better)
+        if leading is None:
             break
         rounds.append(Round(found, leading, current.chi2, leading.fitted.chi2))
         current, found = leading.fitted, None
         if renewed is not None and leading.placed.exchange:
             now, current = renewed(now, current)
     before, after = p_value(problem, base), p_value(now, current)
-    return Repair(base, current, tuple(rounds), found, before, after, now)
+    return Repair(base, current, tuple(rounds), found, before, after, now, refused)
+
+
+def _chosen(
+    problem: Problem,
+    current: Fit,
+    found: Diagnosis,
+    settings: DiagnosisSettings,
+    better: Callable[[Problem, Fit, Fit], bool] | None,
+) -> tuple[Finding | None, tuple[Finding, ...]]:
+    """What is added, and what leads but predicts data kept out worse.
+
+    Such data certify by themselves: where they refuse what leads, the next that the evidence
+    carries may take its place.
+    """
+    if better is None:
+        return found.leading, ()
+    refused: list[Finding] = []
+    for one in found.findings:
+        if not one.carried(settings) or not one.matters(settings):
+            continue
+        if better(problem, current, one.fitted):
+            return one, tuple(refused)
+        refused.append(one)
+    return None, tuple(refused)
 
 
 def as_fitted(done: Repair) -> Repair:

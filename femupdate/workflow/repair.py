@@ -66,6 +66,7 @@ class RepairReport:
         return {
             "verdict": done.verdict,
             "sentence": done.last.sentence,
+            "refused": [one.placed.label for one in done.refused],
             "rounds": [
                 {
                     "effect": one.finding.placed.effect.name,
@@ -103,9 +104,11 @@ class RepairReport:
         if not done.rounds:
             lines.append(f"Nothing was added ({done.last.verdict}). {done.last.sentence}")
         else:
-            rest = "noise" if done.p_after > 0.05 else done.last.verdict
-            p_values = f"{done.p_before:.2g} -> {done.p_after:.2g}"
-            lines.append(f"  what is left: {rest}. p-value {p_values}")
+            left = done.last.left.sentence or "No error of the model shows beside the noise."
+            lines.append(f"  what is left: {left}")
+        if done.refused:
+            names = "; ".join(one.in_words for one in done.refused)
+            lines.append(f"  not added, for data kept out are predicted worse with it: {names}")
         columns = zip(self.theta_before.T, self.theta_after.T, strict=True)
         lines += [
             f"  theta_{k}  {before.mean():.3f} ± {before.std():.3f}  ->  "

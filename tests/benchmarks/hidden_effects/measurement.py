@@ -1,6 +1,7 @@
 """What a trial measures: a building of known parameters and effects, its records and FRFs."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -12,8 +13,14 @@ from femupdate.measurement.columns import BASE, Channel
 from femupdate.measurement.frf import estimate_frf
 from femupdate.measurement.observation import Observation
 from femupdate.measurement.observation_file import Histories
+from femupdate.measurement.record import GroundMotion, read_record
 from femupdate.simulation.effect_truth import FineModel, Truth, effect_truth
 from femupdate.simulation.white_noise import white_noise
+
+# Shaking of the base: half of the trials white, a quarter each an earthquake simulated or recorded.
+WHITE, SIMULATED, RECORDED = "white", "simulated", "recorded"
+SHAKINGS = (WHITE, SIMULATED, WHITE, RECORDED)
+RECORD = Path(__file__).parents[3] / "examples" / "records" / "ridgecrest_2019_clc_90.csv"
 
 # What is put into a building: an effect at its place, with the values of its parameters.
 HiddenEffect = tuple[Placed, tuple[float, ...]]
@@ -50,6 +57,7 @@ class MeasuredBuilding:
         theta: (p,) stiffness factors.
         zeta: damping ratio.
         effects: in the building, and missing in its file.
+        shaking: of the base, one of `SHAKINGS`.
     """
 
     building: Building
@@ -57,6 +65,7 @@ class MeasuredBuilding:
     theta: Floats
     zeta: float
     effects: tuple[HiddenEffect, ...]
+    shaking: str = WHITE
 
     def truth(self, fine: FineModel) -> Truth:
         """Its response, on the fine mesh."""
@@ -68,13 +77,27 @@ class MeasuredBuilding:
         settings = self.settings
         top = min(self.building.frequency_grid.stop, 0.44 * settings.sampling_hz)
         duration = share * settings.duration_s
-        motion = white_noise(duration, settings.sampling_hz, settings.rms_m_s2, (0.3, top), rng)
+        motion = self._motion(duration, top, rng)
         exact = np.vstack([motion.acceleration, truth.respond(self.zeta, motion)])
         noisy = exact + settings.sensor_noise_m_s2 * rng.standard_normal(exact.shape)
         step = settings.quantisation_m_s2
         base = Channel(BASE, BASE, "", truth.seen.direction)
         channels = (base, *truth.seen.channels)
         return Histories(motion.time_step, channels, step * np.round(noisy / step), "trial")
+
+    def _motion(self, duration: float, top: float, rng: np.random.Generator) -> GroundMotion:
+        """Shaking of the base, all kinds of the same rms."""
+        settings = self.settings
+        if self.shaking == RECORDED:
+            real = read_record(RECORD)
+            scale = settings.rms_m_s2 / float(np.sqrt(np.mean(real.acceleration**2)))
+            return replace(real, acceleration=scale * real.acceleration)
+        motion = white_noise(duration, settings.sampling_hz, settings.rms_m_s2, (0.3, top), rng)
+        if self.shaking == WHITE:
+            return motion
+        shaped = motion.acceleration * _strength(motion.time_step * np.arange(motion.samples))
+        scale = settings.rms_m_s2 / float(np.sqrt(np.mean(shaped**2)))
+        return replace(motion, acceleration=scale * shaped)
 
     def observe(
         self, truth: Truth, rng: np.random.Generator
@@ -84,6 +107,14 @@ class MeasuredBuilding:
         record = self.record(truth, rng)
         halves = tuple(estimate_frf(record, grid, direction, half=number) for number in (0, 1))
         return estimate_frf(record, grid, direction), halves
+
+
+def _strength(time: Floats) -> Floats:
+    """Envelope of an earthquake: it rises for 3 s, is strong for 10 s, and dies away in 12 s.
+
+    The shape of Amin and Ang (1968, J. Eng. Mech. Div. ASCE 94, 559).
+    """
+    return np.minimum(np.minimum((time / 3.0) ** 2, 1.0), np.exp(-(time - 13.0) / 12.0))
 
 
 def floor_means(histories: Histories, floors: tuple[str, ...], direction: str) -> Floats:

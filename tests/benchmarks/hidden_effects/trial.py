@@ -21,7 +21,7 @@ from femupdate.workflow.diagnose import ModelParts, model_parts, prepared, refin
 from femupdate.workflow.model import StudyModel
 
 from .draw import KINDS, draw_effects, draw_parameters
-from .measurement import HiddenEffect, MeasuredBuilding, TrialSettings, floor_means
+from .measurement import SHAKINGS, HiddenEffect, MeasuredBuilding, TrialSettings, floor_means
 
 # Of the building's mesh size: finer than the finder's, and than what it learns of.
 _TRUTH_MESH = 0.4
@@ -75,6 +75,7 @@ class Outcome:
 
     Attributes:
         number, kind: of the trial.
+        shaking: of the base.
         hidden: labels of the effects that were hidden.
         strength: root of the chi2 that the first hidden effect explains beyond theta and zeta (D).
         absorbed: share of it that theta and zeta absorb.
@@ -94,6 +95,7 @@ class Outcome:
 
     number: int
     kind: str
+    shaking: str
     hidden: tuple[str, ...]
     strength: float
     absorbed: float
@@ -151,7 +153,8 @@ def run_trial(trial: Trial, models: TrialModels) -> Outcome:
     theta, zeta = draw_parameters(building, streams[0])
     structure = models.parts.plain.structure
     effects = draw_effects(trial.kind, building, structure, settings.use_phase, streams[1])
-    measured = MeasuredBuilding(building, settings, theta, zeta, effects)
+    shaking = SHAKINGS[trial.number % len(SHAKINGS)]
+    measured = MeasuredBuilding(building, settings, theta, zeta, effects, shaking)
     truth = measured.truth(models.fine)
     found = _find(trial, models, *measured.observe(truth, streams[2]))
     diagnosis, leading = found.diagnosis, found.diagnosis.leading
@@ -164,6 +167,7 @@ def run_trial(trial: Trial, models: TrialModels) -> Outcome:
     return Outcome(
         number=trial.number,
         kind=trial.kind,
+        shaking=shaking,
         hidden=hidden,
         strength=strength,
         absorbed=absorbed,
