@@ -469,6 +469,8 @@ def _verdict(
         return nothing, ()
     least = first.evidence.log_evidence - settings.margin(first.evidence.log_evidence)
     near = [other for other in findings[1:] if other.evidence.log_evidence > least]
+    if first.placed.place == "all":  # says no more than what it is, not where
+        near = [other for other in near if other.placed.effect is not first.placed.effect]
     twins = tuple(other.placed.label for other in near)
     if not near:
         left = remains(problem, first.fitted).size >= settings.least_response

@@ -22,9 +22,8 @@ class DrawnBy:
     """How the draws of a posterior came about, and how well they are known.
 
     Attributes:
-        likelihood: "latent" (amortised, by the surrogate), "exact" (of the data, by the reduced
-            model) or "linearised" (of the data, by responses along straight lines about the best
-            fit, as where errors of the mesh are part of the noise).
+        likelihood: "latent" (amortised, by the surrogate) or "exact" (of the data, by the reduced
+            model).
         way: of drawing, as in "importance sampling".
         chains: runs that shared nothing; one importance sample counts as one.
         evaluations: of the likelihood.
