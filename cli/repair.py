@@ -40,7 +40,7 @@ def command(
 ) -> Answer:
     """Add to the model what the measured file OBSERVATION shows to be missing.
 
-    At most three effects are added, each only on clear evidence. The repaired building is a study
+    At most four effects are added, each only on clear evidence. The repaired building is a study
     of its own in the folder `repaired` of this study. Every command takes it.
 
     \b

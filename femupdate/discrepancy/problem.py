@@ -14,11 +14,14 @@ from femupdate.dynamics.damping import DampingLaw
 from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed
-from femupdate.inference.model_error import ErrorLevel, LearnedError
+from femupdate.inference.model_error import ErrorLevel, ErrorTable, LearnedError
 from femupdate.measurement.estimated import HANN, Estimator
 from femupdate.measurement.observation import Observation
 
 Effects = tuple[Placed, ...]
+
+# Coarser than that of a calibration: a hundred fits share it, and only their differences count.
+_TABLE = ErrorTable(sizes=(0.03, 0.1, 0.3), lengths=(1 / 30, 1 / 8), harmonics=24)
 
 
 @dataclass(frozen=True)
@@ -133,7 +136,13 @@ class Problem:
         weight = self.independent / self.sd**2
         parts = 1 if self.phase is None else 2
         whole = LearnedError(
-            weight, self.frequency_hz, self.effective, self.known, parts=parts, wild=THRESHOLDS.wild
+            weight,
+            self.frequency_hz,
+            self.effective,
+            self.known,
+            table=_TABLE,
+            parts=parts,
+            wild=THRESHOLDS.wild,
         )
         return whole if self.rows_kept is None else whole.kept(self.rows_kept)
 

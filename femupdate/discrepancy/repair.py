@@ -65,7 +65,7 @@ def repair(
     found: Diagnosis | None = None,
     better: Callable[[Problem, Fit, Fit], bool] | None = None,
 ) -> Repair:
-    """Diagnose and add, at most three times, while an effect is certain and something is left.
+    """Diagnose and add, at most four times, while an effect is certain and something is left.
 
     An effect that competes with another, that these sensors cannot tell from another, or with which
     data kept out are predicted worse, is not added: the engineer decides.

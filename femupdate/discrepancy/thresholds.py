@@ -78,7 +78,7 @@ class VerdictThresholds:
     repaired: float = _entry(
         0.05, "p-value", "from which nothing is left to repair", "the usual level of a test"
     )
-    most_rounds: int = _entry(3, "effects", "added by one repair, at most")
+    most_rounds: int = _entry(4, "effects", "added by one repair, at most")
     clearly: float = _entry(
         6.0, "log density", "of the data by which a fit must exceed another to take its place"
     )

@@ -11,6 +11,7 @@ from femupdate.discrepancy.fit import Fit
 from femupdate.discrepancy.mesh_error import MeshError
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.repair import Repair
+from femupdate.discrepancy.thresholds import VERDICT
 from femupdate.dynamics.transformed import transformed_sensors
 from femupdate.errors import MeasurementError
 from femupdate.measurement.columns import BASE
@@ -63,7 +64,7 @@ def predicts_better(
     use_phase: bool,
     level: float,
 ) -> Callable[[Problem, Fit, Fit], bool]:
-    """Whether data kept out are more likely by the second of two fits, by ln|H| and phase.
+    """Whether data kept out are clearly likelier by the second of two fits, by ln|H| and phase.
 
     Args:
         model: of the study.
@@ -77,7 +78,7 @@ def predicts_better(
         own = _at_level(model, mesh, problem, observation, use_phase, level)
         raw = torch.cat([own.missed(one.system, one.split) for one in (before, after)])
         values = own.error.log_density(raw)
-        return bool(values[1] > values[0])
+        return bool(values[1] > values[0] + VERDICT.clearly)
 
     return better
 
