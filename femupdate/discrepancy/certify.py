@@ -10,7 +10,7 @@ false discoveries, whatever the dependence (Wang and Ramdas 2022, J. R. Stat. So
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from torch import Tensor
@@ -64,6 +64,21 @@ def certify(
     return {
         label: Tested(label, one.gains, one.log_e_value >= least) for label, one in found.items()
     }
+
+
+def gain_elsewhere(elsewhere: Problem, before: Fit, after: Fit) -> float:
+    """Log density of other data by a fit with one effect more over that without it.
+
+    Stiffness and damping are fitted to them anew, as no two events have the same; the effect keeps
+    its parameters.
+
+    Args:
+        elsewhere: the other data, for the structure of the fits.
+        before, after: without and with the effect.
+    """
+    own = about(replace(elsewhere, rows_kept=after.problem.rows_kept), before)
+    without = fit(own.at_row(before.problem.row), before.placed, before.z, FIT.steps, before.system)
+    return _Half(own, without).gain(after, after.z[len(after.z) - _count(after) :])
 
 
 def _least(values: list[float], tried: int, false_share: float) -> float:

@@ -446,12 +446,10 @@ def _certified(
     settings: DiagnosisSettings,
 ) -> tuple[Finding, ...]:
     """The findings, the leading ones tested on data to which they were not fitted."""
-    if not findings or findings[0].evidence.log_evidence < settings.over_none:
+    worthy = [one for one in findings if one.evidence.log_evidence >= settings.over_none]
+    if not worthy:
         return findings
-    first = findings[0].evidence.log_evidence
-    least = max(settings.over_none, first - settings.margin(first))
-    close = [one for one in findings if one.evidence.log_evidence >= least]
-    fits = [one.fitted for one in close[: VERDICT.compared + 1]]
+    fits = [one.fitted for one in worthy[: VERDICT.compared]]
     tests = certify(problem, base, fits, tried, settings.false_share)
     return tuple(replace(one, tested=tests.get(one.placed.label)) for one in findings)
 

@@ -89,7 +89,7 @@ def repair(
         enough = p_value(now, current) > VERDICT.repaired or len(rounds) == VERDICT.most_rounds
         if found.verdict not in (NAMED, PARTLY) or (rounds and enough):
             break
-        leading, refused = _chosen(now, current, found, settings or DiagnosisSettings(), better)
+        leading, refused = _chosen(now, found, settings or DiagnosisSettings(), better)
         if leading is None:
             break
         rounds.append(Round(found, leading, current.chi2, leading.fitted.chi2))
@@ -102,7 +102,6 @@ def repair(
 
 def _chosen(
     problem: Problem,
-    current: Fit,
     found: Diagnosis,
     settings: DiagnosisSettings,
     better: Callable[[Problem, Fit, Fit], bool] | None,
@@ -116,9 +115,10 @@ def _chosen(
         return found.leading, ()
     refused: list[Finding] = []
     for one in found.findings:
-        if not one.carried(settings) or not one.matters(settings):
+        untested = one.tested is None and len(problem.halves) > 0
+        if untested or not one.carried(settings) or not one.matters(settings):
             continue
-        if better(problem, current, one.fitted):
+        if better(problem, found.base, one.fitted):
             return one, tuple(refused)
         refused.append(one)
     return None, tuple(refused)

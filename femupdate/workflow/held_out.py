@@ -4,9 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-import torch
 
 from femupdate.arrays import Floats
+from femupdate.discrepancy.certify import gain_elsewhere
 from femupdate.discrepancy.fit import Fit
 from femupdate.discrepancy.mesh_error import MeshError
 from femupdate.discrepancy.problem import Problem
@@ -76,9 +76,7 @@ def predicts_better(
 
     def better(problem: Problem, before: Fit, after: Fit) -> bool:
         own = _at_level(model, mesh, problem, observation, use_phase, level)
-        raw = torch.cat([own.missed(one.system, one.split) for one in (before, after)])
-        values = own.error.log_density(raw)
-        return bool(values[1] > values[0] + VERDICT.clearly)
+        return gain_elsewhere(own, before, after) > VERDICT.clearly
 
     return better
 
