@@ -225,7 +225,10 @@ class Problem:
         size = frf.abs().clamp_min(1e-12).log()
         parts = [((self.log_frf - size) * weight).flatten(1)]
         if self.phase is not None:
-            turn = torch.remainder(self.phase - frf.angle() + torch.pi, 2.0 * torch.pi) - torch.pi
+            # Half a turn off is half a turn ahead: were it at either end of the range, errors of a
+            # reversed channel would change sign from point to point.
+            least = 0.75 * torch.pi
+            turn = torch.remainder(self.phase - frf.angle() + least, 2.0 * torch.pi) - least
             parts.append((turn * weight).flatten(1))
         return torch.cat(parts, dim=1)
 

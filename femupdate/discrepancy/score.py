@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from torch import Tensor
 
-from femupdate.discrepancy.fit import Fit, coordinates, evaluate, extended
+from femupdate.discrepancy.fit import Fit, coordinates, extended
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.thresholds import FIT
 from femupdate.effects.effect import Placed
@@ -103,9 +103,11 @@ def _tunings(problem: Problem) -> list[float]:
 def _score_at(problem: Problem, base: Fit, placed: Placed, start: tuple[float, ...]) -> Score:
     together = (*base.placed, placed)
     z = extended(problem, base, together, np.concatenate([base.known, start]))
-    changed = evaluate(problem, problem.system(together), coordinates(problem, together), z[None])
-    if bool((changed == changed[0, 0]).all()):  # all missed alike: no structure is left there
+    known = coordinates(problem, together).split(z[None], problem.fixed_zeta)
+    missed = problem.missed(problem.system(together), known)
+    if bool(missed.isnan().all()):  # no structure is left there
         return Score(placed, start, 0.0, 0.0, 0.0, 1.0, None)
+    changed = problem.whitened(missed)
     effect = base.residual - changed[0]  # change of the prediction
     residual, jacobian = base.residual, base.jacobian
     own = effect - jacobian @ least_squares(jacobian, effect)

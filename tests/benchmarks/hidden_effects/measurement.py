@@ -95,7 +95,8 @@ class MeasuredBuilding:
         motion = white_noise(duration, settings.sampling_hz, settings.rms_m_s2, (0.3, top), rng)
         if self.shaking == WHITE:
             return motion
-        shaped = motion.acceleration * _strength(motion.time_step * np.arange(motion.samples))
+        count = motion.acceleration.size
+        shaped = motion.acceleration * _strength(np.linspace(0.0, duration, count, endpoint=False))
         scale = settings.rms_m_s2 / float(np.sqrt(np.mean(shaped**2)))
         return replace(motion, acceleration=scale * shaped)
 
