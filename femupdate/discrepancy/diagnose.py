@@ -1,5 +1,6 @@
 """What is missing: every effect tested, the leading ones fitted, their evidence weighed."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -446,12 +447,20 @@ def _certified(
     settings: DiagnosisSettings,
 ) -> tuple[Finding, ...]:
     """The findings, the leading ones tested on data to which they were not fitted."""
-    worthy = [one for one in findings if one.evidence.log_evidence >= settings.over_none]
-    if not worthy:
+    carried = [one for one in findings if one.evidence.log_evidence >= settings.over_none]
+    if not carried:
         return findings
+    worthy = [carried[0], *_others_than(carried[0], carried[1:])]
     fits = [one.fitted for one in worthy[: VERDICT.compared]]
     tests = certify(problem, base, fits, tried, settings.false_share)
     return tuple(replace(one, tested=tests.get(one.placed.label)) for one in findings)
+
+
+def _others_than(first: Finding, others: Sequence[Finding]) -> list[Finding]:
+    """Others than the same effect at one place, where it leads in all: that does not say where."""
+    if first.placed.place != "all":
+        return list(others)
+    return [one for one in others if one.placed.effect is not first.placed.effect]
 
 
 def _verdict(
@@ -467,8 +476,8 @@ def _verdict(
         return nothing, ()
     least = first.evidence.log_evidence - settings.margin(first.evidence.log_evidence)
     near = [other for other in findings[1:] if other.evidence.log_evidence > least]
-    if first.placed.place == "all":  # says no more than what it is, not where
-        near = [other for other in near if other.placed.effect is not first.placed.effect]
+    # What other data refuse is no rival.
+    near = [other for other in _others_than(first, near) if other.carried(settings)]
     twins = tuple(other.placed.label for other in near)
     if not near:
         left = remains(problem, first.fitted).size >= settings.least_response
