@@ -52,7 +52,7 @@ class ErrorTable:
 MODEL_ERROR = ErrorTable()
 
 # Numbers in the factors of rows, up to which these are kept; and rows that are worked at once.
-_KEPT, _AT_ONCE = 5e7, 24
+_KEPT, _AT_ONCE = 3e7, 24
 
 
 @dataclass(frozen=True)
@@ -308,7 +308,14 @@ class LearnedError:
         """
         every = tuple(range(len(self.levels)))
         chunks = [every[k : k + _AT_ONCE] for k in range(0, len(every), _AT_ONCE)]
-        return torch.cat([self._densities(residuals, rows) for rows in chunks], dim=1)
+        # Every row may have its own tamed residuals: a few hundred megabytes of them at a time.
+        count = max(1, int(_KEPT / (min(len(every), _AT_ONCE) * residuals.shape[1])))
+        return torch.cat(
+            [
+                torch.cat([self._densities(some, rows) for rows in chunks], dim=1)
+                for some in residuals.split(count)
+            ]
+        )
 
     def _densities(self, residuals: Tensor, rows: tuple[int, ...]) -> Tensor:
         """Log density (n, r) of residuals (n, p f k) by some rows."""

@@ -392,7 +392,7 @@ def test_what_is_written_says_what_it_is_and_reads_back(tmp_path):
     told = json.loads(truth.read_text())
     assert told["theta"] == [0.8, 1.3]
     assert told["parameters"] == ["theta_1", "theta_2"]
-    assert (told["zeta"], told["mesh_size_m"], told["seed"]) == (0.04, 1.0, 12)
+    assert (told["zeta"], told["mesh_size_m"], told["seed"]) == (0.04, 0.8, 12)
     assert told["building_hash"] == mechanics_hash(building)
     assert told["observation_sha256"] == file_hash(written)
 
