@@ -8,6 +8,8 @@ from torch import Tensor
 # How far above the grid's top a mode must lie to be replaced by its power series.
 _ABOVE = 1.05
 SERIES_TERMS = 3
+CACHED = 2**16  # numbers in one intermediate array
+_FEWEST = 512  # frequencies at a time
 _SLOWEST = 1e-6  # rad/s: what an unstable structure would divide by zero by
 
 
@@ -80,10 +82,17 @@ def modal_sum(
         pairs: (N, p, m) static displacement of an output in each mode.
         omega: (k,) rad/s.
     """
-    elastic = 1.0 - inverse[:, :, None] * omega**2
-    viscous = (2.0 * ratio * inverse.sqrt())[:, :, None] * omega
-    size = 1.0 / (elastic.square() + viscous.square())
-    return torch.bmm(pairs, elastic * size), -torch.bmm(pairs, viscous * size)
+    # Arrays of all modes at all frequencies are by far the largest: some frequencies at a time,
+    # and in place, so that they stay in the processor's cache.
+    width = max(_FEWEST, CACHED // inverse.numel())
+    if omega.numel() > width:
+        parts = [modal_sum(inverse, ratio, pairs, some) for some in omega.split(width)]
+        real, imaginary = zip(*parts, strict=True)
+        return torch.cat(real, dim=-1), torch.cat(imaginary, dim=-1)
+    elastic = torch.addcmul(omega.new_ones(1), inverse[:, :, None], omega.square(), value=-1.0)
+    viscous = (-2.0 * ratio * inverse.sqrt())[:, :, None] * omega
+    size = elastic.square().addcmul_(viscous, viscous).reciprocal_()
+    return torch.bmm(pairs, elastic.mul_(size)), torch.bmm(pairs, viscous.mul_(size))
 
 
 def keep_modes(

@@ -13,14 +13,13 @@ import torch
 from numpy.polynomial import chebyshev
 from torch import Tensor
 
-from femupdate.dynamics.modal import modal_sum
+from femupdate.dynamics.modal import CACHED, modal_sum
 
 _TINY = 1e-30
 # What modes far above the grid's top add varies smoothly over the grid: it is summed at a few
 # Chebyshev points and interpolated, with an error of 2.6^-20 of it (a pole at 1.25 times the top).
 _ABOVE = 1.25
 _POINTS = 20
-_ROOM = 2**17  # numbers in one intermediate array: it stays in the processor's cache
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,14 +155,13 @@ def _receptance(modes: Modes, ratio: Tensor, omega: Tensor, columns: Tensor) -> 
     count, outputs, size = modes.rows.shape
     pairs = (modes.rows[:, :, None, :] * columns[:, None, :, :]).reshape(count, -1, size)
     near = _near(modes.inverse, omega)
+    points, weights = _interpolation(omega) if near < size else (omega, omega)
     parts = []
-    for start in range(0, count, step := max(1, _ROOM // (near * len(omega)))):
+    for start in range(0, count, step := max(1, CACHED // (near * len(omega)))):
         own = slice(start, start + step)
         inverse, damping, pair = modes.inverse[own], ratio[own], pairs[own]
         real, imaginary = modal_sum(inverse[:, :near], damping[:, :near], pair[..., :near], omega)
         if near < size:
-            low, high = float(omega.min()), float(omega.max())
-            points, weights = _interpolation(low, high, omega)
             rest = modal_sum(inverse[:, near:], damping[:, near:], pair[..., near:], points)
             real, imaginary = real + rest[0] @ weights, imaginary + rest[1] @ weights
         parts.append(torch.complex(real, imaginary))
@@ -178,8 +176,9 @@ def _near(inverse: Tensor, omega: Tensor) -> int:
     return max(1, int((inverse > top**-2).sum(dim=1).max()))
 
 
-def _interpolation(low: float, high: float, omega: Tensor) -> tuple[Tensor, Tensor]:
+def _interpolation(omega: Tensor) -> tuple[Tensor, Tensor]:
     """Points (q,) rad/s between the lowest and the highest frequency, and weights (q, k)."""
+    low, high = float(omega.min()), float(omega.max())
     points, transform = _chebyshev()
     place = (2.0 * omega.numpy() - (high + low)) / (high - low)
     weights = transform @ chebyshev.chebvander(place, _POINTS - 1).T

@@ -45,10 +45,10 @@ from femupdate.workflow.effects import (
     finder_structure,
     plain_structure,
     problem_of,
-    structure_near,
 )
 from femupdate.workflow.mesh_error import open_mesh_error, with_finer_mesh
 from femupdate.workflow.model import StudyModel
+from femupdate.workflow.near_basis import structure_near
 from femupdate.workflow.observed import ObservationSource, halves_of, observation_of
 from femupdate.workflow.second_record import SecondRecord, second_record
 
@@ -187,11 +187,13 @@ class ModelParts:
         plain: the structure on the study's own basis, which knows the story factors alone.
         structure: the full model in which effects act.
         mesh: error of its mesh where it is a frame's, or None.
+        study: keeps the basis near a fit; None keeps none.
     """
 
     plain: ReducedStructure
     structure: Structure
     mesh: MeshError | None = None
+    study: Study | None = None
 
 
 def model_parts(study: Study, model: StudyModel, progress: Progress | None = None) -> ModelParts:
@@ -202,7 +204,7 @@ def model_parts(study: Study, model: StudyModel, progress: Progress | None = Non
         return ModelParts(plain, plain.structure)
     structure = finder_structure(model.building)
     mesh = open_mesh_error(study, model, structure, progress)
-    return ModelParts(plain, structure, mesh)
+    return ModelParts(plain, structure, mesh, study)
 
 
 def prepared(
@@ -413,7 +415,7 @@ def _around(
 ) -> tuple[Problem, Fit]:
     """A frame's problem on a basis about a fit, with its mesh error there, and a fit from there."""
     theta, zeta = middle.theta()[0], middle.zeta(problem.fixed_zeta)
-    near = structure_near(parts.structure, model.building, theta, zeta, show, present)
+    near = structure_near(parts.structure, model.building, theta, zeta, show, present, parts.study)
     if parts.mesh is not None:
         near = corrected(near, parts.mesh)
     problem = replace(problem, reduced=near)

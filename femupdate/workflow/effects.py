@@ -18,7 +18,6 @@ from femupdate.discrepancy.mesh_error import MeshError
 from femupdate.discrepancy.problem import Problem, make_problem
 from femupdate.discrepancy.thresholds import MESH_ERROR, MODEL_ERROR
 from femupdate.dynamics.damping import damping_law
-from femupdate.dynamics.local_basis import Sized, local_structure
 from femupdate.dynamics.projection import lumped, reduced_on
 from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.dynamics.reduction import reduce_structure
@@ -111,25 +110,6 @@ def plain_structure(model: StudyModel) -> ReducedStructure:
     if structure.is_stick:
         return lumped(structure)
     return ReducedStructure(structure, model.reduced, np.zeros((len(structure.axis), 0)))
-
-
-def structure_near(
-    structure: Structure,
-    building: Building,
-    theta: Floats,
-    zeta: float,
-    progress: Progress | None = None,
-    present: Sequence[Sized] | None = None,
-) -> ReducedStructure:
-    """The structure on a basis for the neighbourhood of theta, in which effects may act.
-
-    A basis for the whole prior, members and torsion apart, needs some nine hundred shapes; near one
-    theta two hundred do, from some thirty solutions of the full model, or from ten where only the
-    effects that are present need act.
-    """
-    whole = reduction_target(building)
-    target = replace(whole, zeta=max(zeta, whole.zeta))
-    return local_structure(structure, theta, target, progress or Silent(), present=present)
 
 
 def keep_basis(study: Study, reduced: ReducedStructure, building: Building) -> Path:

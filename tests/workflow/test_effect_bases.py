@@ -22,15 +22,16 @@ from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.errors import BuildingError
 from femupdate.measurement.observation import Observation
+from femupdate.study import Study
 from femupdate.workflow.diagnose import ModelParts, prepared, refined, sought
 from femupdate.workflow.effects import (
     plain_structure,
     problem_of,
     reduction_target,
-    structure_near,
     with_effect,
 )
 from femupdate.workflow.model import open_study
+from femupdate.workflow.near_basis import structure_near
 
 THETA, ZETA, MASS, NOISE = np.array([0.8, 1.5]), 0.03, 0.25, 0.01
 FAR = np.array([1.35, 0.9])
@@ -111,7 +112,7 @@ def test_refined_follows_theta_out_of_the_neighbourhood(cabin, observation, monk
     """A basis about where the first fit stood is not the last where theta then leaves it."""
     parts, about = ModelParts(cabin.plain, cabin.plain.structure), []
 
-    def near(structure, building, theta, zeta, show=None, present=None):
+    def near(structure, building, theta, zeta, show=None, present=None, study=None):
         about.append(theta)
         return structure_near(structure, building, theta, zeta)
 
@@ -132,7 +133,7 @@ def test_close_effects_are_run_off_on_a_basis_for_them(cabin, monkeypatch):
     """And what was not close keeps its place behind them."""
     parts, served = ModelParts(cabin.plain, cabin.plain.structure), []
 
-    def near(structure, building, theta, zeta, show=None, present=None):
+    def near(structure, building, theta, zeta, show=None, present=None, study=None):
         reduced = structure_near(structure, building, theta, zeta, show, present)
         served.append((present, reduced))
         return reduced
@@ -205,3 +206,27 @@ def test_a_trial_that_leaves_no_structure_counts_nothing(cabin, gone):
     assert (found.statistic, found.strength, found.direction) == (0.0, 0.0, None)
     further = fit(problem, gone, extended(problem, weak, gone, [-0.9, -0.9]), iterations=3)
     assert np.isfinite(further.chi2)
+
+
+def test_one_kept_basis_serves_the_fits_nearby(cabin, tmp_path, monkeypatch):
+    """It is the same with a study and without one, to the last digit."""
+    structure, made, study = cabin.plain.structure, [], Study(tmp_path)
+    monkeypatch.setattr(
+        "femupdate.workflow.near_basis.local_structure",
+        lambda *args, **kwargs: made.append(args[1]) or local_structure(*args, **kwargs),
+    )
+    near = [
+        structure_near(structure, cabin.building, theta, ZETA, study=kept)
+        for theta, kept in (
+            (THETA, None),
+            (THETA, study),
+            (1.01 * THETA, study),
+            (1.2 * THETA, study),
+        )
+    ]
+    assert len(made) == 3
+    np.testing.assert_array_equal(near[0].basis, near[1].basis)
+    np.testing.assert_array_equal(near[1].basis, near[2].basis)
+    assert np.abs(np.log(made[-1] / (1.2 * THETA))).max() <= 0.05 + 1e-9
+    exact = error(cabin, near[2], 1.01 * THETA, HEAVY, [MASS])
+    assert exact < 0.01

@@ -1,7 +1,7 @@
 """One trial of the effect finder: a building with something hidden in it, and what comes of it."""
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -48,7 +48,8 @@ def trial_models(
     study: Study, model: StudyModel, settings: TrialSettings, progress: Progress | None = None
 ) -> TrialModels:
     """Mesh the truth, and open the finder's model."""
-    parts = model_parts(study, model, progress)
+    # Every trial has other stiffness factors: to keep its basis would help none.
+    parts = replace(model_parts(study, model, progress), study=None)
     building = model.building
     if not isinstance(building, FrameBuilding):
         return TrialModels(model, parts, fine_model(building, settings.mesh_size), settings)
