@@ -2,11 +2,12 @@
 
 The data are parted in two halves that err independently. The parameters of an effect are fitted to
 one; on the other, stiffness and damping are fitted anew with the effect held and without it, each
-with what it may err by. The ratio of the densities there has, where the effect is missing, an
-expectation of one at most, so it is an e-value (Vovk and Wang 2021, Ann. Stat. 49, 1736; split
-likelihood ratios: Wasserman, Ramdas and Balakrishnan 2020, PNAS 117, 16880). The mean over both
-orders of the halves is one too. The rule of Benjamini and Hochberg for e-values holds the rate of
-false discoveries, whatever the dependence (Wang and Ramdas 2022, J. R. Stat. Soc. B 84, 822).
+with what it may err by. Where they act linearly and the noise is normal, the ratio of the densities
+there has an expectation of one if the effect is missing, so it is an e-value (Vovk and Wang 2021,
+Ann. Stat. 49, 1736; split likelihood ratios: Wasserman, Ramdas and Balakrishnan 2020, PNAS 117,
+16880); near the likeliest parameters that is nearly so. The mean over both orders of the halves is
+one too. The rule of Benjamini and Hochberg for e-values holds the rate of false discoveries,
+whatever the dependence (Wang and Ramdas 2022, J. R. Stat. Soc. B 84, 822).
 """
 
 from collections.abc import Sequence
@@ -60,7 +61,7 @@ def certify(
         gains = tuple(halves[1 - number].gain(one, halves[number].values(one)) for number in (0, 1))
         found[one.placed[-1].label] = Tested(one.placed[-1].label, gains, False)
     values = sorted((one.log_e_value for one in found.values()), reverse=True)
-    least = _least(values, tried, false_share)
+    least = least_log_e_value(values, tried, false_share)
     return {
         label: Tested(label, one.gains, one.log_e_value >= least) for label, one in found.items()
     }
@@ -81,8 +82,14 @@ def gain_elsewhere(elsewhere: Problem, before: Fit, after: Fit) -> float:
     return _Half(own, without).gain(after, after.z[len(after.z) - _count(after) :])
 
 
-def _least(values: list[float], tried: int, false_share: float) -> float:
-    """Log e-value from which effects are discoveries: the k-th is above tried / (k share)."""
+def least_log_e_value(values: list[float], tried: int, false_share: float) -> float:
+    """Log e-value from which effects are discoveries: the k-th is at least tried / (k share).
+
+    Args:
+        values: log e-values, largest first.
+        tried: number of effects from which these were chosen.
+        false_share: of false discoveries that is allowed.
+    """
     found = np.inf
     for count, value in enumerate(values, start=1):
         needed = float(np.log(tried / (count * false_share)))
