@@ -8,16 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femupdate.arrays import Floats
-from femupdate.measurement.columns import FREQUENCY, TIME
+from femupdate.measurement.columns import FREQUENCY, FREQUENCY_NAME, TIME, TIME_NAME
 from femupdate.measurement.mode_arrays import modes_in_arrays
 from femupdate.measurement.quantity import is_unit
-from femupdate.measurement.recording import TIME_NAME, Recording
+from femupdate.measurement.recording import Recording
 from femupdate.measurement.table import Table
 from femupdate.measurement.text import TextFile
 
 _RATE = re.compile(r"^(fs|f_s|fsamp\w*|rate|sampling_?(rate|frequency)|sample_?rate)(_?hz)?$", re.I)
 _STEP = re.compile(r"^(dt|delta_?t|ts|time_?step)(_?s)?$", re.IGNORECASE)
-_FREQUENCY = re.compile(r"^(f|freq\w*|frequency_hz)$", re.IGNORECASE)
 _UNIT = re.compile(r"^units?$", re.IGNORECASE)
 # Of all arrays together: a table of them takes some three times that in memory.
 LARGEST_BYTES = 400_000_000
@@ -83,7 +82,7 @@ def _columns(name: str, array: NDArray[Any]) -> dict[str, Floats]:
 
 def _axis(file: TextFile, columns: dict[str, Floats], scalars: Mapping[str, float]) -> str:
     """Name of the column of times or frequencies; one is added where a rate gives it."""
-    for kind, name in ((TIME_NAME, TIME), (_FREQUENCY, FREQUENCY)):
+    for kind, name in ((TIME_NAME, TIME), (FREQUENCY_NAME, FREQUENCY)):
         found = next((key for key in columns if kind.match(key.rpartition(".")[2])), None)
         if found is not None:
             columns[name] = columns.pop(found)

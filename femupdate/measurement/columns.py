@@ -6,6 +6,10 @@ from dataclasses import dataclass
 BASE = "base"
 TIME = "time_s"
 FREQUENCY = "frequency_hz"
+# What else files call them, and what they call times in seconds.
+TIME_NAME = re.compile(r"^(t|time)([_ .].*)?$|^sec(ond)?s?$|^時[刻間]", re.IGNORECASE)
+SECONDS_NAME = re.compile(r"^(t|time)([_ .]s(ec(ond)?s?)?)?$|^sec(ond)?s?$", re.IGNORECASE)
+FREQUENCY_NAME = re.compile(r"^(f|freq|frequency)([_ ]?hz)?$|^周波数", re.IGNORECASE)
 DIRECTIONS = ("x", "y", "z")
 
 _FLOOR = r"RF|(?:[2-9]|[1-9]\d+)F"

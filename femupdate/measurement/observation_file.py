@@ -18,8 +18,10 @@ from femupdate.measurement.channel import (
 from femupdate.measurement.columns import (
     BASE,
     FREQUENCY,
+    FREQUENCY_NAME,
     FRF_COLUMNS,
     HISTORY_COLUMNS,
+    SECONDS_NAME,
     TIME,
     Channel,
     ForceChannel,
@@ -218,7 +220,7 @@ def layout_of(table: Table, columns: Mapping[str, str] | None) -> Layout:
             "these are static load cases, which calibrate and inspect alone take; give histories"
             " or FRFs here"
         )
-    names = _renamed(file, table.names, columns or {})
+    names = _with_usual_axis(_renamed(file, table.names, columns or {}))
     kinds = [name for name in names if name.lower() in (TIME, FREQUENCY)]
     if len(kinds) != 1:
         first = table.names[0]
@@ -271,6 +273,16 @@ def _renamed(file: TextFile, names: tuple[str, ...], columns: Mapping[str, str])
             raise file.error(f"column {theirs!r} is mapped twice; map it to one name")
         ours_by_theirs[title] = ours
     return tuple(ours_by_theirs.get(name, name) for name in names)
+
+
+def _with_usual_axis(names: tuple[str, ...]) -> tuple[str, ...]:
+    """The names with ours for the first column, where that has another name for times."""
+    if any(name.lower() in (TIME, FREQUENCY) for name in names):
+        return names
+    for usual, ours in ((SECONDS_NAME, TIME), (FREQUENCY_NAME, FREQUENCY)):
+        if usual.match(names[0]):
+            return (ours, *names[1:])
+    return names
 
 
 def _known_columns(

@@ -1,6 +1,5 @@
 """What a measured file holds, whatever its format."""
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -10,12 +9,11 @@ from numpy.typing import NDArray
 from femupdate.arrays import Floats
 from femupdate.errors import MeasurementError
 from femupdate.measurement.channel import RecordedChannel
+from femupdate.measurement.columns import TIME_NAME
 from femupdate.measurement.quantity import si_factor
 from femupdate.measurement.sampling import uniform_step
 from femupdate.measurement.table import Table
 from femupdate.measurement.text import TextFile
-
-TIME_NAME = re.compile(r"^(t|time)([_ .].*)?$|^sec(ond)?s?$|^時[刻間]", re.IGNORECASE)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

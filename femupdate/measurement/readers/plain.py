@@ -3,9 +3,10 @@
 from pathlib import Path
 
 from femupdate.measurement.cells import cells_of, find_delimiter, is_number
+from femupdate.measurement.columns import TIME_NAME
 from femupdate.measurement.complex_text import split_complex
 from femupdate.measurement.reader import Reader
-from femupdate.measurement.recording import TIME_NAME, Recording
+from femupdate.measurement.recording import Recording
 from femupdate.measurement.table import read_table
 from femupdate.measurement.text import TextFile, read_text
 
