@@ -49,7 +49,7 @@ from .parameters import BuildingName, InputFile
     "--anyway", is_flag=True, help="Keep a posterior even where the file is unlike the building."
 )
 @reading_options
-@study_options()
+@study_options(shares=True)
 @table_options("posterior")
 def command(
     observations: tuple[Path, ...],

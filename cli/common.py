@@ -3,8 +3,8 @@
 import functools
 import logging
 import sys
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -56,6 +56,11 @@ _OUTPUT = click.option(
     type=click.Path(file_okay=False, path_type=Path),
     help="Only read the study; work in a copy of it in this new folder.",
 )
+_DASK = click.option(
+    "--dask",
+    metavar="ADDRESS",
+    help="Share the work out by Dask: address of a scheduler, or local for processes.",
+)
 _NO_PICTURES = click.option("--no-pictures", is_flag=True, help="Draw no pictures.")
 
 
@@ -72,7 +77,11 @@ def posterior_options(function: Callable[..., Answer]) -> Callable[..., Answer]:
 
 
 def study_options(
-    needs: str | None = None, writes: bool = True, draws: bool = True, copies: bool = True
+    needs: str | None = None,
+    writes: bool = True,
+    draws: bool = True,
+    copies: bool = True,
+    shares: bool = False,
 ) -> Callable[[Callable[..., Answer]], Callable[..., None]]:
     """Add --study, --seed, --json and -v, print the answer, turn errors into exit code 1.
 
@@ -85,11 +94,13 @@ def study_options(
         writes: the command writes into the study.
         draws: add --no-pictures.
         copies: add --output, which leaves the study as it is.
+        shares: add --dask, which says where the work is done.
     """
     options = [
         *([_POSTERIOR] if needs is not None else []),
         *([_OUTPUT] if writes and copies else []),
         *([_NO_PICTURES] if draws else []),
+        *([_DASK] if shares else []),
     ]
 
     def decorate(function: Callable[..., Answer]) -> Callable[..., None]:
@@ -108,6 +119,7 @@ def study_options(
                 if writes:
                     study.check_writable()
                     stack.enter_context(locked(study.folder, _command_name()))
+                stack.enter_context(shared_out(kwargs.pop("dask", None)))
                 bars = stack.enter_context(Bars())
                 answer = function(*args, study=study, bars=bars, **kwargs)
             answer.show(as_json)
@@ -115,6 +127,23 @@ def study_options(
         return functools.reduce(lambda made, option: option(made), options, wrapper)
 
     return decorate
+
+
+@contextmanager
+def shared_out(address: str | None) -> Iterator[None]:
+    """Have the work inside done by a Dask scheduler's workers; by this process where None.
+
+    Raises:
+        WorkersError: there is no such scheduler.
+    """
+    if address is None:
+        yield
+        return
+    from femupdate.dask_workers import dask_workers
+    from femupdate.workers import working_on
+
+    with dask_workers(address) as workers, working_on(workers):
+        yield
 
 
 def _command_name() -> str:

@@ -31,7 +31,7 @@ from .parameters import BuildingName, InputFile
     help="Leading effects whose evidence is sampled instead of approximated.",
 )
 @reading_options
-@study_options()
+@study_options(shares=True)
 @table_options("diagnosis")
 def command(
     observation: Path,

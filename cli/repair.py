@@ -25,7 +25,7 @@ from .parameters import BuildingName, InputFile
 )
 @click.option("--no-phase", is_flag=True, help="Use the amplitude alone.")
 @reading_options
-@study_options()
+@study_options(shares=True)
 def command(
     observation: Path,
     building: str | None,

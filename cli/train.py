@@ -56,7 +56,7 @@ from .parameters import BuildingName
 )
 @click.option("--start", type=click.Path(path_type=Path), help="Weights to start from.")
 @click.option("--fresh", is_flag=True, help="Train even where a fitting surrogate exists.")
-@study_options(draws=False)
+@study_options(draws=False, shares=True)
 def command(
     building: str | None,
     thorough: bool,
@@ -82,6 +82,7 @@ def command(
     Examples:
       femupdate train --study mine
       femupdate train --building my_building.toml --study mine --thorough
+      femupdate train --study mine --dask tcp://10.0.0.1:8786
     """
     from femupdate.workflow.checks import check_training
     from femupdate.workflow.model import open_study

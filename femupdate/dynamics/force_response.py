@@ -21,8 +21,8 @@ from femupdate.dynamics.reduced import ReducedModel
 from femupdate.dynamics.system import System
 from femupdate.effects.structure import Structure
 from femupdate.fe.factorization import factorize
-from femupdate.processors import everywhere
 from femupdate.progress import SILENT, Progress
+from femupdate.workers import everywhere
 
 _BATCH = 16
 _SAMPLES_A_FACTOR = 2

@@ -26,8 +26,8 @@ from femupdate.effects.structure import TRANSLATION, Structure
 from femupdate.fe.assembly import AffineOperators, with_terms
 from femupdate.fe.factorization import factorize
 from femupdate.fe.solve import modes_below
-from femupdate.processors import everywhere
 from femupdate.progress import SILENT, Progress
+from femupdate.workers import everywhere
 
 SPREAD = 0.2  # of ln theta to both sides
 _SIZE = 220

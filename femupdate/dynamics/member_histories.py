@@ -22,9 +22,9 @@ from femupdate.errors import BuildingError
 from femupdate.fe.assembly import AffineOperators, assemble
 from femupdate.fe.elements.beam import Beams
 from femupdate.fe.model import FiniteElementModel
-from femupdate.processors import everywhere
 from femupdate.progress import SILENT, Progress
 from femupdate.study import write_text
+from femupdate.workers import everywhere
 
 Place = tuple[float, float, float]
 

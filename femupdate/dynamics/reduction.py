@@ -28,9 +28,9 @@ from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed, Terms
 from femupdate.effects.structure import Structure
 from femupdate.errors import ModelError
-from femupdate.processors import everywhere
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import spawn
+from femupdate.workers import everywhere
 
 _SIZES = (40, 60, 80, 100, 120, 140, 160, 180, 200, 230, 260, 300)
 _CHOOSE = 4  # unseen samples by which the number of shapes is chosen

@@ -4,8 +4,8 @@ Modes take a fortieth of the space of FRFs, and give FRFs for any damping and an
 """
 
 import logging
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,9 +17,9 @@ from femupdate.dynamics.modal import ModalData, joined
 from femupdate.dynamics.system import System
 from femupdate.errors import SurrogateError
 from femupdate.inference.parameters import Parameters
-from femupdate.processors import processor_count
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import Seed, torch_generator
+from femupdate.workers import completed
 
 logger = logging.getLogger(__name__)
 
@@ -70,7 +70,7 @@ def compute_dataset(
 ) -> ModalDataset:
     """Solve the modes of all samples in shards; valid shards in `folder` are kept.
 
-    Two or more shards are solved at a time, one thread each: small eigenproblems gain nothing
+    Shards are solved wherever work is done, one thread each: small eigenproblems gain nothing
     from threads of their own. Killed half-way, the next call goes on where this one stopped.
     The caller chooses a folder that belongs to this system, prior and plan alone.
 
@@ -79,7 +79,7 @@ def compute_dataset(
         prior: box of the parameters.
         plan: what to compute.
         folder: of the shards; made where it is missing.
-        progress: advances by one for each sample, from several threads.
+        progress: advances by one for each sample.
 
     Raises:
         StudyError: the folder cannot be written.
@@ -90,25 +90,22 @@ def compute_dataset(
         plan.samples, dtype=torch.float64
     )
     theta = prior.from_unit(unit)
-    paths = [folder / f"{k:04d}.npz" for k in range(-(-plan.samples // SHARD))]
-
-    def solve(k: int) -> ModalDataset:
-        rows = theta[k * SHARD : (k + 1) * SHARD]
-        shard = _kept_shard(paths[k], rows, modes_kept(system, plan.modes))
-        if shard is None:
-            _write_shard(paths[k], rows, _solve_shard(system, rows, plan))
-            shard = _read_shard(paths[k])
-        progress.advance(len(rows))
-        return shard
-
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        with ThreadPoolExecutor(max_workers=processor_count()) as pool:
-            shards = list(pool.map(solve, range(len(paths))))
-    finally:
-        torch.set_num_threads(threads)
-    return _join(shards)
+    rows = theta.split(SHARD)
+    paths = [folder / f"{k:04d}.npz" for k in range(len(rows))]
+    kept = modes_kept(system, plan.modes)
+    shards: dict[int, ModalDataset] = {}
+    for k, (path, own) in enumerate(zip(paths, rows, strict=True)):
+        if (shard := _kept_shard(path, own, kept)) is not None:
+            shards[k] = shard
+            progress.advance(len(own))
+    missing = [k for k in range(len(rows)) if k not in shards]
+    solve = partial(_solve_shard, system, plan=plan)
+    for number, modal in completed(solve, [rows[k] for k in missing]):
+        k = missing[number]
+        _write_shard(paths[k], rows[k], modal)
+        shards[k] = _read_shard(paths[k])
+        progress.advance(len(rows[k]))
+    return _join([shards[k] for k in range(len(rows))])
 
 
 def save_dataset(dataset: ModalDataset, path: Path) -> None:

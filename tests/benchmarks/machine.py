@@ -8,7 +8,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from femupdate import __version__
-from femupdate.processors import processor_count
+from femupdate.workers import processor_count
 
 _PACKAGES = ("numpy", "scipy", "torch")
 

@@ -21,7 +21,7 @@ from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
 
-from . import written
+from . import instruments, written
 from .subjects import put
 
 _TOWER = "shear_3dof"
@@ -111,9 +111,12 @@ def write_seeds(folder: Path) -> None:
     _buildings(folder / "building")
     _meshes(folder / "mesh")
     observation = _observations(folder / "observation")
-    put(folder / "identified modes" / "csv", "modes.csv", {"modes.csv": _MODES})
+    _kinds(folder / "kinds")
     _records(folder / "record")
-    for kind in ("observation", "identified modes", "record"):
+    put(folder / "mapping" / "0", "m.toml", {"m.toml": instruments.MAPPING})
+    ambient = {"ambient.csv": instruments.ambient_text()}
+    put(folder / "ambient" / "0", "ambient.csv", ambient)
+    for kind in ("observation", "kinds", "record"):
         for path in sorted((folder / kind).iterdir()):
             target = (path / "target.txt").read_text(encoding="utf-8")
             put(folder / "inspect" / f"{kind}-{path.name}", target, {target: path / target})
@@ -172,6 +175,22 @@ def _observations(folder: Path) -> Path:
     return path
 
 
+def _kinds(folder: Path) -> None:
+    """What calibrate takes beside histories and response functions over the base."""
+    tower = building_text(_TOWER)[1]
+    folder.mkdir(parents=True)
+    contents: dict[str, bytes | str] = {
+        "modes.csv": _MODES,
+        "modes.npz": _npz(instruments.mode_arrays()),
+        "modes.mat": _mat(instruments.mode_arrays()),
+        **instruments.universal_files(folder),
+        **instruments.force_texts(),
+        "run.tdms": instruments.tdms_file(),
+    }
+    for name, content in contents.items():
+        put(folder / name, name, {"tower.toml": tower, name: content})
+
+
 def _npz(arrays: dict[str, Any]) -> bytes:
     buffer = io.BytesIO()
     np.savez(buffer, **arrays)
@@ -199,23 +218,29 @@ def _esm(values: np.ndarray) -> str:
 
 
 def _records(folder: Path) -> None:
+    folder.mkdir(parents=True)
     time = np.arange(300) * 0.02
     wave = [float(v) for v in np.round(90 * np.exp(-time) * np.sin(9 * time + 0.4) - 2 * time, 3)]
     rows = "\n".join(f"{t:.2f},{v}" for t, v in zip(time, wave, strict=True))
-    texts = {
+    knet = written.knet_text([round(100 * v) for v in wave], "3.00")
+    esm = written.esm_text(wave)
+    texts: dict[str, bytes | str] = {
         "plain.csv": f"time_s,EW\ns,gal\n{rows}\n",
         "jma.csv": written.jma_text({"NS": wave, "EW": wave[::-1]}),
         "peer.at2": written.peer_text([v / 981.0 for v in wave]),
         "csmip.v1": written.csmip_v1_text({"90 Deg": [v / 981.0 for v in wave]}),
         "csmip.v2": written.csmip_v2_text(wave),
-        "knet.EW": written.knet_text([round(100 * v) for v in wave], "3.00"),
-        "esm.asc": written.esm_text(wave),
+        "knet.EW": knet,
+        "kiknet.EW2": instruments.kiknet_text(knet),
+        "esm.asc": esm,
         "cosmos.v2": written.cosmos_text({"90 deg, Roof - center": wave}),
         "smc.smc": written.smc_text(wave),
+        "run.tdms": instruments.tdms_file(),
+        **instruments.seismic_files(folder),
     }
     for name, text in texts.items():
         put(folder / name, name, {name: text})
-    put(folder / "archive.zip", "archive.zip", {"archive.zip": _zip({"a.asc": texts["esm.asc"]})})
+    put(folder / "archive.zip", "archive.zip", {"archive.zip": _zip({"a.asc": esm})})
 
 
 def _studies(folder: Path, observation: Path) -> None:

@@ -11,6 +11,20 @@ from femupdate.study import MANIFEST, Study, file_hash
 SEED_FILE = "target.txt"
 """Names the file of a folder that is mutated."""
 
+_BY_NUMBER = {"2F": "1", "3F": "2", "RF": "3"}
+_COLUMNS = {
+    "modes.npz": _BY_NUMBER,
+    "modes.mat": _BY_NUMBER,
+    "modes.uff": {"2F": "point 1 +X", "3F": "point 2 +X", "RF": "point 3 +X"},
+    "text.uff": {"base": "1", "RF": "2"},
+    "binary.uff": {"base": "1", "RF": "2"},
+    "run.tdms": {"base": "1", "RF": "2"},
+    "frf.uff": {"2F/RF": "1", "RF/RF": "2"},
+}
+"""Of the good files of many kinds that do not name floors."""
+
+_WITHOUT_UNIT = (".mseed", ".sac", ".gse", ".sg2")
+
 Read = Callable[[Path], object]
 
 
@@ -56,16 +70,37 @@ def _observation(path: Path) -> object:
     return observation_of(load_building(path.with_name("tower.toml")), source)
 
 
-def _modes(path: Path) -> object:
-    from femupdate.measurement.kinds import Reading, read_any_kind
+def _kinds(path: Path) -> object:
+    """As calibrate takes whatever it is given."""
+    from femupdate.building.files import load_building
+    from femupdate.workflow.kinds import measured_of
+    from femupdate.workflow.observed import ObservationSource
 
-    return read_any_kind(path, Reading())
+    columns = _COLUMNS.get(path.name)
+    building = load_building(path.with_name("tower.toml"))
+    return measured_of(building, ObservationSource(path, columns=columns))
+
+
+def _mapping(path: Path) -> object:
+    from femupdate.measurement.mapping_file import read_mapping
+
+    return read_mapping(path)
+
+
+def _ambient(path: Path) -> object:
+    from femupdate.workflow.identify import identify
+
+    output = path.with_name("modes.csv")
+    try:
+        return identify(path, output, order=10).lines()
+    finally:
+        output.unlink(missing_ok=True)
 
 
 def _record(path: Path) -> object:
     from femupdate.measurement.record import read_record
 
-    return read_record(path, channel=1)
+    return read_record(path, channel=1, unit="gal" if path.suffix in _WITHOUT_UNIT else None)
 
 
 def _inspected(path: Path) -> object:
@@ -117,7 +152,9 @@ SUBJECTS = (
     Subject("building", 0.2, _building),
     Subject("mesh", 0.15, _mesh),
     Subject("observation", 0.15, _observation),
-    Subject("identified modes", 0.05, _modes),
+    Subject("kinds", 0.15, _kinds),
+    Subject("mapping", 0.02, _mapping),
+    Subject("ambient", 0.02, _ambient),
     Subject("record", 0.15, _record),
     Subject("inspect", 0.1, _inspected),
     Subject("weights", 0.05, _weights),

@@ -1,6 +1,7 @@
 """femupdate benchmark hidden-effects."""
 
 import click
+from femupdate.cli.common import shared_out
 
 from ..command import benchmark_options
 from ..result import Job, Report
@@ -42,6 +43,11 @@ from ..result import Job, Report
     "--minutes", type=click.FloatRange(min=0), help="Minutes after which no trial is started."
 )
 @click.option("--quick", is_flag=True, help="A dozen trials, to try it out.")
+@click.option(
+    "--dask",
+    metavar="ADDRESS",
+    help="Share the trials out by Dask: address of a scheduler, or local for processes.",
+)
 @benchmark_options
 def command(
     job: Job,
@@ -50,6 +56,7 @@ def command(
     no_phase: bool,
     minutes: float | None,
     quick: bool,
+    dask: str | None,
     **counts: int,
 ) -> Report:
     """Put effects into simulated measurements and count what the finder makes of them.
@@ -62,4 +69,5 @@ def command(
     plan = QUICK if quick else TrialPlan(**counts)
     settings = TrialSettings(mesh_size=mesh_size, use_phase=not no_phase)
     limit = float("inf") if minutes is None else minutes
-    return run_hidden_effects(job, building, plan, settings, limit)
+    with shared_out(dask):
+        return run_hidden_effects(job, building, plan, settings, limit)

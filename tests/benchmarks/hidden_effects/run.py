@@ -1,14 +1,12 @@
 """The trials of the effect finder, counted: false alarms, detection, names, sizes, gaps closed."""
 
 import time
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-
-from joblib import Parallel, delayed, parallel_config
+from functools import partial
 
 from femupdate.building.files import load_building
-from femupdate.processors import processor_count
 from femupdate.study import Study
+from femupdate.workers import completed
 from femupdate.workflow.model import open_study
 
 from ..log import ResumableLog
@@ -53,7 +51,7 @@ def run_hidden_effects(
     settings: TrialSettings | None = None,
     minutes: float = float("inf"),
 ) -> Report:
-    """Run the trials on all processors and write the result.
+    """Run the trials wherever work is done and write the result.
 
     Every outcome is written at once; trials whose outcomes are there are not run again. The reduced
     model is kept in the folder as well.
@@ -75,11 +73,11 @@ def run_hidden_effects(
     left = [trial for trial in trials if log.get(_key(trial), Outcome) is None]
     job.progress.start("Hidden-effect trials", len(left))
     if left:
-        deadline = time.monotonic() + 60.0 * minutes
         models = trial_models(study, model, settings, job.progress)
-        for outcome in _run(left, models, deadline):
-            log.add(_key(outcome), outcome)
-            job.progress.advance(1, outcome.verdict)
+        for _, outcome in completed(partial(_run, models, time.time() + 60.0 * minutes), left):
+            if outcome is not None:
+                log.add(_key(outcome), outcome)
+                job.progress.advance(1, outcome.verdict)
     known = (log.get(_key(trial), Outcome) for trial in trials)
     outcomes = [outcome for outcome in known if outcome is not None]
     rows = summary(outcomes)
@@ -95,11 +93,6 @@ def _key(trial: Trial | Outcome) -> str:
     return f"{trial.kind} {trial.number}"
 
 
-def _run(trials: Sequence[Trial], models: TrialModels, deadline: float) -> Iterator[Outcome]:
-    """Outcomes, in order, until a time of the monotonic clock (s)."""
-    # The models of a frame are too large to be sent with every trial.
-    workers = 1 if models.model.building.kind == "frame" else processor_count()
-    in_time = (trial for trial in trials if time.monotonic() < deadline)
-    with parallel_config("loky", inner_max_num_threads=1):
-        pool = Parallel(n_jobs=workers, return_as="generator", batch_size=1, pre_dispatch=workers)
-        yield from pool(delayed(run_trial)(trial, models) for trial in in_time)
+def _run(models: TrialModels, deadline: float, trial: Trial) -> Outcome | None:
+    """The outcome of a trial; None after a time of the clock (s)."""
+    return run_trial(trial, models) if time.time() < deadline else None

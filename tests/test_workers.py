@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from femupdate.processors import everywhere, processor_count
+from femupdate.workers import everywhere, processor_count
 
 
 def test_processors_that_this_process_may_use():

@@ -1,0 +1,130 @@
+"""Work shared out by Dask: the same results as here, also when a worker is killed on the way."""
+
+import contextlib
+import math
+import multiprocessing
+import os
+import re
+import signal
+import socket
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from scipy.linalg import eigh
+
+from femupdate.building.files import load_building
+from femupdate.building.shear import shear_operators
+from femupdate.dask_workers import dask_workers
+from femupdate.dynamics.system import System
+from femupdate.errors import WorkersError
+from femupdate.progress import Silent
+from femupdate.surrogate import dataset as room
+from femupdate.surrogate.dataset import DatasetPlan, compute_dataset
+from femupdate.workers import everywhere, working_on
+from femupdate.workflow.model import reduce_building, theta_prior
+
+PAGE = Path(__file__).resolve().parent.parent / "docs" / "how-to" / "several-machines.md"
+PLAN = DatasetPlan(samples=90, modes=3, top_frequency_hz=12.8, seed=3)
+
+
+@pytest.fixture(scope="module")
+def processes():
+    """Worker processes of a scheduler, as --dask local makes them."""
+    pytest.importorskip("distributed", reason="the extra `distributed` is not installed")
+    with dask_workers("local") as workers:
+        yield workers
+
+
+@pytest.fixture(scope="module")
+def tower():
+    return load_building("shear_3dof")
+
+
+class Killer(Silent):
+    """Kills a worker process when the first piece is done."""
+
+    def __init__(self):
+        self.killed = []
+
+    def advance(self, steps=1, note=""):
+        if not self.killed:
+            victim = multiprocessing.active_children()[0].pid
+            os.kill(victim, signal.SIGKILL)
+            self.killed.append(victim)
+
+
+def test_a_data_set_is_the_same_when_a_worker_is_killed(processes, tower, tmp_path, monkeypatch):
+    monkeypatch.setattr(room, "SHARD", 6)
+    system, prior, killer = System(reduce_building(tower).model), theta_prior(tower), Killer()
+    serial = compute_dataset(system, prior, PLAN, tmp_path / "here")
+    with working_on(processes):
+        shared = compute_dataset(system, prior, PLAN, tmp_path / "there", killer)
+    assert killer.killed
+    assert torch.equal(shared.theta, serial.theta)
+    for name in ("omega", "effect", "residual"):
+        assert torch.equal(getattr(shared.modal, name), getattr(serial.modal, name))
+    pieces = sorted(path.name for path in (tmp_path / "there").iterdir())
+    assert pieces == [f"{k:04d}.npz" for k in range(15)]
+
+
+def test_a_reduction_is_the_same(processes, cabin_file):
+    """Full models: 45 of them, solved on the workers."""
+    cabin = load_building(str(cabin_file))
+    serial = reduce_building(cabin)
+    with working_on(processes):
+        shared = reduce_building(cabin)
+    assert shared.rms_error == serial.rms_error
+    np.testing.assert_array_equal(
+        shared.reduced.model.stiffness_terms, serial.reduced.model.stiffness_terms
+    )
+
+
+def test_the_script_of_the_page_runs_and_resumes(processes, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    used = []
+
+    @contextlib.contextmanager
+    def workers(address):
+        used.append(address)
+        yield processes
+
+    code = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.S)[1]
+    names = {"__name__": "recipe"}
+    exec(code.replace("two_story_openings", "shear_3dof"), names)
+    names["dask_workers"] = workers
+    names["main"]()
+    found = sorted(tmp_path.glob("analyses/*.npz"))
+    assert len(found) == 4
+    one = np.load(found[2])
+    exact = natural_frequencies(load_building("shear_3dof"), one["theta"])
+    np.testing.assert_allclose(one["hz"], exact, rtol=1e-9)
+    found[2].unlink()
+    names["main"]()
+    np.testing.assert_array_equal(np.load(found[2])["hz"], one["hz"])
+    assert used == ["local", "local"]
+
+
+def natural_frequencies(building, theta):
+    """Of a chain of masses and springs, Hz."""
+    lumped = shear_operators(building)
+    stiffness = np.tensordot(theta, np.stack(lumped.stiffness_terms), 1)
+    return np.sqrt(eigh(stiffness, lumped.mass, eigvals_only=True)) / (2.0 * np.pi)
+
+
+def test_what_fails_there_is_said_here(processes):
+    with working_on(processes), pytest.raises(ValueError, match="math domain error"):
+        list(everywhere(math.sqrt, [4.0, -1.0]))
+
+
+def test_a_scheduler_that_is_not_there(monkeypatch):
+    pytest.importorskip("distributed", reason="the extra `distributed` is not installed")
+    monkeypatch.setattr("femupdate.dask_workers._CONNECT_S", 0.5)
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
+    with pytest.raises(WorkersError, match="no Dask scheduler answers"), dask_workers(address):
+        pass
+    with pytest.raises(WorkersError, match="no Dask scheduler answers"), dask_workers("a b"):
+        pass
