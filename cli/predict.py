@@ -63,15 +63,13 @@ from .parameters import Channel, InputFile, Member
 @click.option(
     "--scatter",
     type=click.FloatRange(0.0, 1.0),
-    default=0.05,
-    show_default=True,
+    show_default="as several runs differ, else .05",
     help="Scatter of stiffness between events (sd of ln).",
 )
 @click.option(
     "--damping-scatter",
     type=click.FloatRange(0.0, 2.0),
-    default=0.2,
-    show_default=True,
+    show_default="likewise, else .2",
     help="Scatter of damping between events (sd of ln).",
 )
 @columns_options
@@ -86,8 +84,6 @@ def command(
     columns: dict[str, str] | None,
     floor_spectra: bool,
     spectrum_damping: float,
-    scatter: float,
-    damping_scatter: float,
     tables: Tables,
     study: Study,
     bars: Bars,
@@ -103,7 +99,6 @@ def command(
       femupdate predict --record examples/records/ridgecrest_2019_clc_90.csv --scale 0.1
       femupdate predict --record run2.csv --measured run2.csv --posterior roof
     """
-    from femupdate.inference.next_event import EventScatter
     from femupdate.workflow.checks import open_calibrated
     from femupdate.workflow.pictures_prediction import draw_prediction
     from femupdate.workflow.predict import predict_study
@@ -117,7 +112,6 @@ def command(
         RecordSource(record, unit, channel, scale),
         PredictionSettings(
             spectrum_damping=oscillators,
-            scatter=EventScatter(stiffness=scatter, damping=damping_scatter),
             **settings,
         ),
         measured=measured,

@@ -1,23 +1,23 @@
-"""What a posterior says of another event: its own stiffness and damping, and an error of its own.
+"""What a posterior says of the errors of its model in another event.
 
-Stiffness and damping differ from event to event with amplitude, temperature and damage. The model
-errs in the next event as much as it did in the observed one, but elsewhere: over six earthquakes of
-one hotel, responses corrected by the error learned in another were no better. Part of what was
-measured did not follow the base at all; the next measurement will have such a part too. How well
-these bands hold what is measured is the benchmark `femupdate benchmark measured`.
+The model errs in the next event as much as it did in the observed one, but elsewhere: over six
+earthquakes of one hotel, responses corrected by the error learned in another were no better. Of
+several runs the errors of each alone average out; how runs differ tells how large these are. Part
+of what was measured did not follow the base at all; the next measurement will have such a part too.
+How well these bands hold what is measured is the benchmark `femupdate benchmark measured`.
 
 Responses of a draw are multiplied by exp(error) over frequency. An error fades towards zero
 frequency, where a building moves as its base does.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 import torch
+from scipy.ndimage import uniform_filter1d
 from scipy.signal import lfilter
-from torch import Tensor
 
 from femupdate.arrays import Complexes, Floats, Integers
 from femupdate.dynamics.history import Histories
@@ -34,32 +34,8 @@ _MOST = 0.5
 # Share of what the coherence says of that part: the rest is leakage of the strong part of a short
 # record. Over six earthquakes of one hotel a quarter gives bands that hold 95 % of the samples.
 _NOT_LEAKAGE = 0.25
+_SMOOTH = 9  # points over which differences of runs are averaged
 _SAMPLES = 8  # at a time: spectra are large
-
-
-@dataclass(frozen=True, kw_only=True)
-class EventScatter:
-    """How much a building differs from event to event, where one event cannot tell.
-
-    Attributes:
-        stiffness: standard deviation of ln of all stiffness factors together. The frequencies of a
-            hotel scatter by 2.8 % over quakes of 7 to 90 gal, factors of an overpass by 6 % over
-            quakes of like strength.
-        damping: of ln of the damping ratio.
-    """
-
-    stiffness: float = 0.05
-    damping: float = 0.2
-
-    def next_event(
-        self, theta: Tensor, zeta: Tensor, box: tuple[Tensor, Tensor], seed: Seed
-    ) -> tuple[Tensor, Tensor]:
-        """Factors (n, p) and damping ratios (n,) of another event, factors within their box."""
-        away = np.random.default_rng(seed).standard_normal((2, len(theta)))
-        stiffer, damped = (torch.from_numpy(one).to(theta) for one in away)
-        moved = theta * torch.exp(self.stiffness * stiffer)[:, None]
-        inside = torch.minimum(torch.maximum(moved, box[0].to(theta)), box[1].to(theta))
-        return inside, (zeta * torch.exp(self.damping * damped)).clamp_max(0.99)
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,8 +94,8 @@ class EventErrors:
         errors = self.posterior.model_error
         for sample in range(count):
             row = self.rows[first + sample]
-            amplitude, phase, apart = (
-                np.random.default_rng(one) for one in spawn(self._streams[first + sample], 3)
+            amplitude, phase, apart, alone = (
+                np.random.default_rng(one) for one in spawn(self._streams[first + sample], 4)
             )
             if errors is not None:
                 seen = (errors, len(floors), frequency)
@@ -127,6 +103,7 @@ class EventErrors:
                 if errors.phase is not None:
                     parts[1, sample] = drawn_error(errors.phase, row, *seen, phase)
             parts[:, sample] += self._apart(floors, frequency, apart)
+            parts[:, sample] += self._alone(floors, frequency, alone)
         fading = 1.0 - np.exp(-((frequency / self.fade_hz) ** 2))
         return np.asarray(np.exp(fading * (parts[0] + 1j * parts[1])))
 
@@ -139,11 +116,48 @@ class EventErrors:
         if not sd.any():
             return np.zeros((2, *sd.shape))
         step, width = frequency[1], observation.resolution_hz or frequency[1]
-        kept = np.exp(-step / width)
-        white = rng.standard_normal((2, *sd.shape))
-        # Stationary from the first frequency on.
-        white[..., 0] /= np.sqrt(1.0 - kept**2)
-        return sd * lfilter([np.sqrt(1.0 - kept**2)], [1.0, -kept], white, axis=-1)
+        return sd * _alike(sd.shape, step / width, rng)
+
+    def _alone(
+        self, floors: tuple[str, ...], frequency: Floats, rng: np.random.Generator
+    ) -> Floats:
+        """Relative change (2, f, k), in phase and across, by an error of the event's own."""
+        scatter, errors = self.posterior.scatter, self.posterior.model_error
+        shape = len(floors), len(frequency)
+        if scatter is None or errors is None:
+            return np.zeros((2, *shape))
+        sd = between_runs(self.posterior.observation, scatter.runs, floors, frequency)
+        length = float(np.median(errors.amplitude.levels[..., 2]))
+        return sd * _alike(shape, frequency[1] / length, rng)
+
+
+def _alike(shape: tuple[int, ...], step: float, rng: np.random.Generator) -> Floats:
+    """Normal series (2, f, k) of unit variance whose values 1 / `step` points apart are alike."""
+    kept = np.exp(-step)
+    white = rng.standard_normal((2, *shape))
+    # Stationary from the first frequency on.
+    white[..., 0] /= np.sqrt(1.0 - kept**2)
+    return np.asarray(lfilter([np.sqrt(1.0 - kept**2)], [1.0, -kept], white, axis=-1))
+
+
+def between_runs(
+    observation: Observation, runs: int, floors: tuple[str, ...], frequency_hz: Floats
+) -> Floats:
+    """Standard deviation (f, k) of ln|H| from run to run beside the noise, of pooled runs.
+
+    Squared deviations over the variance add up to one fewer than there are runs where noise alone
+    tells them apart; the rest is the runs' own (analysis of variance, with equal weights).
+    """
+    assert observation.scatter is not None
+    beyond = np.maximum(observation.scatter / (runs - 1) - 1.0, 0.0)
+    variance = beyond * runs * np.square(np.nan_to_num(observation.noise_sd))
+    rows = [
+        np.minimum(uniform_filter1d(row[valid], _SMOOTH, mode="nearest"), _MOST**2) ** 0.5
+        if valid.any()
+        else None
+        for row, valid in zip(variance, observation.valid, strict=True)
+    ]
+    return _on_floors(observation, rows, floors, frequency_hz)
 
 
 def incoherent_share(
@@ -154,21 +168,31 @@ def incoherent_share(
     Its power is (1 - g^2) / g^2 of what follows, g^2 being the ordinary coherence (Bendat and
     Piersol 2010, section 6.1). Zero for tables, which have no coherence.
     """
-    shape = (len(floors), len(frequency_hz))
     if observation.coherence is None:
-        return np.zeros(shape)
+        return np.zeros((len(floors), len(frequency_hz)))
     rows = []
     for values, valid in zip(observation.coherence, observation.valid, strict=True):
-        if not valid.any():
-            rows.append(np.full(len(frequency_hz), np.nan))
-            continue
         known = np.clip(values[valid], 1e-3, 1.0)
         share = _NOT_LEAKAGE * np.minimum(np.sqrt(0.5 * (1.0 - known) / known), _MOST)
-        rows.append(np.interp(frequency_hz, observation.frequency_hz[valid], share))
-    of_floor = dict(zip(observation.floors, rows, strict=True))
-    mean = np.nan_to_num(np.nanmean(rows, axis=0))
-    chosen = (of_floor.get(floor, mean) for floor in floors)
-    return np.array([np.where(np.isnan(row), mean, row) for row in chosen])
+        rows.append(share if valid.any() else None)
+    return _on_floors(observation, rows, floors, frequency_hz)
+
+
+def _on_floors(
+    observation: Observation,
+    rows: Sequence[Floats | None],
+    floors: tuple[str, ...],
+    frequency_hz: Floats,
+) -> Floats:
+    """Values at the valid frequencies of observed floors on all floors (f, k); the mean of those
+    known where a floor was not observed."""
+    known = {
+        floor: np.interp(frequency_hz, observation.frequency_hz[valid], row)
+        for floor, row, valid in zip(observation.floors, rows, observation.valid, strict=True)
+        if row is not None
+    }
+    mean = np.mean(list(known.values()), axis=0)
+    return np.array([known.get(floor, mean) for floor in floors])
 
 
 def drawn_error(

@@ -12,6 +12,11 @@ from femupdate.array_archive import check_shapes
 from femupdate.arrays import Floats, Integers
 from femupdate.errors import StudyError
 from femupdate.inference.error_draws import ErrorDraws, errors_as_groups, errors_from_groups
+from femupdate.inference.event_scatter import (
+    LearnedScatter,
+    scatter_as_group,
+    scatter_from_group,
+)
 from femupdate.measurement.observation import Observation
 from femupdate.netcdf import write_tree
 from femupdate.seeds import Seed
@@ -74,6 +79,7 @@ class Posterior:
         observation: what it was drawn for.
         settings: of the sampler.
         model_error: what is known of the error of the model; None where it was not learned.
+        scatter: of stiffness and damping between events; None where one run cannot tell.
         warnings: what whoever uses the draws should know, in sentences.
     """
 
@@ -87,6 +93,7 @@ class Posterior:
     observation: Observation
     settings: Mapping[str, Any]
     model_error: ErrorDraws | None = None
+    scatter: LearnedScatter | None = None
     warnings: tuple[str, ...] = ()
 
     @property
@@ -139,6 +146,7 @@ def save_posterior(posterior: Posterior, path: Path) -> None:
     tree = xr.DataTree.from_dict(
         {
             **errors_as_groups(posterior.model_error, coordinates, grid),
+            **scatter_as_group(posterior.scatter, coordinates),
             "/posterior": xr.Dataset(
                 draws, coords={**coordinates, "parameter": list(posterior.names)}
             ),
@@ -210,6 +218,9 @@ def _check(posterior: Posterior) -> None:
         "prior_upper": posterior.upper,
     }
     shapes = {"theta": "cdp", "lp": "cd", "prior_lower": "p", "prior_upper": "p"}
+    if posterior.scatter is not None:
+        arrays = {**arrays, "sd": posterior.scatter.sd, "shift": posterior.scatter.shift}
+        shapes = {**shapes, "sd": "cdq", "shift": "cdq"}
     if posterior.zeta is not None:
         arrays, shapes = {**arrays, "zeta": posterior.zeta}, {**shapes, "zeta": "cd"}
     check_shapes(arrays, shapes)
@@ -241,6 +252,7 @@ def _posterior(tree: Any) -> Posterior:
         observation=_observation(measured),
         settings=json.loads(tree.attrs["settings"]),
         model_error=errors_from_groups(tree),
+        scatter=scatter_from_group(tree),
         warnings=tuple(json.loads(tree.attrs["warnings"])),
     )
 

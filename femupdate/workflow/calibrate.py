@@ -21,6 +21,7 @@ from femupdate.workflow.kinds import Measured, read_measured_of
 from femupdate.workflow.mesh_error import with_finer_mesh
 from femupdate.workflow.model import REDUCED, StudyModel
 from femupdate.workflow.observed import ObservationSource
+from femupdate.workflow.run_scatter import scatter_of_runs
 from femupdate.workflow.sampling import ChainRunner
 from femupdate.workflow.summary import identified, write_summary
 from femupdate.workflow.surrogates import SURROGATE, require_surrogate
@@ -59,7 +60,7 @@ def calibrate_study(
     origin = {**model.made_from(), **source.made_from()}
     used = {"sensors": list(observation.floors), "band_hz": source.band_hz}
     settled = {**used, **plain_settings(settings)}
-    sampling, damping, checking = spawn(settings.seed, 3)
+    sampling, damping, checking, between = spawn(settings.seed, 4)
     run = ChainRunner(
         settings.particles,
         settings.chains,
@@ -77,7 +78,8 @@ def calibrate_study(
     posterior = posterior_of(model, observation, settings, sampled, latent, damping)
     fitting = against_data(model, measured, posterior, sampled, checking)
     warnings = judgement(posterior, fitting)
-    posterior = replace(posterior, warnings=warnings)
+    scatter = scatter_of_runs(model, measured.runs, posterior, between)
+    posterior = replace(posterior, warnings=warnings, scatter=scatter)
     path = study.result("posterior.nc")
     save_posterior(posterior, path)
     study.record(
@@ -89,6 +91,7 @@ def calibrate_study(
     notes = (
         *warnings,
         *error_notes(posterior),
+        *(() if scatter is None else (scatter.sentence(),)),
         *found.sentences(),
         *against_modes(model, measured, posterior, checking),
         *measured.notes,

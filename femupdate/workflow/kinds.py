@@ -39,8 +39,9 @@ from femupdate.workflow.force import check_base_level, check_level, open_rest
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import (
     ObservationSource,
+    as_one,
     direction_of,
-    observation_of,
+    runs_of,
 )
 
 
@@ -54,6 +55,7 @@ class Measured:
         forced: responses to forces, one entry a file and floor at which a force acts.
         rest: static displacement under forces that the reduced model lacks; None of a stick.
         errors: of the modes.
+        runs: under base motion, an observation each; `base` is all of them together.
     """
 
     base: Observation
@@ -61,6 +63,7 @@ class Measured:
     forced: tuple[ForcedObservation, ...] = ()
     rest: RestFlexibility | None = None
     errors: ModalErrors = field(default_factory=ModalErrors)
+    runs: tuple[Observation, ...] = ()
 
     @property
     def has_base(self) -> bool:
@@ -195,7 +198,8 @@ def measured_of(building: Building, source: ObservationSource) -> Measured:
         _require_sensors(source, others.base.floors)
         return others
     own = replace(source, path=base[0], further=tuple(base[1:]))
-    return replace(others, base=observation_of(building, own))
+    runs = runs_of(building, own)
+    return replace(others, base=as_one(building, runs), runs=runs)
 
 
 def _forced(

@@ -32,6 +32,7 @@ from femupdate.workflow.model import StudyModel, on_kept_finer
 from femupdate.workflow.predict_draws import (
     PredictionDraws,
     at_reached_level,
+    chosen_scatter,
     in_another_event,
     prediction_draws,
 )
@@ -191,7 +192,7 @@ def predict_study(
         alone=alone,
         path=path,
         damping=draws.damping,
-        notes=(*_notes(model, motion, settings), *at_level, *posterior.warnings),
+        notes=(*_notes(model, posterior, motion, settings), *at_level, *posterior.warnings),
         seconds=time.monotonic() - started,
         quantities=quantities(
             model.building,
@@ -305,9 +306,8 @@ def _members(
 
 
 def _notes(
-    model: StudyModel, motion: GroundMotion, settings: PredictionSettings
+    model: StudyModel, posterior: Posterior, motion: GroundMotion, settings: PredictionSettings
 ) -> tuple[str, ...]:
-    scatter = settings.scatter
     notes = [
         f"Record {motion.name}{' ' + motion.channel if motion.channel else ''}: peak "
         f"{motion.peak:.3g} m/s2, {motion.duration:.1f} s at {1 / motion.time_step:.4g} Hz.",
@@ -322,9 +322,19 @@ def _notes(
         notes.append(
             "The masses of this building are nominal: story shears and stiffnesses are relative."
         )
+    between = _scatter(posterior, settings)
     notes.append(
-        "Intervals are those of the next measurement: between events stiffness scatters by "
-        f"{scatter.stiffness:.0%} and damping by {scatter.damping:.0%} (--scatter, "
-        "--damping-scatter), and the model errs as it did in the calibration."
+        f"Intervals are those of the next measurement: between events {between}, and the model "
+        "errs as it did in the calibration."
     )
     return tuple(notes)
+
+
+def _scatter(posterior: Posterior, settings: PredictionSettings) -> str:
+    """How much the building differs between events, and where that is from."""
+    scatter = chosen_scatter(posterior, settings, np.arange(posterior.theta[..., 0].size))
+    sizes = (float(np.median(sd)) for sd in (scatter.stiffness, scatter.damping))
+    told = "stiffness scatters by {:.0%} and damping by {:.0%}".format(*sizes)
+    if posterior.scatter is None or settings.scatter is not None:
+        return f"{told} (--scatter, --damping-scatter)"
+    return f"{told}, as between the {posterior.scatter.runs} runs"

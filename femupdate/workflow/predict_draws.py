@@ -8,6 +8,7 @@ import torch
 from femupdate.arrays import Integers
 from femupdate.dynamics.system import System
 from femupdate.errors import BuildingError
+from femupdate.inference.event_scatter import DEFAULT, EventScatter
 from femupdate.inference.posterior import Posterior
 from femupdate.measurement.record import GroundMotion
 from femupdate.progress import Progress
@@ -72,11 +73,23 @@ def in_another_event(
     """The draws as the building may be in another event."""
     theta, sizes = system.split(draws.parameters)
     box = [torch.from_numpy(end[: theta.shape[1]]) for end in (posterior.lower, posterior.upper)]
-    scatter = settings.scatter
+    scatter = chosen_scatter(posterior, settings, draws.rows)
     if settings.damping is not None or draws.damping == LAW:
-        scatter = replace(scatter, damping=0.0)
+        scatter = replace(scatter, damping=0.0, damped=0.0)
     moved, zeta = scatter.next_event(theta, draws.zeta, (box[0], box[1]), seed)
     return replace(draws, parameters=torch.cat([moved, sizes], dim=1), zeta=zeta)
+
+
+def chosen_scatter(
+    posterior: Posterior, settings: PredictionSettings, rows: Integers
+) -> EventScatter:
+    """What was asked for, else what several runs have taught, else the default."""
+    found = DEFAULT if posterior.scatter is None else posterior.scatter.of(rows)
+    if settings.scatter is not None:
+        found = replace(found, stiffness=settings.scatter)
+    if settings.damping_scatter is not None:
+        found = replace(found, damping=settings.damping_scatter)
+    return found
 
 
 def at_reached_level(

@@ -1,7 +1,7 @@
 """What a prediction is made from: the ground motion, floors measured in it, and settings."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +9,6 @@ import numpy as np
 from femupdate.arrays import Floats
 from femupdate.dynamics.member_histories import Place
 from femupdate.errors import MeasurementError
-from femupdate.inference.next_event import EventScatter
 from femupdate.measurement.observation_file import Histories, read_observation_file
 from femupdate.measurement.record import GroundMotion
 from femupdate.workflow.model import StudyModel
@@ -47,7 +46,8 @@ class PredictionSettings:
         members: places in the building, m: the end forces of the beam elements nearest to them are
             found; and names of walls, such as "X2:S1": the forces through their feet are.
         member_draws: draws at which the full model is solved for these.
-        scatter: how much the building differs from event to event.
+        scatter, damping_scatter: standard deviations of ln stiffness and of ln damping between
+            events; None takes what several runs have taught, else the default.
     """
 
     samples: int = 300
@@ -56,7 +56,8 @@ class PredictionSettings:
     spectrum_damping: float | None = None
     members: tuple[Place | str, ...] = ()
     member_draws: int = 24
-    scatter: EventScatter = field(default_factory=EventScatter)
+    scatter: float | None = None
+    damping_scatter: float | None = None
 
 
 def measured_floors(

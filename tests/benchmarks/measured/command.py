@@ -20,6 +20,7 @@ from ..result import Job, Report
 @click.option(
     "--samples", type=click.IntRange(min=20), default=200, show_default=True, help="Histories."
 )
+@click.option("--several", is_flag=True, help="Each file from all others together.")
 @benchmark_options
 def command(
     job: Job,
@@ -29,9 +30,10 @@ def command(
     columns: dict[str, str] | None,
     particles: int,
     samples: int,
+    several: bool,
 ) -> Report:
-    """How honest intervals are: each of the measured FILES of one structure from every other."""
+    """How honest intervals are: each of the measured FILES from every other, of one structure."""
     from .run import MeasuredPlan, run_measured
 
-    plan = MeasuredPlan(building, files, base, columns, particles, samples)
+    plan = MeasuredPlan(building, files, base, columns, particles, samples, several)
     return run_measured(job, plan)

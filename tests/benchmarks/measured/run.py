@@ -15,7 +15,7 @@ import numpy as np
 import torch
 
 from femupdate.arrays import Floats
-from femupdate.inference.next_event import EventScatter
+from femupdate.inference.event_scatter import EventScatter
 from femupdate.inference.posterior import Posterior
 from femupdate.measurement.record import read_record
 from femupdate.study import Study
@@ -43,6 +43,7 @@ class MeasuredPlan:
         columns: our column names to the files'.
         particles: posterior draws.
         samples: histories of a prediction.
+        several: whether each event is predicted from all others together.
     """
 
     building: str
@@ -51,6 +52,7 @@ class MeasuredPlan:
     columns: Mapping[str, str] | None
     particles: int
     samples: int
+    several: bool = False
 
 
 @dataclass(frozen=True)
@@ -95,9 +97,12 @@ def run_measured(job: Job, plan: MeasuredPlan) -> Report:
         job.progress.start("Calibrating", len(plan.files))
         events = []
         for path in plan.files:
-            events.append(_calibrated(plan, path, Path(folder) / path.stem, job.seed))
+            events.append(_calibrated(plan, (path,), Path(folder) / path.stem, job.seed))
             job.progress.advance()
         couples = list(permutations(events, 2))
+        if plan.several:
+            job.progress.start("Calibrating to all others together", len(events))
+            couples = [(_others(plan, one, Path(folder), job), one) for one in events]
         job.progress.start("Predicting", len(couples))
         predictions: list[Prediction] = []
         pairs: list[Pair] = []
@@ -105,21 +110,30 @@ def run_measured(job: Job, plan: MeasuredPlan) -> Report:
             predictions += _predicted(plan, one, other)
             pairs.append(_pair(one, other, job.seed))
             job.progress.advance()
-    name = f"measured_{events[0].model.building.name}"
+    name = f"measured_{events[0].model.building.name}{'_from_several' if plan.several else ''}"
     # Results are kept with the project: names of files, not where they lie.
     names = {"building": Path(plan.building).name, "files": [path.name for path in plan.files]}
     content = {**names, "predictions": predictions, "pairs": pairs}
     return job.write(name, content, _text(predictions, pairs), answer=_answer(predictions, pairs))
 
 
-def _calibrated(plan: MeasuredPlan, path: Path, folder: Path, seed: int) -> Event:
+def _others(plan: MeasuredPlan, event: Event, folder: Path, job: Job) -> Event:
+    """All events but one, together."""
+    paths = tuple(path for path in plan.files if path != event.path)
+    found = _calibrated(plan, paths, folder / f"all_but_{event.name}", job.seed)
+    job.progress.advance()
+    return found
+
+
+def _calibrated(plan: MeasuredPlan, paths: tuple[Path, ...], folder: Path, seed: int) -> Event:
     study = Study(folder)
     model = open_study(study, plan.building)
-    source = ObservationSource(path, columns=plan.columns)
+    path = paths[0]
+    source = ObservationSource(path, columns=plan.columns, further=paths[1:])
     settings = CalibrationSettings(particles=plan.particles, exact=True, chains=2, seed=seed)
     report = calibrate_study(study, model, source, settings)
     peak = read_record(path, None, _channel(plan)).peak
-    return Event(path.stem, path, peak, study, model, report.posterior)
+    return Event(folder.name, path, peak, study, model, report.posterior)
 
 
 def _channel(plan: MeasuredPlan) -> str:
@@ -154,7 +168,8 @@ def _pair(event: Event, other: Event, seed: int) -> Pair:
     own, others = event.posterior, other.posterior
     theta = _draws(own)
     box = torch.from_numpy(np.array(own.lower)), torch.from_numpy(np.array(own.upper))
-    moved, _ = EventScatter().next_event(theta, torch.full_like(theta[:, 0], 0.05), box, seed)
+    scatter = EventScatter() if own.scatter is None else own.scatter.of(own.rows(len(theta), 0))
+    moved, _ = scatter.next_event(theta, torch.full_like(theta[:, 0], 0.05), box, seed)
     low, high = np.quantile(moved.numpy(), [0.05, 0.95], axis=0)
     mean = others.samples.mean(axis=0)
     frequency = np.quantile(_fundamental(event.model, moved), [0.05, 0.95])
@@ -208,8 +223,9 @@ def _text(predictions: list[Prediction], pairs: list[Pair]) -> str:
             )
         )
     answer = _answer(predictions, pairs)
+    others = "all others" if pairs[0].calibrated.startswith("all_but") else "another"
     return (
-        f"{len(pairs)} predictions of one event from another.\n\n{markdown_table(head, rows)}\n\n"
+        f"{len(pairs)} predictions of one event from {others}.\n\n{markdown_table(head, rows)}\n\n"
         f"Estimates of another event within the 90 % interval of the next: factors "
         f"{answer['factors_of_others_within_90']:.0%}, first frequency "
         f"{answer['frequency_of_others_within_90']:.0%} "

@@ -1,0 +1,81 @@
+"""What several runs say of how much their building differs between them."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from femupdate.arrays import Floats
+from femupdate.inference.event_scatter import LearnedScatter, learned_scatter
+from femupdate.inference.learned import learned_error
+from femupdate.inference.likelihood import DataLikelihood
+from femupdate.inference.posterior import Posterior
+from femupdate.measurement.observation import Observation
+from femupdate.seeds import Seed
+from femupdate.workflow.model import StudyModel
+
+# Points of the grid to both sides of its middle, in ln stiffness and in ln damping.
+_POINTS = 17
+_WIDEST = np.array([0.4, 1.5])
+_ROUNDS = 4  # of the grid, each about what the one before found
+_REACH = 4.0  # standard deviations to both sides
+
+
+def scatter_of_runs(
+    model: StudyModel, runs: Sequence[Observation], posterior: Posterior, seed: Seed
+) -> LearnedScatter | None:
+    """How much stiffness and damping differ between runs; None of a single one.
+
+    Each run moves the stiffness factors of the posterior's mean together, and its damping, by a
+    likelihood of its own, in which the model may err.
+
+    Args:
+        model: of the building.
+        runs: FRFs under base motion, a run each.
+        posterior: of all together.
+        seed: of the draws.
+    """
+    if len(runs) < 2:
+        return None
+    found = np.array([_moments(model, run, posterior) for run in runs])
+    return learned_scatter(found[:, 0], found[:, 1], posterior.theta.shape[:2], seed)
+
+
+def _moments(model: StudyModel, run: Observation, posterior: Posterior) -> Floats:
+    """Mean and standard deviation (2, 2) of ln stiffness and ln damping over the posterior's."""
+    data, ratios = DataLikelihood(model.system, run), posterior.zeta_samples
+    # Errors of the model that all runs share, such as a mesh's, do not move one from another.
+    error = learned_error(data, run)
+    middle = posterior.samples.mean(axis=0)
+    theta, sizes = model.system.split(torch.from_numpy(middle[None]))
+    zeta = model.building.damping.ratio if ratios is None else float(ratios.mean())
+
+    def judge(moved: Tensor) -> Tensor:
+        own = theta * moved[:, :1].exp()
+        damped = (zeta * moved[:, 1:].exp()).clamp_max(0.99)
+        parameters = torch.cat([own, sizes.expand(len(moved), -1), damped], dim=1)
+        return error.log_density(data.residuals(parameters))
+
+    return moments_on_grid(judge, ratios is not None)
+
+
+def moments_on_grid(judge: Callable[[Tensor], Tensor], damping: bool) -> Floats:
+    """Mean and standard deviation (2, 2) of a density over two coordinates.
+
+    Args:
+        judge: log density (n,) of ln stiffness and ln damping (n, 2).
+        damping: whether the second is free; else it is zero, and its deviation infinite.
+    """
+    centre, half = np.zeros(2), _WIDEST * [1.0, float(damping)]
+    mean, sd = centre, half
+    for _ in range(_ROUNDS):
+        axes = [np.linspace(c - h, c + h, _POINTS) for c, h in zip(centre, half, strict=True)]
+        points = np.stack(np.meshgrid(*(axes if damping else (axes[0], [0.0]))), axis=-1)
+        points = points.reshape(-1, 2)
+        weight = torch.softmax(judge(torch.from_numpy(points)), dim=0).numpy()
+        mean = weight @ points
+        sd = np.sqrt(weight @ (points - mean) ** 2)
+        cell = 2.0 * half / (_POINTS - 1)
+        centre, half = mean, np.minimum(half, np.maximum(_REACH * sd, 2.0 * cell))
+    return np.array([mean, np.where([True, damping], sd, np.inf)])

@@ -1,0 +1,81 @@
+"""Scatter between runs, against integrals done by other means and simulated events."""
+
+import numpy as np
+import pytest
+from scipy.integrate import dblquad
+from scipy.stats import norm
+
+from femupdate.inference.event_scatter import DEFAULT, learned_scatter, sd_density
+
+ESTIMATES, ERRORS = np.array([0.03, -0.05, 0.08, 0.0]), np.array([0.01, 0.02, 0.03, 0.015])
+
+
+def test_the_density_of_the_scatter_is_that_of_the_random_effects_model():
+    """Mean, over the prior of tau and a flat one of the mean over events, by quadrature."""
+
+    def joint(mean, log_tau):
+        tau = np.exp(log_tau)
+        own = norm.pdf(ESTIMATES, mean, np.hypot(ERRORS, tau)).prod()
+        return own * norm.pdf(log_tau, np.log(0.05), 1.0)
+
+    whole, first = (
+        dblquad(lambda m, t, p=power: np.exp(p * t) * joint(m, t), -5.9, 0.0, -0.8, 0.8)[0]
+        for power in (0, 1)
+    )
+    tau, weight = sd_density(ESTIMATES, ERRORS, 0.05)
+    assert tau @ weight == pytest.approx(first / whole, rel=0.005)
+
+
+def test_the_mean_over_events_is_as_uncertain_as_the_model_says():
+    """Over the draws: variance of the mean given tau, and of its middle, less what is known."""
+    both = learned_scatter(
+        np.column_stack([ESTIMATES] * 2), np.column_stack([ERRORS] * 2), (4, 5000), 1
+    )
+    tau, weight = sd_density(ESTIMATES, ERRORS, DEFAULT.stiffness)
+    precision = 1.0 / (ERRORS**2 + tau[:, None] ** 2)
+    middle, variance = (
+        (precision @ ESTIMATES) / precision.sum(1),
+        1.0 / precision.sum(1) - 1.0 / (ERRORS**-2).sum(),
+    )
+    expected = weight @ middle - (ESTIMATES / ERRORS**2).sum() / (ERRORS**-2).sum()
+    spread = np.sqrt(weight @ (variance + (middle - weight @ middle) ** 2))
+    # Of 20,000 draws: mean to .7 % of the sd, sd to .5 %; three times that.
+    assert both.shift[..., 0].mean() == pytest.approx(expected, abs=0.03 * spread)
+    assert both.shift[..., 0].std() == pytest.approx(spread, rel=0.02)
+
+
+@pytest.mark.parametrize("true", [0.02, 0.05, 0.1])
+def test_intervals_of_the_next_event_hold_it(true):
+    """Over 400 buildings of five events each, at a scatter that the prior holds."""
+    rng, held = np.random.default_rng(2), []
+    for seed in range(400):
+        errors = rng.uniform(0.005, 0.02, 5)
+        seen = true * rng.standard_normal(5) + errors * rng.standard_normal(5)
+        found = learned_scatter(
+            seen[:, None].repeat(2, 1), errors[:, None].repeat(2, 1), (1, 400), seed
+        )
+        pooled = (seen / errors**2).sum() / (errors**-2).sum()
+        draws = pooled + (errors**-2).sum() ** -0.5 * rng.standard_normal(400)
+        of = found.of(np.arange(400))
+        following = draws + of.stiffer + of.stiffness * rng.standard_normal(400)
+        low, high = np.quantile(following, [0.05, 0.95])
+        held.append(low <= true * rng.standard_normal() <= high)
+    # The prior is about .05: below it intervals are wide, above a little narrow (.8 at .15).
+    assert 0.84 <= np.mean(held) <= 1.0
+
+
+def test_runs_that_say_nothing_leave_the_default():
+    found = learned_scatter(
+        np.zeros((3, 2)), np.column_stack([[0.01] * 3, [np.inf] * 3]), (1, 50), 1
+    )
+    np.testing.assert_array_equal(found.sd[..., 1], DEFAULT.damping)
+    np.testing.assert_array_equal(found.shift[..., 1], 0.0)
+    assert "3 runs stiffness scatters by" in found.sentence()
+
+
+def test_many_events_tell_the_scatter_by_themselves():
+    """Two hundred events: an sd to 5 %."""
+    rng = np.random.default_rng(3)
+    seen = 0.12 * rng.standard_normal(200)
+    tau, weight = sd_density(seen, np.full(200, 0.01), 0.05)
+    assert tau @ weight == pytest.approx(seen.std(), rel=0.03)
