@@ -5,7 +5,7 @@ effect more at draws of the prior say which are worth a search; noise is taken a
 peaks that do not meet yet show their distance.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import torch
 from torch import Tensor
@@ -20,7 +20,7 @@ from femupdate.discrepancy.fit import (
 )
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.score import Score
-from femupdate.discrepancy.thresholds import SEARCH
+from femupdate.discrepancy.thresholds import FIT, SEARCH
 from femupdate.effects.effect import Placed
 from femupdate.seeds import spawn, torch_generator
 
@@ -58,10 +58,42 @@ def global_fit(
         for _, together, starts in screened[: SEARCH.searched]
         for start in starts
     ]
-    best = min(fits, key=lambda one: one.misfit, default=None)
-    if best is None or best.chi2 > SEARCH.better * alone.chi2:
+    best = min(fits, key=lambda one: one.misfit, default=alone)
+    if best.chi2 > SEARCH.better * alone.chi2:
+        best = min([best, *_of_usual_size(rough, alone, scores)], key=lambda one: one.misfit)
+    if best.chi2 > SEARCH.better * alone.chi2:
         return None
     return min(best, *_everywhere(rough, best, seed), key=lambda one: one.misfit)
+
+
+def _of_usual_size(problem: Problem, alone: Fit, scores: Sequence[Score]) -> list[Fit]:
+    """Fits from theta as it is with every effect by itself, a prior's deviation large.
+
+    Where damping is low a draw of the prior seldom meets the peaks; steps lead there.
+    """
+    begun = [
+        fit(problem, together, start, FIT.first_steps)
+        for placed in (one.placed for one in scores if one.placed.effect.parameters)
+        for together, start in _either_sign(problem, alone, placed)
+    ]
+    begun.sort(key=lambda one: one.misfit)
+    leading = {one.placed[-1].label: one for one in reversed(begun)}
+    chosen = sorted(leading.values(), key=lambda one: one.misfit)[: SEARCH.searched]
+    return [fit(problem, one.placed, one.z, FIT.steps, one.system) for one in chosen]
+
+
+def _either_sign(
+    problem: Problem, alone: Fit, placed: Placed
+) -> Iterator[tuple[tuple[Placed, ...], Tensor]]:
+    """An effect with its first parameter a deviation of its prior to either side, if it can be."""
+    together, own = (*alone.placed, placed), len(placed.effect.parameters)
+    where = coordinates(problem, together)
+    for size in (-1.0, 1.0):
+        start = torch.cat([alone.z, alone.z.new_zeros(own)])
+        start[-own] = size
+        start = torch.minimum(torch.maximum(start, where.lower), where.upper)
+        if float(start[-own]) * size > 0.0:
+            yield together, start
 
 
 def _everywhere(problem: Problem, found: Fit, seed: int) -> list[Fit]:
