@@ -184,7 +184,13 @@ class MeshErrorThresholds:
         0.002,
         "of the stiffness",
         "by which two programs differ in members of one kind and story",
-        "frames of OpenSees: factors off by .05 to .2 %",
+        "frames of OpenSees, ASDShellQ4: factors off by .05 to .2 %",
+    )
+    formulation_of_kind: float = _entry(
+        0.004,
+        "of the stiffness",
+        "by which they differ in all members of one kind",
+        "frames of OpenSees, ShellMITC4: all factors high by .1 to .8 %",
     )
     shown: float = _entry(0.003, "of the largest", "effect of a mode below which it is left out")
     same_frequency: float = _entry(0.06, "ln f", "within which modes of two meshes are one")
