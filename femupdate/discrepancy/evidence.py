@@ -115,8 +115,16 @@ def log_target(problem: Problem, fitted: Fit) -> LogTarget:
 
 
 def student_about(fitted: Fit, widen: float, freedom: int) -> StudentMixture:
-    """A multivariate t about a model's most probable parameters, with their covariance widened."""
-    covariance = widen * fitted.covariance()
+    """A multivariate t about a model's most probable parameters, with their covariance widened.
+
+    What the data leave open spreads no further than within its limits.
+    """
+    where = fitted.coordinates
+    width = where.upper - where.lower
+    # A uniform density has the variance of its width squared over twelve.
+    limits = torch.where(torch.isfinite(width), 12.0 / width.clamp_min(_SLIGHT) ** 2, 0.0)
+    precision = torch.linalg.inv(fitted.covariance()) + torch.diag(limits)
+    covariance = widen * torch.linalg.inv(precision)
     ridge = _SLIGHT * covariance.diagonal().mean() * torch.eye(len(covariance)).to(covariance)
     root = torch.linalg.cholesky(0.5 * (covariance + covariance.T) + ridge)
     return StudentMixture(GaussianMixture(root.new_zeros(1), fitted.z[None], root[None]), freedom)

@@ -179,3 +179,15 @@ def test_draws_keep_to_the_limits(case):
     assert ((draws.theta >= 0.5) & (draws.theta <= 2.0)).all()
     if quadrature.size[0] == 0.0 and draws.sizes.size:
         assert (draws.sizes >= 0.0).all()
+
+
+def test_what_the_data_leave_open_is_drawn_from_its_prior(building_of, observe, pose):
+    """Noise a thousand times the response: a factor is uniform between its limits, .5 and 2."""
+    observation = observe(("RF",), GRID, frf(1.2)[None], SD, 11)
+    noisy = replace(observation, noise_sd=np.full_like(observation.noise_sd, 1000.0))
+    problem = pose(building_of([MASS], [SPRING], zeta=None, ratio=ZETA), noisy)
+    draws = draw(*fitted_by(problem, (), 0), 2000, seed=1)
+    assert draws.effective > 500
+    # The sd of a uniform density is 1.5 / 12^.5; 500 effective draws know its mean to .02.
+    assert draws.theta.mean() == pytest.approx(1.25, abs=0.08)
+    assert draws.theta.std() == pytest.approx(1.5 / 12**0.5, rel=0.1)
