@@ -476,8 +476,12 @@ def _verdict(
         return nothing, ()
     least = first.evidence.log_evidence - settings.margin(first.evidence.log_evidence)
     near = [other for other in findings[1:] if other.evidence.log_evidence > least]
-    # What other data refuse is no rival.
-    near = [other for other in _others_than(first, near) if other.carried(settings)]
+    # What other data refuse is no rival, nor what they hold far less likely.
+    near = [
+        other
+        for other in _others_than(first, near)
+        if other.carried(settings) and not _far_behind(other, first, settings)
+    ]
     twins = tuple(other.placed.label for other in near)
     if not near:
         left = remains(problem, first.fitted).size >= settings.least_response
@@ -485,6 +489,14 @@ def _verdict(
     tests = [first.score, *(other.score for other in near)]
     same = same_to_sensors(problem, base, tests, settings.alike)
     return (INDISTINGUISHABLE if same else AMBIGUOUS), twins
+
+
+def _far_behind(other: Finding, first: Finding, settings: DiagnosisSettings) -> bool:
+    """Whether other data tell an effect from the first, where what they are fitted to does not."""
+    if other.tested is None or first.tested is None:
+        return False
+    least = first.tested.log_e_value - settings.margin(first.tested.log_e_value)
+    return other.tested.log_e_value < least
 
 
 def _worth(
