@@ -38,7 +38,7 @@ class Repair:
         last: the diagnosis that ended it.
         p_before, p_after: of noise alone leaving the residuals.
         problem: as the model after was fitted to it.
-        refused: what the evidence carries last, but data kept out do not.
+        refused: what the evidence carries, but data kept out do not, in the order it was tried.
     """
 
     before: Fit
@@ -82,22 +82,25 @@ def repair(
             halves of the data decide alone, by which names are certified.
     """
     rounds: list[Round] = []
-    refused: tuple[Finding, ...] = ()
+    refused: dict[str, Finding] = {}
     now, current = problem, base
     while True:
         found = found or diagnose(now, settings, current, progress)
         enough = p_value(now, current) > VERDICT.repaired or len(rounds) == VERDICT.most_rounds
         if found.verdict not in (NAMED, PARTLY) or (rounds and enough):
             break
-        leading, refused = _chosen(now, found, settings or DiagnosisSettings(), better)
+        leading, worse = _chosen(now, found, settings or DiagnosisSettings(), better)
+        refused |= {one.placed.label: one for one in worse}
         if leading is None:
             break
+        # What was refused beside one effect may be right beside two.
+        refused.pop(leading.placed.label, None)
         rounds.append(Round(found, leading, current.chi2, leading.fitted.chi2))
         current, found = leading.fitted, None
         if renewed is not None and leading.placed.exchange:
             now, current = renewed(now, current)
     before, after = p_value(problem, base), p_value(now, current)
-    return Repair(base, current, tuple(rounds), found, before, after, now, refused)
+    return Repair(base, current, tuple(rounds), found, before, after, now, tuple(refused.values()))
 
 
 def _chosen(
