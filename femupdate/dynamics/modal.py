@@ -82,8 +82,8 @@ def modal_sum(
         pairs: (N, p, m) static displacement of an output in each mode.
         omega: (k,) rad/s.
     """
-    # Arrays of all modes at all frequencies are by far the largest: some frequencies at a time,
-    # and in place, so that they stay in the processor's cache.
+    # Arrays of all modes at all frequencies are by far the largest: some frequencies at a time, so
+    # that they stay in the processor's cache.
     width = max(_FEWEST, CACHED // inverse.numel())
     if omega.numel() > width:
         parts = [modal_sum(inverse, ratio, pairs, some) for some in omega.split(width)]
@@ -91,6 +91,9 @@ def modal_sum(
         return torch.cat(real, dim=-1), torch.cat(imaginary, dim=-1)
     elastic = torch.addcmul(omega.new_ones(1), inverse[:, :, None], omega.square(), value=-1.0)
     viscous = (-2.0 * ratio * inverse.sqrt())[:, :, None] * omega
+    if elastic.requires_grad or viscous.requires_grad:  # gradients need what is between
+        size = (elastic.square() + viscous.square()).reciprocal()
+        return torch.bmm(pairs, elastic * size), torch.bmm(pairs, viscous * size)
     size = elastic.square().addcmul_(viscous, viscous).reciprocal_()
     return torch.bmm(pairs, elastic.mul_(size)), torch.bmm(pairs, viscous.mul_(size))
 

@@ -2,6 +2,7 @@
 
 import copy
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import torch
 from scipy.stats import chi2
@@ -29,6 +30,36 @@ _SEARCH_SEED = 0
 _USUAL = 0.995
 
 
+@dataclass(frozen=True)
+class Learning:
+    """How the error of a model is learned.
+
+    Attributes:
+        parameters: priors, the damping ratio last.
+        shared: errors of the model that all points share.
+        check: told of the maxima before anything is made of them; may refuse them by an error.
+    """
+
+    parameters: Parameters
+    shared: SharedErrors | None
+    check: Callable[[Settled], None]
+
+    def settled(
+        self,
+        system: System,
+        observation: Observation,
+        starts: Tensor,
+        device: torch.device | str,
+    ) -> Settled:
+        """The maxima that starts (s, p) lead to, and what the model errs by there."""
+        seed, shared = _SEARCH_SEED, self.shared
+        found = settled(
+            self.parameters, system, observation, seed, starts=starts, device=device, shared=shared
+        )
+        self.check(found)
+        return found
+
+
 class LatentLikelihood:
     """ln of the latent likelihood of theta for one observation.
 
@@ -41,10 +72,7 @@ class LatentLikelihood:
         power: that the likelihood is raised to; default the surrogate's own, from its calibration.
         least_noise: standard deviation of ln|H| below which the file's noise is not believed:
             idealisation errs as well; default that of the surrogate's training.
-        parameters: priors, the damping ratio last, where the error of the model is learned; None
-            where the noise as stated is all there is.
-        shared: errors of the model that all points share.
-        check: told of the maxima before anything is made of them; may refuse them by an error.
+        learning: of the error of the model; None where the noise as stated is all there is.
 
     Attributes:
         input: the observation as the encoder sees it.
@@ -68,9 +96,7 @@ class LatentLikelihood:
         device: torch.device | str = "cpu",
         power: float | None = None,
         least_noise: float | None = None,
-        parameters: Parameters | None = None,
-        shared: SharedErrors | None = None,
-        check: Callable[[Settled], None] | None = None,
+        learning: Learning | None = None,
     ) -> None:
         if observation.frequency_hz.size != surrogate.mvae.sizes.points:
             raise SurrogateError(
@@ -92,25 +118,15 @@ class LatentLikelihood:
         self.settled: Settled | None = None
 
         def settle(starts: Tensor) -> tuple[Tensor, Callable[[Tensor], Tensor]]:
-            assert parameters is not None
-            self.settled = settled(
-                parameters,
-                system,
-                observation,
-                _SEARCH_SEED,
-                starts=starts,
-                device=device,
-                shared=shared,
-            )
-            if check is not None:
-                check(self.settled)
-            maxima = parameters.from_normal(self.settled.found.z)
+            assert learning is not None
+            self.settled = learning.settled(system, observation, starts, device)
+            maxima = learning.parameters.from_normal(self.settled.found.z)
             return maxima, self.settled.likelihood.residuals
 
         control = Control(
             clean,
             floor_responses(system, observation, clean.log_frf),
-            None if parameters is None else settle,
+            None if learning is None else settle,
         )
         self.found = find_latent(
             self._mvae, _with_decoder_error(clean, self._mvae), self.proposal, control, generator

@@ -2,13 +2,14 @@
 
 import json
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 
 from femupdate import __version__
 from femupdate.inference.diagnostics import r_hat
 from femupdate.inference.posterior import save_posterior
 from femupdate.progress import Progress, Silent
-from femupdate.seeds import spawn
+from femupdate.seeds import Seed, spawn
 from femupdate.study import Study
 from femupdate.workflow.calibrate_draws import against_data, against_modes, posterior_of
 from femupdate.workflow.calibrate_exact import sample_exact
@@ -54,13 +55,12 @@ def calibrate_study(
         require_surrogate(study, model.building)
         model = with_effects(study, model, show)
     measured = read_measured_of(study, model, source, show)
-    observation = measured.as_observation
     # No surrogate knows other kinds than FRFs under base motion.
     settings = replace(settings, exact=settings.exact or measured.others)
+    sampling, *drawing = spawn(settings.seed, 4)
     origin = {**model.made_from(), **source.made_from()}
-    used = {"sensors": list(observation.floors), "band_hz": source.band_hz}
+    used = {"sensors": list(measured.as_observation.floors), "band_hz": source.band_hz}
     settled = {**used, **plain_settings(settings)}
-    sampling, damping, checking, between = spawn(settings.seed, 4)
     run = ChainRunner(
         settings.particles,
         settings.chains,
@@ -69,6 +69,28 @@ def calibrate_study(
         study.result("sampling"),
         json.dumps([origin, settled, _judged(study, measured)], sort_keys=True),
     )
+    report = _drawn(study, model, measured, settings, run, drawing)
+    save_posterior(report.posterior, report.path)
+    made = {**source.files_as_settings(), **settled}
+    study.record(POSTERIOR, "posterior.nc", "calibrate", origin, made)
+    run.clear()
+    write_summary(
+        study, report.posterior, report.identified, report.misfit, report.notes, report.check
+    )
+    return replace(report, seconds=time.monotonic() - started, files=source.paths)
+
+
+def _drawn(
+    study: Study,
+    model: StudyModel,
+    measured: Measured,
+    settings: CalibrationSettings,
+    run: ChainRunner,
+    seeds: Sequence[Seed],
+) -> CalibrationReport:
+    """The posterior, beside the data, and what is to be said of it; nothing is written yet."""
+    damping, checking, between = seeds
+    observation = measured.as_observation
     sampled = (
         sample_exact(study, model, measured, settings, run)
         if settings.exact
@@ -80,12 +102,6 @@ def calibrate_study(
     warnings = judgement(posterior, fitting)
     scatter = scatter_of_runs(model, measured.runs, posterior, between)
     posterior = replace(posterior, warnings=warnings, scatter=scatter)
-    path = study.result("posterior.nc")
-    save_posterior(posterior, path)
-    study.record(
-        POSTERIOR, "posterior.nc", "calibrate", origin, {**source.files_as_settings(), **settled}
-    )
-    run.clear()
     found = identified(posterior)
     # The decisive come first.
     notes = (
@@ -97,19 +113,18 @@ def calibrate_study(
         *measured.notes,
         *sampled.notes,
     )
-    write_summary(study, posterior, found, fitting.misfit, notes, fitting.check)
     return CalibrationReport(
         model=model,
         posterior=posterior,
-        path=path,
+        path=study.result("posterior.nc"),
         r_hat=r_hat(posterior.theta),
         identified=found,
         misfit=fitting.misfit,
         check=fitting.check,
         notes=notes,
-        seconds=time.monotonic() - started,
+        seconds=0.0,
         invalid=sum(result.invalid for result in sampled.results),
-        files=source.paths,
+        files=(),
     )
 
 

@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 
 from femupdate.inference.decoded_chains import DecodedPosterior, in_groups
-from femupdate.inference.latent_likelihood import LatentLikelihood, usual_misfit
+from femupdate.inference.latent_likelihood import LatentLikelihood, Learning, usual_misfit
 from femupdate.inference.smc import SmcResult, TemperedSmc
 from femupdate.measurement.observation import Observation
 from femupdate.study import Study
@@ -47,9 +47,11 @@ def sample_latent(
         model.system,
         observation,
         device=settings.device,
-        parameters=model.parameters,
-        shared=model.shared,
-        check=partial(require_own_building, model, anyway=settings.anyway),
+        learning=Learning(
+            model.parameters,
+            model.shared,
+            partial(require_own_building, model, anyway=settings.anyway),
+        ),
     )
     assert likelihood.settled is not None
     sampler = TemperedSmc(model.prior.to(settings.device), likelihood, settings=settings.smc)

@@ -41,8 +41,6 @@ def sample_decoded(
     settings: DecodedSettings | None = None,
     *,
     device: str = "cpu",
-    power: float | None = None,
-    least_noise: float | None = None,
     progress: Progress = SILENT,
 ) -> DecodedPosterior:
     """Draw theta, and the damping ratio behind it where it is unknown.
@@ -55,17 +53,12 @@ def sample_decoded(
         seed: of everything random.
         settings: see `DecodedSettings`.
         device: where to evaluate.
-        power: of the likelihood; default the surrogate's own.
-        least_noise: standard deviation of ln|H| below which the file's noise is not believed;
-            default that of the surrogate's training.
         progress: advances by 100 a stage.
     """
     info = surrogate.info
-    noise = info.noise_sd if least_noise is None else least_noise
-    data = latent_data(observation, info.floors, noise, device)
+    data = latent_data(observation, info.floors, info.noise_sd, device)
     mvae = copy.deepcopy(surrogate.mvae).to(device).requires_grad_(False)
-    raised = info.likelihood_power if power is None else power
-    likelihood = DecodedLikelihood(mvae, data, power=raised)
+    likelihood = DecodedLikelihood(mvae, data, power=info.likelihood_power)
     respond = _responses(model, observation, data)
     return decoded_posterior(
         model.parameters.to(device), likelihood, respond, draws, seed, settings, progress

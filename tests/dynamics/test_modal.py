@@ -7,7 +7,7 @@ from scipy.linalg import eigh
 
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.frf import complex_frf
-from femupdate.dynamics.modal import ModalData
+from femupdate.dynamics.modal import ModalData, modal_sum
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.dynamics.system import System
 
@@ -157,3 +157,28 @@ def test_modal_data_of_nothing_has_no_rows(chain):
     data = System(chain.reduced()).modal_data(torch.zeros(0, 4))
     assert isinstance(data, ModalData)
     assert len(data) == 0
+
+
+def modal_case(seed=0):
+    rng = np.random.default_rng(seed)
+    inverse, ratio = rng.uniform(0.2, 2.0, (2, 3)), rng.uniform(0.05, 0.2, (2, 3))
+    values = inverse, ratio, rng.standard_normal((2, 4, 3))
+    return [torch.from_numpy(one) for one in values]
+
+
+def test_the_sum_over_modes_is_the_complex_one_at_any_number_of_frequencies():
+    inverse, ratio, pairs = modal_case()
+    omega = torch.linspace(0.0, 5.0, 1300, dtype=torch.float64)  # more than are summed at once
+    real, imaginary = modal_sum(inverse, ratio, pairs, omega)
+    own = inverse.numpy()[..., None] ** -0.5
+    share = omega.numpy() / own
+    each = 1.0 / (1.0 - share**2 + 2j * ratio.numpy()[..., None] * share)
+    expected = np.einsum("npm,nmk->npk", pairs.numpy(), each)
+    np.testing.assert_allclose(real.numpy() + 1j * imaginary.numpy(), expected, rtol=1e-10)
+
+
+def test_the_sum_over_modes_has_the_gradient_of_differences():
+    """The trajectories of the sampler follow it."""
+    inputs = [one.requires_grad_() for one in modal_case()]
+    omega = torch.linspace(0.1, 3.0, 7, dtype=torch.float64)
+    assert torch.autograd.gradcheck(lambda *some: modal_sum(*some, omega), inputs)
