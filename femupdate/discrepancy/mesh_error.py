@@ -91,9 +91,7 @@ class MeshError:
         """(c, q) one standard deviation of every error of the corrected model, as sizes."""
         open_ = MESH_ERROR.open_factor * np.asarray(self.sd)
         common = MESH_ERROR.open_factor * self.share_sd * np.asarray(self.mean)
-        kinds = np.array([label.split("@")[0] for label in self.labels])
-        alike = [MESH_ERROR.formulation_of_kind * (kinds == kind) for kind in dict.fromkeys(kinds)]
-        return np.vstack([np.diag(np.hypot(open_, MESH_ERROR.formulation)), common, *alike])
+        return np.vstack([np.diag(np.hypot(open_, MESH_ERROR.formulation)), common])
 
     def of_mesh(self, ratio: float) -> "MeshError":
         """Of the coarse mesh, `ratio` times the building's own, whose half was the finer one.

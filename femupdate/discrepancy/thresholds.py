@@ -181,16 +181,10 @@ class MeshErrorThresholds:
         "theta of clean buildings off by 1.5 sd without it",
     )
     formulation: float = _entry(
-        0.002,
+        0.005,
         "of the stiffness",
-        "by which two programs differ in members of one kind and story",
-        "frames of OpenSees, ASDShellQ4: factors off by .05 to .2 %",
-    )
-    formulation_of_kind: float = _entry(
-        0.004,
-        "of the stiffness",
-        "by which they differ in all members of one kind",
-        "frames of OpenSees, ShellMITC4: all factors high by .1 to .8 %",
+        "by which two programs or meshes differ in members of one kind and story",
+        "frames of OpenSees and of coarser meshes: factors off by .05 to .7 %",
     )
     shown: float = _entry(0.003, "of the largest", "effect of a mode below which it is left out")
     same_frequency: float = _entry(0.06, "ln f", "within which modes of two meshes are one")
