@@ -17,12 +17,14 @@ from femupdate.inference.joint import Kind
 from femupdate.inference.likelihood import DataLikelihood
 from femupdate.inference.modal_likelihood import ModalErrors, ModalLikelihood
 from femupdate.inference.predictive_check import PredictiveCheck, floor_squares, predictive_check
+from femupdate.measurement.channel import RecordedChannel
 from femupdate.measurement.force_frf import (
     ForcedObservation,
     ForceTest,
     forced_estimate,
     forced_observations,
 )
+from femupdate.measurement.frf_table import FrfTable
 from femupdate.measurement.kinds import read_any_kind
 from femupdate.measurement.modes import IdentifiedModes
 from femupdate.measurement.observation import (
@@ -31,7 +33,8 @@ from femupdate.measurement.observation import (
     require_floors_of_building,
     select_floors,
 )
-from femupdate.measurement.observation_file import ForceHistories
+from femupdate.measurement.observation_file import ForceHistories, Histories
+from femupdate.measurement.pair_checks import pair_findings
 from femupdate.measurement.static_test import StaticTest, static_observations
 from femupdate.progress import Progress
 from femupdate.study import Study
@@ -56,6 +59,7 @@ class Measured:
         rest: static displacement under forces that the reduced model lacks; None of a stick.
         errors: of the modes.
         runs: under base motion, an observation each; `base` is all of them together.
+        doubts: sentences on channels of a run that do not fit together.
     """
 
     base: Observation
@@ -64,6 +68,7 @@ class Measured:
     rest: RestFlexibility | None = None
     errors: ModalErrors = field(default_factory=ModalErrors)
     runs: tuple[Observation, ...] = ()
+    doubts: tuple[str, ...] = ()
 
     @property
     def has_base(self) -> bool:
@@ -78,7 +83,7 @@ class Measured:
     @property
     def notes(self) -> tuple[str, ...]:
         """Sentences on how everything was read, and what was assumed."""
-        return (*self.base.notes, *self._force_notes(), *self._mode_notes())
+        return (*self.doubts, *self.base.notes, *self._force_notes(), *self._mode_notes())
 
     @property
     def as_observation(self) -> Observation:
@@ -176,6 +181,7 @@ def measured_of(building: Building, source: ObservationSource) -> Measured:
     base: list[Path] = []
     modes: list[IdentifiedModes] = []
     forced: list[ForcedObservation] = []
+    doubts: list[str] = []
     for path in source.paths:
         read = read_any_kind(path, source.reading(direction_of(building)))
         if isinstance(read, IdentifiedModes):
@@ -184,6 +190,7 @@ def measured_of(building: Building, source: ObservationSource) -> Measured:
             forced += _forced(building, source, read)
         else:
             base.append(path)
+            doubts += _doubts(path, read, direction_of(building))
     if (modes or forced) and building.effects:
         raise MeasurementError(
             f"{source.path}: the building lists effects, with which identified modes and responses"
@@ -199,7 +206,25 @@ def measured_of(building: Building, source: ObservationSource) -> Measured:
         return others
     own = replace(source, path=base[0], further=tuple(base[1:]))
     runs = runs_of(building, own)
-    return replace(others, base=as_one(building, runs), runs=runs)
+    return replace(others, base=as_one(building, runs), runs=runs, doubts=tuple(doubts))
+
+
+def _doubts(path: Path, read: Histories | FrfTable, direction: str) -> list[str]:
+    """Whether channels of a record are late, drift, are swapped or reversed, in sentences."""
+    if isinstance(read, FrfTable):
+        return []
+    there = [k for k, one in enumerate(read.channels) if one.direction == direction]
+    channels = [
+        RecordedChannel(
+            name=read.channels[k].name,
+            values=read.acceleration[k],
+            time_step=read.time_step,
+            unit="m/s2",
+        )
+        for k in there
+    ]
+    floors = [read.channels[k].floor for k in there]
+    return [f"{path.name}: {said}" for said in pair_findings(channels, floors)]
 
 
 def _forced(
