@@ -181,10 +181,10 @@ class MeshErrorThresholds:
         "theta of clean buildings off by 1.5 sd without it",
     )
     formulation: float = _entry(
-        0.005,
+        0.008,
         "of the stiffness",
         "by which two programs or meshes differ in members of one kind and story",
-        "frames of OpenSees and of coarser meshes: factors off by .05 to .7 %",
+        "some hundred frames of OpenSees and of other meshes: factors off by .02 to .8 %",
     )
     shown: float = _entry(0.003, "of the largest", "effect of a mode below which it is left out")
     same_frequency: float = _entry(0.06, "ln f", "within which modes of two meshes are one")
