@@ -9,7 +9,7 @@ from femupdate.study import MAIN_POSTERIOR, Study
 
 from .answer import Answer
 from .bars import Bars
-from .common import Tables, reading_options, study_options, table_options
+from .common import Tables, kind_options, reading_options, study_options, table_options
 from .help import GroupedCommand
 from .parameters import BuildingName, InputFile
 
@@ -40,14 +40,9 @@ from .parameters import BuildingName, InputFile
 )
 @click.option("--device", default="cpu", show_default=True, help="Device for torch: cpu, cuda, ...")
 @click.option(
-    "--mode-error",
-    type=click.FloatRange(min=0.0, max=0.5, min_open=True),
-    help="Error of the model's own natural frequencies, as a ratio; default 0.01.",
-)
-@click.option("--force", help="Floor that was hit or shaken, where column names do not say it.")
-@click.option(
     "--anyway", is_flag=True, help="Keep a posterior even where the file is unlike the building."
 )
+@kind_options
 @reading_options
 @study_options(shares=True)
 @table_options("posterior")
@@ -59,8 +54,6 @@ def command(
     particles: int,
     chains: int,
     device: str,
-    mode_error: float | None,
-    force: str | None,
     anyway: bool,
     reading: dict[str, Any],
     tables: Tables,
@@ -93,9 +86,7 @@ def command(
 
     study = Study(study.folder, name)
     first, *further = observations
-    source = ObservationSource(
-        first, further=tuple(further), mode_error=mode_error, force=force, **reading
-    )
+    source = ObservationSource(first, further=tuple(further), **reading)
     settings = CalibrationSettings(particles, exact, chains, seed, device, anyway)
     check_calibration(study, source, settings, building)
     model = open_study(study, building, bars)

@@ -181,6 +181,24 @@ def reading_options(function: F) -> F:
     return wrapper  # type: ignore[return-value]
 
 
+def kind_options(function: F) -> F:
+    """Add the options for responses to forces and identified modes to those for reading."""
+
+    @click.option(
+        "--mode-error",
+        type=click.FloatRange(min=0.0, max=0.5, min_open=True),
+        help="Error of the model's own natural frequencies, as a ratio; default 0.01.",
+    )
+    @click.option("--force", help="Floor that was hit or shaken, where column names do not say it.")
+    @functools.wraps(function)
+    def wrapper(*args: Any, mode_error: Any, force: Any, reading: Any, **kwargs: Any) -> Any:
+        return function(
+            *args, reading={**reading, "mode_error": mode_error, "force": force}, **kwargs
+        )
+
+    return wrapper  # type: ignore[return-value]
+
+
 def columns_options(function: F) -> F:
     """Add --columns and --mapping, passed on as `columns`, and fill a `unit` that is missing."""
 

@@ -9,13 +9,13 @@ from femupdate.study import Study
 
 from .answer import Answer
 from .bars import Bars
-from .common import Tables, reading_options, study_options, table_options
+from .common import Tables, kind_options, reading_options, study_options, table_options
 from .help import GroupedCommand
 from .parameters import BuildingName, InputFile
 
 
 @click.command("diagnose", cls=GroupedCommand)
-@click.argument("observation", type=InputFile())
+@click.argument("observations", type=InputFile(), nargs=-1, required=True)
 @click.option("--building", type=BuildingName(), help="Shipped name or TOML file, for a new study.")
 @click.option(
     "--second",
@@ -30,11 +30,12 @@ from .parameters import BuildingName, InputFile
     show_default=True,
     help="Leading effects whose evidence is sampled instead of approximated.",
 )
+@kind_options
 @reading_options
 @study_options(shares=True)
 @table_options("diagnosis")
 def command(
-    observation: Path,
+    observations: tuple[Path, ...],
     building: str | None,
     second: Path | None,
     no_phase: bool,
@@ -46,15 +47,18 @@ def command(
     bars: Bars,
     pictures: bool,
 ) -> Answer:
-    """Find where the model and the measured file OBSERVATION disagree, and what is missing.
+    """Find where the model and the measured files OBSERVATIONS disagree, and what is missing.
 
     Every effect of the catalogue is tested at every place. The leading ones are fitted, and their
-    evidence is weighed. Nothing is changed: `femupdate repair` adds what was found.
+    evidence is weighed. Nothing is changed: `femupdate repair` adds what was found. Files are of
+    any kind that `calibrate` takes, alone or together: histories and FRFs under base motion, FRFs
+    under a force, identified modes.
 
     \b
     Examples:
       femupdate diagnose examples/six_story_white_noise.csv
       femupdate diagnose run1.csv --second stronger_run.csv
+      femupdate diagnose hammer.csv modes.csv
     """
     from femupdate.discrepancy.thresholds import DiagnosisSettings
     from femupdate.workflow.checks import readable
@@ -63,8 +67,8 @@ def command(
     from femupdate.workflow.pictures_discrepancy import draw_diagnosis
     from femupdate.workflow.result_tables import diagnosis_tables
 
-    source = readable(observation, reading)
-    more = None if second is None else readable(second, reading)
+    source = readable(reading, *observations)
+    more = None if second is None else readable(reading, second)
     model = open_study(study, building, bars)
     settings = DiagnosisSettings(seed=seed, sampled=sampled)
     report = diagnose_study(study, model, source, settings, bars, not no_phase, more)

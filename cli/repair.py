@@ -9,13 +9,13 @@ from femupdate.study import Study
 
 from .answer import Answer
 from .bars import Bars
-from .common import reading_options, study_options
+from .common import kind_options, reading_options, study_options
 from .help import GroupedCommand
 from .parameters import BuildingName, InputFile
 
 
 @click.command("repair", cls=GroupedCommand)
-@click.argument("observation", type=InputFile())
+@click.argument("observations", type=InputFile(), nargs=-1, required=True)
 @click.option("--building", type=BuildingName(), help="Shipped name or TOML file, for a new study.")
 @click.option("--holdout", type=InputFile(), help="Data that are only predicted, before and after.")
 @click.option(
@@ -24,10 +24,11 @@ from .parameters import BuildingName, InputFile
     help="Second record at another level of motion.",
 )
 @click.option("--no-phase", is_flag=True, help="Use the amplitude alone.")
+@kind_options
 @reading_options
 @study_options(shares=True)
 def command(
-    observation: Path,
+    observations: tuple[Path, ...],
     building: str | None,
     holdout: Path | None,
     second: Path | None,
@@ -38,10 +39,11 @@ def command(
     bars: Bars,
     pictures: bool,
 ) -> Answer:
-    """Add to the model what the measured file OBSERVATION shows to be missing.
+    """Add to the model what the measured files OBSERVATIONS show to be missing.
 
     At most four effects are added, each only on clear evidence. The repaired building is a study
-    of its own in the folder `repaired` of this study. Every command takes it.
+    of its own in the folder `repaired` of this study. Every command takes it. Files are of any
+    kind that `calibrate` takes, alone or together.
 
     \b
     Examples:
@@ -54,9 +56,9 @@ def command(
     from femupdate.workflow.pictures_discrepancy import draw_repair
     from femupdate.workflow.repair import repair_study
 
-    source = readable(observation, reading)
-    other = None if holdout is None else readable(holdout, reading)
-    more = None if second is None else readable(second, reading)
+    source = readable(reading, *observations)
+    other = None if holdout is None else readable(reading, holdout)
+    more = None if second is None else readable(reading, second)
     model = open_study(study, building, bars)
     settings = DiagnosisSettings(seed=seed)
     report = repair_study(study, model, source, other, settings, bars, not no_phase, more)

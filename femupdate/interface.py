@@ -87,7 +87,7 @@ class Observation:
             MeasurementError: a file cannot be used.
         """
         others = tuple(Path(one) for one in further)
-        return cls(readable(Path(path), {"further": others, **reading}))
+        return cls(readable(reading, Path(path), *others))
 
 
 def calibrate(

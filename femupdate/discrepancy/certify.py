@@ -53,7 +53,7 @@ def certify(
         tried: number of effects from which these were chosen.
         false_share: of false discoveries that is allowed.
     """
-    if len(problem.halves) != 2:
+    if not problem.divisible:
         return {}
     halves = [_Half.of(problem, base, number) for number in (0, 1)]
     found = {}

@@ -15,8 +15,8 @@ class Consequence:
 
     Attributes:
         frequency: of a natural frequency in the measured band, all else as it is, as a share.
-        response: of |H| of a floor (rms over the band, as a share of |H|), against the model
-            without the effect as it is fitted; of an instrument, what it adds to the readings.
+        response: of what a floor reads (rms over the band or the modes, as a share of it), against
+            the model without the effect as it is fitted; of an instrument, what it adds.
     """
 
     frequency: float
@@ -37,19 +37,18 @@ def consequence(problem: Problem, base: Fit, fitted: Fit) -> Consequence:
     without = sizes.clone()
     without[:, -count:] = where.neutral[-count:]
     both = [(theta, zeta, one) for one in (sizes, without)]
-    frf = [problem.predicted(fitted.system, *one)[0, list(problem.rows)] for one in both]
-    valid = torch.isfinite(problem.sd)
-    if placed.effect.instrument:
-        change = torch.where(valid, (frf[0] / frf[1] - 1.0).abs() ** 2, 0.0)
-        response = float((change.sum(1) / valid.sum(1).clamp_min(1)).sqrt().max())
-        return Consequence(0.0, response)
-    plain = problem.predicted(base.system, *base.split)[0, list(problem.rows)].abs()
-    change = torch.where(valid, (frf[0].abs() - plain) ** 2, 0.0).sum(1)
-    whole = torch.where(valid, plain**2, 0.0).sum(1).clamp_min(1e-300)
-    moved = max(
-        _moved(problem, fitted, both, level) for level in {block.level for block in problem.blocks}
+    instrument = placed.effect.instrument
+    system, known = (fitted.system, both[1]) if instrument else (base.system, base.split)
+    response = max(
+        data.changed(
+            data.predicted(system, *known), data.predicted(fitted.system, *both[0]), instrument
+        )
+        for data in problem.data
     )
-    return Consequence(moved, float((change / whole).sqrt().max()))
+    if instrument:
+        return Consequence(0.0, response)
+    moved = max(_moved(problem, fitted, both, level) for level in problem.levels)
+    return Consequence(moved, response)
 
 
 def _moved(
@@ -63,5 +62,5 @@ def _moved(
         found.append(frequency[torch.isfinite(frequency)])
     count = min(len(found[0]), len(found[1]))
     first, second = (one.sort().values[:count] for one in found)
-    seen = (second > 0.0) & (second <= float(problem.frequency_hz.max()))
+    seen = (second > 0.0) & (second <= problem.top_hz)
     return float((first[seen] / second[seen] - 1.0).abs().max()) if seen.any() else 0.0

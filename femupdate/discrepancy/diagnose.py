@@ -24,7 +24,7 @@ from femupdate.discrepancy.observability import same_to_sensors, unobservable_ef
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.remains import Remains, remains
 from femupdate.discrepancy.residual_map import Cell, p_value, residual_cells
-from femupdate.discrepancy.score import Score, candidates, score
+from femupdate.discrepancy.score import Score, candidates, score, without_phase
 from femupdate.discrepancy.thresholds import FIT, VERDICT, DiagnosisSettings
 from femupdate.effects.effect import Placed
 from femupdate.progress import SILENT, Progress
@@ -187,7 +187,10 @@ def diagnose(
         (score(problem, base, placed) for placed in candidates(problem, base.placed)),
         key=lambda one: -abs(one.statistic),
     )
-    unobservable = unobservable_effects(problem, base, scores, chosen.least_strength)
+    unobservable = (
+        *unobservable_effects(problem, base, scores, chosen.least_strength),
+        *without_phase(problem, base.placed),
+    )
     progress.advance(note="fitting the leading effects")
     leading = _chosen(scores, chosen.fitted, distant, among)
     fits = _fit_candidates(problem, base, leading, distant)
@@ -313,7 +316,10 @@ def _others(
     Where theta has made up for most of an effect, a test at that theta does not see it; the first
     steps of a fit do.
     """
-    known, small = {one.placed[-1].label for one in fits}, problem.on_fewer().at_row(0)
+    known, small = (
+        {one.placed[-1].label for one in fits},
+        problem.on_fewer().at_row(problem.error.first),
+    )
     best = min(one.chi2 for one in [base, *fits])
     tests = [one for one in scores if one.placed.label not in known]
     begun = (_begun(small, base, one, distant, FIT.glance) for one in tests)

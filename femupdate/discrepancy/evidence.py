@@ -13,6 +13,7 @@ from scipy.special import log_ndtr
 from torch import Tensor
 
 from femupdate.discrepancy.fit import Fit, densities, raw_residuals
+from femupdate.discrepancy.joint_error import summed
 from femupdate.discrepancy.problem import Problem
 from femupdate.inference.importance import LogTarget, weighted_draws
 from femupdate.inference.mixture import GaussianMixture, StudentMixture
@@ -48,7 +49,7 @@ def laplace(problem: Problem, fitted: Fit) -> Evidence:
     """
     log_det = torch.linalg.slogdet(fitted.hessian()).logabsdet
     size = fitted.coordinates.size
-    value = float(torch.logsumexp(densities(problem, fitted), 0))
+    value = float(summed(densities(problem, fitted)))
     value += float(log_prior(problem, fitted, fitted.z[None])[0])
     value += 0.5 * size * np.log(2.0 * np.pi) - 0.5 * float(log_det)
     return Evidence(value + _within_limits(fitted))
@@ -101,7 +102,7 @@ def log_target(problem: Problem, fitted: Fit) -> LogTarget:
     The likelihood is summed over the rows of the table of errors that count at the fit.
     """
     where = fitted.coordinates
-    rows = problem.error.counting(densities(problem, fitted)[None])
+    rows = problem.error.counting([own[None] for own in densities(problem, fitted)])
     error = problem.error.kept(rows)
 
     def target(z: Tensor) -> tuple[Tensor, Tensor]:

@@ -104,15 +104,14 @@ def _columns(base: Fit, kept: list[int]) -> list[int]:
 
 def _misfits(problem: Problem, alone: Fit, exchanges: list[Placed], z: Tensor) -> Tensor:
     """Sums of squared residuals (e, N) with each exchange at the unknowns z (N, d) without it."""
-    floors, omega = problem.reduced.model.floors, 2.0 * torch.pi * problem.frequency_hz
     parts = []
     for batch in z.split(_BATCH):
         values = alone.coordinates.split(batch, problem.fixed_zeta)
-        frf = problem.predicted(alone.system, *values)
-        own = []
-        for one in exchanges:
-            rows = one.effect.place_rows(one.place, floors)
-            seen = one.effect.observe(frf, omega, values[2][:, :0], rows)
-            own.append((problem.compared(seen) ** 2).sum(dim=1))
-        parts.append(torch.stack(own))
+        own = torch.zeros(len(exchanges), len(batch), dtype=torch.float64)
+        for data in problem.data:
+            predicted = data.predicted(alone.system, *values)
+            for number, one in enumerate(exchanges):
+                seen = data.read_with(predicted, one)
+                own[number] += (data.compared(seen) ** 2).sum(dim=1)
+        parts.append(own)
     return torch.cat(parts, dim=1)

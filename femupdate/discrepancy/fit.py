@@ -15,6 +15,7 @@ import torch
 from torch import Tensor
 
 from femupdate.arrays import Floats
+from femupdate.discrepancy.joint_error import Row, summed
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.thresholds import FIT
 from femupdate.dynamics.system import System
@@ -156,15 +157,15 @@ class Fit:
         return float(self.residual @ self.residual) + self.penalty
 
     @cached_property
-    def densities(self) -> Tensor:
-        """(g,) log density of the data by every row of the problem's table of errors."""
-        return self.problem.error.log_densities(self.raw[None])[0]
+    def densities(self) -> tuple[Tensor, ...]:
+        """(g,) log density of every kind of data by every row of its table of errors."""
+        return tuple(own[0] for own in self.problem.error.log_densities(self.raw[None]))
 
     @cached_property
     def left(self) -> Tensor:
         """(m,) residuals of independent points by the noise alone."""
         error = self.problem.error
-        return error.whiten(error.tame(self.raw[None], 0), 0)[0]
+        return error.whiten(error.tame(self.raw[None], error.first), error.first)[0]
 
     @property
     def chi2(self) -> float:
@@ -302,20 +303,24 @@ def narrowed(fitted: Fit) -> Fit:
     What explains more leaves errors no larger, or such as count already.
     """
     error, row = fitted.problem.error, fitted.problem.row
-    rows = {*error.counting(fitted.densities[None]), *error.no_larger(row), 0}
-    return replace(fitted, problem=fitted.problem.with_rows(sorted(rows)))
+    counting = error.counting([own[None] for own in fitted.densities])
+    rows = tuple(
+        tuple(sorted({*own, *smaller, 0}))
+        for own, smaller in zip(counting, error.no_larger(row), strict=True)
+    )
+    return replace(fitted, problem=fitted.problem.with_rows(rows))
 
 
-def likeliest_row(problem: Problem, fitted: Fit) -> int:
-    """Row of the table of errors that residuals make most likely."""
-    return int(densities(problem, fitted).argmax())
+def likeliest_row(problem: Problem, fitted: Fit) -> Row:
+    """Row of every table of errors that residuals make most likely."""
+    return tuple(int(own.argmax()) for own in densities(problem, fitted))
 
 
-def densities(problem: Problem, fitted: Fit) -> Tensor:
-    """(g,) log density of the data at a fit by every row of a problem's table of errors."""
+def densities(problem: Problem, fitted: Fit) -> tuple[Tensor, ...]:
+    """(g,) log density of every kind of data at a fit by every row of its table of errors."""
     if fitted.problem.error is problem.error:
         return fitted.densities
-    return problem.error.log_densities(fitted.raw[None])[0]
+    return tuple(own[0] for own in problem.error.log_densities(fitted.raw[None]))
 
 
 def _objective(where: Coordinates, z: Tensor, residual: Tensor) -> float:
@@ -383,7 +388,7 @@ def fit_baseline(
 
 def log_posterior(problem: Problem, fitted: Fit) -> float:
     """Log density of data and normal priors at a fit, summed over the table of errors."""
-    return float(torch.logsumexp(densities(problem, fitted), 0)) - 0.5 * fitted.penalty
+    return float(summed(densities(problem, fitted))) - 0.5 * fitted.penalty
 
 
 def prior_draws(
@@ -404,7 +409,7 @@ def prior_draws(
 
 def coarse(problem: Problem) -> Problem:
     """The problem as if its noise were coarse, and every point erred alone."""
-    return replace(problem.on_fewer(), sd=(problem.sd**2 + FIT.coarse_noise**2).sqrt(), row=0)
+    return problem.coarse(FIT.coarse_noise)
 
 
 def extended(problem: Problem, base: Fit, placed: tuple[Placed, ...], sizes: Floats) -> Tensor:

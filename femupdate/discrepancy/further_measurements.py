@@ -14,7 +14,9 @@ import torch
 from torch import Tensor
 
 from femupdate.arrays import Flags
+from femupdate.discrepancy.data import Data
 from femupdate.discrepancy.fit import Fit
+from femupdate.discrepancy.frf_data import FrfData
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.thresholds import MODEL_ERROR
 from femupdate.linear import least_squares
@@ -48,20 +50,25 @@ def measurement_values(
         first: the leading model, fitted.
         others: those that it is not told from, fitted.
     """
-    options = _options(problem)
-    if not options or not others:
+    seen = next((one for one in problem.data if isinstance(one, FrfData)), None)
+    if seen is None or not others:
         return ()
-    whole = _everywhere(problem)
-    worth = np.array([_expected(whole, first, one, options) for one in others]).min(axis=0)
+    options = _options(seen)
+    if not options:
+        return ()
+    data = (_everywhere(seen), *(one for one in problem.data if one is not seen))
+    worth = np.array(
+        [_expected(problem.fixed_zeta, data, first, one, options) for one in others]
+    ).min(axis=0)
     found = [
         MeasurementValue(what, float(value)) for what, value in zip(options, worth, strict=True)
     ]
     return tuple(sorted(found, key=lambda one: -one.log_evidence))
 
 
-def _everywhere(problem: Problem) -> Problem:
-    """The problem as if every floor had been measured, with its phase."""
-    count = len(problem.reduced.model.floors)
+def _everywhere(problem: FrfData) -> FrfData:
+    """The FRFs as if every floor had been measured, with its phase."""
+    count = len(problem.floors)
     precision = torch.where(torch.isfinite(problem.sd), problem.sd**-2, 0.0)
     seen = (precision > 0.0).sum(dim=0)
     typical = (precision.sum(dim=0) / seen.clamp_min(1)) ** -0.5  # infinite where nothing is valid
@@ -71,9 +78,9 @@ def _everywhere(problem: Problem) -> Problem:
     return replace(problem, rows=tuple(range(count)), sd=sd, log_frf=zero, phase=zero)
 
 
-def _options(problem: Problem) -> dict[str, Flags]:
+def _options(problem: FrfData) -> dict[str, Flags]:
     """What (amplitude and phase, by floor) is there with each further measurement."""
-    floors = problem.reduced.model.floors
+    floors = problem.floors
     has = np.zeros((2, len(floors)), dtype=bool)
     has[0, list(problem.rows)] = True
     has[1] = has[0] & (problem.phase is not None)
@@ -89,38 +96,52 @@ def _options(problem: Problem) -> dict[str, Flags]:
 
 
 def _expected(
-    problem: Problem, first: Fit, other: Fit, options: Mapping[str, Flags]
+    fixed_zeta: float,
+    data: Sequence[Data],
+    first: Fit,
+    other: Fit,
+    options: Mapping[str, Flags],
 ) -> list[float]:
     """Log evidence (o,) with each further measurement, as if the first model were the truth.
 
-    The other model follows by steps of Gauss and Newton with the derivatives where it is.
+    The first of the data are the FRFs of all floors, of which options leave some out. The other
+    model follows by steps of Gauss and Newton with the derivatives where it is.
     """
     where = other.coordinates
-    here, there = (_predicted(problem, one, one.z[None]) for one in (other, first))
+
+    def predicted(fitted: Fit, z: Tensor) -> list[Tensor]:
+        known = fitted.coordinates.split(z, fixed_zeta)
+        return [one.predicted(fitted.system, *known) for one in data]
+
+    def moved(from_: list[Tensor], to: list[Tensor]) -> list[Tensor]:
+        return [one.moved(*both) for one, *both in zip(data, from_, to, strict=True)]
+
+    here, there = (predicted(one, one.z[None]) for one in (other, first))
     steps = torch.where(other.z + _STEP <= where.upper, _STEP, -_STEP)
-    stepped = _predicted(problem, other, other.z + torch.diag(steps))
-    shape = (-1, 2, len(problem.rows), len(problem.frequency_hz))
-    jacobian = (problem.moved(here, stepped) / steps[:, None]).reshape(shape)
+    changes = moved(here, predicted(other, other.z + torch.diag(steps)))
+    columns = [change / steps[:, None] for change in changes]
     prior = torch.diag(where.precision.sqrt())
+    has_all = next(iter(options.values()))
+    shape = (-1, *has_all.shape, changes[0].shape[1] // has_all.size)
     found = []
     for has in options.values():
         seen = torch.from_numpy(has)
-        columns = torch.cat([jacobian[:, seen].flatten(1).T, prior])
+
+        def kept(parts: list[Tensor], seen: Tensor = seen) -> Tensor:
+            return torch.cat([parts[0].reshape(shape)[:, seen].flatten(1), *parts[1:]], dim=1)
+
+        matrix = torch.cat([kept(columns).T, prior])
         z, least = other.z, np.inf
         for _ in range(_ROUNDS):
-            missed = problem.moved(_predicted(problem, other, z[None]), there).reshape(shape)[0]
+            missed = kept(moved(predicted(other, z[None]), there))[0]
             # As among the residuals, one point where an anti-resonance is off must not decide.
-            rest = missed[seen].flatten().clamp(-MODEL_ERROR.wild, MODEL_ERROR.wild)
+            rest = missed.clamp(-MODEL_ERROR.wild, MODEL_ERROR.wild)
             left = torch.cat([rest, prior @ (other.z - z)])
             least = min(least, 0.5 * float(left @ left))
-            step = least_squares(columns, left)
+            step = least_squares(matrix, left)
             z = torch.minimum(torch.maximum(z + step, where.lower), where.upper)
         found.append(least)
     return found
-
-
-def _predicted(problem: Problem, fitted: Fit, z: Tensor) -> Tensor:
-    return problem.predicted(fitted.system, *fitted.coordinates.split(z, problem.fixed_zeta))
 
 
 __all__ = ["PHASE", "MeasurementValue", "measurement_values"]

@@ -8,6 +8,7 @@ unsymmetrical frame were off by 2.4 of their standard deviations (rms).
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import torch
@@ -110,50 +111,71 @@ class _About:
 
     def errors(self) -> Tensor:
         """One standard deviation of each (c, n), in the unit of the residuals."""
-        top_hz = MESH_ERROR.beyond_top * float(self.problem.frequency_hz.max())
+        top_hz = MESH_ERROR.beyond_top * self.problem.top_hz
         modes = modes_shown(self.problem.reduced.model, self.theta[0].numpy(), top_hz)
-        here = self._predicted(self.problem.reduced)
-        stiffness = torch.cat([self._members(), *self._frequencies(modes)])
-        return torch.cat([self.problem.moved(here, stiffness), *self._shown(modes, here)])
+        parts = [self._members(), *self._frequencies(modes)]
+        return torch.cat([*parts, *self._shown(modes)])
 
-    def _predicted(self, reduced: ReducedStructure) -> Tensor:
-        """FRFs (1, f, k) of a structure in place of the problem's."""
+    @cached_property
+    def _here(self) -> list[Tensor]:
+        """Predictions (1, ...) of every kind of data, without any error."""
+        return self._predicted(self.problem.reduced)
+
+    def _predicted(self, reduced: ReducedStructure) -> list[Tensor]:
+        """The same of a structure in place of the problem's."""
         system = replace(self.problem, reduced=reduced).system(self.placed)
-        return self.problem.predicted(system, self.theta, self.zeta, self.sizes)
+        known = self.theta, self.zeta, self.sizes
+        return [data.predicted(system, *known) for data in self.problem.data]
+
+    def _moved(self, predicted: list[Tensor]) -> list[Tensor]:
+        """Changes (c, n) of every kind of data."""
+        parts = zip(self.problem.data, self._here, predicted, strict=True)
+        return [data.moved(here, there) for data, here, there in parts]
 
     def _members(self) -> Tensor:
-        """FRFs (c, f, k) with one error of the members' stiffness after the other."""
+        """Changes (c, n) by one error of the members' stiffness after the other."""
         system, count = self.problem.system((*self.placed, *self.mesh.placed)), len(self.mesh.steps)
         both = torch.cat([self.sizes.expand(count, -1), torch.from_numpy(self.mesh.steps)], dim=1)
-        theta, zeta = self.theta.expand(count, -1), self.zeta.expand(count)
-        return self.problem.predicted(system, theta, zeta, both)
+        known = self.theta.expand(count, -1), self.zeta.expand(count), both
+        predicted = [data.predicted(system, *known) for data in self.problem.data]
+        return torch.cat(self._moved(predicted), dim=1)
 
     def _frequencies(self, modes: ShownModes) -> list[Tensor]:
-        """FRFs (1, f, k) with one mode's frequency after the other off by what is left."""
+        """Changes (1, n) by one mode's frequency after the other, off by what is left."""
         reduced, more = self.problem.reduced, 2.0 * MESH_ERROR.left_factor * self.mesh.left
-        return [
-            self._predicted(_with_stiffness(reduced, more * squared * np.outer(vector, vector)))
+        stiffer = (
+            _with_stiffness(reduced, more * squared * np.outer(vector, vector))
             for squared, vector in zip(modes.squared, modes.vectors.T, strict=True)
-        ]
+        )
+        return [torch.cat(self._moved(self._predicted(one)), dim=1) for one in stiffer]
 
-    def _shown(self, modes: ShownModes, here: Tensor) -> list[Tensor]:
+    def _shown(self, modes: ShownModes) -> list[Tensor]:
         """Errors (1 + f, n) of what the floors show of every mode: of all alike, and of each."""
         reduced, parts = self.problem.reduced, []
         for vector in modes.vectors.T:
             shown = reduced.model.floor_shapes @ vector
             step = _STEP * np.linalg.norm(shown)
-            moved = self.problem.moved(here, self._predicted(_with_shape(reduced, step * vector)))
-            parts.append(self._of_floors(moved[0], shown))
+            moved = self._moved(self._predicted(_with_shape(reduced, step * vector)))
+            parts += self._of_floors([one[0] for one in moved], shown)
         return parts
 
-    def _of_floors(self, moved: Tensor, shown: Floats) -> Tensor:
-        """Errors (1 + f, n), from the change (n,) when all floors show `_STEP` more of a mode."""
-        rows = list(self.problem.rows)
-        each = moved.reshape(-1, len(rows), self.problem.sd.shape[1])
-        alone = torch.eye(len(rows)).to(each)[:, None, :, None] * each
-        alone = alone.flatten(1) * (MESH_ERROR.left_factor / _STEP)
-        share = torch.from_numpy(shown / np.linalg.norm(shown))[rows]
-        return torch.cat([self.mesh.effect * (share @ alone)[None], self.mesh.shape * alone])
+    def _of_floors(self, moved: list[Tensor], shown: Floats) -> list[Tensor]:
+        """Errors (1 + f, n), from changes (n,) when all floors show `_STEP` more of a mode.
+
+        Of several kinds of data one after the other: each floor's error is its own in each.
+        """
+        share = torch.from_numpy(shown / np.linalg.norm(shown))
+        scale = MESH_ERROR.left_factor / _STEP
+        alone = [
+            scale * data.by_floor(one) for data, one in zip(self.problem.data, moved, strict=True)
+        ]
+        alike = [
+            share[list(data.rows)] @ own for data, own in zip(self.problem.data, alone, strict=True)
+        ]
+        return [
+            self.mesh.effect * torch.cat(alike)[None],
+            self.mesh.shape * torch.block_diag(*alone),
+        ]
 
 
 def _with_stiffness(reduced: ReducedStructure, more: Floats) -> ReducedStructure:

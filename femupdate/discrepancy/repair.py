@@ -118,7 +118,7 @@ def _chosen(
         return found.leading, ()
     refused: list[Finding] = []
     for one in found.findings:
-        untested = one.tested is None and len(problem.halves) > 0
+        untested = one.tested is None and problem.divisible
         if untested or not one.carried(settings) or not one.matters(settings):
             continue
         if better(problem, found.base, one.fitted):

@@ -47,17 +47,11 @@ class Score:
 def candidates(problem: Problem, present: tuple[Placed, ...] = ()) -> list[Placed]:
     """Every effect at every place that these data could show."""
     structure = problem.reduced.structure
-    observed = {problem.reduced.model.floors[row] for row in problem.rows}
+    observed = set(problem.measured_floors)
     known = {one.label for one in present}
     found = []
     for effect in CATALOGUE.values():
-        if effect.correction:
-            continue
-        if effect.needs_phase and problem.phase is None:
-            continue
-        if effect.tables_only and problem.estimated:
-            continue
-        if effect.needs_levels and not problem.levels:
+        if effect.correction or not problem.shows(effect):
             continue
         for place in effect.places(structure):
             placed = Placed(effect, place)
@@ -65,6 +59,17 @@ def candidates(problem: Problem, present: tuple[Placed, ...] = ()) -> list[Place
             if placed.label not in known and not unseen:
                 found.append(placed)
     return found
+
+
+def without_phase(problem: Problem, present: tuple[Placed, ...] = ()) -> tuple[str, ...]:
+    """Labels of what only phases show, where none were measured."""
+    observed, known = set(problem.measured_floors), {one.label for one in present}
+    structure, found = problem.reduced.structure, []
+    for effect in CATALOGUE.values():
+        if effect.needs_phase and not problem.shows(effect) and not effect.correction:
+            places = (p for p in effect.places(structure) if _seen(p, observed, structure.floors))
+            found += [Placed(effect, place).label for place in places]
+    return tuple(label for label in found if label not in known)
 
 
 def _seen(place: str, observed: set[str], floors: tuple[str, ...]) -> bool:
@@ -95,7 +100,7 @@ def starts(problem: Problem, placed: Placed) -> list[tuple[float, ...]]:
 
 def _tunings(problem: Problem) -> list[float]:
     """Ratios to the first frequency around the lower half of the grid."""
-    top = 0.6 * float(problem.frequency_hz.max())
+    top = 0.6 * problem.top_hz
     first = problem.reduced.structure.fundamental[0] / (2.0 * np.pi)
     return [float(r) for r in np.geomspace(0.5, max(1.2, min(top / first, 7.0)), 12)]
 

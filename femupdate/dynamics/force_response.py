@@ -105,6 +105,14 @@ def rest_flexibility(
     return _fitted(theta, np.stack(full), lacked)
 
 
+def rest_about(structure: Structure, reduced: ReducedModel, theta: Floats) -> RestFlexibility:
+    """What a reduced model lacks about one theta (p,), each factor taken for an even share."""
+    full = _static(structure, theta)
+    lacked = full - _reduced_static(reduced, theta)
+    share = float(np.sqrt(((lacked / full).diagonal() ** 2).mean()))
+    return RestFlexibility(theta[:, None, None] * lacked / len(theta), 0.0, share)
+
+
 def _static(structure: Structure, theta: Floats) -> Floats:
     """Displacements (f, f) of the floors under unit forces at them, m/N."""
     stiffness = structure.stiffness_constant

@@ -17,13 +17,13 @@ from scipy.optimize import linear_sum_assignment
 from torch import Tensor
 
 from femupdate.arrays import Floats
-from femupdate.dynamics.modes import Modes
 from femupdate.dynamics.system import System
 from femupdate.errors import InferenceError
 from femupdate.measurement.modes import IdentifiedModes
 
 _MATRICES = 2**21  # numbers in the matrices of a batch of eigenproblems
 _TINY = 1e-30
+_MASSLESS = 1e-14  # of the largest 1 / omega^2
 
 
 @dataclass(frozen=True)
@@ -77,6 +77,14 @@ class ModalTerms:
             len(self.log_frequency),
             int((self.damping_root > 0.0).sum()),
             int(free.clamp_min(0).sum()),
+        )
+
+    def residuals(self, own: "Paired") -> tuple[Tensor, Tensor, Tensor]:
+        """Whitened residuals, predicted less identified: (n, m), (n, m) and (n, m f)."""
+        return (
+            self.frequency_root * (own.log_frequency - self.log_frequency),
+            self.damping_root * (own.damping - self.damping),
+            (self.shape_root * (own.shape - self.shape)).flatten(1),
         )
 
 
@@ -135,6 +143,70 @@ class Paired:
     shape: Tensor
 
 
+@dataclass(frozen=True)
+class ShownModes:
+    """All modes of a model, r of them, as g floors with sensors show them.
+
+    Attributes:
+        log_frequency: (n, r) ln of rad/s.
+        damping: (n, r) ratios.
+        shape: (n, g, r) of unit modal mass.
+    """
+
+    log_frequency: Tensor
+    damping: Tensor
+    shape: Tensor
+
+
+def shown_modes(system: System, theta: Tensor, zeta: Tensor, sizes: Tensor) -> ShownModes:
+    """Modes of a system on all its floors, at theta (n, p), zeta (n,) and sizes (n, q)."""
+    modes, count = system.modes(theta, sizes), len(system.floors)
+    shape = modes.rows[:, :count] * modes.omega[:, None, :]
+    # What has no mass moves without end in its mode, and is no mode that anybody identifies.
+    real = modes.inverse > _MASSLESS * modes.inverse.amax(dim=1, keepdim=True)
+    return ShownModes(
+        modes.omega.log(),
+        system.ratio(modes.omega, zeta, sizes),
+        torch.where(real[:, None, :], shape, 0.0),
+    )
+
+
+def paired(terms: ModalTerms, shown: ShownModes) -> Paired:
+    """Every identified mode with one of the model's, which are shown on all floors."""
+    shape = shown.shape[:, list(terms.rows)]
+    column = _assigned(_cost(terms, shown, shape))
+    own = shape.gather(2, column[:, None, :].expand(-1, shape.shape[1], -1)).mT
+    weight = terms.shape_root.square()
+    scale = (weight * terms.shape * own).sum(2) / _length(weight, own)
+    return Paired(
+        column,
+        shown.log_frequency.gather(1, column),
+        shown.damping.gather(1, column),
+        own * scale[:, :, None],
+    )
+
+
+@torch.no_grad()
+def _cost(terms: ModalTerms, shown: ShownModes, shape: Tensor) -> Floats:
+    """Misfit (n, m, r) of every identified mode with each of the model's.
+
+    Modes that the sensors hardly feel are identified less often: twice the logarithm of the share
+    of kinetic energy at the floors is added.
+    """
+    away = terms.log_frequency[:, None] - shown.log_frequency[:, None, :]
+    cost = (terms.frequency_root[:, None] * away).square()
+    more = terms.damping[:, None] - shown.damping[:, None, :]
+    cost = cost + (terms.damping_root[:, None] * more).square()
+    weight = terms.shape_root.square()
+    product = torch.einsum("mf,nfr->nmr", weight * terms.shape, shape)
+    length = torch.einsum("mf,nfr->nmr", weight, shape.square()).clamp_min(_TINY)
+    whole = (weight * terms.shape.square()).sum(1)
+    cost = cost + whole[:, None] - product.square() / length
+    felt = shape.square().sum(1)
+    share = felt / felt.amax(dim=1, keepdim=True)
+    return (cost - 2.0 * share.clamp_min(_TINY).log()[:, None, :]).numpy()
+
+
 class ModalLikelihood:
     """ln exp(-|r|^2 / 2) of the whitened residuals of identified modes, by the reduced model.
 
@@ -189,12 +261,14 @@ class ModalLikelihood:
 
     def residuals(self, parameters: Tensor) -> Tensor:
         """Whitened residuals (n, m (2 + f)): frequencies, damping ratios, then shapes."""
-        return torch.cat([torch.cat(self._residuals(own), 1) for own in self._pairs(parameters)])
+        return torch.cat(
+            [torch.cat(self.terms.residuals(own), 1) for own in self._pairs(parameters)]
+        )
 
     def squares(self, parameters: Tensor) -> Tensor:
         """Sums of squared whitened residuals (n, 3) of each group of `names`."""
         parts = [
-            torch.stack([group.square().sum(dim=1) for group in self._residuals(own)], dim=1)
+            torch.stack([group.square().sum(dim=1) for group in self.terms.residuals(own)], dim=1)
             for own in self._pairs(parameters)
         ]
         return torch.cat(parts)
@@ -211,51 +285,7 @@ class ModalLikelihood:
             theta, sizes = self._system.split(rows[:, :count])
             known = self._zeta is not None
             zeta = rows.new_full((len(rows),), self._zeta or 0.0) if known else rows[:, count]
-            modes = self._system.modes(theta, sizes)
-            yield self._pair(modes, self._system.ratio(modes.omega, zeta, sizes))
-
-    def _pair(self, modes: Modes, ratio: Tensor) -> Paired:
-        """Every identified mode with one of the model's (n, r)."""
-        shape = modes.rows[:, list(self.terms.rows)] * modes.omega[:, None, :]
-        column = _assigned(self._cost(modes, ratio, shape))
-        own = shape.gather(2, column[:, None, :].expand(-1, shape.shape[1], -1)).mT
-        weight = self.terms.shape_root.square()
-        scale = (weight * self.terms.shape * own).sum(2) / _length(weight, own)
-        return Paired(
-            column,
-            modes.omega.log().gather(1, column),
-            ratio.gather(1, column),
-            own * scale[:, :, None],
-        )
-
-    @torch.no_grad()
-    def _cost(self, modes: Modes, ratio: Tensor, shape: Tensor) -> Floats:
-        """Misfit (n, m, r) of every identified mode with each of the model's.
-
-        Modes that the sensors hardly feel are identified less often: twice the logarithm of the
-        share of kinetic energy at the floors is added.
-        """
-        terms = self.terms
-        away = terms.log_frequency[:, None] - modes.omega.log()[:, None, :]
-        cost = (terms.frequency_root[:, None] * away).square()
-        more = terms.damping[:, None] - ratio[:, None, :]
-        cost = cost + (terms.damping_root[:, None] * more).square()
-        weight = terms.shape_root.square()
-        product = torch.einsum("mf,nfr->nmr", weight * terms.shape, shape)
-        length = torch.einsum("mf,nfr->nmr", weight, shape.square()).clamp_min(_TINY)
-        whole = (weight * terms.shape.square()).sum(1)
-        cost = cost + whole[:, None] - product.square() / length
-        felt = shape.square().sum(1)
-        share = felt / felt.amax(dim=1, keepdim=True)
-        return (cost - 2.0 * share.clamp_min(_TINY).log()[:, None, :]).numpy()
-
-    def _residuals(self, own: Paired) -> tuple[Tensor, Tensor, Tensor]:
-        terms = self.terms
-        return (
-            terms.frequency_root * (own.log_frequency - terms.log_frequency),
-            terms.damping_root * (own.damping - terms.damping),
-            (terms.shape_root * (own.shape - terms.shape)).flatten(1),
-        )
+            yield paired(self.terms, shown_modes(self._system, theta, zeta, sizes))
 
 
 def _length(weight: Tensor, shape: Tensor) -> Tensor:

@@ -50,6 +50,15 @@ class ErrorTable:
 
 
 MODEL_ERROR = ErrorTable()
+# Of figures that lie on no frequency axis: nothing but more noise than stated. A model may miss the
+# frequency of a mode, which is known to a percent, by a third.
+NOISE_ALONE = ErrorTable(
+    sizes=(),
+    lengths=(1.0,),
+    noise=(1.0, 2.0, 4.0, 8.0, 16.0, 32.0),
+    harmonics=0,
+    start=(0.0, 1.0, 8.0),
+)
 
 # Numbers in the factors of rows, up to which these are kept; and rows that are worked at once.
 _KEPT, _AT_ONCE = 3e7, 24
@@ -133,14 +142,14 @@ class Harmonics:
     @staticmethod
     def over(seen_hz: Tensor, table: ErrorTable = MODEL_ERROR) -> "Harmonics":
         """Over measured frequencies (k,)."""
-        first, width = float(seen_hz.min()), float(seen_hz.max() - seen_hz.min())
+        first, width = _band(seen_hz)
         return Harmonics(first, width, table.period * width, table.harmonics)
 
     def at(self, frequency_hz: Tensor) -> Tensor:
         """Values (k, j) at frequencies (k,)."""
         cycles = torch.arange(1, self.count + 1).to(frequency_hz)
         angle = 2.0 * torch.pi / self.period_hz * (frequency_hz - self.first_hz)[:, None] * cycles
-        return torch.cat([torch.ones_like(angle[:, :1]), angle.cos(), angle.sin()], dim=1)
+        return torch.cat([angle.new_ones(len(angle), 1), angle.cos(), angle.sin()], dim=1)
 
     def spread(self, length_hz: float) -> Tensor:
         """Standard deviations (j,) of the coefficients of a process of unit variance."""
@@ -149,6 +158,13 @@ class Harmonics:
         density[1:] *= 2.0
         share = (density / density.sum()).sqrt()
         return torch.cat([share, share[1:]])
+
+
+def _band(seen_hz: Tensor) -> tuple[float, float]:
+    """First of measured frequencies (k,) and their width; 1 Hz where they have none."""
+    if not len(seen_hz):
+        return 0.0, 1.0
+    return float(seen_hz.min()), float(seen_hz.max() - seen_hz.min()) or 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,7 +251,7 @@ class LearnedError:
     ) -> None:
         seen = frequency_hz[(weight > 0).any(0)]
         self._table = table
-        self.levels = error_levels(float(seen.max() - seen.min()), table)
+        self.levels = error_levels(_band(seen)[1], table)
         self.harmonics = Harmonics.over(seen, table)
         self.floors, self._parts = len(weight), parts
         self._points = float(parts * (weight > 0).sum()) if points is None else points

@@ -66,7 +66,8 @@ def frf_table(table: Table, at: int, columns: Mapping[FrfColumn, int]) -> FrfTab
         )
     if any(column.force for column in columns):
         raise table.file.error(
-            "these are responses to a force, which calibrate alone takes; give histories or FRFs"
+            "these are responses to a force, which calibrate, diagnose and repair explain; give"
+            " histories or FRFs"
             " under base motion here"
         )
     return curves_of(table, at, columns, _ratio)

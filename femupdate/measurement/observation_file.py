@@ -102,7 +102,8 @@ def read_observation_file(
     recording = read_measured(path)
     if recording.modes or recording.mode_table is not None:
         raise recording.file.error(
-            "these are identified modes, which calibrate alone takes; give histories or FRFs here"
+            "these are identified modes, which calibrate, diagnose and repair explain;"
+            " give histories or FRFs here"
         )
     return observation_in(recording, unit, columns)
 
@@ -127,7 +128,8 @@ def observation_in(
     found = any_observation_in(recording, unit, columns)
     if isinstance(found, ForceHistories):
         raise recording.file.error(
-            "these are responses to a force, which calibrate alone takes; give histories or FRFs"
+            "these are responses to a force, which calibrate, diagnose and repair explain; give"
+            " histories or FRFs"
             " under base motion here"
         )
     return found

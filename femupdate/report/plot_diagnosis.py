@@ -20,6 +20,41 @@ _CLOSE = 0.055  # of the axis: ticks nearer than this run into one another
 
 
 @dataclass(frozen=True)
+class Columns:
+    """What the columns of a residual map are.
+
+    Attributes:
+        edges: (b + 1,) Hz of frequency bands; of anything else, evenly spaced.
+        names: (b,) of anything else; none of bands.
+        title: below them.
+    """
+
+    edges: Floats
+    names: tuple[str, ...] = ()
+    title: str = "Frequency, Hz"
+
+    @staticmethod
+    def named(names: Sequence[str], title: str) -> "Columns":
+        """Columns that are no frequency bands."""
+        return Columns(np.arange(len(names) + 1.0), tuple(names), title)
+
+    @property
+    def middle(self) -> Floats:
+        """(b,) where a column's text stands."""
+        if self.names:
+            return 0.5 * (self.edges[:-1] + self.edges[1:])
+        return np.asarray(np.sqrt(self.edges[:-1] * self.edges[1:]))
+
+    def mark(self, panel: Axes) -> None:
+        """Put ticks under them."""
+        if self.names:
+            panel.set_xticks(self.middle, self.names)
+        else:
+            frequency_ticks(panel, self.edges[0], self.edges[-1])
+        panel.set_xlabel(self.title)
+
+
+@dataclass(frozen=True)
 class Ranked:
     """One effect in a ranking.
 
@@ -39,7 +74,7 @@ class Ranked:
 @styled
 def residual_map(
     floors: Sequence[str],
-    edges_hz: ArrayLike,
+    columns: Columns,
     misfits: Sequence[tuple[str, ArrayLike]],
     *,
     title: str = "Where model and measurement disagree",
@@ -47,8 +82,8 @@ def residual_map(
     """Draw the misfit of every floor in every band, one panel a model.
 
     Args:
-        floors: f names, bottom to top.
-        edges_hz: (b + 1,) edges of the bands.
+        floors: f names, bottom to top; of modes, what was compared.
+        columns: the b bands, or the modes.
         misfits: name of a model and its (f, b) root mean square residual over the noise; NaN where
             nothing was measured.
         title: over the figure.
@@ -58,9 +93,8 @@ def residual_map(
     """
     if not misfits:
         raise ReportError("a residual map needs the misfit of one model at least")
-    edges = np.asarray(edges_hz, dtype=float)
     grids = [
-        (name, checked(f"misfit of {name}", grid, len(floors), len(edges) - 1))
+        (name, checked(f"misfit of {name}", grid, len(floors), len(columns.edges) - 1))
         for name, grid in misfits
     ]
     figure = new_figure(4.6 * len(grids) + 1.2, 0.9 + 0.38 * len(floors))
@@ -68,7 +102,7 @@ def residual_map(
     top = largest_misfit([grid for _, grid in grids])
     pictures = []
     for panel, (name, grid) in zip(panels, grids, strict=True):
-        pictures.append(draw_misfit(panel, floors, edges, grid, top))
+        pictures.append(draw_misfit(panel, floors, columns, grid, top))
         panel.set_title(name)
     bar = figure.colorbar(pictures[0], ax=list(panels), pad=0.02)
     bar.set_label("Residual over noise, rms")
@@ -83,24 +117,22 @@ def largest_misfit(grids: Sequence[Floats]) -> float:
 
 
 def draw_misfit(
-    panel: Axes, floors: Sequence[str], edges: Floats, grid: Floats, top: float
+    panel: Axes, floors: Sequence[str], columns: Columns, grid: Floats, top: float
 ) -> QuadMesh:
-    """Draw one misfit (f, b) over bands with edges (b + 1,), Hz; the colours end at `top`."""
+    """Draw one misfit (f, b) over its columns; the colours end at `top`."""
     rows = np.arange(len(grid) + 1) - 0.5
-    picture = panel.pcolormesh(edges, rows, grid, cmap="OrRd", norm=Normalize(1.0, top))
+    picture = panel.pcolormesh(columns.edges, rows, grid, cmap="OrRd", norm=Normalize(1.0, top))
     panel.grid(False)
     panel.set_facecolor(FAINT)
-    middle = np.sqrt(edges[:-1] * edges[1:])
     for row, values in enumerate(grid):
-        for x, value in zip(middle, values, strict=True):
+        for x, value in zip(columns.middle, values, strict=True):
             if np.isfinite(value):
                 strong = value > 0.55 * (1.0 + top)
                 text = f"{value:.1f}" if value < 9.95 else f"{value:.0f}"
                 colour = "white" if strong else INK
                 panel.text(x, row, text, ha="center", va="center", fontsize=7, color=colour)
-    frequency_ticks(panel, edges[0], edges[-1])
+    columns.mark(panel)
     panel.set_yticks(range(len(floors)), floors)
-    panel.set_xlabel("Frequency, Hz")
     return picture
 
 

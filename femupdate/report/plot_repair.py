@@ -13,7 +13,7 @@ from femupdate.report.figure import add_head, new_figure
 from femupdate.report.geometry import Geometry
 from femupdate.report.glyphs import Glyphs
 from femupdate.report.marked_building import draw_marked
-from femupdate.report.plot_diagnosis import draw_misfit, largest_misfit
+from femupdate.report.plot_diagnosis import Columns, draw_misfit, largest_misfit
 from femupdate.report.rendering import Renderer
 from femupdate.report.style import BLUE, MEASURED, ORANGE, styled
 
@@ -46,15 +46,17 @@ class Scene:
     """Where the model failed, what was added and where it sits, what is left.
 
     Attributes:
-        edges_hz: (b + 1,) edges of the bands.
-        before, after: (f, b) rms residual over noise of the measured floors.
+        rows: what was measured, such as floors.
+        columns: the bands or modes of the maps.
+        before, after: (f, b) rms residual over noise.
         geometry: of the building.
         glyphs: the signs of what was added.
         floors: names and heights (m) of the building's floors.
         caption: what was added.
     """
 
-    edges_hz: Floats
+    rows: Sequence[str]
+    columns: Columns
     before: Floats
     after: Floats
     geometry: Geometry
@@ -70,7 +72,7 @@ class GapStory:
     Attributes:
         headline: what was added.
         scene: residuals and the building between them; None where nothing was added.
-        curves: FRFs.
+        curves: FRFs; None where none were measured.
         names: p names of the stiffness factors.
         theta_before, theta_after: (n, p) draws.
         held: histories of data kept out (attributes name, floors, time, measured, before, after,
@@ -79,7 +81,7 @@ class GapStory:
 
     headline: str
     scene: Scene | None
-    curves: Curves
+    curves: Curves | None
     names: Sequence[str]
     theta_before: Floats
     theta_after: Floats | None
@@ -95,33 +97,33 @@ def gap_story(story: GapStory, renderer: Renderer = "auto") -> Figure:
         renderer: of the building, as for `mode_shape_figure`.
     """
     curves = story.curves
-    chosen = _floors(curves)
-    rows = len(chosen)
-    above = [] if story.scene is None else [max(3.4, 0.42 * len(curves.floors))]
-    height = [*above, *[1.6] * rows, *([] if story.held is None else [1.9])]
+    chosen = [] if curves is None else _floors(curves)
+    rows = max(len(chosen), 1)
+    above = [] if story.scene is None else [max(3.4, 0.42 * len(story.scene.rows))]
+    height = [*above, *[1.6 if chosen else 2.4] * rows, *([] if story.held is None else [1.9])]
     figure = new_figure(12.0, sum(height) + 1.0)
     grid = figure.add_gridspec(len(height), 3, height_ratios=height)
     first = len(above)
     if story.scene is not None:
         panels = [figure.add_subplot(grid[0, column]) for column in range(3)]
-        _scene(figure, panels, story.scene, curves.floors, renderer)
-    for row, place in enumerate(chosen):
-        panel = figure.add_subplot(grid[first + row, :2])
-        _frf(panel, curves, place, last=row == rows - 1)
-    _theta(figure.add_subplot(grid[first : first + rows, 2]), story)
+        _scene(figure, panels, story.scene, renderer)
+    if curves is not None:
+        for row, place in enumerate(chosen):
+            panel = figure.add_subplot(grid[first + row, :2])
+            _frf(panel, curves, place, last=row == rows - 1)
+    beside = slice(2, 3) if chosen else slice(0, 3)
+    _theta(figure.add_subplot(grid[first : first + rows, beside]), story)
     if story.held is not None:
         _histories(figure.add_subplot(grid[first + rows, :]), story.held)
     add_head(figure, story.headline)
     return figure
 
 
-def _scene(
-    figure: Figure, panels: Sequence[Axes], scene: Scene, floors: Sequence[str], renderer: Renderer
-) -> None:
+def _scene(figure: Figure, panels: Sequence[Axes], scene: Scene, renderer: Renderer) -> None:
     grids = [scene.before, scene.after]
     top = largest_misfit(grids)
     for panel, name, grid in zip(panels[::2], ("Before", "After"), grids, strict=True):
-        picture = draw_misfit(panel, floors, scene.edges_hz, grid, top)
+        picture = draw_misfit(panel, scene.rows, scene.columns, grid, top)
         panel.set_title(f"{name}: residual over noise")
     figure.colorbar(picture, ax=panels[2], pad=0.02)
     draw_marked(panels[1], scene.geometry, scene.glyphs, scene.floors, renderer)

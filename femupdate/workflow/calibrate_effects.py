@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import torch
 
 from femupdate.discrepancy.fit import Fit, raw_residuals
+from femupdate.discrepancy.frf_data import FrfData
 from femupdate.discrepancy.posterior import Draws, draw
 from femupdate.discrepancy.problem import Problem
 from femupdate.inference.posterior import save_posterior
@@ -18,6 +19,7 @@ from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.calibration_report import POSTERIOR, CalibrationReport
 from femupdate.workflow.diagnose import model_parts, prepared, refined
 from femupdate.workflow.effects import building_effects, keep_basis
+from femupdate.workflow.finder_data import base_data
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource, as_one, runs_of
 from femupdate.workflow.repaired import effect_posterior
@@ -45,7 +47,8 @@ def calibrate_with_effects(
     observation = as_one(model.building, runs)
     first, *others = _records(model, source, runs)
     parts = model_parts(study, model, show)
-    problem, fitted = prepared(model, parts, first.observation, False, None, show, others)
+    data = base_data(model.building, parts.mesh, first.observation, False, (), others)
+    problem, fitted = prepared(model, parts, (data,), None, show)
     problem, fitted = refined(model, parts, problem, fitted, show, alone=True)
     if problem.reduced.structure.operators is not None:
         keep_basis(study, problem.reduced, model.building)
@@ -65,7 +68,7 @@ def calibrate_with_effects(
         *_notes(problem, fitted, draws.effective, settings.particles),
         *found.sentences(),
     )
-    check = _check(problem, fitted, draws)
+    check = _check(data, fitted, draws)
     write_summary(study, posterior, found, misfit, notes, check)
     return CalibrationReport(
         model=model,
@@ -94,17 +97,16 @@ def _records(
     ]
 
 
-def _check(problem: Problem, fitted: Fit, draws: Draws) -> PredictiveCheck:
+def _check(data: FrfData, fitted: Fit, draws: Draws) -> PredictiveCheck:
     """Posterior predictive check with the noise as stated; errors that points share are part of it,
     as they are of the likelihood."""
     some = slice(None, None, max(1, len(draws.theta) // _CHECKED))
     parts = (torch.from_numpy(values[some]) for values in (draws.theta, draws.zeta, draws.sizes))
-    error, row = fitted.problem.error, fitted.problem.row
+    (error,), (row,) = fitted.problem.error.parts, fitted.problem.row
     residual = error.tame(raw_residuals(fitted, fitted.coordinates.joined(*parts)), row)
     squares = error.floor_squares(residual, torch.full((len(residual),), row))
-    freedom = (torch.isfinite(problem.sd) * problem.independent).sum(1)
-    names = tuple(problem.reduced.model.floors[row] for row in problem.rows)
-    return predictive_check(squares.numpy(), freedom.numpy(), names)
+    freedom = (data.valid * data.independent).sum(1)
+    return predictive_check(squares.numpy(), freedom.numpy(), data.names)
 
 
 def _notes(problem: Problem, fitted: Fit, effective: float, count: int) -> tuple[str, ...]:

@@ -15,7 +15,7 @@ from femupdate.surrogate.training import TrainingSettings
 from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.calibration_report import POSTERIOR
 from femupdate.workflow.effect_surrogate import check_amortisable
-from femupdate.workflow.kinds import measured_of
+from femupdate.workflow.kinds import check_explicable, measured_of
 from femupdate.workflow.model import StudyModel, choose_building, open_study
 from femupdate.workflow.observed import ObservationSource, check_readable
 from femupdate.workflow.surrogates import require_surrogate
@@ -48,6 +48,7 @@ def check_calibration(
     check_readable(source)
     chosen = choose_building(study, building)
     measured = measured_of(chosen, source)
+    check_explicable(chosen, source, measured)
     if not settings.exact and not measured.others:
         check_amortisable(chosen)
         known = study.path(BUILDING_FILE).exists()
@@ -55,17 +56,17 @@ def check_calibration(
         encoder_input(measured.base, surrogate.info.floors)
 
 
-def readable(path: Path, reading: Mapping[str, Any]) -> ObservationSource:
-    """An observation file as a source; a bad one is told before anything is built.
+def readable(reading: Mapping[str, Any], path: Path, *further: Path) -> ObservationSource:
+    """Observation files as a source; a bad one is told before anything is built.
 
     Args:
-        path: of the file.
-        reading: fields of `ObservationSource` that say how to read it.
+        reading: fields of `ObservationSource` that say how to read the files.
+        path, further: the files.
 
     Raises:
-        MeasurementError: the file cannot be used.
+        MeasurementError: a file cannot be used.
     """
-    source = ObservationSource(path, **reading)
+    source = ObservationSource(path, further=further, **reading)
     check_readable(source)
     return source
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from torch import Tensor
 
+from femupdate.discrepancy.data import Data
 from femupdate.discrepancy.diagnose import AMBIGUOUS, PARTLY, UNKNOWN, Diagnosis, Finding
 from femupdate.discrepancy.diagnose import diagnose as find
 from femupdate.discrepancy.exchange import promising
@@ -25,7 +26,7 @@ from femupdate.discrepancy.fit import (
 from femupdate.discrepancy.global_search import global_fit
 from femupdate.discrepancy.mesh_error import MeshError, corrected
 from femupdate.discrepancy.mesh_scatter import with_mesh_error
-from femupdate.discrepancy.problem import Problem, together
+from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.score import candidates
 from femupdate.discrepancy.screen import screen_channels
 from femupdate.discrepancy.thresholds import FIT, VERDICT, DiagnosisSettings
@@ -35,7 +36,7 @@ from femupdate.effects.effect import Placed
 from femupdate.effects.structure import Structure
 from femupdate.measurement.observation import Observation
 from femupdate.progress import Progress, Silent
-from femupdate.study import Study, file_hash, write_text
+from femupdate.study import Study, write_text
 from femupdate.tables import table
 from femupdate.workflow.effects import (
     BuildingEffects,
@@ -46,11 +47,12 @@ from femupdate.workflow.effects import (
     plain_structure,
     problem_of,
 )
+from femupdate.workflow.finder_data import read_given, with_rest_about
+from femupdate.workflow.kinds import Measured
 from femupdate.workflow.mesh_error import open_mesh_error, with_finer_mesh
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.near_basis import structure_near
-from femupdate.workflow.observed import ObservationSource, halves_of, observation_of
-from femupdate.workflow.second_record import SecondRecord, second_record
+from femupdate.workflow.observed import ObservationSource
 
 DIAGNOSIS = "diagnosis"
 _SHOWN = 6  # rows of the table of effects
@@ -100,7 +102,12 @@ class DiagnosisReport:
             "cannot_be_told_from_the_first": list(found.twins),
             "would_decide": list(self.would_decide),
             "where": [
-                {"floor": cell.floor, "band_hz": list(cell.band_hz), "excess": cell.excess}
+                {
+                    "floor": cell.floor,
+                    "band_hz": list(cell.band_hz),
+                    "excess": cell.excess,
+                    "data": cell.data,
+                }
                 for cell in found.residuals
                 if cell.p_value < 1e-3
             ],
@@ -155,28 +162,38 @@ def diagnose_study(
     """
     show, started = progress or Silent(), time.monotonic()
     chosen = settings or DiagnosisSettings()
-    observation = observation_of(model.building, source)
-    other = None if second is None else second_record(model, source, second)
+    given = read_given(study, model, source, second, show)
     parts = model_parts(study, model, show)
-    others = () if other is None else (other,)
-    halves = halves_of(model.building, source)
-    problem, base = prepared(model, parts, observation, use_phase, chosen, show, others, halves)
+    data = given.data(model, parts.mesh, use_phase)
+    problem, base = prepared(model, parts, data, chosen, show)
     show.start("Looking for what is missing", 4)
     problem, base, found = sought(model, parts, problem, base, chosen, show)
     report = DiagnosisReport(
         diagnosis=found,
         problem=problem,
         reduced=problem.reduced,
-        observation=observation,
-        screen=(*(() if other is None else (other.note,)), *_screen(observation, found)),
+        observation=given.measured.as_observation,
+        screen=(*given.notes, *_parted(data), *_screen(given.measured, found)),
         settings=chosen,
         path=study.path("diagnosis.json"),
         seconds=time.monotonic() - started,
     )
     write_text(report.path, json.dumps(report.as_dict(), indent=2, default=float) + "\n")
-    origin = {**model.made_from(), "observation": file_hash(source.path)}
-    study.record(DIAGNOSIS, "diagnosis.json", "diagnose", origin, {"file": str(source.path)})
+    origin = {**model.made_from(), **source.made_from()}
+    study.record(DIAGNOSIS, "diagnosis.json", "diagnose", origin, source.files_as_settings())
     return report
+
+
+def _parted(data: Sequence[Data]) -> tuple[str, ...]:
+    """Whether names can be tested on data to which they were not fitted."""
+    if len(data) > 1 or data[0].halves:
+        return ()
+    if data[0].name == "modes":
+        return (
+            "One table of modes cannot be parted in two, so that a name rests on its evidence"
+            " alone; a second test would let each test what the other says.",
+        )
+    return ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,12 +227,9 @@ def model_parts(study: Study, model: StudyModel, progress: Progress | None = Non
 def prepared(
     model: StudyModel,
     parts: ModelParts,
-    observation: Observation,
-    use_phase: bool,
+    data: Sequence[Data],
     settings: DiagnosisSettings | None = None,
     progress: Progress | None = None,
-    others: Sequence[SecondRecord] = (),
-    halves: Sequence[Observation] = (),
 ) -> tuple[Problem, Fit]:
     """The problem with its mesh error, and the model as it is fitted to it.
 
@@ -228,12 +242,7 @@ def prepared(
     plain = parts.plain
     check_places(plain.structure, effects)
     show.start("Fitting the model as it is", 1)
-    problem = problem_of(plain, model.building, observation, use_phase, parts.mesh, halves)
-    for other in others:
-        own = problem_of(
-            plain, model.building, other.observation, use_phase, parts.mesh, other.halves
-        )
-        problem = together(problem, own, other.level)
+    problem = problem_of(plain, model.building, data)
     if plain.structure.operators is None:
         check_sizes(model.building, problem.system(effects.placed), effects.values)
         base = fit_baseline(problem, effects.placed, effects.values, seed)[0]
@@ -416,9 +425,10 @@ def _around(
     """A frame's problem on a basis about a fit, with its mesh error there, and a fit from there."""
     theta, zeta = middle.theta()[0], middle.zeta(problem.fixed_zeta)
     near = structure_near(parts.structure, model.building, theta, zeta, show, present, parts.study)
+    data = with_rest_about(problem.data, parts.structure, near.model, theta)
     if parts.mesh is not None:
         near = corrected(near, parts.mesh)
-    problem = replace(problem, reduced=near)
+    problem = replace(problem, reduced=near, data=data)
     if parts.mesh is not None:
         problem = with_mesh_error(problem, parts.mesh)
     # Where the fit was, the errors of the mesh are as straight lines have them.
@@ -438,8 +448,10 @@ def _sized(fitted: Fit) -> Sized:
     return tuple(found)
 
 
-def _screen(observation: Observation, found: Diagnosis) -> tuple[str, ...]:
-    return screen_channels(observation, found.base.system, found.base.theta()[0])
+def _screen(measured: Measured, found: Diagnosis) -> tuple[str, ...]:
+    if not measured.has_base:
+        return ()
+    return screen_channels(measured.base, found.base.system, found.base.theta()[0])
 
 
 def _row(one: Finding) -> tuple[str, ...]:

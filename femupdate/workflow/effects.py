@@ -8,13 +8,13 @@ import numpy as np
 import torch
 
 from femupdate.array_archive import ArchiveError, check_shapes, read_arrays, write_arrays
-from femupdate.arrays import Flags, Floats
+from femupdate.arrays import Floats
 from femupdate.building.document import without_effects
 from femupdate.building.effect_entry import EffectEntry
 from femupdate.building.files import mechanics_hash
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.schema import Building
-from femupdate.discrepancy.mesh_error import MeshError
+from femupdate.discrepancy.data import Data
 from femupdate.discrepancy.problem import Problem, make_problem
 from femupdate.discrepancy.thresholds import MESH_ERROR, MODEL_ERROR
 from femupdate.dynamics.damping import damping_law
@@ -28,7 +28,6 @@ from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import Structure, require_story_factors, structure_of
 from femupdate.errors import BuildingError
 from femupdate.inference.parameters import Parameter, Parameters
-from femupdate.measurement.observation import Observation
 from femupdate.progress import Progress, Silent
 from femupdate.study import Study, damaged
 from femupdate.workflow.model import StudyModel, damping_parameter, reduction_target, theta_prior
@@ -249,75 +248,14 @@ def with_effect(building: Building, placed: Placed, values: Floats) -> Building:
     return building.model_copy(update={"effects": (*building.effects, entry)})
 
 
-def problem_of(
-    reduced: ReducedStructure,
-    building: Building,
-    observation: Observation,
-    use_phase: bool = True,
-    mesh: MeshError | None = None,
-    halves: Sequence[Observation] = (),
-) -> Problem:
-    """A building and what was observed of it, for the effect finder.
-
-    The frequencies run from the first to the last at which anything valid was observed.
-
-    Args:
-        reduced: the structure.
-        building: it belongs to.
-        observation: on its grid.
-        use_phase: compare phases where they were measured.
-        mesh: error of the mesh, where it is known.
-        halves: of the observation, where it can be parted.
-    """
-    seen = np.flatnonzero(observation.valid.any(axis=0))
-    used = np.zeros(observation.frequency_hz.size, dtype=bool)
-    used[seen[0] : seen[-1] + 1] = True
-    used &= _measured(observation)
-    prior = theta_prior(building)
-    damping = damping_parameter(building)
-    problem = make_problem(
+def problem_of(reduced: ReducedStructure, building: Building, data: Sequence[Data]) -> Problem:
+    """A building and what was observed of it, for the effect finder."""
+    prior, damping = theta_prior(building), damping_parameter(building)
+    return make_problem(
         reduced,
         damping_law(building),
         (prior.lower, prior.upper),
         (damping.lower, damping.upper) if damping.free else damping.lower,
-        _at(observation, used),
-        use_phase=use_phase,
-        model_error=_model_error(building, mesh),
-        own_error=0.0 if building.kind == "shear" else MODEL_ERROR.size,
-    )
-    parts = (problem_of(reduced, building, one, use_phase, mesh) for one in halves)
-    return replace(problem, halves=tuple(parts))
-
-
-def _model_error(building: Building, mesh: MeshError | None) -> float:
-    """What mesh and reduction leave in ln|H|, as noise of independent points."""
-    return MODEL_ERROR.frame if building.kind != "shear" and mesh is None else MODEL_ERROR.stick
-
-
-def _measured(observation: Observation) -> Flags:
-    """Where a table coarser than the grid has its points: straight lines between are no data."""
-    frequency = observation.frequency_hz
-    spacing = float(np.median(np.diff(frequency)))
-    coarse = observation.resolution_hz or spacing
-    if observation.coherence is not None or coarse < 1.5 * spacing:
-        return np.ones(frequency.size, dtype=bool)
-    distance = np.abs(frequency / coarse - np.round(frequency / coarse)) * coarse
-    return np.asarray(distance < 0.5 * spacing * (1.0 + 1e-9))
-
-
-def _at(observation: Observation, used: Flags) -> Observation:
-    """The observation at some of its frequencies; its resolution stays what it is."""
-    spacing = float(np.median(np.diff(observation.frequency_hz)))
-    return Observation(
-        frequency_hz=observation.frequency_hz[used],
-        floors=observation.floors,
-        log_frf=observation.log_frf[:, used],
-        noise_sd=observation.noise_sd[:, used],
-        valid=observation.valid[:, used],
-        phase=None if observation.phase is None else observation.phase[:, used],
-        coherence=None if observation.coherence is None else observation.coherence[:, used],
-        resolution_hz=observation.resolution_hz or spacing,
-        source=observation.source,
-        notes=observation.notes,
-        estimator=None if observation.estimator is None else observation.estimator.at(used),
+        data,
+        0.0 if building.kind == "shear" else MODEL_ERROR.size,
     )

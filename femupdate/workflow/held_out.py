@@ -1,7 +1,7 @@
 """Data kept out of a repair: how well they are predicted before and after."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from femupdate.measurement.columns import BASE
 from femupdate.measurement.observation import Observation
 from femupdate.measurement.observation_file import Histories, read_observation_file
 from femupdate.workflow.effects import problem_of
+from femupdate.workflow.finder_data import base_data
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource, observed_direction
 
@@ -89,8 +90,8 @@ def _at_level(
     use_phase: bool,
     level: float,
 ) -> Problem:
-    own = problem_of(problem.reduced, model.building, observation, use_phase, mesh)
-    return replace(own, blocks=tuple(replace(block, level=level) for block in own.blocks))
+    data = base_data(model.building, mesh, observation, use_phase).at_level(level)
+    return problem_of(problem.reduced, model.building, (data,))
 
 
 def hold(
@@ -152,7 +153,8 @@ def hold(
 
 def _mean_square(problem: Problem, fitted: Fit) -> float:
     """Mean squared whitened residual of other data at the fitted parameters."""
-    residual = problem.error.tame(problem.missed(fitted.system, fitted.split), 0)
+    error = problem.error
+    residual = error.tame(problem.missed(fitted.system, fitted.split), error.first)
     return float((residual**2).sum()) / max(problem.effective, 1.0)
 
 

@@ -60,6 +60,7 @@ class Measured:
         errors: of the modes.
         runs: under base motion, an observation each; `base` is all of them together.
         doubts: sentences on channels of a run that do not fit together.
+        base_paths: files of the FRFs under base motion.
     """
 
     base: Observation
@@ -69,6 +70,7 @@ class Measured:
     errors: ModalErrors = field(default_factory=ModalErrors)
     runs: tuple[Observation, ...] = ()
     doubts: tuple[str, ...] = ()
+    base_paths: tuple[Path, ...] = ()
 
     @property
     def has_base(self) -> bool:
@@ -83,7 +85,12 @@ class Measured:
     @property
     def notes(self) -> tuple[str, ...]:
         """Sentences on how everything was read, and what was assumed."""
-        return (*self.doubts, *self.base.notes, *self._force_notes(), *self._mode_notes())
+        return (*self.doubts, *self.base.notes, *self.notes_of_others)
+
+    @property
+    def notes_of_others(self) -> tuple[str, ...]:
+        """The same of all that is no FRF under base motion."""
+        return (*self._force_notes(), *self._mode_notes())
 
     @property
     def as_observation(self) -> Observation:
@@ -167,7 +174,31 @@ def read_measured_of(
             unit or quantity than it says.
     """
     measured = measured_of(model.building, source)
+    check_explicable(model.building, source, measured)
     check_base_level(model, measured.base)
+    return with_rest(study, model, measured, progress)
+
+
+def check_explicable(building: Building, source: ObservationSource, measured: Measured) -> None:
+    """Refuse to calibrate a building that lists effects by anything but FRFs under base motion.
+
+    Raises:
+        MeasurementError: it does, and there are other data.
+    """
+    if measured.others and building.effects:
+        raise MeasurementError(
+            f"{source.path}: the building lists effects, with which calibrate cannot explain"
+            " identified modes and responses to forces yet; give histories or FRFs under base"
+            " motion, or leave the effects out"
+        )
+
+
+def with_rest(study: Study, model: StudyModel, measured: Measured, progress: Progress) -> Measured:
+    """What was measured, with what the reduced model lacks under forces.
+
+    Raises:
+        MeasurementError: a response to a force is in another unit or quantity than its file says.
+    """
     if not measured.forced:
         return measured
     measured = replace(measured, rest=open_rest(study, model, progress))
@@ -191,12 +222,6 @@ def measured_of(building: Building, source: ObservationSource) -> Measured:
         else:
             base.append(path)
             doubts += _doubts(path, read, direction_of(building))
-    if (modes or forced) and building.effects:
-        raise MeasurementError(
-            f"{source.path}: the building lists effects, with which identified modes and responses"
-            " to forces cannot be explained yet; give histories or FRFs under base motion, or"
-            " leave the effects out"
-        )
     errors = ModalErrors()
     if source.mode_error is not None:
         errors = replace(errors, model_frequency=source.mode_error)
@@ -206,7 +231,9 @@ def measured_of(building: Building, source: ObservationSource) -> Measured:
         return others
     own = replace(source, path=base[0], further=tuple(base[1:]))
     runs = runs_of(building, own)
-    return replace(others, base=as_one(building, runs), runs=runs, doubts=tuple(doubts))
+    return replace(
+        others, base=as_one(building, runs), runs=runs, doubts=tuple(doubts), base_paths=own.paths
+    )
 
 
 def _doubts(path: Path, read: Histories | FrfTable, direction: str) -> list[str]:

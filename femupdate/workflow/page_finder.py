@@ -124,8 +124,8 @@ def _size(one: dict[str, Any]) -> str:
 def _where(cells: list[dict[str, Any]]) -> Table:
     rows = tuple(
         (
-            str(cell["floor"]),
-            f"{cell['band_hz'][0]:.3g} to {cell['band_hz'][1]:.3g}",
+            ", ".join(str(part) for part in (cell["floor"], cell.get("data")) if part),
+            _band(*cell["band_hz"]),
             f"{np.sqrt(max(cell['excess'] + 1.0, 0.0)):.2f}",
         )
         for cell in sorted(cells, key=lambda cell: -float(cell["excess"]))
@@ -136,6 +136,11 @@ def _where(cells: list[dict[str, Any]]) -> Table:
         head=("floor", "band, Hz", "residual over noise (rms)"),
         rows=rows,
     )
+
+
+def _band(low: float, high: float) -> str:
+    """A band in Hz, or the frequency of a mode."""
+    return f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
 
 
 def _repair(page: PageStudy, done: dict[str, Any]) -> list[Block]:

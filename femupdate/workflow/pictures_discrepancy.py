@@ -1,5 +1,6 @@
 """Pictures of what is missing in a model, and of its repair."""
 
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -8,7 +9,7 @@ import numpy as np
 from femupdate.arrays import Floats
 from femupdate.discrepancy.diagnose import Finding
 from femupdate.discrepancy.fit import Fit
-from femupdate.discrepancy.problem import Problem
+from femupdate.discrepancy.frf_data import FrfData
 from femupdate.discrepancy.residual_map import Cell, residual_cells
 from femupdate.effects.drawn_building import DrawnBuilding
 from femupdate.study import Study
@@ -16,25 +17,21 @@ from femupdate.workflow.diagnose import DiagnosisReport
 from femupdate.workflow.repair import RepairReport
 
 if TYPE_CHECKING:
+    from femupdate.report.plot_diagnosis import Columns
     from femupdate.report.plot_repair import Curves, Scene
 
 _SHOWN = 8
+_MAP_TITLE = "Where model and measurement disagree"
 
 
 def draw_diagnosis(study: Study, report: DiagnosisReport) -> tuple[Path, ...]:
-    """Draw the map of residuals and, where anything was fitted, the ranking."""
+    """Draw the maps of residuals and, where anything was fitted, the ranking."""
     from femupdate.report.figure import save_figure
-    from femupdate.report.plot_diagnosis import Ranked, ranking, residual_map
+    from femupdate.report.plot_diagnosis import Ranked, ranking
 
     found = report.diagnosis
     needed = report.settings.over_none
-    floors, edges, grid = _cells_as_grid(found.residuals)
-    paths = [
-        save_figure(
-            residual_map(floors, edges, [("Model as it is", grid)]),
-            study.path("pictures", "residual_map.png"),
-        )
-    ]
+    paths = list(_draw_maps(study, "residual_map", (("Model as it is", found.residuals),)))
     if found.findings:
         shown = [
             Ranked(
@@ -59,25 +56,23 @@ def _size(one: Finding) -> str:
 def draw_repair(study: Study, report: RepairReport) -> tuple[Path, ...]:
     """Draw the maps of residuals before and after, and the picture that tells the whole story."""
     from femupdate.report.figure import save_figure
-    from femupdate.report.plot_diagnosis import residual_map
     from femupdate.report.plot_repair import GapStory, gap_story
 
     problem, done, held = report.problem, report.repair, report.held
-    floors, edges, first = _cells_as_grid(residual_cells(problem, done.before))
-    maps = [("Before", first)]
+    maps = [("Before", residual_cells(problem, done.before))]
     if done.rounds:
-        maps.append(("After", _cells_as_grid(residual_cells(problem, done.after))[2]))
+        maps.append(("After", residual_cells(problem, done.after)))
     placed = [one.finding.placed for one in done.rounds]
     headline = "Nothing was added"
     if placed:
         words = "; ".join(one.in_words for one in placed)
         headline = f"Added: {words[0].lower()}{words[1:]}"
-    residuals = residual_map(floors, edges, maps, title=headline)
+    curves = next((one for one in problem.data if isinstance(one, FrfData)), None)
     story = gap_story(
         GapStory(
             headline,
-            _scene(report, edges, maps) if placed else None,
-            _curves(report, floors),
+            _scene(report, maps) if placed else None,
+            None if curves is None else _curves(report, curves),
             [f"θ{k + 1}" for k in range(report.theta_before.shape[1])],
             report.theta_before,
             report.theta_after if placed else None,
@@ -85,13 +80,34 @@ def draw_repair(study: Study, report: RepairReport) -> tuple[Path, ...]:
         )
     )
     return (
-        save_figure(residuals, study.path("pictures", "gap_residuals.png")),
+        *_draw_maps(study, "gap_residuals", maps, headline),
         save_figure(story, study.path("pictures", "gap_before_after.png")),
     )
 
 
-def _scene(report: RepairReport, edges: Floats, maps: list[tuple[str, Floats]]) -> "Scene":
-    """The building with what was added drawn where it sits, beside the maps of residuals."""
+def _draw_maps(
+    study: Study, name: str, models: Sequence[tuple[str, tuple[Cell, ...]]], title: str = _MAP_TITLE
+) -> Iterator[Path]:
+    """Draw the residuals of one model or several, one picture a kind of data."""
+    from femupdate.report.figure import save_figure
+    from femupdate.report.plot_diagnosis import residual_map
+
+    for kind in dict.fromkeys(cell.data for cell in models[0][1]):
+        maps = [(model, _map_of(cells, kind)) for model, cells in models]
+        rows, columns, _ = maps[0][1]
+        of_kind = f", {kind}" if kind else ""
+        figure = residual_map(
+            rows,
+            columns,
+            [(f"{model}{of_kind}", grid) for model, (_, _, grid) in maps],
+            title=title,
+        )
+        file = "_".join([name, *kind.split()])
+        yield save_figure(figure, study.path("pictures", f"{file}.png"))
+
+
+def _scene(report: RepairReport, maps: list[tuple[str, tuple[Cell, ...]]]) -> "Scene":
+    """The building with what was added drawn where it sits, beside the first maps of residuals."""
     from femupdate.report.geometry import Geometry
     from femupdate.report.glyphs import drawn
     from femupdate.report.plot_repair import Scene
@@ -102,41 +118,48 @@ def _scene(report: RepairReport, edges: Floats, maps: list[tuple[str, Floats]]) 
     glyphs = drawn(sign for one in placed for sign in one.effect.glyphs(building, one.place))
     levels = list(zip(structure.floors, structure.levels.tolist(), strict=True))
     caption = "\n".join(f"{one.effect.title}, {one.place}" for one in placed)
-    (_, before), (_, after) = maps
-    return Scene(edges, before, after, Geometry.of_building(building), glyphs, levels, caption)
-
-
-def _curves(report: RepairReport, floors: tuple[str, ...]) -> "Curves":
-    """The first record's FRFs, measured and as the models give them."""
-    from femupdate.report.plot_repair import Curves
-
-    problem, done = report.problem, report.repair
-    first_record = slice(problem.blocks[0].points)
-    measured = np.where(np.isfinite(problem.sd.numpy()), problem.log_frf.numpy(), np.nan)
-    return Curves(
-        problem.frequency_hz.numpy()[first_record],
-        floors,
-        measured[:, first_record],
-        _log_frf(problem, done.before),
-        _log_frf(problem, done.after) if done.rounds else None,
+    kind = maps[0][1][0].data
+    (rows, columns, before), (_, _, after) = (_map_of(cells, kind) for _, cells in maps)
+    return Scene(
+        rows, columns, before, after, Geometry.of_building(building), glyphs, levels, caption
     )
 
 
-def _log_frf(problem: Problem, fitted: Fit) -> Floats:
-    theta, zeta, sizes = fitted.coordinates.split(fitted.z[None], problem.fixed_zeta)
-    frequency = problem.frequency_hz[: problem.blocks[0].points]
-    frf = fitted.system.frf(theta, zeta, sizes, frequency)[0, list(problem.rows)]
+def _curves(report: RepairReport, data: FrfData) -> "Curves":
+    """The first record's FRFs, measured and as the models give them."""
+    from femupdate.report.plot_repair import Curves
+
+    done = report.repair
+    first_record = slice(data.blocks[0].points)
+    measured = np.where(data.valid.numpy(), data.log_frf.numpy(), np.nan)
+    return Curves(
+        data.frequency_hz.numpy()[first_record],
+        data.names,
+        measured[:, first_record],
+        _log_frf(data, done.before),
+        _log_frf(data, done.after) if done.rounds else None,
+    )
+
+
+def _log_frf(data: FrfData, fitted: Fit) -> Floats:
+    frequency = data.frequency_hz[: data.blocks[0].points]
+    frf = data.excitation.frf(fitted.system, *fitted.split, frequency)[0, list(data.rows)]
     return np.asarray(frf.abs().log().numpy())
 
 
-def _cells_as_grid(cells: tuple[Cell, ...]) -> tuple[tuple[str, ...], Floats, Floats]:
-    """Floors, edges of the bands (b + 1,), and rms residual over noise (f, b)."""
-    floors = tuple(dict.fromkeys(cell.floor for cell in cells))
-    bands = tuple(dict.fromkeys(cell.band_hz for cell in cells))
-    grid = np.full((len(floors), len(bands)), np.nan)
-    for cell in cells:
+def _map_of(cells: Sequence[Cell], kind: str) -> "tuple[tuple[str, ...], Columns, Floats]":
+    """Rows, columns, and rms residual over noise (f, b), of one kind of data."""
+    from femupdate.report.plot_diagnosis import Columns
+
+    own = [cell for cell in cells if cell.data == kind]
+    rows = tuple(dict.fromkeys(cell.floor for cell in own))
+    bands = tuple(dict.fromkeys(cell.band_hz for cell in own))
+    grid = np.full((len(rows), len(bands)), np.nan)
+    for cell in own:
         value = np.sqrt(max(cell.excess + 1.0, 0.0))
         empty = cell.excess == 0.0 and cell.p_value == 1.0
-        grid[floors.index(cell.floor), bands.index(cell.band_hz)] = np.nan if empty else value
-    edges = np.array([bands[0][0], *(band[1] for band in bands)])
-    return floors, edges, grid
+        grid[rows.index(cell.floor), bands.index(cell.band_hz)] = np.nan if empty else value
+    if all(low == high for low, high in bands):
+        names = [f"{low:.3g} Hz" for low, _ in bands]
+        return rows, Columns.named(names, "Identified mode"), grid
+    return rows, Columns(np.array([bands[0][0], *(band[1] for band in bands)])), grid

@@ -20,14 +20,21 @@ from femupdate.discrepancy.repair import repair as mend
 from femupdate.discrepancy.residual_map import p_value
 from femupdate.discrepancy.thresholds import DiagnosisSettings
 from femupdate.progress import Progress, Silent
-from femupdate.study import BUILDING_FILE, Study, file_hash, write_text
+from femupdate.study import BUILDING_FILE, Study, write_text
 from femupdate.workflow.amplitude import level_settings
-from femupdate.workflow.diagnose import ModelParts, model_parts, prepared, refined, sought
+from femupdate.workflow.diagnose import (
+    ModelParts,
+    model_parts,
+    prepared,
+    refined,
+    sought,
+)
+from femupdate.workflow.finder_data import read_given, refuse_beside_others
 from femupdate.workflow.held_out import Held, hold, predicts_better
 from femupdate.workflow.model import StudyModel, on_kept_finer
-from femupdate.workflow.observed import ObservationSource, halves_of, observation_of
+from femupdate.workflow.observed import ObservationSource, observation_of
 from femupdate.workflow.repaired import keep_effect_posterior, keep_repaired, repaired_building
-from femupdate.workflow.second_record import level_between, second_record
+from femupdate.workflow.second_record import level_between
 
 _DRAWS = 1000
 
@@ -165,19 +172,19 @@ def repair_study(
     """
     show, started = progress or Silent(), time.monotonic()
     chosen = settings or DiagnosisSettings()
-    observation = observation_of(model.building, source)
+    given = read_given(study, model, source, second, show)
+    if holdout is not None:
+        refuse_beside_others(given.measured, holdout, "--holdout")
     other = None if holdout is None else observation_of(model.building, holdout)
-    more = None if second is None else second_record(model, source, second)
     parts = model_parts(study, model, show)
     model = on_kept_finer(study, model)
-    others = () if more is None else (more,)
-    halves = halves_of(model.building, source)
-    problem, base = prepared(model, parts, observation, use_phase, chosen, show, others, halves)
+    data = given.data(model, parts.mesh, use_phase)
+    problem, base = prepared(model, parts, data, chosen, show)
     show.start("Looking for what is missing", 4)
     problem, base, found = sought(model, parts, problem, base, chosen, show)
     level, better = 0.0, None
     if holdout is not None and other is not None:
-        level = 0.0 if more is None else level_between(model, source, holdout)
+        level = 0.0 if second is None else level_between(model, source, holdout)
         better = predicts_better(model, parts.mesh, other, use_phase, level)
     mended, done = _mended(model, parts, (problem, base, found), chosen, show, better)
     before, after = _posteriors(problem, mended, done, chosen.seed, show)
@@ -190,9 +197,8 @@ def repair_study(
     if done.rounds:
         building = repaired_building(model.building, done)
         kept = keep_repaired(study, model, building, mended.reduced, parts.mesh)
-        span = tuple(block.level for block in problem.blocks)
-        levels = level_settings(model, done.after.placed, source, span)
-        keep_effect_posterior(kept, observation, source, after, levels)
+        levels = level_settings(model, done.after.placed, source, problem.levels)
+        keep_effect_posterior(kept, given.measured.as_observation, source, after, levels)
     report = RepairReport(
         repair=done,
         problem=problem,
@@ -206,8 +212,8 @@ def repair_study(
         seconds=time.monotonic() - started,
     )
     write_text(report.path, json.dumps(report.as_dict(), indent=2, default=float) + "\n")
-    origin = {**model.made_from(), "observation": file_hash(source.path)}
-    study.record("repair", "repair.json", "repair", origin, {"file": str(source.path)})
+    origin = {**model.made_from(), **source.made_from()}
+    study.record("repair", "repair.json", "repair", origin, source.files_as_settings())
     return report
 
 

@@ -15,7 +15,7 @@ from femupdate.discrepancy.repair import Repair
 from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.inference.posterior import DrawnBy, Posterior, save_posterior
 from femupdate.measurement.observation import Observation
-from femupdate.study import BUILDING_FILE, Study, file_hash
+from femupdate.study import BUILDING_FILE, Study
 from femupdate.workflow.calibration_report import POSTERIOR
 from femupdate.workflow.effects import (
     building_effects,
@@ -92,8 +92,8 @@ def keep_effect_posterior(
     model = open_study(study)
     posterior = effect_posterior(model, observation, draws, settings)
     save_posterior(posterior, study.result("posterior.nc"))
-    origin = {**model.made_from(), "observation": file_hash(source.path)}
-    study.record(POSTERIOR, "posterior.nc", "repair", origin, {"file": str(source.path)})
+    origin = {**model.made_from(), **source.made_from()}
+    study.record(POSTERIOR, "posterior.nc", "repair", origin, source.files_as_settings())
 
 
 def effect_posterior(

@@ -133,15 +133,18 @@ _EFFECTS = (
 )
 
 
+_CELLS = ("floor", "from_hz", "to_hz", "excess", "p_value", "data")
+
+
 def diagnosis_tables(report: DiagnosisReport) -> tuple[Sheet, ...]:
     """The effects that were fitted, and the residuals by floor and band."""
     cells = [
-        (cell.floor, *cell.band_hz, cell.excess, cell.p_value)
+        (cell.floor, *cell.band_hz, cell.excess, cell.p_value, cell.data)
         for cell in report.diagnosis.residuals
     ]
     return (
         Sheet.of("effects", _EFFECTS, (_effect(report, one) for one in report.diagnosis.findings)),
-        Sheet.of("residual_map", ("floor", "from_hz", "to_hz", "excess", "p_value"), cells),
+        Sheet.of("residual_map", _CELLS, cells),
     )
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from femupdate.building.document import from_document
+from femupdate.discrepancy.frf_data import frf_data
 from femupdate.discrepancy.problem import make_problem
 from femupdate.dynamics.damping import damping_law
 from femupdate.dynamics.projection import lumped
@@ -95,8 +96,7 @@ def pose(reduced_of):
             damping_law(building),
             (prior.lower, prior.upper),
             (damping.lower, damping.upper) if damping.free else damping.lower,
-            observation,
-            model_error=model_error,
+            (frf_data(observation, building.floors, model_error=model_error),),
         )
 
     return make

@@ -47,10 +47,15 @@ def posed(chains, building_of, observe, pose):
         whole, building = observe(FLOORS, GRID, frf, SD, seed), building_of(MASSES, SPRINGS)
         parity = np.arange(len(GRID)) % 2
         parts = [replace(whole, valid=whole.valid & (parity == one)) for one in (0, 1)]
-        halves = tuple(pose(building, one) for one in parts)
-        return replace(pose(building, whole), halves=halves)
+        halves = tuple(pose(building, one).data[0] for one in parts)
+        return in_parts(pose(building, whole), halves)
 
     return make
+
+
+def in_parts(problem, halves):
+    (data,) = problem.data
+    return replace(problem, data=(replace(data, halves=halves),))
 
 
 def weighed(problem, placed):
@@ -76,7 +81,7 @@ def test_what_is_not_there_gains_nothing_on_the_other_half(posed, place):
 
 
 def test_data_that_cannot_be_parted_certify_nothing(posed, place):
-    assert weighed(replace(posed(0.25, 1), halves=()), place("added_mass@RF"))[2] is None
+    assert weighed(in_parts(posed(0.25, 1), ()), place("added_mass@RF"))[2] is None
 
 
 def test_other_data_weigh_an_effect_with_their_own_stiffness(

@@ -70,10 +70,11 @@ def test_what_is_left_is_found_where_it_was_put(chains, building_of, observe, po
 
 def test_points_that_are_not_valid_say_nothing_of_what_is_left(problem):
     """Huge differences there change nothing."""
-    wild = problem.log_frf.clone()
+    (data,) = problem.data
+    wild = data.log_frf.clone()
     wild[:, :5] = 50.0
-    masked = problem.sd.clone()
+    masked = data.sd.clone()
     masked[:, :5] = torch.inf
-    spoiled = replace(problem, log_frf=wild, sd=masked)
+    spoiled = replace(problem, data=(replace(data, log_frf=wild, sd=masked),))
     left = remains(spoiled, settle(spoiled, fit_baseline(spoiled)[0]))
     assert left.size == 0.0

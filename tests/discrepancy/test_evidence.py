@@ -102,7 +102,7 @@ def case(request, building_of, observe, pose, place):
 def fitted_by(problem, placed, row):
     """A problem that knows one row of the table of errors alone, and the fit by it."""
     alone = replace(problem)
-    alone.__dict__["error"] = problem.error.kept([row])
+    alone.__dict__["error"] = problem.error.kept(((row,),))
     return alone, fit(alone, placed, torch.zeros(1 + len(placed), dtype=torch.float64), 40)
 
 
@@ -135,9 +135,10 @@ def test_sampled_evidence_within_its_own_error(case):
 def test_evidence_where_the_noise_is_larger_than_stated(case):
     problem, fitted, quadrature = case
     whole = replace(problem)
-    row = next(k for k, one in enumerate(whole.error.levels) if one.noise > 1.0)
+    (table,) = whole.error.parts
+    row = next(k for k, one in enumerate(table.levels) if one.noise > 1.0)
     wide, fitted = fitted_by(whole, fitted.placed, row)
-    expected = quadrature.by(whole.error.levels[row], problem.effective).log_evidence
+    expected = quadrature.by(table.levels[row], problem.effective).log_evidence
     found = sampled(wide, fitted, 400, 5)
     assert abs(found.log_evidence - expected) < 4.0 * found.error
     assert laplace(wide, fitted).log_evidence == pytest.approx(expected, abs=0.35)
@@ -174,7 +175,7 @@ def test_draws_have_the_moments_of_the_posterior(case):
 def test_draws_keep_to_the_limits(case):
     problem, fitted, quadrature = case
     whole = replace(problem)
-    wide, fitted = fitted_by(whole, fitted.placed, len(whole.error.levels) - 1)
+    wide, fitted = fitted_by(whole, fitted.placed, len(whole.error.parts[0].levels) - 1)
     draws = draw(wide, fitted, 500, seed=1)
     assert ((draws.theta >= 0.5) & (draws.theta <= 2.0)).all()
     if quadrature.size[0] == 0.0 and draws.sizes.size:

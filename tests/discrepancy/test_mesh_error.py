@@ -10,6 +10,7 @@ from scipy.optimize import least_squares
 
 from femupdate.building.document import from_document
 from femupdate.discrepancy.fit import about, fit_baseline, settle
+from femupdate.discrepancy.frf_data import frf_data
 from femupdate.discrepancy.mesh_error import MeshError, corrected, learn_mesh_error, modes_shown
 from femupdate.discrepancy.mesh_points import at_damping, error_of_points
 from femupdate.discrepancy.mesh_scatter import mesh_scatter, with_mesh_error
@@ -87,7 +88,8 @@ def amplitudes_at_one(coarse, learned):
     noise = np.full(measured.shape, 0.1)
     seen = Observation(GRID, reduced.model.floors, np.log(measured), noise, noise > 0)
     box = torch.full((2,), 0.5, dtype=torch.float64), torch.full((2,), 2.0, dtype=torch.float64)
-    problem = make_problem(reduced, ConstantDamping(), box, 0.05, seen, model_error=0.0)
+    data = frf_data(seen, reduced.model.floors)
+    problem = make_problem(reduced, ConstantDamping(), box, 0.05, (data,))
     base = fit_baseline(problem)[0]
     return reduced, theta, problem, base
 
@@ -209,7 +211,8 @@ def test_what_is_left_open_widens_the_intervals(coarse, learned):
         (),
     )
     box = torch.full((2,), 0.5, dtype=torch.float64), torch.full((2,), 2.0, dtype=torch.float64)
-    problem = make_problem(reduced, ConstantDamping(), box, 0.05, seen, model_error=0.0)
+    data = frf_data(seen, reduced.model.floors)
+    problem = make_problem(reduced, ConstantDamping(), box, 0.05, (data,))
     base = fit_baseline(problem)[0]
     left = with_mesh_error(problem, learned)
     open_ = settle(about(left, base), base)

@@ -1,11 +1,10 @@
 """Sizes are known no better than the model of an effect."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from femupdate.discrepancy.fit import extended, fit, fit_baseline
+from femupdate.discrepancy.frf_data import frf_data
 from femupdate.discrepancy.posterior import draw
 from femupdate.discrepancy.problem import make_problem
 from femupdate.dynamics.damping import damping_law
@@ -32,9 +31,9 @@ def test_the_error_of_an_effect_s_own_model_is_part_of_its_size(
         damping_law(building),
         box,
         (damping_parameter(building).lower, damping_parameter(building).upper),
-        seen,
+        (frf_data(seen, building.floors),),
+        error,
     )
-    problem = replace(problem, own_error=error)
     base = fit_baseline(problem)[0]
     fitted = fit(problem, HEAVY, extended(problem, base, HEAVY, [0.1]), 25)
     (size,), (sd,) = fitted.sizes()

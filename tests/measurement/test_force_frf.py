@@ -117,7 +117,9 @@ def test_negative_amplitude(write):
 
 def test_other_commands_say_what_the_file_is(write):
     path = write(f"frequency_hz,2F/RF (m/N),RF/RF (m/N)\n{ROWS}", "force.csv")
-    with pytest.raises(MeasurementError, match="responses to a force, which calibrate alone takes"):
+    with pytest.raises(
+        MeasurementError, match="responses to a force, which calibrate, diagnose and repair explain"
+    ):
         read_observation_file(path)
 
 

@@ -151,7 +151,9 @@ def test_wrong_tables(write, text, message):
 
 
 def test_other_commands_say_what_the_file_is(write):
-    with pytest.raises(MeasurementError, match="identified modes, which calibrate alone takes"):
+    with pytest.raises(
+        MeasurementError, match="identified modes, which calibrate, diagnose and repair explain"
+    ):
         read_observation_file(write(TABLE, "modes.csv"))
 
 

@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 
 from femupdate.report.geometry import Geometry
 from femupdate.report.glyphs import sign
+from femupdate.report.plot_diagnosis import Columns
 from femupdate.report.plot_repair import Curves, GapStory, Scene, gap_story
 
 GRID, FLOORS = np.linspace(1.0, 9.0, 30), ("2F", "3F", "4F", "RF")
@@ -18,7 +19,8 @@ DRAWS = np.random.default_rng(4).normal(1.0, 0.1, (50, 3))
 def drawn(*, mended: bool) -> Figure:
     after = MEASURED if mended else None
     scene = Scene(
-        np.array([1.0, 3.0, 9.0]),
+        FLOORS,
+        Columns(np.array([1.0, 3.0, 9.0])),
         np.full((4, 2), 7.0),
         np.full((4, 2), 1.0),
         Geometry.of([[0, 0, 0], [0, 0, 3], [2, 0, 3], [2, 0, 0]], [[0, 1, 2, 3]], []),

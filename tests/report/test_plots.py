@@ -15,7 +15,7 @@ from matplotlib.text import Text
 
 from femupdate.errors import ReportError
 from femupdate.report.figure import new_figure, save_figure
-from femupdate.report.plot_diagnosis import Ranked, ranking, residual_map
+from femupdate.report.plot_diagnosis import Columns, Ranked, ranking, residual_map
 from femupdate.report.plot_drift import story_shear_drift
 from femupdate.report.plot_frf import MeasuredFrf, Prediction, frf_fit
 from femupdate.report.plot_history import floor_history_bands, strong_part
@@ -144,7 +144,7 @@ FIGURES = {
     "spectra": lambda: spectra(),
     "members": lambda: member_forces(),
     "residual map": lambda: residual_map(
-        FLOORS, EDGES, [("before", MISFIT), ("after", MISFIT / 9)]
+        FLOORS, Columns(EDGES), [("before", MISFIT), ("after", MISFIT / 9)]
     ),
     "ranking": lambda: ranking(RANKED, 4.6, "The verdict in one sentence."),
 }
@@ -318,13 +318,25 @@ def test_spectra_over_the_ground():
 
 def test_residuals_over_the_noise():
     grid = np.array([[0.5, 12.3], [np.nan, 2.0]])
-    figure = residual_map(("2F", "RF"), [1.0, 4.0, 9.0], [("model as it is", grid)])
+    figure = residual_map(
+        ("2F", "RF"), Columns(np.array([1.0, 4.0, 9.0])), [("model as it is", grid)]
+    )
     panel = figure.axes[0]
     assert [text.get_text() for text in panel.texts] == ["0.5", "12", "2.0"]
     np.testing.assert_allclose([text.get_position()[0] for text in panel.texts], [2.0, 6.0, 6.0])
     assert panel.collections[0].norm.vmax == 12.3
     assert figure.axes[1].get_ylabel() == "Residual over noise, rms"
     assert [text.get_text() for text in panel.get_yticklabels()] == ["2F", "RF"]
+
+
+def test_residuals_of_modes_stand_over_their_names():
+    columns = Columns.named(("1.2 Hz", "3.4 Hz"), "Identified mode")
+    figure = residual_map(("frequency", "RF"), columns, [("model", np.array([[1.0, 4.0]] * 2))])
+    panel = figure.axes[0]
+    assert [text.get_text() for text in panel.get_xticklabels()] == ["1.2 Hz", "3.4 Hz"]
+    assert panel.get_xticks() == pytest.approx([0.5, 1.5])
+    assert panel.get_xlabel() == "Identified mode"
+    np.testing.assert_allclose([text.get_position()[0] for text in panel.texts], [0.5, 1.5] * 2)
 
 
 def test_the_ranking_puts_the_strongest_on_top():
@@ -455,8 +467,11 @@ def test_folder_that_is_a_file_and_name_that_is_no_picture(tmp_path):
             "A needs two samples or more, all of them finite",
         ),
         (lambda: theta_intervals(names(3), cases(3), bounds(3), [1.0]), "truth has the shape"),
-        (lambda: residual_map(FLOORS, EDGES, []), "one model at least"),
-        (lambda: residual_map(FLOORS, EDGES, [("A", MISFIT[:5])]), "misfit of A has the shape"),
+        (lambda: residual_map(FLOORS, Columns(EDGES), []), "one model at least"),
+        (
+            lambda: residual_map(FLOORS, Columns(EDGES), [("A", MISFIT[:5])]),
+            "misfit of A has the shape",
+        ),
         (lambda: ranking([], 4.6, ""), "one effect at least"),
         (lambda: floor_history_bands(TIME, motion(5), motion(5), FLOORS), "mean has the shape"),
         (lambda: bands(measured=np.zeros((6, 7))), "measured has the shape"),

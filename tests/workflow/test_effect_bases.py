@@ -30,6 +30,7 @@ from femupdate.workflow.effects import (
     reduction_target,
     with_effect,
 )
+from femupdate.workflow.finder_data import base_data
 from femupdate.workflow.model import open_study
 from femupdate.workflow.near_basis import structure_near
 
@@ -85,6 +86,10 @@ def observed(cabin, mass, seed):
     )
 
 
+def posed(reduced, cabin, seen):
+    return problem_of(reduced, cabin.building, (base_data(cabin.building, None, seen),))
+
+
 @pytest.fixture(scope="module")
 def observation(cabin):
     return observed(cabin, MASS, 4)
@@ -95,7 +100,7 @@ def test_refined_moves_the_basis_to_where_theta_ended(cabin, observation):
     parts = ModelParts(cabin.plain, cabin.plain.structure)
     target = reduction_target(cabin.building)
     away = local_structure(cabin.plain.structure, FAR, target, size=16)
-    problem = replace(problem_of(cabin.plain, cabin.building, observation), reduced=away)
+    problem = replace(posed(cabin.plain, cabin, observation), reduced=away)
     base = fit_baseline(problem)[0]
     fitted = fit(problem, HEAVY, extended(problem, base, HEAVY, [0.1]))
     moved, after = refined(cabin.model, parts, problem, fitted)
@@ -118,7 +123,7 @@ def test_refined_follows_theta_out_of_the_neighbourhood(cabin, observation, monk
 
     monkeypatch.setattr("femupdate.workflow.diagnose.structure_near", near)
     here = structure_near(cabin.plain.structure, cabin.building, FAR, ZETA)
-    problem = replace(problem_of(cabin.plain, cabin.building, observation), reduced=here)
+    problem = replace(posed(cabin.plain, cabin, observation), reduced=here)
     start = extended(problem, fit_baseline(problem)[0], HEAVY, [0.1])
     start[:2] = torch.from_numpy(np.log(FAR))
     stuck = fit(problem, HEAVY, start, iterations=0)
@@ -141,7 +146,7 @@ def test_close_effects_are_run_off_on_a_basis_for_them(cabin, monkeypatch):
     monkeypatch.setattr("femupdate.workflow.diagnose.structure_near", near)
     monkeypatch.setattr("femupdate.discrepancy.diagnose.VERDICT", replace(VERDICT, close=0.995))
     seen = observed(cabin, MASS, 6)
-    problem, base = prepared(cabin.model, parts, seen, True)
+    problem, base = prepared(cabin.model, parts, (base_data(cabin.building, None, seen),))
     everything = diagnose(problem, base=base)
     problem, _, found = sought(cabin.model, parts, problem, base)
     assert found.unobservable == everything.unobservable
@@ -173,7 +178,7 @@ def test_theta_is_found_with_the_effects_that_the_building_lists(cabin, monkeypa
         return replace(rough, z=z)
 
     monkeypatch.setattr("femupdate.workflow.diagnose._rightly_named", ended)
-    problem, base = prepared(model, parts, seen, True)
+    problem, base = prepared(model, parts, (base_data(model.building, None, seen),))
     np.testing.assert_allclose(base.theta()[0], THETA, rtol=0.02)
     assert base.sizes()[0][0] == pytest.approx(mass, rel=0.03)
     assert base.chi2 < 2.0 * problem.effective
@@ -193,12 +198,12 @@ def test_listed_effects_that_leave_no_structure_are_refused(cabin, gone):
     model = replace(cabin.model, building=building)
     parts = ModelParts(cabin.plain, cabin.plain.structure)
     with pytest.raises(BuildingError, match="together they take away more stiffness"):
-        prepared(model, parts, observed(cabin, 0.0, 3), True)
+        prepared(model, parts, (base_data(building, None, observed(cabin, 0.0, 3)),))
 
 
 def test_a_trial_that_leaves_no_structure_counts_nothing(cabin, gone):
     """An effect of members that are nearly gone is tested half a prior sd further."""
-    problem = problem_of(cabin.exact, cabin.building, observed(cabin, MASS, 3))
+    problem = posed(cabin.exact, cabin, observed(cabin, MASS, 3))
     base = fit_baseline(problem)[0]
     start = extended(problem, base, gone[:1], [-0.9])
     weak = fit(problem, gone[:1], start, iterations=0)

@@ -18,6 +18,7 @@ from femupdate.progress import Progress
 from femupdate.simulation.effect_truth import FineModel, Truth, fine_model
 from femupdate.study import Study
 from femupdate.workflow.diagnose import ModelParts, model_parts, prepared, refined, sought
+from femupdate.workflow.finder_data import base_data
 from femupdate.workflow.model import StudyModel
 
 from .draw import KINDS, draw_effects, draw_parameters
@@ -203,9 +204,8 @@ def _find(
     model, parts = models.model, models.parts
     started = time.monotonic()
     chosen = DiagnosisSettings(seed=trial.number)
-    problem, base = prepared(
-        model, parts, observation, models.settings.use_phase, chosen, halves=halves
-    )
+    data = base_data(model.building, parts.mesh, observation, models.settings.use_phase, halves)
+    problem, base = prepared(model, parts, (data,), chosen)
     problem, base, diagnosis = sought(model, parts, problem, base, chosen)
     after = base
     if diagnosis.leading and diagnosis.verdict in (NAMED, PARTLY):

@@ -1,0 +1,469 @@
+"""FRFs as the effect finder judges them: residuals of ln|H| and of the phase."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Protocol
+
+import numpy as np
+import torch
+from scipy.stats import chi2
+from torch import Tensor
+
+from femupdate.arrays import Floats
+from femupdate.discrepancy.data import Cell, Remains
+from femupdate.discrepancy.thresholds import MODEL_ERROR as THRESHOLDS
+from femupdate.discrepancy.thresholds import SCREEN
+from femupdate.dynamics.closed_form import observed, split_sizes
+from femupdate.dynamics.force_response import RestFlexibility, accelerance
+from femupdate.dynamics.system import System
+from femupdate.effects.effect import Effect, Placed
+from femupdate.inference.model_error import NOISE_ALONE, ErrorTable, LearnedError
+from femupdate.measurement.bands import band_edges
+from femupdate.measurement.estimated import HANN, Estimator
+from femupdate.measurement.observation import Observation
+
+# Coarser than that of a calibration: a hundred fits share it, and only their differences count.
+_TABLE = ErrorTable(sizes=(0.03, 0.1, 0.3), lengths=(1 / 30, 1 / 8), harmonics=24)
+_BASE = "base"  # where an instrument sits that only motions of the base know
+
+
+class Excitation(Protocol):
+    """What drives the building."""
+
+    @property
+    def name(self) -> str:
+        """For people; empty for base motion."""
+        ...
+
+    def frf(
+        self, system: System, theta: Tensor, zeta: Tensor, sizes: Tensor, frequency_hz: Tensor
+    ) -> Tensor:
+        """Complex FRFs (N, f, k) of all floors as their sensors give them."""
+        ...
+
+
+@dataclass(frozen=True)
+class BaseMotion:
+    """Motion of the base, over whose acceleration those of the floors are taken."""
+
+    name: str = ""
+
+    def frf(
+        self, system: System, theta: Tensor, zeta: Tensor, sizes: Tensor, frequency_hz: Tensor
+    ) -> Tensor:
+        """Complex FRFs (N, f, k) of all floors as their sensors give them."""
+        return system.frf(theta, zeta, sizes, frequency_hz)
+
+
+@dataclass(frozen=True)
+class FloorForce:
+    """A force at a floor, over which the accelerations of all floors are taken.
+
+    Attributes:
+        floor: at which it acts.
+        rest: static displacement that the reduced model lacks; None of a stick.
+    """
+
+    floor: str
+    rest: RestFlexibility | None = None
+
+    @property
+    def name(self) -> str:
+        """For people."""
+        return f"force at {self.floor}"
+
+    def frf(
+        self, system: System, theta: Tensor, zeta: Tensor, sizes: Tensor, frequency_hz: Tensor
+    ) -> Tensor:
+        """Complex accelerance (N, f, k) of all floors as their sensors give them."""
+        forced = system.floors.index(self.floor)
+        both = torch.cat([theta, sizes], dim=1)
+        frf = accelerance(system, both, zeta, frequency_hz, forced, self.rest)
+        omega = 2.0 * torch.pi * frequency_hz
+        # No sensor of the base is read here.
+        own = zip(system.placed, split_sizes(system.placed, sizes), strict=True)
+        for one, size in own:
+            if one.place != _BASE:
+                frf = observed((one,), system.floors, frf, omega, size)
+        return frf
+
+
+@dataclass(frozen=True)
+class Block:
+    """Some neighbouring points of the frequency axis, which one record gave.
+
+    Attributes:
+        points: how many.
+        independent: share of them that err independently.
+        estimator: what the estimate makes of FRFs; None for those read from a table.
+        level: doublings of the amplitude above that of the first record.
+    """
+
+    points: int
+    independent: float
+    estimator: Estimator | None = None
+    level: float = 0.0
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FrfData:
+    """FRFs of one record or several under one excitation.
+
+    Attributes:
+        floors: of the model.
+        rows: which of them are observed.
+        frequency_hz: (k,), one record after the other.
+        log_frf: (f, k) observed; zero where not valid.
+        phase: (f, k) observed, rad, or None.
+        sd: (f, k) of ln|H| and phase; infinite where not valid.
+        blocks: the records.
+        excitation: what drives the building.
+        halves: the data in two parts that err independently; none where they cannot be parted.
+    """
+
+    floors: tuple[str, ...]
+    rows: tuple[int, ...]
+    frequency_hz: Tensor
+    log_frf: Tensor
+    phase: Tensor | None
+    sd: Tensor
+    blocks: tuple[Block, ...]
+    excitation: Excitation = BaseMotion()
+    halves: "tuple[FrfData, ...]" = ()
+
+    @property
+    def name(self) -> str:
+        """The excitation; empty for base motion."""
+        return self.excitation.name
+
+    @property
+    def valid(self) -> Tensor:
+        """(f, k)."""
+        return torch.isfinite(self.sd)
+
+    @property
+    def residuals(self) -> int:
+        """Number of residuals, with those of points that are not valid."""
+        return self._parts * self.sd.numel()
+
+    @property
+    def points(self) -> int:
+        """Number of numbers compared."""
+        return self._parts * int(self.valid.sum())
+
+    @property
+    def effective(self) -> float:
+        """Number of them that err independently."""
+        return self._parts * float((self.valid * self.independent).sum())
+
+    @property
+    def independent(self) -> Tensor:
+        """(k,) share by which a point counts."""
+        parts = [torch.full((b.points,), b.independent, dtype=torch.float64) for b in self.blocks]
+        return torch.cat(parts)
+
+    @property
+    def top_hz(self) -> float:
+        """The highest frequency."""
+        return float(self.frequency_hz.max())
+
+    @property
+    def levels(self) -> tuple[float, ...]:
+        """Of motion, one a record."""
+        return tuple(block.level for block in self.blocks)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the observed floors."""
+        return tuple(self.floors[row] for row in self.rows)
+
+    @property
+    def _parts(self) -> int:
+        return 1 if self.phase is None else 2
+
+    def shows(self, effect: Effect) -> bool:
+        """Whether an effect can show in it at all."""
+        if effect.needs_phase and self.phase is None:
+            return False
+        return not (effect.tables_only and any(block.estimator for block in self.blocks))
+
+    def error(self, known: Tensor | None) -> LearnedError:
+        """What the model may err by, beside errors (c, n) that are known beforehand."""
+        weight = self.independent / self.sd**2
+        # A load case has no neighbours that could err alike.
+        several = len(self.frequency_hz) > len(self.blocks)
+        return LearnedError(
+            weight,
+            self.frequency_hz,
+            self.effective,
+            known,
+            table=_TABLE if several else NOISE_ALONE,
+            parts=self._parts,
+            wild=THRESHOLDS.wild,
+        )
+
+    def predicted(self, system: System, theta: Tensor, zeta: Tensor, sizes: Tensor) -> Tensor:
+        """Complex FRFs (N, f, k) of all floors, as each record shows them."""
+        parts, first = [], 0
+        for block in self.blocks:
+            frequency = self.frequency_hz[first : first + block.points]
+            first += block.points
+            own = system.at_level(theta, zeta, sizes, block.level)
+            if block.estimator is None:
+                parts.append(self.excitation.frf(system, *own, sizes, frequency))
+                continue
+            asked = torch.from_numpy(block.estimator.frequency_hz)
+            parts.append(block.estimator(self.excitation.frf(system, *own, sizes, asked)))
+        return torch.cat(parts, dim=2)
+
+    def read_with(self, predicted: Tensor, placed: Placed) -> Tensor:
+        """FRFs (N, f, k) with channels exchanged or reversed."""
+        omega = 2.0 * torch.pi * self.frequency_hz
+        none = omega.new_zeros(len(predicted), 0)
+        return observed((placed,), self.floors, predicted, omega, none)
+
+    def compared(self, predicted: Tensor) -> Tensor:
+        """Residuals (N, n) of complex FRFs (N, f, k) of all floors, in the unit of their noise.
+
+        Zero where not valid.
+        """
+        frf = predicted[:, list(self.rows)]
+        size = frf.abs().clamp_min(1e-12).log()
+        parts = [((self.log_frf - size) * self._root).flatten(1)]
+        if self.phase is not None:
+            # Half a turn off is half a turn ahead: were it at either end of the range, errors of a
+            # reversed channel would change sign from point to point.
+            least = 0.75 * torch.pi
+            turn = torch.remainder(self.phase - frf.angle() + least, 2.0 * torch.pi) - least
+            parts.append((turn * self._root).flatten(1))
+        return torch.cat(parts, dim=1)
+
+    def moved(self, from_: Tensor, to: Tensor) -> Tensor:
+        """Change (N, n) of predictions, (1, f, k) and (N, f, k), in the unit of the residuals."""
+        rows = list(self.rows)
+        ratio = to[:, rows] / from_[:, rows]
+        parts = [(ratio.abs().log() * self._root).flatten(1)]
+        if self.phase is not None:
+            parts.append((ratio.angle() * self._root).flatten(1))
+        return torch.cat(parts, dim=1)
+
+    def by_floor(self, moved: Tensor) -> Tensor:
+        """A change (n,) of all floors, of each of them alone (f, n)."""
+        count = len(self.rows)
+        each = moved.reshape(-1, count, self.sd.shape[1])
+        return (torch.eye(count).to(each)[:, None, :, None] * each).flatten(1)
+
+    @property
+    def _root(self) -> Tensor:
+        return (1.0 / self.sd) * self.independent**0.5
+
+    def coarse(self, noise: float) -> "FrfData":
+        """The same with so much more noise in ln|H|."""
+        return replace(self, sd=(self.sd**2 + noise**2).sqrt())
+
+    def emptied(self) -> "FrfData":
+        """The same as if nothing had been observed."""
+        return replace(self, sd=torch.full_like(self.sd, torch.inf), halves=())
+
+    @property
+    def forced(self) -> bool:
+        """Whether a force acts."""
+        return isinstance(self.excitation, FloorForce)
+
+    def with_rest(self, rest: RestFlexibility) -> "FrfData":
+        """The same with another static displacement that the reduced model lacks under a force."""
+        if not isinstance(self.excitation, FloorForce):
+            return self
+        halves = tuple(one.with_rest(rest) for one in self.halves)
+        return replace(self, excitation=replace(self.excitation, rest=rest), halves=halves)
+
+    def at_level(self, level: float) -> "FrfData":
+        """The same with every record at a level, in doublings."""
+        return replace(self, blocks=tuple(replace(one, level=level) for one in self.blocks))
+
+    def cells(self, left: Tensor) -> tuple[Cell, ...]:
+        """Mean squared residual of every floor in bands of equal width in log frequency."""
+        squared = (left.reshape(self._parts, *self.sd.shape) ** 2).sum(dim=0).numpy()
+        valid, frequency = self.valid.numpy(), self.frequency_hz.numpy()
+        weight = self.independent.numpy()
+        cells: list[Cell] = []
+        for row, seen, floor in zip(squared, valid, self.names, strict=True):
+            for low, high in pairwise(band_edges(frequency)):
+                inside = seen & (frequency >= low) & (frequency < high)
+                freedom = self._parts * float(weight[inside].sum())
+                # The last points before coherence is lost were chosen by chance: too few say
+                # nothing.
+                enough = freedom >= SCREEN.cell_points
+                total = float(row[inside].sum())
+                tail = float(chi2.sf(total, freedom)) if enough else 1.0
+                mean = total / freedom if enough else 1.0
+                cells.append(Cell(floor, (float(low), float(high)), mean - 1.0, tail, self.name))
+        return tuple(cells)
+
+    def remains(self, error: LearnedError, row: int, raw: Tensor) -> Remains:
+        """What residuals (n,) hold beside noise, by a row of the table of errors."""
+        level = error.levels[row]
+        noise = _noise_sentence(level.noise)
+        if level.common == level.own == 0.0:
+            return Remains(noise=level.noise, sentence=noise)
+        found = error.likeliest(error.tame(raw[None], row), row)[0]  # (p f, j)
+        values = found @ error.harmonics.at(self.frequency_hz).T
+        parts = values.unflatten(0, (-1, len(self.rows))).numpy()  # (p, f, k)
+        valid = self.valid.numpy()
+        there, floor, (low, high) = self._worst(parts[0], valid)
+        turn = _rms(parts[1, valid]) if len(parts) > 1 else 0.0
+        size = _rms(parts[0, valid])
+        turned = f" and {np.degrees(turn):.1f} degrees in phase" if turn else ""
+        under = f" under the {self.name}" if self.name else ""
+        text = (
+            f"The model is still off by {np.expm1(size):.0%} in amplitude{turned} (rms){under}, "
+            f"most at {floor} between {low:.3g} and {high:.3g} Hz ({np.expm1(there):.0%})."
+        )
+        return Remains(
+            size, turn, floor, (low, high), there, level.noise, f"{text} {noise}".rstrip()
+        )
+
+    def _worst(self, values: Floats, valid: np.ndarray) -> tuple[float, str, tuple[float, float]]:
+        """Floor and band in which an error (f, k) of ln|H| is largest (rms)."""
+        frequency = self.frequency_hz.numpy()
+        worst = (0.0, 0, (float(frequency.min()), float(frequency.max())))
+        for low, high in pairwise(band_edges(frequency)):
+            inside = (frequency >= low) & (frequency < high)
+            for row, own in enumerate(values):
+                some = own[inside & valid[row]]
+                if some.size:
+                    worst = max(worst, (_rms(some), row, (float(low), float(high))))
+        return worst[0], self.names[worst[1]], worst[2]
+
+    def changed(self, from_: Tensor, to: Tensor, instrument: bool) -> float:
+        """Largest change of |H| of a floor (rms over the band, as a share of |H|).
+
+        Of an instrument, what it adds to the readings.
+        """
+        before, after = (one[0, list(self.rows)] for one in (from_, to))
+        if instrument:
+            change = torch.where(self.valid, (after / before - 1.0).abs() ** 2, 0.0)
+            return float((change.sum(1) / self.valid.sum(1).clamp_min(1)).sqrt().max())
+        plain = before.abs()
+        change = torch.where(self.valid, (after.abs() - plain) ** 2, 0.0).sum(1)
+        whole = torch.where(self.valid, plain**2, 0.0).sum(1).clamp_min(1e-300)
+        return float((change / whole).sqrt().max())
+
+
+def _noise_sentence(noise: float) -> str:
+    return f"The noise is {noise:.1f} times the stated one." if noise > 1.0 else ""
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt((values**2).mean()))
+
+
+# Errors of H1 at frequencies x / T apart are correlated by 1, 4/9, 1/36, 0 at x = 0, 1, 2, 3: the
+# spectrum of the squared window, squared, as base and noise both have it. What changes slowly with
+# frequency is therefore known no better than from points 1.94 / T apart.
+_CORRELATED = (1.0 + 2.0 * (4.0 / 9.0 + 1.0 / 36.0)) / HANN
+
+
+def frf_data(
+    observation: Observation,
+    floors: tuple[str, ...],
+    *,
+    excitation: Excitation | None = None,
+    use_phase: bool = True,
+    model_error: float = 0.0,
+    halves: Sequence[FrfData] = (),
+) -> FrfData:
+    """An observation for the effect finder.
+
+    Args:
+        observation: on its own grid.
+        floors: of the model.
+        excitation: what drove the building; base motion by default.
+        use_phase: compare phases where they were measured.
+        model_error: added to the noise of ln|H|.
+        halves: of the observation, where it can be parted.
+    """
+    table = observation.coherence is None
+    valid = torch.from_numpy(observation.valid)
+    noise = torch.from_numpy(np.nan_to_num(observation.noise_sd, nan=1.0))
+    if not table:
+        # Where noise reaches the response, ln|H| of an estimate lies too high, and what is kept
+        # for its coherence higher still.
+        valid = valid & (noise < THRESHOLDS.noisy)
+    infinite = torch.full_like(noise, torch.inf)
+    grid = observation.frequency_hz
+    spacing = float(np.median(np.diff(grid))) if grid.size > 1 else 1.0
+    resolution = observation.resolution_hz or spacing
+    phase = observation.phase if use_phase else None
+    return FrfData(
+        floors=floors,
+        rows=tuple(floors.index(name) for name in observation.floors),
+        frequency_hz=torch.from_numpy(grid),
+        log_frf=torch.where(valid, torch.from_numpy(np.nan_to_num(observation.log_frf)), 0.0),
+        phase=None if phase is None else torch.from_numpy(np.nan_to_num(phase)),
+        sd=torch.where(valid, (noise**2 + model_error**2).sqrt(), infinite),
+        blocks=(
+            Block(
+                grid.size,
+                min(1.0, spacing / (resolution * (1.0 if table else _CORRELATED))),
+                observation.estimator,
+            ),
+        ),
+        excitation=excitation or BaseMotion(),
+        halves=tuple(halves),
+    )
+
+
+def in_alternate_points(data: FrfData) -> FrfData:
+    """A table of FRFs whose points err independently, with every other one as its halves."""
+    even = torch.arange(len(data.frequency_hz)) % 2 == 0
+    parts = (
+        replace(data, sd=torch.where(own, data.sd, torch.inf), halves=()) for own in (even, ~even)
+    )
+    return replace(data, halves=tuple(parts))
+
+
+def together(first: FrfData, second: FrfData, level: float) -> FrfData:
+    """Two records of the same structure as one.
+
+    Args:
+        first: its level is the reference.
+        second: of the other record.
+        level: of the second, in doublings of the amplitude.
+    """
+    rows = tuple(sorted({*first.rows, *second.rows}))
+    joined = [
+        _on_rows(one.phase, one.rows, rows, 0.0) for one in (first, second) if one.phase is not None
+    ]
+    return replace(
+        first,
+        frequency_hz=torch.cat([first.frequency_hz, second.frequency_hz]),
+        rows=rows,
+        log_frf=torch.cat([_on_rows(p.log_frf, p.rows, rows, 0.0) for p in (first, second)], dim=1),
+        phase=torch.cat(joined, dim=1) if len(joined) == 2 else None,
+        sd=torch.cat([_on_rows(p.sd, p.rows, rows, torch.inf) for p in (first, second)], dim=1),
+        blocks=(*first.blocks, *(replace(one, level=level) for one in second.blocks)),
+        halves=tuple(
+            together(*both, level) for both in zip(first.halves, second.halves, strict=False)
+        ),
+    )
+
+
+def _on_rows(values: Tensor, own: tuple[int, ...], rows: tuple[int, ...], missing: float) -> Tensor:
+    """Values (f, k) of some floors on the rows of more."""
+    wide = values.new_full((len(rows), values.shape[1]), missing)
+    wide[[rows.index(row) for row in own]] = values
+    return wide
+
+
+__all__ = [
+    "BaseMotion",
+    "Block",
+    "Excitation",
+    "FloorForce",
+    "FrfData",
+    "frf_data",
+    "in_alternate_points",
+    "together",
+]

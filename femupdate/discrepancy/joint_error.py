@@ -1,0 +1,89 @@
+"""What a model may err by in several kinds of data, each with a table of errors of its own."""
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+
+from femupdate.inference.model_error import LearnedError
+
+Row = tuple[int, ...]
+"""One row of the table of every kind of data."""
+Rows = tuple[tuple[int, ...], ...]
+"""Some rows of each."""
+
+
+class JointError:
+    """The errors of independent kinds of data, whose densities multiply.
+
+    Args:
+        parts: the error of each.
+        sizes: number of residuals of each.
+    """
+
+    def __init__(self, parts: Sequence[LearnedError], sizes: Sequence[int]) -> None:
+        self.parts, self._sizes = tuple(parts), list(sizes)
+
+    @property
+    def first(self) -> Row:
+        """The row of no error."""
+        return (0,) * len(self.parts)
+
+    @property
+    def start(self) -> Row:
+        """The row from which fits start."""
+        return tuple(part.start for part in self.parts)
+
+    def apart(self, residuals: Tensor) -> tuple[Tensor, ...]:
+        """Residuals (n, m) of every kind of data."""
+        return residuals.split(self._sizes, dim=1)
+
+    def tame(self, residuals: Tensor, row: Row) -> Tensor:
+        """Residuals (n, m) none of which is wilder than counts (see `LearnedError`)."""
+        parts = zip(self.parts, self.apart(residuals), row, strict=True)
+        return torch.cat([part.tame(own, at) for part, own, at in parts], dim=1)
+
+    def whiten(self, residuals: Tensor, row: Row) -> Tensor:
+        """Residuals (n, m) of unit covariance, were a row true."""
+        parts = zip(self.parts, self.apart(residuals), row, strict=True)
+        return torch.cat([part.whiten(own, at) for part, own, at in parts], dim=1)
+
+    def log_densities(self, residuals: Tensor) -> tuple[Tensor, ...]:
+        """Log density (n, g) of every kind's residuals (n, m) by every row of its table."""
+        parts = zip(self.parts, self.apart(residuals), strict=True)
+        return tuple(part.log_densities(own) for part, own in parts)
+
+    def log_density(self, residuals: Tensor) -> Tensor:
+        """Log density (n,) of residuals (n, m), summed over the tables."""
+        return summed(self.log_densities(residuals))
+
+    def kept(self, rows: Rows) -> "JointError":
+        """With some rows of the tables alone."""
+        fewer = [part.kept(own) for part, own in zip(self.parts, rows, strict=True)]
+        return JointError(fewer, self._sizes)
+
+    def counting(self, densities: Sequence[Tensor]) -> Rows:
+        """Rows that count at one at least of some points, from log densities (n, g)."""
+        parts = zip(self.parts, densities, strict=True)
+        return tuple(tuple(part.counting(own)) for part, own in parts)
+
+    def no_larger(self, row: Row) -> Rows:
+        """Rows none of whose errors, and whose noise, is larger than a row's."""
+        return tuple(tuple(part.no_larger(at)) for part, at in zip(self.parts, row, strict=True))
+
+    def every(self) -> Rows:
+        """All rows."""
+        return tuple(tuple(range(len(part.levels))) for part in self.parts)
+
+    def forget(self) -> None:
+        """Give back the memory of what is kept for speed."""
+        for part in self.parts:
+            part.forget()
+
+
+def summed(densities: Sequence[Tensor]) -> Tensor:
+    """Log density (...) of all data, from that of every kind by every row, (..., g)."""
+    return torch.stack([torch.logsumexp(own, dim=-1) for own in densities]).sum(dim=0)
+
+
+__all__ = ["JointError", "Row", "Rows", "summed"]

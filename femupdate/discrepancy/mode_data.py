@@ -1,0 +1,250 @@
+"""Identified modes as the effect finder judges them: frequencies, damping ratios and shapes."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from scipy.stats import chi2
+from torch import Tensor
+
+from femupdate.discrepancy.data import Cell, Remains
+from femupdate.discrepancy.thresholds import MODEL_ERROR as THRESHOLDS
+from femupdate.dynamics.closed_form import observed, split_sizes
+from femupdate.dynamics.system import System
+from femupdate.effects.effect import Effect, Placed
+from femupdate.errors import InferenceError
+from femupdate.inference.modal_likelihood import (
+    ModalErrors,
+    ModalTerms,
+    Paired,
+    ShownModes,
+    modal_terms,
+    paired,
+    shown_modes,
+)
+from femupdate.inference.model_error import NOISE_ALONE, LearnedError
+from femupdate.measurement.modes import IdentifiedModes
+
+FREQUENCY, DAMPING = "frequency", "damping ratio"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ModeData:
+    """Identified modes of one file, with the errors that the model's own modes have.
+
+    Predictions (N, 2 + f, r) hold ln of the frequency (rad/s), the damping ratio and the shape on
+    all floors of every mode of the model; residuals are frequencies (m), damping ratios (m) and
+    shapes (m g) on the floors with a sensor. Modes cannot be parted: no half of them would leave
+    the stiffness factors known.
+
+    Attributes:
+        floors: of the model.
+        names: (m,) of the modes.
+        terms: the modes as their likelihood takes them.
+    """
+
+    floors: tuple[str, ...]
+    names: tuple[str, ...]
+    terms: ModalTerms
+
+    @property
+    def name(self) -> str:
+        """What they are."""
+        return "modes"
+
+    @property
+    def halves(self) -> "tuple[ModeData, ...]":
+        """None."""
+        return ()
+
+    @property
+    def rows(self) -> tuple[int, ...]:
+        """Which floors have a sensor."""
+        return self.terms.rows
+
+    @property
+    def residuals(self) -> int:
+        """Number of residuals, with those of figures that the file lacks."""
+        return len(self._root)
+
+    @property
+    def points(self) -> int:
+        """Number of numbers compared."""
+        return int((self._root > 0.0).sum())
+
+    @property
+    def effective(self) -> float:
+        """Of frequencies, damping ratios and components of shapes beyond their scales."""
+        return float(sum(self.terms.freedom)) if self.points else 0.0
+
+    @property
+    def frequency_hz(self) -> Tensor:
+        """(m,)."""
+        return self.terms.log_frequency.exp() / (2.0 * torch.pi)
+
+    @property
+    def top_hz(self) -> float:
+        """The highest frequency."""
+        return float(self.frequency_hz.max())
+
+    @property
+    def levels(self) -> tuple[float, ...]:
+        """Of motion: one."""
+        return (0.0,)
+
+    @property
+    def _root(self) -> Tensor:
+        """(n,) 1 / sd of the residuals."""
+        terms = self.terms
+        return torch.cat([terms.frequency_root, terms.damping_root, terms.shape_root.flatten()])
+
+    def shows(self, effect: Effect) -> bool:
+        """Whether an effect can show in it at all."""
+        return not (effect.tables_only or effect.needs_levels)
+
+    def error(self, known: Tensor | None) -> LearnedError:
+        """More noise than stated, beside errors (c, n) that are known beforehand."""
+        weight = (self._root > 0.0).to(torch.float64)[:, None]
+        origin = weight.new_zeros(1)
+        return LearnedError(
+            weight, origin, self.effective, known, table=NOISE_ALONE, wild=THRESHOLDS.wild
+        )
+
+    def predicted(self, system: System, theta: Tensor, zeta: Tensor, sizes: Tensor) -> Tensor:
+        """All modes of the model (N, 2 + f, r), as their sensors give them."""
+        shown = shown_modes(system, theta, zeta, sizes)
+        shape = shown.shape
+        for one, size in zip(system.placed, split_sizes(system.placed, sizes), strict=True):
+            if one.effect.instrument and self.shows(one.effect):
+                shape = self._read(shape, one, size)
+        return torch.cat([shown.log_frequency[:, None], shown.damping[:, None], shape], dim=1)
+
+    def read_with(self, predicted: Tensor, placed: Placed) -> Tensor:
+        """Modes with channels exchanged or reversed."""
+        none = predicted.new_zeros(len(predicted), 0)
+        shape = self._read(predicted[:, 2:], placed, none)
+        return torch.cat([predicted[:, :2], shape], dim=1)
+
+    def _read(self, shape: Tensor, placed: Placed, size: Tensor) -> Tensor:
+        """Real shapes (N, f, r) as an instrument gives them.
+
+        They keep its gain and sign; what it does to phases, as at frequency zero, is nothing.
+        """
+        still = shape.new_zeros(shape.shape[2])
+        return observed((placed,), self.floors, shape.to(torch.complex128), still, size).real
+
+    def compared(self, predicted: Tensor) -> Tensor:
+        """Residuals (N, n), identified less predicted, each mode beside its own."""
+        return -torch.cat(self.terms.residuals(self._paired(predicted)), dim=1)
+
+    def _paired(self, predicted: Tensor) -> Paired:
+        shown = ShownModes(predicted[:, 0], predicted[:, 1], predicted[:, 2:])
+        return paired(self.terms, shown)
+
+    def moved(self, from_: Tensor, to: Tensor) -> Tensor:
+        """Change (N, n) from one prediction to others, in the unit of the residuals."""
+        return self.compared(from_) - self.compared(to)
+
+    def by_floor(self, moved: Tensor) -> Tensor:
+        """Nothing (f, n): the errors of shapes hold what one floor shows more than another."""
+        return moved.new_zeros(len(self.rows), len(moved))
+
+    def coarse(self, noise: float) -> "ModeData":
+        """The same with so much more noise, as a share of frequency, damping and largest part."""
+        terms = self.terms
+        largest = terms.shape.abs().amax(dim=1, keepdim=True) if self.rows else terms.shape
+        return replace(
+            self,
+            terms=replace(
+                terms,
+                frequency_root=_wider(terms.frequency_root, noise),
+                damping_root=_wider(terms.damping_root, noise * terms.damping),
+                shape_root=_wider(terms.shape_root, noise * largest),
+            ),
+        )
+
+    def emptied(self) -> "ModeData":
+        """The same as if nothing had been observed."""
+        terms = self.terms
+        nothing = replace(
+            terms,
+            frequency_root=torch.zeros_like(terms.frequency_root),
+            damping_root=torch.zeros_like(terms.damping_root),
+            shape_root=torch.zeros_like(terms.shape_root),
+        )
+        return replace(self, terms=nothing)
+
+    def cells(self, left: Tensor) -> tuple[Cell, ...]:
+        """Every frequency, damping ratio and component of a shape."""
+        count = len(self.names)
+        squared = (left**2).split([count, count, count * len(self.rows)])
+        parts = [squared[0], squared[1], *squared[2].reshape(count, -1).T]
+        roots = [self.terms.frequency_root, self.terms.damping_root, *self.terms.shape_root.T]
+        what = (FREQUENCY, DAMPING, *(self.floors[row] for row in self.rows))
+        cells = []
+        for name, own, root in zip(what, parts, roots, strict=True):
+            for hertz, value, there in zip(self.frequency_hz, own, root > 0.0, strict=True):
+                band = (float(hertz), float(hertz))
+                excess = float(value) - 1.0 if there else 0.0
+                tail = float(chi2.sf(float(value), 1)) if there else 1.0
+                cells.append(Cell(name, band, excess, tail, self.name))
+        return tuple(cells)
+
+    def remains(self, error: LearnedError, row: int, raw: Tensor) -> Remains:
+        """What residuals (n,) hold beside noise: something where the stated noise is too little."""
+        noise = error.levels[row].noise
+        if noise == 1.0:
+            return Remains()
+        off = error.tame(raw[None], row)[0] * torch.where(self._root > 0.0, 1.0 / self._root, 0.0)
+        count = len(self.names)
+        frequency = off[:count].abs().numpy()
+        size, worst = float(np.sqrt((frequency**2).mean())), int(frequency.argmax())
+        hertz = float(self.frequency_hz[worst])
+        there = float(frequency[worst])
+        text = (
+            f"The identified modes are {noise:.0f} times farther off than their errors allow; "
+            f"frequencies by {np.expm1(size):.1%} (rms), most that of mode {self.names[worst]} at "
+            f"{hertz:.3g} Hz ({np.expm1(there):.1%})."
+        )
+        return Remains(size, 0.0, f"mode {self.names[worst]}", (hertz, hertz), there, noise, text)
+
+    def changed(self, from_: Tensor, to: Tensor, instrument: bool) -> float:
+        """Largest change of a component of a shape (rms over the modes), over the largest one."""
+        before, after = (self._paired(one).shape[0] for one in (from_, to))  # (m, g)
+        there = (self.terms.shape_root > 0.0).to(before)
+        if not there.any():
+            return 0.0
+        largest = self.terms.shape.abs().amax(dim=1, keepdim=True).clamp_min(1e-300)
+        change = there * ((after - before) / largest) ** 2
+        return float((change.sum(0) / there.sum(0).clamp_min(1.0)).sqrt().max())
+
+
+def _wider(root: Tensor, noise: Tensor | float) -> Tensor:
+    """1 / sd with so much more noise; zero where nothing is known."""
+    return torch.where(root > 0.0, (root.clamp_min(1e-30) ** -2 + noise**2) ** -0.5, 0.0)
+
+
+def mode_data(modes: IdentifiedModes, system: System, errors: ModalErrors) -> ModeData:
+    """Identified modes for the effect finder.
+
+    Damping ratios count even where the building's is known: they show where its law is wrong.
+
+    Args:
+        modes: on floors of the model.
+        system: the model.
+        errors: of modes and model.
+
+    Raises:
+        InferenceError: more modes are identified than the model has.
+    """
+    size = system.model.size
+    if len(modes.names) > size:
+        raise InferenceError(
+            f"{modes.source} holds {len(modes.names)} modes but the model has {size} in all; leave"
+            " out those that are doubtful, or the highest by --band"
+        )
+    terms = modal_terms(modes, system.floors, errors, damping=True)
+    return ModeData(floors=system.floors, names=modes.names, terms=terms)
+
+
+__all__ = ["DAMPING", "FREQUENCY", "ModeData", "mode_data"]

@@ -1,0 +1,211 @@
+"""Effects hidden in identified modes and in responses to forces of a chain solved by hand.
+
+The four-story benchmark, of unit masses and 1000 N/m: nothing of the data comes from the program.
+"""
+
+import importlib.util
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from femupdate.errors import InferenceError, MeasurementError
+from femupdate.study import Study
+from femupdate.workflow.diagnose import diagnose_study
+from femupdate.workflow.model import open_study
+from femupdate.workflow.observed import ObservationSource
+from femupdate.workflow.pictures_discrepancy import draw_diagnosis, draw_repair
+from femupdate.workflow.repair import repair_study
+
+FLOORS, THETA = ("2F", "3F", "4F", "RF"), np.array([0.7, 1.3, 0.9, 1.1])
+GRID = np.arange(0.5, 18.0, 0.3)
+MODES = {"channel_delay@2F", "story_damper@3F", "base_gain@base", "tuned_appendage@RF"}
+
+
+def _load_chain():
+    path = Path(__file__).parents[1] / "discrepancy" / "chain.py"
+    spec = importlib.util.spec_from_file_location("kinds_chain", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+chains = _load_chain()
+PLAIN = chains.Chain(np.ones(4), 1000.0 * THETA, proportional=chains.rayleigh(0.02, 1.0, 20.0))
+
+
+def heavy(size, floor=1):
+    masses = np.ones(4)
+    masses[floor] += size
+    return PLAIN.but(masses=masses)
+
+
+def write_modes(path, chain, seed=1, signs=(1, 1, 1, 1), extra=0):
+    """A table of modes with errors of .2 % of frequencies and .01 of shapes.
+
+    Args:
+        signs: of the sensors.
+        extra: rows that are no mode.
+    """
+    (omega, shapes), rng = chain.modes, np.random.default_rng(seed)
+    a, b = chain.proportional
+    rows = []
+    for number, (own, shape) in enumerate(
+        zip(omega, (np.array(signs)[:, None] * shapes).T, strict=True), 1
+    ):
+        scaled = shape / np.abs(shape).max() + 0.01 * rng.standard_normal(4)
+        hertz = own / (2.0 * np.pi) * np.exp(0.002 * rng.standard_normal())
+        ratio = 0.5 * (a / own + b * own) * np.exp(0.1 * rng.standard_normal())
+        rows.append((number, hertz, 0.002 * hertz, ratio, *scaled, *[0.01] * 4))
+    rows += [(9 + k, 15.0 + k, 0.1, 0.02, 1, 1, 1, 1, *[0.01] * 4) for k in range(extra)]
+    floors = ",".join([*FLOORS, *(f"{floor}_sd" for floor in FLOORS)])
+    head = f"mode,frequency_hz,frequency_sd_hz,damping,{floors}"
+    path.write_text("\n".join([head, *(",".join(map(str, row)) for row in rows)]) + "\n")
+    return path
+
+
+def write_force(path, chain, seed=1, gain=1.0, sd=0.05):
+    """Accelerance of all floors to a hammer on the roof; `gain` is that of 3F's sensor."""
+    K, M, C, *_ = chain._matrices()
+    load = np.eye(4)[3]
+    curves = [-(w**2) * np.linalg.solve(K + 1j * w * C - w**2 * M, load) for w in 2 * np.pi * GRID]
+    noise = sd * np.random.default_rng(seed).standard_normal((GRID.size, 4))
+    values = np.abs(curves) * np.exp(noise) * np.array([1.0, gain, 1.0, 1.0])
+    names = [f"{floor}/RF (m/s2/N)" for floor in FLOORS] + [f"{floor}/RF_sd" for floor in FLOORS]
+    rows = [",".join(map(str, (f, *own, *[sd] * 4))) for f, own in zip(GRID, values, strict=True)]
+    path.write_text("\n".join([",".join(["frequency_hz", *names]), *rows]) + "\n")
+    return path
+
+
+@pytest.fixture
+def study(tmp_path):
+    made = Study(tmp_path / "study")
+    open_study(made, "shear_4dof")
+    return made
+
+
+@pytest.fixture
+def diagnosed(study):
+    """A function: the report on files."""
+
+    def run(*paths, **options):
+        source = ObservationSource(paths[0], further=paths[1:])
+        return diagnose_study(study, open_study(study), source, **options)
+
+    return run
+
+
+HIDDEN = {
+    "mass, modes": (write_modes, heavy(0.3), {}, "added_mass@3F", 0.3),
+    "reversed, modes": (
+        write_modes,
+        PLAIN,
+        {"signs": (1, 1, -1, 1)},
+        "reversed_channel@4F",
+        None,
+    ),
+    "mass, force": (write_force, heavy(0.1), {}, "added_mass@3F", 0.1),
+    "gain, force": (write_force, PLAIN, {"gain": 1.1}, "channel_gain@3F", 0.1),
+}
+
+
+@pytest.mark.parametrize("case", HIDDEN)
+def test_what_is_hidden_is_named(diagnosed, tmp_path, case):
+    write, chain, options, label, size = HIDDEN[case]
+    found = diagnosed(write(tmp_path / "seen.csv", chain, **options)).diagnosis
+    assert (found.verdict, found.leading.placed.label) == ("named", label)
+    if size is not None:
+        assert abs(found.leading.size - size) < 4.0 * found.leading.size_sd
+    # Points of a table err independently; modes stand for one another.
+    assert (found.leading.tested is None) == (write is write_modes)
+
+
+@pytest.mark.parametrize("write", [write_modes, write_force])
+def test_nothing_is_found_where_nothing_is_missing(study, diagnosed, tmp_path, write):
+    report = diagnosed(write(tmp_path / "seen.csv", PLAIN, 5))
+    assert report.diagnosis.verdict == "none"
+    assert report.diagnosis.p_value > 0.01
+    assert all(path.exists() for path in draw_diagnosis(study, report))
+
+
+def test_what_modes_cannot_show_is_told(diagnosed, tmp_path):
+    report = diagnosed(write_modes(tmp_path / "modes.csv", PLAIN))
+    assert set(report.as_dict()["cannot_be_seen"]) >= MODES
+    assert any("cannot be parted in two" in line for line in report.lines())
+    assert not any(label.startswith("added_mass") for label in report.diagnosis.unobservable)
+
+
+def test_what_a_force_without_phase_cannot_show_is_told(diagnosed, tmp_path):
+    report = diagnosed(write_force(tmp_path / "force.csv", PLAIN))
+    unseen = set(report.as_dict()["cannot_be_seen"])
+    assert {"base_gain@base", "table_pitch@base", "channel_delay@RF"} <= unseen
+    assert not unseen & {"story_damper@3F", "channel_gain@RF", "added_mass@RF"}
+
+
+def test_both_kinds_together_say_more_than_each(diagnosed, tmp_path):
+    files = [
+        write(tmp_path / f"{write.__name__}.csv", heavy(0.3))
+        for write in (write_modes, write_force)
+    ]
+    reports = [diagnosed(*paths) for paths in (files[:1], files)]
+    modes, both = (one.diagnosis.leading for one in reports)
+    assert modes.placed.label == both.placed.label == "added_mass@3F"
+    assert both.size_sd < modes.size_sd
+    assert both.evidence.log_evidence > modes.evidence.log_evidence
+    assert both.tested.certified
+    kinds = {cell.data for cell in reports[1].diagnosis.residuals}
+    assert kinds == {"force at RF", "modes"}
+
+
+@pytest.mark.parametrize("write", [write_modes, write_force])
+def test_repair_adds_what_was_hidden(study, tmp_path, write):
+    path = write(tmp_path / "seen.csv", heavy(0.3))
+    report = repair_study(study, open_study(study), ObservationSource(path))
+    done = report.repair
+    assert [one.finding.placed.label for one in done.rounds] == ["added_mass@3F"]
+    assert done.after.chi2 < 0.3 * done.before.chi2
+    before, after = (
+        abs(one.mean(0) - THETA).max() for one in (report.theta_before, report.theta_after)
+    )
+    assert after < before
+    assert "added_mass" in report.building_path.read_text()
+    assert json.loads(report.path.read_text())["verdict"] == "repaired"
+    assert all(path.exists() for path in draw_repair(study, report))
+    # The repaired building is diagnosed by the same data: nothing is left.
+    again = diagnose_study(report.study, open_study(report.study), ObservationSource(path))
+    assert again.diagnosis.verdict == "none"
+
+
+def test_a_model_that_errs_by_more_than_its_modes_allow_is_not_explained(diagnosed, tmp_path):
+    """The building is stiffer than its prior allows."""
+    path = write_modes(tmp_path / "modes.csv", PLAIN.but(springs=20.0 * PLAIN.springs))
+    found = diagnosed(path).diagnosis
+    assert found.verdict == "unknown"
+    assert "farther off than their errors allow" in found.sentence
+
+
+def test_files_that_cannot_be_explained(study, diagnosed, tmp_path):
+    modes = write_modes(tmp_path / "modes.csv", PLAIN)
+    many = write_modes(tmp_path / "many.csv", PLAIN, extra=1)
+    with pytest.raises(InferenceError, match="holds 5 modes but the model has 4"):
+        diagnosed(many)
+    other = ObservationSource(tmp_path / "other.csv")
+    with pytest.raises(MeasurementError, match="--second goes with histories or FRFs under base"):
+        diagnosed(modes, second=other)
+    with pytest.raises(MeasurementError, match="--holdout goes with histories or FRFs under base"):
+        repair_study(study, open_study(study), ObservationSource(modes), other)
+    assert not study.path("diagnosis.json").exists()
+    assert not study.path("repair.json").exists()
+
+
+def test_deflections_alone_are_too_few(diagnosed, tmp_path):
+    """Four static displacements under a load at the roof, against four factors."""
+    flexibility = np.linalg.inv(PLAIN._matrices()[0])[:, 3]
+    path = tmp_path / "static.csv"
+    rows = [",".join(str(v) for v in (load, *(1e3 * load * flexibility))) for load in (0, 10, 20)]
+    head = ",".join(["load/RF (N)", *(f"{floor} (mm)" for floor in FLOORS)])
+    path.write_text("\n".join([head, *rows]) + "\n")
+    found = diagnosed(path).diagnosis
+    assert found.verdict == "none"
+    assert "data are too few" in found.sentence
