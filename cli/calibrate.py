@@ -42,8 +42,8 @@ from .parameters import BuildingName, InputFile
 @click.option(
     "--anyway", is_flag=True, help="Keep a posterior even where the file is unlike the building."
 )
-@kind_options
 @reading_options
+@kind_options
 @study_options(shares=True)
 @table_options("posterior")
 def command(

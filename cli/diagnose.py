@@ -30,8 +30,8 @@ from .parameters import BuildingName, InputFile
     show_default=True,
     help="Leading effects whose evidence is sampled instead of approximated.",
 )
-@kind_options
 @reading_options
+@kind_options
 @study_options(shares=True)
 @table_options("diagnosis")
 def command(

@@ -24,8 +24,8 @@ from .parameters import BuildingName, InputFile
     help="Second record at another level of motion.",
 )
 @click.option("--no-phase", is_flag=True, help="Use the amplitude alone.")
-@kind_options
 @reading_options
+@kind_options
 @study_options(shares=True)
 def command(
     observations: tuple[Path, ...],

@@ -19,7 +19,7 @@ from femupdate.workflow.pictures_discrepancy import draw_diagnosis, draw_repair
 from femupdate.workflow.repair import repair_study
 
 FLOORS, THETA = ("2F", "3F", "4F", "RF"), np.array([0.7, 1.3, 0.9, 1.1])
-GRID = np.arange(0.5, 18.0, 0.3)
+GRID = np.arange(0.5, 18.0, 0.2)
 MODES = {"channel_delay@2F", "story_damper@3F", "base_gain@base", "tuned_appendage@RF"}
 
 
