@@ -198,6 +198,8 @@ def diagnose(
         progress.advance(note="fitting every effect")
         fits += _others(problem, base, scores, fits, distant)
     if _much_left(problem, [base, *fits], chosen):
+        base, *fits = _sharper(problem, [base, *fits])
+    if _much_left(problem, [base, *fits], chosen):
         progress.advance(note="trying exchanged channels")
         fits = _with_exchanges(problem, base, scores, fits, chosen.seed)
     base = _as_good(problem, base, fits)
@@ -268,6 +270,22 @@ def _much_left(problem: Problem, fits: list[Fit], settings: DiagnosisSettings) -
     """Whether even the best of fits leaves an error that an engineer would notice."""
     best = max(fits, key=lambda one: log_posterior(problem, one))
     return remains(problem, best).size >= settings.least_response
+
+
+def _sharper(problem: Problem, fits: list[Fit]) -> list[Fit]:
+    """Fits of which the leading ones were sought again as if nothing but noise were left.
+
+    A fit that is allowed an error may stay where the error makes up for what needs none farther on.
+    """
+    leading = sorted(fits, key=lambda one: -log_posterior(problem, one))[: FIT.others]
+    sharp = problem.at_row(problem.error.first)
+    found = []
+    for one in fits:
+        if one in leading and one.problem.row != sharp.row:
+            other = settle(problem, fit(sharp, one.placed, one.z, FIT.steps, one.system))
+            one = max(one, other, key=lambda two: log_posterior(problem, two))
+        found.append(one)
+    return found
 
 
 def _leading(scores: list[Score], count: int) -> list[Score]:

@@ -25,7 +25,7 @@ from femupdate.inference.modal_likelihood import (
 from femupdate.inference.model_error import NOISE_ALONE, LearnedError
 from femupdate.measurement.modes import IdentifiedModes
 
-FREQUENCY, DAMPING = "frequency", "damping ratio"
+_FREQUENCY, _DAMPING = "frequency", "damping ratio"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -100,7 +100,7 @@ class ModeData:
 
     def shows(self, effect: Effect) -> bool:
         """Whether an effect can show in it at all."""
-        return not (effect.tables_only or effect.needs_levels)
+        return _shows(effect)
 
     def error(self, known: Tensor | None) -> LearnedError:
         """More noise than stated, beside errors (c, n) that are known beforehand."""
@@ -112,26 +112,15 @@ class ModeData:
 
     def predicted(self, system: System, theta: Tensor, zeta: Tensor, sizes: Tensor) -> Tensor:
         """All modes of the model (N, 2 + f, r), as their sensors give them."""
-        shown = shown_modes(system, theta, zeta, sizes)
-        shape = shown.shape
-        for one, size in zip(system.placed, split_sizes(system.placed, sizes), strict=True):
-            if one.effect.instrument and self.shows(one.effect):
-                shape = self._read(shape, one, size)
-        return torch.cat([shown.log_frequency[:, None], shown.damping[:, None], shape], dim=1)
+        shown = modes_as_read(system, theta, zeta, sizes)
+        parts = [shown.log_frequency[:, None], shown.damping[:, None], shown.shape]
+        return torch.cat(parts, dim=1)
 
     def read_with(self, predicted: Tensor, placed: Placed) -> Tensor:
         """Modes with channels exchanged or reversed."""
         none = predicted.new_zeros(len(predicted), 0)
-        shape = self._read(predicted[:, 2:], placed, none)
+        shape = _read(predicted[:, 2:], self.floors, placed, none)
         return torch.cat([predicted[:, :2], shape], dim=1)
-
-    def _read(self, shape: Tensor, placed: Placed, size: Tensor) -> Tensor:
-        """Real shapes (N, f, r) as an instrument gives them.
-
-        They keep its gain and sign; what it does to phases, as at frequency zero, is nothing.
-        """
-        still = shape.new_zeros(shape.shape[2])
-        return observed((placed,), self.floors, shape.to(torch.complex128), still, size).real
 
     def compared(self, predicted: Tensor) -> Tensor:
         """Residuals (N, n), identified less predicted, each mode beside its own."""
@@ -180,7 +169,7 @@ class ModeData:
         squared = (left**2).split([count, count, count * len(self.rows)])
         parts = [squared[0], squared[1], *squared[2].reshape(count, -1).T]
         roots = [self.terms.frequency_root, self.terms.damping_root, *self.terms.shape_root.T]
-        what = (FREQUENCY, DAMPING, *(self.floors[row] for row in self.rows))
+        what = (_FREQUENCY, _DAMPING, *(self.floors[row] for row in self.rows))
         cells = []
         for name, own, root in zip(what, parts, roots, strict=True):
             for hertz, value, there in zip(self.frequency_hz, own, root > 0.0, strict=True):
@@ -224,6 +213,34 @@ def _wider(root: Tensor, noise: Tensor | float) -> Tensor:
     return torch.where(root > 0.0, (root.clamp_min(1e-30) ** -2 + noise**2) ** -0.5, 0.0)
 
 
+def _shows(effect: Effect) -> bool:
+    return not (effect.tables_only or effect.needs_levels)
+
+
+def modes_as_read(system: System, theta: Tensor, zeta: Tensor, sizes: Tensor) -> ShownModes:
+    """Modes of a system on all its floors, as their sensors give them.
+
+    Args:
+        system: the model.
+        theta: (N, p); zeta: (N,); sizes: (N, q) of the effects.
+    """
+    shown = shown_modes(system, theta, zeta, sizes)
+    shape = shown.shape
+    for one, size in zip(system.placed, split_sizes(system.placed, sizes), strict=True):
+        if one.effect.instrument and _shows(one.effect):
+            shape = _read(shape, system.floors, one, size)
+    return replace(shown, shape=shape)
+
+
+def _read(shape: Tensor, floors: tuple[str, ...], placed: Placed, size: Tensor) -> Tensor:
+    """Real shapes (N, f, r) as an instrument gives them.
+
+    They keep its gain and sign; what it does to phases, as at frequency zero, is nothing.
+    """
+    still = shape.new_zeros(shape.shape[2])
+    return observed((placed,), floors, shape.to(torch.complex128), still, size).real
+
+
 def mode_data(modes: IdentifiedModes, system: System, errors: ModalErrors) -> ModeData:
     """Identified modes for the effect finder.
 
@@ -247,4 +264,4 @@ def mode_data(modes: IdentifiedModes, system: System, errors: ModalErrors) -> Mo
     return ModeData(floors=system.floors, names=modes.names, terms=terms)
 
 
-__all__ = ["DAMPING", "FREQUENCY", "ModeData", "mode_data"]
+__all__ = ["ModeData", "mode_data", "modes_as_read"]

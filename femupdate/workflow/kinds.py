@@ -225,7 +225,9 @@ def measured_of(building: Building, source: ObservationSource) -> Measured:
     errors = ModalErrors()
     if source.mode_error is not None:
         errors = replace(errors, model_frequency=source.mode_error)
-    others = Measured(_nothing(building, modes, forced), tuple(modes), tuple(forced), None, errors)
+    others = Measured(
+        no_base_motion(building, modes, forced), tuple(modes), tuple(forced), None, errors
+    )
     if not base:
         _require_sensors(source, others.base.floors)
         return others
@@ -307,7 +309,7 @@ def _require_sensors(source: ObservationSource, floors: Sequence[str]) -> None:
         )
 
 
-def _nothing(
+def no_base_motion(
     building: Building, modes: Sequence[IdentifiedModes], forced: Sequence[ForcedObservation]
 ) -> Observation:
     """An observation of the floors of other kinds that holds no FRFs under base motion."""

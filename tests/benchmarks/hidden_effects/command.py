@@ -38,6 +38,13 @@ from ..result import Job, Report
     help="Cases with an effect outside the catalogue.",
 )
 @click.option("--mesh-size", type=float, help="Mesh size of the truth, m; default: .4 of its own.")
+@click.option(
+    "--data",
+    type=click.Choice(["base", "modes", "force"]),
+    default="base",
+    show_default=True,
+    help="Records of base motion, identified modes, or a hammer test.",
+)
 @click.option("--no-phase", is_flag=True, help="Use the amplitude alone.")
 @click.option(
     "--minutes", type=click.FloatRange(min=0), help="Minutes after which no trial is started."
@@ -52,6 +59,7 @@ from ..result import Job, Report
 def command(
     job: Job,
     building: str,
+    data: str,
     mesh_size: float | None,
     no_phase: bool,
     minutes: float | None,
@@ -70,4 +78,4 @@ def command(
     settings = TrialSettings(mesh_size=mesh_size, use_phase=not no_phase)
     limit = float("inf") if minutes is None else minutes
     with shared_out(dask):
-        return run_hidden_effects(job, building, plan, settings, limit)
+        return run_hidden_effects(job, building, plan, settings, limit, data)

@@ -1,5 +1,7 @@
 """What a trial draws: parameters of the building, and effects with their places and sizes."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from femupdate.arrays import Floats
@@ -34,10 +36,10 @@ def draw_effects(
     kind: str,
     building: Building,
     structure: Structure,
-    use_phase: bool,
+    shows: Callable[[Effect], bool],
     rng: np.random.Generator,
 ) -> tuple[HiddenEffect, ...]:
-    """Effects of a trial: every effect is equally likely, then every place of it."""
+    """Effects of a trial: each that the data show is equally likely, then every place of it."""
     if kind == CLEAN:
         return ()
     pool: list[Effect] = [
@@ -46,7 +48,7 @@ def draw_effects(
         if effect.name not in _NOT_HIDDEN
         and not effect.needs_levels
         and effect.places(structure)
-        and (use_phase or not effect.needs_phase)
+        and shows(effect)
     ]
     chosen = rng.choice(len(pool), size=2 if kind == TWO else 1, replace=False)
     hidden = []

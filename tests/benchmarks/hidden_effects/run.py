@@ -12,6 +12,7 @@ from femupdate.workflow.model import open_study
 from ..log import ResumableLog
 from ..result import Job, Report
 from .draw import CLEAN, ONE, OUTSIDE, TWO
+from .kinds import BASE
 from .measurement import TrialSettings
 from .summary import summary, summary_text
 from .trial import Outcome, Trial, TrialModels, run_trial, trial_models
@@ -50,6 +51,7 @@ def run_hidden_effects(
     plan: TrialPlan,
     settings: TrialSettings | None = None,
     minutes: float = float("inf"),
+    data: str = BASE,
 ) -> Report:
     """Run the trials wherever work is done and write the result.
 
@@ -62,18 +64,20 @@ def run_hidden_effects(
         plan: how many trials.
         settings: of the measurement.
         minutes: after which no further trial is started.
+        data: what is measured, one of `kinds.DATA`.
     """
     settings, name = settings or TrialSettings(), load_building(building).name
     study = Study(job.folder / f"study_{name}")
     model = open_study(study, building, job.progress)
-    files = f"hidden_effects_{name}{'' if settings.use_phase else '_amplitude'}"
+    kind = "" if data == BASE else f"_{data}"
+    files = f"hidden_effects_{name}{'' if settings.use_phase else '_amplitude'}{kind}"
     header = {"building": model.hash, "settings": settings}
     log = ResumableLog(job.folder / f"{files}.jsonl", header)
     trials = plan.trials(job.seed)
     left = [trial for trial in trials if log.get(_key(trial), Outcome) is None]
     job.progress.start("Hidden-effect trials", len(left))
     if left:
-        models = trial_models(study, model, settings, job.progress)
+        models = trial_models(study, model, settings, job.progress, data)
         for _, outcome in completed(partial(_run, models, time.time() + 60.0 * minutes), left):
             if outcome is not None:
                 log.add(_key(outcome), outcome)
@@ -83,8 +87,14 @@ def run_hidden_effects(
     rows = summary(outcomes)
     return job.write(
         files,
-        {"building": name, "settings": settings, "rows": rows, "outcomes": outcomes},
-        summary_text(name, settings, outcomes, rows),
+        {
+            "building": name,
+            "data": data,
+            "settings": settings,
+            "rows": rows,
+            "outcomes": outcomes,
+        },
+        summary_text(name, settings, outcomes, rows, data),
         answer={"rows": [{"what": r.what, "found": r.found, "cases": r.of} for r in rows]},
     )
 

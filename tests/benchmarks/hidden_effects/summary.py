@@ -10,6 +10,7 @@ import numpy as np
 
 from ..result import markdown_table
 from .draw import CLEAN, ONE, OUTSIDE, TWO
+from .kinds import BASE, DESCRIBED
 from .measurement import TrialSettings
 from .trial import Outcome
 
@@ -167,7 +168,11 @@ def _median(
 
 
 def summary_text(
-    building: str, settings: TrialSettings, outcomes: Sequence[Outcome], rows: Sequence[Row]
+    building: str,
+    settings: TrialSettings,
+    outcomes: Sequence[Outcome],
+    rows: Sequence[Row],
+    data: str = BASE,
 ) -> str:
     """All tables in Markdown."""
     table = markdown_table(
@@ -175,9 +180,12 @@ def summary_text(
         [(r.what, r.first, r.goal, r.found, str(r.of)) for r in rows],
     )
     compared = "amplitude and phase" if settings.use_phase else "amplitude alone"
+    measured = (
+        f"{settings.duration_s:g} s at {settings.sampling_hz:g} Hz, sensor noise "
+        f"{settings.sensor_noise_m_s2:g} m/s2, {compared}"
+    )
     return (
-        f"Building {building}, {settings.duration_s:g} s at {settings.sampling_hz:g} Hz, sensor "
-        f"noise {settings.sensor_noise_m_s2:g} m/s2, {compared}.\n\n{table}\n\n"
+        f"Building {building}. {DESCRIBED.get(data, measured)}.\n\n{table}\n\n"
         f"By strength of the hidden effect (D as the finder measures it):\n\n"
         f"{_by_strength(outcomes)}\n\n"
         f"What was hidden (rows, D >= 6) and what was named:\n\n{_confusion(outcomes)}\n"

@@ -13,15 +13,18 @@ from femupdate.discrepancy.fit import Fit, extended, fit
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.score import score, starts
 from femupdate.dynamics.transformed import transformed_sensors
-from femupdate.measurement.observation import Observation
+from femupdate.effects.effect import Effect
+from femupdate.errors import ReportError
 from femupdate.progress import Progress
 from femupdate.simulation.effect_truth import FineModel, Truth, fine_model
 from femupdate.study import Study
 from femupdate.workflow.diagnose import ModelParts, model_parts, prepared, refined, sought
-from femupdate.workflow.finder_data import base_data
+from femupdate.workflow.finder_data import Given
+from femupdate.workflow.kinds import Measured
 from femupdate.workflow.model import StudyModel
 
 from .draw import KINDS, draw_effects, draw_parameters
+from .kinds import BASE, given, shown
 from .measurement import SHAKINGS, HiddenEffect, MeasuredBuilding, TrialSettings, floor_means
 
 # Of the building's mesh size: finer than the finder's, and than what it learns of.
@@ -37,23 +40,49 @@ class TrialModels:
         parts: of that model.
         fine: of the truth.
         settings: of the measurement.
+        data: what is measured, one of `kinds.DATA`.
     """
 
     model: StudyModel
     parts: ModelParts
     fine: FineModel
     settings: TrialSettings
+    data: str = BASE
+
+    def shows(self, effect: Effect) -> bool:
+        """Whether the data show an effect."""
+        return shown(effect, self.data, self.settings.use_phase)
+
+    def measure(self, measured: MeasuredBuilding, truth: Truth, rng: np.random.Generator) -> Given:
+        """What is measured of a building."""
+        if self.data != BASE:
+            return given(self.data, truth, measured.building, measured.zeta, rng)
+        observation, halves = measured.observe(truth, rng)
+        return Given(Measured(base=observation), halves)
 
 
 def trial_models(
-    study: Study, model: StudyModel, settings: TrialSettings, progress: Progress | None = None
+    study: Study,
+    model: StudyModel,
+    settings: TrialSettings,
+    progress: Progress | None = None,
+    data: str = BASE,
 ) -> TrialModels:
-    """Mesh the truth, and open the finder's model."""
+    """Mesh the truth, and open the finder's model.
+
+    Raises:
+        ReportError: a frame is to be measured by other data than records of base motion.
+    """
     # Every trial has other stiffness factors: to keep its basis would help none.
     parts = replace(model_parts(study, model, progress), study=None)
     building = model.building
     if not isinstance(building, FrameBuilding):
-        return TrialModels(model, parts, fine_model(building, settings.mesh_size), settings)
+        return TrialModels(model, parts, fine_model(building, settings.mesh_size), settings, data)
+    if data != BASE:
+        raise ReportError(
+            f"{building.name}: trials with {data} data are made with sticks, and this is a frame;"
+            " leave --data out or choose a shear building"
+        )
     size = settings.mesh_size or _TRUTH_MESH * building.mesh.size
     return TrialModels(model, parts, fine_model(building, size, building.sensors.points), settings)
 
@@ -154,11 +183,11 @@ def run_trial(trial: Trial, models: TrialModels) -> Outcome:
     streams = np.random.default_rng([trial.number, KINDS.index(trial.kind)]).spawn(4)
     theta, zeta = draw_parameters(building, streams[0])
     structure = models.parts.plain.structure
-    effects = draw_effects(trial.kind, building, structure, settings.use_phase, streams[1])
+    effects = draw_effects(trial.kind, building, structure, models.shows, streams[1])
     shaking = SHAKINGS[trial.number % len(SHAKINGS)]
     measured = MeasuredBuilding(building, settings, theta, zeta, effects, shaking)
     truth = measured.truth(models.fine)
-    found = _find(trial, models, *measured.observe(truth, streams[2]))
+    found = _find(trial, models, models.measure(measured, truth, streams[2]))
     diagnosis, leading = found.diagnosis, found.diagnosis.leading
     hidden = tuple(placed.label for placed, _ in effects)
     named = leading.placed.label if leading and diagnosis.verdict != "none" else ""
@@ -197,15 +226,14 @@ def run_trial(trial: Trial, models: TrialModels) -> Outcome:
 def _find(
     trial: Trial,
     models: TrialModels,
-    observation: Observation,
-    halves: tuple[Observation, ...],
+    seen: Given,
 ) -> _Found:
-    """Diagnose an observation and add what is named."""
+    """Diagnose what was measured and add what is named."""
     model, parts = models.model, models.parts
     started = time.monotonic()
     chosen = DiagnosisSettings(seed=trial.number)
-    data = base_data(model.building, parts.mesh, observation, models.settings.use_phase, halves)
-    problem, base = prepared(model, parts, (data,), chosen)
+    data = seen.data(model, parts.mesh, models.settings.use_phase)
+    problem, base = prepared(model, parts, data, chosen)
     problem, base, diagnosis = sought(model, parts, problem, base, chosen)
     after = base
     if diagnosis.leading and diagnosis.verdict in (NAMED, PARTLY):
