@@ -73,16 +73,16 @@ def trial_models(
     Raises:
         ReportError: a frame is to be measured by other data than records of base motion.
     """
-    # Every trial has other stiffness factors: to keep its basis would help none.
-    parts = replace(model_parts(study, model, progress), study=None)
     building = model.building
-    if not isinstance(building, FrameBuilding):
-        return TrialModels(model, parts, fine_model(building, settings.mesh_size), settings, data)
-    if data != BASE:
+    if data != BASE and isinstance(building, FrameBuilding):
         raise ReportError(
             f"{building.name}: trials with {data} data are made with sticks, and this is a frame;"
             " leave --data out or choose a shear building"
         )
+    # Every trial has other stiffness factors: to keep its basis would help none.
+    parts = replace(model_parts(study, model, progress), study=None)
+    if not isinstance(building, FrameBuilding):
+        return TrialModels(model, parts, fine_model(building, settings.mesh_size), settings, data)
     size = settings.mesh_size or _TRUTH_MESH * building.mesh.size
     return TrialModels(model, parts, fine_model(building, size, building.sensors.points), settings)
 

@@ -5,12 +5,16 @@ from dataclasses import replace
 
 import pytest
 from femupdate.benchmarks.hidden_effects.draw import CLEAN, ONE, OUTSIDE
+from femupdate.benchmarks.hidden_effects.kinds import FORCE, MODES
 from femupdate.benchmarks.hidden_effects.measurement import TrialSettings
 from femupdate.benchmarks.hidden_effects.run import TrialPlan, run_hidden_effects
 from femupdate.benchmarks.hidden_effects.summary import summary, summary_text
 from femupdate.benchmarks.hidden_effects.trial import Trial, run_trial, trial_models
 from femupdate.benchmarks.result import Job
 
+from femupdate.building.files import load_building
+from femupdate.effects.registry import CATALOGUE
+from femupdate.errors import ReportError
 from femupdate.study import Study
 from femupdate.workflow.model import open_study
 
@@ -107,6 +111,25 @@ def test_the_result_is_written_with_machine_and_seed(tmp_path):
     assert content["seed"] == 7
     assert [one["kind"] for one in content["outcomes"]] == [CLEAN, ONE]
     assert "false alarms" in report.markdown.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("data", [MODES, FORCE])
+def test_trials_with_other_data_hide_what_these_show(tmp_path, data):
+    study = Study(tmp_path)
+    models = trial_models(study, open_study(study, "shear_4dof"), TrialSettings(), data=data)
+    assert not any(models.shows(CATALOGUE[name]) for name in ("base_gain", "table_pitch"))
+    assert models.shows(CATALOGUE["reversed_channel"]) == (data == MODES)
+    outcome = run_trial(Trial(_NUMBERS[0], CLEAN), models)
+    assert outcome.verdict == "none"
+    assert outcome.bias_before < 4.0
+
+
+def test_trials_with_other_data_are_made_with_sticks(tmp_path, cabin_file):
+    study = Study(tmp_path)
+    model = open_study(study, "shear_4dof")
+    frame = replace(model, building=load_building(str(cabin_file)))
+    with pytest.raises(ReportError, match="modes data are made with sticks, and this is a frame"):
+        trial_models(study, frame, TrialSettings(), data=MODES)
 
 
 def test_trials_that_were_cut_off_go_on(tmp_path):
