@@ -307,7 +307,7 @@ def test_the_report_has_the_promised_keys_and_its_file(diagnosed, study):
         "size_sd",
         "absorbed_by_theta",
     } <= set(told["effects"][0])
-    assert {"floor", "band_hz", "excess"} == set(told["where"][0])
+    assert {"floor", "band_hz", "excess", "data"} == set(told["where"][0])
     assert 0.5 < told["effects"][0]["absorbed_by_theta"] < 1.0
     kept = json.loads(report.path.read_text())
     assert kept["verdict"] == "named"
