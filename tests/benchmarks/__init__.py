@@ -10,6 +10,10 @@ made with `command.benchmark_options`, which hands it a `Job` and prints its `Re
 
 # Name of a benchmark to the module here that holds its command, and its line in the help.
 COMMANDS = {
+    "all": (
+        "regression.command",
+        "Every command on fixed data, beside a reference: what has fallen is marked.",
+    ),
     "solver": (
         "solver.command",
         "Element tests against published values; speed against OpenSees.",
@@ -57,5 +61,9 @@ COMMANDS = {
     "interruptions": (
         "interruptions.command",
         "Commands killed or out of disk, then run again: nothing may be lost.",
+    ),
+    "versions": (
+        "versions.command",
+        "Tests with the lowest and the highest dependencies on every Python.",
     ),
 }

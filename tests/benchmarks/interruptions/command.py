@@ -1,6 +1,7 @@
 """femupdate benchmark interruptions."""
 
 import click
+from femupdate.cli.parameters import Names
 
 from ..command import benchmark_options
 from ..result import Job, Report
@@ -21,12 +22,13 @@ from ..result import Job, Report
     show_default=True,
     help="Commands at a time.",
 )
+@click.option("--commands", type=Names(), default=(), help="Commands to try; default: all.")
 @benchmark_options
-def command(job: Job, each: int, processes: int) -> Report:
+def command(job: Job, each: int, processes: int, commands: tuple[str, ...]) -> Report:
     """Commands killed, out of disk or at a limit, then run again: nothing may be lost.
 
     The second run must end with the result of an undisturbed one, to the last digit.
     """
     from .run import InterruptionPlan, run_interruptions
 
-    return run_interruptions(job, InterruptionPlan(each, processes))
+    return run_interruptions(job, InterruptionPlan(each, processes, commands))

@@ -17,7 +17,8 @@ from femupdate.surrogate.storage import load_surrogate
 
 SCRIPT = str(Path(sys.executable).with_name("femupdate"))
 _BUILDING = "shear_3dof"
-_FRAME = "two_story_openings"  # on a mesh large enough for processes of its own
+_WEIGHTS_FILE = "surrogate.safetensors"
+_FRAME = "two_story_openings"
 
 
 @dataclass(frozen=True)
@@ -82,7 +83,13 @@ def interruptible(folder: Path) -> tuple[Interruptible, ...]:
     sampled = ("--exact", "--particles", "2000")
     training = ("--samples", "5100", "--batch", "128", "--epochs", "2", "--fresh")
     return (
-        Interruptible("train", ("train", *building, *training), "surrogate.safetensors", _weights),
+        Interruptible("train", ("train", *building, *training), _WEIGHTS_FILE, _weights),
+        Interruptible(
+            "train --dask local",
+            ("train", *building, *training, "--dask", "local"),
+            _WEIGHTS_FILE,
+            _weights,
+        ),
         Interruptible(
             "calibrate --exact",
             ("calibrate", str(plain), *building, *sampled, *quiet),

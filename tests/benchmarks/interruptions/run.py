@@ -23,10 +23,12 @@ class InterruptionPlan:
     Attributes:
         each: interruptions of each kind of each command.
         processes: commands at a time.
+        commands: names of those to try; all where empty.
     """
 
     each: int
     processes: int
+    commands: tuple[str, ...] = ()
 
 
 def run_interruptions(job: Job, plan: InterruptionPlan) -> Report:
@@ -38,7 +40,9 @@ def run_interruptions(job: Job, plan: InterruptionPlan) -> Report:
     kinds = KINDS if can_mount() else KINDS[:-1]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        commands = interruptible(folder)
+        commands = [
+            one for one in interruptible(folder) if not plan.commands or one.name in plan.commands
+        ]
         job.progress.start("Interrupting commands", len(commands) * (1 + len(kinds) * plan.each))
 
         def undisturbed(one: Interruptible) -> Reference:

@@ -1,5 +1,6 @@
 """One interruption each, and what may not be left after it."""
 
+import re
 import resource
 import shutil
 import signal
@@ -15,6 +16,7 @@ from .commands import Interruptible, environment, run
 
 KINDS = ("killed", "file limit", "disk full")
 _DEATH_S = 5.0  # within which workers follow
+_PROGRESS = re.compile(r" \.\.\.$|^  .* left$")
 _LEFT = ("*.part*", ".lock", ".lock-owner.json")
 
 
@@ -145,7 +147,7 @@ def can_mount() -> bool:
 
 def _complaints(done: subprocess.CompletedProcess[str]) -> tuple[str, ...]:
     """What is wrong with how a command ended: it must do its work, or say one sentence."""
-    lines = [line for line in done.stderr.splitlines() if not line.endswith(" ...")]
+    lines = [line for line in done.stderr.splitlines() if not _PROGRESS.search(line)]
     if done.returncode == 0:
         return ()
     if done.returncode != 1 or len(lines) != 1 or not lines[0].startswith("Error: cannot write"):

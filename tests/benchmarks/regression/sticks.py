@@ -1,6 +1,6 @@
-"""Observations of shear buildings for `record.py`, made with numpy alone.
+"""Observations of shear buildings, made with numpy alone.
 
-They do not depend on the code that is recorded: every version is given the same files. All
+They do not depend on femupdate: every version is given the same files. All
 quantities are SI; a stick has unit masses, stories one metre high and springs of 1000 theta N/m.
 """
 

@@ -1,31 +1,28 @@
 """The record of figures: its observations, how it compares, what it measures."""
 
+import json
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from femupdate.benchmarks.regression import run
+from femupdate.benchmarks.regression.compare import compare_records
+from femupdate.benchmarks.regression.sticks import Change, stick_frf
+from femupdate.benchmarks.regression.usage import measure
+from femupdate.benchmarks.result import Job
 
 
-@pytest.fixture(autouse=True)
-def _scripts(monkeypatch):
-    monkeypatch.syspath_prepend(Path(__file__).resolve().parents[1])
-
-
-def kept(processor_seconds=10.0, status="finished", **figures):
-    usage = {"seconds": 5.0, "processor_seconds": processor_seconds, "peak_mb": 100}
+def kept(processor_seconds=10.0, status="finished", peak_mb=100, **figures):
+    seconds = {"seconds": 5.0, "processor_seconds": processor_seconds}
+    usage = {**seconds, "peak_mb": peak_mb}
     return {"run": {"status": status, **usage, "figures": figures}}
 
 
 def broken(before, after):
-    from record_compare import compare_records
-
     return [row.figure for row in compare_records(before, after) if row.broken]
 
 
 def test_a_stick_moves_with_its_base_and_has_its_frequencies():
-    from record_sticks import stick_frf
-
     theta = np.array([0.7, 1.3, 0.9, 1.1])
     rows = np.eye(4) - np.eye(4, k=-1)
     exact = np.sqrt(np.linalg.eigvalsh(1000.0 * rows.T @ np.diag(theta) @ rows)) / (2.0 * np.pi)
@@ -39,8 +36,6 @@ def test_a_stick_moves_with_its_base_and_has_its_frequencies():
 
 @pytest.mark.parametrize("name", ["ground_tie", "long_brace", "foundation_rocking", "added_mass"])
 def test_what_changes_a_stick_changes_its_response(name):
-    from record_sticks import Change, stick_frf
-
     frequency = np.linspace(0.1, 12.0, 200)
     clean = stick_frf(np.ones(4), (), frequency)
     assert np.abs(stick_frf(np.ones(4), (Change(name, 2, 0.1),), frequency) / clean - 1).max() > 0.1
@@ -69,8 +64,10 @@ def test_each_kind_of_figure_has_its_tolerance(kind, before, within, beyond):
 
 
 def test_slower_or_no_longer_finished_breaks_a_tolerance():
-    assert broken(kept(10.0), kept(11.4)) == []
-    assert broken(kept(10.0), kept(11.6)) == ["run: processor s"]
+    assert broken(kept(10.0), kept(24.0)) == []
+    assert broken(kept(10.0), kept(26.0)) == ["run: processor s"]
+    assert broken(kept(peak_mb=500), kept(peak_mb=1990)) == []
+    assert broken(kept(peak_mb=500), kept(peak_mb=2010)) == ["run: peak MB"]
     assert broken(kept(), kept(status="unfinished")) == ["run"]
     assert broken(kept(status="unfinished"), kept()) == []
 
@@ -80,8 +77,6 @@ def test_a_figure_that_is_gone_breaks_a_tolerance():
 
 
 def test_workers_are_measured_and_a_limit_stops_them(tmp_path):
-    from record_usage import measure
-
     spin = "t = time.process_time()\nwhile time.process_time() - t < {}: pass\n"
     worker = f"import time\nkept = bytearray(60_000_000)\n{spin.format(0.6)}"
     start = f"worker = subprocess.Popen([sys.executable, '-c', {worker!r}])\n"
@@ -92,3 +87,21 @@ def test_workers_are_measured_and_a_limit_stops_them(tmp_path):
     assert whole.processor_seconds > 0.8
     assert whole.peak_mb > 60.0
     assert measure(command, {}, tmp_path, tmp_path / "log", limit_s=0.2).ended is None
+
+
+def test_a_figure_that_has_fallen_is_marked(tmp_path):
+    """The cheapest run against its own figures, then against one that is a little different."""
+    job, none = Job(tmp_path), tmp_path / "none.json"
+    none.write_text('{"runs": {}}')
+    report, fallen = run.run_regression(job, none, True, "model shear_3dof")
+    assert fallen == 0
+    found = report.content()
+    first = found["runs"]["model shear_3dof"]["figures"]["digits"]
+    first["frequency 1 Hz"] *= 1.001
+    changed = tmp_path / "changed.json"
+    changed.write_text(json.dumps(found))
+    report, fallen = run.run_regression(job, changed, True, "model shear_3dof")
+    assert fallen == 1
+    marked = [line for line in report.markdown.read_text().splitlines() if line.endswith("| ! |")]
+    assert len(marked) == 1
+    assert "frequency 1 Hz" in marked[0]

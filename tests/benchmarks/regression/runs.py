@@ -1,16 +1,9 @@
-"""Figures of a fixed set of runs, written by one version of femupdate and compared with another's.
+"""A fixed set of commands, each with the figures that are taken from its JSON.
 
-    python tests/benchmarks/record.py write --checkout DIR --output FILE.json [--only 'finder*']
-    python tests/benchmarks/record.py compare BEFORE.json AFTER.json
-
-Only the command line with --json is used, so that the internals may change between the versions.
-Every run is added to the file as soon as it is finished, and is skipped when called again
-(--again: run anew). Observations made by `simulate` may depend on the version: --data names the
-folder of another version's work, whose files are then used. Needs Linux (/proc).
+Only the command line with --json is used, so that the internals may change. The observations of
+sticks are made without femupdate, those of other buildings by `simulate`. Needs Linux (/proc).
 """
 
-import argparse
-import fnmatch
 import json
 import os
 import shutil
@@ -20,14 +13,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import record_sticks as sticks
-from record_compare import compare_records, comparison_text
-from record_usage import measure
+from . import sticks
+from .usage import measure
 
-# Figures by name, under the kind that says how they are compared (record_compare.RULES).
+# Figures by name, under the kind that says how they are compared (compare.RULES).
 Figures = dict[str, dict[str, Any]]
 Content = dict[str, Any]
 
+ROOT = Path(__file__).resolve().parents[3]
 MAIN = "from femupdate.cli.main import main; main()"
 SHIPPED = "six_story_white_noise.csv"
 SIX = "six_story_wall_frame"
@@ -69,9 +62,8 @@ def read_posterior(content: Content) -> Figures:
         posterior["zeta"] = [content["zeta"]["mean"], content["zeta"]["sd"]]
     figures: Figures = {"posterior": posterior}
     if "log_evidence" in content:
-        # Versions before the redesign call it a standard deviation.
-        error = content.get("log_evidence_error", content.get("log_evidence_sd"))
-        figures["evidence"] = {"log evidence": [content["log_evidence"], error]}
+        pair = [content["log_evidence"], content["log_evidence_error"]]
+        figures["evidence"] = {"log evidence": pair}
     figures["shown"] = {
         "misfit": content["misfit"],
         "evaluations": content["evaluations"],
@@ -141,17 +133,21 @@ def read_simulation(content: Content) -> Figures:
     return {"digits": frequencies, "shown": rms}
 
 
+def read_nothing(content: Content) -> Figures:
+    """Of a command that counts by its time and memory alone."""
+    return {}
+
+
 @dataclass(frozen=True)
 class Folders:
-    """Of the code, of the studies, and of the observations."""
+    """Of the studies and of the observations."""
 
-    checkout: Path
     work: Path
     data: Path
 
     def ground_motion(self) -> tuple[str, ...]:
         """Options of `predict`."""
-        record = self.checkout / "examples/records/ridgecrest_2019_clc_90.csv"
+        record = ROOT / "examples/records/ridgecrest_2019_clc_90.csv"
         return ("--record", str(record), "--samples", str(DRAWS))
 
     def observation(self, name: str) -> str:
@@ -159,8 +155,8 @@ class Folders:
         return str(self.data / f"{name}.csv")
 
 
-def make_observations(folder: Path, checkout: Path) -> None:
-    """Write all observations that need no simulation; they are the same for all versions."""
+def make_observations(folder: Path) -> None:
+    """Write all observations that need no simulation."""
     last = folder / "six_channel_gain.csv"
     if last.exists():
         return
@@ -169,7 +165,7 @@ def make_observations(folder: Path, checkout: Path) -> None:
     for name, theta, changes, seed, rms in sticks.cases():
         sticks.write_histories(folder / f"{name}.csv", theta, changes, seed, rms)
     sticks.write_frf_table(folder / "roof_frf.csv", ("RF",), noise=0.2, seed=101)
-    source = checkout / "examples" / SHIPPED
+    source = ROOT / "examples" / SHIPPED
     shutil.copy(source, folder / "six_clean.csv")
     sticks.scale_floor(source, last, "4F", 1.08)
 
@@ -249,6 +245,11 @@ def _six_story_posterior(folders: Folders) -> Iterator[Run]:
     yield Run("six latent", calibrate, read_posterior)
     predict = ("predict", *folders.ground_motion(), "--study", SIX)
     yield Run("six predict", predict, read_prediction)
+    for command in ("render", "report"):
+        yield Run(f"six {command}", (command, "--study", SIX), read_nothing)
+    inspect = ("inspect", folders.observation("six_clean"))
+    yield Run("six inspect", inspect, read_nothing)
+    yield Run("six status", ("status", "--study", SIX), read_nothing)
 
 
 def _six_story_finder(folders: Folders) -> Iterator[Run]:
@@ -265,7 +266,7 @@ def _six_story_finder(folders: Folders) -> Iterator[Run]:
 
 def record(run: Run, folders: Folders) -> Content:
     """Run a command and return what is kept of it."""
-    paths = {"PYTHONPATH": str(folders.checkout), "OMP_NUM_THREADS": "1"}
+    paths = {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
     command = [sys.executable, "-c", MAIN, *run.arguments, "--json"]
     log = folders.work / "logs" / run.name.replace(" ", "_")
     if run.writes is not None:
@@ -283,7 +284,7 @@ def record(run: Run, folders: Folders) -> Content:
     elif usage.ended:
         lines = Path(f"{log}.err").read_text().strip().splitlines()
         message = lines[-1] if lines else f"exit code {usage.ended}"
-        for path in (folders.work, folders.data, folders.checkout):
+        for path in (folders.work, folders.data, ROOT):
             message = message.replace(f"{path}/", "")
         kept["status"] = f"failed: {message}"
     else:
@@ -292,60 +293,3 @@ def record(run: Run, folders: Folders) -> Content:
         except (KeyError, ValueError, TypeError) as error:  # a key has another name now
             kept["status"] = f"unreadable: {type(error).__name__} {error}"
     return kept
-
-
-def write(folders: Folders, output: Path, only: str, again: bool) -> None:
-    """Run what is not recorded yet, and add it to the output file run by run."""
-    (folders.work / "logs").mkdir(parents=True, exist_ok=True)
-    make_observations(folders.data, folders.checkout)
-    for run in all_runs(folders):
-        if not fnmatch.fnmatch(run.name, only) or (run.name in read_record(output) and not again):
-            continue
-        kept = record(run, folders)
-        runs = {**read_record(output), run.name: kept}
-        temporary = output.with_suffix(".part")
-        temporary.write_text(json.dumps({"runs": runs}, indent=1) + "\n", encoding="utf-8")
-        temporary.replace(output)
-        print(f"{run.name}: {kept['status']}, {kept['processor_seconds']} s", flush=True)
-
-
-def read_record(file: Path) -> Content:
-    """Runs by name; none where there is no such file."""
-    return json.loads(file.read_text())["runs"] if file.exists() else {}
-
-
-def compare(before: Path, after: Path) -> int:
-    """Print the table; 1 when a tolerance is broken."""
-    rows = list(compare_records(read_record(before), read_record(after)))
-    print(comparison_text(rows))
-    return int(any(row.broken for row in rows))
-
-
-def main() -> int:
-    """Read the arguments."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    commands = parser.add_subparsers(required=True, dest="command")
-    writing = commands.add_parser("write", help="run everything that is not recorded yet")
-    writing.add_argument("--checkout", type=Path, required=True, help="a clone of femupdate")
-    writing.add_argument("--output", type=Path, required=True, help="JSON file to write or add to")
-    writing.add_argument("--work", type=Path, default=Path("record"), help="folder of the studies")
-    writing.add_argument("--data", type=Path, help="observations; default: WORK/data")
-    writing.add_argument("--only", default="*", help="names of runs, such as 'finder*'")
-    writing.add_argument("--again", action="store_true", help="also what is recorded")
-    comparing = commands.add_parser("compare", help="table of differences; 1 when one is too large")
-    comparing.add_argument("before", type=Path)
-    comparing.add_argument("after", type=Path)
-    given = parser.parse_args()
-    if given.command == "compare":
-        for file in (given.before, given.after):
-            if not file.is_file():
-                parser.error(f"{file}: there is no such record; make it with `record.py write`")
-        return compare(given.before, given.after)
-    work = given.work.resolve()
-    folders = Folders(given.checkout.resolve(), work, (given.data or work / "data").resolve())
-    write(folders, given.output, given.only, given.again)
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

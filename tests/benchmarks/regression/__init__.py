@@ -1,0 +1,1 @@
+"""The benchmark `all`: figures of a fixed set of runs beside those of a reference file."""

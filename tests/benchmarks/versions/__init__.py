@@ -1,0 +1,1 @@
+"""The benchmark `versions`: the lowest and the highest dependencies on every Python."""
