@@ -2,7 +2,9 @@
 
 import contextlib
 import io
-from collections.abc import Iterable, Mapping
+import lzma
+import zlib
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -96,7 +98,11 @@ def _read(path: Path) -> Any:
     _check_file(path)
     try:
         # meshio prints what it thinks of a file, and exits where it cannot read one.
-        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+        with (
+            contextlib.redirect_stdout(io.StringIO()),
+            contextlib.redirect_stderr(io.StringIO()),
+            _unpacking_little(),
+        ):
             return meshio.read(path)
     except (Exception, SystemExit) as error:  # its readers raise whatever a broken file causes
         reason = str(error) if str(error) not in ("", "1") else "its content is not as its ending"
@@ -104,6 +110,48 @@ def _read(path: Path) -> Any:
             "mesh.file",
             f"{path.name} cannot be read ({reason}); {_MEND}",
         ) from None
+
+
+@contextlib.contextmanager
+def _unpacking_little() -> Iterator[None]:
+    """Stop where the packed arrays of a VTU file would fill the memory.
+
+    Nothing in the file says so reliably beforehand, and meshio has no limit: its two unpackers are
+    replaced while it reads.
+    """
+    from meshio.vtu import _vtu
+
+    room = [_LARGEST_BYTES]
+    own = {"zlib": zlib.decompressobj, "lzma": lzma.LZMADecompressor}
+    with contextlib.ExitStack() as stack:
+        for name, begin in own.items():
+            stack.callback(setattr, _vtu, name, getattr(_vtu, name))
+            setattr(_vtu, name, _Unpacker(begin, room))
+        yield
+
+
+@dataclass(frozen=True)
+class _Unpacker:
+    """Unpacks as zlib and lzma do, until there is no room left.
+
+    Attributes:
+        begin: makes an object that unpacks one piece.
+        room: bytes that are left, one number.
+    """
+
+    begin: Callable[[], Any]
+    room: list[int]
+
+    def decompress(self, data: bytes) -> bytes:
+        """Unpack one piece."""
+        unpacking = self.begin()
+        found: bytes = unpacking.decompress(data, self.room[0] + 1)
+        self.room[0] -= len(found)
+        if self.room[0] < 0:
+            raise ValueError(f"its arrays unpack to more than {_LARGEST_BYTES / 1e6:.0f} MB")
+        if not unpacking.eof:
+            raise ValueError("its packed arrays are cut short")
+        return found
 
 
 def _check_file(path: Path) -> None:

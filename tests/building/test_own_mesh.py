@@ -387,6 +387,19 @@ def test_a_file_that_is_no_mesh(tmp_path, capsys):
     assert capsys.readouterr() == ("", "")
 
 
+@pytest.mark.parametrize("packing", ["zlib", "lzma"])
+def test_packed_arrays_that_fill_the_memory_are_refused(tmp_path, monkeypatch, packing):
+    """Cell data of zeros, a thousandth of their size on disk; without a limit the file is read."""
+    path = write(tmp_path)
+    mesh = meshio.read(tmp_path / "own.vtu")
+    mesh.point_data["zeros"] = np.zeros((len(mesh.points), 20_000))
+    mesh.write(tmp_path / "own.vtu", compression=packing)
+    assert load_building(path).name == "own"
+    mesh_building(load_building(path))
+    monkeypatch.setattr("femupdate.building.mesh_reader._LARGEST_BYTES", 1_000_000)
+    refused(path, r"own\.vtu cannot be read \(its arrays unpack to more than 1 MB\)")
+
+
 def test_a_mesh_that_is_read_has_no_size(tmp_path):
     with pytest.raises(BuildingError, match=r"mesh\.size: the mesh comes from .*refine it"):
         mesh_building(load_building(write(tmp_path)), 0.5)
