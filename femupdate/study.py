@@ -75,6 +75,8 @@ def _artefact(entry: Mapping[str, Any]) -> Artefact:
     path = PurePath(artefact.file)
     if path.is_absolute() or ".." in path.parts:
         raise ValueError(f"{artefact.file} lies outside the study")
+    if not all(isinstance(value, str) for value in artefact.made_from.values()):
+        raise ValueError(f"what {artefact.file} was made from is not told by hashes")
     return artefact
 
 

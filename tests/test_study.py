@@ -161,6 +161,14 @@ def test_a_record_that_reaches_outside_its_study(recorded, file):
         recorded.artefacts()
 
 
+def test_a_record_made_from_what_is_no_hash(recorded):
+    content = json.loads(recorded.path(MANIFEST).read_text())
+    content["artefacts"]["posterior"]["made_from"]["building"] = ["a", "list"]
+    recorded.path(MANIFEST).write_text(json.dumps(content))
+    with pytest.raises(StudyError, match="is not told by hashes"):
+        recorded.artefacts()
+
+
 def test_the_study_of_a_newer_femupdate_is_refused(recorded):
     content = json.loads(recorded.path(MANIFEST).read_text())
     assert content["layout"] == LAYOUT

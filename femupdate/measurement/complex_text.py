@@ -11,6 +11,7 @@ _COMPLEX = re.compile(
     re.IGNORECASE,
 )
 _ENOUGH = 40
+_LONGEST = 80  # characters of a cell; the pattern takes very long to refuse a long one
 
 
 def split_complex(rows: Sequence[Row], blanks: Sequence[str] = ()) -> list[Row]:
@@ -28,7 +29,7 @@ def split_complex(rows: Sequence[Row], blanks: Sequence[str] = ()) -> list[Row]:
         k
         for _, text in rows[1:_ENOUGH]
         for k, cell in enumerate(cells_of(text, delimiter))
-        if _COMPLEX.fullmatch(cell)
+        if _complex(cell)
     }
     complex_columns -= {k for k in complex_columns if k >= len(titles)}
     if not complex_columns or is_number(titles[0]):
@@ -47,6 +48,10 @@ def split_complex(rows: Sequence[Row], blanks: Sequence[str] = ()) -> list[Row]:
     return [(rows[0][0], mark.join(head)), *(apart(*row) for row in rows[1:])]
 
 
+def _complex(cell: str) -> re.Match[str] | None:
+    return _COMPLEX.fullmatch(cell) if len(cell) <= _LONGEST else None
+
+
 def _named(title: str, part: str) -> str:
     """`2F_re` of `2F`; a unit in brackets stays behind the name."""
     name, bracket, unit = title.partition("(") if "(" in title else title.partition("[")
@@ -55,7 +60,7 @@ def _named(title: str, part: str) -> str:
 
 def _parts(cell: str, blanks: Sequence[str]) -> list[str]:
     """Real and imaginary part of a cell; of what is not complex the cell itself and zero."""
-    match = _COMPLEX.fullmatch(cell)
+    match = _complex(cell)
     if match is not None:
         return [match["re"] or "0", re.sub(r"\s", "", match["im"])]
     return [cell, cell] if cell.lower() in blanks else [cell, "0"]

@@ -3,10 +3,15 @@
 import re
 from dataclasses import dataclass
 
+import numpy as np
+
+from femupdate.arrays import Floats
 from femupdate.errors import UnitError
+from femupdate.measurement.text import TextFile
 from femupdate.units import UNITS, factor
 
 FORCES = {"N": 1.0, "kN": 1e3, "MN": 1e6, "lbf": 4.4482216152605, "kip": 4448.2216152605}
+LARGEST_FORCE = 1e10  # N; the weight of a million tonnes
 QUANTITIES = ("receptance", "mobility", "accelerance")
 """Displacement, velocity and acceleration per unit force, by their power of i omega."""
 _FORCE = "|".join(FORCES)
@@ -14,6 +19,37 @@ _RATIO = re.compile(rf"\(?(?P<motion>[^()*]+?)\)?/\(?(?P<force>{_FORCE})\)?")
 _PRODUCT = re.compile(rf"\(?1/(?P<force>{_FORCE})\)?[*·.]?\(?(?P<motion>[^()]+?)\)?")
 _MASS = re.compile(r"1/\(?(?P<mass>kg|t|lb)\)?")
 _VELOCITY = re.compile(r"(?P<length>[a-z]+)/s", re.IGNORECASE)
+
+
+def newtons(
+    file: TextFile, values: Floats, unit: str | None, column: str, what: str = "force"
+) -> Floats:
+    """Forces in N.
+
+    Args:
+        file: they come from, for messages.
+        values: as they stand there.
+        unit: of these.
+        column: where they stand.
+        what: "force" or "load".
+
+    Raises:
+        MeasurementError: the unit is missing or none of a force, or nothing pushes so strongly.
+    """
+    if unit not in FORCES:
+        raise file.error(
+            f"the {what}'s unit is {unit or 'not given'}; write one of {', '.join(FORCES)} behind"
+            f" its name, such as {what}/RF (kN)",
+            column=column,
+        )
+    found = np.asarray(values * FORCES[unit])
+    if found.size and np.abs(found).max() > LARGEST_FORCE:
+        raise file.error(
+            f"a {what} of {np.abs(found).max():.3g} N acts on no building; correct the value or the"
+            " unit",
+            column=column,
+        )
+    return found
 
 
 @dataclass(frozen=True)

@@ -62,5 +62,7 @@ def _called(mode: RecordedMode) -> str:
 
 def alike(one: RecordedMode, other: RecordedMode) -> bool:
     """Whether two modes look like one that was found twice."""
+    if not (one.frequency_hz > 0.0 and other.frequency_hz > 0.0):
+        return False
     close = abs(np.log(one.frequency_hz / other.frequency_hz)) < _SAME_FREQUENCY
     return close and mac(one, other) > _SAME_SHAPE

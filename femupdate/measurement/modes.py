@@ -194,14 +194,21 @@ def in_phase(shape: NDArray[np.inexact]) -> Floats:
     """Real part of a shape (s,), turned so that it holds as much of the shape as can be."""
     if not np.iscomplexobj(shape):
         return np.asarray(shape, dtype=np.float64)
-    turn = 0.5 * np.angle(np.nansum(shape**2))
+    turn = 0.5 * np.angle(np.nansum(_scaled(shape) ** 2))
     return np.asarray((shape * np.exp(-1j * turn)).real, dtype=np.float64)
 
 
 def phase_collinearity(shape: NDArray[np.inexact]) -> float:
     """Share of a shape (s,) that moves in one phase: 1 for a real shape (Pappa 1993)."""
+    shape = _scaled(shape)
     whole = float(np.nansum(np.abs(shape) ** 2))
     return float(np.abs(np.nansum(shape**2)) / whole) if whole > 0.0 else 1.0
+
+
+def _scaled(shape: NDArray[np.inexact]) -> NDArray[np.inexact]:
+    """A shape (s,) whose largest component is one: squares of it neither overflow nor vanish."""
+    largest = np.abs(shape[~np.isnan(shape)]).max(initial=0.0)
+    return shape / largest if largest > 0.0 else shape
 
 
 def _known(values: Sequence[float | None]) -> Floats:

@@ -30,7 +30,7 @@ from femupdate.measurement.columns import (
     parse_frf_column,
     parse_history,
 )
-from femupdate.measurement.force_unit import FORCES
+from femupdate.measurement.force_unit import newtons
 from femupdate.measurement.frf_table import FrfTable, frf_table
 from femupdate.measurement.quantity import si_factor, split_unit
 from femupdate.measurement.record import LARGEST_PEAK
@@ -361,18 +361,13 @@ def _under_force(
         raise file.error("there is a force but no floor that responds; add columns 2F ... RF")
     excitation = channels[force]
     _require_same_times(file, {force: excitation, **floors})
-    if excitation.unit not in FORCES:
-        raise file.error(
-            f"the force's unit is {excitation.unit or 'not given'}; write one of"
-            f" {', '.join(FORCES)} behind its name, such as force/RF (N)",
-            column=repr(excitation.name),
-        )
+    pushed = newtons(file, excitation.values, excitation.unit, repr(excitation.name))
     if np.ptp(excitation.values) == 0.0:
         raise file.error(
             f"every value is {excitation.values[0]:g}: the force was not recorded",
             column=repr(excitation.name),
         )
-    rows = [excitation.values * FORCES[excitation.unit]]
+    rows = [pushed]
     rows += [_acceleration(file, each, ours, unit) for ours, each in floors.items()]
     names = (Channel(BASE, BASE, direction=force.direction), *floors)
     histories = Histories(excitation.time_step, names, np.array(rows), file.path.name)

@@ -14,7 +14,7 @@ import numpy as np
 from femupdate.arrays import Floats
 from femupdate.measurement.columns import BASE, parse_channel
 from femupdate.measurement.force_frf import ForcedObservation
-from femupdate.measurement.force_unit import FORCES
+from femupdate.measurement.force_unit import newtons
 from femupdate.measurement.observation import Observation, require_floors_of_building
 from femupdate.measurement.quantity import si_factor
 from femupdate.measurement.table import Table
@@ -23,6 +23,7 @@ _LOAD = re.compile(r"load/(?P<floor>RF|(?:[2-9]|[1-9]\d+)F)", re.IGNORECASE)
 _LOW_HZ = 1e-4  # nothing that stands is so soft that inertia counts at it
 # Dial gauges and jacks err by about 2 %; where too few cases show the scatter, 5 % is taken.
 _LEAST_SD, _ASSUMED_SD = 0.02, 0.05
+_FARTHEST_M = 10.0
 _DOUBTFUL = 0.5  # sd over the deflection from which it is no measurement
 _COLUMNS = "load/RF (kN) and 2F (mm) ... RF (mm), one row for each load case"
 
@@ -61,7 +62,12 @@ def static_test(table: Table) -> StaticTest:
             deflects against a load.
     """
     loads, floors = _columns(table)
-    force = np.column_stack([_loads(table, i) for i in loads.values()])
+    force = np.column_stack(
+        [
+            newtons(table.file, table.values[:, i], table.units[i], table.title(i), "load")
+            for i in loads.values()
+        ]
+    )
     moved = np.column_stack([_deflections(table, i) for i in floors.values()])
     cases = len(force)
     # Gauges are read against the unloaded state, where a case of it or enough others show it.
@@ -140,17 +146,6 @@ def _columns(table: Table) -> tuple[dict[str, int], dict[str, int]]:
     return loads, floors
 
 
-def _loads(table: Table, position: int) -> Floats:
-    unit = table.units[position]
-    if unit not in FORCES:
-        raise table.file.error(
-            f"the load's unit is {unit or 'not given'}; write one of {', '.join(FORCES)} behind"
-            " its name, such as load/RF (kN)",
-            column=table.title(position),
-        )
-    return np.asarray(table.values[:, position] * FORCES[unit])
-
-
 def _deflections(table: Table, position: int) -> Floats:
     unit = table.units[position]
     if unit is None:
@@ -158,7 +153,14 @@ def _deflections(table: Table, position: int) -> Floats:
             "the deflection has no unit; write it behind the name, such as RF (mm)",
             column=table.title(position),
         )
-    return np.asarray(table.values[:, position] * si_factor(table.file, unit, "length"))
+    found = np.asarray(table.values[:, position] * si_factor(table.file, unit, "length"))
+    if found.size and np.abs(found).max() > _FARTHEST_M:
+        raise table.file.error(
+            f"a floor deflects by {np.abs(found).max():.3g} m, which no building stands; correct"
+            " the value or the unit",
+            column=table.title(position),
+        )
+    return found
 
 
 def _require_forward(

@@ -139,7 +139,7 @@ def mac(one: Complexes, other: Complexes) -> float:
 @contextlib.contextmanager
 def _library() -> Iterator[Any]:
     """pyOMA2's functions, without its log and its bars."""
-    with np.errstate(), contextlib.redirect_stderr(io.StringIO()):
+    with np.errstate(all="ignore"), contextlib.redirect_stderr(io.StringIO()):
         try:
             from pyoma2.functions import ssi
         except ImportError:

@@ -19,6 +19,8 @@ from femupdate.measurement.text import TextFile
 from femupdate.measurement.write import write_modes
 from femupdate.tables import table
 
+_LARGEST = 1e9  # of a motion, in any unit
+
 
 @dataclass(frozen=True)
 class Identified:
@@ -134,6 +136,9 @@ def _values(file: TextFile, floors: Mapping[Channel, RecordedChannel]) -> Floats
     dead = next((one.name for one in channels if np.ptp(one.values) == 0.0), None)
     if dead is not None:
         raise file.error(f"channel {dead!r} is dead: all its values are the same; leave it out")
+    wild = next((one.name for one in channels if np.abs(one.values).max() > _LARGEST), None)
+    if wild is not None:
+        raise file.error(f"channel {wild!r} holds values above {_LARGEST:g}; remove the spikes")
     if len(units) == 1:
         return np.array([one.values for one in channels])
     if None in units:

@@ -6,7 +6,9 @@ from typing import Any
 import numpy as np
 
 from femupdate.errors import MeasurementError
+from femupdate.files import read_file
 from femupdate.measurement.array_file import LARGEST_BYTES, table_of_arrays
+from femupdate.measurement.mat_elements import require_whole
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.text import TextFile
@@ -41,6 +43,7 @@ def _read(path: Path) -> Recording:
 def _version_5(path: Path) -> dict[str, Any]:
     from scipy.io import loadmat, whosmat
 
+    require_whole(read_file(path, LARGEST_BYTES, MeasurementError), LARGEST_BYTES)
     _require_moderate(path, [shape for _, shape, _ in whosmat(path)])
     found: dict[str, Any] = {}
     for name, value in loadmat(path, squeeze_me=True, struct_as_record=False).items():

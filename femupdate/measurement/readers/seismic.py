@@ -3,12 +3,13 @@
 import re
 import warnings
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
 from femupdate.measurement.channel import RecordedChannel
 from femupdate.measurement.direction import azimuth_of
+from femupdate.measurement.gse import gse_samples
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.text import TextFile
@@ -61,7 +62,7 @@ def _read(path: Path) -> Recording:
         kind = _format(stream.read(_HEAD).decode("latin-1"), path.suffix.lower())
         stream.seek(0)
         try:
-            traces = list(obspy.read(stream, format=kind or "MSEED").merge(method=-1))
+            traces = list(_traces(obspy, stream, kind or "MSEED").merge(method=-1))
         except Exception as error:  # a damaged file makes ObsPy raise nearly anything
             raise file.error(
                 f"this {kind} file cannot be read ({error}); fetch it again from its source"
@@ -70,6 +71,18 @@ def _read(path: Path) -> Recording:
     _require_whole(file, traces)
     common, notes = _together(file, traces)
     return Recording(file, tuple(_channel(trace) for trace in common), notes=notes)
+
+
+def _traces(obspy: Any, stream: BinaryIO, kind: str) -> Any:
+    """As ObsPy reads them, but for the samples of GSE files."""
+    if not kind.startswith("GSE"):
+        return obspy.read(stream, format=kind)
+    found = obspy.read(stream, format=kind, headonly=True)
+    stream.seek(0)
+    kinds = [(one.stats[kind.lower()].datatype, one.stats.npts) for one in found]
+    for trace, values in zip(found, gse_samples(stream.read(), kinds), strict=True):
+        trace.data = values
+    return found
 
 
 def _require_whole(file: TextFile, traces: list[Any]) -> None:

@@ -92,7 +92,7 @@ def _recording(file: TextFile, types: list[int], sets: list[dict[str, Any]]) -> 
     recording = Recording(
         file,
         tuple(_channel(file, one, k, si) for k, one in enumerate(histories, start=1)),
-        functions=tuple(_function(one) for one in functions if not _is_history(one)),
+        functions=tuple(_function(file, one) for one in functions if not _is_history(one)),
         modes=tuple(_mode(one) for one in sets if one["type"] == 55 and _is_mode(one)),
         points=points,
         notes=_notes(types, sets),
@@ -140,12 +140,17 @@ def _step(file: TextFile, one: Mapping[str, Any], number: int) -> float:
     return step
 
 
-def _function(one: Mapping[str, Any]) -> RecordedFunction:
+def _function(file: TextFile, one: Mapping[str, Any]) -> RecordedFunction:
+    frequency, values = np.asarray(one["x"], dtype=np.float64), _values(one)
+    if frequency.shape != values.shape:
+        raise file.error(
+            f"a function has {values.size} values at {frequency.size} frequencies; export it again"
+        )
     return RecordedFunction(
         kind=_KINDS.get(one["func_type"], "function"),
         name=_text(one["rsp_ent_name"]) or _text(one["id4"]) or _text(one["id1"]),
-        frequency_hz=np.asarray(one["x"], dtype=np.float64),
-        values=_values(one),
+        frequency_hz=frequency,
+        values=values,
         unit=_unit(one) or None,
         response=_place(one, "rsp"),
         reference=_place(one, "ref"),

@@ -3,7 +3,6 @@
 import multiprocessing
 import tempfile
 import time
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -39,14 +38,14 @@ class Tally:
     """What came of the files of one subject."""
 
     subject: str
-    kinds: Counter[str] = field(default_factory=Counter)
+    kinds: dict[str, int] = field(default_factory=dict)
     failures: list[Failure] = field(default_factory=list)
     memory: int = 0
     slowest_s: float = 0.0
 
     def add(self, number: int, found: dict[str, Any], seconds: float) -> None:
         """Count one file."""
-        self.kinds[found["kind"]] += 1
+        self.kinds[found["kind"]] = self.kinds.get(found["kind"], 0) + 1
         self.memory = max(self.memory, found.get("memory", 0))
         self.slowest_s = max(self.slowest_s, seconds)
         if found["kind"] not in _FINE:
@@ -152,8 +151,8 @@ def _text(tallies: Sequence[Tally], seconds: float) -> str:
             (
                 one.subject,
                 f"{sum(one.kinds.values()):,}",
-                f"{one.kinds['read']:,}",
-                f"{one.kinds['refused']:,}",
+                f"{one.kinds.get('read', 0):,}",
+                f"{one.kinds.get('refused', 0):,}",
                 str(bad),
                 f"{one.slowest_s:.1f}",
                 f"{one.memory / 1e6:.0f}",
