@@ -122,7 +122,10 @@ def _unpacking_little() -> Iterator[None]:
     from meshio.vtu import _vtu
 
     room = [_LARGEST_BYTES]
-    own = {"zlib": zlib.decompressobj, "lzma": lzma.LZMADecompressor}
+    own: dict[str, Callable[[], Any]] = {
+        "zlib": zlib.decompressobj,
+        "lzma": lzma.LZMADecompressor,
+    }
     with contextlib.ExitStack() as stack:
         for name, begin in own.items():
             stack.callback(setattr, _vtu, name, getattr(_vtu, name))
