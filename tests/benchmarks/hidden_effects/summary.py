@@ -91,9 +91,9 @@ def _names(outcomes: Sequence[Outcome], clear: Sequence[Outcome]) -> list[Row]:
             "100 %",
         ),
         _share(
-            "outside the catalogue, D >= 10: unknown or ambiguous",
+            "outside the catalogue, D >= 10: something is said to be left",
             foreign,
-            lambda o: o.verdict in ("unknown", "ambiguous", "indistinguishable"),
+            lambda o: o.verdict in ("unknown", "partly", "ambiguous", "indistinguishable"),
             ">= 70 %",
             ">= 90 %",
         ),
