@@ -26,9 +26,11 @@ _NUMBERS = (9_000_001, 9_000_002, 9_000_003)
 def outcomes(tmp_path_factory):
     study = Study(tmp_path_factory.mktemp("study"))
     models = trial_models(study, open_study(study, "shear_4dof"), TrialSettings())
+    # What the catalogue lacks is searched for longest.
+    plan = {CLEAN: _NUMBERS, ONE: _NUMBERS[:2], OUTSIDE: _NUMBERS[1:2]}
     return {
-        kind: [run_trial(Trial(number, kind), models) for number in _NUMBERS]
-        for kind in (CLEAN, ONE, OUTSIDE)
+        kind: [run_trial(Trial(number, kind), models) for number in numbers]
+        for kind, numbers in plan.items()
     }
 
 
