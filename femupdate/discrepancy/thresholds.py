@@ -1,57 +1,49 @@
-"""Every number with a meaning that the effect finder decides by, in one table.
+"""Every number with a meaning that the effect finder decides by, in one table."""
 
-Each entry says what it means, in which unit, and which trial or source it comes from. The page
-`docs/reference/thresholds.md` is made from these entries by `threshold_table`.
-"""
-
-from collections.abc import Iterator
-from dataclasses import Field, dataclass, field, fields
+from dataclasses import dataclass
 from typing import Any
+
+from femupdate.thresholds import entry
 
 _STICKS = "310 trials on four-story sticks, no false alarm in 100"
 _FRAMES = "322 trials on two frames, 3.9 % false alarms in 103"
-_CHOICE = "a choice; not measured by itself"
-
-
-def _entry(value: Any, unit: str, meaning: str, source: str = _CHOICE) -> Any:
-    return field(default=value, metadata={"unit": unit, "meaning": meaning, "source": source})
 
 
 @dataclass(frozen=True, kw_only=True)
 class DiagnosisSettings:
     """How much is asked of the data before an effect gets a name."""
 
-    fitted: int = _entry(10, "effects", "leading candidates of the score test that are fitted")
-    sampled: int = _entry(0, "effects", "of these, candidates whose evidence is sampled as well")
-    draws: int = _entry(200, "draws", "of each importance sample")
-    over_none: float = _entry(
+    fitted: int = entry(10, "effects", "leading candidates of the score test that are fitted")
+    sampled: int = entry(0, "effects", "of these, candidates whose evidence is sampled as well")
+    draws: int = entry(200, "draws", "of each importance sample")
+    over_none: float = entry(
         6.0, "log evidence", "over the model without effects that a name needs", _STICKS
     )
-    over_next: float = _entry(
+    over_next: float = entry(
         3.0, "log evidence", "over the runner-up that a name needs", "Kass and Raftery (1995)"
     )
-    own_error: float = _entry(
+    own_error: float = entry(
         0.01,
         "share",
         "of its own log evidence that a name needs beyond that: a model of an effect errs too",
         _STICKS,
     )
-    alike: float = _entry(
+    alike: float = entry(
         0.97, "cosine", "from which two effects count as the same to these sensors", _STICKS
     )
-    least_strength: float = _entry(
+    least_strength: float = entry(
         1.0, "D per prior sd", "below which an effect cannot be seen", _STICKS
     )
-    false_share: float = _entry(
+    false_share: float = entry(
         0.05, "share", "of names that may be false", "the usual rate of false discoveries"
     )
-    least_frequency: float = _entry(
+    least_frequency: float = entry(
         0.01, "share", "of a natural frequency below which a change is of no consequence"
     )
-    least_response: float = _entry(
+    least_response: float = entry(
         0.02, "share", "of a response below which a change or an error is of no consequence"
     )
-    seed: int = _entry(0, "", "of starts and samples")
+    seed: int = entry(0, "", "of starts and samples")
 
     def margin(self, log_evidence: float) -> float:
         """Log evidence over the runner-up that a name of so much of it needs."""
@@ -62,27 +54,27 @@ class DiagnosisSettings:
 class VerdictThresholds:
     """What else decides a verdict."""
 
-    fewest_points: float = _entry(
+    fewest_points: float = entry(
         3.0, "points", "independent, for each unknown, below which the data cannot tell"
     )
-    better_exchange: float = _entry(
+    better_exchange: float = entry(
         0.8, "share", "of the best sum of squares that an exchange of channels must stay below"
     )
-    close: float = _entry(
+    close: float = entry(
         0.05, "share", "of the first log evidence within which another finding is close to it"
     )
-    close_by: float = _entry(6.0, "log evidence", "within which it is close in any case")
-    closest: int = _entry(4, "effects", "close ones that get a basis of their own, at most")
-    compared: int = _entry(3, "effects", "not told from the first, compared by measurements")
-    shown: int = _entry(3, "measurements", "further ones that are named, at most")
-    repaired: float = _entry(
+    close_by: float = entry(6.0, "log evidence", "within which it is close in any case")
+    closest: int = entry(4, "effects", "close ones that get a basis of their own, at most")
+    compared: int = entry(3, "effects", "not told from the first, compared by measurements")
+    shown: int = entry(3, "measurements", "further ones that are named, at most")
+    repaired: float = entry(
         0.05, "p-value", "from which nothing is left to repair", "the usual level of a test"
     )
-    most_rounds: int = _entry(4, "effects", "added by one repair, at most")
-    clearly: float = _entry(
+    most_rounds: int = entry(4, "effects", "added by one repair, at most")
+    clearly: float = entry(
         6.0, "log density", "of the data by which a fit must exceed another to take its place"
     )
-    obvious: float = _entry(
+    obvious: float = entry(
         0.5, "share", "of the coarse sum of squares that a mended channel must stay below"
     )
 
@@ -91,31 +83,31 @@ class VerdictThresholds:
 class FitThresholds:
     """How candidates are fitted, and which are followed."""
 
-    difference: float = _entry(1e-3, "of an unknown", "step of finite differences")
-    coarse_noise: float = _entry(
+    difference: float = entry(1e-3, "of an unknown", "step of finite differences")
+    coarse_noise: float = entry(
         0.3, "ln|H|", "noise in the first steps, so that peaks that do not meet show a distance"
     )
-    smallest_decrease: float = _entry(1e-4, "share", "of the objective, below which a search ends")
-    fewer_shapes: int = _entry(
+    smallest_decrease: float = entry(1e-4, "share", "of the objective, below which a search ends")
+    fewer_shapes: int = entry(
         140, "shapes", "of a basis in searches", "ln|H| errs by .01 rms, in a third of the time"
     )
-    rounds: int = _entry(4, "rows", "of the table of errors that a fit tries, at most")
-    first_steps: int = _entry(5, "steps", "of every leading candidate")
-    steps: int = _entry(15, "steps", "of a candidate that is followed, at most")
-    glance: int = _entry(2, "steps", "of every other effect before a name is given")
-    ahead: int = _entry(12, "effects", "of these that get the first steps")
-    others: int = _entry(4, "effects", "of these that are fitted to convergence")
-    more: float = _entry(1.5, "times the best", "misfit up to which these are fitted")
-    again: int = _entry(2, "effects", "from whose fits the model without them is fitted again")
-    far_behind: float = _entry(2.0, "times the best", "misfit beyond which one is dropped")
-    behind: float = _entry(200.0, "misfit", "beyond that many times the best")
-    baseline_draws: int = _entry(384, "draws", "of the prior from which a search starts")
-    baseline_starts: int = _entry(8, "draws", "of these that are fitted")
-    listed_draws: int = _entry(192, "draws", "of theta with the effects that a building lists")
-    listed_starts: int = _entry(4, "draws", "of these that are fitted")
-    rough_shapes: int = _entry(100, "shapes", "with which stiffness factors are searched for")
-    most_bases: int = _entry(4, "bases", "one after the other, while theta moves on")
-    score_step: float = _entry(
+    rounds: int = entry(4, "rows", "of the table of errors that a fit tries, at most")
+    first_steps: int = entry(5, "steps", "of every leading candidate")
+    steps: int = entry(15, "steps", "of a candidate that is followed, at most")
+    glance: int = entry(2, "steps", "of every other effect before a name is given")
+    ahead: int = entry(12, "effects", "of these that get the first steps")
+    others: int = entry(4, "effects", "of these that are fitted to convergence")
+    more: float = entry(1.5, "times the best", "misfit up to which these are fitted")
+    again: int = entry(2, "effects", "from whose fits the model without them is fitted again")
+    far_behind: float = entry(2.0, "times the best", "misfit beyond which one is dropped")
+    behind: float = entry(200.0, "misfit", "beyond that many times the best")
+    baseline_draws: int = entry(384, "draws", "of the prior from which a search starts")
+    baseline_starts: int = entry(8, "draws", "of these that are fitted")
+    listed_draws: int = entry(192, "draws", "of theta with the effects that a building lists")
+    listed_starts: int = entry(4, "draws", "of these that are fitted")
+    rough_shapes: int = entry(100, "shapes", "with which stiffness factors are searched for")
+    most_bases: int = entry(4, "bases", "one after the other, while theta moves on")
+    score_step: float = entry(
         0.5, "prior sd", "step of a score test: some effects are even in their size"
     )
 
@@ -124,83 +116,83 @@ class FitThresholds:
 class SearchThresholds:
     """The search over the whole prior, for effects far from the model as it is."""
 
-    draws: int = _entry(192, "draws", "of leading effects and places")
-    few_draws: int = _entry(32, "draws", "of the other places of an effect")
-    leading: int = _entry(4, "effects", "fitted from the base that get all draws")
-    cheap: int = _entry(60, "shapes", "up to which every place gets all draws")
-    searched: int = _entry(6, "effects", "that are fitted")
-    starts: int = _entry(2, "draws", "from which each of them is")
-    many_draws: int = _entry(512, "draws", "of theta with the effect that explains most")
-    many_starts: int = _entry(6, "draws", "of these that are fitted")
-    wider: float = _entry(1.5, "prior sd", "of the sizes that are drawn")
-    better: float = _entry(
+    draws: int = entry(192, "draws", "of leading effects and places")
+    few_draws: int = entry(32, "draws", "of the other places of an effect")
+    leading: int = entry(4, "effects", "fitted from the base that get all draws")
+    cheap: int = entry(60, "shapes", "up to which every place gets all draws")
+    searched: int = entry(6, "effects", "that are fitted")
+    starts: int = entry(2, "draws", "from which each of them is")
+    many_draws: int = entry(512, "draws", "of theta with the effect that explains most")
+    many_starts: int = entry(6, "draws", "of these that are fitted")
+    wider: float = entry(1.5, "prior sd", "of the sizes that are drawn")
+    better: float = entry(
         0.5, "share", "of the coarse sum of squares that an effect must stay below"
     )
-    exchange_draws: int = _entry(384, "draws", "of the prior for exchanged channels")
-    exchanges: int = _entry(3, "exchanges", "that are fitted coarsely")
+    exchange_draws: int = entry(384, "draws", "of the prior for exchanged channels")
+    exchanges: int = entry(3, "exchanges", "that are fitted coarsely")
 
 
 @dataclass(frozen=True, kw_only=True)
 class ModelErrorThresholds:
     """What is allowed to the errors of a model that is right."""
 
-    stick: float = _entry(
+    stick: float = entry(
         0.01, "ln|H|", "error of each point of a stick, and of a frame with a learned mesh error"
     )
-    frame: float = _entry(
+    frame: float = entry(
         0.14,
         "ln|H|",
         "the same of a mesh that was read",
         ".03 rms (.2 m against .1 m) over peaks of ten to twenty points that err alike",
     )
-    size: float = _entry(
+    size: float = entry(
         0.03, "share", "by which a mesh misjudges an effect's size", "trials: .001 to .09"
     )
-    noisy: float = _entry(0.15, "ln|H|", "noise above which an estimate is biased and left out")
-    wild: float = _entry(8.0, "sd", "of error and noise beyond which a residual counts no more")
+    noisy: float = entry(0.15, "ln|H|", "noise above which an estimate is biased and left out")
+    wild: float = entry(8.0, "sd", "of error and noise beyond which a residual counts no more")
 
 
 @dataclass(frozen=True, kw_only=True)
 class MeshErrorThresholds:
     """How the error of a mesh is learned from a finer one."""
 
-    finer: float = _entry(2.0 / 3.0, "of the mesh size", "of the finder's mesh")
-    half: float = _entry(0.5, "of the mesh size", "of the mesh from which errors are learned")
-    thetas: int = _entry(8, "sets of factors", "at which meshes are compared")
-    inner: float = _entry(1.5, "factor", "by which the ends of the prior are left out")
-    distance_sd: float = _entry(
+    finer: float = entry(2.0 / 3.0, "of the mesh size", "of the finder's mesh")
+    half: float = entry(0.5, "of the mesh size", "of the mesh from which errors are learned")
+    thetas: int = entry(8, "sets of factors", "at which meshes are compared")
+    inner: float = entry(1.5, "factor", "by which the ends of the prior are left out")
+    distance_sd: float = entry(
         0.6,
         "of the distance",
         "from what is corrected to the finer mesh and to the limit: its standard deviation",
         "the correction is in the middle of both (Richardson 1911)",
     )
-    open_factor: float = _entry(
+    open_factor: float = entry(
         1.5,
         "factor",
         "by which a finer mesh may be off further than learned",
         "theta of clean buildings off by 1.5 sd without it",
     )
-    formulation: float = _entry(
+    formulation: float = entry(
         0.008,
         "of the stiffness",
         "by which two programs or meshes differ in members of one kind and story",
         "some hundred frames of OpenSees and of other meshes: factors off by .02 to .8 %",
     )
-    shown: float = _entry(0.003, "of the largest", "effect of a mode below which it is left out")
-    same_frequency: float = _entry(0.06, "ln f", "within which modes of two meshes are one")
-    same_effect: float = _entry(0.4, "ln", "of the size shown, likewise")
-    same_shape: float = _entry(0.05, "1 - cosine", "of the shapes shown, likewise")
-    prior: float = _entry(0.1, "of the stiffness", "prior standard deviation of the mean factors")
-    rounds: int = _entry(100, "rounds", "of the EM method")
-    alike: float = _entry(2.0, "modes", "of one theta that err alike")
-    beyond_top: float = _entry(
+    shown: float = entry(0.003, "of the largest", "effect of a mode below which it is left out")
+    same_frequency: float = entry(0.06, "ln f", "within which modes of two meshes are one")
+    same_effect: float = entry(0.4, "ln", "of the size shown, likewise")
+    same_shape: float = entry(0.05, "1 - cosine", "of the shapes shown, likewise")
+    prior: float = entry(0.1, "of the stiffness", "prior standard deviation of the mean factors")
+    rounds: int = entry(100, "rounds", "of the EM method")
+    alike: float = entry(2.0, "modes", "of one theta that err alike")
+    beyond_top: float = entry(
         1.25, "of the top", "of the grid up to which modes show in the responses"
     )
-    left_factor: float = _entry(
+    left_factor: float = entry(
         2.0, "factor", "on what the mean correction leaves where it was learned"
     )
-    damping: float = _entry(0.01, "ratio", "at which meshes are compared")
-    damping_power: float = _entry(
+    damping: float = entry(0.01, "ratio", "at which meshes are compared")
+    damping_power: float = entry(
         0.7,
         "power",
         "of the damping ratio by which errors of points fall",
@@ -212,27 +204,27 @@ class MeshErrorThresholds:
 class ScreenThresholds:
     """What the channels say of themselves before any model is believed."""
 
-    low: float = _entry(0.35, "of f1", "below which a floor follows the base but for (f / f1)^2")
-    fewest: int = _entry(4, "points", "below which nothing is said")
-    clear: float = _entry(3.0, "sd", "from which a gain or a delay is told")
-    lever: float = _entry(2.0, "ratio", "of frequencies that an intercept needs")
-    least_gain: float = _entry(0.02, "ln", "gain that is told")
-    wrong_unit: float = _entry(
+    low: float = entry(0.35, "of f1", "below which a floor follows the base but for (f / f1)^2")
+    fewest: int = entry(4, "points", "below which nothing is said")
+    clear: float = entry(3.0, "sd", "from which a gain or a delay is told")
+    lever: float = entry(2.0, "ratio", "of frequencies that an intercept needs")
+    least_gain: float = entry(0.02, "ln", "gain that is told")
+    wrong_unit: float = entry(
         0.6931471805599453, "ln", "gain that is a wrong unit: g, gal and m/s2 differ by more"
     )
-    turned: float = _entry(0.5, "rad", "about half a turn, that is a reversed sensor")
-    least_delay_s: float = _entry(5e-4, "s", "delay that is told")
-    cell_points: float = _entry(3.0, "points", "independent, that a cell of the map needs")
+    turned: float = entry(0.5, "rad", "about half a turn, that is a reversed sensor")
+    least_delay_s: float = entry(5e-4, "s", "delay that is told")
+    cell_points: float = entry(3.0, "points", "independent, that a cell of the map needs")
 
 
 @dataclass(frozen=True, kw_only=True)
 class LevelThresholds:
     """Levels of motion, in doublings of the amplitude."""
 
-    alike: float = _entry(0.25, "doublings", "within which two records have one level")
-    exact: float = _entry(0.005, "doublings", "to which the level of a prediction is found")
-    steps: int = _entry(30, "steps", "of that search, at most")
-    beyond: float = _entry(0.5, "doublings", "outside of the records that are worth a word")
+    alike: float = entry(0.25, "doublings", "within which two records have one level")
+    exact: float = entry(0.005, "doublings", "to which the level of a prediction is found")
+    steps: int = entry(30, "steps", "of that search, at most")
+    beyond: float = entry(0.5, "doublings", "outside of the records that are worth a word")
 
 
 VERDICT = VerdictThresholds()
@@ -253,25 +245,3 @@ GROUPS: tuple[Any, ...] = (
     SCREEN,
     LEVEL,
 )
-
-
-def threshold_table() -> str:
-    """All thresholds as Markdown, a table a group."""
-    return "\n".join(_groups())
-
-
-def _groups() -> Iterator[str]:
-    for group in GROUPS:
-        yield f"### {(type(group).__doc__ or '').splitlines()[0].rstrip('.')}\n"
-        yield "| name | value | unit | meaning | source |"
-        yield "|---|---|---|---|---|"
-        for one in fields(group):
-            yield _row(one, getattr(group, one.name))
-        yield ""
-
-
-def _row(one: "Field[Any]", value: Any) -> str:
-    told = one.metadata
-    shown = f"{value:.4g}" if isinstance(value, float) else str(value)
-    cells = (f"`{one.name}`", shown, told["unit"], told["meaning"], told["source"])
-    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"

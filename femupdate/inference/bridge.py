@@ -18,11 +18,9 @@ from femupdate.inference.importance import (
 )
 from femupdate.inference.parameters import Parameters
 from femupdate.inference.smc import LogLikelihood, SmcResult, SmcSettings, TemperedSmc
+from femupdate.inference.thresholds import DRAWS
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import Seed, spawn
-
-# Effective share of the importance draws below which they are not trusted.
-_LEAST_SHARE = 0.1
 
 
 @dataclass(frozen=True)
@@ -119,7 +117,7 @@ def _tried(
         weighted = importance_draws(prior, target, particles, draws, seed, settings)
     except InferenceError:
         return None
-    return weighted if weighted.effective > _LEAST_SHARE * draws else None
+    return weighted if weighted.effective > DRAWS.least_share * draws else None
 
 
 def _resampled(

@@ -17,13 +17,9 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from femupdate.inference.thresholds import DECODER
 from femupdate.surrogate.gauss_newton import LatentData
 from femupdate.surrogate.network import Mvae
-
-# Ridges that are tried, in units of the mean square of what is fitted from, and numbers of leading
-# directions whose products are fitted from as well.
-_RIDGES = (1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0)
-_CURVED = (0, 6, 12)
 
 
 @dataclass(frozen=True)
@@ -81,7 +77,7 @@ def fit_correction(z: Tensor, error: Tensor) -> Correction:
     Ridge and number of directions are those that predict best what is left out of the fit.
     """
     axes = torch.linalg.svd(z - z.mean(0), full_matrices=False)[2].T
-    fits = [_ridge(Features(z.mean(0), axes[:, :count]), z, error) for count in _CURVED]
+    fits = [_ridge(Features(z.mean(0), axes[:, :count]), z, error) for count in DECODER.curved]
     return min(fits, key=lambda fit: float(fit.left.sum()))
 
 
@@ -97,7 +93,7 @@ def _ridge(features: Features, z: Tensor, error: Tensor) -> Correction:
     turned = left.T @ (error - value)
     unit = roots.square().sum() / len(roots)
     found = []
-    for ridge in _RIDGES:
+    for ridge in DECODER.ridges:
         share = roots.square() / (roots.square() + ridge * unit)
         leverage = (left.square() @ share + 1.0 / len(z)).clamp_max(0.999)
         missed = error - value - left @ (share[:, None] * turned)

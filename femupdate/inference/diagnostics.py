@@ -7,10 +7,6 @@ from scipy.stats import rankdata
 
 from femupdate.arrays import Floats
 
-AGREEING = 1.05
-"""r-hat above which independent runs differ (Vehtari et al. 2021 ask for 1.01 of long chains; runs
-of some hundred particles scatter more)."""
-
 
 def r_hat(draws: ArrayLike) -> Floats | None:
     """Rank-normalised split r-hat (p,) of chains (c, n, p); None for fewer than two chains.

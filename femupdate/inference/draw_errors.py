@@ -6,11 +6,9 @@ from torch import Tensor
 from femupdate.inference.error_draws import COLUMNS, ErrorDraws, SizeDraws
 from femupdate.inference.learned import LearnedLikelihood, learned_error
 from femupdate.inference.model_error import ErrorLevel, LearnedError
+from femupdate.inference.thresholds import LEARNED_ERROR
 from femupdate.measurement.observation import Observation
 from femupdate.seeds import Seed, spawn, torch_generator
-
-# Draws at which responses are computed: what the error may be hardly differs between draws.
-_TRIED = 200
 
 
 def draw_errors(
@@ -19,7 +17,7 @@ def draw_errors(
     """Errors at posterior draws (chains, draws, p)."""
     amplitude, turned = spawn(seed, 2)
     flat = parameters.flatten(0, 1)
-    flat = flat[:: max(1, len(flat) // _TRIED)]
+    flat = flat[:: max(1, len(flat) // LEARNED_ERROR.tried)]
     residuals = likelihood.data.residuals(flat)
     harmonics = likelihood.error.harmonics
     shape = tuple(parameters.shape[:2])

@@ -8,13 +8,9 @@ from torch import Tensor
 
 from femupdate.arrays import Flags, Floats
 from femupdate.errors import MeasurementError
+from femupdate.inference.thresholds import DECODER
 from femupdate.measurement.observation import Observation
 from femupdate.surrogate.visibility import EARLIEST_END, LATEST_START, Visibility
-
-# A floor with less of the observed band than this is left to the data-space likelihood.
-_LEAST_SHARE = 0.5
-# The encoder takes an estimate this uncertain rather than a straight line across its place.
-_WORST_NOISE = 0.7
 
 
 @dataclass(frozen=True)
@@ -79,7 +75,7 @@ def _choose_floors(
     used, notes = [], []
     for name in (name for name in floors if name in observation.floors):
         share = usable[observation.floors.index(name), first : last + 1].mean()
-        if share >= _LEAST_SHARE:
+        if share >= DECODER.least_share:
             used.append(name)
         else:
             notes.append(f"Floor {name} is left out: {share:.0%} of its points can be used.")
@@ -101,7 +97,7 @@ def _usable(observation: Observation) -> Flags:
     low, high = np.flatnonzero(observation.valid.any(axis=0))[[0, -1]]
     span = np.zeros(observation.frequency_hz.size, dtype=bool)
     span[low : high + 1] = True
-    uncertain = finite & (noise > 0.0) & (noise <= _WORST_NOISE) & span
+    uncertain = finite & (noise > 0.0) & (noise <= DECODER.worst_noise) & span
     return np.asarray(observation.valid | uncertain)
 
 

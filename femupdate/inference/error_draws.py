@@ -7,11 +7,10 @@ from typing import Any
 import numpy as np
 
 from femupdate.arrays import Floats
+from femupdate.inference.thresholds import LEARNED_ERROR
 from femupdate.measurement.observation import Observation
 
 COLUMNS = ("common", "own", "length_hz", "noise")
-# An error below this share of itself is not worth a word.
-_WORTH_SAYING = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +57,7 @@ class ErrorDraws:
         size = self.amplitude.size
         noise = float(np.median(self.amplitude.levels[..., 3]))
         wide = f" The noise is taken as {noise:.1f} times the stated one." if noise > 1.0 else ""
-        if self.amplitude.present < 0.5 or size < _WORTH_SAYING:
+        if self.amplitude.present < 0.5 or size < LEARNED_ERROR.worth_saying:
             return f"No error of the model shows beside the noise.{wide}"
         turn = ""
         if self.phase is not None and self.phase.present >= 0.5:

@@ -16,31 +16,30 @@ import torch
 from torch import Tensor
 
 from femupdate.arrays import Floats, Integers
+from femupdate.inference.thresholds import EVENT
 from femupdate.seeds import Seed
+from femupdate.thresholds import entry
 
-# Of ln tau about the default: a third to three times of it are nothing unusual.
-_PRIOR_SD = 1.0
-# From a twentieth to twenty times the default, evenly in ln tau.
-_GRID = np.geomspace(0.05, 20.0, 241)
+# Evenly in ln tau.
+_GRID = np.geomspace(EVENT.least_scatter, EVENT.most_scatter, EVENT.scatters)
 QUANTITIES = ("stiffness", "damping")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EventScatter:
-    """How much a building differs from event to event; one value, or one for every draw (n,).
+    """How much a building differs from event to event; one value, or one for every draw (n,)."""
 
-    Attributes:
-        stiffness: standard deviation of ln of all stiffness factors together. The frequencies of a
-            hotel scatter by 2.8 % over quakes of 7 to 90 gal, factors of an overpass by 6 % over
-            quakes of like strength.
-        damping: of ln of the damping ratio.
-        stiffer, damped: ln by which the mean over events lies above what was calibrated.
-    """
-
-    stiffness: float | Floats = 0.05
-    damping: float | Floats = 0.2
-    stiffer: float | Floats = 0.0
-    damped: float | Floats = 0.0
+    stiffness: float | Floats = entry(
+        0.05,
+        "ln",
+        "standard deviation of all stiffness factors together",
+        "a hotel in quakes of 7 to 90 gal: frequencies 2.8 %; an overpass: factors 6 %",
+    )
+    damping: float | Floats = entry(0.2, "ln", "standard deviation of the damping ratio")
+    stiffer: float | Floats = entry(
+        0.0, "ln", "by which mean stiffness factors of events lie above the calibrated ones"
+    )
+    damped: float | Floats = entry(0.0, "ln", "by which the mean damping ratio does")
 
     def next_event(
         self, theta: Tensor, zeta: Tensor, box: tuple[Tensor, Tensor], seed: Seed
@@ -121,7 +120,7 @@ def sd_density(estimates: Floats, errors: Floats, default: float) -> tuple[Float
     spread = errors**2 + tau[:, None] ** 2
     squares = ((estimates - mean[:, None]) ** 2 / spread).sum(axis=1)
     log = 0.5 * np.log(variance) - 0.5 * np.log(spread).sum(axis=1) - 0.5 * squares
-    log -= 0.5 * (np.log(tau / default) / _PRIOR_SD) ** 2
+    log -= 0.5 * (np.log(tau / default) / EVENT.prior_sd) ** 2
     weight = np.exp(log - log.max())
     return tau, weight / weight.sum()
 

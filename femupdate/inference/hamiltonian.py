@@ -14,6 +14,7 @@ from torch import Tensor
 
 from femupdate.inference.moves import Tuned, normal_like, uniform
 from femupdate.inference.tempering import Points, Slopes, Tempered
+from femupdate.thresholds import entry
 
 
 @dataclass(frozen=True)
@@ -25,21 +26,15 @@ class Rolling(Tuned):
 
 @dataclass(frozen=True)
 class Hamiltonian:
-    """Trajectories by the leapfrog rule, in the metric of particles and slopes.
+    """Trajectories by the leapfrog rule, in the metric of particles and slopes."""
 
-    Attributes:
-        length: mean length of a trajectory in the units of the metric.
-        acceptance: aimed at.
-        most_steps: of a trajectory.
-        first_step: in the units of the metric.
-        diagonal: draws from the diagonal that count beside the particles in a covariance.
-    """
-
-    length: float = 1.5
-    acceptance: float = 0.75
-    most_steps: int = 20
-    first_step: float = 0.3
-    diagonal: float = 5.0
+    length: float = entry(1.5, "of the metric", "mean length of a trajectory")
+    acceptance: float = entry(0.75, "share", "of accepted trajectories that is aimed at")
+    most_steps: int = entry(20, "steps", "of a trajectory, at most")
+    first_step: float = entry(0.3, "of the metric", "first step")
+    diagonal: float = entry(
+        5.0, "draws", "from the diagonal that count beside the particles in a covariance"
+    )
     slopes: Slopes = "both"
 
     def init(

@@ -14,18 +14,7 @@ from numpy.typing import ArrayLike
 
 from femupdate.arrays import Flags, Floats, Integers
 from femupdate.inference.modes import separate_modes
-
-# A combination that keeps more of its prior standard deviation counts as not determined.
-UNDETERMINED = 0.5
-# Below this share of its (squared) length in determined combinations a parameter is left alone.
-_LEFT_ALONE = 0.1
-# Parameters with less than this share of a combination's largest weight are not named.
-_NAMED = 0.35
-# A parameter that is left alone and keeps this share of its prior standard deviation is as before.
-_AS_BEFORE = 0.85
-_MOST_NAMES, _MOST_TOLD = 6, 3
-# Modes of more parameters than this are told by those that differ most.
-_ALL_TOLD = 10
+from femupdate.inference.thresholds import IDENTIFIABILITY
 
 
 @dataclass(frozen=True)
@@ -79,19 +68,23 @@ class Identifiability:
     @property
     def undetermined(self) -> int:
         """How many combinations have kept more than half of their prior standard deviation."""
-        return sum(part.kept > UNDETERMINED for part in self.combinations)
+        return sum(part.kept > IDENTIFIABILITY.undetermined for part in self.combinations)
 
     def sentences(self) -> tuple[str, ...]:
         """What an engineer should know; nothing where all is determined."""
         told = [*self._about_modes()]
         told.extend(self._about_left_alone())
-        loose = [part for part in self.among_others if part.kept > UNDETERMINED]
+        loose = [part for part in self.among_others if part.kept > IDENTIFIABILITY.undetermined]
         if loose:
             listed = "; ".join(
                 f"{self.describe(part)} ({part.kept:.0%} of the prior's standard deviation left)"
-                for part in loose[:_MOST_TOLD]
+                for part in loose[: IDENTIFIABILITY.most_told]
             )
-            more = f"; and {len(loose) - _MOST_TOLD} more" if len(loose) > _MOST_TOLD else ""
+            more = (
+                f"; and {len(loose) - IDENTIFIABILITY.most_told} more"
+                if len(loose) > IDENTIFIABILITY.most_told
+                else ""
+            )
             told.append(f"The data hardly determine {listed}{more}.")
         return tuple(told)
 
@@ -105,8 +98,12 @@ class Identifiability:
     def describe(self, part: Combination) -> str:
         """Words for a combination, such as "theta_4 up with theta_5 down"."""
         order = np.argsort(-np.abs(part.weight))
-        named = [k for k in order if abs(part.weight[k]) >= _NAMED * abs(part.weight[order[0]])]
-        shown = named[:_MOST_NAMES]
+        named = [
+            k
+            for k in order
+            if abs(part.weight[k]) >= IDENTIFIABILITY.named * abs(part.weight[order[0]])
+        ]
+        shown = named[: IDENTIFIABILITY.most_names]
         up, down = (
             " and ".join(self.names[k] for k in shown if sign * part.weight[k] > 0)
             for sign in (1.0, -1.0)
@@ -118,9 +115,13 @@ class Identifiability:
 
     def _about_left_alone(self) -> list[str]:
         kept = {name: self.kept(name) for name in self.left_alone}
-        nothing = ", ".join(name for name, share in kept.items() if share >= _AS_BEFORE)
+        nothing = ", ".join(
+            name for name, share in kept.items() if share >= IDENTIFIABILITY.as_before
+        )
         little = ", ".join(
-            f"{name} ({share:.0%})" for name, share in kept.items() if share < _AS_BEFORE
+            f"{name} ({share:.0%})"
+            for name, share in kept.items()
+            if share < IDENTIFIABILITY.as_before
         )
         told = []
         if nothing:
@@ -141,7 +142,7 @@ class Identifiability:
         listed = "; ".join(
             f"{mode.weight:.0%} near "
             + ", ".join(f"{self.names[k]} {mode.mean[k]:.3g}" for k in shown)
-            for mode in self.modes[:_MOST_NAMES]
+            for mode in self.modes[: IDENTIFIABILITY.most_names]
         )
         if len(shown) < len(self.names):
             listed += " (the others differ less)"
@@ -153,12 +154,12 @@ class Identifiability:
 
     def _telling(self) -> list[int]:
         """The parameters that tell the modes apart: all of a few, else those that differ most."""
-        if len(self.names) <= _ALL_TOLD:
+        if len(self.names) <= IDENTIFIABILITY.all_told:
             return list(range(len(self.names)))
         means = np.stack([mode.mean for mode in self.modes])
         inside = np.mean([mode.sd for mode in self.modes], axis=0)
         apart = np.ptp(means, axis=0) / np.maximum(inside, 1e-300)
-        return sorted(np.argsort(-apart)[:_MOST_NAMES].tolist())
+        return sorted(np.argsort(-apart)[: IDENTIFIABILITY.most_names].tolist())
 
 
 def identifiability(
@@ -225,6 +226,8 @@ def _combinations(covariance: Floats, chosen: Integers) -> tuple[Combination, ..
 
 def _left_alone(combinations: Sequence[Combination]) -> Flags:
     """Parameters (p,) that lie outside of all determined combinations."""
-    determined = [part.weight**2 for part in combinations if part.kept <= UNDETERMINED]
+    determined = [
+        part.weight**2 for part in combinations if part.kept <= IDENTIFIABILITY.undetermined
+    ]
     size = len(combinations)
-    return np.asarray(np.sum(determined or [np.zeros(size)], axis=0) < _LEFT_ALONE)
+    return np.asarray(np.sum(determined or [np.zeros(size)], axis=0) < IDENTIFIABILITY.left_alone)

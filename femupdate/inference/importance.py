@@ -21,8 +21,10 @@ from femupdate.inference.tempering import (
     next_increment,
     systematic_rows,
 )
+from femupdate.inference.thresholds import DRAWS
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import Seed, spawn, torch_generator
+from femupdate.thresholds import entry
 
 LogTarget = Callable[[Tensor], tuple[Tensor, Tensor]]
 """Log prior density (n,) and log likelihood (n,) of points (n, d); minus infinity for impossible
@@ -31,32 +33,26 @@ ones."""
 
 @dataclass(frozen=True, kw_only=True)
 class ImportanceSettings:
-    """How the proposal is fitted.
+    """How the proposal of importance draws is fitted."""
 
-    Attributes:
-        components: of the mixture, at most.
-        rounds: of fitting, at most.
-        enough: share of effective draws that ends them.
-        tempered_share: effective share of the draws that every fit uses at least; weights that
-            fewer would share are tempered (Koblents & Miguez 2015, Stat. Comput. 25, 407), so that
-            no mode is lost on the way.
-        widen: factor on the covariances, so that tails are covered.
-        freedom: degrees of freedom of the Student tails.
-        distinct: distinct draws that a component needs, a coordinate and its weight: on fewer it
-            is too narrow.
-        least_draws: of a round of fitting.
-        draws_per_coordinate: of a round at least: they must tell all covariances.
-    """
-
-    components: int = 12
-    rounds: int = 8
-    enough: float = 0.5
-    tempered_share: float = 0.4
-    widen: float = 1.2
-    freedom: int = 8
-    distinct: int = 25
-    least_draws: int = 200
-    draws_per_coordinate: int = 100
+    components: int = entry(12, "Students", "of the proposal, at most")
+    rounds: int = entry(8, "rounds", "of fitting, at most")
+    enough: float = entry(0.5, "share", "of effective draws that ends them")
+    tempered_share: float = entry(
+        0.4,
+        "share",
+        "of the draws that every fit uses at least; weights are tempered, so that no mode is lost",
+        "Koblents and Miguez (2015), Stat. Comput. 25, 407",
+    )
+    widen: float = entry(1.2, "factor", "on the covariances, so that tails are covered")
+    freedom: int = entry(8, "degrees", "of freedom of the Student tails")
+    distinct: int = entry(
+        DRAWS.distinct, "draws", "distinct, that a Student needs, for every coordinate and weight"
+    )
+    least_draws: int = entry(200, "draws", "of a round of fitting, at least")
+    draws_per_coordinate: int = entry(
+        100, "draws", "of a round for every coordinate: they must tell all covariances"
+    )
 
     def round_of(self, coordinates: int) -> int:
         """Draws of a round of fitting."""
@@ -213,7 +209,7 @@ def importance_draws(
     least = max(len(particles), settings.round_of(prior.size))
     settings = replace(settings, least_draws=least)
     fitting, drawing = spawn(seed, 2)
-    xi = prior.to_normal(particles).clamp(-8.0, 8.0)
+    xi = prior.to_normal(particles).clamp(-DRAWS.edge, DRAWS.edge)
     proposal = fitted_proposal(xi, settings, torch_generator(fitting, xi.device))
     found = sampled(normal_target(prior, log_likelihood), proposal, count, drawing, settings)
     return replace(found, points=prior.from_normal(found.points))

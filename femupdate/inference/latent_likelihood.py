@@ -16,6 +16,7 @@ from femupdate.inference.latent_search import Control, find_latent
 from femupdate.inference.learned import Settled, SharedErrors, settled
 from femupdate.inference.likelihood import DataLikelihood, data_terms
 from femupdate.inference.parameters import Parameters
+from femupdate.inference.thresholds import DECODER
 from femupdate.measurement.observation import Observation, independent_share
 from femupdate.seeds import torch_generator
 from femupdate.surrogate.gauss_newton import LatentData
@@ -26,8 +27,6 @@ from femupdate.surrogate.visibility import Visibility
 
 _CPU_ROWS = 4096
 _SEARCH_SEED = 0
-# Share of observations whose misfit is usual.
-_USUAL = 0.995
 
 
 @dataclass(frozen=True)
@@ -188,7 +187,7 @@ def latent_data(
 def usual_misfit(observation: Observation) -> float:
     """What 199 in 200 observations stay below: the chi-square's quantile, a valid point."""
     free = max(1.0, int(observation.valid.sum()) * independent_share(observation))
-    return float(chi2.ppf(_USUAL, free) / free)
+    return float(chi2.ppf(DECODER.usual, free) / free)
 
 
 def _with_decoder_error(data: LatentData, mvae: Mvae) -> LatentData:

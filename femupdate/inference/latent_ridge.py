@@ -14,28 +14,8 @@ import torch
 from scipy.interpolate import CubicSpline
 from torch import Tensor
 
+from femupdate.inference.thresholds import RIDGE
 from femupdate.surrogate.gauss_newton import Descent, Residuals, nats_of
-
-# So many standard deviations out along the widest direction the nats must have risen by half the
-# square of it, but for the tolerance; else the ridge is followed.
-_TRIED, _TOLERANCE = 2.0, 0.5
-_FURTHEST = 0.3  # in z, that is tried
-# Solutions lighter than this share of the heaviest, nats, are left as they are.
-_LIGHT = 6.0
-# The ridge is followed until it has fallen by so many nats, for so many steps at most.
-_FALLEN, _STEPS = 8.0, 40
-# The first step, in standard deviations, and the range of steps in z. A step that changes the nats
-# by more is halved, one that changes them by less than a quarter of that makes the next longer.
-_FIRST, _SHORTEST, _LONGEST, _CHANGE = 0.5, 2e-3, 0.15, 1.2
-_PULL_BACKS = 2  # Gauss-Newton steps across the ridge
-_FEWEST = 3  # points of a ridge; with less there was no room to follow it
-# Gaussians for each nat that the ridge rises or falls by: one of them for a quarter of a standard
-# deviation at most.
-_KERNELS, _MOST_KERNELS = 2.0, 128
-# Width of a Gaussian, in distances between them: a row of them is even to a thousandth.
-_KERNEL_WIDTH = 0.7
-# A point this near to a solution, in its standard deviations, belongs to it.
-_NEAR = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,14 +43,14 @@ def bent(misfit: Residuals, points: Descent, reach: Tensor) -> Tensor:
     """
     mass = points.log_mass
     found = torch.zeros(len(points.z), dtype=torch.bool)
-    for row in torch.nonzero(mass > mass.amax() - _LIGHT)[:, 0].tolist():
+    for row in torch.nonzero(mass > mass.amax() - RIDGE.light)[:, 0].tolist():
         axis, sd = _widest(points[[row]])
-        away = min(_TRIED * sd, _FURTHEST)
+        away = min(RIDGE.tried * sd, RIDGE.furthest)
         for offset in (-away * axis, away * axis):
             tried = points.z[row : row + 1] + offset
             if bool((tried.abs() < reach).all()):
                 rise = float(nats_of(misfit(tried), tried)[0] - points.nats[row])
-                found[row] |= abs(rise - 0.5 * (away / sd) ** 2) > _TOLERANCE
+                found[row] |= abs(rise - 0.5 * (away / sd) ** 2) > RIDGE.tolerance
     return found
 
 
@@ -89,7 +69,7 @@ def along_ridges(misfit: Residuals, points: Descent, solutions: Descent, reach: 
     for row in range(len(points.z)):
         if not _belongs(kept, points.z[row : row + 1])[0]:
             ridge = _followed(misfit, points[[row]], kept, reach)
-            short = len(ridge.z) < _FEWEST
+            short = len(ridge.z) < RIDGE.fewest
             kept = _joined(kept, points[[row]] if short else _kernels(ridge))
     return kept
 
@@ -98,7 +78,7 @@ def _followed(misfit: Residuals, point: Descent, solutions: Descent, reach: Tens
     """The ridge to both sides of a point."""
     axis, sd = _widest(point)
     best = min([float(point.nats[0]), *solutions.nats.tolist()])
-    step = min(_FIRST * sd, _LONGEST)
+    step = min(RIDGE.first * sd, RIDGE.longest)
     sides = [
         _side(misfit, point, (sign * axis, step), best, solutions, reach) for sign in (-1.0, 1.0)
     ]
@@ -121,14 +101,14 @@ def _side(
     """
     found: list[tuple[Tensor, Tensor, Tensor]] = []
     here, nats, (direction, step) = point.z, float(point.nats[0]), start
-    for _ in range(_STEPS):
+    for _ in range(RIDGE.steps):
         ahead = here + step * direction
         if bool((ahead.abs() > reach).any()):
             break
         ahead, there, information = _pulled_back(misfit, ahead, direction)
         change = abs(float(there) - nats)
-        if change > _CHANGE and step > _SHORTEST:
-            step = max(0.5 * step, _SHORTEST)
+        if change > RIDGE.change and step > RIDGE.shortest:
+            step = max(0.5 * step, RIDGE.shortest)
             continue
         if _belongs(solutions, ahead)[0]:
             break
@@ -136,10 +116,10 @@ def _side(
         moved = (ahead - here)[0]
         here, nats, direction = ahead, float(there), moved / moved.norm()
         best = min(best, nats)
-        if nats > best + _FALLEN:
+        if nats > best + RIDGE.fallen:
             break
-        if change < 0.25 * _CHANGE:
-            step = min(1.5 * step, _LONGEST)
+        if change < 0.25 * RIDGE.change:
+            step = min(1.5 * step, RIDGE.longest)
     if not found:
         empty = point.z.new_zeros(0)
         return point.z[:0], empty, point.information[:0]
@@ -156,7 +136,7 @@ def _pulled_back(misfit: Residuals, z: Tensor, direction: Tensor) -> tuple[Tenso
     jacobian = misfit.derivative(z, residual)[0]
     information = jacobian.T @ jacobian
     stiff = across @ (information + identity) @ across + along
-    for _ in range(_PULL_BACKS):
+    for _ in range(RIDGE.pull_backs):
         slope = across @ (jacobian.T @ residual[0] - z[0])
         z = z + across @ torch.linalg.solve(stiff, slope)
         residual = misfit(z)
@@ -176,13 +156,13 @@ def _kernels(ridge: _Ridge) -> Descent:
     curve = CubicSpline(place, ridge.z.numpy())
     height = CubicSpline(place, ridge.nats.numpy())
     ups_and_downs = float(np.abs(np.diff(ridge.nats)).sum())
-    count = min(int(np.ceil(_KERNELS * ups_and_downs)) + 1, _MOST_KERNELS)
+    count = min(int(np.ceil(RIDGE.kernels * ups_and_downs)) + 1, RIDGE.most_kernels)
     spacing = place[-1] / count
     middles = spacing * (np.arange(count) + 0.5)
     tangent = curve(middles, 1)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     nearest = np.abs(place[:, None] - middles).argmin(axis=0)
-    sd = min(_KERNEL_WIDTH * spacing, 1.0)
+    sd = min(RIDGE.kernel_width * spacing, 1.0)
     information = _with_tangent(ridge.information[nearest], torch.from_numpy(tangent), sd)
     # The mass of a Gaussian is that of its stretch of the ridge.
     nats = torch.from_numpy(height(middles)) + np.log(np.sqrt(2.0 * np.pi) * sd / spacing)
@@ -204,7 +184,7 @@ def _belongs(solutions: Descent, z: Tensor) -> Tensor:
     identity = torch.eye(z.shape[1]).to(z)
     offset = z[:, None] - solutions.z
     squares = torch.einsum("nci,cij,ncj->nc", offset, solutions.information + identity, offset)
-    return (squares < _NEAR**2).any(dim=1)
+    return (squares < RIDGE.near**2).any(dim=1)
 
 
 def _joined(*parts: Descent) -> Descent:

@@ -17,6 +17,7 @@ import torch
 from torch import Tensor
 
 from femupdate.inference.latent_ridge import along_ridges, bent
+from femupdate.inference.thresholds import LATENT_SEARCH
 from femupdate.surrogate.gauss_newton import (
     Descent,
     DescentSettings,
@@ -30,22 +31,11 @@ from femupdate.surrogate.gauss_newton import (
 from femupdate.surrogate.latent import ObservedLatent
 from femupdate.surrogate.network import LatentMixture, Mvae
 
-# Draws of the prior that are tried, and how many of the best are followed.
-_PRIOR_DRAWS, _FOLLOWED = 4096, 24
-_PROPOSAL_DRAWS = 24
-# A minimum is reached where the expansion there promises less than this, nats.
-_LITTLE = 1.0
-# Every so many frequencies tell which draws of the prior are worth following.
-_COARSE = 8
-# Steps of finite differences in z, whose spread is one: for the decoder in single precision, for
-# responses in double. Posteriors are some hundredths wide.
-_COARSE_STEP, _FINE_STEP = 1e-3, 1e-4
-# Steps with the building's own responses end when they gain less than this, nats.
-_WITH_RESPONSES = DescentSettings(iterations=8, small_gain=0.02, most_damping=100.0)
-
-
-# The decoder's misfit may be wrong by some nats, the building's own is not.
-_BY_DECODER, _BY_RESPONSES = Kept(30.0, 24), Kept(14.0, 16)
+_WITH_RESPONSES = DescentSettings(
+    LATENT_SEARCH.response_steps, LATENT_SEARCH.small_gain, LATENT_SEARCH.most_damping
+)
+_BY_DECODER = Kept(LATENT_SEARCH.decoder_nats, LATENT_SEARCH.decoder_most)
+_BY_RESPONSES = Kept(LATENT_SEARCH.response_nats, LATENT_SEARCH.response_most)
 
 
 @dataclass(frozen=True)
@@ -126,7 +116,9 @@ def _own_misfit(mvae: Mvae, control: Control, near: Tensor) -> tuple[Residuals, 
         return mvae.parameters_at(z), mvae.decoder.damping(z)
 
     if control.settle is None:
-        return Misfit(lambda z: control.respond(*parameters(z)), control.data, _FINE_STEP), reached
+        return Misfit(
+            lambda z: control.respond(*parameters(z)), control.data, LATENT_SEARCH.response_step
+        ), reached
 
     def joined(z: Tensor) -> Tensor:
         theta, zeta = parameters(z)
@@ -136,14 +128,14 @@ def _own_misfit(mvae: Mvae, control: Control, near: Tensor) -> tuple[Residuals, 
     places = mvae.encode_parameters(maxima[:, :-1])
     turned = mvae.decoder.damping_coordinate(maxima[:, -1])
     starts = torch.cat([places, turned], dim=1)
-    return Residuals(lambda z: residuals(joined(z)), _FINE_STEP), starts
+    return Residuals(lambda z: residuals(joined(z)), LATENT_SEARCH.response_step), starts
 
 
 def _decoder_misfit(mvae: Mvae, data: LatentData) -> Misfit:
     """The decoder's, on the observed frequencies alone."""
     points = (data.weight > 0).any(0).nonzero()[:, 0]
     seen = LatentData(data.log_frf[:, points], data.weight[:, points])
-    return Misfit(lambda z: mvae.decode(z, points), seen, _COARSE_STEP)
+    return Misfit(lambda z: mvae.decode(z, points), seen, LATENT_SEARCH.decoder_step)
 
 
 def _starts(
@@ -151,20 +143,25 @@ def _starts(
 ) -> Tensor:
     """Means and draws of the proposal, and the best of many draws from the prior, (s, z)."""
     component = torch.multinomial(
-        proposal.log_weight[0].exp().cpu(), _PROPOSAL_DRAWS, replacement=True, generator=generator
+        proposal.log_weight[0].exp().cpu(),
+        LATENT_SEARCH.proposal_draws,
+        replacement=True,
+        generator=generator,
     )
-    noise = torch.randn(_PROPOSAL_DRAWS, proposal.mean.shape[-1], generator=generator)
+    noise = torch.randn(LATENT_SEARCH.proposal_draws, proposal.mean.shape[-1], generator=generator)
     sd = (0.5 * proposal.log_variance[0, component]).exp()
     drawn = proposal.mean[0, component] + sd * noise.to(sd)
-    unit = torch.rand(_PRIOR_DRAWS, mvae.sizes.parameters, generator=generator).to(mvae.lower)
+    unit = torch.rand(LATENT_SEARCH.prior_draws, mvae.sizes.parameters, generator=generator).to(
+        mvae.lower
+    )
     mean = mvae.encode_parameters(mvae.lower + (mvae.upper - mvae.lower) * unit)
-    free = torch.randn(_PRIOR_DRAWS, int(mvae.sizes.free_damping), generator=generator)
+    free = torch.randn(LATENT_SEARCH.prior_draws, int(mvae.sizes.free_damping), generator=generator)
     prior = torch.cat([mean, free.to(mean)], dim=1)
-    chosen = slice(0, None, _COARSE)
+    chosen = slice(0, None, LATENT_SEARCH.coarse)
     target, weight = data.log_frf[:, chosen], data.weight[:, chosen]
     misfits = [weight * (target - mvae.decode(z, chosen)) ** 2 for z in prior.split(256)]
     nats = torch.cat([misfit.sum((1, 2)) for misfit in misfits])
-    best = prior[nats.topk(_FOLLOWED, largest=False).indices]
+    best = prior[nats.topk(LATENT_SEARCH.followed, largest=False).indices]
     return torch.cat([proposal.mean[0], drawn, best])
 
 
@@ -180,7 +177,7 @@ def _arrived(descent: Descent) -> Descent:
     The others are at the edge of what can be asked, well beyond the prior's box: expanded from
     there, what they say of the inside is not to be trusted where something better is at hand.
     """
-    rows = torch.nonzero(_expansion(descent)[1] < _LITTLE)[:, 0].tolist()
+    rows = torch.nonzero(_expansion(descent)[1] < LATENT_SEARCH.little)[:, 0].tolist()
     return descent[rows] if rows else descent
 
 

@@ -10,17 +10,14 @@ from torch import Tensor
 from femupdate.dynamics.system import System
 from femupdate.inference.joint import Kind
 from femupdate.inference.likelihood import DataLikelihood
-from femupdate.inference.maxima import MaximaSettings, found_from
+from femupdate.inference.maxima import found_from
 from femupdate.inference.model_error import LearnedError
 from femupdate.inference.parameters import Parameters
 from femupdate.inference.prior_search import best_of_prior
-from femupdate.inference.tempering import EDGE
+from femupdate.inference.thresholds import DRAWS, LEARNED_ERROR
 from femupdate.measurement.observation import Observation
 from femupdate.seeds import Seed
 from femupdate.surrogate.gauss_newton import Descent
-
-# Fits at a row of the error's table, each followed by the choice of another.
-_ROUNDS = 6
 
 
 class SharedErrors(Protocol):
@@ -162,20 +159,18 @@ def settle(
     prior: Parameters,
     likelihood: LearnedLikelihood,
     starts: Tensor,
-    settings: MaximaSettings | None = None,
 ) -> Settled:
     """Find the maxima from starts (s, p), and the rows of the table that count there.
 
     Fits begin as if the model erred much, so that no few points decide; the likeliest error at
     their end is taken for the next, and at last none.
     """
-    chosen = settings or MaximaSettings()
-    fits = _Fits(prior, likelihood, chosen)
+    fits = _Fits(prior, likelihood)
     fits.follow(starts, likelihood.error.start)
     row, points = fits.best
     if row > 0:
         finer = replace(likelihood, error=likelihood.error.finer(row))
-        fits = _Fits(prior, finer, chosen)
+        fits = _Fits(prior, finer)
         fits.follow(points, fits.likeliest(points))
     return fits.settled()
 
@@ -183,16 +178,14 @@ def settle(
 class _Fits:
     """Maxima at rows of an error's table, one after the other."""
 
-    def __init__(
-        self, prior: Parameters, likelihood: LearnedLikelihood, settings: MaximaSettings
-    ) -> None:
-        self._prior, self._likelihood, self._settings = prior, likelihood, settings
+    def __init__(self, prior: Parameters, likelihood: LearnedLikelihood) -> None:
+        self._prior, self._likelihood = prior, likelihood
         self._found: dict[int, Descent] = {}
         self._densities: dict[int, Tensor] = {}
 
     def follow(self, starts: Tensor, row: int) -> None:
         """Fit from starts (s, p) at a row, then at the likeliest there, and at last at none."""
-        for _ in range(_ROUNDS):
+        for _ in range(LEARNED_ERROR.rounds):
             self._fit(starts, row)
             starts = self._prior.from_normal(self._found[row].z)
             row = int(self._densities[row].max(0).values.argmax())
@@ -226,11 +219,13 @@ class _Fits:
 
     def _fit(self, starts: Tensor, row: int) -> None:
         residuals = self._likelihood.at_row(row)
-        self._found[row] = found_from(self._prior, residuals, starts, self._settings)
+        self._found[row] = found_from(self._prior, residuals, starts)
         points = self._prior.from_normal(self._found[row].z)
         self._densities[row] = self._log_posterior(points)
 
     def _log_posterior(self, points: Tensor) -> Tensor:
         """(s, g) at points (s, p) by every row."""
-        own = self._prior.log_density_normal(self._prior.to_normal(points).clamp(-EDGE, EDGE))
+        own = self._prior.log_density_normal(
+            self._prior.to_normal(points).clamp(-DRAWS.edge, DRAWS.edge)
+        )
         return self._likelihood.log_densities(points) + own[:, None]

@@ -8,11 +8,9 @@ import torch
 from torch import Tensor
 
 from femupdate.dynamics.system import Responses, System
+from femupdate.inference.thresholds import DRAWS
 from femupdate.measurement.observation import Observation, independent_share
 
-# Modes kept for a response. At a noise of .01 on the six-story building's ln|H|, 40 modes move the
-# log likelihood of a good fit by hundreds, 100 modes by .03.
-MODES = 100
 _ROWS = 1024
 
 
@@ -89,7 +87,7 @@ class DataLikelihood:
         batch: int | None = None,
         device: torch.device | str = "cpu",
         precision: torch.dtype = torch.float64,
-        modes: int | None = MODES,
+        modes: int | None = DRAWS.modes,
     ) -> None:
         self._system = system
         self._zeta = zeta

@@ -6,9 +6,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-_RIDGE = 1e-6
-# A fit ends once the mean log density, nats a point, gains less in one step.
-_SMALL_GAIN = 1e-3
+from femupdate.inference.thresholds import DRAWS
 
 
 @dataclass(frozen=True)
@@ -131,7 +129,7 @@ def fit_mixture(
         mixture = moments.maximise((joint - total).exp_())
         gain = float(total.mean()) - previous
         previous = float(total.mean())
-        if abs(gain) < _SMALL_GAIN:
+        if abs(gain) < DRAWS.small_gain:
             break
     return GaussianMixture(
         mixture.log_weight, centre + scale * mixture.mean, scale[:, None] * mixture.cholesky
@@ -159,7 +157,7 @@ class _Moments:
         mean = sums[:, 1 : 1 + self.size] / mass[:, None]
         square = self._symmetric(sums[:, 1 + self.size :] / mass[:, None])
         covariance = square - mean[:, :, None] * mean[:, None]
-        ridge = _RIDGE * torch.eye(self.size, dtype=mean.dtype, device=mean.device)
+        ridge = DRAWS.ridge * torch.eye(self.size, dtype=mean.dtype, device=mean.device)
         factor = torch.linalg.cholesky(covariance + ridge)
         return GaussianMixture((mass / mass.sum()).log(), mean, factor)
 

@@ -21,43 +21,49 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from femupdate.inference.thresholds import LEARNED_ERROR
+from femupdate.thresholds import entry
+
 
 @dataclass(frozen=True, kw_only=True)
 class ErrorTable:
-    """What the error of a model may be, before the data are seen.
+    """What the error of a model may be, before the data are seen."""
 
-    Attributes:
-        sizes: standard deviations of either process in ln|H| (or rad), beside zero.
-        lengths: over which errors are alike, as shares of the measured band.
-        noise: standard deviations of the noise over the stated one.
-        finer: steps of the finer table about the likeliest row in one of the first.
-        none: probability that there is no error, and the noise is as stated.
-        harmonics: cycles of the shortest one in a period.
-        period: over the measured band: its ends must not meet.
-        start: size, length and noise from which fits start: wide enough for any model.
-        counts: share of the likeliest row's weight below which a row is left out.
-    """
-
-    sizes: tuple[float, ...] = (0.02, 0.06, 0.18, 0.5)
-    lengths: tuple[float, ...] = (1 / 60, 1 / 20, 1 / 6)
-    noise: tuple[float, ...] = (1.0, 2.0, 4.0)
-    finer: float = 3.0
-    none: float = 0.5
-    harmonics: int = 40
-    period: float = 1.25
-    start: tuple[float, float, float] = (0.18, 1 / 20, 2.0)
-    counts: float = 1e-3
+    sizes: tuple[float, ...] = entry(
+        (0.02, 0.06, 0.18, 0.5),
+        "ln|H| or rad",
+        "standard deviations of what all floors share and of each alone, beside zero",
+    )
+    lengths: tuple[float, ...] = entry(
+        (1 / 60, 1 / 20, 1 / 6), "of the band", "over which errors are alike"
+    )
+    noise: tuple[float, ...] = entry(
+        (1.0, 2.0, 4.0), "of the stated noise", "standard deviations of the noise"
+    )
+    finer: float = entry(
+        3.0, "steps", "of the finer table about the likeliest row, in one of the first"
+    )
+    none: float = entry(
+        0.5, "probability", "that there is no error and the noise is as stated, before the data"
+    )
+    harmonics: int = entry(40, "cycles", "of the shortest harmonic in a period")
+    period: float = entry(1.25, "of the band", "period of the longest: its ends must not meet")
+    start: tuple[float, float, float] = entry(
+        (0.18, 1 / 20, 2.0),
+        "as above",
+        "size, length and noise from which fits start: wide enough for any model",
+    )
+    counts: float = entry(1e-3, "of the likeliest", "weight below which a row is left out")
 
 
 MODEL_ERROR = ErrorTable()
-# Of figures that lie on no frequency axis: nothing but more noise than stated. A model may miss the
-# frequency of a mode, which is known to a percent, by a third.
+# Of figures that lie on no frequency axis: nothing but more noise than stated.
 NOISE_ALONE = ErrorTable(
     sizes=(),
     lengths=(1.0,),
-    noise=(1.0, 2.0, 4.0, 8.0, 16.0, 32.0),
+    noise=LEARNED_ERROR.noise_alone,
     harmonics=0,
-    start=(0.0, 1.0, 8.0),
+    start=(0.0, 1.0, LEARNED_ERROR.noise_alone_start),
 )
 
 # Numbers in the factors of rows, up to which these are kept; and rows that are worked at once.

@@ -13,20 +13,8 @@ import torch
 from torch import Tensor
 
 from femupdate.inference.mixture import GaussianMixture, fit_mixture
+from femupdate.inference.thresholds import DRAWS, MODES
 from femupdate.seeds import torch_generator
-
-_COMPONENTS = 8
-_FITTED = 4000
-# The saddle between two modes is lower than this share of the lower peak.
-_SADDLE = 0.1
-# A mode with a smaller share of the draws, or fewer of them, belongs to its nearest neighbour.
-_LEAST_WEIGHT, _LEAST_DRAWS = 0.01, 20
-# Distinct draws that a component needs, a coordinate and its weight: on fewer it is too narrow.
-_DISTINCT_PER_COORDINATE = 25
-_STEPS = 21
-# Between two modes the draws, projected, are fewer than this share of the lower peak; smoothed by
-# so much of the narrower one's standard deviation.
-_DIP, _BANDWIDTH = 0.5, 0.3
 
 
 def separate_modes(x: Tensor, seed: int = 0) -> Tensor:
@@ -37,9 +25,9 @@ def separate_modes(x: Tensor, seed: int = 0) -> Tensor:
         seed: of the mixture's start.
     """
     generator = torch_generator(seed, x.device)
-    some = x[torch.randperm(len(x), generator=generator, device=x.device)[:_FITTED]]
+    some = x[torch.randperm(len(x), generator=generator, device=x.device)[: MODES.fitted]]
     distinct = len(torch.unique(some[:, 0]))
-    components = max(1, min(_COMPONENTS, distinct // (_DISTINCT_PER_COORDINATE * (x.shape[1] + 1))))
+    components = max(1, min(MODES.components, distinct // (DRAWS.distinct * (x.shape[1] + 1))))
     mixture = fit_mixture(some, components, generator, iterations=100)
     group = torch.tensor(_joined(mixture), device=x.device)
     member = group[mixture.component_log_density(x).argmax(dim=1)]
@@ -54,7 +42,9 @@ def _joined(mixture: GaussianMixture) -> list[int]:
     """
     count = len(mixture.mean)
     peak = mixture.log_density(mixture.mean).tolist()
-    share = torch.linspace(0.0, 1.0, _STEPS, dtype=mixture.mean.dtype, device=mixture.mean.device)
+    share = torch.linspace(
+        0.0, 1.0, MODES.places, dtype=mixture.mean.dtype, device=mixture.mean.device
+    )
     saddles = []
     for one, other in combinations(range(count), 2):
         path = torch.lerp(mixture.mean[one], mixture.mean[other], share[:, None])
@@ -62,7 +52,7 @@ def _joined(mixture: GaussianMixture) -> list[int]:
     group = list(range(count))
     for saddle, one, other in sorted(saddles, reverse=True):
         a, b = group[one], group[other]
-        if a != b and saddle > min(peak[a], peak[b]) + math.log(_SADDLE):
+        if a != b and saddle > min(peak[a], peak[b]) + math.log(MODES.saddle):
             group = [a if g == b else g for g in group]
             peak[a] = max(peak[a], peak[b])
     return group
@@ -84,21 +74,21 @@ def _dips(first: Tensor, second: Tensor) -> bool:
     inside = inside + 1e-9 * inside.diagonal().mean() * torch.eye(len(inside)).to(inside)
     direction = torch.linalg.solve(inside, second.mean(0) - first.mean(0))
     low, high = first @ direction, second @ direction
-    width = _BANDWIDTH * min(float(low.std()), float(high.std())) + 1e-12
+    width = MODES.bandwidth * min(float(low.std()), float(high.std())) + 1e-12
     ends = (float(low.mean()), float(high.mean()))
-    places = torch.linspace(*ends, _STEPS, dtype=low.dtype, device=low.device)
+    places = torch.linspace(*ends, MODES.places, dtype=low.dtype, device=low.device)
     offset = (places[:, None] - torch.cat([low, high])) / width
     density = torch.exp(-0.5 * offset.square()).mean(1)
     least = int(density.argmin())
     peaks = min(density[: least + 1].max(), density[least:].max())
-    return bool(density[least] < _DIP * peaks)
+    return bool(density[least] < MODES.dip * peaks)
 
 
 def _numbered(x: Tensor, member: Tensor) -> Tensor:
     """Modes by weight, the smallest ones given to their neighbours."""
     labels, counts = torch.unique(member, return_counts=True)
     labels = labels[counts.argsort(descending=True)]
-    least = min(max(_LEAST_WEIGHT * len(x), _LEAST_DRAWS), int(counts.max()))
+    least = min(max(MODES.least_weight * len(x), MODES.least_draws), int(counts.max()))
     kept = labels[: int((counts >= least).sum())]
     centre = torch.stack([x[member == label].mean(dim=0) for label in kept])
     number = torch.cdist(x, centre).argmin(dim=1)

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from femupdate.inference.mixture import StudentMixture, fit_mixture
 from femupdate.inference.tempering import Points, Slopes, Tempered
+from femupdate.thresholds import entry
 
 
 class MoveState(Protocol):
@@ -99,22 +100,23 @@ class Proposing(Tuned):
 
 @dataclass(frozen=True)
 class MixtureIndependence:
-    """Draws from a mixture fitted to the particles, whatever the particle was.
+    """Draws from a mixture fitted to the particles, whatever the particle was."""
 
-    Attributes:
-        components: of the mixture, at most.
-        distinct: distinct particles that a component needs, a coordinate and its weight: on a few
-            points each it would propose those again and again.
-        fitted: particles a component that the fit looks at; more do not make it better.
-        freedom, widen: of the tails and of the covariances: the mixture reaches beyond the
-            particles, which lag behind where the likelihood moves on.
-    """
-
-    components: int = 8
-    distinct: int = 5
-    fitted: int = 500
-    freedom: int = 4
-    widen: float = 1.5
+    components: int = entry(8, "Students", "of the mixture, at most")
+    distinct: int = entry(
+        5,
+        "particles",
+        "distinct, that a Student needs, for every coordinate and weight",
+        "on a few points it would propose those again and again",
+    )
+    fitted: int = entry(500, "particles", "for every Student that the fit looks at")
+    freedom: int = entry(4, "degrees", "of freedom of its tails")
+    widen: float = entry(
+        1.5,
+        "factor",
+        "on the covariances",
+        "particles lag behind where the likelihood moves on",
+    )
     slopes: Slopes = "none"
 
     def init(

@@ -24,17 +24,10 @@ from femupdate.dynamics.history import Histories
 from femupdate.inference.error_draws import ErrorDraws, SizeDraws
 from femupdate.inference.model_error import MODEL_ERROR, Harmonics
 from femupdate.inference.posterior import Posterior
+from femupdate.inference.thresholds import EVENT
 from femupdate.measurement.observation import Observation
 from femupdate.seeds import Seed, spawn
 
-# Silence behind a record, s: what errors delay must not come round to its beginning.
-_SILENCE_S = 20.0
-# Largest standard deviation of the part of a response that does not follow the base.
-_MOST = 0.5
-# Share of what the coherence says of that part: the rest is leakage of the strong part of a short
-# record. Over six earthquakes of one hotel a quarter gives bands that hold 95 % of the samples.
-_NOT_LEAKAGE = 0.25
-_SMOOTH = 9  # points over which differences of runs are averaged
 _SAMPLES = 8  # at a time: spectra are large
 
 
@@ -69,7 +62,7 @@ class EventErrors:
 
     def _erring(self, some: Histories, first: int) -> Histories:
         count = some.floor_acceleration.shape[-1]
-        padded = count + round(_SILENCE_S / some.time_step)
+        padded = count + round(EVENT.silence_s / some.time_step)
         frequency = np.asarray(np.fft.rfftfreq(padded, some.time_step), dtype=np.float64)
         factor = self._factor(some.floors, frequency, first, len(some))
         # A story errs as the floor on top of it does.
@@ -152,7 +145,8 @@ def between_runs(
     beyond = np.maximum(observation.scatter / (runs - 1) - 1.0, 0.0)
     variance = beyond * runs * np.square(np.nan_to_num(observation.noise_sd))
     rows = [
-        np.minimum(uniform_filter1d(row[valid], _SMOOTH, mode="nearest"), _MOST**2) ** 0.5
+        np.minimum(uniform_filter1d(row[valid], EVENT.smooth, mode="nearest"), EVENT.most_apart**2)
+        ** 0.5
         if valid.any()
         else None
         for row, valid in zip(variance, observation.valid, strict=True)
@@ -173,7 +167,9 @@ def incoherent_share(
     rows = []
     for values, valid in zip(observation.coherence, observation.valid, strict=True):
         known = np.clip(values[valid], 1e-3, 1.0)
-        share = _NOT_LEAKAGE * np.minimum(np.sqrt(0.5 * (1.0 - known) / known), _MOST)
+        share = EVENT.not_leakage * np.minimum(
+            np.sqrt(0.5 * (1.0 - known) / known), EVENT.most_apart
+        )
         rows.append(share if valid.any() else None)
     return _on_floors(observation, rows, floors, frequency_hz)
 

@@ -7,14 +7,8 @@ from torch import Tensor
 from torch.quasirandom import SobolEngine
 
 from femupdate.inference.parameters import Parameters
+from femupdate.inference.thresholds import PRIOR_SEARCH
 from femupdate.seeds import Seed, torch_generator
-
-_PROBES_A_PARAMETER = 128
-_STARTS_A_PARAMETER = 4
-_MOST_PROBES = 2048
-# Distance in the unit cube, over the square root of its dimensions, within which two starts are
-# likely to end at one maximum.
-_APART = 0.12
 
 
 def best_of_prior(
@@ -27,7 +21,7 @@ def best_of_prior(
         log_likelihood: (n,) of parameters (n, p).
         seed: of the points that are tried.
     """
-    count = min(_PROBES_A_PARAMETER * prior.size, _MOST_PROBES)
+    count = min(PRIOR_SEARCH.probes * prior.size, PRIOR_SEARCH.most_probes)
     scramble = int(torch.randint(2**31, (1,), generator=torch_generator(seed)))
     unit = SobolEngine(prior.size, scramble=True, seed=scramble).draw(count, dtype=torch.float64)
     unit = unit.clamp(1e-6, 1.0 - 1e-6)
@@ -35,9 +29,9 @@ def best_of_prior(
     value = log_likelihood(parameters).nan_to_num(nan=-torch.inf)
     chosen: list[int] = []
     for row in torch.argsort(value, descending=True).tolist():
-        if len(chosen) == _STARTS_A_PARAMETER * prior.size:
+        if len(chosen) == PRIOR_SEARCH.starts * prior.size:
             break
         away = (unit[chosen] - unit[row]).norm(dim=1)
-        if bool((away > _APART * prior.size**0.5).all()):
+        if bool((away > PRIOR_SEARCH.apart * prior.size**0.5).all()):
             chosen.append(row)
     return parameters[chosen], count

@@ -26,7 +26,6 @@ from femupdate.inference.moves import (
 )
 from femupdate.inference.parameters import Parameters
 from femupdate.inference.tempering import (
-    EDGE,
     LogLikelihood,
     Points,
     Slopes,
@@ -35,42 +34,40 @@ from femupdate.inference.tempering import (
     next_increment,
     systematic_rows,
 )
+from femupdate.inference.thresholds import DRAWS
 from femupdate.seeds import Seed, torch_generator
+from femupdate.thresholds import entry
 
 logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True)
 class SmcSettings:
-    """Settings of the sampler; see also `PAPER`, `THOROUGH` and `POPULATION`.
+    """Settings of the sampler by tempering; see also `PAPER`, `THOROUGH` and `POPULATION`."""
 
-    Attributes:
-        ess_target: effective sample size that a tempering step keeps, as a share of the particles.
-        moves: of every particle at a level.
-        walk_scale: b of the random walk of covariance b^2 S.
-        independence_moves: so many of the moves, the first ones, come from a mixture fitted to the
-            particles.
-        components: Gaussians in that mixture.
-        most_levels: give up after so many levels.
-        unmoved: stop the moves of a level once no more than this share of the particles has yet
-            to move (the adaptive number of moves of Buchholz, Chopin & Jacob 2021); 0 for always
-            all moves.
-        groups: of particles that are resampled apart.
-        rows: likelihoods whose derivatives are taken at a time.
-        settle: moves at the whole likelihood before draws are kept, in which the tuning comes to
-            rest.
-    """
-
-    ess_target: float = 0.5
-    moves: int = 10
-    walk_scale: float = 0.2
-    independence_moves: int = 6
-    components: int = 8
-    most_levels: int = 200
-    unmoved: float = 0.1
-    groups: int = 1
-    rows: int = 128
-    settle: int = 6
+    ess_target: float = entry(
+        0.5, "share", "of the particles that stay effective in a step of tempering"
+    )
+    moves: int = entry(10, "moves", "of every particle at a level", "the published sampler")
+    walk_scale: float = entry(
+        0.2, "sd", "b of the random walk of covariance b^2 S", "Ching and Chen (2007)"
+    )
+    independence_moves: int = entry(
+        6, "moves", "of these, the first ones, from Gaussians fitted to the particles"
+    )
+    components: int = entry(8, "Gaussians", "that are fitted")
+    most_levels: int = entry(200, "levels", "after which the sampler gives up")
+    unmoved: float = entry(
+        0.1,
+        "share",
+        "of the particles yet to move at which the moves of a level end; 0 for all moves",
+        "adaptive as in Buchholz, Chopin and Jacob (2021)",
+    )
+    groups: int = entry(1, "groups", "of particles that are resampled apart")
+    rows: int = entry(128, "likelihoods", "whose derivatives are taken at a time")
+    settle: int = entry(
+        6, "moves", "at the whole likelihood before draws are kept, in which the tuning rests"
+    )
 
     def schedule(self) -> Schedule:
         """The moves of a level: from a mixture, then a random walk."""
@@ -429,7 +426,7 @@ class TemperedSmc:
                 "the draws to start from leave the box of the prior; draw them under this prior"
             )
         least = torch.finfo(unit.dtype).eps / 2.0
-        return torch.special.ndtri(unit.clamp(least, 1.0 - least)).clamp(-EDGE, EDGE)
+        return torch.special.ndtri(unit.clamp(least, 1.0 - least)).clamp(-DRAWS.edge, DRAWS.edge)
 
 
 __all__ = [

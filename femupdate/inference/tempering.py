@@ -8,15 +8,13 @@ import torch
 from torch import Tensor
 
 from femupdate.inference.parameters import Parameters
+from femupdate.inference.thresholds import DRAWS
 
 LogLikelihood = Callable[[Tensor], Tensor]
 """Log likelihood (n,) of parameters (n, p)."""
 
 Slopes = Literal["none", "base", "both"]
 """Of which log likelihoods the derivatives are taken."""
-
-EDGE = 8.0
-"""Standard normal coordinates beyond which a parameter is at its bound."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +93,7 @@ class Tempered:
 
     def parameters(self, xi: Tensor) -> Tensor:
         """(n, p) of coordinates (n, d)."""
-        return self.prior.from_normal(xi.clamp(-EDGE, EDGE))
+        return self.prior.from_normal(xi.clamp(-DRAWS.edge, DRAWS.edge))
 
     def at(self, xi: Tensor, slopes: Slopes = "none") -> Points:
         """Likelihoods at coordinates (n, d); that of the base is left out at the whole power."""
@@ -145,7 +143,7 @@ class Tempered:
             return torch.where(wrong, -torch.inf, value), torch.zeros_like(xi)
         parts = []
         for rows in xi.split(self.rows):
-            free = rows.clamp(-EDGE, EDGE).detach().requires_grad_()
+            free = rows.clamp(-DRAWS.edge, DRAWS.edge).detach().requires_grad_()
             value = log_likelihood(self.prior.from_normal(free)).to(torch.float64)
             (slope,) = torch.autograd.grad(value.sum(), free)
             parts.append((value.detach(), slope))

@@ -27,11 +27,7 @@ from femupdate.seeds import Seed, spawn, torch_generator
 from femupdate.workflow.calibrate_settings import CalibrationSettings, Sampled, plain_settings
 from femupdate.workflow.kinds import Measured, check_measured, mode_sentences
 from femupdate.workflow.model import StudyModel
-
-PREDICTIVE = 200
-_CHECKED = 100
-_ZETA_GRID = 25
-_ZETA_SAMPLES = 48
+from femupdate.workflow.thresholds import CALIBRATION
 
 
 def posterior_of(
@@ -103,15 +99,15 @@ def draw_zeta(
     """
     damping = model.damping
     rng = np.random.default_rng(seed)
-    some = torch.from_numpy(theta[rng.permutation(len(theta))[:_ZETA_SAMPLES]])
-    grid = torch.linspace(damping.lower, damping.upper, _ZETA_GRID, dtype=torch.float64)
+    some = torch.from_numpy(theta[rng.permutation(len(theta))[: CALIBRATION.zeta_samples]])
+    grid = torch.linspace(damping.lower, damping.upper, CALIBRATION.zeta_grid, dtype=torch.float64)
     judge = likelihood or DataLikelihood(model.system, observation)
     both = torch.cat([some.repeat_interleave(len(grid), 0), grid.repeat(len(some))[:, None]], dim=1)
     log_density = judge(both).reshape(len(some), len(grid))
     density = torch.softmax(log_density, dim=1).mean(dim=0).numpy()
     # Within a cell of the grid zeta is uniform.
-    width = (damping.upper - damping.lower) / (_ZETA_GRID - 1)
-    drawn = grid.numpy()[rng.choice(_ZETA_GRID, size=len(theta), p=density)]
+    width = (damping.upper - damping.lower) / (CALIBRATION.zeta_grid - 1)
+    drawn = grid.numpy()[rng.choice(CALIBRATION.zeta_grid, size=len(theta), p=density)]
     spread = drawn + width * (rng.random(len(theta)) - 0.5)
     return np.clip(spread, damping.lower, damping.upper)
 
@@ -127,7 +123,11 @@ def latent_zeta(latent: FoundLatent, damping: Parameter, count: int, seed: Seed)
 
 
 def predictive_log_frf(
-    system: System, model: StudyModel, posterior: Posterior, count: int = PREDICTIVE, seed: int = 0
+    system: System,
+    model: StudyModel,
+    posterior: Posterior,
+    count: int = CALIBRATION.predictive,
+    seed: int = 0,
 ) -> Floats:
     """ln|H| (n, f, k) of all floors at n posterior draws, measured or not."""
     draws, zeta = posterior.thinned(count, seed)
@@ -194,7 +194,7 @@ def against_modes(
 
 def _some_draws(model: StudyModel, posterior: Posterior, seed: Seed) -> Tensor:
     """At most a hundred draws (n, p), the damping ratio last."""
-    theta, zeta = posterior.thinned(_CHECKED, seed)
+    theta, zeta = posterior.thinned(CALIBRATION.checked, seed)
     ratio = zeta if zeta is not None else np.full(len(theta), model.building.damping.ratio)
     return torch.from_numpy(np.column_stack([theta, ratio]))
 

@@ -25,8 +25,7 @@ from femupdate.workflow.observed import ObservationSource, as_one, runs_of
 from femupdate.workflow.repaired import effect_posterior
 from femupdate.workflow.second_record import SecondRecord, level_between
 from femupdate.workflow.summary import identified, write_summary
-
-_CHECKED = 100
+from femupdate.workflow.thresholds import CALIBRATION
 
 
 def calibrate_with_effects(
@@ -100,7 +99,7 @@ def _records(
 def _check(data: FrfData, fitted: Fit, draws: Draws) -> PredictiveCheck:
     """Posterior predictive check with the noise as stated; errors that points share are part of it,
     as they are of the likelihood."""
-    some = slice(None, None, max(1, len(draws.theta) // _CHECKED))
+    some = slice(None, None, max(1, len(draws.theta) // CALIBRATION.checked))
     parts = (torch.from_numpy(values[some]) for values in (draws.theta, draws.zeta, draws.sizes))
     (error,), (row,) = fitted.problem.error.parts, fitted.problem.row
     residual = error.tame(raw_residuals(fitted, fitted.coordinates.joined(*parts)), row)

@@ -30,11 +30,12 @@ from femupdate.workflow.calibrate_settings import (
     by_importance,
     by_runs,
 )
-from femupdate.workflow.decoded import FEW, sample_annealed
+from femupdate.workflow.decoded import sample_annealed
 from femupdate.workflow.kinds import Measured, likelihoods_of_others
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.sampling import BRIDGE, FIRST, ChainRunner
 from femupdate.workflow.surrogates import find_surrogate
+from femupdate.workflow.thresholds import CALIBRATION
 
 
 @dataclass(frozen=True)
@@ -115,7 +116,7 @@ def sample_exact(
         return _of_any_kind(problem, run)
     observation = measured.base
     found = find_surrogate(study, model.building)
-    if problem.prior.size > FEW:
+    if problem.prior.size > CALIBRATION.few:
         sampled = _by_trajectories(problem, found, run)
     elif found is None:
         sampled = _by_particles(problem, None, run)
@@ -132,7 +133,7 @@ def sample_exact(
 
 def _of_any_kind(problem: _Problem, run: ChainRunner) -> Sampled:
     """Without a surrogate: about maxima that the most likely points of the prior lead to."""
-    if problem.prior.size > FEW:
+    if problem.prior.size > CALIBRATION.few:
         return _by_trajectories(problem, None, run)
     tried = 0
     if not problem.measured.has_base:

@@ -19,10 +19,11 @@ from femupdate.workflow.calibrate_notes import (
     require_own_building,
 )
 from femupdate.workflow.calibrate_settings import CalibrationSettings, Sampled, by_runs
-from femupdate.workflow.decoded import FEW, sample_decoded, sampled_groups
+from femupdate.workflow.decoded import sample_decoded, sampled_groups
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.sampling import FIRST, ChainRunner
 from femupdate.workflow.surrogates import require_surrogate
+from femupdate.workflow.thresholds import CALIBRATION
 
 
 def sample_latent(
@@ -37,7 +38,7 @@ def sample_latent(
     least = surrogate.info.noise_sd
     calibration = calibration_notes(surrogate.info, observation)
     # Draws on the decoder know no effects.
-    if model.prior.size > FEW and not model.system.placed:
+    if model.prior.size > CALIBRATION.few and not model.system.placed:
         results, notes = _sample_decoded(surrogate, model, observation, settings, run)
         drawn = by_runs("latent", "Hamiltonian moves judged by the reduced model", results)
         told = (*noise_notes(surrogate.info, observation), *notes, *calibration)

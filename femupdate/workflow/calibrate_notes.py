@@ -5,30 +5,18 @@ import numpy as np
 from femupdate.errors import MeasurementError
 from femupdate.inference.bridge import BridgeResult
 from femupdate.inference.decoded_chains import DecodedPosterior
-from femupdate.inference.diagnostics import AGREEING, r_hat
+from femupdate.inference.diagnostics import r_hat
 from femupdate.inference.latent_likelihood import LatentLikelihood
 from femupdate.inference.learned import Settled
 from femupdate.inference.posterior import Posterior
 from femupdate.inference.smc import SmcResult
+from femupdate.inference.thresholds import DRAWS
 from femupdate.measurement.observation import Observation
 from femupdate.surrogate.storage import ANY_FLOORS, SurrogateInfo
 from femupdate.workflow.calibrate_draws import Fitting
 from femupdate.workflow.decoded import tempered_words
 from femupdate.workflow.model import StudyModel
-
-# Share of the noise that a decoder, corrected, may miss the building by where its draws are: more,
-# and the corrections have not led to the posterior.
-_DECODER_MAY_MISS = 0.25
-# Noise of the data over that which a surrogate allows, below which it is worth a word: that of two
-# runs together is.
-_MUCH_LESS = 0.75
-# Share of the measured variation below which an observation says nothing of its building.
-_EXPLAINED = 0.25
-# Draws that lie this near a limit, of the prior's width, and share of them that is worth a word:
-# a prior has that share of its width there itself.
-_NEAR, _PRESSED = 0.02, 0.3
-# Posterior predictive p-value below which it is worth a word.
-_UNUSUAL = 0.01
+from femupdate.workflow.thresholds import CALIBRATION
 
 
 def decoded_notes(found: DecodedPosterior, noise: float) -> tuple[str, ...]:
@@ -39,7 +27,7 @@ def decoded_notes(found: DecodedPosterior, noise: float) -> tuple[str, ...]:
         f"{found.decoder_error:.2g} to {found.error:.2g} in ln|H| (rms), and judged the moves "
         f"({found.draws.acceptance:.0%} accepted)."
     ]
-    if found.error > _DECODER_MAY_MISS * noise:
+    if found.error > CALIBRATION.decoder_may_miss * noise:
         notes.append(
             f"That is too much beside a noise of {noise:.2g}: do not trust this posterior; train "
             "on more samples, or use --exact."
@@ -62,7 +50,7 @@ def reduction_notes(model: StudyModel, observation: Observation) -> tuple[str, .
 def noise_notes(info: SurrogateInfo, observation: Observation) -> tuple[str, ...]:
     """Where the data have less noise than the surrogate assumes."""
     typical = float(np.median(observation.noise_sd[observation.valid]))
-    if typical >= _MUCH_LESS * info.noise_sd:
+    if typical >= CALIBRATION.much_less * info.noise_sd:
         return ()
     return (
         f"The latent likelihood assumes an error of {info.noise_sd:g} in ln|H| (noise and "
@@ -174,7 +162,7 @@ def require_own_building(model: StudyModel, settled: Settled, *, anyway: bool) -
         return
     maxima = model.parameters.from_normal(settled.found.z)
     explained = settled.likelihood.data.explained(maxima)
-    if not explained >= _EXPLAINED:  # which no number is not
+    if not explained >= CALIBRATION.explained:  # which no number is not
         best = max(float(np.nan_to_num(explained)), 0.0)
         raise MeasurementError(
             f"the observation is unlike anything that {model.building.name} can do: its best "
@@ -184,7 +172,7 @@ def require_own_building(model: StudyModel, settled: Settled, *, anyway: bool) -
 
 
 def _unlike(fitting: Fitting) -> list[str]:
-    if fitting.explained is None or fitting.explained >= _EXPLAINED:
+    if fitting.explained is None or fitting.explained >= CALIBRATION.explained:
         return []
     return ["The observation is unlike anything that this building can do: do not trust this."]
 
@@ -203,7 +191,7 @@ def _missed(posterior: Posterior, fitting: Fitting) -> list[str]:
             f"(rms, best draw): something is missing in the model; {allowed}, and `femupdate "
             "diagnose` looks for it."
         )
-    if check is not None and check.whole < _UNUSUAL:
+    if check is not None and check.whole < CALIBRATION.unusual:
         share = f"{check.whole:.1%}" if check.whole >= 1e-3 else "Less than 0.1%"
         notes.append(
             f"{share} of data drawn from the posterior miss the model as much as the measured "
@@ -218,11 +206,11 @@ def _at_limits(posterior: Posterior) -> list[str]:
     draws = posterior.samples
     told = []
     for end, values in (("lower", posterior.lower), ("upper", posterior.upper)):
-        near = (np.abs(draws - values) < _NEAR * width).mean(axis=0)
+        near = (np.abs(draws - values) < CALIBRATION.near * width).mean(axis=0)
         named = [
             f"{name} ({limit:.3g})"
             for name, limit, share in zip(posterior.names, values, near, strict=True)
-            if share > _PRESSED
+            if share > CALIBRATION.pressed
         ]
         if named:
             told.append(
@@ -234,6 +222,6 @@ def _at_limits(posterior: Posterior) -> list[str]:
 
 def _runs_apart(posterior: Posterior) -> list[str]:
     worst = r_hat(posterior.theta)
-    if worst is None or worst.max() <= AGREEING:
+    if worst is None or worst.max() <= DRAWS.agreeing:
         return []
     return [f"The independent runs differ (r-hat up to {worst.max():.2f}): use more particles."]

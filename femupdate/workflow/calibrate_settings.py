@@ -11,8 +11,7 @@ from femupdate.inference.learned import LearnedLikelihood
 from femupdate.inference.parameters import Parameters
 from femupdate.inference.posterior import DrawnBy
 from femupdate.inference.smc import SmcResult, SmcSettings
-
-_CHAINS = 4
+from femupdate.workflow.thresholds import CALIBRATION
 
 
 @dataclass(frozen=True)
@@ -31,7 +30,7 @@ class CalibrationSettings:
 
     particles: int = 5000
     exact: bool = False
-    chains: int = _CHAINS
+    chains: int = CALIBRATION.chains
     seed: int = 0
     device: str = "cpu"
     anyway: bool = False

@@ -12,15 +12,12 @@ from femupdate.arrays import Floats
 from femupdate.building.files import load_building
 from femupdate.building.parameters import factor_titles
 from femupdate.errors import InferenceError, StudyError
-from femupdate.inference.change import NAMED, Changes, changes
+from femupdate.inference.change import Changes, changes
 from femupdate.inference.posterior import Posterior, load_posterior
+from femupdate.inference.thresholds import CHANGE
 from femupdate.study import BUILDING_FILE, Study
 from femupdate.tables import table
 from femupdate.workflow.summary import kept_summary
-
-_LIKELY_NONE = 0.8  # probability from which nothing counts as changed
-_ALIKE = 0.5  # probability from which all changed alike
-_MISFIT = 1.5  # mean squared residual over the noise from which a posterior is too narrow
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,17 +71,17 @@ class CompareReport:
     @property
     def verdict(self) -> str:
         """ "changed", "unchanged" or "unclear"."""
-        if (self.changes.probability >= NAMED).any():
+        if (self.changes.probability >= CHANGE.named).any():
             return "changed"
-        return "unchanged" if self.changes.none >= _LIKELY_NONE else "unclear"
+        return "unchanged" if self.changes.none >= CHANGE.likely_none else "unclear"
 
     @property
     def named(self) -> tuple[str, ...]:
         """Names of the factors that changed, by the verdict; none where all changed alike."""
-        if self.verdict != "changed" or self.changes.alike > _ALIKE:
+        if self.verdict != "changed" or self.changes.alike > CHANGE.alike:
             return ()
         pairs = zip(self.names, self.changes.probability, strict=True)
-        return tuple(name for name, probability in pairs if probability >= NAMED)
+        return tuple(name for name, probability in pairs if probability >= CHANGE.named)
 
     def sentence(self) -> str:
         """The verdict for an engineer."""
@@ -102,7 +99,7 @@ class CompareReport:
                 f"({_share(found.probability[likeliest])}). A change of one story is seen from "
                 f"{_range(found.visible)} on."
             )
-        if found.alike > _ALIKE:
+        if found.alike > CHANGE.alike:
             return (
                 f"All stiffnesses changed alike, by {_change(found.size[0], found.size_sd[0])}, "
                 f"with a probability of {_share(found.alike)}. Look for a common reason first: "
@@ -278,7 +275,7 @@ def _notes(before: State, after: State) -> tuple[str, ...]:
 def _widths(before: State, after: State) -> tuple[str, ...]:
     """What the posteriors say of themselves that bears on a comparison."""
     worst = max(one.summary.get("misfit") or 0.0 for one in (before, after))
-    if worst <= _MISFIT:
+    if worst <= CHANGE.misfit:
         return ()
     return (
         f"The model misses the data by {worst**0.5:.2g} times their noise: the probabilities are "

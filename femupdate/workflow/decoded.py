@@ -26,8 +26,6 @@ from femupdate.surrogate.storage import TrainedSurrogate
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.sampling import BRIDGE, ChainRunner
 
-# Parameters up to which particles from the prior find a posterior, and Gaussians describe it.
-FEW = 10
 # Responses of a building do not go faster by the hundred on a processor.
 _ROWS = 8
 

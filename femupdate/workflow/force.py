@@ -21,14 +21,10 @@ from femupdate.study import Study, damaged
 from femupdate.units import STANDARD_GRAVITY
 from femupdate.workflow.finer_mesh import FINER, half_mesh_size
 from femupdate.workflow.model import REDUCED, StudyModel
+from femupdate.workflow.thresholds import UNITS
 
 REST = "flexibility under forces"
 _FILE = "force_flexibility.npz"
-_PROBES = 256
-# A level that misses all that the prior can do by more than this factor is no model error.
-_LEVEL = 2.0
-# Floor over base acceleration is one at zero frequency whatever the building is.
-_BASE_LEVEL = 6.0
 # What files are wrong by: factors, and powers of omega of another quantity.
 _FACTORS = {
     "in m/s2, not in g": STANDARD_GRAVITY,
@@ -92,11 +88,11 @@ def check_level(model: StudyModel, likelihood: ForceLikelihood, one: ForcedObser
         MeasurementError: no parameters of the prior come near the level; another unit or quantity
             would, and is named.
     """
-    draws = model.parameters.sample(_PROBES, _generator())
+    draws = model.parameters.sample(UNITS.probes, _generator())
     away = likelihood.measured - likelihood.predict(draws)
     omega = (2.0 * torch.pi * likelihood.frequency_hz).log()
     level, spread = _level(away, omega, 0)
-    if level <= math.log(_LEVEL):
+    if level <= math.log(UNITS.force_level):
         return
     raise MeasurementError(_sentence(one, away, omega, spread))
 
@@ -111,13 +107,13 @@ def check_base_level(model: StudyModel, base: Observation) -> None:
     """
     if base.coherence is not None or not base.valid.any():
         return  # estimated here, from histories of the base and the floors
-    draws = model.parameters.split(model.parameters.sample(_PROBES, _generator()))
+    draws = model.parameters.split(model.parameters.sample(UNITS.probes, _generator()))
     both = torch.cat([draws.theta, draws.sizes], dim=1)
     predicted = DataLikelihood(model.system, base).predict(both, draws.zeta)
     valid = torch.from_numpy(base.valid)
     away = torch.where(valid, torch.from_numpy(base.log_frf) - predicted, torch.nan)
     level, scatter = _level(away, torch.zeros(()), 0)
-    if level + scatter <= math.log(_BASE_LEVEL):
+    if level + scatter <= math.log(UNITS.base_level):
         return
     raise MeasurementError(
         f"{base.source}: |H| of {', '.join(base.floors)} is {math.exp(level + scatter):.3g} times"
@@ -167,7 +163,7 @@ def _sentence(one: ForcedObservation, away: Tensor, omega: Tensor, spread: float
             told = f"{_QUANTITIES[power + shift]} " if shift else ""
             if level + scatter < best:
                 best, guess = level + scatter, f"{told}{words}".strip()
-    hint = f"; it fits if it is {guess}" if best < math.log(_LEVEL) + spread else ""
+    hint = f"; it fits if it is {guess}" if best < math.log(UNITS.force_level) + spread else ""
     return (
         f"{said} is {math.exp(level):.3g} times away from all that the building's masses allow"
         f"{hint}; correct its unit, or the masses of the building"

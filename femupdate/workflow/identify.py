@@ -18,8 +18,7 @@ from femupdate.measurement.registry import read_measured
 from femupdate.measurement.text import TextFile
 from femupdate.measurement.write import write_modes
 from femupdate.tables import table
-
-_LARGEST = 1e9  # of a motion, in any unit
+from femupdate.workflow.thresholds import UNITS
 
 
 @dataclass(frozen=True)
@@ -136,9 +135,10 @@ def _values(file: TextFile, floors: Mapping[Channel, RecordedChannel]) -> Floats
     dead = next((one.name for one in channels if np.ptp(one.values) == 0.0), None)
     if dead is not None:
         raise file.error(f"channel {dead!r} is dead: all its values are the same; leave it out")
-    wild = next((one.name for one in channels if np.abs(one.values).max() > _LARGEST), None)
+    most = UNITS.largest_motion
+    wild = next((one.name for one in channels if np.abs(one.values).max() > most), None)
     if wild is not None:
-        raise file.error(f"channel {wild!r} holds values above {_LARGEST:g}; remove the spikes")
+        raise file.error(f"channel {wild!r} holds values above {most:g}; remove the spikes")
     if len(units) == 1:
         return np.array([one.values for one in channels])
     if None in units:

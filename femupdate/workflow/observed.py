@@ -18,8 +18,7 @@ from femupdate.measurement.observation_file import read_observation_file
 from femupdate.measurement.pooled import pooled
 from femupdate.study import file_hash
 from femupdate.workflow.model import StudyModel
-
-_LEAST_FREQUENCIES = 10
+from femupdate.workflow.thresholds import UNITS
 
 
 @dataclass(frozen=True)
@@ -197,7 +196,7 @@ def _within(observation: Observation, band_hz: tuple[float, float]) -> Observati
 
 def _require_frequencies(runs: Sequence[Observation], band_hz: tuple[float, float]) -> None:
     for run in runs:
-        if run.valid.any(axis=0).sum() < _LEAST_FREQUENCIES:
+        if run.valid.any(axis=0).sum() < UNITS.least_frequencies:
             raise MeasurementError(
                 f"{run.source}: fewer than ten frequencies lie between {band_hz[0]:g} and "
                 f"{band_hz[1]:g} Hz and can be used; widen --band"

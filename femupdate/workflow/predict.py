@@ -23,6 +23,7 @@ from femupdate.dynamics.superposition import BaseMotion
 from femupdate.dynamics.system import System
 from femupdate.inference.next_event import EventErrors
 from femupdate.inference.posterior import Posterior, load_posterior
+from femupdate.inference.thresholds import EVENT
 from femupdate.measurement.record import GroundMotion, read_record
 from femupdate.progress import Progress, Silent
 from femupdate.seeds import spawn
@@ -46,8 +47,6 @@ from femupdate.workflow.prediction_quantities import TIDY, PeakDraws, Quantity, 
 
 PREDICTION = "prediction"
 _EXAMPLES = 100
-# Errors of the model fade below this share of the lowest frequency.
-_FADING = 0.25
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -234,7 +233,7 @@ def _in_another_event(task: _Task, draws: PredictionDraws) -> HistorySummary:
     task.show.start("Integrating the response of another event", len(draws.zeta))
     histories, _ = _histories(task, moved)
     lowest = float(task.system.modes(*task.system.split(draws.parameters[:1])).omega.min())
-    errors = EventErrors(task.posterior, draws.rows, _FADING * lowest / (2.0 * np.pi), erring)
+    errors = EventErrors(task.posterior, draws.rows, EVENT.fading * lowest / (2.0 * np.pi), erring)
     return summarise(errors.applied(histories), _EXAMPLES)
 
 

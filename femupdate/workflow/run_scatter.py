@@ -14,12 +14,7 @@ from femupdate.inference.posterior import Posterior
 from femupdate.measurement.observation import Observation
 from femupdate.seeds import Seed
 from femupdate.workflow.model import StudyModel
-
-# Points of the grid to both sides of its middle, in ln stiffness and in ln damping.
-_POINTS = 17
-_WIDEST = np.array([0.4, 1.5])
-_ROUNDS = 4  # of the grid, each about what the one before found
-_REACH = 4.0  # standard deviations to both sides
+from femupdate.workflow.thresholds import RUNS
 
 
 def scatter_of_runs(
@@ -67,15 +62,15 @@ def moments_on_grid(judge: Callable[[Tensor], Tensor], damping: bool) -> Floats:
         judge: log density (n,) of ln stiffness and ln damping (n, 2).
         damping: whether the second is free; else it is zero, and its deviation infinite.
     """
-    centre, half = np.zeros(2), _WIDEST * [1.0, float(damping)]
+    centre, half = np.zeros(2), np.array([RUNS.stiffness, RUNS.damping * damping])
     mean, sd = centre, half
-    for _ in range(_ROUNDS):
-        axes = [np.linspace(c - h, c + h, _POINTS) for c, h in zip(centre, half, strict=True)]
+    for _ in range(RUNS.rounds):
+        axes = [np.linspace(c - h, c + h, RUNS.points) for c, h in zip(centre, half, strict=True)]
         points = np.stack(np.meshgrid(*(axes if damping else (axes[0], [0.0]))), axis=-1)
         points = points.reshape(-1, 2)
         weight = torch.softmax(judge(torch.from_numpy(points)), dim=0).numpy()
         mean = weight @ points
         sd = np.sqrt(weight @ (points - mean) ** 2)
-        cell = 2.0 * half / (_POINTS - 1)
-        centre, half = mean, np.minimum(half, np.maximum(_REACH * sd, 2.0 * cell))
+        cell = 2.0 * half / (RUNS.points - 1)
+        centre, half = mean, np.minimum(half, np.maximum(RUNS.reach * sd, 2.0 * cell))
     return np.array([mean, np.where([True, damping], sd, np.inf)])

@@ -26,11 +26,11 @@ from femupdate.inference.smc import (
 from femupdate.inference.tempering import LogLikelihood, Points
 from femupdate.progress import Percent, Progress
 from femupdate.seeds import Seed, spawn
+from femupdate.workflow.thresholds import CALIBRATION
 
 FIRST, BRIDGE = 0, 1
 """Stages of a calibration, each with random streams of its own."""
 _TENSORS = ("xi", "base", "target")
-_LEAST_PARTICLES = 50
 # Writing the state takes milliseconds; a run that takes seconds in all need not do it every level.
 _SAVE_EVERY_S = 2.0
 
@@ -58,7 +58,7 @@ class ChainRunner:
     @property
     def each(self) -> int:
         """Particles of one run."""
-        return max(self.particles // self.chains, _LEAST_PARTICLES)
+        return max(self.particles // self.chains, CALIBRATION.least_particles)
 
     def stage(self, number: int) -> Seed:
         """The stream of a stage, `FIRST` or `BRIDGE`."""

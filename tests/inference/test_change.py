@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from femupdate.inference.change import NAMED, NONE, SCALE, changes
+from femupdate.inference.change import changes
+from femupdate.inference.thresholds import CHANGE
 
 COUNT = 4
 
@@ -24,13 +25,13 @@ def test_probabilities_follow_from_bayes_theorem():
     after = rng.normal(size=(400, 2)) * 0.02 + [0.0, -0.09]
     shift = after.mean(axis=0) - before.mean(axis=0)
     covariance = np.cov(before.T) + np.cov(after.T)
-    one = 1.0 - NONE**0.5
+    one = 1.0 - CHANGE.none**0.5
     spreads = {(): np.zeros((2, 2)), (0,): np.diag([1, 0]), (1,): np.diag([0, 1])}
     spreads |= {(0, 1): np.eye(2), "alike": np.ones((2, 2))}
     prior = {(): (1 - one) ** 2, (0, 1): one**2}
     weight = {
         key: prior.get(key, one * (1 - one))
-        * multivariate_normal(cov=covariance + SCALE**2 * spread).pdf(shift)
+        * multivariate_normal(cov=covariance + CHANGE.scale**2 * spread).pdf(shift)
         for key, spread in spreads.items()
     }
     total = sum(weight.values())
@@ -44,7 +45,9 @@ def test_probabilities_follow_from_bayes_theorem():
 @pytest.mark.parametrize("sd", [0.003, 0.03])
 def test_fifty_pairs_without_a_change_raise_at_most_two_alarms(sd):
     rng = np.random.default_rng(2)
-    alarms = sum((changes(*states(rng, sd, 0.0)).probability >= NAMED).any() for _ in range(50))
+    alarms = sum(
+        (changes(*states(rng, sd, 0.0)).probability >= CHANGE.named).any() for _ in range(50)
+    )
     assert alarms <= 2
 
 
@@ -52,7 +55,10 @@ def test_a_story_softened_by_a_tenth_is_named_and_measured():
     rng = np.random.default_rng(3)
     shift = np.log([1.0, 0.9, 1.0, 1.0])
     found = [changes(*states(rng, 0.005, shift)) for _ in range(50)]
-    assert sum(list(one.probability >= NAMED) == [False, True, False, False] for one in found) >= 47
+    assert (
+        sum(list(one.probability >= CHANGE.named) == [False, True, False, False] for one in found)
+        >= 47
+    )
     errors = np.array([(one.size[1] - shift[1]) / one.size_sd[1] for one in found])
     assert abs(errors.mean()) < 0.5
     assert 0.7 < errors.std() < 1.3
@@ -65,14 +71,14 @@ def test_what_is_visible_is_named_and_less_is_not():
     visible = changes(before, before).visible
     for factor, named in ((1.1, True), (0.8, False)):
         shifted = before + np.eye(COUNT)[2] * factor * visible[2]
-        assert (changes(before, shifted).probability[2] >= NAMED) == named
+        assert (changes(before, shifted).probability[2] >= CHANGE.named) == named
 
 
 def test_a_change_of_everything_alike_is_told_as_such():
     rng = np.random.default_rng(5)
     found = changes(*states(rng, 0.004, -0.08))
     assert found.alike > 0.9
-    assert (found.probability > NAMED).all()
+    assert (found.probability > CHANGE.named).all()
     assert found.size == pytest.approx(np.full(COUNT, -0.08), abs=0.02)
 
 
@@ -80,6 +86,6 @@ def test_a_factor_that_is_not_determined_keeps_its_prior_probability():
     rng = np.random.default_rng(6)
     before, after = (rng.normal(size=(4000, 2)) * [0.005, 3.0] for _ in range(2))
     found = changes(before, after)
-    one = 1.0 - NONE**0.5
+    one = 1.0 - CHANGE.none**0.5
     assert found.probability[1] == pytest.approx(one, abs=0.03)
     assert found.visible[1] > 3.0

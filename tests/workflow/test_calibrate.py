@@ -31,6 +31,7 @@ from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource, read_observation
 from femupdate.workflow.pictures_posterior import draw_posterior
 from femupdate.workflow.surrogates import require_surrogate
+from femupdate.workflow.thresholds import CALIBRATION
 from femupdate.workflow.train import train_study
 
 SHARED = Path(__file__).parents[3] / "shared" / "data"
@@ -39,6 +40,8 @@ QUICK = CalibrationSettings(
 )
 GRID = 0.2 * np.arange(1, 61)
 TRUTH, ZETA = np.array([0.8, 1.3]), 0.05
+# As if two factors were many.
+MANY = replace(CALIBRATION, few=1)
 
 
 @pytest.fixture(scope="module")
@@ -73,11 +76,11 @@ def quadrature(log_frf, tower_frf, around, noise=0.1):
     return mean, sd, np.log(weight.sum() * cell / volume) - 0.5 * least
 
 
-@pytest.mark.parametrize("few", [10, 1], ids=["by walks", "by trajectories"])
+@pytest.mark.parametrize("usual", [CALIBRATION, MANY], ids=["by walks", "by trajectories"])
 def test_the_exact_posterior_is_that_of_quadrature(
-    tmp_path, tower_file, tower_frf, frf_table, few, monkeypatch
+    tmp_path, tower_file, tower_frf, frf_table, usual, monkeypatch
 ):
-    monkeypatch.setattr("femupdate.workflow.calibrate_exact.FEW", few)
+    monkeypatch.setattr("femupdate.workflow.calibrate_exact.CALIBRATION", usual)
     path, log_frf = frf_table
     study = Study(tmp_path)
     settings = CalibrationSettings(particles=2000, exact=True)
@@ -97,13 +100,13 @@ def test_the_exact_posterior_is_that_of_quadrature(
         log_evidence, abs=max(4 * told.log_evidence_error, 0.2)
     )
     # An importance sample says how much of it counts, runs with moves how far they agree.
-    assert (told.effective_sample_size is None) == (few == 1)
+    assert (told.effective_sample_size is None) == (usual is MANY)
     assert told.evaluations > 2000
     assert (np.abs(mean[:2] - TRUTH) < 3 * sd[:2]).all()
     assert report.misfit == pytest.approx(1.0, abs=0.3)  # 120 points: sd .13
     assert report.invalid == 0
     assert not any("misses" in note for note in report.notes)
-    assert any("gradients of responses" in note for note in report.notes) == (few == 1)
+    assert any("gradients of responses" in note for note in report.notes) == (usual is MANY)
 
 
 def test_the_truth_of_shear_3dof_is_found(tmp_path):
@@ -475,8 +478,8 @@ def test_without_a_surrogate_nothing_is_drawn(tmp_path, tower_model, tower_obser
 @pytest.fixture
 def many(learned, monkeypatch):
     """As if two factors were many, with a decoder corrected once."""
-    monkeypatch.setattr("femupdate.workflow.calibrate_latent.FEW", 1)
-    monkeypatch.setattr("femupdate.workflow.calibrate_exact.FEW", 1)
+    for likelihood in ("latent", "exact"):
+        monkeypatch.setattr(f"femupdate.workflow.calibrate_{likelihood}.CALIBRATION", MANY)
     monkeypatch.setattr(
         "femupdate.workflow.calibrate_latent.in_groups",
         lambda groups: replace(in_groups(groups), corrections=1),
@@ -500,7 +503,7 @@ def test_draws_on_a_poor_decoder_are_not_trusted(many, frf_table):
 
 def test_the_building_judges_what_a_poor_decoder_draws(learned, tower_frf, frf_table, monkeypatch):
     """Corrected three times, at the noise of its training: twice that of the file."""
-    monkeypatch.setattr("femupdate.workflow.calibrate_latent.FEW", 1)
+    monkeypatch.setattr("femupdate.workflow.calibrate_latent.CALIBRATION", MANY)
     study, model = learned
     path, log_frf = frf_table
     report = calibrated(study, model, path, CalibrationSettings(particles=2000))

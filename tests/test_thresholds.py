@@ -1,0 +1,69 @@
+"""Thresholds, and the page that tells them."""
+
+from collections.abc import Iterator
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+
+from femupdate.discrepancy import thresholds as finder
+from femupdate.inference import thresholds as sampler
+from femupdate.inference.event_scatter import DEFAULT
+from femupdate.inference.hamiltonian import Hamiltonian
+from femupdate.inference.importance import ImportanceSettings
+from femupdate.inference.model_error import MODEL_ERROR
+from femupdate.inference.moves import MixtureIndependence
+from femupdate.inference.smc import SmcSettings
+from femupdate.workflow import thresholds as steps
+
+PAGE = Path(__file__).parents[1] / "docs" / "reference" / "thresholds.md"
+SETTINGS = (
+    SmcSettings(),
+    MixtureIndependence(),
+    Hamiltonian(),
+    ImportanceSettings(),
+    MODEL_ERROR,
+    DEFAULT,
+)
+GROUPS = (*steps.GROUPS, *SETTINGS, *sampler.GROUPS, *finder.GROUPS)
+
+
+def heading(group) -> str:
+    return (type(group).__doc__ or "").splitlines()[0].rstrip(".")
+
+
+def shown(value) -> str:
+    if isinstance(value, tuple):
+        return ", ".join(map(shown, value))
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def lines(group) -> Iterator[str]:
+    """The Markdown table of a group."""
+    yield f"### {heading(group)}"
+    yield ""
+    yield "| name | value | unit | meaning | source |"
+    yield "|---|---|---|---|---|"
+    for one in fields(group):
+        if one.metadata:
+            told = [one.metadata[part] for part in ("unit", "meaning", "source")]
+            cells = (f"`{one.name}`", shown(getattr(group, one.name)), *told)
+            yield "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+
+@pytest.mark.parametrize("group", GROUPS, ids=lambda group: type(group).__name__)
+def test_the_page_tells_the_thresholds_of_the_code(group):
+    page = PAGE.read_text(encoding="utf-8").split("\n\n### " + heading(group) + "\n")
+    wanted = list(lines(group))[2:]
+    assert len(page) == 2, f"{PAGE.name} lacks or repeats " + "\n".join(["", *lines(group)])
+    table = page[1].split("\n\n")[0].strip().splitlines()
+    assert table == wanted, f"put into {PAGE.name}:\n" + "\n".join(wanted)
+
+
+@pytest.mark.parametrize("group", GROUPS, ids=lambda group: type(group).__name__)
+def test_every_threshold_says_what_it_means_and_where_it_comes_from(group):
+    told = [one for one in fields(group) if one.name != "slopes"]
+    assert told
+    for one in told:
+        assert one.metadata["meaning"], one.name
+        assert one.metadata["source"], one.name
