@@ -26,6 +26,13 @@ MAIN_POSTERIOR = "posterior"
 NAMED = "posteriors"
 """Folder of a study in which every other posterior has a folder of its own."""
 _OF_A_POSTERIOR = ("posterior", "prediction")  # artefacts that every posterior has for itself
+# Settings from which `status` tells the command: kind and number of their values.
+_SETTINGS: dict[str, tuple[type | tuple[type, ...], int | None]] = {
+    "sensors": (str, None),
+    "further": (str, None),
+    "band_hz": ((int, float), 2),
+    "scale": ((int, float), 1),
+}
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,40}")
 
 
@@ -77,7 +84,18 @@ def _artefact(entry: Mapping[str, Any]) -> Artefact:
         raise ValueError(f"{artefact.file} lies outside the study")
     if not all(isinstance(value, str) for value in artefact.made_from.values()):
         raise ValueError(f"what {artefact.file} was made from is not told by hashes")
+    _check_settings(artefact)
     return artefact
+
+
+def _check_settings(artefact: Artefact) -> None:
+    """Refuse settings from which no command can be told."""
+    for key, (kind, length) in _SETTINGS.items():
+        value = artefact.settings.get(key)
+        parts = value if isinstance(value, list) else [value]
+        right = all(isinstance(one, kind) for one in parts) and length in (None, len(parts))
+        if value is not None and not right:
+            raise ValueError(f"{key} of {artefact.file} is {value!r}, which no command wrote")
 
 
 def damaged(path: Path, reason: object) -> StudyError:

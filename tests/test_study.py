@@ -169,6 +169,17 @@ def test_a_record_made_from_what_is_no_hash(recorded):
         recorded.artefacts()
 
 
+@pytest.mark.parametrize(
+    "changed", [{"band_hz": 0.3}, {"band_hz": [0.3]}, {"sensors": [1]}, {"scale": "x"}]
+)
+def test_settings_that_no_command_wrote(recorded, changed):
+    record = json.loads(recorded.path(MANIFEST).read_text())
+    record["artefacts"]["posterior"]["settings"] = changed
+    recorded.path(MANIFEST).write_text(json.dumps(record))
+    with pytest.raises(StudyError, match="which no command wrote"):
+        recorded.artefacts()
+
+
 def test_the_study_of_a_newer_femupdate_is_refused(recorded):
     content = json.loads(recorded.path(MANIFEST).read_text())
     assert content["layout"] == LAYOUT

@@ -1,9 +1,7 @@
 """Building files: TOML in and out, by path or by the name of a shipped model."""
 
 import logging
-import re
 import shutil
-import tomllib
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -23,26 +21,16 @@ from femupdate.building.schema import Building
 from femupdate.building.shipped import building_text
 from femupdate.building.toml_writer import to_toml
 from femupdate.errors import BuildingError
+from femupdate.toml_text import toml_content
 
-_MEND = "; write the building as in a shipped file"
-# Fifty names with dots between them, where a key may begin.
-_DEEP_KEY = re.compile(r"""(?:^|[{,\[])[ \t]*(?:[\w"'-]+[ \t]*\.[ \t]*){50}""", re.MULTILINE)
 _log = logging.getLogger(__name__)
 
 
 def _parse(text: str, where: str) -> dict[str, Any]:
-    if _DEEP_KEY.search(text):  # tomllib's time grows with the square of their number
-        raise BuildingError(f"{where}: its lists or tables are nested too deeply{_MEND}")
     try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise BuildingError(
-            f"{where}: this is not valid TOML: {error}; correct that line"
-        ) from None
-    except RecursionError:
-        raise BuildingError(f"{where}: its lists or tables are nested too deeply{_MEND}") from None
-    except ValueError as error:  # such as a number of more digits than Python reads
-        raise BuildingError(f"{where}: a value cannot be read ({error}){_MEND}") from None
+        return toml_content(text)
+    except ValueError as error:
+        raise BuildingError(f"{where}: {error}") from None
 
 
 def _check_mesh(building: Building, where: str) -> None:
@@ -68,7 +56,10 @@ def load_building(path_or_name: str | Path) -> Building:
     try:
         building = from_document(document, where, from_file=True)
     except RecursionError:
-        raise BuildingError(f"{where}: its lists or tables are nested too deeply{_MEND}") from None
+        raise BuildingError(
+            f"{where}: its lists or tables are nested too deeply; write the "
+            "building as in a shipped file"
+        ) from None
     if isinstance(building, MeshBuilding):
         building = _with_mesh_file(building, Path(where).expanduser().parent / building.mesh.file)
     _check_mesh(building, where)

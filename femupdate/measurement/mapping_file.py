@@ -1,6 +1,5 @@
 """Mapping files: which channel or column of a measured file is which floor, as TOML to edit."""
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,6 +8,7 @@ from femupdate.atomic import atomic_path
 from femupdate.errors import MeasurementError
 from femupdate.measurement.channel import RecordedChannel
 from femupdate.measurement.text import closest, read_text
+from femupdate.toml_text import toml_content
 
 _KEYS = ("columns", "unit")
 _HEAD = """\
@@ -40,11 +40,9 @@ def read_mapping(path: str | Path) -> ColumnMapping:
     """
     file = read_text(path)
     try:
-        content = tomllib.loads("\n".join(file.lines))
-    except tomllib.TOMLDecodeError as error:
-        raise file.error(
-            f"this is no mapping file: {error}; write RF = 3 under [columns]"
-        ) from None
+        content = toml_content("\n".join(file.lines))
+    except ValueError as error:
+        raise file.error(f"{error}; a mapping file has RF = 3 under [columns]") from None
     unknown = next((key for key in content if key not in _KEYS), None)
     if unknown is not None:
         raise file.error(

@@ -91,6 +91,20 @@ class Recording:
     notes: tuple[str, ...] = ()
     format: str = ""
 
+    def __post_init__(self) -> None:
+        """Refuse a channel with a gap: samples that are not finite, such as NaN.
+
+        Raises:
+            MeasurementError: there is such a channel.
+        """
+        for channel in self.channels:
+            gaps = np.flatnonzero(~np.isfinite(channel.values))
+            if gaps.size:
+                raise self.file.error(
+                    f"{channel.name} holds no finite number at {gaps[0] * channel.time_step:.6g} s"
+                    f" ({gaps.size} such samples); cut the record there, or fill the gap"
+                )
+
     def histories(self) -> tuple[RecordedChannel, ...]:
         """Channels of the file; of a table, every column beside the one of times.
 

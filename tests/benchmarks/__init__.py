@@ -66,4 +66,8 @@ COMMANDS = {
         "versions.command",
         "Tests with the lowest and the highest dependencies on every Python.",
     ),
+    "mutations": (
+        "mutations.command",
+        "Operators and numbers changed one at a time: do the tests notice?",
+    ),
 }

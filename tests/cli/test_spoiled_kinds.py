@@ -116,7 +116,6 @@ SPOILED = {
 }
 
 
-@pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize(("name", "content", "words"), SPOILED.values(), ids=SPOILED)
 def test_one_sentence_and_nothing_written(femupdate, tower_file, tmp_path, name, content, words):
     pytest.importorskip("obspy")

@@ -78,7 +78,9 @@ def test_a_mapping_file_is_written_edited_and_handed_back(femupdate, archive, to
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("[columns\n", "this is no mapping file"),
+        ("[columns\n", "not valid TOML"),
+        ("[columns]\nRF = " + "9" * 5000, "a value cannot be read"),
+        ("[columns]\nRF = " + "[" * 100_000, "nested too deeply"),
         ("RF = 3\n", "unknown key 'RF'"),
         ('unit = "gal"\n', "there is no [columns]"),
         ("[columns]\nRF.y = 3\n", "RF has a dot; write it in quotes"),

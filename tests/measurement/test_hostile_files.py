@@ -47,7 +47,6 @@ def test_packed_samples_by_hand():
             gse_samples(wrong, kinds)
 
 
-@pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("keep", [0.3, 0.6, 0.9])
 def test_a_gse_file_that_is_cut_is_refused(tmp_path, keep):
     """ObsPy's library ends the process."""

@@ -30,7 +30,6 @@ def trace(obspy):
     return build
 
 
-@pytest.mark.filterwarnings("ignore")
 def test_miniseed(obspy, trace, tmp_path):
     path = tmp_path / "a.mseed"
     traces = [trace("HNE"), trace("HNZ", 0.05, 2), trace("HHN", 0.0, 3, 190)]
@@ -47,7 +46,6 @@ def test_miniseed(obspy, trace, tmp_path):
     assert recording.notes[0].startswith("Cut to the time that all traces have")
 
 
-@pytest.mark.filterwarnings("ignore")
 def test_sac(trace, tmp_path):
     path = tmp_path / "a.sac"
     trace("HNE").write(str(path), format="SAC")
@@ -56,7 +54,6 @@ def test_sac(trace, tmp_path):
     assert channel.time_step == pytest.approx(0.01)
 
 
-@pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize(
     ("starts", "words"),
     [((0.0, 3.0), "has a gap of 1 s"), ((0.0, 1.0), "has an overlap of 1 s")],
@@ -68,7 +65,6 @@ def test_a_trace_with_a_gap_is_refused(obspy, trace, tmp_path, starts, words):
         read_measured(path)
 
 
-@pytest.mark.filterwarnings("ignore")
 def test_parts_of_a_trace_are_one(obspy, trace, tmp_path):
     path = tmp_path / "a.mseed"
     obspy.Stream([trace("HNE"), trace("HNE", 2.0, 2)]).write(str(path), format="MSEED")
@@ -76,7 +72,6 @@ def test_parts_of_a_trace_are_one(obspy, trace, tmp_path):
     np.testing.assert_array_equal(channel.values, [*VALUES, *(2 * VALUES)])
 
 
-@pytest.mark.filterwarnings("ignore")
 def test_gse_and_sac_are_told_by_their_content(trace, tmp_path):
     for kind in ("GSE2", "SAC"):
         path = tmp_path / f"{kind}.dat"
@@ -85,7 +80,6 @@ def test_gse_and_sac_are_told_by_their_content(trace, tmp_path):
         np.testing.assert_allclose(channel.values, VALUES)
 
 
-@pytest.mark.filterwarnings("ignore")
 def test_traces_that_never_meet(obspy, trace, tmp_path):
     path = tmp_path / "a.mseed"
     both = [trace("HNE"), trace("HNN", 60.0)]
@@ -140,6 +134,13 @@ def test_tdms(tdms):
     assert (hammer.quantity, hammer.unit) == ("force", "N")
     np.testing.assert_allclose(roof.values, 0.001 * VALUES)
     assert recording.notes == ("Channels without numbers or a time step: spare.",)
+
+
+def test_a_channel_with_gaps_is_refused(tdms):
+    values = 1.0 * VALUES
+    values[[7, 90]] = np.nan
+    with pytest.raises(MeasurementError, match=r"roof holds no finite number at 0\.14 s \(2 such"):
+        read_measured(tdms(("run", "roof", values, {"wf_increment": 0.02})))
 
 
 def test_tdms_without_a_clock(tdms):

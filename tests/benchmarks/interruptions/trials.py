@@ -16,7 +16,7 @@ from .commands import Interruptible, environment, run
 
 KINDS = ("killed", "file limit", "disk full")
 _DEATH_S = 5.0  # within which workers follow
-_PROGRESS = re.compile(r" \.\.\.$|^  .* left$")
+_PROGRESS = re.compile(r" \.\.\.$|^  .*: \d+ %, about .* left(, .*)?$")
 _LEFT = ("*.part*", ".lock", ".lock-owner.json")
 
 

@@ -23,7 +23,10 @@ QUICK = (
         "six predict",
         "six render",
         "six report",
+        "six roof",
+        "six compare",
         "six inspect",
+        "six identify",
         "six status",
     ),
 )

@@ -179,6 +179,9 @@ def all_runs(folders: Folders) -> Iterator[Run]:
     yield from _finder_cases(folders)
     yield from _six_story_finder(folders)
     yield from (_model(name) for name in ("twelve_story_core", "six_story_members"))
+    # The usual data set, and one pass over it: memory does not depend on the number of passes.
+    train = ("train", "--fresh", "--epochs", "1", "--study", "six_train", "--building", SIX)
+    yield Run("six train", train, read_nothing)
     own = ("--exact", "--study", "six_exact", "--building", SIX)
     exact = ("calibrate", folders.observation("six_clean"), *own)
     yield Run("six exact", exact, read_posterior, limit_s=500.0)
@@ -247,8 +250,13 @@ def _six_story_posterior(folders: Folders) -> Iterator[Run]:
     yield Run("six predict", predict, read_prediction)
     for command in ("render", "report"):
         yield Run(f"six {command}", (command, "--study", SIX), read_nothing)
-    inspect = ("inspect", folders.observation("six_clean"))
-    yield Run("six inspect", inspect, read_nothing)
+    roof = ("--sensors", "RF", "--name", "roof")
+    yield Run("six roof", (*calibrate, *roof), read_posterior)
+    yield Run("six compare", ("compare", "posterior", "roof", "--study", SIX), read_nothing)
+    file = folders.observation("six_clean")
+    yield Run("six inspect", ("inspect", file), read_nothing)
+    modes = ("identify", file, "-o", str(folders.work / "modes.csv"), "--force")
+    yield Run("six identify", modes, read_nothing)
     yield Run("six status", ("status", "--study", SIX), read_nothing)
 
 

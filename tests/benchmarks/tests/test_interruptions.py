@@ -17,7 +17,8 @@ GOOD = """\
 import os, sys, time
 from pathlib import Path
 study = Path(sys.argv[2]); study.mkdir(exist_ok=True)
-print("  Counting: 50 %, about 5 s left", file=sys.stderr)
+print("Counting ...", "  Counting: 50 %, about 5 s left", sep="\\n", file=sys.stderr)
+print("  Counting: 60 %, about 4 min left, 7 found", file=sys.stderr)
 time.sleep(1.0)
 try:
     (study / "new").write_text("7" * 3000); os.replace(study / "new", study / "result")

@@ -1,0 +1,1 @@
+"""The benchmark `mutations`: whether the tests notice a changed operator or number."""
