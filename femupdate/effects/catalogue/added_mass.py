@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from femupdate.arrays import Floats
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
 from femupdate.effects.effect import Effect, Parameter, Terms, mass_terms, more_or_less
 from femupdate.effects.structure import Structure
@@ -38,9 +39,12 @@ class AddedMass(Effect):
 
     def terms(self, structure: Structure, place: str) -> Terms:
         """The masses of the floor's nodes once more."""
+        return mass_terms(structure, self.masses(structure, place))
+
+    def masses(self, structure: Structure, place: str) -> Floats:
+        """What unit size adds to every point of the structure (m,), kg."""
         here = structure.level_of == structure.floors.index(place)
-        values = np.where(here, structure.points.mass, 0.0)
-        return mass_terms(structure, values)
+        return np.where(here, structure.points.mass, 0.0)
 
     def basis_questions(self, structure: Structure) -> tuple[tuple[str, float], ...]:
         """None: mass that is spread like a floor's own hardly changes a shape."""

@@ -2,17 +2,17 @@
 
 import contextlib
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.building.building_mesh import BuildingMesh
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.mesh import mesh_building
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.fe.export_opensees import opensees_script
+from femupdate.fe.model import FiniteElementModel
 
 SHELLS = ("ASDShellQ4", "ShellMITC4")
 _MODES = 160  # five times the top of the grid: with 70 a floor is off by 2 %
@@ -30,26 +30,48 @@ def opensees_model(
         shell: type of its shell elements.
     """
     mesh = mesh_building(building, mesh_size)
-    script = opensees_script(mesh.model, theta, types={"shell": shell})
+    floors = [(floor, [int(node) for node in nodes]) for floor, nodes in mesh.floor_nodes.items()]
+    return opensees_modes(mesh.model, theta, shell, mesh.direction, floors)
+
+
+def opensees_modes(
+    model: FiniteElementModel,
+    theta: Floats,
+    shell: str,
+    direction: int,
+    seen: Sequence[tuple[str, Sequence[int]]],
+) -> ReducedModel:
+    """The lowest modes that OpenSees finds of a model, as one without parameters.
+
+    Args:
+        model: to be rebuilt there.
+        theta: (p,) stiffness factors.
+        shell: type of its shell elements.
+        direction: of the motion, 0 or 1.
+        seen: names of what is observed, each with the nodes whose mean it is.
+    """
+    script = opensees_script(model, theta, types={"shell": shell})
     names: dict[str, Any] = {"__name__": "opensees_model"}
     exec(compile(script, "opensees_model.py", "exec"), names)
     names["build"]()
     frequency = np.array(names["frequencies"](_MODES, "SparseGeneral"))
-    return _from_modes(names["ops"], mesh, frequency)
+    return _from_modes(names["ops"], direction, seen, frequency)
 
 
-def _from_modes(ops: Any, mesh: BuildingMesh, frequency: Floats) -> ReducedModel:
-    axis, count = mesh.direction + 1, len(frequency)
+def _from_modes(
+    ops: Any, direction: int, seen: Sequence[tuple[str, Sequence[int]]], frequency: Floats
+) -> ReducedModel:
+    axis, count = direction + 1, len(frequency)
     with contextlib.redirect_stdout(io.StringIO()):
         found: Mapping[str, Any] = ops.modalProperties("-return")
-    share = np.array(found["partiFactorMX" if mesh.direction == 0 else "partiFactorMY"])
+    share = np.array(found["partiFactorMX" if direction == 0 else "partiFactorMY"])
     floors = np.array(
         [
             [
-                np.mean([ops.nodeEigenvector(int(node) + 1, mode, axis) for node in nodes])
+                np.mean([ops.nodeEigenvector(node + 1, mode, axis) for node in nodes])
                 for mode in range(1, count + 1)
             ]
-            for nodes in mesh.floor_nodes.values()
+            for _, nodes in seen
         ]
     )
     return ReducedModel(
@@ -57,7 +79,7 @@ def _from_modes(ops: Any, mesh: BuildingMesh, frequency: Floats) -> ReducedModel
         stiffness_constant=np.diag((2.0 * np.pi * frequency) ** 2),
         excitation=share,
         floor_shapes=floors,
-        floors=mesh.floors,
+        floors=tuple(name for name, _ in seen),
         story_inertia=np.zeros((0, count)),
         story_mass=np.zeros(0),
         story_drift=np.zeros((0, count)),

@@ -45,6 +45,7 @@ from ..result import Job, Report
     show_default=True,
     help="Records of base motion, identified modes, or a hammer test.",
 )
+@click.option("--opensees", is_flag=True, help="OpenSees makes the truths, not our finer mesh.")
 @click.option("--no-phase", is_flag=True, help="Use the amplitude alone.")
 @click.option(
     "--minutes", type=click.FloatRange(min=0), help="Minutes after which no trial is started."
@@ -61,6 +62,7 @@ def command(
     building: str,
     data: str,
     mesh_size: float | None,
+    opensees: bool,
     no_phase: bool,
     minutes: float | None,
     quick: bool,
@@ -71,11 +73,12 @@ def command(
 
     Outcomes are written one by one, so an interrupted run resumes.
     """
-    from .measurement import TrialSettings
+    from .measurement import OPENSEES, OURS, TrialSettings
     from .run import QUICK, TrialPlan, run_hidden_effects
 
     plan = QUICK if quick else TrialPlan(**counts)
-    settings = TrialSettings(mesh_size=mesh_size, use_phase=not no_phase)
+    truth = OPENSEES if opensees else OURS
+    settings = TrialSettings(mesh_size=mesh_size, use_phase=not no_phase, truth=truth)
     limit = float("inf") if minutes is None else minutes
     with shared_out(dask):
         return run_hidden_effects(job, building, plan, settings, limit, data)

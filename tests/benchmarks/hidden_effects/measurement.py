@@ -22,6 +22,9 @@ WHITE, SIMULATED, RECORDED = "white", "simulated", "recorded"
 SHAKINGS = (WHITE, SIMULATED, WHITE, RECORDED)
 RECORD = Path(__file__).parents[3] / "examples" / "records" / "ridgecrest_2019_clc_90.csv"
 
+# What makes truths.
+OURS, OPENSEES = "ours", "opensees"
+
 # What is put into a building: an effect at its place, with the values of its parameters.
 HiddenEffect = tuple[Placed, tuple[float, ...]]
 
@@ -36,6 +39,7 @@ class TrialSettings:
         quantisation_m_s2: step of the recorder.
         mesh_size: m, of the truth of a frame; two fifths of the building's own where None.
         use_phase: whether phases are compared.
+        truth: `OURS`, by the solver of this project on a finer mesh, or `OPENSEES`.
     """
 
     duration_s: float = 120.0
@@ -45,6 +49,7 @@ class TrialSettings:
     quantisation_m_s2: float = 5e-4
     mesh_size: float | None = None
     use_phase: bool = True
+    truth: str = OURS
 
 
 @dataclass(frozen=True)
@@ -67,9 +72,13 @@ class MeasuredBuilding:
     effects: tuple[HiddenEffect, ...]
     shaking: str = WHITE
 
-    def truth(self, fine: FineModel) -> Truth:
-        """Its response, on the fine mesh."""
+    def truth(self, fine: FineModel, shell: str = "") -> Truth:
+        """Its response, on the fine mesh; by OpenSees with a type of shell elements where given."""
         law, top_hz = damping_law(self.building), self.building.frequency_grid.stop
+        if shell:
+            from .by_opensees import opensees_truth
+
+            return opensees_truth(fine, self.theta, self.effects, law, shell)
         return effect_truth(fine, self.theta, self.effects, law, top_hz)
 
     def record(self, truth: Truth, rng: np.random.Generator, share: float = 1.0) -> Histories:

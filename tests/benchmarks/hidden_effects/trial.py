@@ -23,9 +23,18 @@ from femupdate.workflow.finder_data import Given
 from femupdate.workflow.kinds import Measured
 from femupdate.workflow.model import StudyModel
 
+from .by_opensees import MESH, made_by_opensees, possible, shell_of
 from .draw import KINDS, draw_effects, draw_parameters
 from .kinds import BASE, given, shown
-from .measurement import SHAKINGS, HiddenEffect, MeasuredBuilding, TrialSettings, floor_means
+from .measurement import (
+    OPENSEES,
+    OURS,
+    SHAKINGS,
+    HiddenEffect,
+    MeasuredBuilding,
+    TrialSettings,
+    floor_means,
+)
 
 # Of the building's mesh size: finer than the finder's, and than what it learns of.
 _TRUTH_MESH = 0.4
@@ -50,8 +59,9 @@ class TrialModels:
     data: str = BASE
 
     def shows(self, effect: Effect) -> bool:
-        """Whether the data show an effect."""
-        return shown(effect, self.data, self.settings.use_phase)
+        """Whether the data show an effect, and what makes the truth can have it."""
+        made = self.settings.truth == OURS or made_by_opensees(effect)
+        return made and shown(effect, self.data, self.settings.use_phase)
 
     def measure(self, measured: MeasuredBuilding, truth: Truth, rng: np.random.Generator) -> Given:
         """What is measured of a building."""
@@ -71,9 +81,15 @@ def trial_models(
     """Mesh the truth, and open the finder's model.
 
     Raises:
-        ReportError: a frame is to be measured by other data than records of base motion.
+        ReportError: a frame is to be measured by other data than records of base motion, or a stick
+            is to be made by OpenSees.
     """
     building = model.building
+    if settings.truth == OPENSEES and not isinstance(building, FrameBuilding):
+        raise ReportError(
+            f"{building.name}: OpenSees rebuilds frames, and this is a stick; leave --opensees out"
+            " or choose a frame"
+        )
     if data != BASE and isinstance(building, FrameBuilding):
         raise ReportError(
             f"{building.name}: trials with {data} data are made with sticks, and this is a frame;"
@@ -83,7 +99,8 @@ def trial_models(
     parts = replace(model_parts(study, model, progress), study=None)
     if not isinstance(building, FrameBuilding):
         return TrialModels(model, parts, fine_model(building, settings.mesh_size), settings, data)
-    size = settings.mesh_size or _TRUTH_MESH * building.mesh.size
+    finer = _TRUTH_MESH if settings.truth == OURS else MESH
+    size = settings.mesh_size or finer * building.mesh.size
     return TrialModels(model, parts, fine_model(building, size, building.sensors.points), settings)
 
 
@@ -185,8 +202,10 @@ def run_trial(trial: Trial, models: TrialModels) -> Outcome:
     structure = models.parts.plain.structure
     effects = draw_effects(trial.kind, building, structure, models.shows, streams[1])
     shaking = SHAKINGS[trial.number % len(SHAKINGS)]
+    others = settings.truth == OPENSEES
+    effects = possible(effects) if others else effects
     measured = MeasuredBuilding(building, settings, theta, zeta, effects, shaking)
-    truth = measured.truth(models.fine)
+    truth = measured.truth(models.fine, shell_of(trial.number) if others else "")
     found = _find(trial, models, models.measure(measured, truth, streams[2]))
     diagnosis, leading = found.diagnosis, found.diagnosis.leading
     hidden = tuple(placed.label for placed, _ in effects)
