@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import threading
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -15,6 +16,7 @@ from femupdate.fe.export_opensees import opensees_script
 from femupdate.fe.model import FiniteElementModel
 
 SHELLS = ("ASDShellQ4", "ShellMITC4")
+_ONE_AT_A_TIME = threading.Lock()  # OpenSees knows one model in a process
 _MODES = 160  # five times the top of the grid: with 70 a floor is off by 2 %
 
 
@@ -52,10 +54,11 @@ def opensees_modes(
     """
     script = opensees_script(model, theta, types={"shell": shell})
     names: dict[str, Any] = {"__name__": "opensees_model"}
-    exec(compile(script, "opensees_model.py", "exec"), names)
-    names["build"]()
-    frequency = np.array(names["frequencies"](_MODES, "SparseGeneral"))
-    return _from_modes(names["ops"], direction, seen, frequency)
+    with _ONE_AT_A_TIME:
+        exec(compile(script, "opensees_model.py", "exec"), names)
+        names["build"]()
+        frequency = np.array(names["frequencies"](_MODES, "SparseGeneral"))
+        return _from_modes(names["ops"], direction, seen, frequency)
 
 
 def _from_modes(
