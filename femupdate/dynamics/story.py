@@ -69,7 +69,7 @@ def story_stiffness(shear: Floats, drift: Floats) -> Floats:
     centred = drift - drift.mean(axis=-1, keepdims=True)
     power = np.einsum("...n,...n->...", centred, centred)
     if not np.all(power > 0.0):
-        story = int(np.argwhere(np.atleast_1d(power <= 0.0))[0][-1]) + 1
+        story = int(np.argwhere(np.atleast_1d(~(power > 0.0)))[0][-1]) + 1
         raise ModelError(
             f"story {story} does not drift, so shear against drift has no slope; "
             "is the base acceleration zero?"

@@ -145,7 +145,10 @@ def between_runs(
     beyond = np.maximum(observation.scatter / (runs - 1) - 1.0, 0.0)
     variance = beyond * runs * np.square(np.nan_to_num(observation.noise_sd))
     rows = [
-        np.minimum(uniform_filter1d(row[valid], EVENT.smooth, mode="nearest"), EVENT.most_apart**2)
+        # A running mean of nothing behind something is rounded to either side of nothing.
+        np.clip(
+            uniform_filter1d(row[valid], EVENT.smooth, mode="nearest"), 0.0, EVENT.most_apart**2
+        )
         ** 0.5
         if valid.any()
         else None

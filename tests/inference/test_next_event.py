@@ -65,3 +65,22 @@ def test_differences_of_runs_beyond_their_noise_are_told_from_it():
     assert np.sqrt((found[2] ** 2).mean()) == pytest.approx(0.1, rel=0.05)
     assert np.sqrt((found[0] ** 2).mean()) < 0.035
     np.testing.assert_allclose(found[1], 0.5 * (found[0] + found[2]))
+
+
+def test_runs_that_differ_over_a_part_of_the_band_differ_there_alone():
+    """Running means of what ends are rounded, and have a root all the same."""
+    grid, size = np.linspace(0.1, 40.0, 400), 0.37 * np.linspace(1.0, 3.0, 150) ** 3
+    values = np.concatenate([size, np.zeros(250)])
+    runs = [
+        Observation(
+            frequency_hz=grid,
+            floors=("RF",),
+            log_frf=sign * values[None],
+            noise_sd=np.full((1, 400), 1e-2),
+            valid=np.ones((1, 400), dtype=bool),
+        )
+        for sign in (-1.0, 1.0)
+    ]
+    found = between_runs(pooled(runs, ("RF",)), 2, ("RF",), grid)
+    assert (found[0, :150] > 0.3).all()
+    np.testing.assert_allclose(found[0, 160:], 0.0, atol=1e-6)
