@@ -1,7 +1,11 @@
 """list and examples: what comes with femupdate."""
 
+import pytest
+
+from femupdate.building.files import load_building
 from femupdate.building.shipped import shipped_buildings
 from femupdate.effects.registry import CATALOGUE
+from femupdate.measurement.observation_file import read_observation_file
 from femupdate.measurement.registry import readers
 
 
@@ -56,6 +60,18 @@ def test_examples_go_into_a_folder_of_their_own(femupdate, tmp_path, monkeypatch
     monkeypatch.chdir(tmp_path)
     assert femupdate("examples").out.startswith("Examples in examples:")
     assert (tmp_path / "examples" / "six_story_white_noise.csv").exists()
+
+
+def test_the_measured_example_comes_with_its_building_and_its_licence(femupdate, tmp_path):
+    femupdate("examples", tmp_path)
+    hotel = tmp_path / "hotel"
+    assert "MIT licence" in (hotel / "README.md").read_text()
+    building = load_building(str(hotel / "hotel.toml"))
+    for number, peak in ((3, 0.50), (7, 0.17)):  # m/s2; 50 and 17 gal are published
+        seen = read_observation_file(hotel / f"quake_{number}.csv")
+        assert set(seen.floors) == {"3F", "RF"} <= set(building.floors)
+        base = seen.acceleration[[c.floor for c in seen.channels].index("base")]
+        assert abs(base).max() == pytest.approx(peak, rel=0.05)
 
 
 def test_examples_below_a_file(femupdate, tmp_path):
