@@ -1,0 +1,79 @@
+"""Effects that OpenSees has in its truths, against the same in the solver of this project."""
+
+import numpy as np
+import pytest
+from femupdate.benchmarks.frame_coverage.command import BUILDING
+from femupdate.benchmarks.hidden_effects.by_opensees import (
+    made_by_opensees,
+    opensees_truth,
+    possible,
+    shell_of,
+)
+from femupdate.benchmarks.hidden_effects.uncatalogued import UNCATALOGUED
+
+from femupdate.building.files import load_building
+from femupdate.dynamics.damping import ConstantDamping
+from femupdate.effects.effect import Placed
+from femupdate.effects.registry import CATALOGUE
+from femupdate.simulation.effect_truth import effect_truth, fine_model
+
+EFFECTS = {**CATALOGUE, **{effect.name: effect for effect in UNCATALOGUED}}
+THETA = np.array([1.1, 0.9, 1.0])
+
+
+@pytest.fixture(scope="module")
+def fine():
+    building = load_building(BUILDING)
+    return fine_model(building, 2.0, building.sensors.points)
+
+
+def frequencies(fine, effects=()):
+    """The lowest three by OpenSees and by our own solver (2, 3)."""
+    law = ConstantDamping()
+    theirs = opensees_truth(fine, THETA, effects, law, "ASDShellQ4")
+    ours = effect_truth(fine, THETA, effects, law, 12.0)
+    return np.stack([one.seen.frequency_hz[:3] for one in (theirs, ours)])
+
+
+@pytest.fixture(scope="module")
+def without(fine):
+    pytest.importorskip("openseespy", reason="openseespy is not installed")
+    return frequencies(fine)
+
+
+@pytest.mark.parametrize(
+    ("label", "size"),
+    [
+        ("added_mass@3F", 0.3),
+        ("corner_mass@RF", 0.3),
+        ("wall_stiffness@S1", -0.4),
+        ("cracked_columns@S2", -0.5),
+        ("local_crack@S1", -0.9),
+    ],
+)
+def test_an_effect_moves_the_frequencies_as_in_our_own_solver(fine, without, label, size):
+    name, place = label.split("@")
+    theirs, ours = frequencies(fine, ((Placed(EFFECTS[name], place), (size,)),)) / without - 1.0
+    assert abs(ours).max() > 0.002
+    # Shells of two kinds differ; what an effect changes differs by a tenth of itself.
+    np.testing.assert_allclose(theirs, ours, atol=0.1 * abs(ours).max() + 2e-4)
+
+
+def test_what_cannot_be_written_for_opensees_is_not_drawn(fine):
+    made = {name for name, effect in EFFECTS.items() if made_by_opensees(effect)}
+    assert {"added_mass", "channel_delay", "local_crack", "wall_stiffness"} <= made
+    assert not made & {"tuned_appendage", "foundation_rocking", "ground_tie", "damping_law"}
+    lighter = ((Placed(EFFECTS["added_mass"], "2F"), (-0.2,)),)
+    assert possible(lighter)[0][1] == (0.2,)
+    assert {shell_of(number) for number in range(8)} == {"ASDShellQ4", "ShellMITC4"}
+
+
+def test_a_mass_at_a_corner_is_that_of_the_floor(fine):
+    effect, structure = EFFECTS["corner_mass"], fine.structure
+    values = effect.masses(structure, "RF")
+    along = structure.points.axis == structure.direction
+    whole = EFFECTS["added_mass"].masses(structure, "RF")
+    assert values[along].sum() == pytest.approx(whole[along].sum(), rel=1e-12)
+    heavy = structure.points.position[values > 0.0]
+    assert heavy[:, 0].max() <= 4.5
+    assert heavy[:, 1].max() <= 3.0
