@@ -63,15 +63,15 @@ def opensees_truth(
     structure = fine.structure
     assert structure.mesh is not None
     model = structure.mesh.model
-    for placed, values in effects:
-        if not placed.effect.instrument:
-            model = _changed(structure, model, placed.effect, placed.place, values[0])
+    for one, values in effects:
+        if not one.effect.instrument:
+            model = _changed(structure, model, one.effect, one.place, values[0])
     nodes = np.concatenate([structure.mesh.floor_nodes[floor] for floor in structure.mesh.floors])
     seen = [
         (channel.floor, [int(node)]) for channel, node in zip(fine.channels, nodes, strict=True)
     ]
     reduced = opensees_modes(model, theta, shell, structure.direction, seen)
-    instruments = [(placed, values) for placed, values in effects if placed.effect.instrument]
+    instruments = [(one, values) for one, values in effects if one.effect.instrument]
     placed = tuple(one for one, _ in instruments)
     system = System(reduced, law, placed, (ReducedTerms(),) * len(placed))
     frequency = np.sqrt(np.diag(reduced.stiffness_constant)) / (2.0 * np.pi)
