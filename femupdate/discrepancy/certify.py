@@ -77,9 +77,11 @@ def gain_elsewhere(elsewhere: Problem, before: Fit, after: Fit) -> float:
         elsewhere: the other data, for the structure of the fits.
         before, after: without and with the effect.
     """
-    own = about(replace(elsewhere, rows_kept=after.problem.rows_kept), before)
-    without = fit(own.at_row(before.problem.row), before.placed, before.z, FIT.steps, before.system)
-    return _Half(own, without).gain(after, after.z[len(after.z) - _count(after) :])
+    alike = elsewhere.same_tables(after.problem)
+    own = about(replace(elsewhere, rows_kept=after.problem.rows_kept if alike else None), before)
+    row = before.problem.row if alike else own.error.start
+    without = fit(own.at_row(row), before.placed, before.z, FIT.steps, before.system)
+    return _Half(own, without, alike).gain(after, after.z[len(after.z) - _count(after) :])
 
 
 def least_log_e_value(values: list[float], tried: int, false_share: float) -> float:
@@ -100,10 +102,17 @@ def least_log_e_value(values: list[float], tried: int, false_share: float) -> fl
 
 @dataclass(frozen=True, eq=False)
 class _Half:
-    """One half of the data, and the model without effects fitted to it."""
+    """One half of the data, and the model without effects fitted to it.
+
+    Attributes:
+        problem: the half.
+        base: the model.
+        alike: whether what the model may err by is that of all data, or the base's.
+    """
 
     problem: Problem
     base: Fit
+    alike: bool = True
 
     @staticmethod
     def of(problem: Problem, base: Fit, number: int) -> "_Half":
@@ -123,8 +132,8 @@ class _Half:
         return log_posterior(self.problem, with_it) - log_posterior(self.problem, self.base)
 
     def _fitted(self, one: Fit, start: Tensor, held: Tensor | None = None) -> Fit:
-        """A fit to this half by the errors that are likeliest for all data."""
-        at = self.problem.at_row(one.problem.row)
+        """A fit to this half by the errors that are likeliest for all data, or are the base's."""
+        at = self.problem.at_row((one if self.alike else self.base).problem.row)
         return fit(at, one.placed, start, FIT.first_steps, one.system, held)
 
 

@@ -47,12 +47,23 @@ def laplace(problem: Problem, fitted: Fit) -> Evidence:
         problem: the data.
         fitted: the model at its most probable parameters by its likeliest row.
     """
-    log_det = torch.linalg.slogdet(fitted.hessian()).logabsdet
+    log_det = torch.linalg.slogdet(fitted.hessian() + _of_limits(fitted)).logabsdet
     size = fitted.coordinates.size
     value = float(summed(densities(problem, fitted)))
     value += float(log_prior(problem, fitted, fitted.z[None])[0])
     value += 0.5 * size * np.log(2.0 * np.pi) - 0.5 * float(log_det)
     return Evidence(value + _within_limits(fitted))
+
+
+def _of_limits(fitted: Fit) -> Tensor:
+    """(d, d) curvature for which what the data leave open fills its limits, and no more.
+
+    A damping ratio is left open by modes without any: its own curvature is zero.
+    """
+    where = fitted.coordinates
+    width = where.upper - where.lower
+    uniform = (where.precision == 0.0) & torch.isfinite(width) & (width > 0.0)
+    return torch.diag(torch.where(uniform, 2.0 * torch.pi / width.square(), 0.0))
 
 
 def log_prior(problem: Problem, fitted: Fit, z: Tensor) -> Tensor:

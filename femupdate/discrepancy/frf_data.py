@@ -186,7 +186,9 @@ class FrfData:
         """Whether an effect can show in it at all."""
         if effect.needs_phase and self.phase is None:
             return False
-        return not (effect.tables_only and any(block.estimator for block in self.blocks))
+        # |H| under base motion is made of two accelerations; that under a force is not.
+        ratio = not (self.forced or any(block.estimator for block in self.blocks))
+        return ratio or not effect.tables_only
 
     def error(self, known: Tensor | None) -> LearnedError:
         """What the model may err by, beside errors (c, n) that are known beforehand."""
@@ -280,7 +282,9 @@ class FrfData:
 
     def at_level(self, level: float) -> "FrfData":
         """The same with every record at a level, in doublings."""
-        return replace(self, blocks=tuple(replace(one, level=level) for one in self.blocks))
+        halves = tuple(one.at_level(level) for one in self.halves)
+        blocks = tuple(replace(one, level=level) for one in self.blocks)
+        return replace(self, blocks=blocks, halves=halves)
 
     def cells(self, left: Tensor) -> tuple[Cell, ...]:
         """Mean squared residual of every floor in bands of equal width in log frequency."""

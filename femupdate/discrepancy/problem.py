@@ -107,6 +107,12 @@ class Problem:
         """Whether both have one table of errors, and one set of those known beforehand."""
         return self.known is other.known and self.rows_kept == other.rows_kept
 
+    def same_tables(self, other: "Problem") -> bool:
+        """Whether the data of both are of the same kinds, with the same tables of errors."""
+        kinds = [[one.name for one in problem.data] for problem in (self, other)]
+        whole = [replace(problem, rows_kept=None).error.every() for problem in (self, other)]
+        return kinds[0] == kinds[1] and whole[0] == whole[1]
+
     def with_rows(self, rows: Rows) -> "Problem":
         """The same with some rows of the tables of errors alone, its own among them."""
         before = self.rows_kept or self.error.every()

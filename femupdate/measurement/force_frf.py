@@ -57,11 +57,18 @@ class ForcedObservation:
         quantity: what the file holds.
         observation: ln of the accelerance, 1/kg, of the floors that respond, at the frequencies of
             the file.
+        halves: of what was estimated from histories, where they can be parted.
     """
 
     force: str
     quantity: str
     observation: Observation
+    halves: tuple[Observation, ...] = ()
+
+    def of_floors(self, floors: Sequence[str]) -> "ForcedObservation":
+        """The same of some of the floors."""
+        halves = tuple(select_floors(one, floors) for one in self.halves)
+        return replace(self, observation=select_floors(self.observation, floors), halves=halves)
 
 
 def force_test(
@@ -168,8 +175,12 @@ def forced_estimate(
     own = measured.histories
     require_floors_of_building(own.source, (*own.floors, measured.force), building_floors)
     seen = estimate_frf(own, grid, direction)
+    try:
+        halves = tuple(estimate_frf(own, grid, direction, half=number) for number in (0, 1))
+    except MeasurementError:
+        halves = ()
     order = [name for name in building_floors if name in seen.floors]
-    return ForcedObservation(measured.force, "accelerance", select_floors(seen, order))
+    return ForcedObservation(measured.force, "accelerance", seen, halves).of_floors(order)
 
 
 def forced_observations(

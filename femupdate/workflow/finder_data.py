@@ -1,6 +1,6 @@
 """What was measured of a building, of any kind, as the effect finder judges it."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -18,11 +18,10 @@ from femupdate.discrepancy.frf_data import (
 )
 from femupdate.discrepancy.mesh_error import MeshError
 from femupdate.discrepancy.mode_data import mode_data
-from femupdate.discrepancy.thresholds import MODEL_ERROR
+from femupdate.discrepancy.thresholds import LEVEL, MODEL_ERROR
 from femupdate.dynamics.force_response import rest_about
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.effects.structure import Structure
-from femupdate.errors import MeasurementError
 from femupdate.measurement.force_frf import ForcedObservation
 from femupdate.measurement.observation import Observation
 from femupdate.progress import Progress
@@ -30,7 +29,7 @@ from femupdate.study import Study
 from femupdate.workflow.kinds import Measured, measured_of, with_rest
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource, halves_of
-from femupdate.workflow.second_record import SecondRecord, second_record
+from femupdate.workflow.second_record import SecondRecord, level_between
 
 _PARTED = 20  # points of a table, from which every other one is a half of its own
 
@@ -42,18 +41,22 @@ class Given:
     Attributes:
         measured: as read.
         halves: of the FRFs under base motion, where they can be parted.
-        second: another record of base motion, at its own level.
+        second: histories at another level, under base motion or a force.
+        level: of those above the first ones, in doublings; zero where they are alike.
     """
 
     measured: Measured
     halves: tuple[Observation, ...] = ()
-    second: SecondRecord | None = None
+    second: "Given | None" = None
+    level: float = 0.0
 
     @property
     def notes(self) -> tuple[str, ...]:
         """Sentences on how it was read."""
-        first = () if self.second is None else (self.second.note,)
-        return (*first, *self.measured.notes_of_others)
+        if self.second is None:
+            return self.measured.notes_of_others
+        own, other = self.measured.notes_of_others, self.second.measured.notes_of_others
+        return (*self._on_level(), *own, *other)
 
     def data(
         self, model: StudyModel, mesh: MeshError | None, use_phase: bool = True
@@ -68,17 +71,37 @@ class Given:
         Raises:
             InferenceError: more modes are identified than the model has.
         """
-        measured, building, found = self.measured, model.building, list[Data]()
+        modes = [mode_data(one, model.system, self.measured.errors) for one in self.measured.modes]
+        return (*self._frfs(model, mesh, use_phase), *modes)
+
+    def _frfs(
+        self, model: StudyModel, mesh: MeshError | None, use_phase: bool
+    ) -> Iterator[FrfData]:
+        """Under base motion, all records as one; then under forces."""
+        measured, building, second = self.measured, model.building, self.second
+        others = []
+        if second is not None and second.measured.has_base:
+            others = [SecondRecord(second.measured.base, self.level, second.halves)]
         if measured.has_base:
-            others = () if self.second is None else (self.second,)
-            found.append(base_data(building, mesh, measured.base, use_phase, self.halves, others))
+            yield base_data(building, mesh, measured.base, use_phase, self.halves, others)
+        elif second is not None and others:
+            alone = base_data(building, mesh, second.measured.base, use_phase, second.halves)
+            yield alone.at_level(self.level)
         error = _model_error(building, mesh)
-        for one in measured.forced:
-            force = FloorForce(one.force, measured.rest)
-            found.append(force_data(one, force, building.floors, error, use_phase))
-        for modes in measured.modes:
-            found.append(mode_data(modes, model.system, measured.errors))
-        return tuple(found)
+        for given, level in ((self, 0.0), (second, self.level)):
+            for one in () if given is None else given.measured.forced:
+                force = FloorForce(one.force, measured.rest)
+                own = force_data(one, force, building.floors, error, use_phase)
+                yield own.at_level(level)
+
+    def _on_level(self) -> Iterator[str]:
+        """How strong the second record is, and what is taken to be as strong as the first."""
+        if self.level == 0.0:
+            yield "Both records have the same level: they are explained by one stiffness."
+            return
+        yield f"The second record has {2.0**self.level:.2g} times the level of the first."
+        if self.measured.modes:
+            yield "The identified modes are taken to be those at the level of the first record."
 
 
 def read_given(
@@ -91,14 +114,38 @@ def read_given(
     """Read what is to be explained, of any kind.
 
     Raises:
-        MeasurementError: a file cannot be used, or a second record comes with another kind of data.
+        MeasurementError: a file cannot be used, or that at another level says no level.
     """
-    measured = measured_of(model.building, source)
-    if second is not None:
-        refuse_beside_others(measured, second, "--second")
-    measured = with_rest(study, model, measured, progress)
-    other = None if second is None else second_record(model, source, second)
-    return Given(measured, _halves(model.building, source, measured.base_paths), other)
+    first = _given(model.building, source)
+    if second is None:
+        return replace(first, measured=with_rest(study, model, first.measured, progress))
+    other = _given(model.building, second)
+    level = level_between(model, source, second)
+    measured, further = (with_rest(study, model, one.measured, progress) for one in (first, other))
+    rest = measured.rest or further.rest
+    return replace(
+        first,
+        measured=replace(measured, rest=rest),
+        second=replace(other, measured=further),
+        level=0.0 if abs(level) < LEVEL.alike else level,
+    )
+
+
+def read_held(
+    study: Study, model: StudyModel, source: ObservationSource, progress: Progress
+) -> Given:
+    """Read data that are only predicted, of any kind.
+
+    Raises:
+        MeasurementError: a file cannot be used.
+    """
+    return Given(with_rest(study, model, measured_of(model.building, source), progress))
+
+
+def _given(building: Building, source: ObservationSource) -> Given:
+    """The files of one source, with halves of their FRFs under base motion."""
+    measured = measured_of(building, source)
+    return Given(measured, _halves(building, source, measured.base_paths))
 
 
 def _halves(
@@ -108,19 +155,6 @@ def _halves(
     if not base:
         return ()
     return halves_of(building, replace(source, path=base[0], further=base[1:]))
-
-
-def refuse_beside_others(measured: Measured, source: ObservationSource, option: str) -> None:
-    """Refuse further data of base motion beside data of other kinds.
-
-    Raises:
-        MeasurementError: there are data of other kinds.
-    """
-    if measured.others:
-        raise MeasurementError(
-            f"{source.path}: {option} goes with histories or FRFs under base motion alone; give all"
-            " files that are to be explained together as OBSERVATIONS"
-        )
 
 
 def force_data(
@@ -139,9 +173,18 @@ def force_data(
         model_error: of ln|H|, as noise of independent points.
         use_phase: compare phases where they were measured.
     """
-    own = frf_data(
-        forced.observation, floors, excitation=force, use_phase=use_phase, model_error=model_error
-    )
+
+    def read(one: Observation, parts: Sequence[Observation]) -> FrfData:
+        return frf_data(
+            one,
+            floors,
+            excitation=force,
+            use_phase=use_phase,
+            model_error=model_error,
+            halves=tuple(read(part, ()) for part in parts),
+        )
+
+    own = read(forced.observation, forced.halves)
     table = forced.observation.coherence is None
     return in_alternate_points(own) if table and own.points >= _PARTED else own
 
@@ -149,8 +192,9 @@ def force_data(
 def with_rest_about(
     data: Sequence[Data], structure: Structure, reduced: ReducedModel, theta: Floats
 ) -> tuple[Data, ...]:
-    """The data with what a basis about theta (p,) lacks under forces."""
-    if not any(isinstance(one, FrfData) and one.forced for one in data):
+    """The data with what a basis about theta (p,) lacks under forces; that of a stick nothing."""
+    forced = any(isinstance(one, FrfData) and one.forced for one in data)
+    if structure.operators is None or not forced:
         return tuple(data)
     rest = rest_about(structure, reduced, theta)
     return tuple(one.with_rest(rest) if isinstance(one, FrfData) else one for one in data)
@@ -232,4 +276,4 @@ def _at(observation: Observation, used: Flags) -> Observation:
     )
 
 
-__all__ = ["Given", "base_data", "force_data", "read_given", "refuse_beside_others"]
+__all__ = ["Given", "base_data", "force_data", "read_given", "read_held"]

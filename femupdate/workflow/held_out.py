@@ -1,24 +1,23 @@
 """Data kept out of a repair: how well they are predicted before and after."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.discrepancy.certify import gain_elsewhere
 from femupdate.discrepancy.fit import Fit
-from femupdate.discrepancy.mesh_error import MeshError
+from femupdate.discrepancy.frf_data import FrfData
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.repair import Repair
 from femupdate.discrepancy.thresholds import VERDICT
 from femupdate.dynamics.transformed import transformed_sensors
 from femupdate.errors import MeasurementError
 from femupdate.measurement.columns import BASE
-from femupdate.measurement.observation import Observation
 from femupdate.measurement.observation_file import Histories, read_observation_file
+from femupdate.workflow.diagnose import ModelParts
 from femupdate.workflow.effects import problem_of
-from femupdate.workflow.finder_data import base_data
+from femupdate.workflow.finder_data import Given, with_rest_about
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource, observed_direction
 
@@ -29,13 +28,15 @@ class Held:
 
     Attributes:
         name: of the file.
+        compared: what of it, beside histories.
         error_before, error_after: rms of the predicted less the measured floor accelerations over
-            the rms of the measured; NaN for FRF tables.
-        chi2_before, chi2_after: mean squared whitened residual of ln|H|.
+            the rms of the measured; NaN without histories of base motion.
+        chi2_before, chi2_after: mean squared whitened residual of what is compared.
         floors: names; time, measured, before, after: histories for the picture, or None.
     """
 
     name: str
+    compared: str
     error_before: float
     error_after: float
     chi2_before: float
@@ -53,102 +54,99 @@ class Held:
             errors = f"{self.error_before:.3f} -> {self.error_after:.3f}"
             histories = f"error of the histories {errors}, "
         return (
-            f"{self.name}, kept out: {histories}of ln|H| (chi2 a point) "
+            f"{self.name}, kept out: {histories}of {self.compared} (chi2 a point) "
             f"{self.chi2_before:.1f} -> {self.chi2_after:.1f}"
         )
 
 
-def predicts_better(
-    model: StudyModel,
-    mesh: MeshError | None,
-    observation: Observation,
-    use_phase: bool,
-    level: float,
-) -> Callable[[Problem, Fit, Fit], bool]:
-    """Whether data kept out are clearly likelier by the second of two fits, by ln|H| and phase.
+@dataclass(frozen=True, eq=False)
+class KeptOut:
+    """Data that no model is fitted to.
 
-    Args:
+    Attributes:
         model: of the study.
-        mesh: error of the mesh, where it is known.
-        observation: the data kept out.
+        parts: of the model.
+        source: the file.
+        given: the same, read.
         use_phase: compare phases where they were measured.
-        level: of the data, in doublings above those that were fitted.
+        level: of the data, in doublings above those that are fitted.
     """
 
-    def better(problem: Problem, before: Fit, after: Fit) -> bool:
-        own = _at_level(model, mesh, problem, observation, use_phase, level)
-        return gain_elsewhere(own, before, after) > VERDICT.clearly
+    model: StudyModel
+    parts: ModelParts
+    source: ObservationSource
+    given: Given
+    use_phase: bool
+    level: float
 
-    return better
+    def better(self, problem: Problem, before: Fit, after: Fit) -> bool:
+        """Whether they are clearly likelier by the second of two fits."""
+        return gain_elsewhere(self._seen_by(problem, before), before, after) > VERDICT.clearly
+
+    def chi2(self, problem: Problem, fitted: Fit) -> float:
+        """Mean squared whitened residual at the parameters of a fit."""
+        return _mean_square(self._seen_by(problem, fitted), fitted)
+
+    def _seen_by(self, problem: Problem, fitted: Fit) -> Problem:
+        """The data as a problem of the structure of a fit, at their level of motion."""
+        read = self.given.data(self.model, self.parts.mesh, self.use_phase)
+        data = tuple(one.at_level(self.level) if isinstance(one, FrfData) else one for one in read)
+        near, theta = fitted.system.model, fitted.theta()[0]
+        data = with_rest_about(data, self.parts.structure, near, theta)
+        return problem_of(problem.reduced, self.model.building, data)
 
 
-def _at_level(
-    model: StudyModel,
-    mesh: MeshError | None,
-    problem: Problem,
-    observation: Observation,
-    use_phase: bool,
-    level: float,
-) -> Problem:
-    data = base_data(model.building, mesh, observation, use_phase).at_level(level)
-    return problem_of(problem.reduced, model.building, (data,))
-
-
-def hold(
-    model: StudyModel,
-    mesh: MeshError | None,
-    problem: Problem,
-    done: Repair,
-    source: ObservationSource,
-    observation: Observation,
-    use_phase: bool,
-    level: float,
-) -> Held:
+def hold(kept: KeptOut, problem: Problem, done: Repair) -> Held:
     """Both models against data that neither has seen, at their level of motion.
 
     Args:
-        model: of the study.
-        mesh: error of the mesh, where it is known.
+        kept: the data.
         problem: as the models were fitted to it.
         done: the models before and after.
-        source: the data kept out.
-        observation: the same, read.
-        use_phase: compare phases where they were measured.
-        level: of the data, in doublings above those that were fitted.
 
     Raises:
         MeasurementError: a channel that the observation has is missing in the file.
     """
-    reduced = problem.reduced
-    own = _at_level(model, mesh, problem, observation, use_phase, level)
-    chi2 = [_mean_square(own, fitted) for fitted in (done.before, done.after)]
-    data = read_observation_file(source.path, source.unit, source.columns)
-    floors = observation.floors
-    if not isinstance(data, Histories):
-        return Held(source.path.name, np.nan, np.nan, chi2[0], chi2[1], floors)
-    base, measured = _channels(data, floors, observed_direction(model))
-    rows = [reduced.model.floors.index(floor) for floor in floors]
-    predicted = []
-    for fitted in (done.before, done.after):
-        theta, zeta, sizes = fitted.split
-        theta, zeta = fitted.system.at_level(theta, zeta, sizes, level)
-        sample = (theta, zeta, sizes)
-        predicted.append(transformed_sensors(fitted.system, sample, base, data.time_step)[rows])
-    size = np.sqrt((measured**2).mean())
-    errors = [float(np.sqrt(((one - measured) ** 2).mean()) / size) for one in predicted]
-    instants = data.time_step * np.arange(measured.shape[1], dtype=np.float64)
-    return Held(
-        source.path.name,
-        errors[0],
-        errors[1],
-        chi2[0],
-        chi2[1],
-        floors,
-        instants,
-        measured,
-        predicted[0],
-        predicted[1],
+    measured, model, source = kept.given.measured, kept.model, kept.source
+    floors = measured.as_observation.floors
+    held = Held(
+        name=source.path.name,
+        compared="frequencies, damping ratios and shapes" if measured.modes else "ln|H|",
+        error_before=np.nan,
+        error_after=np.nan,
+        chi2_before=kept.chi2(problem, done.before),
+        chi2_after=kept.chi2(problem, done.after),
+        floors=floors,
     )
+    if not measured.has_base:
+        return held
+    data = read_observation_file(source.path, source.unit, source.columns)
+    if not isinstance(data, Histories):
+        return held
+    base, seen = _channels(data, floors, observed_direction(model))
+    rows = [problem.reduced.model.floors.index(floor) for floor in floors]
+    before, after = (
+        _predicted(fitted, base, data.time_step, kept.level)[rows]
+        for fitted in (done.before, done.after)
+    )
+    size = np.sqrt((seen**2).mean())
+    errors = [float(np.sqrt(((one - seen) ** 2).mean()) / size) for one in (before, after)]
+    return replace(
+        held,
+        error_before=errors[0],
+        error_after=errors[1],
+        time=data.time_step * np.arange(seen.shape[1], dtype=np.float64),
+        measured=seen,
+        before=before,
+        after=after,
+    )
+
+
+def _predicted(fitted: Fit, base: Floats, time_step: float, level: float) -> Floats:
+    """Accelerations (f, n) of all floors of a model under a motion of the base (n,) of a level."""
+    theta, zeta, sizes = fitted.split
+    theta, zeta = fitted.system.at_level(theta, zeta, sizes, level)
+    return transformed_sensors(fitted.system, (theta, zeta, sizes), base, time_step)
 
 
 def _mean_square(problem: Problem, fitted: Fit) -> float:

@@ -31,7 +31,6 @@ from femupdate.measurement.observation import (
     Observation,
     independent_share,
     require_floors_of_building,
-    select_floors,
 )
 from femupdate.measurement.observation_file import ForceHistories, Histories
 from femupdate.measurement.pair_checks import pair_findings
@@ -274,10 +273,10 @@ def _forced(
         tests = forced_observations(test, building.floors, band, noise)
     found = []
     for one in tests:
-        own = one.observation
-        wanted = [name for name in own.floors if name in (source.sensors or own.floors)]
+        floors = one.observation.floors
+        wanted = [name for name in floors if name in (source.sensors or floors)]
         if wanted:
-            found.append(replace(one, observation=select_floors(own, wanted)))
+            found.append(one.of_floors(wanted))
     return found
 
 

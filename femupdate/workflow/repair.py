@@ -29,10 +29,10 @@ from femupdate.workflow.diagnose import (
     refined,
     sought,
 )
-from femupdate.workflow.finder_data import read_given, refuse_beside_others
-from femupdate.workflow.held_out import Held, hold, predicts_better
+from femupdate.workflow.finder_data import Given, read_given, read_held
+from femupdate.workflow.held_out import Held, KeptOut, hold
 from femupdate.workflow.model import StudyModel, on_kept_finer
-from femupdate.workflow.observed import ObservationSource, observation_of
+from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.repaired import keep_effect_posterior, keep_repaired, repaired_building
 from femupdate.workflow.second_record import level_between
 
@@ -173,25 +173,24 @@ def repair_study(
     show, started = progress or Silent(), time.monotonic()
     chosen = settings or DiagnosisSettings()
     given = read_given(study, model, source, second, show)
-    if holdout is not None:
-        refuse_beside_others(given.measured, holdout, "--holdout")
-    other = None if holdout is None else observation_of(model.building, holdout)
+    other = None if holdout is None else read_held(study, model, holdout, show)
     parts = model_parts(study, model, show)
     model = on_kept_finer(study, model)
     data = given.data(model, parts.mesh, use_phase)
     problem, base = prepared(model, parts, data, chosen, show)
     show.start("Looking for what is missing", 4)
     problem, base, found = sought(model, parts, problem, base, chosen, show)
-    level, better = 0.0, None
+    kept_out = None
     if holdout is not None and other is not None:
-        level = 0.0 if second is None else level_between(model, source, holdout)
-        better = predicts_better(model, parts.mesh, other, use_phase, level)
+        level = _level(model, source, second, holdout, other)
+        kept_out = KeptOut(model, parts, holdout, other, use_phase, level)
+    better = None if kept_out is None else kept_out.better
     mended, done = _mended(model, parts, (problem, base, found), chosen, show, better)
     before, after = _posteriors(problem, mended, done, chosen.seed, show)
     held = None
-    if holdout is not None and other is not None:
+    if kept_out is not None:
         show.start("Predicting the data kept out", 1)
-        held = hold(model, parts.mesh, problem, done, holdout, other, use_phase, level)
+        held = hold(kept_out, problem, done)
         show.advance()
     building, kept = model.building, None
     if done.rounds:
@@ -215,6 +214,19 @@ def repair_study(
     origin = {**model.made_from(), **source.made_from()}
     study.record("repair", "repair.json", "repair", origin, source.files_as_settings())
     return report
+
+
+def _level(
+    model: StudyModel,
+    source: ObservationSource,
+    second: ObservationSource | None,
+    holdout: ObservationSource,
+    held: Given,
+) -> float:
+    """Of data kept out above the first, in doublings; of modes taken to be the first's."""
+    if second is None or held.measured.modes:
+        return 0.0
+    return level_between(model, source, holdout)
 
 
 def _mended(

@@ -5,19 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from femupdate.discrepancy.thresholds import LEVEL
 from femupdate.dynamics.level import motion_level
 from femupdate.errors import MeasurementError
 from femupdate.measurement.columns import BASE
+from femupdate.measurement.kinds import read_any_kind
 from femupdate.measurement.observation import Observation
-from femupdate.measurement.observation_file import Histories, read_observation_file
+from femupdate.measurement.observation_file import ForceHistories, Histories
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.observed import (
-    ObservationSource,
-    halves_of,
-    observation_of,
-    observed_direction,
-)
+from femupdate.workflow.observed import ObservationSource, observed_direction
 
 _SILENT = 1e-300
 
@@ -36,33 +31,12 @@ class SecondRecord:
     level: float
     halves: tuple[Observation, ...] = ()
 
-    @property
-    def note(self) -> str:
-        """One sentence for the user."""
-        if self.level == 0.0:
-            return "Both records have the same level: they are explained by one stiffness."
-        return f"The second record has {2.0**self.level:.2g} times the level of the first."
-
-
-def second_record(
-    model: StudyModel, first: ObservationSource, second: ObservationSource
-) -> SecondRecord:
-    """Read another record and compare its level with the first one's.
-
-    Raises:
-        MeasurementError: it cannot be used, or a file holds FRFs, which know no level.
-    """
-    observation = observation_of(model.building, second)
-    level = level_between(model, first, second)
-    halves = halves_of(model.building, second)
-    return SecondRecord(observation, 0.0 if abs(level) < LEVEL.alike else level, halves)
-
 
 def level_between(model: StudyModel, first: ObservationSource, second: ObservationSource) -> float:
     """Doublings from the first to the second record's level, over the floors of both.
 
     Raises:
-        MeasurementError: a file holds FRFs, or the files have no floor in common.
+        MeasurementError: the files of one hold no histories, or the two have no floor in common.
     """
     both = [record_levels(model, source) for source in (first, second)]
     if not set(both[0]) & set(both[1]):
@@ -83,17 +57,27 @@ def doublings(first: Mapping[str, float], second: Mapping[str, float]) -> float:
 def record_levels(model: StudyModel, source: ObservationSource) -> dict[str, float]:
     """Level (m/s2) of every floor's acceleration along the motion (see `motion_level`).
 
+    Of several files the first one with histories counts.
+
     Raises:
-        MeasurementError: the file holds FRFs.
+        MeasurementError: no file holds histories.
     """
-    data = read_observation_file(source.path, source.unit, source.columns)
-    if not isinstance(data, Histories):
-        raise MeasurementError(
-            f"{source.path}: a table of FRFs does not say at which level it was measured; give the "
-            "histories of both records"
-        )
     direction, found = observed_direction(model), {}
+    data = _histories(source, direction)
     for channel, row in zip(data.channels, data.acceleration, strict=True):
         if channel.floor != BASE and channel.direction == direction:
             found[channel.floor] = float(motion_level(row))
     return found
+
+
+def _histories(source: ObservationSource, direction: str) -> Histories:
+    for path in source.paths:
+        read = read_any_kind(path, source.reading(direction))
+        if isinstance(read, ForceHistories):
+            return read.histories
+        if isinstance(read, Histories):
+            return read
+    raise MeasurementError(
+        f"{source.path}: response functions, modes and deflections do not say at which level they"
+        " were measured; give the histories of both records"
+    )

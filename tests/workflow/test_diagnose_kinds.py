@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from femupdate.errors import InferenceError, MeasurementError
+from femupdate.errors import InferenceError
 from femupdate.study import Study
 from femupdate.workflow.diagnose import diagnose_study
 from femupdate.workflow.model import open_study
@@ -177,6 +177,39 @@ def test_repair_adds_what_was_hidden(study, tmp_path, write):
     assert again.diagnosis.verdict == "none"
 
 
+HELD = {
+    "modes": (write_force, write_modes, "frequencies, damping ratios and shapes"),
+    "force": (write_modes, write_force, "ln|H|"),
+}
+
+
+@pytest.mark.parametrize("case", HELD)
+def test_data_kept_out_may_be_of_another_kind(study, tmp_path, case):
+    fitted, kept, compared = HELD[case]
+    path = fitted(tmp_path / "seen.csv", heavy(0.3))
+    other = kept(tmp_path / "kept.csv", heavy(0.3), 9)
+    model = open_study(study)
+    report = repair_study(study, model, ObservationSource(path), ObservationSource(other))
+    assert [one.finding.placed.label for one in report.repair.rounds] == ["added_mass@3F"]
+    held = report.held
+    assert held.sentence().startswith(f"kept.csv, kept out: of {compared} (chi2 a point)")
+    assert held.chi2_after < 1.6 < 0.5 * held.chi2_before
+    told = json.loads(report.path.read_text())
+    assert told["holdout_error_after"] is None
+    assert told["holdout_chi2_after"] == pytest.approx(held.chi2_after)
+
+
+def test_what_predicts_a_hammer_test_worse_is_not_added(study, tmp_path):
+    """The modes are of a heavier floor, and the hammer hit the building as modelled."""
+    modes = write_modes(tmp_path / "modes.csv", heavy(0.3))
+    hammer = write_force(tmp_path / "hammer.csv", PLAIN)
+    report = repair_study(
+        study, open_study(study), ObservationSource(modes), ObservationSource(hammer)
+    )
+    assert not report.repair.rounds
+    assert "added_mass@3F" in [one.placed.label for one in report.repair.refused]
+
+
 def test_a_model_that_errs_by_more_than_its_modes_allow_is_not_explained(diagnosed, tmp_path):
     """The building is stiffer than its prior allows."""
     path = write_modes(tmp_path / "modes.csv", PLAIN.but(springs=20.0 * PLAIN.springs))
@@ -186,17 +219,10 @@ def test_a_model_that_errs_by_more_than_its_modes_allow_is_not_explained(diagnos
 
 
 def test_files_that_cannot_be_explained(study, diagnosed, tmp_path):
-    modes = write_modes(tmp_path / "modes.csv", PLAIN)
     many = write_modes(tmp_path / "many.csv", PLAIN, extra=1)
     with pytest.raises(InferenceError, match="holds 5 modes but the model has 4"):
         diagnosed(many)
-    other = ObservationSource(tmp_path / "other.csv")
-    with pytest.raises(MeasurementError, match="--second goes with histories or FRFs under base"):
-        diagnosed(modes, second=other)
-    with pytest.raises(MeasurementError, match="--holdout goes with histories or FRFs under base"):
-        repair_study(study, open_study(study), ObservationSource(modes), other)
     assert not study.path("diagnosis.json").exists()
-    assert not study.path("repair.json").exists()
 
 
 def test_deflections_alone_are_too_few(diagnosed, tmp_path):

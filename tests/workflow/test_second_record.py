@@ -72,6 +72,24 @@ def _write(path, chain, seed, rms):
     path.write_text("\n".join(["time_s,base,2F,3F,RF", "s,m/s2,m/s2,m/s2,m/s2", *rows]) + "\n")
 
 
+def _shake(path, chain, seed, newtons):
+    """A shaker on the roof with an rms force (N), then rest, with the floors' exact response."""
+    rng, count = np.random.default_rng(seed), 12_000
+    w = 2.0 * np.pi * np.fft.rfftfreq(count, STEP)
+    white = np.fft.rfft(rng.standard_normal(count))
+    white[(w < 2.0) | (w > 110.0)] = 0.0
+    force = np.fft.irfft(white, count) * (np.arange(count) < count - 1000)
+    force *= newtons / force.std()
+    own, shapes = chain.modes
+    modes = -(w**2) / (own[:, None] ** 2 - w**2 + 2j * chain.zeta * own[:, None] * w)
+    frf = np.vstack([np.ones(w.size), (shapes * shapes[-1]) @ modes])
+    motion = np.fft.irfft(frf * np.fft.rfft(force), count, axis=1)
+    motion[1:] += 0.002 * rng.standard_normal((3, count))
+    rows = [f"{n * STEP:.2f}," + ",".join(f"{v:.7g}" for v in r) for n, r in enumerate(motion.T)]
+    head = "time_s,force/RF (N),2F (m/s2),3F (m/s2),RF (m/s2)"
+    path.write_text("\n".join([head, *rows]) + "\n")
+
+
 @pytest.fixture(scope="module")
 def home(tmp_path_factory):
     folder = tmp_path_factory.mktemp("second")
@@ -84,9 +102,12 @@ def home(tmp_path_factory):
     _write(folder / "strong.csv", _chain(SOFTER * THETA, 0.05), 2, TIMES * 0.3)
     _write(folder / "one.csv", _chain(one_story, 0.04), 3, TIMES * 0.3)
     _write(folder / "same.csv", _chain(THETA, 0.04), 4, TIMES * 0.3)
+    _shake(folder / "gentle.csv", _chain(THETA, 0.04), 5, 0.5)
+    _shake(folder / "hard.csv", _chain(SOFTER * THETA, 0.05), 6, 2.0)
     (folder / "table.csv").write_text(
         "frequency_hz,2F,3F,RF\n" + "".join(f"{f},1,1,1\n" for f in range(1, 16))
     )
+    (folder / "modes.csv").write_text("mode,frequency_hz\n1,4.0\n2,11.0\n")
     return folder
 
 
@@ -117,6 +138,18 @@ def test_softening_is_named_repaired_and_of_the_right_size(study, home):
     assert again.diagnosis.verdict == "none"
 
 
+def test_a_stronger_shaker_shows_softening_as_a_stronger_base_motion_does(study, home):
+    model = _open(study, home)
+    low, high = (ObservationSource(home / name) for name in ("gentle.csv", "hard.csv"))
+    report = diagnose_study(study, model, low, second=high)
+    assert report.diagnosis.verdict == "named"
+    leading = report.diagnosis.leading
+    assert leading.placed.label == "amplitude_softening@all"
+    assert (1.0 + leading.size) ** level_between(model, low, high) == pytest.approx(
+        SOFTER, rel=0.02
+    )
+
+
 def test_the_story_that_softens_is_found(study, home):
     weak, one = (ObservationSource(home / name) for name in ("weak.csv", "one.csv"))
     report = diagnose_study(study, _open(study, home), weak, second=one)
@@ -138,9 +171,10 @@ def test_one_record_cannot_show_it(study, home):
     assert "amplitude_softening" not in [o.placed.effect.name for o in report.diagnosis.scores]
 
 
-def test_a_table_has_no_level(study, home):
-    table, weak = (ObservationSource(home / name) for name in ("table.csv", "weak.csv"))
-    with pytest.raises(MeasurementError, match="does not say at which level"):
+@pytest.mark.parametrize("name", ["table.csv", "modes.csv"])
+def test_neither_a_table_nor_modes_have_a_level(study, home, name):
+    table, weak = (ObservationSource(home / one) for one in (name, "weak.csv"))
+    with pytest.raises(MeasurementError, match="do not say at which level"):
         diagnose_study(study, _open(study, home), weak, second=table)
 
 
