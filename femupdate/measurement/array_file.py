@@ -1,7 +1,7 @@
 """Named arrays, as MATLAB and numpy save them, as the table that they make."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from femupdate.measurement.text import TextFile
 _RATE = re.compile(r"^(fs|f_s|fsamp\w*|rate|sampling_?(rate|frequency)|sample_?rate)(_?hz)?$", re.I)
 _STEP = re.compile(r"^(dt|delta_?t|ts|time_?step)(_?s)?$", re.IGNORECASE)
 _UNIT = re.compile(r"^units?$", re.IGNORECASE)
+_LABELS = re.compile(r"^(channel|sensor|column)?s?_?(names?|labels?)$|^(channel|sensor)s$", re.I)
 # Of all arrays together: a table of them takes some three times that in memory.
 LARGEST_BYTES = 400_000_000
 
@@ -42,9 +43,10 @@ def table_of_arrays(file: TextFile, arrays: Mapping[str, Any]) -> Recording:
         return Recording(file, modes=modes)
     numbers = {name: np.squeeze(a) for name, a in arrays.items() if _is_numeric(a)}
     scalars = {name: float(a.real) for name, a in numbers.items() if a.ndim == 0}
+    labels = _texts(arrays, _LABELS)
     columns: dict[str, Floats] = {}
     for name, array in numbers.items():
-        columns |= _columns(name, array)
+        columns |= _columns(name, array, labels)
     if not columns:
         raise file.error("the file holds no array of numbers; save one for each channel")
     axis = _axis(file, columns, scalars)
@@ -53,11 +55,17 @@ def table_of_arrays(file: TextFile, arrays: Mapping[str, Any]) -> Recording:
     left_out = [name for name in columns if name not in used]
     _require_finite(file, used)
     names = tuple(used)
-    unit = next(
-        (str(a) for name, a in arrays.items() if _UNIT.match(name) and is_unit(str(a))), None
+    stated = [one if is_unit(one) else None for one in _texts(arrays, _UNIT)]
+    each = dict(zip(labels, stated, strict=False)) if len(stated) == len(labels) else {}
+    common = stated[0] if len(set(stated)) == 1 else None
+    units = tuple(None if name == axis else each.get(name, common) for name in names)
+    table = Table(
+        file,
+        _without_structure(names),
+        units,
+        np.column_stack(list(used.values())),
+        np.arange(count) + 1,
     )
-    units = tuple(None if name == axis else unit for name in names)
-    table = Table(file, names, units, np.column_stack(list(used.values())), np.arange(count) + 1)
     notes = (f"Arrays of another length are left out: {', '.join(left_out)}.",)
     return Recording(file, table=table, notes=notes if left_out else ())
 
@@ -68,10 +76,25 @@ def _is_numeric(array: Any) -> bool:
     )
 
 
-def _columns(name: str, array: NDArray[Any]) -> dict[str, Floats]:
+def _texts(arrays: Mapping[str, Any], called: re.Pattern[str]) -> list[str]:
+    """The texts of the first array of a name, one of a single text."""
+    found = (a for name, a in arrays.items() if called.match(name.rpartition(".")[2]))
+    return [str(one).strip() for a in found for one in np.ravel(np.asarray(a, dtype=object))]
+
+
+def _without_structure(names: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of columns without that of the one structure that all of them are fields of."""
+    plain = tuple(name.rpartition(".")[2] for name in names)
+    one = len({name.rpartition(".")[0] for name in names if "." in name}) == 1
+    return plain if one and len(set(plain)) == len(plain) else names
+
+
+def _columns(name: str, array: NDArray[Any], labels: Sequence[str] = ()) -> dict[str, Floats]:
     if array.ndim == 2:
         rows = array if array.shape[0] <= array.shape[1] else array.T
-        found = [_columns(f"{name}_{k}", row) for k, row in enumerate(rows, start=1)]
+        own = labels if len(set(labels)) == len(rows) else ()
+        own = own or [f"{name}_{k}" for k in range(1, len(rows) + 1)]
+        found = [_columns(title, row) for title, row in zip(own, rows, strict=True)]
         return {key: column for each in found for key, column in each.items()}
     if array.ndim != 1 or array.size < 2:
         return {}

@@ -7,7 +7,9 @@ BASE = "base"
 TIME = "time_s"
 FREQUENCY = "frequency_hz"
 # What else files call them, and what they call times in seconds.
-TIME_NAME = re.compile(r"^(t|time)([_ .].*)?$|^sec(ond)?s?$|^時[刻間]", re.IGNORECASE)
+TIME_NAME = re.compile(
+    r"^(t|time)([_ .].*)?$|^sec(ond)?s?$|^time_?stamp$|^date_?time$|^時[刻間]", re.IGNORECASE
+)
 SECONDS_NAME = re.compile(r"^(t|time)([_ .]s(ec(ond)?s?)?)?$|^sec(ond)?s?$", re.IGNORECASE)
 FREQUENCY_NAME = re.compile(r"^(f|freq|frequency)([_ ]?hz)?$|^周波数", re.IGNORECASE)
 DIRECTIONS = ("x", "y", "z")

@@ -22,6 +22,7 @@ class Block:
         per_line: how many fill a line.
         width: characters of a column.
         channel: what messages call them.
+        whole: whether they are counts, without a decimal point.
     """
 
     at: int
@@ -29,6 +30,7 @@ class Block:
     per_line: int
     width: int
     channel: str
+    whole: bool = False
 
     @property
     def lines(self) -> range:
@@ -48,26 +50,35 @@ def block_values(file: TextFile, block: Block) -> Floats:
         row = file.lines[index].rstrip() if index < len(file.lines) else ""
         row = "" if _END.search(row) else row
         found = _fields(row, block.width)
-        fields += _checked(file, index, found, block.width)
+        found = _by_blanks(row, found, block)
+        fields += _checked(file, index, found, block)
         if len(found) < block.per_line:
             break
     check_count(file, len(fields), block.count, block.at, block.channel)
     after = block.lines.stop
-    if after < len(file.lines) and _holds_numbers(file.lines[after].rstrip(), block.width):
+    if after < len(file.lines) and _holds_numbers(file.lines[after].rstrip(), block):
         check_count(file, block.count + 1, block.count, block.at, block.channel)
     return np.array(fields, dtype=np.float64)
+
+
+def _by_blanks(row: str, found: list[str], block: Block) -> list[str]:
+    """Fields of a row; by its blanks where editors or mailers have moved the columns."""
+    words = row.split()
+    moved = not all(_is_value(field, block.whole) for field in found)
+    fits = len(words) <= block.per_line and all(_is_value(word, block.whole) for word in words)
+    return words if moved and fits else found
 
 
 def _fields(row: str, width: int) -> list[str]:
     return [row[start : start + width] for start in range(0, len(row), width)]
 
 
-def _checked(file: TextFile, index: int, fields: list[str], width: int) -> list[str]:
+def _checked(file: TextFile, index: int, fields: list[str], block: Block) -> list[str]:
     for position, field in enumerate(fields):
         # A field without its point means that the columns are not where the format says.
-        if "." not in field or finite(field) is None:
+        if not _is_value(field, block.whole):
             raise file.error(
-                f"{field.strip()!r} is not a number in columns of {width} characters, as"
+                f"{field.strip()!r} is not a number in columns of {block.width} characters, as"
                 " the format says; fetch the record again",
                 index + 1,
                 str(position + 1),
@@ -75,6 +86,10 @@ def _checked(file: TextFile, index: int, fields: list[str], width: int) -> list[
     return fields
 
 
-def _holds_numbers(row: str, width: int) -> bool:
-    fields = _fields(row, width)
-    return bool(fields) and all("." in field and finite(field) is not None for field in fields)
+def _holds_numbers(row: str, block: Block) -> bool:
+    fields = _fields(row, block.width)
+    return bool(fields) and all(_is_value(field, block.whole) for field in fields)
+
+
+def _is_value(field: str, whole: bool = False) -> bool:
+    return (whole or "." in field) and finite(field) is not None

@@ -10,14 +10,17 @@ from numpy.typing import NDArray
 from femupdate.measurement.recording import RecordedMode
 from femupdate.measurement.text import TextFile
 
+_FREQUENCY = r"(f_?n|f_?id|(natural_?)?freq(uency|uencies|s)?)"
+_DAMPING = r"(xi|zeta|(modal_?)?damp(ing)?_?(ratios?)?)"
+_SHAPE = r"(phi|psi|(mode_?)?shapes?|modes)"
 _NAMES = {
-    "frequency": r"fn|freq(uency|uencies|s)?(_hz)?",
-    "frequency_sd": r"(fn|freq(uency|uencies)?)_(std|sd)(_hz)?",
-    "damping": r"xi|zeta|damping(_ratios?)?",
-    "damping_sd": r"(xi|zeta|damping)_(std|sd)",
-    "shape": r"phi|(mode[_ ]?)?shapes?",
-    "shape_sd": r"(phi|(mode[_ ]?)?shapes?)_(std|sd)",
-    "sensors": r"sensors?|channels?|floors?|names",
+    "frequency": rf"{_FREQUENCY}(_hz)?",
+    "frequency_sd": rf"{_FREQUENCY}_(std|sd)(_hz)?",
+    "damping": _DAMPING,
+    "damping_sd": rf"{_DAMPING}_(std|sd)",
+    "shape": _SHAPE,
+    "shape_sd": rf"{_SHAPE}_(std|sd)",
+    "sensors": r"(sensor|channel|floor)s?(_?(names?|labels?))?|names|labels",
 }
 
 

@@ -19,6 +19,19 @@ MODE_COLUMNS = (
     " 2F_sd ..., or 2F_re and 2F_im"
 )
 _NAMED = (MODE, FREQUENCY, FREQUENCY_SD, DAMPING, DAMPING_SD)
+_DEVIATION = r"(std|sd|standarddeviation)"
+_FREQUENCY = r"(f|fn|freq|(natural|modal)?frequency)"
+_DAMPING = r"(xi|zeta|(modal)?damping(ratio)?)"
+# Titles without blanks, points and underscores.
+_TITLES = {
+    MODE: r"mode(no|nr|number|name)?",
+    FREQUENCY: rf"{_FREQUENCY}(hz)?",
+    FREQUENCY_SD: rf"{_DEVIATION}{_FREQUENCY}(hz)?|{_FREQUENCY}{_DEVIATION}(hz)?",
+    DAMPING: _DAMPING,
+    DAMPING_SD: rf"{_DEVIATION}{_DAMPING}|{_DAMPING}{_DEVIATION}",
+}
+# What programs say of a mode besides.
+_BESIDE = re.compile(r"(std\.?\s*)?complexity|mpc|mpd|mcf|comments?|remarks?|method", re.IGNORECASE)
 _PART = re.compile(r"(?P<sensor>.+?)(?:_(?P<part>re|im|sd))?", re.IGNORECASE)
 
 
@@ -76,7 +89,8 @@ def _columns(table: Table, columns: Mapping[str, str]) -> dict[str, Floats]:
     for position, title in enumerate(names):
         name = theirs.get(title, title)
         known = _known_name(name)
-        if known is None and columns and title not in theirs:
+        beside = _BESIDE.fullmatch(title) is not None
+        if known is None and title not in theirs and (columns or beside):
             continue
         if known is None:
             raise table.file.error(
@@ -89,14 +103,24 @@ def _columns(table: Table, columns: Mapping[str, str]) -> dict[str, Floats]:
 
 def _known_name(name: str) -> str | None:
     """A column's name as we write it; None where it is none of ours."""
-    if name.lower() in _NAMED:
-        return name.lower()
+    figure = figure_of(name)
+    if figure is not None:
+        return figure
     match = _PART.fullmatch(name)
     channel = parse_channel(match["sensor"]) if match else None
     if match is None or channel is None:
         return None
     part = f"_{match['part'].lower()}" if match["part"] else ""
     return f"{channel.name}{part}"
+
+
+def figure_of(title: str) -> str | None:
+    """Which figure of a mode a title names, as programs of identification write it.
+
+    `Std. Frequency`, `Damping Ratio`, `Fn`; None of any other title.
+    """
+    plain = re.sub(r"[\s_.\-]+", "", title).lower()
+    return next((name for name, own in _TITLES.items() if re.fullmatch(own, plain)), None)
 
 
 def _factor(table: Table, name: str, position: int) -> float:

@@ -12,6 +12,9 @@ from femupdate.measurement.complex_text import split_complex
 from femupdate.measurement.force_unit import FORCES
 from femupdate.measurement.quantity import split_unit
 from femupdate.measurement.text import TextFile
+from femupdate.measurement.time_of_day import in_seconds
+
+_MOST_ABOVE, _LEAST_ROWS, _LEAST_COLUMNS = 60, 10, 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,20 +59,39 @@ def read_table(file: TextFile) -> Table:
     """Read a table whose columns are parted by semicolons, tabs, commas or blanks.
 
     A column of complex numbers becomes two, `name_re` and `name_im`.
-    Lines starting with # are skipped. A first row whose first cell is not a number is the header;
-    a second one without any number is the units row. Where the delimiter is not the comma, a
-    comma in a number is the decimal sign.
+    Lines starting with # or % are skipped, and so is what a logger writes above the table. A first
+    row whose first cell is not a number is the header; a second one without any number is the units
+    row. Where the delimiter is not the comma, a comma in a number is the decimal sign. Dates and
+    times of day in the first column become seconds.
 
     Raises:
         MeasurementError: a cell is blank, text or not finite, a row has another number of cells,
             or two columns have one name.
     """
-    rows = split_complex(file.rows())
+    rows = split_complex(rows_of_table(file))
     delimiter = find_delimiter(rows[0][1])
+    rows = in_seconds(rows, delimiter)
     rows = drop_trailing_blanks(rows, delimiter)
     names, units, data = _head(file, rows, delimiter)
     values, lines = parse_rows(file, data, delimiter, names)
     return Table(file, names, units or (None,) * values.shape[1], values, lines)
+
+
+def rows_of_table(file: TextFile) -> list[Row]:
+    """Rows of a table without what loggers write above it: lines of other numbers of cells."""
+    rows = file.rows()
+    delimiter = find_delimiter(rows[-1][1])
+    width = len(cells_of(rows[-1][1], delimiter))
+    if len(cells_of(rows[0][1], delimiter)) == width or width < _LEAST_COLUMNS:
+        return rows
+    other = [
+        k
+        for k, (_, text) in enumerate(rows[:_MOST_ABOVE])
+        if len(cells_of(text, delimiter)) != width
+    ]
+    first = other[-1] + 1
+    whole = first < min(_MOST_ABOVE, len(rows) - _LEAST_ROWS)
+    return rows[first:] if whole else rows
 
 
 def drop_trailing_blanks(rows: list[Row], delimiter: str | None) -> list[Row]:
@@ -132,7 +154,8 @@ def _head(
             " give every column a unit",
             rows[1][0],
         )
-    stated = tuple(below or beside for below, beside in zip(second, units, strict=True))
+    below = [None if unit in ("", "-") else unit for unit in second]
+    stated = tuple(own or beside for own, beside in zip(below, units, strict=True))
     return names, stated, rows[2:]
 
 

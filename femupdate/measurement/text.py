@@ -43,9 +43,9 @@ class TextFile:
         return MeasurementError(f"{where}: {message}")
 
     def rows(self) -> list[tuple[int, str]]:
-        """Return (line number, text) of the lines that are neither blank nor comments (#)."""
+        """Return (line number, text) of the lines that are neither blank nor comments (#, %)."""
         numbered = enumerate(self.lines, start=1)
-        return [(n, line) for n, line in numbered if (s := line.strip()) and s[0] != "#"]
+        return [(n, line) for n, line in numbered if (s := line.strip()) and s[0] not in "#%"]
 
 
 def read_text(path: str | Path) -> TextFile:
@@ -115,7 +115,11 @@ def _decode(data: bytes, whole: bool = True) -> str:
     """Text of bytes; the last character may be cut where they are not the whole file."""
     if data.startswith(_UTF16_MARKS):
         return data.decode("utf-16", errors="replace")
+    # Japanese text has bytes that are control characters, which no text has, in Latin-1.
+    japanese = any(0x80 <= byte < 0xA0 for byte in data)
     for encoding in _ENCODINGS:
+        if encoding == "cp932" and not japanese:
+            continue
         try:
             return codecs.getincrementaldecoder(encoding)().decode(data, whole)
         except UnicodeDecodeError:

@@ -62,7 +62,7 @@ def test_one_array_of_all_channels_with_a_rate(tmp_path, name, write, turned, ra
 
 def test_structures_and_a_unit(tmp_path):
     arrays = {"test": {"fs": RATE, "acc": ROWS, "place": "roof"}, "unit": "gal", "n": 7.0}
-    motion = read_record(save(tmp_path / "s.mat", arrays), channel="test.acc_3")
+    motion = read_record(save(tmp_path / "s.mat", arrays), channel="acc_3")
     np.testing.assert_allclose(motion.acceleration, ROWS[2] / 100, rtol=1e-14)
     assert motion.unit == "gal"
 

@@ -133,17 +133,7 @@ HEADERED = {
         "announces 32 values in channel Up but 33 follow",
     ),
     "csmip cut off": ("csmip_v1", lambda t: t[: t.index("/&") - 30], "values in channel Up but"),
-    "csmip other width": (
-        "csmip_v1",
-        lambda t: edited(t, "8f9.6", "8f7.6"),
-        "is not a number in columns of 7 characters",
-    ),
     "csmip text": ("csmip_v1", lambda t: edited(t, ".003231", "*******"), "line 6, column 2"),
-    "csmip no format": (
-        "csmip_v1",
-        lambda t: edited(t, "(8f9.6)", ""),
-        "line 5: the line that ann",
-    ),
     "csmip unit": ("csmip_v1", lambda t: edited(t, "of g.", "of volt."), "unknown unit 'volt'"),
     "csmip v2 row less": (
         "csmip_v2",

@@ -105,7 +105,7 @@ BAD = {
     "esm count": ("esm", "NDATA: 1480", "NDATA: 1481", "announces 1481 values but 1480 follow"),
     "esm no step": ("esm", "_INTERVAL_S: 0.005000", "_INTERVAL_S:", "does not give SAMPLING_INT"),
     "esm no unit": ("esm", "UNITS:", "UNIT:", "does not give UNITS"),
-    "cosmos counts": ("cosmos", "Format=(8f10.5)", "Format=(10I8)", "announces no acceleration"),
+    "cosmos counts": ("cosmos", "units=cm/sec2", "units=counts", "do not give what a count is"),
     "cosmos rate": ("cosmos", " 5.0", "50.0", "no sampling interval with which 1480 values last 7"),
     "cosmos count": ("cosmos", "1480 acc", "1481 acc", "announces 1481 values in channel Up but"),
 }

@@ -1,4 +1,4 @@
-"""COSMOS strong-motion files, Volumes 1 and 2: text, integer and real headers, then the values.
+"""COSMOS strong-motion files, Volumes 0 to 2: text, integer and real headers, then the values.
 
 After the format's description, version 1.20 (COSMOS 2001): the sampling interval is real header 62
 in ms, or 34 in s; the peak 64; the azimuth integer header 54. Velocity and displacement are passed
@@ -20,7 +20,8 @@ from femupdate.measurement.text import TextFile, read_text
 # 12725 acceleration pts, approx 63 secs, units=cm/sec2(04),Format=(8F10.5)
 _ANNOUNCED = re.compile(
     r"^\s*(?P<n>\d+)\s+acceleration pts,\s*approx\s+(?P<lasts>\d+)\s*secs,\s*units=\s*"
-    r"(?P<unit>[^,(]+?)\s*(?:\(\s*\d+\s*\))?\s*,\s*Format\s*=\s*\((?P<per>\d+)[FE](?P<width>\d+)",
+    r"(?P<unit>[^,(]+?)\s*(?:\(\s*\d+\s*\))?\s*,\s*Format\s*=\s*\((?P<per>\d+)(?P<kind>[IFE])"
+    r"(?P<width>\d+)",
     re.IGNORECASE,
 )
 _MENTIONED = re.compile(r"^\s*\d+\s+(acceleration|velocity|displacement) pts,", re.I | re.M)
@@ -30,9 +31,14 @@ _HEADER = re.compile(
     re.IGNORECASE,
 )
 _CHANNEL = re.compile(
-    r"^Sta Chan\s*(\d+):\s*(.*?)\s*(?:\(.*?\)\s*)?(?:Location:\s*(.*))?$", re.IGNORECASE
+    r"^Sta Chan?\s*:?\s*(\d+|\?):\s*(.*?)\s*(?:\(.*?\)\s*)?(?:Location:\s*(.*))?$", re.IGNORECASE
 )
+# |<SCNL>BMR.BNZ.AK.--  says the channel's code, which ends with its direction
+_CODE = re.compile(r"^\|\s*<?SCNL>?:?\s*[^.\s]*\.[A-Z][A-Z]([ENZ])\.")
 _UNKNOWN = -999.0
+# Integer header 54: an azimuth, or one of these.
+_VERTICAL = {400.0: "Up", 401.0: "Down", 402.0: "Vertical"}
+_NOTHING = {"other", "unknown", "?", ""}
 
 
 def _recognises(head: str, suffix: str) -> bool:
@@ -43,50 +49,88 @@ def _read(path: Path) -> Recording:
     """Accelerations of all channels, by the column widths that the file states.
 
     Raises:
-        MeasurementError: no acceleration is announced in numbers with a decimal point, the
+        MeasurementError: no acceleration is announced, the
             sampling interval is missing, or another number of values follows than announced.
     """
     file = read_text(path)
     channels = tuple(_channels(file))
     if not channels:
         raise file.error(
-            "the file announces no acceleration in decimal numbers; take Volume 1 or 2 of the"
-            " acceleration, not counts (Volume 0), velocity or displacement"
+            "the file announces no acceleration; take Volume 0, 1 or 2 of the acceleration, not"
+            " velocity, displacement or spectra (Volume 3)"
         )
     return Recording(file, channels)
 
 
 def _channels(file: TextFile) -> Iterator[RecordedChannel]:
-    direction, location, number = "", "", "1"
+    direction, location, number, code = "", "", "1", ""
     header: dict[str, list[float | None]] = {"integer": [], "real": []}
     for at, line in enumerate(file.lines):
         if match := _CHANNEL.match(line):
             number, direction, location = (" ".join((t or "").split()) for t in match.groups())
+            code = ""
+        elif match := _CODE.match(line):
+            code = match.group(1)
         elif match := _HEADER.match(line):
             header[match["kind"].lower()] = _header(file, at, match)
         elif match := _ANNOUNCED.match(line):
-            name = direction or f"channel {number}"
+            along = _direction(direction, _item(header["integer"], 54), code)
+            name = along or f"channel {number}"
             name = f"{name}, {location}" if location else name
             count, per_line = int(match["n"]), int(positive(file, match["per"], "Format", at))
             width = int(positive(file, match["width"], "Format", at))
-            peak, azimuth = _item(header["real"], 64), _item(header["integer"], 54)
-            known = azimuth is not None and 0.0 <= azimuth <= 360.0
+            peak = _item(header["real"], 64)
+            block = Block(at, count, per_line, width, name, match["kind"].upper() == "I")
+            factor, unit = _scale(file, at, match["unit"], header["real"])
             yield RecordedChannel(
                 name=name,
-                values=block_values(file, Block(at, count, per_line, width, name)),
+                values=factor * block_values(file, block),
                 time_step=_step(file, at, match, header["real"]),
-                unit=match["unit"],
+                unit=unit,
                 location=location,
-                direction=direction,
-                azimuth_deg=azimuth_of(direction) if not known else (azimuth or 0.0) % 360.0,
+                direction=along,
+                azimuth_deg=azimuth_of(along),
                 stated_peak=None if peak is None else abs(peak),
             )
+
+
+def _direction(said: str, azimuth: float | None, code: str) -> str:
+    """What the header says in words, else in numbers, else the last letter of the channel's code.
+
+    Converted files write an azimuth of zero where nothing is known.
+    """
+    if said.lower() not in _NOTHING:
+        return said
+    if azimuth in _VERTICAL:
+        return _VERTICAL[azimuth]
+    if azimuth is not None and 0.0 < azimuth <= 360.0:
+        return f"{azimuth:.0f} deg"
+    return "Up" if code == "Z" else code
 
 
 def _header(file: TextFile, at: int, match: re.Match[str]) -> list[float | None]:
     width, lines = int(match["width"]), file.lines[at + 1 : at + 1 + int(match["lines"])]
     starts = [(line, k) for line in lines for k in range(0, len(line.rstrip()), max(width, 1))]
     return [finite(line[k : k + width]) for line, k in starts]
+
+
+def _scale(file: TextFile, at: int, unit: str, real: list[float | None]) -> tuple[float, str]:
+    """What values are multiplied by, and their unit then.
+
+    Counts of Volume 0 become g: real header 22 has microvolts per count, 42 volts per g, and 47
+    the gain of the recorder.
+    """
+    if not unit.lower().startswith("count"):
+        return 1.0, unit
+    microvolts, sensitivity = _item(real, 22), _item(real, 42)
+    if not microvolts or not sensitivity:
+        raise file.error(
+            "the values are counts, and the headers do not give what a count is (real headers 22"
+            " and 42); take Volume 1 or 2",
+            at + 1,
+        )
+    gain = _item(real, 47) or 1.0
+    return microvolts * 1e-6 / sensitivity / gain, "g"
 
 
 def _item(header: list[float | None], number: int) -> float | None:
@@ -109,4 +153,4 @@ def _step(file: TextFile, at: int, announced: re.Match[str], real: list[float | 
     )
 
 
-READER = Reader("cosmos", "COSMOS Volumes 1 and 2", _recognises, _read)
+READER = Reader("cosmos", "COSMOS Volumes 0 to 2", _recognises, _read)

@@ -17,21 +17,21 @@ from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.text import TextFile, read_text
 
-_FORMAT = r"\((?P<per>\d+)[fe](?P<width>\d+)\.\d+\)"
 _ANNOUNCED = [
     re.compile(pattern, re.IGNORECASE)
     for pattern in (
         # 31932 Accelerogram points at 100 pts/sec in units of g.  Format: (8f9.6)
-        r"^\s*(?P<n>\d+)\s+accelerogram points at\s+(?P<rate>[\d.]+)\s*pts/sec,?\s*in units of\s+"
-        rf"(?P<unit>[^:]+?)\s*\.?\s*Format:\s*{_FORMAT}",
+        r"^\s*(?P<n>\d+)\s+accelerogram points at\s+(?P<rate>[\d.]+)\s*pts/sec(?P<rest>.*)",
         # 7500 points of accel data equally spaced at  .010 sec, in cm/sec2. (8f10.6)
-        r"^\s*(?P<n>\d+)\s+points of accel data equally spaced at\s+(?P<step>[\d.]+)\s*sec,?\s*in"
-        rf"\s+(?P<unit>[^:]+?)\s*\.?\s*{_FORMAT}",
         # 2000 POINTS OF ACCEL DATA EQUALLY SPACED AT  .020 SEC.  (UNITS: CM/SEC/SEC)
-        r"^\s*(?P<n>\d+)\s+points of accel data equally spaced at\s+(?P<step>[\d.]+)\s*sec\.?,?"
-        r"\s*\(units:\s*(?P<unit>[^)]+?)\s*\)",
+        r"^\s*(?P<n>\d+)\s+points of accel data equally spaced at\s+(?P<step>[\d.]+)\s*sec"
+        r"(?P<rest>.*)",
     )
 ]
+_FORMAT = re.compile(r"\((?:1p)?(?P<per>\d+)\s*\(?[fegd](?P<width>\d+)\.\d+", re.IGNORECASE)
+_UNIT = re.compile(
+    r"\b(?:in\s+units\s+of|units:|in)\s+(?P<unit>[^:()]+?)[\s.]*(?:\(|\)|Format|$)", re.I
+)
 _CHANNEL = re.compile(r"^Chan\s+(\d+):\s*(.*?)\s*(?:\(.*?\)\s*)?(?:Location:\s*(.*))?$", re.I)
 _PEAK = re.compile(
     r"^Peak acceleration\s*=\s*(?P<cm>[-\d.]+)\s*cm/sec/sec"
@@ -39,8 +39,9 @@ _PEAK = re.compile(
     re.IGNORECASE,
 )
 _MENTIONED = re.compile(r"accelerogram points|points of accel data", re.IGNORECASE)
+_RAW = re.compile(r"^\s*uncorrected accelerogram data", re.IGNORECASE)
 _HEADER_LINES = 200
-_OLD_PER_LINE, _OLD_WIDTH = "8", "10"  # files of before 2000 do not state their format: (8f10.3)
+_PER_LINE = "8"  # values in a line of files that do not state their format
 
 
 @dataclass(frozen=True)
@@ -51,11 +52,13 @@ class _Head:
     direction: str = ""
     location: str = ""
     peak: float | None = None
+    unit: str | None = None
 
 
 def _recognises(head: str, suffix: str) -> bool:
     lines = head.split("\n")[:_HEADER_LINES]
-    return any(_MENTIONED.search(line) for line in lines if not line.startswith("#"))
+    told = any(_MENTIONED.search(line) for line in lines if not line.startswith("#"))
+    return told or _RAW.match(head) is not None
 
 
 def _read(path: Path) -> Recording:
@@ -67,11 +70,16 @@ def _read(path: Path) -> Recording:
     """
     file = read_text(path)
     channels = tuple(_channels(file))
+    if not channels and not any(_MENTIONED.search(line) for line in file.lines):
+        raise file.error(
+            "these are raw pairs of times and values as they were digitised; take the .V1 or .V2"
+            " file beside it"
+        )
     if not channels:
         at = next((i for i, line in enumerate(file.lines) if _MENTIONED.search(line)), 0)
         raise file.error(
-            "the line that announces the values lacks their number, sampling, unit or format"
-            " such as (8f9.6); convert the record to CSV",
+            "the line that announces the values lacks their number or sampling; convert the record"
+            " to CSV",
             at + 1,
         )
     return Recording(file, channels)
@@ -84,7 +92,8 @@ def _channels(file: TextFile) -> Iterator[RecordedChannel]:
         if channel := _CHANNEL.match(line):
             head = _head(channel)
         elif peak := _PEAK.match(line):
-            head = replace(head, peak=abs(float(peak["cm"] or peak["g"])))
+            unit = "cm/s2" if peak["cm"] else "g"
+            head = replace(head, peak=abs(float(peak["cm"] or peak["g"])), unit=unit)
         elif announced := next((m for p in _ANNOUNCED if (m := p.match(line))), None):
             count += 1
             yield _channel(file, index, announced, head if head.name else _Head(f"channel {count}"))
@@ -103,8 +112,9 @@ def _channel(file: TextFile, at: int, announced: re.Match[str], head: _Head) -> 
         step = 1.0 / positive(file, found["rate"], "the sampling rate", at)
     else:
         step = positive(file, found["step"], "the time step", at)
-    per_line = found.get("per") or _OLD_PER_LINE
-    width = found.get("width") or _OLD_WIDTH
+    layout, unit = _FORMAT.search(found["rest"]), _UNIT.search(found["rest"])
+    per_line = layout["per"] if layout else _PER_LINE
+    width = layout["width"] if layout else _width(file, at)
     block = Block(
         at,
         int(found["n"]),
@@ -116,12 +126,18 @@ def _channel(file: TextFile, at: int, announced: re.Match[str], head: _Head) -> 
         name=head.name,
         values=block_values(file, block),
         time_step=step,
-        unit=found["unit"],
+        unit=unit["unit"].strip() if unit else head.unit,
         location=head.location,
         direction=head.direction,
         azimuth_deg=azimuth_of(head.direction),
         stated_peak=head.peak,
     )
+
+
+def _width(file: TextFile, at: int) -> str:
+    """Of a column, from the first line of values, which is full."""
+    first = file.lines[at + 1].rstrip() if at + 1 < len(file.lines) else ""
+    return str(round(len(first) / int(_PER_LINE)))
 
 
 READER = Reader("csmip", "CSMIP/CESMD Volumes 1 and 2", _recognises, _read)

@@ -7,16 +7,14 @@ import numpy as np
 
 from femupdate.measurement.cells import cells_of, find_delimiter, is_number
 from femupdate.measurement.complex_text import split_complex
+from femupdate.measurement.mode_table import DAMPING, DAMPING_SD, FREQUENCY_SD, MODE, figure_of
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.table import Table
 from femupdate.measurement.text import TextFile, read_text
 
-# A column that no table of histories or of response functions has.
-_TELLING = re.compile(
-    r"mode(_?(no|nr|number))?|(frequency|freq|f)_(sd|std)(_hz)?|(damping|xi|zeta)(_ratio)?(_sd|_std)?",
-    re.IGNORECASE,
-)
+# Columns that no table of histories or of response functions has.
+_TELLING = (MODE, FREQUENCY_SD, DAMPING, DAMPING_SD)
 _BRACKETED = re.compile(r"(?P<name>.*?)\s*[(\[]\s*(?P<unit>[^()\[\]]+?)\s*[)\]]")
 _BLANK = ("", "-", "–", "nan", "n/a", "na", "none")
 _LEAST_TOLD = 2
@@ -28,7 +26,7 @@ def _recognises(head: str, suffix: str) -> bool:
     if not rows or "\0" in head:
         return False
     titles = [_title(cell)[0] for cell in cells_of(rows[0][1], find_delimiter(rows[0][1]))]
-    telling = sum(_TELLING.fullmatch(title) is not None for title in titles)
+    telling = sum(figure_of(title) in _TELLING for title in titles)
     return telling >= 1 and len(titles) >= _LEAST_TOLD
 
 
@@ -84,12 +82,18 @@ def _value(file: TextFile, line: int, name: str, cell: str, delimiter: str | Non
     try:
         value = float(cell if delimiter == "," else cell.replace(",", "."))
     except ValueError:
-        value = np.nan
+        value = _number_in(cell) if figure_of(name) == MODE else np.nan
     if not np.isfinite(value):
         raise file.error(
             f"{cell!r} is not a number; write one or leave the cell blank", line, repr(name)
         )
     return value
+
+
+def _number_in(name: str) -> float:
+    """The number of a mode, from a name such as `EFDD Mode 3`."""
+    numbers = re.findall(r"\d+", name)
+    return float(numbers[-1]) if numbers else np.nan
 
 
 READER = Reader("modes", "tables of identified modes", _recognises, _read)

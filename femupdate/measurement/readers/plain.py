@@ -7,7 +7,7 @@ from femupdate.measurement.columns import TIME_NAME
 from femupdate.measurement.complex_text import split_complex
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import Recording
-from femupdate.measurement.table import read_table
+from femupdate.measurement.table import read_table, rows_of_table
 from femupdate.measurement.text import TextFile, read_text
 
 _LOOKED_AT = 50
@@ -24,7 +24,9 @@ def _recognises(head: str, suffix: str) -> bool:
 
 def _read(path: Path) -> Recording:
     file = read_text(path)
-    return Recording(file, table=read_table(file))
+    above = len(file.rows()) - len(rows_of_table(file))
+    notes = (f"{above} lines above the table are passed over.",)
+    return Recording(file, table=read_table(file), notes=notes if above else ())
 
 
 READER = Reader("plain", "tables in CSV or other text", _recognises, _read, fallback=True)

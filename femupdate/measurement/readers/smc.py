@@ -44,10 +44,11 @@ def _read(path: Path) -> Recording:
     start = _TEXT_LINES + _INTEGER_LINES + _REAL_LINES + comments
     values = block_values(file, Block(start - 1, int(count), 8, 10, ""))
     head = "\n".join(file.lines[:start])
-    tilt, azimuth = finite(integers[_TILT]), finite(integers[_AZIMUTH])
+    tilt, azimuth = finite(integers[_TILT]), _azimuth(integers[_AZIMUTH])
     vertical = tilt is not None and tilt in (0.0, 180.0)
     direction = "Up" if vertical else f"{azimuth:.0f} Deg" if azimuth is not None else ""
     location = _found(r"<loclbl=>\s*(.*?)\s*(?:<end>|$)", head)
+    location = location or _found(r"^station =\s*(.*?)\s*(?:component=|$)", head)
     name = _found(r"component=\s*(\S+)", head) or direction or path.stem
     peak = finite(_found(r"pk acc\s*=\s*(\S+)", head))
     channel = RecordedChannel(
@@ -74,6 +75,12 @@ def _numbers(file: TextFile, start: int, lines: int, width: int) -> list[str]:
             start + 1,
         )
     return fields
+
+
+def _azimuth(text: str) -> float | None:
+    """Degrees from north; unknown ones are written as -32768."""
+    value = finite(text)
+    return value if value is not None and 0.0 <= value <= 360.0 else None
 
 
 def _found(pattern: str, text: str) -> str:

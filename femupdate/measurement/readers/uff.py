@@ -1,8 +1,10 @@
-"""Universal files (UFF): histories and functions (58), modes (55), points (15, 2411), by pyuff."""
+"""Universal files (UFF), by pyuff: histories and functions (58), modes (55, 2414)."""
 
+import contextlib
+import io
 import re
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +14,13 @@ from numpy.typing import NDArray
 from femupdate.arrays import Floats
 from femupdate.errors import MeasurementError
 from femupdate.measurement.channel import RecordedChannel
-from femupdate.measurement.quantity import is_unit
+from femupdate.measurement.quantity import is_acceleration
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import RecordedFunction, RecordedMode, Recording
 from femupdate.measurement.text import TextFile
 
 _FIRST = re.compile(r"\s*-1[ \t\r]*\n\s*\d{2,5}b?\b")
-_READ = (15, 55, 58, 151, 164, 2411, 2412)
+_READ = (15, 55, 58, 151, 164, 2411, 2412, 2414)
 _KINDS = {
     2: "auto spectrum",
     3: "cross spectrum",
@@ -44,7 +46,10 @@ _DIRECTIONS = {
 _COMPONENTS = (1, 2, 3, 4, 5, 6)  # directions of the components of a shape
 _TIME, _HISTORY = 17, 1
 _SI = 1  # units code of set 164
-_MODES, _COMPLEX_MODES = 2, (3, 7)  # analysis types of set 55
+_MODES, _COMPLEX_MODES = 2, (3, 7)  # analysis types of sets 55 and 2414
+# Of set 2414: vectors of 3 or 6 components, motions or of unknown kind, and complex data types.
+_VECTORS, _MOTIONS, _COMPLEX_DATA = (2, 3), (8, 11, 12, 95, 96), (5, 6)
+_GENERAL = (0, 1)  # quantities of the ordinate that tell nothing
 
 
 def _recognises(head: str, suffix: str) -> bool:
@@ -71,7 +76,7 @@ def _read(path: Path) -> Recording:
             warnings.simplefilter("ignore")
             content = pyuff.UFF(str(path))
             types = [int(kind) for kind in content.get_set_types()]
-            sets = [content.read_sets(k) for k, kind in enumerate(types) if kind in _READ]
+            sets = [_set(content, k) for k, kind in enumerate(types) if kind in _READ]
         return _recording(file, types, sets)
     except MeasurementError:
         raise
@@ -79,6 +84,19 @@ def _read(path: Path) -> Recording:
         raise file.error(
             f"this universal file cannot be read ({error}); export it again from its program"
         ) from None
+
+
+def _set(content: Any, number: int) -> dict[str, Any]:
+    """A set; an empty one of a result (2414) that pyuff cannot follow, such as stresses."""
+    if content.get_set_types()[number] != 2414:
+        found: dict[str, Any] = content.read_sets(number)
+        return found
+    try:
+        with contextlib.redirect_stdout(io.StringIO()):  # where pyuff says what it leaves out
+            found = content.read_sets(number)
+    except Exception:
+        return {"type": 2414}
+    return found
 
 
 def _recording(file: TextFile, types: list[int], sets: list[dict[str, Any]]) -> Recording:
@@ -93,14 +111,14 @@ def _recording(file: TextFile, types: list[int], sets: list[dict[str, Any]]) -> 
         file,
         tuple(_channel(file, one, k, si) for k, one in enumerate(histories, start=1)),
         functions=tuple(_function(file, one) for one in functions if not _is_history(one)),
-        modes=tuple(_mode(one) for one in sets if one["type"] == 55 and _is_mode(one)),
+        modes=tuple(_modes(sets)),
         points=points,
         notes=_notes(types, sets),
     )
     if not (recording.channels or recording.functions or recording.modes or points):
         raise file.error(
             f"the file has the sets {', '.join(map(str, dict.fromkeys(types))) or 'none'}; read are"
-            " 58 (histories, functions), 55 (modes), 15 and 2411 (points)"
+            " 58 (histories, functions), 55 and 2414 (modes), 15 and 2411 (points)"
         )
     return recording
 
@@ -112,18 +130,26 @@ def _is_history(one: Mapping[str, Any]) -> bool:
 
 def _channel(file: TextFile, one: Mapping[str, Any], number: int, si: bool) -> RecordedChannel:
     values = np.real(np.asarray(one["data"])).astype(np.float64)
+    if values.size != int(one["num_pts"]):
+        raise file.error(
+            f"set 58 number {number} announces {int(one['num_pts'])} values but {values.size}"
+            " follow: the file is cut off; export it again"
+        )
     if values.size < 2 or not np.isfinite(values).all():
         raise file.error(f"set 58 number {number} holds no history of finite numbers")
     label = _unit(one)
-    quantity = _QUANTITIES.get(one["ordinate_spec_data_type"], _text(one["ordinate_axis_lab"]))
+    axis, told = _text(one["ordinate_axis_lab"]), one["ordinate_spec_data_type"]
+    general = told in _GENERAL and axis.lower() not in _QUANTITIES.values()
+    quantity = "" if general else _QUANTITIES.get(told, axis.lower())
     if not label and quantity == "acceleration" and si:
         label = "m/s2"  # the format's own unit, unless set 164 says otherwise
+    name = _text(one["rsp_ent_name"]) or _place(one, "rsp") or (axis if general else "")
     return RecordedChannel(
-        name=_text(one["rsp_ent_name"]) or _place(one, "rsp") or f"channel {number}",
+        name=name or f"channel {number}",
         values=values,
         time_step=_step(file, one, number),
         unit=label or None,
-        quantity=quantity or ("acceleration" if is_unit(label) else "unknown"),
+        quantity=quantity or ("acceleration" if is_acceleration(label) else "unknown"),
         location=_place(one, "rsp"),
         direction=_DIRECTIONS.get(one["rsp_dir"], ""),
     )
@@ -161,6 +187,43 @@ def _place(one: Mapping[str, Any], end: str) -> str:
     """`point 3 +X`, empty where the file does not say."""
     node, direction = int(one[f"{end}_node"]), _DIRECTIONS.get(one[f"{end}_dir"], "")
     return f"point {node} {direction}".strip() if node else ""
+
+
+def _modes(sets: list[dict[str, Any]]) -> Iterator[RecordedMode]:
+    for one in sets:
+        if one["type"] == 55 and _is_mode(one):
+            yield _mode(one)
+        if one["type"] == 2414 and "data_at_node" in one and _is_mode(one) and _is_motion(one):
+            yield _result(one)
+
+
+def _is_motion(one: Mapping[str, Any]) -> bool:
+    return one["data_characteristic"] in _VECTORS and one["result_type"] in _MOTIONS
+
+
+def _result(one: Mapping[str, Any]) -> RecordedMode:
+    """A mode of set 2414, whose records 10 to 13 depend on the kind of analysis."""
+    complex_ = one["data_type"] in _COMPLEX_DATA
+    rows = np.array(one["data_at_node"], dtype=np.float64)
+    shape = rows[:, ::2] + 1j * rows[:, 1::2] if complex_ else rows
+    frequency, viscous = (one.get(f"record12_field{k}", 0.0) for k in (2, 5))
+    damping = viscous if viscous > 0.0 else None
+    if one["analysis_type"] in _COMPLEX_MODES:
+        root = complex(one["record13_field1"], one["record13_field2"])
+        frequency = abs(root) / (2.0 * np.pi)
+        damping = -root.real / abs(root) if abs(root) > 0.0 else None
+    sensors = tuple(
+        f"point {int(number)} {_DIRECTIONS[k]}"
+        for number in one["node_nums"]
+        for k in _COMPONENTS[: shape.shape[1]]
+    )
+    return RecordedMode(
+        frequency_hz=float(frequency),
+        damping=damping,
+        sensors=sensors,
+        shape=shape.reshape(-1),
+        name=str(int(one.get("record10_field6", 0)) or int(one["analysis_dataset_label"])),
+    )
 
 
 def _is_mode(one: Mapping[str, Any]) -> bool:
@@ -242,4 +305,6 @@ def _text(value: Any) -> str:
     return "" if text.upper() == "NONE" else text
 
 
-READER = Reader("uff", "universal files (UFF sets 15, 55, 58, 151, 164, 2411)", _recognises, _read)
+READER = Reader(
+    "uff", "universal files (UFF sets 15, 55, 58, 151, 164, 2411, 2414)", _recognises, _read
+)

@@ -22,6 +22,7 @@ _KNOWN = (
     (r"%PDF", "a PDF", "take the data, not the report"),
     (r"KMI|KINEMETRICS", "a Kinemetrics event file", _CONVERT),
     (r"Response and Fourier amplitude spectra", "CSMIP Volume 3", f"these are {_SPECTRA}"),
+    (r"LabVIEW Measurement", "a LabVIEW measurement file", "export it as TDMS or CSV"),
     (r"CMP6|DAT2", "a GSE file", "convert it with obspy to CSV"),
     (r"<\?xml|<!DOCTYPE|<html", "a web page or XML", "download the data file itself"),
 )
@@ -35,7 +36,9 @@ _SUFFIXES = {
 
 
 def _known(head: str, suffix: str) -> tuple[str, str] | None:
-    found = [(what, advice) for begins, what, advice in _KNOWN if re.match(begins, head, re.S)]
+    found = [
+        (what, advice) for begins, what, advice in _KNOWN if re.match(begins, head, re.S | re.I)
+    ]
     binary = "\0" in head
     return found[0] if found else _SUFFIXES.get(suffix) if binary else None
 
