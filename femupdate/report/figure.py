@@ -28,7 +28,8 @@ NOTE_HEIGHT = 0.24
 _TITLE_WIDTH, _NOTE_WIDTH = 0.116, 0.075  # inches of a character, in the mean
 _VISIBLE = 0.015  # of the height of a panel
 MARGIN = 12  # white pixels left around a rendered picture
-_TICKS_HZ = (0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
+_TICKS_HZ = tuple(m * 10.0**k for k in range(-3, 5) for m in (1, 2, 5))
+_MOST_TICKS = 8  # of 1, 2 and 5; powers of ten alone where they would be more
 
 
 @styled
@@ -58,10 +59,16 @@ def panel_grid(
     return figure, list(axes.flat[:count])
 
 
+def _decades(ticks: Sequence[float]) -> list[float]:
+    """The powers of ten among some ticks."""
+    return [tick for tick in ticks if f"{tick:e}".startswith("1.0000")]
+
+
 def frequency_ticks(panel: Axes, low: float, high: float) -> None:
     """Make the axis across logarithmic, with plain figures for ticks, Hz."""
     panel.set_xscale("log")
     ticks = [tick for tick in _TICKS_HZ if low <= tick <= high]
+    ticks = ticks if len(ticks) <= _MOST_TICKS else _decades(ticks)
     panel.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
     panel.xaxis.set_minor_locator(NullLocator())
     panel.set_xlim(low, high)

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from femupdate.arrays import Floats
-from femupdate.report.figure import add_head, new_figure
+from femupdate.report.figure import add_head, frequency_ticks, new_figure
 from femupdate.report.style import SERIES, styled
 
 MOST_LINES = 24
@@ -82,25 +82,56 @@ def measured_functions(curves: Sequence[tuple[str, Floats, Any]], title: str, un
     return figure
 
 
+@dataclass(frozen=True, eq=False)
+class MeasuredMode:
+    """A mode to draw.
+
+    Attributes:
+        frequency_hz: natural frequency.
+        damping: ratio of critical damping, or None.
+        shape: (s,) components, NaN where one is missing.
+    """
+
+    frequency_hz: float
+    damping: float | None
+    shape: Any
+
+
 @styled
-def measured_modes(modes: Sequence[tuple[str, Any]], title: str) -> Figure:
+def measured_modes(modes: Sequence[MeasuredMode], title: str) -> Figure:
     """Draw the shapes of identified modes, the real part of their components point by point.
 
+    Of modes without shapes the damping ratios over the frequencies.
+
     Args:
-        modes: label and components (s,) of each, NaN where one is missing.
+        modes: of the file; the first `MOST_LINES` are drawn.
         title: over the figure.
     """
     figure = new_figure(9.0, 4.0)
     axes = figure.add_subplot()
-    for k, (_, shape) in enumerate(modes[:MOST_LINES]):
-        values = np.real(shape)
+    shown = modes[:MOST_LINES]
+    handles = [
+        Line2D([], [], color=_color(k), label=f"{one.frequency_hz:.4g} Hz")
+        for k, one in enumerate(shown)
+    ]
+    add_head(figure, title, handles, columns=4)
+    if not any(np.size(one.shape) for one in shown):
+        _draw_ratios(axes, shown)
+        return figure
+    for k, one in enumerate(shown):
+        values = np.real(one.shape)
         largest = np.nanmax(np.abs(values), initial=1e-300)
         axes.plot(values / largest, "o-", ms=3, color=_color(k))
     axes.set(xlabel="component, point by point", ylabel="shape over its largest component")
-    shown = enumerate(modes[:MOST_LINES])
-    handles = [Line2D([], [], color=_color(k), label=label) for k, (label, _) in shown]
-    add_head(figure, title, handles, columns=4)
     return figure
+
+
+def _draw_ratios(axes: Axes, modes: Sequence[MeasuredMode]) -> None:
+    for k, one in enumerate(modes):
+        ratio = 100.0 * (one.damping or 0.0)
+        axes.plot([one.frequency_hz] * 2, [0.0, ratio], "o-", ms=5, color=_color(k))
+    axes.set(xlabel="frequency, Hz", ylabel="damping ratio, %", ylim=(0.0, None))
+    axes.set_xlim(0.0, 1.1 * max(one.frequency_hz for one in modes))
 
 
 def _draw_histories(axes: Axes, lines: Sequence[MeasuredLine]) -> None:
@@ -135,6 +166,8 @@ def _draw_spectra(axes: Axes, lines: Sequence[MeasuredLine], unit: str) -> None:
         axes.loglog(frequency[1:], np.sqrt(power[1:]) + 1e-300, color=_color(k), linewidth=0.8)
         top = max(top, float(np.sqrt(power[1:].max(initial=0.0))))
     axes.set_ylim(top * 1e-5, top * 2.0)
+    longest = max(each.time_step * _segment(each) for each in lines)
+    frequency_ticks(axes, 1.0 / longest, 0.5 / min(each.time_step for each in lines))
     axes.set(xlabel="frequency, Hz", ylabel=f"{unit} per √Hz", title="Spectra")
 
 
@@ -153,6 +186,8 @@ def _draw_response(
         response.loglog(frequency[shown], size + 1e-300, color=_color(k), linewidth=0.9)
         seen = coherence(base.values, each.values, **options)[1]
         share.semilogx(frequency[shown], seen[shown], color=_color(k), linewidth=0.9)
+    for axes in (response, share):
+        frequency_ticks(axes, float(frequency[1]), float(frequency[-1]))
     response.set(xlabel="frequency, Hz", ylabel="|H|", title="Floor over base")
     share.set(xlabel="frequency, Hz", ylim=(0.0, 1.02), title="Coherence")
 

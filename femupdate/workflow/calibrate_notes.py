@@ -177,6 +177,11 @@ def _unlike(fitting: Fitting) -> list[str]:
     return ["The observation is unlike anything that this building can do: do not trust this."]
 
 
+def _compared(posterior: Posterior) -> str:
+    """What was measured, in words."""
+    return "the measured ln|H|" if posterior.observation.valid.any() else "what was measured"
+
+
 def _missed(posterior: Posterior, fitting: Fitting) -> list[str]:
     """How well the data are met."""
     notes, check = [], fitting.check
@@ -187,7 +192,7 @@ def _missed(posterior: Posterior, fitting: Fitting) -> list[str]:
             else "the standard deviations are too small by about that factor"
         )
         notes.append(
-            f"The model misses the measured ln|H| by {fitting.misfit**0.5:.1f} times its noise "
+            f"The model misses {_compared(posterior)} by {fitting.misfit**0.5:.1f} times its noise "
             f"(rms, best draw): something is missing in the model; {allowed}, and `femupdate "
             "diagnose` looks for it."
         )

@@ -123,7 +123,9 @@ def _picture(one: Inspection) -> "Figure":
             curves, title, _listed({each.unit or each.kind for each in one.functions})
         )
     if one.modes:
-        modes = [(f"{each.frequency_hz:.4g} Hz", each.shape) for each in one.modes]
+        modes = [
+            plot.MeasuredMode(each.frequency_hz, each.damping, each.shape) for each in one.modes
+        ]
         return plot.measured_modes(modes, title)
     raise ReportError(f"{one.path}: there is nothing to draw in it but measuring points")
 
