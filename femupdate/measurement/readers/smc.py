@@ -14,7 +14,9 @@ from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.text import TextFile, read_text
 
-_FIRST = re.compile(r"^\s*\d?\s*(UN)?CORRECTED ACCELEROGRAM\s*$|^\s*\d\s*(VELOCITY|DISPLACEMENT)")
+_FIRST = re.compile(
+    r"^\s*\d?\s*(UN)?CORRECTED ACCELEROGRAM\s*$|^\s*\d\s*(VELOCITY|DISPLACEMENT|RESPONSE|FOURIER)"
+)
 _TEXT_LINES, _INTEGER_LINES, _REAL_LINES = 11, 6, 10
 _INTEGER_WIDTH, _REAL_WIDTH = 10, 15
 _COUNT, _COMMENTS, _AZIMUTH, _TILT, _SAMPLING = 16, 15, 13, 12, 1  # positions in the headers
