@@ -37,7 +37,7 @@ def edited(old, new):
 SPOILED = {
     # identified modes
     "modes, head alone": ("a.csv", MODES, "has a header but no modes"),
-    "modes, no frequency": ("a.csv", edited("frequency_hz", "f"), "unknown column 'f'"),
+    "modes, no frequency": ("a.csv", edited("frequency_hz", "period_s"), "unknown column"),
     "modes, blank frequency": ("a.csv", edited("3.2", ""), "the mode has no frequency"),
     "modes, frequency of zero": ("a.csv", edited("3.2", "0"), "it must be above 0"),
     "modes, negative frequency": ("a.csv", edited("3.2", "-3.2"), "it must be above 0"),
@@ -112,6 +112,10 @@ SPOILED = {
     "MATLAB, cut": ("a.mat", b"MATLAB 5.0 MAT-file" + bytes(60), "cannot be read"),
     "a pickle": ("a.pkl", b"\x80\x04\x95\x00", "can run code"),
     "objects in numpy": ("a.npz", npz(Fn=np.array([{}], dtype=object)), "numpy.savez"),
+    "LabVIEW": ("a.lvm", "LabVIEW Measurement\t\nWriter_Version\t2\n", "export it as TDMS"),
+    "raw pairs": ("a.raw", "UNCORRECTED ACCELEROGRAM DATA\n 0.0 1.0\n", "take the .V1"),
+    "spectra": ("a.v3", "RESPONSE AND FOURIER AMPLITUDE SPECTRA (86 PERIODS)\n", "spectra of"),
+    "SMC of spectra": ("a.smc", "5 RESPONSE SPECTRUM\n" + 10 * "*\n", "not an acceleration"),
     "no rate": ("a.npz", npz(base=np.arange(99.0), RF=np.arange(99.0)), "neither times nor"),
 }
 
