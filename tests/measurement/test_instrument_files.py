@@ -1,6 +1,7 @@
 """Files of instruments and of identification programs, written by the libraries themselves."""
 
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -52,6 +53,35 @@ def test_sac(trace, tmp_path):
     (channel,) = read_measured(path).channels
     np.testing.assert_allclose(channel.values, VALUES)
     assert channel.time_step == pytest.approx(0.01)
+
+
+def test_accelerograph_of_kinemetrics(obspy):
+    """A file that comes with ObsPy: 2.5 V of full scale, 24 bits, 1.25 to 2.5 V per g."""
+    folder = Path(obspy.__file__).parent / "io" / "kinemetrics" / "tests" / "data"
+    path = folder / "BI008_MEMA-04823.evt"
+    if not path.exists():
+        pytest.skip("this ObsPy comes without its test files")
+    raw = obspy.read(path, format="KINEMETRICS_EVT")
+    channels = read_measured(path).channels
+    assert len(channels) == 3
+    for channel, trace in zip(channels, raw, strict=True):
+        constants = trace.stats.kinemetrics_evt
+        volts = trace.data * constants.chan_fullscale / 2**23
+        expected = volts / constants.chan_sensitivity * 9.81
+        np.testing.assert_allclose(channel.values, expected, rtol=1e-5)
+        assert (channel.unit, channel.quantity, channel.time_step) == (
+            "m/s2",
+            "acceleration",
+            0.004,
+        )
+
+
+def test_text_of_seismic_networks(obspy, trace, tmp_path):
+    for kind in ("SLIST", "TSPAIR"):
+        path = tmp_path / f"{kind}.txt"
+        obspy.Stream([trace(channel="HNE")]).write(str(path), format=kind)
+        (channel,) = read_measured(path).channels
+        assert (channel.quantity, channel.azimuth_deg) == ("acceleration", 90.0)
 
 
 @pytest.mark.parametrize(

@@ -184,6 +184,13 @@ def test_archive_that_is_refused(tmp_path, members, message):
     assert sorted(tmp_path.rglob("*")) == before
 
 
+def test_archives_of_several_stations_are_given_one_by_one(tmp_path, texts, wave):
+    inner = packed(tmp_path / "one.zip", {"a.asc": texts["esm"](wave)})
+    path = packed(tmp_path / "all.zip", {"one.zip": inner.read_bytes()})
+    with pytest.raises(MeasurementError, match=r"other archives \(one\.zip\); unpack it and give"):
+        read_measured(path)
+
+
 def test_archive_with_a_bad_record_names_the_member(tmp_path, texts, wave):
     text = texts["esm"](wave).replace("NDATA: 37", "NDATA: 99")
     path = packed(tmp_path / "s.zip", {"sub/a.asc": text})

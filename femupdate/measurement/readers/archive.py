@@ -85,6 +85,12 @@ def _together(file: TextFile, unpacked: dict[str, Path]) -> Recording:
         (only,) = (records or found).values()
         table = None if only.table is None else replace(only.table, file=file)
         return replace(only, file=file, table=table, notes=(*only.notes, *_notes(left_out)))
+    inner = [name for name in left_out if zipfile.is_zipfile(unpacked[name])]
+    if not records and inner:
+        raise file.error(
+            f"the archive holds other archives ({', '.join(inner)}); unpack it and give that of"
+            " one station"
+        )
     if not records:
         raise file.error(
             f"the archive holds no record, only {', '.join(left_out) or 'nothing'}"

@@ -1,4 +1,4 @@
-"""Records of seismic networks and instruments (miniSEED, SAC, GSE, SEG-2), by ObsPy."""
+"""Records of seismic networks and instruments, by ObsPy: miniSEED, SAC, GSE, SEG-2 and others."""
 
 import re
 import warnings
@@ -23,10 +23,14 @@ _HEADS = (
     (r"(?s)(.{0,4000}\n)?WID2 ", "GSE2"),
     (r"(?s)(.{0,4000}\n)?WID1 ", "GSE1"),
     (r"\x55\x3a|\x3a\x55", "SEG2"),
+    (r"(?s)K[\x00-\x03].{14}KMI", "KINEMETRICS_EVT"),
+    (r"TIMESERIES [^\n]*, SLIST,", "SLIST"),
+    (r"TIMESERIES [^\n]*, TSPAIR,", "TSPAIR"),
 )
 # A SAC file says the version of its header, 6, in either order of bytes.
 _SAC_VERSION, _SAC_AT, _SAC_HEADER = ("\x06\0\0\0", "\0\0\0\x06"), slice(304, 308), 632
 _HEAD = 5000  # bytes
+_ALTUS = "KINEMETRICS_EVT"  # accelerographs, whose files say volts per count and per g
 _MISALIGNED = 0.1  # of a sample
 
 
@@ -70,11 +74,13 @@ def _read(path: Path) -> Recording:
     traces = [trace for trace in traces if trace.data.dtype.kind in "fiu"]  # others are logs
     _require_whole(file, traces)
     common, notes = _together(file, traces)
-    return Recording(file, tuple(_channel(trace) for trace in common), notes=notes)
+    return Recording(file, tuple(_channel(trace, kind == _ALTUS) for trace in common), notes=notes)
 
 
 def _traces(obspy: Any, stream: BinaryIO, kind: str) -> Any:
-    """As ObsPy reads them, but for the samples of GSE files."""
+    """As ObsPy reads them, but for the samples of GSE files; those of Kinemetrics in m/s2."""
+    if kind == _ALTUS:
+        return obspy.read(stream, format=kind, apply_calib=True)
     if not kind.startswith("GSE"):
         return obspy.read(stream, format=kind)
     found = obspy.read(stream, format=kind, headonly=True)
@@ -125,9 +131,11 @@ def _together(file: TextFile, traces: list[Any]) -> tuple[list[Any], tuple[str, 
     return cut, tuple(notes)
 
 
-def _channel(trace: Any) -> RecordedChannel:
+def _channel(trace: Any, known: bool) -> RecordedChannel:
+    """A trace; in m/s2 where the file's own constants are known and applied."""
     code = trace.stats.channel
     seed = _SEED.fullmatch(code) is not None
+    quantity = _QUANTITIES.get(code[1:2], "unknown") if seed else "unknown"
     last = code[-1:].upper()
     direction = "Up" if last == "Z" else last
     place = [trace.stats.network, trace.stats.station, trace.stats.location]
@@ -135,12 +143,14 @@ def _channel(trace: Any) -> RecordedChannel:
         name=trace.id,
         values=np.asarray(trace.data, dtype=np.float64),
         time_step=float(trace.stats.delta),
-        unit=None,
-        quantity=_QUANTITIES.get(code[1:2], "unknown") if seed else "unknown",
+        unit="m/s2" if known else None,
+        quantity="acceleration" if known else quantity,
         location=".".join(word for word in place if word),
         direction=direction,
         azimuth_deg=azimuth_of(direction) if last in "NE" else None,
     )
 
 
-READER = Reader("seismic", "miniSEED, SAC, GSE and SEG-2, by ObsPy", _recognises, _read)
+READER = Reader(
+    "seismic", "miniSEED, SAC, GSE, SEG-2 and Kinemetrics EVT, by ObsPy", _recognises, _read
+)

@@ -20,7 +20,7 @@ _KNOWN = (
     (r"\x1f\x8b", "a gzip archive", "unpack it and give the record, or a zip of the records"),
     (r"7z\xbc\xaf|Rar!", "an archive of 7-Zip or RAR", "unpack it or pack the records as zip"),
     (r"%PDF", "a PDF", "take the data, not the report"),
-    (r"KMI|KINEMETRICS", "a Kinemetrics event file", _CONVERT),
+    (r"KINEMETRICS", "a Kinemetrics event file", _CONVERT),
     (r"Response and Fourier amplitude spectra", "CSMIP Volume 3", f"these are {_SPECTRA}"),
     (r"LabVIEW Measurement", "a LabVIEW measurement file", "export it as TDMS or CSV"),
     (r"CMP6|DAT2", "a GSE file", "convert it with obspy to CSV"),
