@@ -73,7 +73,7 @@ def measured_functions(curves: Sequence[tuple[str, Floats, Any]], title: str, un
     axes = figure.add_subplot()
     for k, (_, frequency, values) in enumerate(curves[:MOST_LINES]):
         axes.semilogy(frequency, np.maximum(np.abs(values), 1e-300), color=_color(k))
-    axes.set(xlabel="frequency, Hz", ylabel=unit)
+    axes.set(xlabel="Frequency, Hz", ylabel=unit)
     handles = [
         Line2D([], [], color=_color(k), label=label)
         for k, (label, *_) in enumerate(curves[:MOST_LINES])
@@ -122,7 +122,7 @@ def measured_modes(modes: Sequence[MeasuredMode], title: str) -> Figure:
         values = np.real(one.shape)
         largest = np.nanmax(np.abs(values), initial=1e-300)
         axes.plot(values / largest, "o-", ms=3, color=_color(k))
-    axes.set(xlabel="component, point by point", ylabel="shape over its largest component")
+    axes.set(xlabel="Component, point by point", ylabel="Shape over its largest component")
     return figure
 
 
@@ -130,7 +130,7 @@ def _draw_ratios(axes: Axes, modes: Sequence[MeasuredMode]) -> None:
     for k, one in enumerate(modes):
         ratio = 100.0 * (one.damping or 0.0)
         axes.plot([one.frequency_hz] * 2, [0.0, ratio], "o-", ms=5, color=_color(k))
-    axes.set(xlabel="frequency, Hz", ylabel="damping ratio, %", ylim=(0.0, None))
+    axes.set(xlabel="Frequency, Hz", ylabel="damping ratio, %", ylim=(0.0, None))
     axes.set_xlim(0.0, 1.1 * max(one.frequency_hz for one in modes))
 
 
@@ -143,7 +143,7 @@ def _draw_histories(axes: Axes, lines: Sequence[MeasuredLine]) -> None:
     axes.set_yticks([-k * spacing for k in range(len(lines))], [each.label for each in lines])
     for k, label in enumerate(axes.get_yticklabels()):
         label.set_color(_color(k))
-    axes.set(xlabel="time, s", title="Histories, to one scale, about their means")
+    axes.set(xlabel="Time, s", title="Histories, to one scale, about their means")
     axes.grid(axis="y", visible=False)
 
 
@@ -168,7 +168,7 @@ def _draw_spectra(axes: Axes, lines: Sequence[MeasuredLine], unit: str) -> None:
     axes.set_ylim(top * 1e-5, top * 2.0)
     longest = max(each.time_step * _segment(each) for each in lines)
     frequency_ticks(axes, 1.0 / longest, 0.5 / min(each.time_step for each in lines))
-    axes.set(xlabel="frequency, Hz", ylabel=f"{unit} per √Hz", title="Spectra")
+    axes.set(xlabel="Frequency, Hz", ylabel=f"{unit} per √Hz", title="Spectra")
 
 
 def _draw_response(
@@ -188,8 +188,8 @@ def _draw_response(
         share.semilogx(frequency[shown], seen[shown], color=_color(k), linewidth=0.9)
     for axes in (response, share):
         frequency_ticks(axes, float(frequency[1]), float(frequency[-1]))
-    response.set(xlabel="frequency, Hz", ylabel="|H|", title="Floor over base")
-    share.set(xlabel="frequency, Hz", ylim=(0.0, 1.02), title="Coherence")
+    response.set(xlabel="Frequency, Hz", ylabel="|H|", title="Floor over base")
+    share.set(xlabel="Frequency, Hz", ylim=(0.0, 1.02), title="Coherence")
 
 
 def _beside(base: MeasuredLine | None, line: MeasuredLine) -> bool:
