@@ -5,6 +5,7 @@ Everything is inside the file: data, styles, scripts and the plotting library. A
 
 import json
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
@@ -18,6 +19,8 @@ from femupdate.study import write_text
 
 BUDGET = 8_000_000  # bytes: what mail servers and phones still take
 _DIGITS = 5
+# A number with its unit or interval, or nothing.
+_NUMBER = re.compile(r"((over |under )?[-+−]?[\d.]+(e[-+]?\d+)?( ?%)?( \[.*\])?|nan|-)?")
 
 
 @dataclass(frozen=True)
@@ -55,6 +58,15 @@ class Table:
     rows: tuple[tuple[str, ...], ...]
     note: str = ""
     kind: str = "table"
+
+    @property
+    def sides(self) -> tuple[str, ...]:
+        """Class of the cells of every column: `number`, or `words`, which stand to the left."""
+        columns = zip(*self.rows, strict=True) if self.rows else [()] * len(self.head)
+        return tuple(
+            "number" if all(_NUMBER.fullmatch(cell) for cell in column) else "words"
+            for column in columns
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -56,7 +56,8 @@ def _bad(item: Item) -> str:
 def _row(study: Study, item: Item) -> tuple[str, ...]:
     digest = study.artefacts()[item.name].sha256[:_SHORT]
     command = f"femupdate {item.command}"
-    return (item.name, command, item.version, item.created, item.state, item.file, digest)
+    time = item.created.replace("T", " ")[:16]
+    return (item.name, command, item.version, time, item.state, item.file, digest)
 
 
 def _sources(study: Study, item: Item) -> list[tuple[str, str]]:

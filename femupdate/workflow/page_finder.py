@@ -9,6 +9,7 @@ from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.report.page import Block, Chart, Remarks, Section, Table, Text
 from femupdate.report.page_charts import Interval, bar_figure, interval_figure
+from femupdate.report.scale import plus_minus
 from femupdate.report.style import BLUE, ORANGE
 from femupdate.study import Study
 from femupdate.workflow.page_done import read_json
@@ -117,8 +118,8 @@ def _size(one: dict[str, Any]) -> str:
         return ""
     size, sd, unit = float(one["size"]), float(one["size_sd"] or 0.0), one["unit"]
     if unit == "1":
-        return f"{100.0 * size:.3g} ± {100.0 * sd:.2g} % ({text})" if text else f"{size:.3g}"
-    return f"{size:.3g} ± {sd:.2g} {unit}" + (f" ({text})" if text else "")
+        return f"{plus_minus(100.0 * size, 100.0 * sd)} % ({text})" if text else f"{size:.3g}"
+    return f"{plus_minus(size, sd)} {unit}" + (f" ({text})" if text else "")
 
 
 def _where(cells: list[dict[str, Any]]) -> Table:

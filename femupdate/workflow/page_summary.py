@@ -14,7 +14,13 @@ _WARNS = ("is missing", "too small", "too narrow", "unlike", "misses", "not enou
 
 def summary_section(page: PageStudy) -> Section:
     """What a reader with one minute should know."""
-    sentences = (*_stiffness(page), *_first_mode(page), *_prediction(page), *_finder(page))
+    sentences = (
+        *_stiffness(page),
+        *_effects(page),
+        *_first_mode(page),
+        *_prediction(page),
+        *_finder(page),
+    )
     notes = posterior_notes(page)
     warnings = (*bad_items(page), *(one for one in notes if any(word in one for word in _WARNS)))
     blocks: list[Block] = []
@@ -44,6 +50,18 @@ def _stiffness(page: PageStudy) -> tuple[str, ...]:
         f"The data determine the factors to {spread.min():.2g} to {spread.max():.2g} % (one "
         "standard deviation).",
     )
+
+
+def _effects(page: PageStudy) -> tuple[str, ...]:
+    """The effects that the building lists, each with its size."""
+    posterior = page.posterior
+    names = () if posterior is None else posterior.names
+    found = [
+        f"{page.titles[name]}, {_text(posterior.samples[:, k])}"
+        for k, name in enumerate(names)
+        if posterior is not None and "@" in name
+    ]
+    return (f"The model holds effects: {'; '.join(found)}.",) if found else ()
 
 
 def _text(draws: np.ndarray) -> str:

@@ -13,6 +13,7 @@ from femupdate.report.scale import interval_text
 from femupdate.tables import table
 from femupdate.units import STANDARD_GRAVITY
 
+_BENCH_TOP = 100.0  # N; the largest shear of models that weigh some kilograms
 TIDY = ("quantity", "unit", "place", "mean", "sd", "q05", "q95")
 
 
@@ -129,11 +130,16 @@ def quantities(
     if heights is not None:
         ratio = 100.0 * peaks.drift / heights
         found["ratio"] = Quantity("drift ratio", "%", stories, ratio)
-    found["shear"] = Quantity("peak shear", "kN", stories, 1e-3 * peaks.shear)
-    found["base"] = Quantity("peak base shear", "kN", ("base",), 1e-3 * base)
+    # Figures of a bench-top model would vanish in the units of a building.
+    force = "N" if peaks.shear.max() < _BENCH_TOP else "kN"
+    newton = 1.0 if force == "N" else 1e-3
+    found["shear"] = Quantity("peak shear", force, stories, newton * peaks.shear)
+    found["base"] = Quantity("peak base shear", force, ("base",), newton * base)
     weight = mass * STANDARD_GRAVITY
     found["coefficient"] = Quantity(
         "peak base shear over weight", "%", ("base",), 100.0 * base / weight
     )
-    found["stiffness"] = Quantity("stiffness", "kN/mm", stories, 1e-6 * peaks.stiffness)
+    found["stiffness"] = Quantity(
+        "stiffness", f"{force}/mm", stories, 1e-3 * newton * peaks.stiffness
+    )
     return found

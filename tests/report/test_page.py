@@ -64,6 +64,12 @@ def test_numbers_are_short_and_missing_ones_null():
     assert json.loads(text)["y"][2] == "a<b"
 
 
+def test_columns_of_words_stand_to_the_left():
+    rows = (("2F", "0.83 [0.63, 1.05]", "story 2", "12 %"), ("RF", "-1.2e-3", "2026-01-01", ""))
+    table = Table(name="t", caption="c", head=("floor", "peak", "of", "share"), rows=rows)
+    assert table.sides == ("words", "number", "words", "number")
+
+
 def test_a_page_over_the_budget_is_refused(nasty_page, tmp_path, monkeypatch):
     monkeypatch.setattr(page_module, "BUDGET", 1000)
     with pytest.raises(ReportError, match="more than 0 MB"):

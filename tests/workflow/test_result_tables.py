@@ -7,11 +7,12 @@ import pytest
 from click.testing import CliRunner
 from femupdate.cli.main import group
 
+from femupdate.building.files import load_building
 from femupdate.building.parameters import factor_titles
 from femupdate.inference.posterior import load_posterior
 from femupdate.report.scale import interval_text
 from femupdate.workflow.parameter_titles import effect_title
-from femupdate.workflow.prediction_quantities import Quantity, tables
+from femupdate.workflow.prediction_quantities import PeakDraws, Quantity, quantities, tables
 
 
 def rows_of(path):
@@ -37,6 +38,16 @@ def folder(tower_study, tower_observation, tmp_path_factory):
     answer = json.loads(done.stdout)
     assert answer["tables"] == [str(study / "tables" / name) for name in PREDICTED]
     return study, answer
+
+
+@pytest.mark.parametrize(("shear", "units"), [(0.6, ["N", "N/mm"]), (6e4, ["kN", "kN/mm"])])
+def test_units_suit_bench_top_models_and_buildings(tower_file, shear, units):
+    one = np.full((4, 2), shear)
+    found = quantities(load_building(tower_file), ("low", "high"), PeakDraws(one, one, one, one), 9)
+    assert [found[key].unit for key in ("base", "stiffness")] == units
+    newton = {"N": 1.0, "kN": 1e3}[units[0]]
+    assert found["base"].values[0, 0] * newton == pytest.approx(shear)
+    assert found["stiffness"].values[0, 0] * newton * 1e3 == pytest.approx(shear)
 
 
 PREDICTED = ("predicted_peaks.csv", "floor_histories.csv")
