@@ -163,8 +163,18 @@ def ranking(
     for row, one in enumerate(shown):
         length = _scaled(one.gain)
         panel.barh(row, length, color=ORANGE if one.leading else BLUE, height=0.62)
-        text = f" {one.gain:,.0f}   {one.size}" if one.size else f" {one.gain:,.0f}"
-        panel.text(max(length, 0.0), row, text, va="center", fontsize=8, color=INK)
+        text = f"{one.gain:,.0f}   {one.size}" if one.size else f"{one.gain:,.0f}"
+        panel.annotate(
+            text,
+            (max(length, 0.0), row),
+            xytext=(3.0, 0.0),
+            textcoords="offset points",
+            va="center",
+            fontsize=8,
+            color=INK,
+            # On white, so that the dashed line does not cross it.
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5},
+        )
     panel.axvline(_scaled(needed), color=QUIET, linestyle="--", linewidth=1.0)
     panel.axvline(0.0, color=INK, linewidth=0.8)
     panel.set_yticks(range(len(shown)), [one.label for one in shown])
