@@ -343,7 +343,7 @@ def test_the_ranking_puts_the_strongest_on_top():
     panel = ranking(RANKED, 4.6, "Verdict.").axes[0]
     assert [text.get_text() for text in panel.get_yticklabels()] == ["mass", "soft story in S2"]
     assert [bar.get_width() for bar in panel.patches] == pytest.approx(np.arcsinh([-0.5, 40.0]))
-    assert [text.get_text() for text in panel.texts] == [" -1", " 80   0.30 ± 0.02"]
+    assert [text.get_text() for text in panel.texts] == ["-1", "80   0.30 ± 0.02"]
     assert panel.patches[0].get_facecolor() != panel.patches[1].get_facecolor()
 
 
