@@ -130,7 +130,7 @@ def _draw_ratios(axes: Axes, modes: Sequence[MeasuredMode]) -> None:
     for k, one in enumerate(modes):
         ratio = 100.0 * (one.damping or 0.0)
         axes.plot([one.frequency_hz] * 2, [0.0, ratio], "o-", ms=5, color=_color(k))
-    axes.set(xlabel="Frequency, Hz", ylabel="damping ratio, %", ylim=(0.0, None))
+    axes.set(xlabel="Frequency, Hz", ylabel="Damping ratio, %", ylim=(0.0, None))
     axes.set_xlim(0.0, 1.1 * max(one.frequency_hz for one in modes))
 
 

@@ -47,7 +47,7 @@ def _draw_poles(axes: Axes, found: AmbientModes) -> None:
         axes.plot(frequency[own], order[own], "o", color=_color(k), ms=4)
     axes.set(
         xlabel="Frequency, Hz",
-        ylabel="model order",
+        ylabel="Model order",
         title="Poles, with ±2 standard deviations of each mode",
         xlim=found.band_hz,
     )
