@@ -40,15 +40,6 @@ def error_of_points(
     return float(np.sqrt(np.mean((apart - jacobian @ moved) ** 2)))
 
 
-def at_damping(error: float, zeta: float) -> float:
-    """What an error of points at the ratio of comparison is at another damping ratio.
-
-    A mode whose frequency is off errs as 1/zeta on a peak as wide as zeta: between the powers 1/2
-    and 1.
-    """
-    return error * (MESH_ERROR.damping / zeta) ** MESH_ERROR.damping_power
-
-
 def _frf(model: ReducedModel, unknowns: Floats, frequency_hz: Floats) -> Floats:
     """Complex FRFs (N, f, k) at stiffness factors and a damping ratio (N, p + 1)."""
     system = System(model)
@@ -62,6 +53,3 @@ def _ratio(values: Floats, reference: Floats) -> Floats:
     """Changes (2 f k,) of ln|H| and of the phase, rad."""
     ratio = values / reference
     return np.concatenate([np.log(np.abs(ratio)).ravel(), np.angle(ratio).ravel()])
-
-
-__all__ = ["at_damping", "error_of_points"]

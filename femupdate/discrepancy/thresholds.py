@@ -192,12 +192,6 @@ class MeshErrorThresholds:
         2.0, "factor", "on what the mean correction leaves where it was learned"
     )
     damping: float = entry(0.01, "ratio", "at which meshes are compared")
-    damping_power: float = entry(
-        0.7,
-        "power",
-        "of the damping ratio by which errors of points fall",
-        "a house: .022 rms at .01, .014 at .02, .010 at .03",
-    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -137,28 +137,6 @@ def displacement_history(
     return np.asarray(seen @ history + missed)
 
 
-def acceleration_history(
-    structure: Superposition, rows: Floats, zeta: float | Floats, motion: BaseMotion
-) -> Floats:
-    """Return absolute accelerations, (o, n) m/s2: relative to the base plus the base's own.
-
-    Args:
-        structure, zeta, motion: as for `displacement_history`.
-        rows: (o, n_free) shares of the displacements of the points that are asked for.
-    """
-    omega, states = structure.omega, _states(structure, zeta, motion)
-    seen = rows @ structure.shapes
-    # eta'' = -a_g - 2 zeta omega eta' - omega^2 eta
-    elastic = np.concatenate(
-        [
-            block[:, 0, 0].numpy() * -omega - 2.0 * zeta * omega * block[:, 0, 1].numpy()
-            for block in states
-        ]
-    ).T
-    carried = rows @ structure.influence - seen.sum(axis=1)
-    return np.asarray(seen @ elastic + carried[:, None] * motion.acceleration)
-
-
 def _states(
     structure: Superposition, zeta: float | Floats, motion: BaseMotion
 ) -> list[torch.Tensor]:

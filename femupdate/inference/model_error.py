@@ -269,13 +269,6 @@ class LearnedError:
         self._across = self._beside(self._known)
         self._factors: dict[tuple[int, ...], _Factor] = {}
 
-    def without_known(self) -> "LearnedError":
-        """Without the errors that are known beforehand."""
-        other = copy.copy(self)
-        other._known, other._across = self._known[:0], self._across[:0]
-        other._factors = {}
-        return other
-
     def forget(self) -> None:
         """Give back the memory of what is kept for speed."""
         self._factors.clear()

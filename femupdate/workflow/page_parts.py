@@ -85,13 +85,6 @@ class PageStudy:
         return self.study.artefacts()[self.study.key(name)]
 
 
-def probability_text(value: float) -> str:
-    """A probability that is never rounded to none or certainty."""
-    if value < 0.001:
-        return "under 0.001"
-    return "over 0.999" if value > 0.999 else f"{value:.3f}"
-
-
 def figures(values: Floats) -> tuple[str, ...]:
     """Mean, standard deviation, 5 % and 95 % of draws, with two figures of the deviation."""
     sd = float(values.std())

@@ -320,19 +320,21 @@ def test_a_command_run_from_another_folder(femupdate, tmp_path, monkeypatch, tow
 
 
 @pytest.mark.slow
-def test_the_whole_work_through_the_script(script, tmp_path, tower_file):
+def test_the_whole_work_through_the_script(femupdate, script, tmp_path, monkeypatch, tower_file):
     """One JSON object on stdout and nothing but progress on stderr, from each command."""
+    monkeypatch.chdir(tmp_path)
 
     def answer(*arguments):
-        done = script(*arguments, "--json", cwd=tmp_path)
+        done = script(*arguments, "--json")
         assert done.progress == done.err.splitlines()
         return done.answer
 
-    answer("build-model", tower_file)
-    made = answer(
+    made = femupdate(
         *("simulate", "-o", "observation.csv", "--theta", "0.8,1.3", "--zeta", "0.05"),
         *("--duration", 60, "--sampling", 50, "--band", "0.3,20"),
-    )
+        *("--building", tower_file, "--json"),
+    ).answer
+    answer("build-model", tower_file)
     posterior = answer("calibrate", made["observation"], "--exact", *FEW)
     assert posterior["mean"] == pytest.approx(made["truth"]["theta"], rel=0.02)
     rows = (tmp_path / "observation.csv").read_text().splitlines()

@@ -10,7 +10,6 @@ from femupdate.dynamics.member_forces import beam_end_rows, cut_rows
 from femupdate.dynamics.spectra import response_spectrum
 from femupdate.dynamics.superposition import (
     BaseMotion,
-    acceleration_history,
     base_direction,
     displacement_history,
     superpose,
@@ -59,10 +58,10 @@ def smooth_motion(time_step, count=600):
 
 
 def newmark(stiffness, damping, mass, force, time_step):
-    """Average acceleration, from rest: displacements and accelerations (n_free, n)."""
+    """Average acceleration, from rest: displacements (n_free, n)."""
     left = splu((stiffness + 2 / time_step * damping + 4 / time_step**2 * mass).tocsc())
     u = v = a = np.zeros(stiffness.shape[0])
-    moved, pushed = [u], [a]
+    moved = [u]
     for push in force[1:]:
         inertia = mass @ (4 / time_step**2 * u + 4 / time_step * v + a)
         new = left.solve(push + inertia + damping @ (2 / time_step * u + v))
@@ -70,8 +69,7 @@ def newmark(stiffness, damping, mass, force, time_step):
         a = 4 / time_step**2 * (new - u) - 4 / time_step * v - a
         u, v = new, speed
         moved.append(u)
-        pushed.append(a)
-    return np.array(moved).T, np.array(pushed).T
+    return np.array(moved).T
 
 
 def rows_of(operators, nodes, axis):
@@ -95,7 +93,7 @@ def test_against_direct_integration_of_the_full_model(frame, direction):
     record = np.interp(step / fine * np.arange(199 * fine + 1), step * np.arange(200), coarse)
     stiffness = operators.stiffness(THETA)
     nothing = 0.0 * stiffness
-    u, a = newmark(stiffness, nothing, operators.mass, -record[:, None] * force, step / fine)
+    u = newmark(stiffness, nothing, operators.mass, -record[:, None] * force, step / fine)
     structure = superpose(operators, THETA, direction, 150.0)
     motion = BaseMotion(coarse, step, 1)  # linear between its samples, as in the integration
     axis = int(np.abs(unit).argmax())
@@ -108,9 +106,6 @@ def test_against_direct_integration_of_the_full_model(frame, direction):
         size = np.abs(wanted).max()
         # 2 %: Newmark's own period error over 2 s, and modes above 150 Hz as if they were static.
         np.testing.assert_allclose(found / size, wanted / size, atol=0.02)
-    wanted = rows @ a[:, ::fine] + (rows @ operators.restrict(everything))[:, None] * coarse
-    found = acceleration_history(structure, rows, 0.0, motion)
-    np.testing.assert_allclose(found, wanted, atol=0.03 * np.abs(wanted).max())
 
 
 def test_with_damping_against_direct_integration(frame):
@@ -125,7 +120,7 @@ def test_with_damping_against_direct_integration(frame):
     record = np.sin(structure.omega[0] * t) * np.minimum(t / 2.0, 1.0)
     everything = operators.rigid_translation(1)
     force = operators.gather(operators.mass_full @ everything)
-    u, _ = newmark(
+    u = newmark(
         operators.stiffness(THETA), damping, operators.mass, -record[:, None] * force, step / fine
     )
     rows = rows_of(operators, mesh.floor_nodes["RF"], 1)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import dblquad
+from scipy.integrate import simpson
 from scipy.stats import norm
 
 from femupdate.inference.event_scatter import DEFAULT, learned_scatter, sd_density
@@ -13,13 +13,12 @@ ESTIMATES, ERRORS = np.array([0.03, -0.05, 0.08, 0.0]), np.array([0.01, 0.02, 0.
 def test_the_density_of_the_scatter_is_that_of_the_random_effects_model():
     """Mean, over the prior of tau and a flat one of the mean over events, by quadrature."""
 
-    def joint(mean, log_tau):
-        tau = np.exp(log_tau)
-        own = norm.pdf(ESTIMATES, mean, np.hypot(ERRORS, tau)).prod()
-        return own * norm.pdf(log_tau, np.log(0.05), 1.0)
-
+    mean, log_tau = np.linspace(-0.8, 0.8, 801)[:, None], np.linspace(-5.9, 0.0, 601)
+    joint = norm.pdf(log_tau, np.log(0.05), 1.0)
+    for estimate, error in zip(ESTIMATES, ERRORS, strict=True):
+        joint = joint * norm.pdf(estimate, mean, np.hypot(error, np.exp(log_tau)))
     whole, first = (
-        dblquad(lambda m, t, p=power: np.exp(p * t) * joint(m, t), -5.9, 0.0, -0.8, 0.8)[0]
+        simpson(simpson(np.exp(power * log_tau) * joint, x=log_tau), x=mean[:, 0])
         for power in (0, 1)
     )
     tau, weight = sd_density(ESTIMATES, ERRORS, 0.05)

@@ -10,8 +10,6 @@ from .case import Case, Shear4dof, data_likelihood, exact_posterior
 from .comparison import Comparison, compare
 from .metrics import MmdReference
 
-PARTICLES = 2000
-
 
 @dataclass(frozen=True, kw_only=True)
 class ObservationResult:
@@ -45,7 +43,7 @@ class ObservationResult:
 
 
 def observation_result(
-    problem: Shear4dof, case: Case, seed: int, reference_draws: int
+    problem: Shear4dof, case: Case, seed: int, reference_draws: int, particles: int
 ) -> ObservationResult:
     """Sample both posteriors of a case and compare them with its exact one."""
     exact = problem.exact
@@ -54,7 +52,7 @@ def observation_result(
     reference = MmdReference(exact.theta[:20_000])
     prior, latent = problem.model.prior, problem.latent(case)
     started = time.monotonic()
-    start = TemperedSmc(prior, latent).run(PARTICLES, seed)
+    start = TemperedSmc(prior, latent).run(particles, seed)
     middle = time.monotonic()
     found = bridge(prior, data_likelihood(problem.model, case), Start(start, latent), seed)
     ended = time.monotonic()

@@ -40,6 +40,7 @@ class Shear4dofPlan:
         runs: of each sampler at each size.
         reference_draws: of the posteriors that others are compared with.
         observations: that latent posterior and bridge are judged on.
+        particles: of the posteriors in the pictures; half as many judge an observation.
         nuts: iterations of the No-U-Turn sampler on each likelihood; 0 for none.
     """
 
@@ -47,6 +48,7 @@ class Shear4dofPlan:
     runs: int = 10
     reference_draws: int = 50_000
     observations: int = 20
+    particles: int = 4000
     nuts: int = 0
 
 
@@ -92,7 +94,7 @@ def run_shear4dof(job: Job, plan: Shear4dofPlan) -> Report:
         {**found, **more},
         _text(problem, samplers, observations),
         packages=("scikit-learn",),
-        pictures=_draw(job.folder, problem, job.seed),
+        pictures=_draw(job.folder, problem, plan.particles, job.seed),
         answer=found,
     )
 
@@ -125,7 +127,8 @@ def _observations(
     results = []
     for number in range(plan.observations):
         case = random_case(problem.model, rng) if number else problem.case
-        make = partial(observation_result, problem, case, job.seed + number, draws)
+        sizes = draws, plan.particles // 2
+        make = partial(observation_result, problem, case, job.seed + number, *sizes)
         results.append(log.get_or_make(f"observation {number}", ObservationResult, make))
         job.progress.advance()
     return results
@@ -150,14 +153,14 @@ def _text(
     )
 
 
-def _draw(folder: Path, problem: Shear4dof, seed: int) -> tuple[Path, ...]:
+def _draw(folder: Path, problem: Shear4dof, particles: int, seed: int) -> tuple[Path, ...]:
     prior, latent = problem.model.prior, problem.latent()
-    start = TemperedSmc(prior, latent).run(4000, seed)
+    start = TemperedSmc(prior, latent).run(particles, seed)
     likelihood = data_likelihood(problem.model, problem.case)
     best = bridge(prior, likelihood, Start(start, latent), seed)
     draws = {
         "latent": start.theta.numpy(),
-        "exact": problem.exact.theta[:4000],
+        "exact": problem.exact.theta[:particles],
         "bridge": best.theta.numpy(),
     }
     return draw_benchmark(folder, problem, draws)
