@@ -13,10 +13,6 @@ import pytest
 # the numerical libraries when they are first imported, which is after this.
 if "PYTEST_XDIST_WORKER" in os.environ:
     os.environ.setdefault("OMP_NUM_THREADS", "1")
-    if hasattr(os, "sched_setaffinity"):  # Linux only
-        processors = sorted(os.sched_getaffinity(0))
-        number = int(os.environ["PYTEST_XDIST_WORKER"].removeprefix("gw"))
-        os.sched_setaffinity(0, {processors[number % len(processors)]})
 
 
 @pytest.hookimpl(optionalhook=True)

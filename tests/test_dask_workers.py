@@ -33,10 +33,8 @@ PLAN = DatasetPlan(samples=90, modes=3, top_frequency_hz=12.8, seed=3)
 def processes():
     """Worker processes of a scheduler, as --dask local makes them."""
     pytest.importorskip("distributed", reason="the extra `distributed` is not installed")
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setattr("femupdate.dask_workers.processor_count", lambda: 2)
-        with dask_workers("local") as workers:
-            yield workers
+    with dask_workers("local") as workers:
+        yield workers
 
 
 @pytest.fixture(scope="module")
