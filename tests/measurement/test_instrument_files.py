@@ -173,6 +173,13 @@ def test_a_channel_with_gaps_is_refused(tdms):
         read_measured(tdms(("run", "roof", values, {"wf_increment": 0.02})))
 
 
+def test_tdms_with_a_channel_of_times(tdms):
+    times = 12.5 + 0.02 * np.arange(len(VALUES))
+    path = tdms(("run", "Time", times, {}), ("run", "roof", 1.0 * VALUES, {"unit_string": "g"}))
+    (roof,) = read_measured(path).channels
+    assert (roof.name, roof.time_step, roof.unit) == ("roof", 0.02, "g")
+
+
 def test_tdms_without_a_clock(tdms):
     with pytest.raises(MeasurementError, match="no channel of the file has a time step"):
         read_measured(tdms(("run", "roof", 1.0 * VALUES, {})))

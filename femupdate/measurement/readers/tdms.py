@@ -6,13 +6,16 @@ from typing import Any
 import numpy as np
 
 from femupdate.measurement.channel import RecordedChannel
+from femupdate.measurement.columns import TIME_NAME
 from femupdate.measurement.force_unit import FORCES
 from femupdate.measurement.quantity import is_acceleration
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import Recording
+from femupdate.measurement.sampling import uniform_step
 from femupdate.measurement.text import TextFile
 
 _STEP = "wf_increment"
+_LEAST = 3  # times, from which a step is told
 _UNITS = ("unit_string", "NI_UnitDescription", "Unit", "unit")
 _NO_UNIT = ("", "-", "None")
 
@@ -22,7 +25,7 @@ def _recognises(head: str, suffix: str) -> bool:
 
 
 def _read(path: Path) -> Recording:
-    """Channels that are sampled by a clock, which the waveform's properties give.
+    """Channels whose time step the waveform's properties or a channel of times gives.
 
     Raises:
         MeasurementError: npTDMS is not installed, the file is damaged, or no channel of numbers
@@ -46,30 +49,50 @@ def _read(path: Path) -> Recording:
         raise file.error(
             f"this TDMS file cannot be read ({error}); save it again from its program"
         ) from None
-    timed = [(name, one) for name, one in numbers if one.properties.get(_STEP, 0.0) > 0.0]
+    timed = _timed(file, numbers)
     if not timed:
         raise file.error(
-            "no channel of the file has a time step (wf_increment); export the channels as CSV"
-            " with a column of times"
+            "no channel of the file has a time step (wf_increment), and none is called time; export"
+            " the channels as CSV with a column of times"
         )
-    several = len({name for name, _ in timed}) > 1
-    left_out = [one.name for _, one in found if all(one is not other for _, other in timed)]
+    several = len({name for name, *_ in timed}) > 1
+    left_out = [one.name for _, one in found if all(one is not other for _, other, _ in timed)]
     notes = (f"Channels without numbers or a time step: {', '.join(left_out)}.",)
     return Recording(
         file,
-        tuple(_channel(f"{name}/{one.name}" if several else one.name, one) for name, one in timed),
+        tuple(
+            _channel(f"{name}/{one.name}" if several else one.name, one, step)
+            for name, one, step in timed
+        ),
         notes=notes if left_out else (),
     )
 
 
-def _channel(name: str, one: Any) -> RecordedChannel:
+def _timed(file: TextFile, numbers: list[tuple[str, Any]]) -> list[tuple[str, Any, float]]:
+    """Group, channel and time step: of the waveform, else of the times in the channel's group."""
+    steps = {
+        name: uniform_step(file, np.asarray(one[:], float), np.arange(len(one)) + 1, one.name)
+        for name, one in numbers
+        if TIME_NAME.match(one.name) and len(one) >= _LEAST
+    }
+    found = []
+    for name, one in numbers:
+        step = float(one.properties.get(_STEP, 0.0))
+        if step <= 0.0 and not TIME_NAME.match(one.name):
+            step = steps.get(name, 0.0)
+        if step > 0.0:
+            found.append((name, one, step))
+    return found
+
+
+def _channel(name: str, one: Any, step: float) -> RecordedChannel:
     unit = next((str(one.properties[key]) for key in _UNITS if key in one.properties), "")
     known = unit.strip() not in _NO_UNIT
     quantity = "acceleration" if is_acceleration(unit) else "unknown"
     return RecordedChannel(
         name=name,
         values=np.asarray(one[:], dtype=np.float64),
-        time_step=float(one.properties[_STEP]),
+        time_step=step,
         unit=unit if known else None,
         quantity="force" if unit in FORCES else quantity,
         location=str(one.properties.get("description", "")),
