@@ -19,11 +19,12 @@ from femupdate.building.shear import shear_operators
 from femupdate.dask_workers import dask_workers
 from femupdate.dynamics.system import System
 from femupdate.errors import WorkersError
+from femupdate.inference.priors import theta_prior
 from femupdate.progress import Silent
 from femupdate.surrogate import dataset as room
 from femupdate.surrogate.dataset import DatasetPlan, compute_dataset
 from femupdate.workers import everywhere, working_on
-from femupdate.workflow.model import reduce_building, theta_prior
+from femupdate.workflow.model import reduce_building
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "how-to" / "several-machines.md"
 PLAN = DatasetPlan(samples=90, modes=3, top_frequency_hz=12.8, seed=3)

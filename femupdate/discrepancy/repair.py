@@ -4,9 +4,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from femupdate.discrepancy.diagnose import NAMED, PARTLY, Diagnosis, Finding, diagnose
+from femupdate.discrepancy.finder_model import FinderModel
 from femupdate.discrepancy.fit import Fit
+from femupdate.discrepancy.posterior import Draws, draw
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.residual_map import p_value
+from femupdate.discrepancy.search import refined
 from femupdate.discrepancy.thresholds import VERDICT, DiagnosisSettings
 from femupdate.progress import SILENT, Progress
 
@@ -144,3 +147,46 @@ def as_fitted(done: Repair) -> Repair:
         rounds.append(replace(one, finding=finding))
     rounds[-1:] = [replace(one, chi2_after=done.after.chi2) for one in rounds[-1:]]
     return replace(done, rounds=tuple(rounds))
+
+
+def mend(
+    model: FinderModel,
+    problem: Problem,
+    base: Fit,
+    found: Diagnosis,
+    settings: DiagnosisSettings,
+    show: Progress,
+    better: Callable[[Problem, Fit, Fit], bool] | None = None,
+) -> tuple[Problem, Repair]:
+    """What was added, and the problem on a basis about the last fit.
+
+    Args:
+        model: of the building.
+        problem: structure and data.
+        base: the model as it is, fitted.
+        found: of the model as it is.
+        settings: of the diagnosis.
+        show: told about the steps.
+        better: see `repair`.
+    """
+
+    def renewed(now: Problem, fitted: Fit) -> tuple[Problem, Fit]:
+        return refined(model, now, fitted, show)
+
+    done = repair(problem, base, settings, show, renewed, found, better)
+    if not done.rounds or done.rounds[-1].finding.placed.exchange:
+        return done.problem, done
+    mended, last = refined(model, done.problem, done.after, show, alone=True)
+    return mended, as_fitted(replace(done, after=last, p_after=p_value(mended, last)))
+
+
+def posteriors(
+    problem: Problem, mended: Problem, done: Repair, seed: int, show: Progress
+) -> tuple[Draws, Draws]:
+    """Draws of the model as it was and as it is; the same where nothing was added."""
+    show.start("Updating the posterior", 2)
+    before = draw(problem, done.before, VERDICT.repair_draws, seed)
+    show.advance()
+    after = draw(mended, done.after, VERDICT.repair_draws, seed) if done.rounds else before
+    show.advance()
+    return before, after

@@ -71,6 +71,7 @@ class VerdictThresholds:
         0.05, "p-value", "from which nothing is left to repair", "the usual level of a test"
     )
     most_rounds: int = entry(4, "effects", "added by one repair, at most")
+    repair_draws: int = entry(1000, "draws", "of the posterior before and after a repair")
     clearly: float = entry(
         6.0, "log density", "of the data by which a fit must exceed another to take its place"
     )
@@ -107,6 +108,13 @@ class FitThresholds:
     listed_starts: int = entry(4, "draws", "of these that are fitted")
     rough_shapes: int = entry(100, "shapes", "with which stiffness factors are searched for")
     most_bases: int = entry(4, "bases", "one after the other, while theta moves on")
+    parted: int = entry(
+        20, "points", "of a table under a force, from which every other one is a half of its own"
+    )
+    theta_spacing: float = entry(
+        0.1, "ln", "of theta at which bases are made", "a basis serves .2 to both sides"
+    )
+    zeta_spacing: float = entry(0.3, "ln", "of the damping ratio at which bases are made")
     score_step: float = entry(
         0.5, "prior sd", "step of a score test: some effects are even in their size"
     )

@@ -9,6 +9,9 @@ from femupdate.discrepancy.fit import Fit, raw_residuals
 from femupdate.discrepancy.frf_data import FrfData
 from femupdate.discrepancy.posterior import Draws, draw
 from femupdate.discrepancy.problem import Problem
+from femupdate.discrepancy.records import SecondRecord, base_data
+from femupdate.discrepancy.search import prepared, refined
+from femupdate.effects.listed import building_effects
 from femupdate.inference.posterior import save_posterior
 from femupdate.inference.predictive_check import PredictiveCheck, predictive_check
 from femupdate.measurement.observation import Observation
@@ -17,13 +20,12 @@ from femupdate.study import Study
 from femupdate.workflow.amplitude import changes_with_level, level_settings
 from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.calibration_report import POSTERIOR, CalibrationReport
-from femupdate.workflow.diagnose import model_parts, prepared, refined
-from femupdate.workflow.effects import building_effects, keep_basis
-from femupdate.workflow.finder_data import base_data
+from femupdate.workflow.diagnose import finder_model
+from femupdate.workflow.effects import keep_basis
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource, as_one, runs_of
 from femupdate.workflow.repaired import effect_posterior
-from femupdate.workflow.second_record import SecondRecord, level_between
+from femupdate.workflow.second_record import level_between
 from femupdate.workflow.summary import identified, write_summary
 from femupdate.workflow.thresholds import CALIBRATION
 
@@ -45,10 +47,10 @@ def calibrate_with_effects(
     runs = runs_of(model.building, source)
     observation = as_one(model.building, runs)
     first, *others = _records(model, source, runs)
-    parts = model_parts(study, model, show)
-    data = base_data(model.building, parts.mesh, first.observation, False, (), others)
-    problem, fitted = prepared(model, parts, (data,), None, show)
-    problem, fitted = refined(model, parts, problem, fitted, show, alone=True)
+    finder = finder_model(study, model, show)
+    data = base_data(model.building, finder.mesh, first.observation, False, (), others)
+    problem, fitted = prepared(finder, (data,), None, show)
+    problem, fitted = refined(finder, problem, fitted, show, alone=True)
     if problem.reduced.structure.operators is not None:
         keep_basis(study, problem.reduced, model.building)
     show.start("Drawing the posterior", 1)

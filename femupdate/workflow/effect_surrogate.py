@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from femupdate.array_archive import write_arrays
 from femupdate.building.schema import Building
+from femupdate.discrepancy.finder_model import check_sizes, finder_structure
 from femupdate.discrepancy.mesh_error import corrected
 from femupdate.discrepancy.mesh_scatter import mesh_scatter
 from femupdate.dynamics.projection import reduced_on
@@ -11,22 +12,16 @@ from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.dynamics.reduction import reduce_structure
 from femupdate.dynamics.system import System, changes_in_run, makes_modes_complex
 from femupdate.effects.effect import Placed
+from femupdate.effects.listed import building_effects, check_places
 from femupdate.effects.structure import Structure
 from femupdate.errors import SurrogateError
 from femupdate.inference.parameters import Parameters
+from femupdate.inference.priors import effect_parameters, reduction_target
 from femupdate.progress import Progress, Silent
 from femupdate.study import Study
-from femupdate.workflow.effects import (
-    building_effects,
-    check_places,
-    check_sizes,
-    effect_parameters,
-    finder_structure,
-    open_structure,
-    read_basis,
-)
+from femupdate.workflow.effects import open_structure, read_basis
 from femupdate.workflow.mesh_error import kept_mesh_error, open_mesh_error
-from femupdate.workflow.model import StudyModel, reduction_target
+from femupdate.workflow.model import StudyModel
 
 BASIS = "surrogate's basis"
 _FILE = "surrogate_basis.npz"

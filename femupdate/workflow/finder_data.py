@@ -1,37 +1,23 @@
 """What was measured of a building, of any kind, as the effect finder judges it."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
-from femupdate.arrays import Flags, Floats
 from femupdate.building.schema import Building
 from femupdate.discrepancy.data import Data
-from femupdate.discrepancy.frf_data import (
-    FloorForce,
-    FrfData,
-    frf_data,
-    in_alternate_points,
-    together,
-)
+from femupdate.discrepancy.frf_data import FloorForce, FrfData
 from femupdate.discrepancy.mesh_error import MeshError
 from femupdate.discrepancy.mode_data import mode_data
-from femupdate.discrepancy.thresholds import LEVEL, MODEL_ERROR
-from femupdate.dynamics.force_response import rest_about
-from femupdate.dynamics.reduced import ReducedModel
-from femupdate.effects.structure import Structure
-from femupdate.measurement.force_frf import ForcedObservation
+from femupdate.discrepancy.records import SecondRecord, base_data, force_data, model_error
+from femupdate.discrepancy.thresholds import LEVEL
 from femupdate.measurement.observation import Observation
 from femupdate.progress import Progress
 from femupdate.study import Study
 from femupdate.workflow.kinds import Measured, measured_of, with_rest
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource, halves_of
-from femupdate.workflow.second_record import SecondRecord, level_between
-
-_PARTED = 20  # points of a table, from which every other one is a half of its own
+from femupdate.workflow.second_record import level_between
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +73,7 @@ class Given:
         elif second is not None and others:
             alone = base_data(building, mesh, second.measured.base, use_phase, second.halves)
             yield alone.at_level(self.level)
-        error = _model_error(building, mesh)
+        error = model_error(building, mesh)
         for given, level in ((self, 0.0), (second, self.level)):
             for one in () if given is None else given.measured.forced:
                 force = FloorForce(one.force, measured.rest)
@@ -155,125 +141,3 @@ def _halves(
     if not base:
         return ()
     return halves_of(building, replace(source, path=base[0], further=base[1:]))
-
-
-def force_data(
-    forced: ForcedObservation,
-    force: FloorForce,
-    floors: tuple[str, ...],
-    model_error: float,
-    use_phase: bool = True,
-) -> FrfData:
-    """Responses to a force; the points of a table err independently, so every other is a half.
-
-    Args:
-        forced: as read.
-        force: that acts.
-        floors: of the model.
-        model_error: of ln|H|, as noise of independent points.
-        use_phase: compare phases where they were measured.
-    """
-
-    def read(one: Observation, parts: Sequence[Observation]) -> FrfData:
-        return frf_data(
-            one,
-            floors,
-            excitation=force,
-            use_phase=use_phase,
-            model_error=model_error,
-            halves=tuple(read(part, ()) for part in parts),
-        )
-
-    own = read(forced.observation, forced.halves)
-    table = forced.observation.coherence is None
-    return in_alternate_points(own) if table and own.points >= _PARTED else own
-
-
-def with_rest_about(
-    data: Sequence[Data], structure: Structure, reduced: ReducedModel, theta: Floats
-) -> tuple[Data, ...]:
-    """The data with what a basis about theta (p,) lacks under forces; that of a stick nothing."""
-    forced = any(isinstance(one, FrfData) and one.forced for one in data)
-    if structure.operators is None or not forced:
-        return tuple(data)
-    rest = rest_about(structure, reduced, theta)
-    return tuple(one.with_rest(rest) if isinstance(one, FrfData) else one for one in data)
-
-
-def base_data(
-    building: Building,
-    mesh: MeshError | None,
-    observation: Observation,
-    use_phase: bool = True,
-    halves: Sequence[Observation] = (),
-    others: Sequence[SecondRecord] = (),
-) -> FrfData:
-    """FRFs under base motion, from the first to the last frequency at which any is valid.
-
-    Args:
-        building: as its file says.
-        mesh: error of the mesh, where it is known.
-        observation: on the building's grid.
-        use_phase: compare phases where they were measured.
-        halves: of the observation, where it can be parted.
-        others: further records, at other levels.
-    """
-
-    def read(one: Observation, parts: Sequence[Observation]) -> FrfData:
-        return frf_data(
-            _at(one, _used(one)),
-            building.floors,
-            use_phase=use_phase,
-            model_error=_model_error(building, mesh),
-            halves=tuple(read(part, ()) for part in parts),
-        )
-
-    data = read(observation, halves)
-    for other in others:
-        data = together(data, read(other.observation, other.halves), other.level)
-    return data
-
-
-def _model_error(building: Building, mesh: MeshError | None) -> float:
-    """What mesh and reduction leave in ln|H|, as noise of independent points."""
-    return MODEL_ERROR.frame if building.kind != "shear" and mesh is None else MODEL_ERROR.stick
-
-
-def _used(observation: Observation) -> Flags:
-    """The frequencies that say something, and those between them."""
-    seen = np.flatnonzero(observation.valid.any(axis=0))
-    used = np.zeros(observation.frequency_hz.size, dtype=bool)
-    used[seen[0] : seen[-1] + 1] = True
-    return used & _measured(observation)
-
-
-def _measured(observation: Observation) -> Flags:
-    """Where a table coarser than the grid has its points: straight lines between are no data."""
-    frequency = observation.frequency_hz
-    spacing = float(np.median(np.diff(frequency)))
-    coarse = observation.resolution_hz or spacing
-    if observation.coherence is not None or coarse < 1.5 * spacing:
-        return np.ones(frequency.size, dtype=bool)
-    distance = np.abs(frequency / coarse - np.round(frequency / coarse)) * coarse
-    return np.asarray(distance < 0.5 * spacing * (1.0 + 1e-9))
-
-
-def _at(observation: Observation, used: Flags) -> Observation:
-    """The observation at some of its frequencies; its resolution stays what it is."""
-    spacing = float(np.median(np.diff(observation.frequency_hz)))
-    own = observation.estimator
-    return replace(
-        observation,
-        frequency_hz=observation.frequency_hz[used],
-        log_frf=observation.log_frf[:, used],
-        noise_sd=observation.noise_sd[:, used],
-        valid=observation.valid[:, used],
-        phase=None if observation.phase is None else observation.phase[:, used],
-        coherence=None if observation.coherence is None else observation.coherence[:, used],
-        scatter=None,
-        resolution_hz=observation.resolution_hz or spacing,
-        estimator=None if own is None else own.at(used),
-    )
-
-
-__all__ = ["Given", "base_data", "force_data", "read_given", "read_held"]

@@ -15,11 +15,12 @@ from femupdate.discrepancy.thresholds import MESH_ERROR as THRESHOLDS
 from femupdate.dynamics.finer_mesh import on_finer_mesh, on_nodes_of
 from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.effects.structure import Structure, structure_of
+from femupdate.inference.priors import reduction_target, theta_prior
 from femupdate.progress import Progress, Silent
 from femupdate.study import Study, damaged, write_text
 from femupdate.workflow.effects import finder_origin
 from femupdate.workflow.finer_mesh import FinerMesh, half_mesh_size, keep_finer
-from femupdate.workflow.model import StudyModel, on_kept_finer, reduction_target, theta_prior
+from femupdate.workflow.model import StudyModel, on_kept_finer
 
 MESH_ERROR = "mesh error"
 _FILE = "mesh_error.json"

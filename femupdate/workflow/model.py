@@ -12,17 +12,16 @@ from femupdate.building.files import (
     mechanics_hash,
     save_building,
 )
-from femupdate.building.parameters import factor_ranges
 from femupdate.building.schema import Building
 from femupdate.dynamics.damping import DampingLaw, damping_law
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.dynamics.reduction import Reduction, reduce_structure
-from femupdate.dynamics.snapshots import ReductionTarget
 from femupdate.dynamics.system import System
 from femupdate.effects.structure import Structure, structure_of
 from femupdate.errors import StudyError
 from femupdate.inference.learned import SharedErrors
 from femupdate.inference.parameters import Parameter, Parameters
+from femupdate.inference.priors import damping_parameter, reduction_target, theta_prior
 from femupdate.progress import SILENT, Progress
 from femupdate.study import BUILDING_FILE, Study
 from femupdate.workflow.finer_mesh import FinerMesh, kept_finer
@@ -114,21 +113,6 @@ class KeptReduction:
         return KeptReduction(model.reduced, error, {"size": model.reduced.size, "rms_error": error})
 
 
-def theta_prior(building: Building) -> Parameters:
-    """The prior of the stiffness factors, one a story or one a story and kind of member."""
-    ranges = factor_ranges(building)
-    lower, upper = torch.tensor(list(ranges.values()), dtype=torch.float64).T
-    return Parameters.uniform(tuple(ranges), lower, upper)
-
-
-def damping_parameter(building: Building) -> Parameter:
-    """The damping ratio: of zero width where the building knows it."""
-    zeta, ratio = building.prior.zeta, building.damping.ratio
-    known = zeta is None or building.damping.is_rayleigh
-    low, high = (ratio, ratio) if zeta is None or known else (zeta.lower, zeta.upper)
-    return Parameter(name="zeta", kind="damping", lower=low, upper=high, neutral=ratio)
-
-
 def open_study(
     study: Study, building: str | None = None, progress: Progress | None = None
 ) -> StudyModel:
@@ -177,18 +161,6 @@ def keep_model(study: Study, building: Building, reduced: KeptReduction) -> Stud
     model = _study_model(building, reduced.model, reduced.rms_error)
     study.record(REDUCED, _REDUCED_FILE, "build-model", model.made_from(), reduced.settings)
     return model
-
-
-def reduction_target(building: Building) -> ReductionTarget:
-    """What a reduced model of a building must reproduce."""
-    prior = theta_prior(building)
-    return ReductionTarget(
-        prior.lower.numpy(),
-        prior.upper.numpy(),
-        building.frequency_grid.frequencies_hz(),
-        damping_parameter(building).lower,
-        building.reduction.tolerance,
-    )
 
 
 def reduce_building(

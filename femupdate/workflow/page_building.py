@@ -7,6 +7,7 @@ from femupdate.building.building_mesh import BuildingMesh
 from femupdate.dynamics.tracking import node_displacements
 from femupdate.effects.drawn_building import DrawnBuilding
 from femupdate.effects.effect import Placed
+from femupdate.effects.listed import building_effects
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import Structure, structure_of
 from femupdate.report.geometry import Geometry
@@ -19,7 +20,6 @@ from femupdate.report.page_scene import (
     thinned_geometry,
 )
 from femupdate.report.scale import mass_scale
-from femupdate.workflow.effects import building_effects
 from femupdate.workflow.modes import StudyMode
 from femupdate.workflow.page_done import read_json
 from femupdate.workflow.page_parts import PageStudy

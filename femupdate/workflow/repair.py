@@ -2,8 +2,7 @@
 
 import json
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,32 +10,22 @@ import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.building.schema import Building
-from femupdate.discrepancy.diagnose import Diagnosis
-from femupdate.discrepancy.fit import Fit
-from femupdate.discrepancy.posterior import Draws, draw
+from femupdate.discrepancy.finder_model import FinderModel
+from femupdate.discrepancy.held_out import Held, KeptOut, hold
 from femupdate.discrepancy.problem import Problem
-from femupdate.discrepancy.repair import Repair, as_fitted
-from femupdate.discrepancy.repair import repair as mend
-from femupdate.discrepancy.residual_map import p_value
+from femupdate.discrepancy.repair import Repair, mend, posteriors
+from femupdate.discrepancy.search import prepared, sought
 from femupdate.discrepancy.thresholds import DiagnosisSettings
+from femupdate.measurement.observation_file import Histories, read_observation_file
 from femupdate.progress import Progress, Silent
 from femupdate.study import BUILDING_FILE, Study, write_text
 from femupdate.workflow.amplitude import level_settings
-from femupdate.workflow.diagnose import (
-    ModelParts,
-    model_parts,
-    prepared,
-    refined,
-    sought,
-)
+from femupdate.workflow.diagnose import finder_model
 from femupdate.workflow.finder_data import Given, read_given, read_held
-from femupdate.workflow.held_out import Held, KeptOut, hold
 from femupdate.workflow.model import StudyModel, on_kept_finer
-from femupdate.workflow.observed import ObservationSource
+from femupdate.workflow.observed import ObservationSource, observed_direction
 from femupdate.workflow.repaired import keep_effect_posterior, keep_repaired, repaired_building
 from femupdate.workflow.second_record import level_between
-
-_DRAWS = 1000
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -174,19 +163,19 @@ def repair_study(
     chosen = settings or DiagnosisSettings()
     given = read_given(study, model, source, second, show)
     other = None if holdout is None else read_held(study, model, holdout, show)
-    parts = model_parts(study, model, show)
+    finder = finder_model(study, model, show)
     model = on_kept_finer(study, model)
-    data = given.data(model, parts.mesh, use_phase)
-    problem, base = prepared(model, parts, data, chosen, show)
+    data = given.data(model, finder.mesh, use_phase)
+    problem, base = prepared(finder, data, chosen, show)
     show.start("Looking for what is missing", 4)
-    problem, base, found = sought(model, parts, problem, base, chosen, show)
+    problem, base, found = sought(finder, problem, base, chosen, show)
     kept_out = None
     if holdout is not None and other is not None:
         level = _level(model, source, second, holdout, other)
-        kept_out = KeptOut(model, parts, holdout, other, use_phase, level)
+        kept_out = _kept_out(model, finder, holdout, other, use_phase, level)
     better = None if kept_out is None else kept_out.better
-    mended, done = _mended(model, parts, (problem, base, found), chosen, show, better)
-    before, after = _posteriors(problem, mended, done, chosen.seed, show)
+    mended, done = mend(finder, problem, base, found, chosen, show, better)
+    before, after = posteriors(problem, mended, done, chosen.seed, show)
     held = None
     if kept_out is not None:
         show.start("Predicting the data kept out", 1)
@@ -195,7 +184,7 @@ def repair_study(
     building, kept = model.building, None
     if done.rounds:
         building = repaired_building(model.building, done)
-        kept = keep_repaired(study, model, building, mended.reduced, parts.mesh)
+        kept = keep_repaired(study, model, building, mended.reduced, finder.mesh)
         levels = level_settings(model, done.after.placed, source, problem.levels)
         keep_effect_posterior(kept, given.measured.as_observation, source, after, levels)
     report = RepairReport(
@@ -229,34 +218,24 @@ def _level(
     return level_between(model, source, holdout)
 
 
-def _mended(
+def _kept_out(
     model: StudyModel,
-    parts: ModelParts,
-    sought: tuple[Problem, Fit, Diagnosis],
-    settings: DiagnosisSettings,
-    show: Progress,
-    better: Callable[[Problem, Fit, Fit], bool] | None,
-) -> tuple[Problem, Repair]:
-    """What was added, and the problem on a basis about the last fit, from what was found first."""
-    problem, base, found = sought
-
-    def renewed(now: Problem, fitted: Fit) -> tuple[Problem, Fit]:
-        return refined(model, parts, now, fitted, show)
-
-    done = mend(problem, base, settings, show, renewed, found, better)
-    if not done.rounds or done.rounds[-1].finding.placed.exchange:
-        return done.problem, done
-    mended, last = refined(model, parts, done.problem, done.after, show, alone=True)
-    return mended, as_fitted(replace(done, after=last, p_after=p_value(mended, last)))
-
-
-def _posteriors(
-    problem: Problem, mended: Problem, done: Repair, seed: int, show: Progress
-) -> tuple[Draws, Draws]:
-    """Draws of the model as it was and as it is; the same where nothing was added."""
-    show.start("Updating the posterior", 2)
-    before = draw(problem, done.before, _DRAWS, seed)
-    show.advance()
-    after = draw(mended, done.after, _DRAWS, seed) if done.rounds else before
-    show.advance()
-    return before, after
+    finder: FinderModel,
+    source: ObservationSource,
+    held: Given,
+    use_phase: bool,
+    level: float,
+) -> KeptOut:
+    """Data kept out, with their histories where they are histories under base motion."""
+    read = None
+    if held.measured.has_base:
+        read = read_observation_file(source.path, source.unit, source.columns)
+    return KeptOut(
+        name=source.path.name,
+        model=finder,
+        data=held.data(model, finder.mesh, use_phase),
+        floors=held.measured.as_observation.floors,
+        level=level,
+        histories=read if isinstance(read, Histories) else None,
+        direction=observed_direction(model),
+    )

@@ -13,16 +13,13 @@ from femupdate.discrepancy.mesh_error import MeshError
 from femupdate.discrepancy.posterior import Draws
 from femupdate.discrepancy.repair import Repair
 from femupdate.dynamics.reduced_terms import ReducedStructure
+from femupdate.effects.listed import building_effects, with_effect
 from femupdate.inference.posterior import DrawnBy, Posterior, save_posterior
+from femupdate.inference.priors import effect_parameters
 from femupdate.measurement.observation import Observation
 from femupdate.study import BUILDING_FILE, Study
 from femupdate.workflow.calibration_report import POSTERIOR
-from femupdate.workflow.effects import (
-    building_effects,
-    effect_parameters,
-    keep_basis,
-    with_effect,
-)
+from femupdate.workflow.effects import keep_basis
 from femupdate.workflow.finer_mesh import keep_finer
 from femupdate.workflow.mesh_error import keep_mesh_error
 from femupdate.workflow.model import KeptReduction, StudyModel, keep_model, open_study

@@ -1,7 +1,6 @@
 """A second record of the same building, at another level of motion."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -9,27 +8,11 @@ from femupdate.dynamics.level import motion_level
 from femupdate.errors import MeasurementError
 from femupdate.measurement.columns import BASE
 from femupdate.measurement.kinds import read_any_kind
-from femupdate.measurement.observation import Observation
 from femupdate.measurement.observation_file import ForceHistories, Histories
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource, observed_direction
 
 _SILENT = 1e-300
-
-
-@dataclass(frozen=True, eq=False)
-class SecondRecord:
-    """What another record shows.
-
-    Attributes:
-        observation: its FRFs.
-        level: of its motion above the first record's, in doublings; zero where they are alike.
-        halves: of it, where it can be parted.
-    """
-
-    observation: Observation
-    level: float
-    halves: tuple[Observation, ...] = ()
 
 
 def level_between(model: StudyModel, first: ObservationSource, second: ObservationSource) -> float:

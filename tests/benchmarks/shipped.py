@@ -5,13 +5,9 @@ import hashlib
 from femupdate.building.files import load_building
 from femupdate.dynamics.damping import damping_law
 from femupdate.dynamics.system import System
+from femupdate.inference.priors import damping_parameter, theta_prior
 from femupdate.surrogate.storage import TrainedSurrogate
-from femupdate.workflow.model import (
-    StudyModel,
-    damping_parameter,
-    reduce_building,
-    theta_prior,
-)
+from femupdate.workflow.model import StudyModel, reduce_building
 
 
 def benchmark_model(name: str = "shear_4dof") -> StudyModel:

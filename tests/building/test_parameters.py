@@ -12,7 +12,7 @@ from femupdate.building.parameters import stiffness_factors
 from femupdate.effects.structure import require_story_factors
 from femupdate.errors import BuildingError
 from femupdate.fe.assembly import assemble
-from femupdate.workflow.model import theta_prior
+from femupdate.inference.priors import theta_prior
 
 BY_KIND = {"by": ["story", "kind"]}
 

@@ -14,8 +14,8 @@ from femupdate.dynamics.projection import lumped
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import structure_of
+from femupdate.inference.priors import damping_parameter, theta_prior
 from femupdate.measurement.observation import Observation
-from femupdate.workflow.model import damping_parameter, theta_prior
 
 
 @pytest.fixture(scope="session")

@@ -8,8 +8,8 @@ import pytest
 from safetensors import safe_open
 
 from femupdate.building.files import load_building, mechanics_hash, save_building
+from femupdate.effects.listed import building_effects, check_places, with_effect
 from femupdate.errors import BuildingError
-from femupdate.workflow.effects import building_effects, check_places, with_effect
 
 MODELS = Path(__file__).parents[2] / "models"
 MASS = {"name": "added_mass", "place": "3F", "parameters": {"size": 0.1}}

@@ -10,7 +10,7 @@ from femupdate.discrepancy.problem import make_problem
 from femupdate.dynamics.damping import damping_law
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
-from femupdate.workflow.model import damping_parameter, theta_prior
+from femupdate.inference.priors import damping_parameter, theta_prior
 
 GRID = 0.2 * np.arange(1, 61)
 FLOORS, THETA, SD = ("2F", "3F", "RF"), np.array([0.7, 1.4, 0.9]), 0.02

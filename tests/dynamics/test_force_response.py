@@ -15,7 +15,7 @@ from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import structure_of
 from femupdate.fe.factorization import factorize
-from femupdate.workflow.model import reduction_target
+from femupdate.inference.priors import reduction_target
 
 THETA = np.array([1.3, 0.8, 1.1, 0.7])
 FREQUENCY = np.linspace(0.3, 15.0, 40)

@@ -6,15 +6,11 @@ import pytest
 from femupdate.building.files import load_building, save_building
 from femupdate.dynamics.tracking import reduced_modes
 from femupdate.errors import BuildingError, ModelError, StudyError
+from femupdate.inference.priors import damping_parameter
 from femupdate.study import Study
 from femupdate.workflow import model as model_module
 from femupdate.workflow.build import build_study
-from femupdate.workflow.model import (
-    DEFAULT_BUILDING,
-    choose_building,
-    damping_parameter,
-    open_study,
-)
+from femupdate.workflow.model import DEFAULT_BUILDING, choose_building, open_study
 from femupdate.workflow.pictures_modes import draw_model
 from femupdate.workflow.reduced_file import load_reduced, save_reduced
 

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from femupdate.array_archive import read_arrays, write_arrays
+from femupdate.discrepancy.finder_model import finder_structure
 from femupdate.errors import StudyError
 from femupdate.study import MANIFEST, file_hash, write_text
-from femupdate.workflow.effects import BASIS, finder_origin, finder_structure, read_basis
+from femupdate.workflow.effects import BASIS, finder_origin, read_basis
 from femupdate.workflow.mesh_error import MESH_ERROR, kept_mesh_error
 from femupdate.workflow.model import REDUCED, open_study
 from femupdate.workflow.reduced_file import load_reduced

@@ -15,9 +15,10 @@ import numpy as np
 import pytest
 
 from femupdate.building.files import load_building
+from femupdate.discrepancy.diagnose import diagnose
 from femupdate.discrepancy.thresholds import DiagnosisSettings
 from femupdate.study import Study
-from femupdate.workflow.diagnose import diagnose_study, find
+from femupdate.workflow.diagnose import diagnose_study
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.pictures_discrepancy import draw_diagnosis
@@ -193,11 +194,11 @@ def test_where_something_else_is_missing_an_effect_is_looked_for_from_afar(
     seen = []
 
     def paired(*given, **options):
-        found = find(*given, **options)
+        found = diagnose(*given, **options)
         seen.append(found)
         return found if len(seen) > 1 else replace(found, verdict="partly")
 
-    monkeypatch.setattr("femupdate.workflow.diagnose.find", paired)
+    monkeypatch.setattr("femupdate.discrepancy.search.diagnose", paired)
     found = diagnosed(FAR_OFF.frf(GRID)).diagnosis
     assert len(seen) == 2
     assert (found.verdict, found.leading.placed.label) == ("named", "added_mass@3F")
@@ -209,7 +210,7 @@ def test_an_effect_that_draws_theta_far_off_is_looked_for_from_afar(
     found = diagnosed(FAR_OFF.frf(GRID)).diagnosis
     assert (found.verdict, found.leading.placed.label) == ("named", "added_mass@3F")
     assert abs(found.leading.size + 0.41) < 4.0 * found.leading.size_sd
-    monkeypatch.setattr("femupdate.workflow.diagnose.global_fit", lambda *_: None)
+    monkeypatch.setattr("femupdate.discrepancy.search.global_fit", lambda *_: None)
     assert diagnosed(FAR_OFF.frf(GRID)).diagnosis.verdict in ("unknown", "partly")
 
 

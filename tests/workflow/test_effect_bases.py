@@ -12,27 +12,25 @@ import torch
 from scipy.linalg import eigh
 
 from femupdate.discrepancy.diagnose import diagnose
+from femupdate.discrepancy.finder_model import FinderModel, plain_structure, problem_of
 from femupdate.discrepancy.fit import extended, fit, fit_baseline
+from femupdate.discrepancy.near_basis import structure_near
+from femupdate.discrepancy.records import base_data
 from femupdate.discrepancy.score import score
+from femupdate.discrepancy.search import prepared, refined, sought
 from femupdate.discrepancy.thresholds import VERDICT
 from femupdate.dynamics.local_basis import local_structure
 from femupdate.dynamics.projection import reduced_on
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed
+from femupdate.effects.listed import with_effect
 from femupdate.effects.registry import CATALOGUE
 from femupdate.errors import BuildingError
+from femupdate.inference.priors import reduction_target
 from femupdate.measurement.observation import Observation
 from femupdate.study import Study
-from femupdate.workflow.diagnose import ModelParts, prepared, refined, sought
-from femupdate.workflow.effects import (
-    plain_structure,
-    problem_of,
-    reduction_target,
-    with_effect,
-)
-from femupdate.workflow.finder_data import base_data
 from femupdate.workflow.model import open_study
-from femupdate.workflow.near_basis import structure_near
+from femupdate.workflow.near_basis import StudyBases
 
 THETA, ZETA, MASS, NOISE = np.array([0.8, 1.5]), 0.03, 0.25, 0.01
 FAR = np.array([1.35, 0.9])
@@ -42,7 +40,7 @@ HEAVY = (Placed(CATALOGUE["added_mass"], "RF"),)
 @pytest.fixture(scope="module")
 def cabin(cabin_built):
     model = open_study(cabin_built)
-    plain = plain_structure(model)
+    plain = plain_structure(model.building, model.reduced)
     stiffness = plain.structure.stiffness(np.ones(2)).toarray()
     modes = eigh(stiffness, plain.structure.mass.toarray())[1]
     exact = reduced_on(plain.structure, modes)
@@ -86,6 +84,11 @@ def observed(cabin, mass, seed):
     )
 
 
+def finder_model(cabin, building=None):
+    structure = cabin.plain.structure
+    return FinderModel(building or cabin.building, cabin.plain, structure)
+
+
 def posed(reduced, cabin, seen):
     return problem_of(reduced, cabin.building, (base_data(cabin.building, None, seen),))
 
@@ -97,13 +100,13 @@ def observation(cabin):
 
 def test_refined_moves_the_basis_to_where_theta_ended(cabin, observation):
     """From a few shapes about factors that are off by two thirds, and a fit on them."""
-    parts = ModelParts(cabin.plain, cabin.plain.structure)
+    model = finder_model(cabin)
     target = reduction_target(cabin.building)
     away = local_structure(cabin.plain.structure, FAR, target, size=16)
     problem = replace(posed(cabin.plain, cabin, observation), reduced=away)
     base = fit_baseline(problem)[0]
     fitted = fit(problem, HEAVY, extended(problem, base, HEAVY, [0.1]))
-    moved, after = refined(cabin.model, parts, problem, fitted)
+    moved, after = refined(model, problem, fitted)
     (ended, _), (mass, _) = after.theta(), after.sizes()
     assert after.placed == HEAVY
     assert after.system.model is moved.reduced.model
@@ -115,19 +118,19 @@ def test_refined_moves_the_basis_to_where_theta_ended(cabin, observation):
 
 def test_refined_follows_theta_out_of_the_neighbourhood(cabin, observation, monkeypatch):
     """A basis about where the first fit stood is not the last where theta then leaves it."""
-    parts, about = ModelParts(cabin.plain, cabin.plain.structure), []
+    model, about = finder_model(cabin), []
 
-    def near(structure, building, theta, zeta, show=None, present=None, study=None):
+    def near(structure, building, theta, zeta, show=None, present=None, bases=None):
         about.append(theta)
         return structure_near(structure, building, theta, zeta)
 
-    monkeypatch.setattr("femupdate.workflow.diagnose.structure_near", near)
+    monkeypatch.setattr("femupdate.discrepancy.search.structure_near", near)
     here = structure_near(cabin.plain.structure, cabin.building, FAR, ZETA)
     problem = replace(posed(cabin.plain, cabin, observation), reduced=here)
     start = extended(problem, fit_baseline(problem)[0], HEAVY, [0.1])
     start[:2] = torch.from_numpy(np.log(FAR))
     stuck = fit(problem, HEAVY, start, iterations=0)
-    _, after = refined(cabin.model, parts, problem, stuck)
+    _, after = refined(model, problem, stuck)
     np.testing.assert_allclose(about[0], FAR)
     np.testing.assert_allclose(about[-1], THETA, rtol=0.02)
     assert len(about) <= 4
@@ -136,19 +139,19 @@ def test_refined_follows_theta_out_of_the_neighbourhood(cabin, observation, monk
 
 def test_close_effects_are_run_off_on_a_basis_for_them(cabin, monkeypatch):
     """And what was not close keeps its place behind them."""
-    parts, served = ModelParts(cabin.plain, cabin.plain.structure), []
+    model, served = finder_model(cabin), []
 
-    def near(structure, building, theta, zeta, show=None, present=None, study=None):
+    def near(structure, building, theta, zeta, show=None, present=None, bases=None):
         reduced = structure_near(structure, building, theta, zeta, show, present)
         served.append((present, reduced))
         return reduced
 
-    monkeypatch.setattr("femupdate.workflow.diagnose.structure_near", near)
+    monkeypatch.setattr("femupdate.discrepancy.search.structure_near", near)
     monkeypatch.setattr("femupdate.discrepancy.diagnose.VERDICT", replace(VERDICT, close=0.995))
     seen = observed(cabin, MASS, 6)
-    problem, base = prepared(cabin.model, parts, (base_data(cabin.building, None, seen),))
+    problem, base = prepared(model, (base_data(cabin.building, None, seen),))
     everything = diagnose(problem, base=base)
-    problem, _, found = sought(cabin.model, parts, problem, base)
+    problem, _, found = sought(model, problem, base)
     assert found.unobservable == everything.unobservable
     tests = [[one.statistic for one in each.scores] for each in (found, everything)]
     np.testing.assert_allclose(*tests)
@@ -169,16 +172,15 @@ def test_theta_is_found_with_the_effects_that_the_building_lists(cabin, monkeypa
     mass = 0.6
     seen = observed(cabin, mass, 5)
     heavier = with_effect(cabin.building, HEAVY[0], np.array([0.9 * mass]))
-    model = replace(cabin.model, building=heavier)
-    parts = ModelParts(cabin.plain, cabin.plain.structure)
+    model = finder_model(cabin, heavier)
 
     def ended(_, rough, __):
         z = rough.z.clone()
         z[:2] = torch.tensor(away, dtype=torch.float64).log()
         return replace(rough, z=z)
 
-    monkeypatch.setattr("femupdate.workflow.diagnose._rightly_named", ended)
-    problem, base = prepared(model, parts, (base_data(model.building, None, seen),))
+    monkeypatch.setattr("femupdate.discrepancy.search._rightly_named", ended)
+    problem, base = prepared(model, (base_data(model.building, None, seen),))
     np.testing.assert_allclose(base.theta()[0], THETA, rtol=0.02)
     assert base.sizes()[0][0] == pytest.approx(mass, rel=0.03)
     assert base.chi2 < 2.0 * problem.effective
@@ -195,10 +197,9 @@ def test_listed_effects_that_leave_no_structure_are_refused(cabin, gone):
     building = cabin.building
     for placed in gone:
         building = with_effect(building, placed, np.array([-0.9]))
-    model = replace(cabin.model, building=building)
-    parts = ModelParts(cabin.plain, cabin.plain.structure)
+    model = finder_model(cabin, building)
     with pytest.raises(BuildingError, match="together they take away more stiffness"):
-        prepared(model, parts, (base_data(building, None, observed(cabin, 0.0, 3)),))
+        prepared(model, (base_data(building, None, observed(cabin, 0.0, 3)),))
 
 
 def test_a_trial_that_leaves_no_structure_counts_nothing(cabin, gone):
@@ -215,13 +216,14 @@ def test_a_trial_that_leaves_no_structure_counts_nothing(cabin, gone):
 
 def test_one_kept_basis_serves_the_fits_nearby(cabin, tmp_path, monkeypatch):
     """It is the same with a study and without one, to the last digit."""
-    structure, made, study = cabin.plain.structure, [], Study(tmp_path)
+    structure, made = cabin.plain.structure, []
+    study = StudyBases(Study(tmp_path), cabin.building)
     monkeypatch.setattr(
-        "femupdate.workflow.near_basis.local_structure",
+        "femupdate.discrepancy.near_basis.local_structure",
         lambda *args, **kwargs: made.append(args[1]) or local_structure(*args, **kwargs),
     )
     near = [
-        structure_near(structure, cabin.building, theta, ZETA, study=kept)
+        structure_near(structure, cabin.building, theta, ZETA, bases=kept)
         for theta, kept in (
             (THETA, None),
             (THETA, study),

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
+from femupdate.discrepancy.finder_model import FinderModel, plain_structure
+from femupdate.discrepancy.search import prepared, sought
 from femupdate.dynamics.equations import equations_at
 from femupdate.effects.registry import CATALOGUE
 from femupdate.progress import SILENT
-from femupdate.workflow.diagnose import ModelParts, prepared, sought
-from femupdate.workflow.effects import plain_structure
 from femupdate.workflow.finder_data import read_given
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
@@ -25,8 +25,9 @@ GRID = np.arange(1.0, 20.0, 0.2)
 @pytest.fixture(scope="module")
 def cabin(cabin_built):
     model = open_study(cabin_built)
-    plain = plain_structure(model)
-    return SimpleNamespace(study=cabin_built, model=model, parts=ModelParts(plain, plain.structure))
+    plain = plain_structure(model.building, model.reduced)
+    finder = FinderModel(model.building, plain, plain.structure)
+    return SimpleNamespace(study=cabin_built, model=model, finder=finder)
 
 
 def _modes(structure, mass):
@@ -63,8 +64,8 @@ def _hit(path, structure, hidden):
 
 def _found(cabin, path):
     given = read_given(cabin.study, cabin.model, _source(path), None, SILENT)
-    posed = prepared(cabin.model, cabin.parts, given.data(cabin.model, None))
-    return sought(cabin.model, cabin.parts, *posed)[2]
+    posed = prepared(cabin.finder, given.data(cabin.model, None))
+    return sought(cabin.finder, *posed)[2]
 
 
 def _source(path):
@@ -72,13 +73,13 @@ def _source(path):
 
 
 def test_nothing_is_found_where_nothing_is_hidden(cabin, tmp_path):
-    _identified(tmp_path / "seen.csv", cabin.parts.structure, False)
+    _identified(tmp_path / "seen.csv", cabin.finder.structure, False)
     assert _found(cabin, tmp_path / "seen.csv").verdict == "none"
 
 
 def test_a_sensor_that_is_turned_shows_in_modes(cabin, tmp_path):
     """Of two floors either may be it: the sign of a shape is free."""
-    _identified(tmp_path / "seen.csv", cabin.parts.structure, True)
+    _identified(tmp_path / "seen.csv", cabin.finder.structure, True)
     found = _found(cabin, tmp_path / "seen.csv")
     assert found.verdict == "indistinguishable"
     both = {found.leading.placed.label, *found.twins}
@@ -86,7 +87,7 @@ def test_a_sensor_that_is_turned_shows_in_modes(cabin, tmp_path):
 
 
 def test_added_mass_shows_in_a_hammer_test(cabin, tmp_path):
-    _hit(tmp_path / "seen.csv", cabin.parts.structure, True)
+    _hit(tmp_path / "seen.csv", cabin.finder.structure, True)
     found = _found(cabin, tmp_path / "seen.csv")
     assert (found.verdict, found.leading.placed.label) == ("named", "added_mass@RF")
     assert abs(found.leading.size - MASS) < 3.0 * found.leading.size_sd + 0.02

@@ -9,7 +9,7 @@ from femupdate.building.schema import Building
 from femupdate.effects.effect import Effect, Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import Structure
-from femupdate.workflow.model import damping_parameter, theta_prior
+from femupdate.inference.priors import damping_parameter, theta_prior
 
 from .measurement import HiddenEffect
 from .uncatalogued import UNCATALOGUED

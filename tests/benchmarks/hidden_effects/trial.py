@@ -9,16 +9,18 @@ import torch
 from femupdate.arrays import Floats
 from femupdate.building.frame import FrameBuilding
 from femupdate.discrepancy.diagnose import NAMED, PARTLY, Diagnosis, DiagnosisSettings
+from femupdate.discrepancy.finder_model import FinderModel
 from femupdate.discrepancy.fit import Fit, extended, fit
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.score import score, starts
+from femupdate.discrepancy.search import prepared, refined, sought
 from femupdate.dynamics.transformed import transformed_sensors
 from femupdate.effects.effect import Effect
 from femupdate.errors import ReportError
 from femupdate.progress import Progress
 from femupdate.simulation.effect_truth import FineModel, Truth, fine_model
 from femupdate.study import Study
-from femupdate.workflow.diagnose import ModelParts, model_parts, prepared, refined, sought
+from femupdate.workflow.diagnose import finder_model
 from femupdate.workflow.finder_data import Given
 from femupdate.workflow.kinds import Measured
 from femupdate.workflow.model import StudyModel
@@ -46,14 +48,14 @@ class TrialModels:
 
     Attributes:
         model: of the finder.
-        parts: of that model.
+        finder: of that model.
         fine: of the truth.
         settings: of the measurement.
         data: what is measured, one of `kinds.DATA`.
     """
 
     model: StudyModel
-    parts: ModelParts
+    finder: FinderModel
     fine: FineModel
     settings: TrialSettings
     data: str = BASE
@@ -96,12 +98,12 @@ def trial_models(
             " leave --data out or choose a shear building"
         )
     # Every trial has other stiffness factors: to keep its basis would help none.
-    parts = replace(model_parts(study, model, progress), study=None)
+    finder = replace(finder_model(study, model, progress), bases=None)
     if not isinstance(building, FrameBuilding):
-        return TrialModels(model, parts, fine_model(building, settings.mesh_size), settings, data)
+        return TrialModels(model, finder, fine_model(building, settings.mesh_size), settings, data)
     finer = _TRUTH_MESH if settings.truth == OURS else MESH
     size = settings.mesh_size or finer * building.mesh.size
-    return TrialModels(model, parts, fine_model(building, size, building.sensors.points), settings)
+    return TrialModels(model, finder, fine_model(building, size, building.sensors.points), settings)
 
 
 @dataclass(frozen=True)
@@ -199,7 +201,7 @@ def run_trial(trial: Trial, models: TrialModels) -> Outcome:
     building, settings = models.model.building, models.settings
     streams = np.random.default_rng([trial.number, KINDS.index(trial.kind)]).spawn(4)
     theta, zeta = draw_parameters(building, streams[0])
-    structure = models.parts.plain.structure
+    structure = models.finder.plain.structure
     effects = draw_effects(trial.kind, building, structure, models.shows, streams[1])
     shaking = SHAKINGS[trial.number % len(SHAKINGS)]
     others = settings.truth == OPENSEES
@@ -248,15 +250,15 @@ def _find(
     seen: Given,
 ) -> _Found:
     """Diagnose what was measured and add what is named."""
-    model, parts = models.model, models.parts
+    model, finder = models.model, models.finder
     started = time.monotonic()
     chosen = DiagnosisSettings(seed=trial.number)
-    data = seen.data(model, parts.mesh, models.settings.use_phase)
-    problem, base = prepared(model, parts, data, chosen)
-    problem, base, diagnosis = sought(model, parts, problem, base, chosen)
+    data = seen.data(model, finder.mesh, models.settings.use_phase)
+    problem, base = prepared(finder, data, chosen)
+    problem, base, diagnosis = sought(finder, problem, base, chosen)
     after = base
     if diagnosis.leading and diagnosis.verdict in (NAMED, PARTLY):
-        after = refined(model, parts, problem, diagnosis.leading.fitted, alone=True)[1]
+        after = refined(finder, problem, diagnosis.leading.fitted, alone=True)[1]
     return _Found(problem, base, after, diagnosis, time.monotonic() - started)
 
 

@@ -6,6 +6,8 @@ import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.discrepancy.certify import gain_elsewhere
+from femupdate.discrepancy.data import Data
+from femupdate.discrepancy.finder_model import FinderModel, problem_of, with_rest_about
 from femupdate.discrepancy.fit import Fit
 from femupdate.discrepancy.frf_data import FrfData
 from femupdate.discrepancy.problem import Problem
@@ -14,12 +16,7 @@ from femupdate.discrepancy.thresholds import VERDICT
 from femupdate.dynamics.transformed import transformed_sensors
 from femupdate.errors import MeasurementError
 from femupdate.measurement.columns import BASE
-from femupdate.measurement.observation_file import Histories, read_observation_file
-from femupdate.workflow.diagnose import ModelParts
-from femupdate.workflow.effects import problem_of
-from femupdate.workflow.finder_data import Given, with_rest_about
-from femupdate.workflow.model import StudyModel
-from femupdate.workflow.observed import ObservationSource, observed_direction
+from femupdate.measurement.observation_file import Histories
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,20 +61,22 @@ class KeptOut:
     """Data that no model is fitted to.
 
     Attributes:
-        model: of the study.
-        parts: of the model.
-        source: the file.
-        given: the same, read.
-        use_phase: compare phases where they were measured.
+        name: of the file.
+        model: of the building.
+        data: as the finder judges them.
+        floors: that they show.
         level: of the data, in doublings above those that are fitted.
+        histories: under base motion, where there are any.
+        direction: of the motion.
     """
 
-    model: StudyModel
-    parts: ModelParts
-    source: ObservationSource
-    given: Given
-    use_phase: bool
+    name: str
+    model: FinderModel
+    data: tuple[Data, ...]
+    floors: tuple[str, ...]
     level: float
+    histories: Histories | None
+    direction: str
 
     def better(self, problem: Problem, before: Fit, after: Fit) -> bool:
         """Whether they are clearly likelier by the second of two fits."""
@@ -89,10 +88,11 @@ class KeptOut:
 
     def _seen_by(self, problem: Problem, fitted: Fit) -> Problem:
         """The data as a problem of the structure of a fit, at their level of motion."""
-        read = self.given.data(self.model, self.parts.mesh, self.use_phase)
-        data = tuple(one.at_level(self.level) if isinstance(one, FrfData) else one for one in read)
+        data = tuple(
+            one.at_level(self.level) if isinstance(one, FrfData) else one for one in self.data
+        )
         near, theta = fitted.system.model, fitted.theta()[0]
-        data = with_rest_about(data, self.parts.structure, near, theta)
+        data = with_rest_about(data, self.model.structure, near, theta)
         return problem_of(problem.reduced, self.model.building, data)
 
 
@@ -107,24 +107,21 @@ def hold(kept: KeptOut, problem: Problem, done: Repair) -> Held:
     Raises:
         MeasurementError: a channel that the observation has is missing in the file.
     """
-    measured, model, source = kept.given.measured, kept.model, kept.source
-    floors = measured.as_observation.floors
+    modes = any(one.name == "modes" for one in kept.data)
     held = Held(
-        name=source.path.name,
-        compared="frequencies, damping ratios and shapes" if measured.modes else "ln|H|",
+        name=kept.name,
+        compared="frequencies, damping ratios and shapes" if modes else "ln|H|",
         error_before=np.nan,
         error_after=np.nan,
         chi2_before=kept.chi2(problem, done.before),
         chi2_after=kept.chi2(problem, done.after),
-        floors=floors,
+        floors=kept.floors,
     )
-    if not measured.has_base:
+    data = kept.histories
+    if data is None:
         return held
-    data = read_observation_file(source.path, source.unit, source.columns)
-    if not isinstance(data, Histories):
-        return held
-    base, seen = _channels(data, floors, observed_direction(model))
-    rows = [problem.reduced.model.floors.index(floor) for floor in floors]
+    base, seen = _channels(data, kept.floors, kept.direction)
+    rows = [problem.reduced.model.floors.index(floor) for floor in kept.floors]
     before, after = (
         _predicted(fitted, base, data.time_step, kept.level)[rows]
         for fitted in (done.before, done.after)
