@@ -196,7 +196,7 @@ def diagnose(
     fits = _fit_candidates(problem, base, leading, distant)
     if among is None and _worth_all(problem, base, fits, chosen):
         progress.advance(note="fitting every effect")
-        fits += _others(problem, base, scores, fits, distant)
+        fits += _others(problem, base, scores, fits, chosen, distant)
     if _much_left(problem, [base, *fits], chosen):
         base, *fits = _sharper(problem, [base, *fits])
     if _much_left(problem, [base, *fits], chosen):
@@ -327,36 +327,45 @@ def _fit_candidates(
 
 
 def _others(
-    problem: Problem, base: Fit, scores: list[Score], fits: list[Fit], distant: Fit | None
+    problem: Problem,
+    base: Fit,
+    scores: list[Score],
+    fits: list[Fit],
+    settings: DiagnosisSettings,
+    distant: Fit | None,
 ) -> list[Fit]:
-    """Fits of those among all other effects that explain more than the leading ones.
+    """Fits of those among all other effects that explain most, were nothing but noise left.
 
-    Where theta has made up for most of an effect, a test at that theta does not see it; the first
-    steps of a fit do.
+    Where theta, or what the model may err by, has made up for most of an effect, a test there does
+    not see it; the first steps of a fit without such errors do.
     """
-    known, small = (
-        {one.placed[-1].label for one in fits},
-        problem.on_fewer().at_row(problem.error.first),
-    )
-    best = min(one.chi2 for one in [base, *fits])
+    known = {one.placed[-1].label for one in fits}
+    small = problem.on_fewer().at_row(problem.error.first)
+    without = fit(small, base.placed, base.z, FIT.first_steps)
     tests = [one for one in scores if one.placed.label not in known]
     begun = (_begun(small, base, one, distant, FIT.glance) for one in tests)
     ahead = sorted(begun, key=lambda one: one.misfit)[: FIT.ahead]
     ahead = sorted(
         (_further(small, one, FIT.first_steps) for one in ahead), key=lambda one: one.misfit
     )
+    best = min(one.misfit for one in [without, *ahead])
+    # Twice the log evidence of a name, which errors of the model only lower.
+    enough = min(FIT.more * best, without.misfit - 2.0 * settings.over_none)
     return [
         settle(problem, fit(problem, one.placed, _further(small, one).z, FIT.steps))
         for one in ahead[: FIT.others]
-        if one.misfit < FIT.more * best
+        if one.misfit < enough
     ]
 
 
 def _worth_all(problem: Problem, base: Fit, fits: list[Fit], settings: DiagnosisSettings) -> bool:
-    """Whether something may be named, so that every effect is due its chance; or nothing fits."""
+    """Whether something may be named, so that every effect is due its chance; or nothing fits.
+
+    What a small effect does may be taken for an error of the model, in which no test sees it.
+    """
     without = log_posterior(problem, base)
     gain = max((log_posterior(problem, one) for one in fits), default=without) - without
-    return gain > settings.over_none or _much_left(problem, [base, *fits], settings)
+    return gain > settings.over_none or base.problem.row != problem.error.first
 
 
 def _enough(fits: list[Fit]) -> float:

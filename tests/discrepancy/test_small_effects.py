@@ -1,0 +1,27 @@
+"""Small effects that an error of the model could make up for as well."""
+
+import numpy as np
+import pytest
+
+from femupdate.discrepancy.diagnose import diagnose
+
+MASSES, SPRINGS = np.array([3.0, 2.0, 1.5, 1.5]), np.array([9e3, 5e3, 4e3, 4e3])
+FLOORS = ("2F", "3F", "4F", "RF")
+GRID = np.arange(0.1, 16.0, 0.1)
+
+
+def test_a_gain_of_three_percent_at_one_floor_is_named(chains, building_of, observe, pose):
+    """All of it lies within what the model may err by at that floor, at any frequency."""
+    exact = chains.Chain(MASSES, SPRINGS, zeta=0.02).frf(GRID)
+    exact[3] *= 1.03
+    found = diagnose(pose(building_of(MASSES, SPRINGS), observe(FLOORS, GRID, exact, 0.01, 3)))
+    assert found.leading is not None
+    assert found.leading.placed.label == "channel_gain@RF"
+    assert found.verdict == "named"
+    assert found.leading.size == pytest.approx(0.03, abs=3.0 * found.leading.size_sd)
+
+
+def test_a_building_without_it_gets_no_name(chains, building_of, observe, pose):
+    exact = chains.Chain(MASSES, SPRINGS, zeta=0.02).frf(GRID)
+    found = diagnose(pose(building_of(MASSES, SPRINGS), observe(FLOORS, GRID, exact, 0.01, 3)))
+    assert found.verdict == "none"
