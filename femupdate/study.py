@@ -73,7 +73,9 @@ class Artefact:
 
 def owner_of(key: str) -> str:
     """Name of the posterior that a recorded artefact belongs to."""
-    return key.rpartition(" ")[0] or MAIN_POSTERIOR
+    owner, _, name = key.rpartition(" ")
+    # Names of other artefacts have several words as well.
+    return owner if owner and name in _OF_A_POSTERIOR else MAIN_POSTERIOR
 
 
 def _artefact(entry: Mapping[str, Any]) -> Artefact:

@@ -9,7 +9,18 @@ from hypothesis import strategies as st
 
 from femupdate import __version__, atomic
 from femupdate.errors import StudyError
-from femupdate.study import LAYOUT, MANIFEST, Study, file_hash, write_text
+from femupdate.study import (
+    LAYOUT,
+    MAIN_POSTERIOR,
+    MANIFEST,
+    Study,
+    file_hash,
+    owner_of,
+    write_text,
+)
+from femupdate.workflow.finer_mesh import FINER
+from femupdate.workflow.mesh_error import MESH_ERROR
+from femupdate.workflow.near_basis import NEAR_BASIS
 
 MADE_FROM = {"building": "ab12", "observation": "cd34"}
 
@@ -241,3 +252,17 @@ def test_hash_is_sha256_of_the_content(tmp_path):
     assert file_hash(tmp_path / "f") == (
         "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
     )
+
+
+@pytest.mark.parametrize(
+    ("key", "owner"),
+    [
+        ("posterior", MAIN_POSTERIOR),
+        ("roof prediction", "roof"),
+        (NEAR_BASIS, MAIN_POSTERIOR),
+        (MESH_ERROR, MAIN_POSTERIOR),
+        (FINER, MAIN_POSTERIOR),
+    ],
+)
+def test_only_posteriors_and_predictions_have_an_owner(key, owner):
+    assert owner_of(key) == owner
