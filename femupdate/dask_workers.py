@@ -56,6 +56,8 @@ def dask_workers(address: str) -> Iterator["DaskWorkers"]:
                 threads_per_worker=1,
                 memory_limit=0,
                 dashboard_address=None,
+                # Another cluster on this machine may have the usual port.
+                scheduler_kwargs={"dashboard_address": ":0"},
                 silence_logs=logging.CRITICAL,
             )
             target: Any = stack.enter_context(cluster)

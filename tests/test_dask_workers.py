@@ -32,10 +32,14 @@ PLAN = DatasetPlan(samples=90, modes=3, top_frequency_hz=12.8, seed=3)
 
 @pytest.fixture(scope="module")
 def processes():
-    """Worker processes of a scheduler, as --dask local makes them."""
+    """Worker processes of a scheduler, as --dask local makes them beside another one."""
     pytest.importorskip("distributed", reason="the extra `distributed` is not installed")
-    with dask_workers("local") as workers:
-        yield workers
+    with socket.socket() as other:
+        with contextlib.suppress(OSError):  # there is one
+            other.bind(("", 8787))
+            other.listen()
+        with dask_workers("local") as workers:
+            yield workers
 
 
 @pytest.fixture(scope="module")
