@@ -359,7 +359,7 @@ def _others(
 
 
 def _worth_all(problem: Problem, base: Fit, fits: list[Fit], settings: DiagnosisSettings) -> bool:
-    """Whether something may be named, so that every effect is due its chance; or nothing fits.
+    """Whether something may be named, or the model errs, so that every effect is due its chance.
 
     What a small effect does may be taken for an error of the model, in which no test sees it.
     """

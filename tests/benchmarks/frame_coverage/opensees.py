@@ -1,6 +1,7 @@
 """A building's modes by OpenSees, as a truth for simulations."""
 
 import contextlib
+import importlib.util
 import io
 import threading
 from collections.abc import Mapping, Sequence
@@ -12,6 +13,7 @@ from femupdate.arrays import Floats
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.mesh import mesh_building
 from femupdate.dynamics.reduced import ReducedModel
+from femupdate.errors import ReportError
 from femupdate.fe.export_opensees import opensees_script
 from femupdate.fe.model import FiniteElementModel
 
@@ -51,7 +53,12 @@ def opensees_modes(
         shell: type of its shell elements.
         direction: of the motion, 0 or 1.
         seen: names of what is observed, each with the nodes whose mean it is.
+
+    Raises:
+        ReportError: openseespy is not installed.
     """
+    if importlib.util.find_spec("openseespy") is None:
+        raise ReportError("OpenSees makes this truth, and openseespy is missing; pip install it")
     script = opensees_script(model, theta, types={"shell": shell})
     names: dict[str, Any] = {"__name__": "opensees_model"}
     with _ONE_AT_A_TIME:

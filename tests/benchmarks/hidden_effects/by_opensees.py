@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from femupdate.arrays import Floats
-from femupdate.dynamics.damping import DampingLaw
+from femupdate.dynamics.damping import damping_law
 from femupdate.dynamics.reduced_terms import ReducedTerms
 from femupdate.dynamics.system import System
 from femupdate.effects.catalogue.added_mass import AddedMass
@@ -19,7 +18,7 @@ from femupdate.simulation.effect_truth import FineModel, Truth
 from femupdate.simulation.full_model import SensorModel
 
 from ..frame_coverage.opensees import SHELLS, opensees_modes
-from .measurement import HiddenEffect
+from .measurement import HiddenEffect, MeasuredBuilding
 from .uncatalogued import LocalCrack
 
 # Of the building's mesh size: as fine as models of calibrations are.
@@ -44,22 +43,15 @@ def possible(effects: tuple[HiddenEffect, ...]) -> tuple[HiddenEffect, ...]:
     )
 
 
-def opensees_truth(
-    fine: FineModel,
-    theta: Floats,
-    effects: tuple[HiddenEffect, ...],
-    law: DampingLaw,
-    shell: str,
-) -> Truth:
+def opensees_truth(fine: FineModel, measured: MeasuredBuilding, shell: str) -> Truth:
     """A building with effects, by OpenSees.
 
     Args:
         fine: its mesh and sensors.
-        theta: (p,) stiffness factors.
-        effects: each at its place, with its parameters, as `possible` has them.
-        law: of the damping.
+        measured: the building, its effects as `possible` has them.
         shell: type of the shell elements.
     """
+    effects = measured.effects
     structure = fine.structure
     assert structure.mesh is not None
     model = structure.mesh.model
@@ -70,9 +62,10 @@ def opensees_truth(
     seen = [
         (channel.floor, [int(node)]) for channel, node in zip(fine.channels, nodes, strict=True)
     ]
-    reduced = opensees_modes(model, theta, shell, structure.direction, seen)
+    reduced = opensees_modes(model, measured.theta, shell, structure.direction, seen)
     instruments = [(one, values) for one, values in effects if one.effect.instrument]
     placed = tuple(one for one, _ in instruments)
+    law = damping_law(measured.building)
     system = System(reduced, law, placed, (ReducedTerms(),) * len(placed))
     frequency = np.sqrt(np.diag(reduced.stiffness_constant)) / (2.0 * np.pi)
     sensors = SensorModel(

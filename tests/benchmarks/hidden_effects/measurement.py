@@ -72,13 +72,9 @@ class MeasuredBuilding:
     effects: tuple[HiddenEffect, ...]
     shaking: str = WHITE
 
-    def truth(self, fine: FineModel, shell: str = "") -> Truth:
-        """Its response, on the fine mesh; by OpenSees with a type of shell elements where given."""
+    def truth(self, fine: FineModel) -> Truth:
+        """Its response, on the fine mesh."""
         law, top_hz = damping_law(self.building), self.building.frequency_grid.stop
-        if shell:
-            from .by_opensees import opensees_truth
-
-            return opensees_truth(fine, self.theta, self.effects, law, shell)
         return effect_truth(fine, self.theta, self.effects, law, top_hz)
 
     def record(self, truth: Truth, rng: np.random.Generator, share: float = 1.0) -> Histories:

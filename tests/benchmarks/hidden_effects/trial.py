@@ -25,7 +25,7 @@ from femupdate.workflow.finder_data import Given
 from femupdate.workflow.kinds import Measured
 from femupdate.workflow.model import StudyModel
 
-from .by_opensees import MESH, made_by_opensees, possible, shell_of
+from .by_opensees import MESH, made_by_opensees, opensees_truth, possible, shell_of
 from .draw import KINDS, draw_effects, draw_parameters
 from .kinds import BASE, given, shown
 from .measurement import (
@@ -207,7 +207,11 @@ def run_trial(trial: Trial, models: TrialModels) -> Outcome:
     others = settings.truth == OPENSEES
     effects = possible(effects) if others else effects
     measured = MeasuredBuilding(building, settings, theta, zeta, effects, shaking)
-    truth = measured.truth(models.fine, shell_of(trial.number) if others else "")
+    truth = (
+        opensees_truth(models.fine, measured, shell_of(trial.number))
+        if others
+        else measured.truth(models.fine)
+    )
     found = _find(trial, models, models.measure(measured, truth, streams[2]))
     diagnosis, leading = found.diagnosis, found.diagnosis.leading
     hidden = tuple(placed.label for placed, _ in effects)

@@ -9,13 +9,22 @@ from femupdate.benchmarks.hidden_effects.by_opensees import (
     possible,
     shell_of,
 )
+from femupdate.benchmarks.hidden_effects.measurement import (
+    OPENSEES,
+    MeasuredBuilding,
+    TrialSettings,
+)
+from femupdate.benchmarks.hidden_effects.trial import trial_models
 from femupdate.benchmarks.hidden_effects.uncatalogued import UNCATALOGUED
 
 from femupdate.building.files import load_building
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
+from femupdate.errors import ReportError
 from femupdate.simulation.effect_truth import effect_truth, fine_model
+from femupdate.study import Study
+from femupdate.workflow.model import open_study
 
 EFFECTS = {**CATALOGUE, **{effect.name: effect for effect in UNCATALOGUED}}
 THETA = np.array([1.1, 0.9, 1.0])
@@ -29,9 +38,9 @@ def fine():
 
 def frequencies(fine, effects=()):
     """The lowest three by OpenSees and by our own solver (2, 3)."""
-    law = ConstantDamping()
-    theirs = opensees_truth(fine, THETA, effects, law, "ASDShellQ4")
-    ours = effect_truth(fine, THETA, effects, law, 12.0)
+    measured = MeasuredBuilding(fine.building, TrialSettings(), THETA, 0.02, effects)
+    theirs = opensees_truth(fine, measured, "ASDShellQ4")
+    ours = effect_truth(fine, THETA, effects, ConstantDamping(), 12.0)
     return np.stack([one.seen.frequency_hz[:3] for one in (theirs, ours)])
 
 
@@ -77,3 +86,9 @@ def test_a_mass_at_a_corner_is_that_of_the_floor(fine):
     heavy = structure.points.position[values > 0.0]
     assert heavy[:, 0].max() <= 4.5
     assert heavy[:, 1].max() <= 3.0
+
+
+def test_a_stick_is_not_made_by_opensees(tmp_path):
+    study = Study(tmp_path)
+    with pytest.raises(ReportError, match="leave --opensees out or choose a frame"):
+        trial_models(study, open_study(study, "shear_4dof"), TrialSettings(truth=OPENSEES))
