@@ -16,9 +16,9 @@ from femupdate.array_archive import check_shapes, read_arrays, write_arrays
 from femupdate.dynamics.modal import ModalData, joined
 from femupdate.dynamics.system import System
 from femupdate.errors import SurrogateError
-from femupdate.inference.parameters import Parameters
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import Seed, torch_generator
+from femupdate.surrogate.places import Box
 from femupdate.workers import completed
 
 logger = logging.getLogger(__name__)
@@ -49,7 +49,7 @@ class DatasetPlan:
     """What to compute.
 
     Attributes:
-        samples: number of parameter samples, a Sobol sequence over the prior box.
+        samples: number of parameter samples, a Sobol sequence over the box.
         modes: modes kept for each sample.
         top_frequency_hz: top of the frequency grid.
         seed: of the scrambled sequence.
@@ -63,7 +63,7 @@ class DatasetPlan:
 
 def compute_dataset(
     system: System,
-    prior: Parameters,
+    box: Box,
     plan: DatasetPlan,
     folder: Path,
     progress: Progress = SILENT,
@@ -72,11 +72,11 @@ def compute_dataset(
 
     Shards are solved wherever work is done, one thread each: small eigenproblems gain nothing
     from threads of their own. Killed half-way, the next call goes on where this one stopped.
-    The caller chooses a folder that belongs to this system, prior and plan alone.
+    The caller chooses a folder that belongs to this system, box and plan alone.
 
     Args:
         system: the reduced model with its effects, if any.
-        prior: box of the parameters.
+        box: of the parameters, filled evenly.
         plan: what to compute.
         folder: of the shards; made where it is missing.
         progress: advances by one for each sample.
@@ -86,10 +86,10 @@ def compute_dataset(
     """
     folder.mkdir(parents=True, exist_ok=True)
     scramble = torch_generator(plan.seed).initial_seed()
-    unit = torch.quasirandom.SobolEngine(prior.size, scramble=True, seed=scramble).draw(
+    unit = torch.quasirandom.SobolEngine(len(box.lower), scramble=True, seed=scramble).draw(
         plan.samples, dtype=torch.float64
     )
-    theta = prior.from_unit(unit)
+    theta = box.lower + (box.upper - box.lower) * unit
     rows = theta.split(SHARD)
     paths = [folder / f"{k:04d}.npz" for k in range(len(rows))]
     kept = modes_kept(system, plan.modes)

@@ -5,8 +5,22 @@ to three this makes even steps. The size of an effect may be zero or negative an
 response in proportion, so its position is linear in the size.
 """
 
+from typing import Protocol
+
 import torch
 from torch import Tensor
+
+
+class Box(Protocol):
+    """Bounds of parameters, such as those of their prior."""
+
+    @property
+    def lower(self) -> Tensor:
+        """(p,) float64."""
+
+    @property
+    def upper(self) -> Tensor:
+        """(p,) float64."""
 
 
 def to_place(theta: Tensor, lower: Tensor, upper: Tensor, sizes: int) -> Tensor:

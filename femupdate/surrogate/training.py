@@ -14,13 +14,13 @@ from torch import Tensor
 
 from femupdate.dynamics.system import System
 from femupdate.errors import SurrogateError
-from femupdate.inference.parameters import Parameters
 from femupdate.progress import SILENT, Percent, Progress
 from femupdate.seeds import TRAINING, stream, torch_generator
 from femupdate.surrogate.checkpoint import TrainingRun, load_checkpoint, save_checkpoint
 from femupdate.surrogate.dataset import ModalDataset, log_frf_pool, sample_zeta
 from femupdate.surrogate.loss import LossSettings, LossTerms, loss_terms
 from femupdate.surrogate.network import Mvae
+from femupdate.surrogate.places import Box
 from femupdate.surrogate.sizes import NetworkSizes
 from femupdate.surrogate.soap import Soap
 from femupdate.surrogate.visibility import EARLIEST_END, LATEST_START, Visibility
@@ -83,7 +83,7 @@ class TrainingTask:
         frequency_hz: (k,) grid.
         system: of the data set.
         zeta_bounds: range of the damping ratio, a nuisance.
-        prior: box of the parameters.
+        box: of the parameters.
         sizes: of the networks.
     """
 
@@ -91,7 +91,7 @@ class TrainingTask:
     frequency_hz: Tensor
     system: System
     zeta_bounds: tuple[float, float]
-    prior: Parameters
+    box: Box
     sizes: NetworkSizes
 
     def ratio(self, omega: Tensor, zeta: Tensor, theta: Tensor) -> Tensor:
@@ -235,8 +235,8 @@ def _start(
     pool = _draw_samples(task, settings, 0, first).log_frf.float()
     mvae.x_mean.copy_(pool.mean(0))
     mvae.x_scale.copy_(pool.std(0).clamp_min(settings.loss.noise_sd))
-    mvae.lower.copy_(task.prior.lower)
-    mvae.upper.copy_(task.prior.upper)
+    mvae.lower.copy_(task.box.lower)
+    mvae.upper.copy_(task.box.upper)
     _set_decoder(mvae, task)
     if initial is not None:
         _check_initial(initial, mvae)

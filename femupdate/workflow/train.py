@@ -8,7 +8,6 @@ from typing import Any
 
 from femupdate import __version__
 from femupdate.errors import SurrogateError
-from femupdate.inference.parameters import Parameters
 from femupdate.progress import Progress, Silent
 from femupdate.seeds import DATA_SET, stream
 from femupdate.study import Study, file_hash
@@ -219,8 +218,7 @@ def _dataset(
     folder = study.path("dataset", f"{model.hash[:12]}-{samples}-{_shapes(model)}-{seed}")
     show.start("Solving modes of parameter samples", samples)
     # All over the box alike: sizes that their prior thinks unlikely are learned as well.
-    box = Parameters.uniform(model.prior.names, model.prior.lower, model.prior.upper)
-    return compute_dataset(model.system, box, plan, folder, show), folder
+    return compute_dataset(model.system, model.prior, plan, folder, show), folder
 
 
 def _shapes(model: StudyModel) -> int:

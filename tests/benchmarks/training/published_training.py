@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import torch
 from torch import Tensor
 
-from femupdate.inference.parameters import Parameters
+from femupdate.surrogate.places import Box
 
 from .published_network import PublishedNetwork
 
@@ -15,15 +15,13 @@ LEARNING_RATE = 1e-3
 RECONSTRUCTION = 10.0
 
 
-def start_published(
-    prior: Parameters, log_frf: Tensor, noise_sd: float, seed: int
-) -> PublishedNetwork:
+def start_published(box: Box, log_frf: Tensor, noise_sd: float, seed: int) -> PublishedNetwork:
     """A network with fresh weights that knows the prior's box and the scale of some FRFs (n, k)."""
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
-        network = PublishedNetwork(prior.size, log_frf.shape[1])
-    network.lower.copy_(prior.lower)
-    network.upper.copy_(prior.upper)
+        network = PublishedNetwork(len(box.lower), log_frf.shape[1])
+    network.lower.copy_(box.lower)
+    network.upper.copy_(box.upper)
     network.x_mean.copy_(log_frf.float().mean(0))
     network.x_scale.copy_(log_frf.float().std(0).clamp_min(noise_sd))
     return network

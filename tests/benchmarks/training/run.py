@@ -149,7 +149,7 @@ def _ours(task: TrainingTask, settings: TrainingSettings, rows: Tensor) -> _Entr
 
 def _published(task: TrainingTask, rows: Tensor, noise_sd: float, seed: int) -> _Entry:
     theta, log_frf = _roof(task, rows)
-    network = start_published(task.prior, log_frf[:_STANDARDISING], noise_sd, seed)
+    network = start_published(task.box, log_frf[:_STANDARDISING], noise_sd, seed)
     training = published_training(network, theta, log_frf, noise_sd, seed)
 
     def emulate(theta: Tensor) -> tuple[Tensor, Tensor]:
