@@ -2,6 +2,7 @@
 
 import ast
 import re
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -25,6 +26,7 @@ def imported(path):
                 yield file.relative_to(LIBRARY)
 
 
+@cache
 def arrows():
     """Every file of the library with the files that it imports."""
     files = LIBRARY.rglob("*.py")

@@ -14,6 +14,7 @@ from femupdate.inference.importance import ImportanceSettings
 from femupdate.inference.model_error import MODEL_ERROR
 from femupdate.inference.moves import MixtureIndependence
 from femupdate.inference.smc import SmcSettings
+from femupdate.measurement import thresholds as data
 from femupdate.workflow import thresholds as steps
 
 PAGE = Path(__file__).parents[1] / "docs" / "reference" / "thresholds.md"
@@ -25,7 +26,7 @@ SETTINGS = (
     MODEL_ERROR,
     DEFAULT,
 )
-GROUPS = (*steps.GROUPS, *SETTINGS, *sampler.GROUPS, *finder.GROUPS)
+GROUPS = (*data.GROUPS, *steps.GROUPS, *SETTINGS, *sampler.GROUPS, *finder.GROUPS)
 
 
 def heading(group) -> str:

@@ -15,14 +15,10 @@ from torch import Tensor
 from femupdate.discrepancy.fit import Fit, densities, raw_residuals
 from femupdate.discrepancy.joint_error import summed
 from femupdate.discrepancy.problem import Problem
+from femupdate.discrepancy.thresholds import EVIDENCE
 from femupdate.inference.importance import LogTarget, weighted_draws
 from femupdate.inference.mixture import GaussianMixture, StudentMixture
 from femupdate.seeds import Seed, torch_generator
-
-# Of the t distribution that is drawn from, and of its covariance over the fit's.
-_FREEDOM, _WIDEN = 5, 1.2
-# Of the mean variance, so that rounding cannot make a covariance indefinite.
-_SLIGHT = 1e-12
 
 
 @dataclass(frozen=True)
@@ -101,7 +97,7 @@ def _within_limits(fitted: Fit) -> float:
 
 def sampled(problem: Problem, fitted: Fit, draws: int = 200, seed: Seed = 0) -> Evidence:
     """Evidence from an importance sample about the most probable parameters."""
-    proposal = student_about(fitted, _WIDEN, _FREEDOM)
+    proposal = student_about(fitted, EVIDENCE.widen, EVIDENCE.freedom)
     target = log_target(problem, fitted)
     found = weighted_draws(target, proposal, draws, torch_generator(seed))
     return Evidence(found.log_evidence, found.log_evidence_error, found.effective)
@@ -134,9 +130,11 @@ def student_about(fitted: Fit, widen: float, freedom: int) -> StudentMixture:
     where = fitted.coordinates
     width = where.upper - where.lower
     # A uniform density has the variance of its width squared over twelve.
-    limits = torch.where(torch.isfinite(width), 12.0 / width.clamp_min(_SLIGHT) ** 2, 0.0)
-    precision = torch.linalg.inv(fitted.covariance()) + torch.diag(limits)
+    limits = torch.where(torch.isfinite(width), 12.0 / width.clamp_min(EVIDENCE.ridge) ** 2, 0.0)
+    precision = fitted.hessian() + torch.diag(limits)
     covariance = widen * torch.linalg.inv(precision)
-    ridge = _SLIGHT * covariance.diagonal().mean() * torch.eye(len(covariance)).to(covariance)
+    ridge = (
+        EVIDENCE.ridge * covariance.diagonal().mean() * torch.eye(len(covariance)).to(covariance)
+    )
     root = torch.linalg.cholesky(0.5 * (covariance + covariance.T) + ridge)
     return StudentMixture(GaussianMixture(root.new_zeros(1), fitted.z[None], root[None]), freedom)

@@ -24,7 +24,9 @@ from femupdate.measurement.estimated import HANN, Estimator
 from femupdate.measurement.observation import Observation
 
 # Coarser than that of a calibration: a hundred fits share it, and only their differences count.
-_TABLE = ErrorTable(sizes=(0.03, 0.1, 0.3), lengths=(1 / 30, 1 / 8), harmonics=24)
+_TABLE = ErrorTable(
+    sizes=THRESHOLDS.sizes, lengths=THRESHOLDS.lengths, harmonics=THRESHOLDS.harmonics
+)
 _BASE = "base"  # where an instrument sits that only motions of the base know
 
 

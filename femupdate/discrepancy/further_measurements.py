@@ -18,10 +18,9 @@ from femupdate.discrepancy.data import Data
 from femupdate.discrepancy.fit import Fit
 from femupdate.discrepancy.frf_data import FrfData
 from femupdate.discrepancy.problem import Problem
-from femupdate.discrepancy.thresholds import MODEL_ERROR
+from femupdate.discrepancy.thresholds import FIT, FOLLOW, MODEL_ERROR
 from femupdate.linear import least_squares
 
-_STEP, _ROUNDS = 1e-3, 6
 PHASE = "the phase of the floors measured"
 
 
@@ -117,7 +116,8 @@ def _expected(
         return [one.moved(*both) for one, *both in zip(data, from_, to, strict=True)]
 
     here, there = (predicted(one, one.z[None]) for one in (other, first))
-    steps = torch.where(other.z + _STEP <= where.upper, _STEP, -_STEP)
+    step = FIT.difference
+    steps = torch.where(other.z + step <= where.upper, step, -step)
     changes = moved(here, predicted(other, other.z + torch.diag(steps)))
     columns = [change / steps[:, None] for change in changes]
     prior = torch.diag(where.precision.sqrt())
@@ -132,14 +132,14 @@ def _expected(
 
         matrix = torch.cat([kept(columns).T, prior])
         z, least = other.z, np.inf
-        for _ in range(_ROUNDS):
+        for _ in range(FOLLOW.rounds):
             missed = kept(moved(predicted(other, z[None]), there))[0]
             # As among the residuals, one point where an anti-resonance is off must not decide.
             rest = missed.clamp(-MODEL_ERROR.wild, MODEL_ERROR.wild)
             left = torch.cat([rest, prior @ (other.z - z)])
             least = min(least, 0.5 * float(left @ left))
-            step = least_squares(matrix, left)
-            z = torch.minimum(torch.maximum(z + step, where.lower), where.upper)
+            better = z + least_squares(matrix, left)
+            z = torch.minimum(torch.maximum(better, where.lower), where.upper)
         found.append(least)
     return found
 

@@ -4,11 +4,9 @@ import numpy as np
 import torch
 
 from femupdate.arrays import Floats
-from femupdate.discrepancy.thresholds import MESH_ERROR
+from femupdate.discrepancy.thresholds import FIT, MESH_ERROR
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.dynamics.system import System
-
-_STEP = 1e-3  # relative, of the unknowns
 
 
 def error_of_points(
@@ -30,12 +28,12 @@ def error_of_points(
         zeta: damping ratio of all modes of the fine one.
     """
     size = len(theta) + 1
-    steps = np.vstack([np.zeros(size), _STEP * np.eye(size)])
+    steps = np.vstack([np.zeros(size), FIT.difference * np.eye(size)])
     unknowns = np.append(theta, zeta) * np.exp(steps)
     ours = _frf(coarse, unknowns, frequency_hz)
     here = ours[0]
     apart = _ratio(_frf(fine, unknowns[:1], frequency_hz)[0], here)
-    jacobian = np.stack([_ratio(one, here) for one in ours[1:]], axis=1) / _STEP
+    jacobian = np.stack([_ratio(one, here) for one in ours[1:]], axis=1) / FIT.difference
     moved = np.linalg.lstsq(jacobian, apart, rcond=None)[0]
     return float(np.sqrt(np.mean((apart - jacobian @ moved) ** 2)))
 

@@ -22,8 +22,6 @@ from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.dynamics.system import Responses, System
 from femupdate.effects.effect import Placed
 
-_STEP = 0.01  # of what the floors show of a mode, for differences
-
 
 @dataclass(frozen=True, eq=False)
 class MeshScatter:
@@ -154,18 +152,18 @@ class _About:
         reduced, parts = self.problem.reduced, []
         for vector in modes.vectors.T:
             shown = reduced.model.floor_shapes @ vector
-            step = _STEP * np.linalg.norm(shown)
+            step = MESH_ERROR.step * np.linalg.norm(shown)
             moved = self._moved(self._predicted(_with_shape(reduced, step * vector)))
             parts += self._of_floors([one[0] for one in moved], shown)
         return parts
 
     def _of_floors(self, moved: list[Tensor], shown: Floats) -> list[Tensor]:
-        """Errors (1 + f, n), from changes (n,) when all floors show `_STEP` more of a mode.
+        """Errors (1 + f, n), from changes (n,) when all floors show a step more of a mode.
 
         Of several kinds of data one after the other: each floor's error is its own in each.
         """
         share = torch.from_numpy(shown / np.linalg.norm(shown))
-        scale = MESH_ERROR.left_factor / _STEP
+        scale = MESH_ERROR.left_factor / MESH_ERROR.step
         alone = [
             scale * data.by_floor(one) for data, one in zip(self.problem.data, moved, strict=True)
         ]

@@ -12,10 +12,7 @@ from torch import Tensor
 from femupdate.discrepancy.fit import Fit, coordinates, evaluate, extended
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.score import Score, alike
-
-_ABSORBED = 0.3  # share below which straight lines are near enough
-_STEP = 0.1  # of the test's step: small enough for the same Jacobian to serve all rounds
-_ROUNDS = 6
+from femupdate.discrepancy.thresholds import FOLLOW
 
 
 def unobservable_effects(
@@ -30,7 +27,9 @@ def unobservable_effects(
         least: strength, the D per prior standard deviation of their size.
     """
     doubtful = [
-        one for one in scores if one.strength >= least and one.start and one.absorbed > _ABSORBED
+        one
+        for one in scores
+        if one.strength >= least and one.start and one.absorbed > FOLLOW.absorbed
     ]
     left = _left(problem, base, doubtful)
     faint = {
@@ -74,7 +73,7 @@ def _follow(problem: Problem, base: Fit, tests: list[Score]) -> tuple[Tensor, Te
     inverse = torch.linalg.pinv(normal + ridge, hermitian=True)
     z = base.z.expand(len(tests), -1).clone()
     remains = target.clone()
-    for _ in range(_ROUNDS):
+    for _ in range(FOLLOW.rounds):
         step = remains @ base.jacobian @ inverse
         trial = torch.minimum(torch.maximum(z + step.clamp(-1.0, 1.0), where.lower), where.upper)
         followed = base.residual - evaluate(problem, base.system, where, trial)
@@ -90,7 +89,7 @@ def _change(problem: Problem, base: Fit, one: Score) -> Tensor:
     """(n,) change of the whitened prediction by an effect."""
     together = (*base.placed, one.placed)
     neutral = one.placed.effect.parameters[0].neutral
-    size = neutral + _STEP * (one.start[0] - neutral)
+    size = neutral + FOLLOW.step * (one.start[0] - neutral)
     z = extended(problem, base, together, np.array([*base.known, size, *one.start[1:]]))
     changed = evaluate(problem, problem.system(together), coordinates(problem, together), z[None])
     return base.residual - changed[0]

@@ -14,10 +14,17 @@ from femupdate.arrays import Floats
 from femupdate.discrepancy.evidence import log_target, student_about
 from femupdate.discrepancy.fit import Fit
 from femupdate.discrepancy.problem import Problem
+from femupdate.discrepancy.thresholds import EVIDENCE
 from femupdate.inference.importance import ImportanceSettings, sampled
 from femupdate.seeds import Seed, spawn, torch_generator
 
-_SETTINGS = ImportanceSettings(components=1, rounds=3, enough=0.3, widen=1.3, freedom=6)
+_SETTINGS = ImportanceSettings(
+    components=1,
+    rounds=EVIDENCE.rounds,
+    enough=EVIDENCE.enough,
+    widen=EVIDENCE.posterior_widen,
+    freedom=EVIDENCE.posterior_freedom,
+)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -11,12 +11,10 @@ from torch import Tensor
 
 from femupdate.discrepancy.fit import Fit, coordinates, extended
 from femupdate.discrepancy.problem import Problem
-from femupdate.discrepancy.thresholds import FIT
+from femupdate.discrepancy.thresholds import FIT, FOLLOW
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.linear import least_squares
-
-_NOTHING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,8 +115,8 @@ def _score_at(problem: Problem, base: Fit, placed: Placed, start: tuple[float, .
     residual, jacobian = base.residual, base.jacobian
     own = effect - jacobian @ least_squares(jacobian, effect)
     whole, left = float(effect @ effect), float(own @ own)
-    absorbed = 1.0 - left / whole if whole > _NOTHING else 1.0
-    if left <= _NOTHING or absorbed > 1.0 - 1e-6:
+    absorbed = 1.0 - left / whole if whole > FOLLOW.nothing else 1.0
+    if left <= FOLLOW.nothing or absorbed > 1.0 - 1e-6:
         return Score(placed, start, 0.0, 0.0, 0.0, 1.0, None)
     unit = own / left**0.5
     statistic = float(unit @ residual)

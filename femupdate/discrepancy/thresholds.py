@@ -121,6 +121,35 @@ class FitThresholds:
 
 
 @dataclass(frozen=True, kw_only=True)
+class EvidenceThresholds:
+    """How evidence is sampled, and draws of a fitted model."""
+
+    freedom: int = entry(5, "degrees", "of freedom of the Student that evidence is drawn from")
+    widen: float = entry(1.2, "factor", "on the covariance of the fit, for that Student")
+    posterior_freedom: int = entry(6, "degrees", "of freedom of the first one for draws")
+    posterior_widen: float = entry(1.3, "factor", "on the covariance of the fit, for that one")
+    rounds: int = entry(3, "rounds", "of fitting it to its draws, at most")
+    enough: float = entry(0.3, "share", "of effective draws that ends them")
+    ridge: float = entry(
+        1e-12, "of the mean variance", "so that rounding cannot make a covariance indefinite"
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class FollowThresholds:
+    """Whether a model without an effect can follow what the effect changes."""
+
+    nothing: float = entry(1e-9, "D squared", "below which an effect changes nothing")
+    absorbed: float = entry(
+        0.3, "share", "of the change that factors make up for, up to which straight lines will do"
+    )
+    step: float = entry(
+        0.1, "of the score test's step", "small enough for one Jacobian to serve all rounds"
+    )
+    rounds: int = entry(6, "steps", "of Gauss-Newton with one Jacobian, at most")
+
+
+@dataclass(frozen=True, kw_only=True)
 class SearchThresholds:
     """The search over the whole prior, for effects far from the model as it is."""
 
@@ -156,6 +185,16 @@ class ModelErrorThresholds:
     size: float = entry(
         0.03, "share", "by which a mesh misjudges an effect's size", "trials: .001 to .09"
     )
+    sizes: tuple[float, ...] = entry(
+        (0.03, 0.1, 0.3),
+        "ln|H| or rad",
+        "of what all floors share and of each alone; coarser than a calibration's",
+        "a hundred fits share the table, and only their differences count",
+    )
+    lengths: tuple[float, ...] = entry(
+        (1 / 30, 1 / 8), "of the band", "over which errors are alike, coarser likewise"
+    )
+    harmonics: int = entry(24, "cycles", "of the shortest harmonic in a period, fewer likewise")
     noisy: float = entry(0.15, "ln|H|", "noise above which an estimate is biased and left out")
     wild: float = entry(8.0, "sd", "of error and noise beyond which a residual counts no more")
 
@@ -187,6 +226,7 @@ class MeshErrorThresholds:
         "some hundred frames of OpenSees and of other meshes: factors off by .02 to .8 %",
     )
     shown: float = entry(0.003, "of the largest", "effect of a mode below which it is left out")
+    step: float = entry(0.01, "of what the floors show of a mode", "step of differences")
     same_frequency: float = entry(0.06, "ln f", "within which modes of two meshes are one")
     same_effect: float = entry(0.4, "ln", "of the size shown, likewise")
     same_shape: float = entry(0.05, "1 - cosine", "of the shapes shown, likewise")
@@ -231,6 +271,8 @@ class LevelThresholds:
 
 VERDICT = VerdictThresholds()
 FIT = FitThresholds()
+EVIDENCE = EvidenceThresholds()
+FOLLOW = FollowThresholds()
 SEARCH = SearchThresholds()
 MODEL_ERROR = ModelErrorThresholds()
 MESH_ERROR = MeshErrorThresholds()
@@ -241,6 +283,8 @@ GROUPS: tuple[Any, ...] = (
     DiagnosisSettings(),
     VERDICT,
     FIT,
+    EVIDENCE,
+    FOLLOW,
     SEARCH,
     MODEL_ERROR,
     MESH_ERROR,

@@ -10,12 +10,7 @@ from scipy.stats import chi2
 from femupdate.measurement.bands import band_edges
 from femupdate.measurement.observation import Observation, independent_share, on_all_floors
 from femupdate.measurement.pooled import pooled
-
-# Probability with which runs that agree are said to differ.
-_CHANCE = 1e-3
-# Differences over their noise below this are not reported: the noise itself is an estimate.
-_WORTH_A_WORD = 1.3
-_FEWEST = 3.0  # independent points of a comparison
+from femupdate.measurement.thresholds import AGREEMENT
 
 
 @dataclass(frozen=True)
@@ -58,8 +53,8 @@ class Agreement:
     @property
     def beyond_chance(self) -> tuple[Difference, ...]:
         """Differences that noise does not explain, the least likely first."""
-        limit = _CHANCE / max(len(self.differences), 1)
-        found = [d for d in self.differences if d.p_value < limit and d.ratio > _WORTH_A_WORD]
+        limit = AGREEMENT.chance / max(len(self.differences), 1)
+        found = [d for d in self.differences if d.p_value < limit and d.ratio > AGREEMENT.ratio]
         return tuple(sorted(found, key=lambda one: (one.p_value, -one.ratio)))
 
     def sentence(self) -> str:
@@ -115,7 +110,7 @@ def _differences(run: Observation, others: Observation, floors: Sequence[str]) -
         for row, floor in enumerate(floors):
             seen = both[row] & inside
             independent = share * float(np.count_nonzero(seen))
-            if independent < _FEWEST:
+            if independent < AGREEMENT.fewest:
                 continue
             weight = 1.0 / variance[row, seen]
             square = float((weight * difference[row, seen] ** 2).mean())

@@ -16,28 +16,7 @@ from femupdate.measurement.mode_checks import alike
 from femupdate.measurement.modes import in_phase, phase_collinearity
 from femupdate.measurement.recording import RecordedMode
 from femupdate.measurement.subspace import Pole, Spread, Subspace
-
-ORDER = 40  # the largest of the models
-# Poles of one mode differ by a tenth of these from order to order, poles of noise by several times
-# as much.
-_SAME_FREQUENCY, _SAME_SHAPE = 0.02, 0.1
-# A mode comes back in so many of the orders from its first one on, and of all orders.
-_SHARE, _SHARE_OF_ALL = 0.5, 0.4
-_TOLD = 0.15  # a doubtful group is worth a word from this share of all orders on
-_IN_PHASE = 0.7
-_TRIED = 4  # orders at which a mode's standard deviations are looked at
-# A machine or a dwell at one frequency looks undamped: what lies within so many standard deviations
-# of no damping may be one, and so may what loses a tenth of what buildings do.
-_UNDAMPED_SD, _UNDAMPED = 2.0, 5e-4
-_VAGUE = 0.02  # standard deviation of a frequency over it
-# Buildings have some six modes below twelve times the first frequency.
-_BAND = 0.4, 12.0
-_RATE = 2.5  # samples per period of the highest frequency
-_PEAK = 8.0  # power of the first mode over that of the octave around it
-_LONGEST = 240  # block rows times channels
-# Blocks outlast the memory of a mode of 1 % damping, 1 / (2 pi zeta) = 16 periods, twice.
-_PERIODS, _FEWEST, _MOST = 32, 5, 50
-_LEAST_SD = 1e-4  # of a shape, beside its largest component
+from femupdate.measurement.thresholds import AMBIENT
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -70,7 +49,7 @@ def identify_modes(
     time_step: float,
     channels: Sequence[str],
     band_hz: tuple[float, float] | None = None,
-    order: int = ORDER,
+    order: int = AMBIENT.order,
 ) -> AmbientModes:
     """Identify the modes of a record.
 
@@ -87,7 +66,7 @@ def identify_modes(
     moving = values - values.mean(axis=1, keepdims=True)
     frequency, spectra = _spectra(moving, time_step)
     first = _first_peak(frequency, spectra, band_hz)
-    band = band_hz or (_BAND[0] * first, min(_BAND[1] * first, 0.4 / time_step))
+    band = band_hz or (AMBIENT.bottom * first, min(AMBIENT.top * first, 0.4 / time_step))
     if band[1] > 0.5 / time_step:
         raise MeasurementError(
             f"the record shows nothing above {0.5 / time_step:g} Hz; lower the band's end"
@@ -146,28 +125,29 @@ def _first_peak(frequency: Floats, spectra: Floats, band_hz: tuple[float, float]
     for k in np.flatnonzero(inside):
         around = power[(frequency >= 0.5 * frequency[k]) & (frequency <= 2.0 * frequency[k])]
         peak = 0 < k < len(power) - 1 and power[k] == power[k - 1 : k + 2].max()
-        if peak and power[k] > _PEAK * np.median(around):
+        if peak and power[k] > AMBIENT.peak * np.median(around):
             return float(frequency[k])
     return float(frequency[inside][np.argmax(power[inside])])
 
 
 def _blocks(seconds: float, first_hz: float) -> int:
     """How many parts of the record are told apart."""
-    blocks = int(seconds * first_hz) // _PERIODS
-    if blocks < _FEWEST:
+    blocks = int(seconds * first_hz) // AMBIENT.periods
+    if blocks < AMBIENT.fewest_blocks:
         raise MeasurementError(
             f"the record lasts {seconds * first_hz:.0f} periods of its first mode, at"
-            f" {first_hz:.3g} Hz; modes need {_FEWEST * _PERIODS} at least, and better a thousand:"
+            f" {first_hz:.3g} Hz; modes need"
+            f" {AMBIENT.fewest_blocks * AMBIENT.periods} at least, and better a thousand:"
             " give a longer record"
         )
-    return min(blocks, _MOST)
+    return min(blocks, AMBIENT.most_blocks)
 
 
 def _thinned(moving: Floats, time_step: float, top_hz: float) -> tuple[Floats, float]:
     """The record (c, m) at a lower rate, and its time step."""
     from scipy.signal import decimate
 
-    factor = int(1.0 / (_RATE * top_hz * time_step))
+    factor = int(1.0 / (AMBIENT.rate * top_hz * time_step))
     if factor < 2:
         return moving, time_step
     return decimate(moving, factor, ftype="fir", axis=1), time_step * factor
@@ -176,7 +156,7 @@ def _thinned(moving: Floats, time_step: float, top_hz: float) -> tuple[Floats, f
 def _block_rows(channels: int, time_step: float, first_hz: float, order: int) -> int:
     """Time lags: half a period of the first mode, and enough for the order."""
     wanted = max(0.5 / (first_hz * time_step), 1.5 * order / channels)
-    return max(3, min(int(np.ceil(wanted)), _LONGEST // channels))
+    return max(3, min(int(np.ceil(wanted)), AMBIENT.longest // channels))
 
 
 def _groups(poles: Sequence[Pole]) -> Integers:
@@ -188,8 +168,8 @@ def _groups(poles: Sequence[Pole]) -> Integers:
         return np.zeros(len(poles), dtype=np.int64)
     shapes = np.array([pole.shape / np.linalg.norm(pole.shape) for pole in poles])
     level = np.log([pole.frequency_hz for pole in poles])
-    apart = np.abs(level[:, None] - level) / _SAME_FREQUENCY
-    apart += (1.0 - np.minimum(np.abs(shapes.conj() @ shapes.T) ** 2, 1.0)) / _SAME_SHAPE
+    apart = np.abs(level[:, None] - level) / AMBIENT.same_frequency
+    apart += (1.0 - np.minimum(np.abs(shapes.conj() @ shapes.T) ** 2, 1.0)) / AMBIENT.same_shape
     tree = linkage(squareform(apart, checks=False), "average")
     return np.asarray(fcluster(tree, 1.0, "distance"), dtype=np.int64)
 
@@ -203,12 +183,12 @@ def _chosen(
     for number in np.unique(group):
         own = [poles[k] for k in np.flatnonzero(group == number).tolist()]
         orders = {pole.order for pole in own}
-        enough = len(orders) >= _SHARE_OF_ALL * order
-        steady = len(orders) >= _SHARE * (order + 1 - min(orders))
-        aligned = np.median([phase_collinearity(pole.shape) for pole in own]) >= _IN_PHASE
+        enough = len(orders) >= AMBIENT.share_of_all * order
+        steady = len(orders) >= AMBIENT.share * (order + 1 - min(orders))
+        aligned = np.median([phase_collinearity(pole.shape) for pole in own]) >= AMBIENT.in_phase
         if enough and steady and aligned:
             chosen[int(number)] = _middle(own)
-        elif len(orders) >= _TOLD * order:
+        elif len(orders) >= AMBIENT.told * order:
             doubtful.append(float(np.median([pole.frequency_hz for pole in own])))
     told = ", ".join(f"{value:.4g}" for value in sorted(doubtful))
     note = (
@@ -224,7 +204,7 @@ def _middle(own: Sequence[Pole]) -> tuple[Pole, ...]:
     away = np.hypot(*(places - np.median(places, axis=0)).T)
     near = [pole for pole, one in zip(own, away, strict=True) if one <= np.median(away)]
     near.sort(key=lambda pole: pole.order)
-    spaced = np.linspace(0, len(near) - 1, min(_TRIED, len(near)))
+    spaced = np.linspace(0, len(near) - 1, min(AMBIENT.tried, len(near)))
     return tuple(near[round(k)] for k in spaced)
 
 
@@ -249,9 +229,9 @@ def _modes(
     notes = []
     best = _best(subspace, list(chosen.values()))
     for number, (pole, spread) in zip(chosen, best, strict=True):
-        if not spread.frequency_hz <= _VAGUE * pole.frequency_hz:
+        if not spread.frequency_hz <= AMBIENT.vague * pole.frequency_hz:
             notes.append(f"Left out: {pole.frequency_hz:.4g} Hz, which is hardly known.")
-        elif pole.damping < max(_UNDAMPED, _UNDAMPED_SD * spread.damping):
+        elif pole.damping < max(AMBIENT.undamped, AMBIENT.undamped_sd * spread.damping):
             notes.append(
                 f"Left out: {pole.frequency_hz:.4g} Hz, whose damping ratio {pole.damping:.2g} ±"
                 f" {spread.damping:.1g} may be none, as of a machine that runs at one frequency."
@@ -293,7 +273,7 @@ def _mode(
         damping=pole.damping,
         damping_sd=float(np.hypot(spread.damping, _scatter(own, "damping"))),
         shape=shape / largest,
-        shape_sd=np.maximum(spread.shape / abs(largest), _LEAST_SD) if several else None,
+        shape_sd=np.maximum(spread.shape / abs(largest), AMBIENT.least_sd) if several else None,
     )
 
 

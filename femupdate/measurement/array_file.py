@@ -19,8 +19,6 @@ _RATE = re.compile(r"^(fs|f_s|fsamp\w*|rate|sampling_?(rate|frequency)|sample_?r
 _STEP = re.compile(r"^(dt|delta_?t|ts|time_?step)(_?s)?$", re.IGNORECASE)
 _UNIT = re.compile(r"^units?$", re.IGNORECASE)
 _LABELS = re.compile(r"^(channel|sensor|column)?s?_?(names?|labels?)$|^(channel|sensor)s$", re.I)
-# Of all arrays together: a table of them takes some three times that in memory.
-LARGEST_BYTES = 400_000_000
 
 
 def table_of_arrays(file: TextFile, arrays: Mapping[str, Any]) -> Recording:

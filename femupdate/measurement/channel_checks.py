@@ -1,57 +1,22 @@
 """What looks wrong in one recorded history, before it is used for anything."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from femupdate.arrays import Flags, Floats
 from femupdate.measurement.channel import RecordedChannel
 from femupdate.measurement.record import LARGEST_PEAK, SMALLEST_PEAK
+from femupdate.measurement.thresholds import CHANNEL
 from femupdate.units import STANDARD_GRAVITY
 
 
-@dataclass(frozen=True, kw_only=True)
-class Limits:
-    """From where on something is worth a sentence.
-
-    Attributes:
-        slowest_hz, fastest_hz: sampling rates of measurements on buildings.
-        offset: mean over the largest swing about it.
-        clipped: equal samples in a row at the largest or smallest value. Smooth signals have two.
-        steps: a peak of fewer quantisation steps cannot be told to be clipped, a spike or stuck.
-        spike: a sample's distance from the median of five, over the rms of its neighbourhood; of
-            Gaussian noise it is exceeded once in 1e8 samples.
-        spike_share: likewise over the peak of the channel.
-        neighbours: samples to either side that make the neighbourhood.
-        stuck_s: time without any change between parts that move.
-        peak: difference of the peak from the one stated, over it. Headers round to three digits.
-    """
-
-    slowest_hz: float = 5.0
-    fastest_hz: float = 100_000.0
-    offset: float = 0.05
-    clipped: int = 4
-    steps: float = 50.0
-    spike: float = 10.0
-    spike_share: float = 0.1
-    neighbours: int = 10
-    stuck_s: float = 1.0
-    peak: float = 0.01
-
-
-LIMITS = Limits()
-
-
-def channel_findings(
-    channel: RecordedChannel, si: float | None, limits: Limits = LIMITS
-) -> tuple[str, ...]:
+def channel_findings(channel: RecordedChannel, si: float | None) -> tuple[str, ...]:
     """Return sentences on what looks wrong in a channel.
 
     Args:
         channel: as the file gives it.
         si: SI factor of its unit, or None where the unit is not known.
-        limits: from where on.
     """
     if np.ptp(channel.values) == 0.0:
         return (f"it is dead: every value is {channel.values[0]:g}.",)
@@ -60,15 +25,15 @@ def channel_findings(
     values = channel.values / peak
     mean = float(values.mean())
     return (
-        *_of_scale(channel, (peak, peak * float(np.abs(values - mean).max())), si, limits),
-        *_of_offset(channel, values - mean, mean, peak, limits),
-        *_of_sampling(channel, limits),
-        *_of_shape(values, channel.time_step, limits),
+        *_of_scale(channel, (peak, peak * float(np.abs(values - mean).max())), si),
+        *_of_offset(channel, values - mean, mean, peak),
+        *_of_sampling(channel),
+        *_of_shape(values, channel.time_step),
     )
 
 
 def _of_scale(
-    channel: RecordedChannel, peaks: tuple[float, float], si: float | None, limits: Limits
+    channel: RecordedChannel, peaks: tuple[float, float], si: float | None
 ) -> Iterator[str]:
     """Sentences on the unit and the peak, given as it is and about the mean."""
     peak, swing = peaks
@@ -88,46 +53,44 @@ def _of_scale(
             )
     stated = channel.stated_peak
     # Some headers state the peak about the mean.
-    if stated and min(abs(peak - stated), abs(swing - stated)) > limits.peak * stated + 5e-4:
+    if stated and min(abs(peak - stated), abs(swing - stated)) > CHANNEL.peak * stated + 5e-4:
         yield f"it peaks at {peak:.4g} {channel.unit}, but its header says {stated:.4g}."
 
 
-def _of_offset(
-    channel: RecordedChannel, moving: Floats, mean: float, peak: float, limits: Limits
-) -> Iterator[str]:
-    if abs(mean) > limits.offset * float(np.abs(moving).max()):
+def _of_offset(channel: RecordedChannel, moving: Floats, mean: float, peak: float) -> Iterator[str]:
+    if abs(mean) > CHANNEL.offset * float(np.abs(moving).max()):
         unit = f" {channel.unit}" if channel.unit else ""
         yield f"its mean is {mean * peak:.3g}{unit}, an offset to remove."
 
 
-def _of_sampling(channel: RecordedChannel, limits: Limits) -> Iterator[str]:
+def _of_sampling(channel: RecordedChannel) -> Iterator[str]:
     rate = 1.0 / channel.time_step
-    if not limits.slowest_hz <= rate <= limits.fastest_hz:
+    if not CHANNEL.slowest_hz <= rate <= CHANNEL.fastest_hz:
         yield (
             f"its sampling rate is {rate:.3g} Hz; buildings are measured at"
-            f" {limits.slowest_hz:g} to {limits.fastest_hz:g} Hz: is the time's unit wrong?"
+            f" {CHANNEL.slowest_hz:g} to {CHANNEL.fastest_hz:g} Hz: is the time's unit wrong?"
         )
 
 
-def _of_shape(values: Floats, time_step: float, limits: Limits) -> Iterator[str]:
+def _of_shape(values: Floats, time_step: float) -> Iterator[str]:
     moving = values - values.mean()
     peak, step = float(np.abs(moving).max()), _quantum(values)
-    if peak < limits.steps * step:
+    if peak < CHANNEL.steps * step:
         yield (
             f"it moves by {2.0 * peak / step:.0f} steps of its digits only: too weak to show more."
         )
         return
     ends = [_longest_run(values == extreme) for extreme in (values.max(), values.min())]
-    if max(ends) >= limits.clipped:
+    if max(ends) >= CHANNEL.clipped:
         yield f"it is clipped: {max(ends)} samples in a row stand at its largest value."
-    spikes = np.flatnonzero(_spikes(moving, peak, limits))
+    spikes = np.flatnonzero(_spikes(moving, peak))
     if spikes.size:
         at = ", ".join(f"{k * time_step:.4g} s" for k in spikes[:3])
         more = " ..." if spikes.size > 3 else ""
         plural = "s" if spikes.size > 1 else ""
         yield f"it has {spikes.size} spike{plural} of one sample: {at}{more}."
     start, count = _stuck(values)
-    if count * time_step >= limits.stuck_s:
+    if count * time_step >= CHANNEL.stuck_s:
         first, last = start * time_step, (start + count) * time_step
         yield f"it stands still from {first:.4g} to {last:.4g} s: a gap that was filled?"
 
@@ -144,16 +107,16 @@ def _longest_run(flags: Flags) -> int:
     return int((edges[1::2] - edges[::2]).max(initial=0))
 
 
-def _spikes(moving: Floats, peak: float, limits: Limits) -> Flags:
+def _spikes(moving: Floats, peak: float) -> Flags:
     """Samples (n,) that stand alone far from their neighbours."""
     from scipy.ndimage import median_filter, uniform_filter1d
 
     away = np.abs(moving - median_filter(moving, 5, mode="nearest"))
-    width = 2 * limits.neighbours + 1
+    width = 2 * CHANNEL.neighbours + 1
     # The mean square around a sample, without itself and the one to either side.
     wide, close = (uniform_filter1d(moving**2, n, mode="nearest") * n for n in (width, 3))
     around = np.sqrt(np.maximum(wide - close, 0.0) / (width - 3))
-    return np.asarray((away > limits.spike * around) & (away > limits.spike_share * peak))
+    return np.asarray((away > CHANNEL.spike * around) & (away > CHANNEL.spike_share * peak))
 
 
 def _stuck(values: Floats) -> tuple[int, int]:

@@ -4,6 +4,7 @@ import re
 from collections.abc import Sequence
 
 from femupdate.measurement.cells import Row, cells_of, find_delimiter, is_number
+from femupdate.measurement.thresholds import FILES
 
 _NUMBER = r"[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?"
 _COMPLEX = re.compile(
@@ -11,7 +12,6 @@ _COMPLEX = re.compile(
     re.IGNORECASE,
 )
 _ENOUGH = 40
-_LONGEST = 80  # characters of a cell; the pattern takes very long to refuse a long one
 
 
 def split_complex(rows: Sequence[Row], blanks: Sequence[str] = ()) -> list[Row]:
@@ -49,7 +49,7 @@ def split_complex(rows: Sequence[Row], blanks: Sequence[str] = ()) -> list[Row]:
 
 
 def _complex(cell: str) -> re.Match[str] | None:
-    return _COMPLEX.fullmatch(cell) if len(cell) <= _LONGEST else None
+    return _COMPLEX.fullmatch(cell) if len(cell) <= FILES.longest_cell else None
 
 
 def _named(title: str, part: str) -> str:

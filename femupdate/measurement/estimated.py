@@ -19,16 +19,10 @@ from scipy.sparse import csr_array, diags_array
 from torch import Tensor
 
 from femupdate.arrays import Complexes, Flags, Floats
+from femupdate.measurement.thresholds import SPECTRUM
 from femupdate.measurement.welch import Segments, segment_spectra
 
 HANN = 1.5  # equivalent noise bandwidth of the Hann window times its length
-# In units of 1 / T; beyond it the spectrum of the Hann window is negligible.
-_REACH = 4.0
-# Frequencies in 1 / T at which FRFs are asked for at least; between them they are cubics.
-_DENSE = 3.0
-# Share of the power of a bin from beyond there from which its means are not believed: .03 at most
-# in white noise and earthquakes, above a third of a hertz.
-_LEAKED = 0.2
 _BINS = 512  # at a time
 # Frequencies of the grid whose means are one dense matrix: a sparse one is ten times slower.
 _ROWS = 32
@@ -87,7 +81,7 @@ def estimator_of(
     spectrum = np.fft.rfft(base, padded)
     of_segments, bin_hz, starts = segment_spectra(base, time_step, segments)
     used = np.unique(bins.nonzero()[1])
-    reach = _REACH / segments.seconds
+    reach = SPECTRUM.reach / segments.seconds
     dense = _dense(grid, reach, segments.seconds)
     step = dense[1] - dense[0]
     rows, columns, values = [], [], []
@@ -108,7 +102,7 @@ def estimator_of(
         # rules, as near zero frequency: there phases say nothing.
         power = padded * np.square(np.abs(of_segments[:, some])).sum(axis=0)[:, None]
         size = np.abs(weight)
-        weight = np.where(np.abs(total - power) < _LEAKED * power, weight, size)
+        weight = np.where(np.abs(total - power) < SPECTRUM.leaked * power, weight, size)
         weight /= weight.sum(axis=1, keepdims=True)
         rows.append(np.repeat(some, offsets.size))
         columns.append(near.ravel())
@@ -158,7 +152,7 @@ def _window_spectrum(angle: Floats, total: int) -> Complexes:
 def _dense(grid: Floats, reach: float, seconds: float) -> Floats:
     """Evenly spaced frequencies over a grid and beyond, above zero."""
     step = float(np.median(np.diff(grid))) if grid.size > 1 else reach
-    fine = step / max(1, int(np.ceil(_DENSE * step * seconds - 1e-9)))
+    fine = step / max(1, int(np.ceil(SPECTRUM.dense * step * seconds - 1e-9)))
     below = min(int(np.ceil(reach / fine)) + 2, int(np.floor(grid[0] / fine - 1e-9)))
     below = max(below, 0)
     count = int(np.round((grid[-1] - grid[0]) / fine)) + int(np.ceil(reach / fine)) + 3

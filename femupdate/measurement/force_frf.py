@@ -19,9 +19,9 @@ from femupdate.measurement.observation import (
 from femupdate.measurement.observation_file import ForceHistories
 from femupdate.measurement.quantity import si_factor
 from femupdate.measurement.table import Table
+from femupdate.measurement.thresholds import RESPONSE
 
-LEAST_FREQUENCIES = 10
-_POSSIBLE = (1e-18, 1e6)  # accelerance, 1/kg, of a tower below its modes and of a toy at one
+_POSSIBLE = (RESPONSE.least_accelerance, RESPONSE.largest_accelerance)
 _UNITS = "m/s2/N (accelerance), m/s/N (mobility) or m/N (receptance)"
 
 
@@ -219,7 +219,7 @@ def _in_band(
     slack = 1e-9  # grids are sums of rounded steps
     own = table.frequency_hz
     used = (own >= low * (1.0 - slack)) & (own <= high * (1.0 + slack))
-    if np.count_nonzero(used) < LEAST_FREQUENCIES:
+    if np.count_nonzero(used) < RESPONSE.fewest_of_force:
         raise MeasurementError(
             f"{test.source}: fewer than ten frequencies lie between {low:g} and {high:g} Hz, which"
             " the building's frequency grid and --band leave; widen them"

@@ -8,10 +8,10 @@ import numpy as np
 from femupdate.arrays import Floats
 from femupdate.errors import UnitError
 from femupdate.measurement.text import TextFile
+from femupdate.measurement.thresholds import RESPONSE
 from femupdate.units import UNITS, factor
 
 FORCES = {"N": 1.0, "kN": 1e3, "MN": 1e6, "lbf": 4.4482216152605, "kip": 4448.2216152605}
-LARGEST_FORCE = 1e10  # N; the weight of a million tonnes
 QUANTITIES = ("receptance", "mobility", "accelerance")
 """Displacement, velocity and acceleration per unit force, by their power of i omega."""
 _FORCE = "|".join(FORCES)
@@ -43,7 +43,7 @@ def newtons(
             column=column,
         )
     found = np.asarray(values * FORCES[unit])
-    if found.size and np.abs(found).max() > LARGEST_FORCE:
+    if found.size and np.abs(found).max() > RESPONSE.largest_force_n:
         raise file.error(
             f"a {what} of {np.abs(found).max():.3g} N acts on no building; correct the value or the"
             " unit",

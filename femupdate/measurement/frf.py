@@ -24,31 +24,14 @@ from femupdate.measurement.observation import (
     select_floors,
 )
 from femupdate.measurement.observation_file import Histories
+from femupdate.measurement.thresholds import SPECTRUM
 from femupdate.measurement.welch import (
-    FEWEST_AVERAGES,
     Segments,
     Spectra,
     choose_segments,
     welch_spectra,
 )
 
-DEFAULT_NOISE = 0.2  # on ln|H|, where neither the file nor the coherence says
-# Accelerometers are calibrated to about 1 %, so no estimate is better than that.
-NOISE_FLOOR = 0.01
-# Above this the first-order relation of coherence and sd(ln|H|) no longer holds.
-LARGEST_NOISE = 0.5
-# Below this, noise in the base could bias H1 by as much as noise in the floor scatters it, and the
-# data do not show which of the two it is.
-MINIMUM_COHERENCE = 0.5
-# A coherence that unrelated signals exceed with this probability counts as zero.
-_CHANCE = 0.01
-# Where the base has less than this share of its power nearby (within ten bins) or anywhere,
-# a spectrum shows leakage of the Hann window (its far side lobes fall as k^-6).
-_POWER_NEARBY, _POWER_ANYWHERE, _NEARBY_BINS = 1e-3, 1e-7, 10
-# The incoherent power is smooth. Averaged over this many bins on either side, it makes the stated
-# noise far less random than the coherence of a few segments would (with seven segments, the mean
-# square of error over noise falls from 1.2 to 1.05).
-_NOISE_BINS = 3
 _TINY = float(np.finfo(np.float64).tiny)
 
 
@@ -65,7 +48,8 @@ def estimate_frf(
     overlap (Welch 1967), complex H interpolated to the grid. The noise is
     sd(ln|H|) = sqrt((1 - g2) / (2 g2 n)) (Bendat and Piersol 2010, section 9.2) with the
     effective number n of overlapping segments. In it 1 - g2 is freed of its bias by n / (n - 1)
-    and its power averaged over neighbouring frequencies; the noise is at least `NOISE_FLOOR`.
+    and its power averaged over neighbouring frequencies; it is never below `least_noise` of the
+    table of thresholds.
 
     Args:
         histories: accelerations of base and floors.
@@ -121,7 +105,7 @@ def estimate_frf(
 
 def _half(segments: Segments, number: int, source: str) -> Segments:
     half = segments.half(number)
-    if half.effective < FEWEST_AVERAGES:
+    if half.effective < SPECTRUM.fewest_averages:
         raise MeasurementError(
             f"{source}: {segments.count} segments are too few to be parted in two halves"
         )
@@ -131,7 +115,7 @@ def _half(segments: Segments, number: int, source: str) -> Segments:
 def observation_from_table(
     table: FrfTable,
     frequency_hz: Floats,
-    default_noise: float = DEFAULT_NOISE,
+    default_noise: float = SPECTRUM.default_noise,
     half: int | None = None,
 ) -> Observation:
     """Bring a table of FRFs to a frequency grid, interpolating ln|H| within the table's range.
@@ -194,7 +178,7 @@ def observation_for(
     *,
     direction: str = "x",
     segment_s: float | None = None,
-    default_noise: float = DEFAULT_NOISE,
+    default_noise: float = SPECTRUM.default_noise,
     half: int | None = None,
 ) -> Observation:
     """Return the observation in a file, on the building's floors and frequency grid.
@@ -285,7 +269,7 @@ def _smooth(density: Floats, spectra: Spectra) -> Floats:
     """Mean of a density (f, b) over its neighbours, Hann-weighted."""
     from scipy.ndimage import convolve1d
 
-    kernel = np.hanning(2 * _NOISE_BINS * spectra.padding + 1)
+    kernel = np.hanning(2 * SPECTRUM.noise_bins * spectra.padding + 1)
     return np.asarray(convolve1d(density, kernel / kernel.sum(), axis=-1, mode="nearest"))
 
 
@@ -299,7 +283,7 @@ def _noise(spectra: Spectra, coherence: Floats, incoherent: Floats, averages: fl
     """sd(ln|H|) at the bins (f, b)."""
     # (1 - g2) / g2 is the ratio of incoherent to coherent power.
     ratio = np.minimum(incoherent / np.maximum(coherence * spectra.floors, _TINY), 1e6)
-    return np.maximum(np.sqrt(ratio / (2.0 * averages)), NOISE_FLOOR)
+    return np.maximum(np.sqrt(ratio / (2.0 * averages)), SPECTRUM.least_noise)
 
 
 def _trusted(spectra: Spectra, incoherent: Floats, noise: Floats, averages: float) -> Flags:
@@ -310,14 +294,14 @@ def _trusted(spectra: Spectra, incoherent: Floats, noise: Floats, averages: floa
     # Chance exceeds g2 with probability (1 - g2)^(n - 1) between unrelated signals. The coherence
     # around a frequency rests on about half as many more averages as it has bins (Hann windows
     # make neighbours repeat each other).
-    pooled = averages * (2 * _NOISE_BINS + 1) / 2.0
-    chance = 1.0 - _CHANCE ** (1.0 / (pooled - 1.0))
-    nearby = maximum_filter1d(spectra.base, 2 * _NEARBY_BINS * spectra.padding + 1)
-    power = (spectra.base > _POWER_NEARBY * nearby) & (
-        spectra.base > _POWER_ANYWHERE * spectra.base.max()
+    pooled = averages * (2 * SPECTRUM.noise_bins + 1) / 2.0
+    chance = 1.0 - SPECTRUM.chance ** (1.0 / (pooled - 1.0))
+    nearby = maximum_filter1d(spectra.base, 2 * SPECTRUM.nearby * spectra.padding + 1)
+    power = (spectra.base > SPECTRUM.power_nearby * nearby) & (
+        spectra.base > SPECTRUM.power_anywhere * spectra.base.max()
     )
-    related = around >= max(MINIMUM_COHERENCE, chance)
-    return np.asarray(related & (noise <= LARGEST_NOISE) & power)
+    related = around >= max(SPECTRUM.coherence, chance)
+    return np.asarray(related & (noise <= SPECTRUM.largest_noise) & power)
 
 
 def _require_points(valid: Flags, source: str) -> None:

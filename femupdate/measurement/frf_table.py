@@ -16,12 +16,9 @@ from femupdate.measurement.columns import (
 from femupdate.measurement.force_unit import force_unit
 from femupdate.measurement.quantity import si_factor
 from femupdate.measurement.table import Table
+from femupdate.measurement.thresholds import RESPONSE
 
-MINIMUM_FREQUENCIES = 3
 _RATIO_UNITS = ("", "-", "–", "1")
-# A damping ratio of 1e-4 amplifies 5,000 times; two modes may cancel, but only so far.
-_POSSIBLE_RESPONSE = (1e-9, 1e5)
-_POSSIBLE_SD = (1e-5, 100.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +75,7 @@ def curves_of(
     at: int,
     columns: Mapping[FrfColumn, int],
     values: Callable[[Table, int], Floats],
-    possible: tuple[float, float] = _POSSIBLE_RESPONSE,
+    possible: tuple[float, float] = (RESPONSE.least, RESPONSE.largest),
 ) -> FrfTable:
     """Return the curves in some columns of a table, all under one excitation.
 
@@ -113,9 +110,9 @@ def curves_of(
 
 
 def _check_frequencies(table: Table, frequency: Floats) -> None:
-    if frequency.size < MINIMUM_FREQUENCIES:
+    if frequency.size < RESPONSE.fewest:
         raise table.file.error(
-            f"{frequency.size} rows are no response function; give at least {MINIMUM_FREQUENCIES}",
+            f"{frequency.size} rows are no response function; give at least {RESPONSE.fewest}",
             int(table.lines[-1]),
         )
     wrong = np.flatnonzero((np.diff(frequency, prepend=-1.0) <= 0) | (frequency < 0))
@@ -155,7 +152,13 @@ def _log_sd(table: Table, floor: str, columns: Mapping[tuple[str, str], int]) ->
     if position is None:
         return np.full(table.values.shape[0], np.nan)
     values = _ratio(table, position)
-    _require_possible(table, position, values, "the standard deviation of ln|H|", _POSSIBLE_SD)
+    _require_possible(
+        table,
+        position,
+        values,
+        "the standard deviation of ln|H|",
+        (RESPONSE.least_sd, RESPONSE.largest_sd),
+    )
     return values
 
 

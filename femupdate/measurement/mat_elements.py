@@ -7,11 +7,12 @@ pointer, so that one that does not exist ends the process.
 import struct
 import zlib
 
+from femupdate.measurement.thresholds import FILES
+
 _HEADER, _ORDER = 128, slice(126, 128)  # bytes
 _MATRIX, _PACKED = 14, 15
 _TYPES = frozenset((1, 2, 3, 4, 5, 6, 7, 9, 12, 13, _MATRIX, _PACKED, 16, 17, 18))
 _SMALL = 4  # bytes of data that fit into a tag
-_DEEPEST = 50
 
 
 def require_whole(content: bytes, most: int) -> None:
@@ -35,7 +36,7 @@ class _Elements:
 
     def check(self, data: bytes, depth: int) -> None:
         """All elements of a stretch, one after the other."""
-        if depth > _DEEPEST:
+        if depth > FILES.nested:
             raise ValueError("its structures are nested too deep")
         at = 0
         while at < len(data):

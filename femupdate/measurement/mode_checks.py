@@ -7,13 +7,7 @@ import numpy as np
 
 from femupdate.measurement.modes import in_phase, phase_collinearity
 from femupdate.measurement.recording import RecordedMode
-
-# Buildings lose 0.5 to 10 % of critical damping in a mode.
-_MUCH_DAMPING = 0.1
-_IN_PHASE = 0.9
-# Two modes of one building with such shapes at such frequencies are one mode, found twice.
-_SAME_SHAPE, _SAME_FREQUENCY = 0.95, 0.02
-_WIDE = 0.1  # standard deviation of a frequency, over it
+from femupdate.measurement.thresholds import RECORDED_MODE
 
 
 def mode_findings(modes: Sequence[RecordedMode]) -> tuple[str, ...]:
@@ -43,12 +37,15 @@ def mac(one: RecordedMode, other: RecordedMode) -> float:
 
 def _of_one(mode: RecordedMode) -> list[str]:
     found, shape = [], np.asarray(mode.shape)
-    if mode.damping is not None and not 0.0 < mode.damping <= _MUCH_DAMPING:
+    if mode.damping is not None and not 0.0 < mode.damping <= RECORDED_MODE.much_damping:
         found.append(f"{_called(mode)} has a damping ratio of {mode.damping:.3g}")
-    if mode.frequency_sd_hz is not None and mode.frequency_sd_hz > _WIDE * mode.frequency_hz:
+    if (
+        mode.frequency_sd_hz is not None
+        and mode.frequency_sd_hz > RECORDED_MODE.wide * mode.frequency_hz
+    ):
         found.append(f"{_called(mode)} is hardly known: ±{mode.frequency_sd_hz:.3g} Hz")
     seen = shape[~np.isnan(shape)]
-    if seen.size and phase_collinearity(seen) < _IN_PHASE:
+    if seen.size and phase_collinearity(seen) < RECORDED_MODE.in_phase:
         found.append(f"{_called(mode)}: the sensors do not move in phase")
     if seen.size > 1 and not np.abs(in_phase(seen)).any():
         found.append(f"{_called(mode)}: every component of the shape is zero")
@@ -64,5 +61,5 @@ def alike(one: RecordedMode, other: RecordedMode) -> bool:
     """Whether two modes look like one that was found twice."""
     if not (one.frequency_hz > 0.0 and other.frequency_hz > 0.0):
         return False
-    close = abs(np.log(one.frequency_hz / other.frequency_hz)) < _SAME_FREQUENCY
-    return close and mac(one, other) > _SAME_SHAPE
+    close = abs(np.log(one.frequency_hz / other.frequency_hz)) < RECORDED_MODE.same_frequency
+    return close and mac(one, other) > RECORDED_MODE.same_shape

@@ -11,11 +11,8 @@ from femupdate.measurement.columns import BASE, floor_height, parse_channel
 from femupdate.measurement.mode_table import modes_in_table
 from femupdate.measurement.recording import RecordedMode, Recording
 from femupdate.measurement.text import TextFile, closest
+from femupdate.measurement.thresholds import RECORDED_MODE
 
-# Below this the parts of a shape do not move in phase, as they do in a mode of a real structure.
-_IN_PHASE = 0.9
-# No building loses more in a mode: such a figure is in percent.
-LARGEST_DAMPING = 0.5
 _SHOWN = 12
 
 
@@ -114,7 +111,7 @@ def _check(file: TextFile, mode: RecordedMode) -> None:
         raise file.error(
             f"the frequency of {which} is {mode.frequency_hz:g} Hz; it must be above 0"
         )
-    if mode.damping is not None and not 0.0 < mode.damping <= LARGEST_DAMPING:
+    if mode.damping is not None and not 0.0 < mode.damping <= RECORDED_MODE.largest_damping:
         raise file.error(
             f"the damping ratio of {which} is {mode.damping:g}, which no building has; give a"
             " ratio such as 0.02, or write the unit % behind the column's name: damping (%)"
@@ -219,7 +216,7 @@ def _notes(modes: Sequence[RecordedMode]) -> tuple[str, ...]:
     loose = [
         mode.name or f"{mode.frequency_hz:.4g} Hz"
         for mode in modes
-        if mode.shape.size and phase_collinearity(mode.shape) < _IN_PHASE
+        if mode.shape.size and phase_collinearity(mode.shape) < RECORDED_MODE.in_phase
     ]
     if not loose:
         return ()

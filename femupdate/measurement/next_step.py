@@ -8,9 +8,8 @@ from pathlib import Path
 from femupdate.measurement.channel import RecordedChannel
 from femupdate.measurement.columns import BASE, TIME, ForceChannel, parse_history
 from femupdate.measurement.proposal import columns_of, is_usable, proposal
+from femupdate.measurement.thresholds import PROPOSAL
 
-_COMPONENTS = 3  # a record of one place has so many channels at most
-_LONG_S = 120.0  # records of earthquakes end sooner, ambient ones later
 _NO_BASE = "There is no base: the modes can be found if this is ambient vibration."
 _CHECK = (
     "The floors are told from the sensors' places or names; check them against the building, or"
@@ -67,12 +66,12 @@ def next_step(
     forced = any(isinstance(parse_history(each.name), ForceChannel) for each in histories)
     if (base or forced) and floors:
         return NextStep(calibrate + mapped, "" if ours else _CHECK, columns)
-    if len(histories) <= _COMPONENTS and not floors:
+    if len(histories) <= PROPOSAL.components and not floors:
         return NextStep(_predict(path, histories, usable, options), "")
-    if floors and not base and _lasts(histories[usable[0]]) >= _LONG_S:
+    if floors and not base and _lasts(histories[usable[0]]) >= PROPOSAL.ambient_s:
         identify = f"femupdate identify {shlex.quote(str(path))} -o modes.csv{mapped}"
         return NextStep(identify, _NO_BASE, columns)
-    if not base and len(histories) <= _COMPONENTS:
+    if not base and len(histories) <= PROPOSAL.components:
         return NextStep(
             "",
             f"The channel sits at {', '.join(floors)}: a response needs the base's record too, with"

@@ -39,13 +39,12 @@ from femupdate.measurement.registry import read_measured
 from femupdate.measurement.sampling import check_step, uniform_step
 from femupdate.measurement.table import Table
 from femupdate.measurement.text import TextFile, closest
+from femupdate.measurement.thresholds import RECORD
 from femupdate.units import STANDARD_GRAVITY
 
 logger = logging.getLogger(__name__)
 
-# m/s2; a floor that feels forty times the largest base is a spike or a unit.
-LARGEST_RESPONSE = 40.0 * LARGEST_PEAK
-MINIMUM_SAMPLES = 64  # four segments of 32 samples: less is no spectrum
+LARGEST_RESPONSE = RECORD.largest_floor * LARGEST_PEAK  # m/s2
 __all__ = [
     "ForceHistories",
     "FrfTable",
@@ -388,9 +387,10 @@ def _require_same_times(file: TextFile, channels: Mapping[Any, RecordedChannel])
 
 
 def _require_spectrum(file: TextFile, count: int, line: int | None = None) -> None:
-    if count < MINIMUM_SAMPLES:
+    if count < RECORD.fewest_of_spectrum:
         raise file.error(
-            f"{count} rows are too short for a spectrum; give at least {MINIMUM_SAMPLES}", line
+            f"{count} rows are too short for a spectrum; give at least {RECORD.fewest_of_spectrum}",
+            line,
         )
 
 
@@ -422,7 +422,7 @@ def _acceleration(
     if channel.floor == BASE and peak > LARGEST_PEAK:
         raise file.error(
             f"the base peaks at {peak / STANDARD_GRAVITY:.3g} g when read in {stated}, which no"
-            " strong-motion record has (up to 5 g); is the unit wrong?",
+            f" strong-motion record has (up to {RECORD.largest_g:g} g); is the unit wrong?",
             column=title,
         )
     if peak > LARGEST_RESPONSE:

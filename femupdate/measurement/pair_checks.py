@@ -16,40 +16,7 @@ import numpy as np
 from femupdate.arrays import Complexes, Flags, Floats
 from femupdate.measurement.channel import RecordedChannel
 from femupdate.measurement.columns import BASE, floor_height, parse_channel
-
-
-@dataclass(frozen=True, kw_only=True)
-class PairLimits:
-    """From where on something between channels is worth a sentence.
-
-    Attributes:
-        segments: of Welch's method, half overlapping.
-        least_samples: of a record that is long enough.
-        ambient_s: length of a record without base that shows the first mode.
-        amplified: response to the base from which a peak is a mode.
-        resonant: likewise from which floors must be in order.
-        coherence: of frequencies that are compared.
-        least_bins: number of such frequencies.
-        out_of_order: amplitude of a floor over that of a higher one, in the first mode.
-        late: delay over the period of the first mode; damping alone makes a fifth of it.
-        sure: either, over its standard deviation.
-        scatter_rad: phase that may be left beside a drift.
-    """
-
-    segments: int = 12
-    least_samples: int = 1024
-    ambient_s: float = 120.0
-    amplified: float = 1.25
-    resonant: float = 2.0
-    coherence: float = 0.8
-    least_bins: int = 3
-    out_of_order: float = 1.6
-    late: float = 0.03
-    sure: float = 5.0
-    scatter_rad: float = 0.15
-
-
-PAIR_LIMITS = PairLimits()
+from femupdate.measurement.thresholds import PAIR
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,14 +47,12 @@ class _Response:
 def pair_findings(
     channels: Sequence[RecordedChannel],
     floors: Sequence[str | None],
-    limits: PairLimits = PAIR_LIMITS,
 ) -> tuple[str, ...]:
     """Return sentences on channels that are vertical, repeat another, or do not fit the others.
 
     Args:
         channels: of one file.
         floors: of each, or None.
-        limits: from where on.
     """
     found: list[str] = []
     vertical = [str(k) for k, channel in enumerate(channels, start=1) if _vertical(channel)]
@@ -99,7 +64,7 @@ def pair_findings(
             if _repeats(channels[earlier], channel):
                 found.append(f"channels {earlier + 1} and {later + 1} hold the same numbers.")
     for group in _groups(channels, floors):
-        found += _of_group(group, limits)
+        found += _of_group(group)
     return tuple(found)
 
 
@@ -126,28 +91,28 @@ def _groups(
     return [sorted(own, key=lambda one: floor_height(one.floor)) for own in found.values()]
 
 
-def _of_group(group: Sequence[_Sensor], limits: PairLimits) -> Iterator[str]:
-    if len(group) < 2 or group[0].channel.values.size < limits.least_samples:
+def _of_group(group: Sequence[_Sensor]) -> Iterator[str]:
+    if len(group) < 2 or group[0].channel.values.size < PAIR.least_samples:
         return
     based = group[0].floor == BASE
     seconds = group[0].channel.values.size * group[0].channel.time_step
-    if not based and seconds < limits.ambient_s:
+    if not based and seconds < PAIR.ambient_s:
         return
     reference = group[0] if based else group[-1]
     others = [one for one in group if one is not reference]
-    whole = {one.number: _response(reference, one, limits, 0, 1) for one in others}
-    first = _first_mode(whole[others[-1].number], based, limits)
+    whole = {one.number: _response(reference, one, 0, 1) for one in others}
+    first = _first_mode(whole[others[-1].number], based)
     if first is None:
         return
-    against = [one for one in others if _runs_against(whole[one.number], first, based, limits)]
+    against = [one for one in others if _runs_against(whole[one.number], first, based)]
     # Of floors alone, one that runs against all others is reversed; several are another mode.
     if based or (len(against) == 1 < len(others)):
         yield from (_against(one, based) for one in against)
     sound = [one for one in others if one not in against]
-    yield from _out_of_order(reference, sound, whole, first, limits)
+    yield from _out_of_order(reference, sound, whole, first)
     for one in sound:
-        delay = _delay(whole[one.number], first, based, limits)
-        drift = _drift(reference, one, first, limits)
+        delay = _delay(whole[one.number], first, based)
+        drift = _drift(reference, one, first)
         if delay is not None and drift is None:
             late = "behind" if delay > 0.0 else "ahead of"
             yield (
@@ -172,9 +137,7 @@ def _against(one: _Sensor, based: bool) -> str:
     )
 
 
-def _response(
-    reference: _Sensor, one: _Sensor, limits: PairLimits, part: int, parts: int
-) -> _Response:
+def _response(reference: _Sensor, one: _Sensor, part: int, parts: int) -> _Response:
     """Response of one part of several of the record."""
     from scipy.signal import csd, welch
 
@@ -185,7 +148,7 @@ def _response(
         for each in (reference, one)
     )
     scale = float(np.abs(one.channel.values).max() / np.abs(reference.channel.values).max())
-    segment = reference.channel.values.size // limits.segments // parts
+    segment = reference.channel.values.size // PAIR.segments // parts
     options = {"fs": 1.0 / reference.channel.time_step, "nperseg": segment}
     frequency, own = welch(x, **options)
     other, cross = welch(y, **options)[1], csd(x, y, **options)[1]
@@ -195,32 +158,32 @@ def _response(
     return _Response(frequency, cross / own * scale, own, seen, averages)
 
 
-def _first_mode(top: _Response, based: bool, limits: PairLimits) -> float | None:
+def _first_mode(top: _Response, based: bool) -> float | None:
     """Frequency of the first mode, Hz, from the response of a high floor; or None."""
     if not based:
         # Coherent noise lies high, drifts low: the velocity is largest in the first mode.
-        seen = (top.coherence > limits.coherence) & (top.frequency_hz > 0.0)
+        seen = (top.coherence > PAIR.coherence) & (top.frequency_hz > 0.0)
         velocity = np.where(seen, top.power / np.maximum(top.frequency_hz, 1e-12) ** 2, 0.0)
         return float(top.frequency_hz[velocity.argmax()]) if seen.any() else None
     size = np.where(top.coherence > 0.7, np.abs(top.values), 0.0)
     for k in range(1, size.size - 1):
-        if size[k] > limits.amplified and size[k] >= size[k - 1 : k + 2].max():
+        if size[k] > PAIR.amplified and size[k] >= size[k - 1 : k + 2].max():
             return float(top.frequency_hz[k])
     return None
 
 
-def _low(response: _Response, first: float, based: bool, limits: PairLimits) -> Flags:
+def _low(response: _Response, first: float, based: bool) -> Flags:
     """Frequencies at which the floors should move together."""
     low, high = (0.0, 0.5 * first) if based else (0.7 * first, 1.2 * first)
     frequency = response.frequency_hz
     return np.asarray(
-        (frequency > low) & (frequency < high) & (response.coherence > limits.coherence)
+        (frequency > low) & (frequency < high) & (response.coherence > PAIR.coherence)
     )
 
 
-def _runs_against(response: _Response, first: float, based: bool, limits: PairLimits) -> bool:
-    low = _low(response, first, based, limits)
-    return bool(low.sum() >= limits.least_bins and np.mean(response.values[low].real < 0.0) > 0.9)
+def _runs_against(response: _Response, first: float, based: bool) -> bool:
+    low = _low(response, first, based)
+    return bool(low.sum() >= PAIR.least_bins and np.mean(response.values[low].real < 0.0) > 0.9)
 
 
 def _out_of_order(
@@ -228,25 +191,24 @@ def _out_of_order(
     others: Sequence[_Sensor],
     responses: dict[int, _Response],
     first: float,
-    limits: PairLimits,
 ) -> Iterator[str]:
     """A sentence where floors do not move the more the higher they are, in the first mode."""
     sizes = {reference.number: 1.0}
     for one in others:
         own = responses[one.number]
         near = np.abs(own.frequency_hz - first) <= 0.1 * first + own.frequency_hz[1]
-        near &= own.coherence > limits.coherence
+        near &= own.coherence > PAIR.coherence
         if not near.any():
             return
         sizes[one.number] = float(np.abs(own.values[near]).max())
-    if reference.floor == BASE and max(sizes.values()) < limits.resonant:
+    if reference.floor == BASE and max(sizes.values()) < PAIR.resonant:
         return
     ordered = sorted((reference, *others), key=lambda one: floor_height(one.floor))
     wrong = [
         (low, high)
         for k, low in enumerate(ordered)
         for high in ordered[k + 1 :]
-        if low.floor != high.floor and sizes[low.number] > limits.out_of_order * sizes[high.number]
+        if low.floor != high.floor and sizes[low.number] > PAIR.out_of_order * sizes[high.number]
     ]
     if not wrong:
         return
@@ -258,32 +220,30 @@ def _out_of_order(
     )
 
 
-def _delay(response: _Response, first: float, based: bool, limits: PairLimits) -> float | None:
+def _delay(response: _Response, first: float, based: bool) -> float | None:
     """Seconds by which a channel runs behind the reference; None where it does not."""
-    used = _low(response, first, based, limits)
+    used = _low(response, first, based)
     angle = np.angle(response.values[used])
-    found = _shift(response.frequency_hz[used], angle, response.phase_sd()[used], first, limits)
+    found = _shift(response.frequency_hz[used], angle, response.phase_sd()[used], first)
     # Beside a floor, neighbouring modes turn the phase at the first one's frequency too.
-    least = (1.0 if based else 2.0) * limits.late / first
+    least = (1.0 if based else 2.0) * PAIR.late / first
     return found if found is not None and abs(found) > least else None
 
 
-def _drift(reference: _Sensor, one: _Sensor, first: float, limits: PairLimits) -> float | None:
+def _drift(reference: _Sensor, one: _Sensor, first: float) -> float | None:
     """Seconds by which a channel falls behind from half to half; None where it does not."""
-    early, late = (_response(reference, one, limits, part, 2) for part in (0, 1))
+    early, late = (_response(reference, one, part, 2) for part in (0, 1))
     used = (early.frequency_hz > 0.0) & (
-        np.minimum(early.coherence, late.coherence) > limits.coherence
+        np.minimum(early.coherence, late.coherence) > PAIR.coherence
     )
     turn = np.angle(late.values[used] / early.values[used])
     sd = np.hypot(early.phase_sd(), late.phase_sd())[used]
-    return _shift(early.frequency_hz[used], turn, sd, first, limits)
+    return _shift(early.frequency_hz[used], turn, sd, first)
 
 
-def _shift(
-    frequency: Floats, angle: Floats, sd: Floats, first: float, limits: PairLimits
-) -> float | None:
+def _shift(frequency: Floats, angle: Floats, sd: Floats, first: float) -> float | None:
     """Delay, s, that explains phases in proportion to frequency; None where none is sure."""
-    if frequency.size < limits.least_bins:
+    if frequency.size < PAIR.least_bins:
         return None
     weight = 1.0 / sd**2
     # Few frequencies would fit one long delay or other by chance.
@@ -298,5 +258,5 @@ def _shift(
     scatter = float(np.sqrt((weight * left**2).sum() / weight.sum()))
     # Half-overlapping Hann windows: two bins of three are independent.
     spread = np.sqrt(1.5 / power) / (2.0 * np.pi) * max(1.0, scatter / float(np.median(sd)))
-    sure = abs(delay) > limits.sure * spread and scatter < limits.scatter_rad
-    return delay if sure and abs(delay) > limits.late / first else None
+    sure = abs(delay) > PAIR.sure * spread and scatter < PAIR.scatter_rad
+    return delay if sure and abs(delay) > PAIR.late / first else None

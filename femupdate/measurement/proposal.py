@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from femupdate.measurement.channel import RecordedChannel
 from femupdate.measurement.columns import BASE, TIME, channel_name, floor_height, parse_channel
 from femupdate.measurement.floor_names import base_rank, floors_of
-
-_ALONG = 10.0  # degrees by which azimuths of one direction may differ
+from femupdate.measurement.thresholds import PROPOSAL
 
 
 @dataclass(frozen=True)
@@ -83,7 +82,7 @@ def _key(
         return channel.direction.upper()
     for key, own in directions.items():
         other = channels[own[0]].azimuth_deg
-        if other is not None and _angle(channel.azimuth_deg, other) <= _ALONG:
+        if other is not None and _angle(channel.azimuth_deg, other) <= PROPOSAL.along_deg:
             return key
     return f"{channel.azimuth_deg:.0f}"
 
@@ -110,7 +109,7 @@ def _right_angled(
     first = channels[directions[ordered[0]][0]].azimuth_deg
     for key in ordered[1:]:
         other = channels[directions[key][0]].azimuth_deg
-        if first is None or other is None or _angle(first, other) >= 90.0 - _ALONG:
+        if first is None or other is None or _angle(first, other) >= 90.0 - PROPOSAL.along_deg:
             return [ordered[0], key]
     return [ordered[0]]
 

@@ -20,18 +20,14 @@ from femupdate.measurement.quantity import plain_unit, si_factor
 from femupdate.measurement.registry import read_measured
 from femupdate.measurement.sampling import check_step
 from femupdate.measurement.text import TextFile
+from femupdate.measurement.thresholds import RECORD
 from femupdate.units import STANDARD_GRAVITY
 
 logger = logging.getLogger(__name__)
 
-LARGEST_PEAK = 5.0 * STANDARD_GRAVITY  # m/s2; the largest recorded is about 4 g (2008, Iwate)
-LARGEST_SCALED = 100.0 * STANDARD_GRAVITY  # m/s2, of a record that a user scales
-SMALLEST_PEAK = 1e-6 * STANDARD_GRAVITY  # m/s2; below the resolution of an accelerograph
-MINIMUM_SAMPLES = 10
-# Filter of the resampling: 32 periods of the lower rate, stopband 80 dB down.
-_FILTER_PERIODS = 32
-_FILTER_BETA = 8.0
-_LARGEST_RATIO = 1000
+# m/s2.
+LARGEST_PEAK = RECORD.largest_g * STANDARD_GRAVITY
+SMALLEST_PEAK = RECORD.smallest_g * STANDARD_GRAVITY
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +85,7 @@ class GroundMotion:
         """Return the motion times a factor; a negative one turns its direction round."""
         if not np.isfinite(factor):
             raise MeasurementError(f"ground motion {self.name}: cannot be scaled by {factor}")
-        if self.peak * abs(factor) > LARGEST_SCALED:
+        if self.peak * abs(factor) > RECORD.largest_scaled_g * STANDARD_GRAVITY:
             raise MeasurementError(
                 f"ground motion {self.name}: times {factor:g} it peaks at "
                 f"{self.peak * abs(factor) / STANDARD_GRAVITY:.3g} g, which no shaking table"
@@ -130,21 +126,22 @@ class GroundMotion:
             return self
         ratio = self._ratio(time_step)
         up, down = ratio.numerator, ratio.denominator
-        half = _FILTER_PERIODS * max(up, down)
-        window = firwin(2 * half + 1, 1.0 / max(up, down), window=("kaiser", _FILTER_BETA))
+        half = RECORD.filter_periods * max(up, down)
+        window = firwin(2 * half + 1, 1.0 / max(up, down), window=("kaiser", RECORD.filter_beta))
         values = resample_poly(self.acceleration, up, down, window=window)
         return replace(self, acceleration=values, time_step=float(time_step))
 
     def _ratio(self, time_step: float) -> Fraction:
         if np.isfinite(time_step) and time_step > 0:
-            ratio = Fraction(self.time_step / time_step).limit_denominator(_LARGEST_RATIO)
+            ratio = Fraction(self.time_step / time_step).limit_denominator(RECORD.largest_ratio)
             drift = abs(float(ratio) * time_step / self.time_step - 1.0) * self.acceleration.size
             # The last sample may drift by a thousandth of a step.
-            if 0 < ratio.numerator <= _LARGEST_RATIO and drift < 1e-3:
+            if 0 < ratio.numerator <= RECORD.largest_ratio and drift < 1e-3:
                 return ratio
         raise MeasurementError(
             f"ground motion {self.name}: cannot be resampled from {self.time_step:g} s to"
-            f" {time_step:g} s; take a step in a ratio of whole numbers up to {_LARGEST_RATIO}"
+            f" {time_step:g} s; take a step in a ratio of whole numbers up to"
+            f" {RECORD.largest_ratio}"
         )
 
     def _between(self, start: float, end: float) -> slice:
@@ -210,7 +207,7 @@ def _choose(
 def _check_plausible(file: TextFile, motion: GroundMotion) -> None:
     where = repr(motion.channel)
     check_step(file, motion.time_step, where)
-    if motion.acceleration.size < MINIMUM_SAMPLES:
+    if motion.acceleration.size < RECORD.fewest:
         raise file.error(
             f"{motion.acceleration.size} values are no record; give the whole time history",
             column=where,
@@ -224,11 +221,12 @@ def _check_plausible(file: TextFile, motion: GroundMotion) -> None:
         peak = motion.peak if motion.peak > LARGEST_PEAK else swing
         raise file.error(
             f"the peak is {peak / STANDARD_GRAVITY:.3g} g when the values are read in"
-            f" {motion.unit}, which no strong-motion record has (1e-06 to 5 g); is the unit wrong?",
+            f" {motion.unit}, which no strong-motion record has ({RECORD.smallest_g:g} to"
+            f" {RECORD.largest_g:g} g); is the unit wrong?",
             column=where,
         )
     offset = abs(float(motion.acceleration.mean()))
-    if offset > 0.05 * swing:
+    if offset > RECORD.offset * swing:
         logger.warning(
             "%s, channel %s: the mean is %.3g m/s2; remove it with demeaned()",
             file.path,

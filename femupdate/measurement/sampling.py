@@ -4,14 +4,7 @@ import numpy as np
 
 from femupdate.arrays import Floats, Integers
 from femupdate.measurement.text import TextFile
-
-# A jitter of a hundredth of a step turns the phase at half the Nyquist frequency by less than one
-# degree: nothing beside the noise of an accelerometer.
-_JITTER = 0.01
-# Times rounded more coarsely than this could hide a lost sample (which shifts them by half a step).
-_COARSEST = 0.3
-_MAXIMUM_DECIMALS = 9
-_POSSIBLE_S = (1e-6, 10.0)  # an impact on a model, and the slowest monitoring of a tower
+from femupdate.measurement.thresholds import TIMES
 
 
 def check_step(file: TextFile, step: float, title: str | None = None) -> None:
@@ -25,7 +18,7 @@ def check_step(file: TextFile, step: float, title: str | None = None) -> None:
     Raises:
         MeasurementError: it is none of the possible ones.
     """
-    shortest, longest = _POSSIBLE_S
+    shortest, longest = TIMES.shortest_s, TIMES.longest_s
     if not shortest <= step <= longest:
         raise file.error(
             f"the time step is {step:.3g} s, and buildings are measured every {shortest:g} to"
@@ -56,7 +49,7 @@ def uniform_step(file: TextFile, time: Floats, lines: Integers, title: str) -> f
     digit = 10.0 ** -_decimals(time)
     time = time - time[0]
     step, start = np.polyfit(np.arange(time.size), time, 1)
-    tolerance = min(max(0.75 * digit, _JITTER * step), _COARSEST * step)
+    tolerance = min(max(0.75 * digit, TIMES.jitter * step), TIMES.coarsest * step)
     deviation = np.abs(time - (start + step * np.arange(time.size)))
     if backwards.size or deviation.max() > tolerance:
         _raise_uneven(file, time, lines, title)
@@ -78,10 +71,10 @@ def _raise_uneven(file: TextFile, time: Floats, lines: Integers, title: str) -> 
 def _decimals(time: Floats) -> int:
     """Number of decimals that the times are printed with."""
     scale = np.abs(time).max() * 1e-14
-    for decimals in range(_MAXIMUM_DECIMALS):
+    for decimals in range(TIMES.decimals):
         if np.abs(np.round(time, decimals) - time).max() <= scale:
             return decimals
-    return _MAXIMUM_DECIMALS
+    return TIMES.decimals
 
 
 def _rounded_step(step: float, count: int, digit: float) -> float:
@@ -90,5 +83,5 @@ def _rounded_step(step: float, count: int, digit: float) -> float:
     rate = round(1.0 / step)
     if rate > 0 and abs(step - 1.0 / rate) <= allowed:
         return 1.0 / rate
-    rounded = round(step, _MAXIMUM_DECIMALS)
+    rounded = round(step, TIMES.decimals)
     return rounded if abs(step - rounded) <= allowed else float(step)

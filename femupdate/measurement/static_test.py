@@ -18,13 +18,9 @@ from femupdate.measurement.force_unit import newtons
 from femupdate.measurement.observation import Observation, require_floors_of_building
 from femupdate.measurement.quantity import si_factor
 from femupdate.measurement.table import Table
+from femupdate.measurement.thresholds import STATIC
 
 _LOAD = re.compile(r"load/(?P<floor>RF|(?:[2-9]|[1-9]\d+)F)", re.IGNORECASE)
-_LOW_HZ = 1e-4  # nothing that stands is so soft that inertia counts at it
-# Dial gauges and jacks err by about 2 %; where too few cases show the scatter, 5 % is taken.
-_LEAST_SD, _ASSUMED_SD = 0.02, 0.05
-_FARTHEST_M = 10.0
-_DOUBTFUL = 0.5  # sd over the deflection from which it is no measurement
 _COLUMNS = "load/RF (kN) and 2F (mm) ... RF (mm), one row for each load case"
 
 
@@ -89,7 +85,7 @@ def static_test(table: Table) -> StaticTest:
         inverse = np.linalg.inv((design / scale).T @ (design / scale))
         spread = left[:, None] * np.sqrt(np.diag(inverse))[: len(loads)] / scale[: len(loads)]
     _require_forward(table, tuple(loads), tuple(floors), flexibility, spread)
-    least = _LEAST_SD if freedom > 1 else _ASSUMED_SD
+    least = STATIC.least_sd if freedom > 1 else STATIC.assumed_sd
     log_sd = np.hypot(spread / flexibility, least)
     return StaticTest(
         tuple(loads), tuple(floors), flexibility, log_sd, freedom <= 1, table.file.path.name
@@ -106,14 +102,16 @@ def static_observations(
     """
     require_floors_of_building(test.source, (*test.floors, *test.loads), building_floors)
     order = [test.floors.index(name) for name in building_floors if name in test.floors]
-    note = f"Standard deviation of deflections taken as {_ASSUMED_SD:.0%}: too few load cases."
-    level = 2.0 * np.log(2.0 * np.pi * _LOW_HZ)
+    note = (
+        f"Standard deviation of deflections taken as {STATIC.assumed_sd:.0%}: too few load cases."
+    )
+    level = 2.0 * np.log(2.0 * np.pi * STATIC.low_hz)
     return tuple(
         ForcedObservation(
             load,
             "static deflection",
             Observation(
-                frequency_hz=np.array([_LOW_HZ]),
+                frequency_hz=np.array([STATIC.low_hz]),
                 floors=tuple(test.floors[k] for k in order),
                 log_frf=level + np.log(test.flexibility[order, j : j + 1]),
                 noise_sd=test.log_sd[order, j : j + 1],
@@ -154,7 +152,7 @@ def _deflections(table: Table, position: int) -> Floats:
             column=table.title(position),
         )
     found = np.asarray(table.values[:, position] * si_factor(table.file, unit, "length"))
-    if found.size and np.abs(found).max() > _FARTHEST_M:
+    if found.size and np.abs(found).max() > STATIC.farthest_m:
         raise table.file.error(
             f"a floor deflects by {np.abs(found).max():.3g} m, which no building stands; correct"
             " the value or the unit",
@@ -173,7 +171,7 @@ def _require_forward(
     for row, floor in enumerate(floors):
         for column, load in enumerate(loads):
             value = flexibility[row, column]
-            if not (value > 0.0 and spread[row, column] < _DOUBTFUL * value):
+            if not (value > 0.0 and spread[row, column] < STATIC.doubtful * value):
                 raise table.file.error(
                     f"{floor} deflects by {1e6 * value:.3g} +- {1e6 * spread[row, column]:.2g} mm"
                     f" per kN at {load}; correct a sign or leave the column out"

@@ -18,8 +18,8 @@ import numpy as np
 
 from femupdate.arrays import Complexes, Floats
 from femupdate.errors import MeasurementError
+from femupdate.measurement.thresholds import AMBIENT
 
-LARGEST_DAMPING = 0.2  # of a pole that may be a mode
 _MISSING = (
     "modes of ambient records need the package pyOMA2; install it with pip install"
     " 'femupdate[ambient]'"
@@ -100,7 +100,7 @@ class Subspace:
         with _library() as ssi:
             pair = [a[0], a[order]], [c[0], c[order]]
             found = ssi.SSI_poles(
-                self._obs[:, :order], *pair, order, self._step, order, True, LARGEST_DAMPING
+                self._obs[:, :order], *pair, order, self._step, order, True, AMBIENT.largest_damping
             )
         frequency, damping, shape = found[0][:, 1], found[1][:, 1], found[2][:, 1]
         return tuple(

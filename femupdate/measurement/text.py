@@ -8,13 +8,13 @@ from pathlib import Path
 
 from femupdate.errors import MeasurementError
 from femupdate.files import read_file
+from femupdate.measurement.thresholds import FILES
 
 _UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 _ZIP_MARK = b"PK\x03\x04"
 # JMA writes station names in Shift-JIS; latin-1 accepts every byte and comes last.
 _ENCODINGS = ("utf-8-sig", "cp932", "latin-1")
 _HEAD_BYTES = 65536
-_LARGEST_BYTES = 300_000_000  # of a text; its table takes some three times that in memory
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ def read_bytes(path: str | Path, limit: int = -1) -> bytes:
     Raises:
         MeasurementError: the file is missing, no regular file, unreadable, too large or empty.
     """
-    data = read_file(path, _LARGEST_BYTES, MeasurementError, limit)
+    data = read_file(path, FILES.text_mb * 1_000_000, MeasurementError, limit)
     if not data.strip():
         raise MeasurementError(f"{path}: the file is empty; write it again from its source")
     return data

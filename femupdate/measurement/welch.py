@@ -6,12 +6,7 @@ import numpy as np
 
 from femupdate.arrays import Complexes, Floats, Indices
 from femupdate.errors import MeasurementError
-
-MINIMUM_AVERAGES = 5.0  # effective number of segments that the default length must leave
-FEWEST_AVERAGES = 2.0  # below this the coherence has no meaning
-MINIMUM_SEGMENT = 16  # samples
-# Zero padding: bins four times as dense, so that the FRF is nearly straight between them.
-_PADDING = 4
+from femupdate.measurement.thresholds import SPECTRUM
 
 
 @dataclass(frozen=True)
@@ -81,7 +76,7 @@ class Spectra:
     base: Floats
     floors: Floats
     cross: Complexes
-    padding: int = _PADDING
+    padding: int = SPECTRUM.padding
 
 
 def effective_averages(length: int, count: int) -> float:
@@ -106,10 +101,10 @@ def choose_segments(
     if asked_s is not None:
         return _asked_segments(samples, time_step, asked_s, source)
     length = round(wanted_s / time_step)
-    if length > samples or _cut(samples, time_step, length, wanted_s).effective < MINIMUM_AVERAGES:
+    if length > samples or _cut(samples, time_step, length, wanted_s).effective < SPECTRUM.averages:
         # K half-overlapping segments fill (K + 1) / 2 lengths.
-        length = 2 * samples // (int(np.ceil(MINIMUM_AVERAGES)) + 2)
-    if length < MINIMUM_SEGMENT:
+        length = 2 * samples // (int(np.ceil(SPECTRUM.averages)) + 2)
+    if length < SPECTRUM.shortest:
         raise MeasurementError(
             f"{source}: {samples} samples are too short for a spectrum; give a longer record"
         )
@@ -129,7 +124,7 @@ def welch_spectra(base: Floats, floors: Floats, time_step: float, segments: Segm
         "window": "hann",
         "nperseg": length,
         "noverlap": overlap,
-        "nfft": _PADDING * length,
+        "nfft": SPECTRUM.padding * length,
         "detrend": "constant",
     }
     frequency_hz, base_density = welch(base, **options)
@@ -146,8 +141,9 @@ def segment_spectra(
     length, starts = segments.length, segments.starts
     cut = np.stack([base[start : start + length] for start in starts])
     window = window_of(length)
-    spectra = np.fft.rfft(window * (cut - cut.mean(axis=1, keepdims=True)), _PADDING * length)
-    bins = np.asarray(np.fft.rfftfreq(_PADDING * length, time_step), dtype=np.float64)
+    padded = SPECTRUM.padding * length
+    spectra = np.fft.rfft(window * (cut - cut.mean(axis=1, keepdims=True)), padded)
+    bins = np.asarray(np.fft.rfftfreq(padded, time_step), dtype=np.float64)
     return np.asarray(spectra), bins, np.asarray(starts * time_step, dtype=np.float64)
 
 
@@ -160,14 +156,14 @@ def _cut(samples: int, time_step: float, length: int, wanted_s: float) -> Segmen
 
 def _asked_segments(samples: int, time_step: float, asked_s: float, source: str) -> Segments:
     length = round(asked_s / time_step) if np.isfinite(asked_s) else 0
-    if MINIMUM_SEGMENT <= length <= samples:
+    if SPECTRUM.shortest <= length <= samples:
         cut = _cut(samples, time_step, length, asked_s)
-        if cut.effective >= FEWEST_AVERAGES:
+        if cut.effective >= SPECTRUM.fewest_averages:
             return cut
     # Three half-overlapping segments fill two lengths.
     raise MeasurementError(
         f"{source}: segments of {asked_s:g} s do not suit a record of"
-        f" {samples * time_step:.4g} s; take {MINIMUM_SEGMENT * time_step:.3g} to"
+        f" {samples * time_step:.4g} s; take {SPECTRUM.shortest * time_step:.3g} to"
         f" {samples // 2 * time_step:.4g} s"
     )
 

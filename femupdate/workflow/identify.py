@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.measurement.ambient import ORDER, AmbientModes, identify_modes
+from femupdate.measurement.ambient import AmbientModes, identify_modes
 from femupdate.measurement.channel import RecordedChannel
 from femupdate.measurement.columns import BASE, Channel
 from femupdate.measurement.mode_checks import mode_findings
@@ -16,6 +16,7 @@ from femupdate.measurement.observation_file import motions_in
 from femupdate.measurement.quantity import si_factor
 from femupdate.measurement.registry import read_measured
 from femupdate.measurement.text import TextFile
+from femupdate.measurement.thresholds import AMBIENT
 from femupdate.measurement.write import write_modes
 from femupdate.tables import table
 from femupdate.workflow.thresholds import UNITS
@@ -78,7 +79,7 @@ def identify(
     *,
     columns: Mapping[str, str] | None = None,
     band_hz: tuple[float, float] | None = None,
-    order: int = ORDER,
+    order: int = AMBIENT.order,
 ) -> Identified:
     """Identify the modes of a record of floors and write them as a table.
 

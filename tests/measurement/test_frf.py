@@ -9,13 +9,13 @@ from scipy import signal
 from femupdate.errors import MeasurementError
 from femupdate.measurement.columns import Channel, parse_channel
 from femupdate.measurement.frf import (
-    NOISE_FLOOR,
     estimate_frf,
     observation_for,
     observation_from_table,
 )
 from femupdate.measurement.observation import Observation, select_floors
 from femupdate.measurement.observation_file import FrfTable, Histories, read_observation_file
+from femupdate.measurement.thresholds import SPECTRUM
 from femupdate.measurement.welch import effective_averages
 
 RATE = 200.0
@@ -72,7 +72,7 @@ def test_stated_noise_covers_the_error(sensor_noise):
     ratios, usable = [], []
     for seed in range(12):
         observation = estimate_frf(two_floors(seed, sensor_noise), GRID)
-        above_floor = observation.noise_sd > 1.5 * NOISE_FLOOR
+        above_floor = observation.noise_sd > 1.5 * SPECTRUM.least_noise
         error = (observation.log_frf - truth) / observation.noise_sd
         ratios.append(error[observation.valid & above_floor & BAND])
         usable.append(observation.valid[audible].mean())
@@ -125,7 +125,7 @@ def test_perfect_coherence_does_not_give_zero_noise():
     base = noise(80, 1)
     observation = estimate_frf(histories(base=base, RF=2.5 * base), GRID)
     np.testing.assert_allclose(observation.log_frf[0], np.log(2.5), atol=1e-9)
-    np.testing.assert_array_equal(observation.noise_sd[0], NOISE_FLOOR)
+    np.testing.assert_array_equal(observation.noise_sd[0], SPECTRUM.least_noise)
     np.testing.assert_allclose(observation.coherence[0], 1, atol=1e-12)
 
 

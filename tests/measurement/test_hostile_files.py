@@ -73,7 +73,7 @@ def test_data_of_no_type_in_a_matlab_file(tmp_path):
 
 
 def test_packed_matlab_arrays_that_fill_the_memory(tmp_path, monkeypatch):
-    monkeypatch.setattr("femupdate.measurement.readers.mat.LARGEST_BYTES", 1_000_000)
+    monkeypatch.setattr("femupdate.measurement.readers.mat._LARGEST_BYTES", 1_000_000)
     path = tmp_path / "a.mat"
     savemat(path, {"base": np.zeros(1_000_000)}, do_compression=True)
     assert path.stat().st_size < 10_000

@@ -11,11 +11,9 @@ from femupdate.measurement.channel import RecordedChannel
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.text import TextFile, read_head
+from femupdate.measurement.thresholds import FILES
 
 # A station archive holds some tens of files of a few MB; text shrinks five to ten times.
-_MOST_MEMBERS = 2000
-_LARGEST_BYTES = 500_000_000
-_LARGEST_RATIO = 200.0
 _NOT_LOOKED_INTO = ("archive", "unsupported")
 
 
@@ -60,7 +58,11 @@ def _members(file: TextFile, archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
             )
     size = sum(member.file_size for member in members)
     packed = max(sum(member.compress_size for member in members), 1)
-    if len(members) > _MOST_MEMBERS or size > _LARGEST_BYTES or size / packed > _LARGEST_RATIO:
+    if (
+        len(members) > FILES.members
+        or size > FILES.archive_mb * 1_000_000
+        or size / packed > FILES.packed
+    ):
         raise file.error(
             f"the archive holds {len(members)} files of {size / 1e6:.0f} MB, {size / packed:.0f}"
             " times its own size: no archive of records; unpack it yourself and give the record"

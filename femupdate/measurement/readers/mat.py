@@ -7,12 +7,14 @@ import numpy as np
 
 from femupdate.errors import MeasurementError
 from femupdate.files import read_file
-from femupdate.measurement.array_file import LARGEST_BYTES, table_of_arrays
+from femupdate.measurement.array_file import table_of_arrays
 from femupdate.measurement.mat_elements import require_whole
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.text import TextFile
+from femupdate.measurement.thresholds import FILES
 
+_LARGEST_BYTES = FILES.arrays_mb * 1_000_000
 _ITEM_BYTES = 16  # of a complex number, the largest
 
 
@@ -43,7 +45,7 @@ def _read(path: Path) -> Recording:
 def _version_5(path: Path) -> dict[str, Any]:
     from scipy.io import loadmat, whosmat
 
-    require_whole(read_file(path, LARGEST_BYTES, MeasurementError), LARGEST_BYTES)
+    require_whole(read_file(path, _LARGEST_BYTES, MeasurementError), _LARGEST_BYTES)
     _require_moderate(path, [shape for _, shape, _ in whosmat(path)])
     found: dict[str, Any] = {}
     for name, value in loadmat(path, squeeze_me=True, struct_as_record=False).items():
@@ -79,7 +81,7 @@ def _version_7_3(path: Path) -> dict[str, Any]:
 
 def _require_moderate(path: Path, shapes: list[tuple[int, ...]]) -> None:
     size = sum(int(np.prod(shape, dtype=object)) * _ITEM_BYTES for shape in shapes)
-    if size > LARGEST_BYTES:
+    if size > _LARGEST_BYTES:
         raise MeasurementError(
             f"{path}: the file holds {size / 1e9:.3g} GB of numbers; save the channels alone"
         )

@@ -3,10 +3,11 @@
 from pathlib import Path
 
 from femupdate.array_archive import ArchiveError, read_arrays
-from femupdate.measurement.array_file import LARGEST_BYTES, table_of_arrays
+from femupdate.measurement.array_file import table_of_arrays
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.text import TextFile
+from femupdate.measurement.thresholds import FILES
 
 
 def _recognises(head: str, suffix: str) -> bool:
@@ -22,7 +23,7 @@ def _read(path: Path) -> Recording:
     """
     file = TextFile(path, row_name="row")
     try:
-        return table_of_arrays(file, read_arrays(path, LARGEST_BYTES))
+        return table_of_arrays(file, read_arrays(path, FILES.arrays_mb * 1_000_000))
     except ArchiveError as error:
         raise file.error(f"{error}; save the channels alone with numpy.savez") from None
 

@@ -13,6 +13,7 @@ from femupdate.measurement.gse import gse_samples
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.text import TextFile
+from femupdate.measurement.thresholds import TIMES
 
 # Second letter of a channel's code in the SEED convention: what the instrument feels.
 _QUANTITIES = {"N": "acceleration", "G": "acceleration", "H": "velocity", "L": "velocity"}
@@ -31,7 +32,6 @@ _HEADS = (
 _SAC_VERSION, _SAC_AT, _SAC_HEADER = ("\x06\0\0\0", "\0\0\0\x06"), slice(304, 308), 632
 _HEAD = 5000  # bytes
 _ALTUS = "KINEMETRICS_EVT"  # accelerographs, whose files say volts per count and per g
-_MISALIGNED = 0.1  # of a sample
 
 
 def _format(head: str, suffix: str) -> str | None:
@@ -124,7 +124,7 @@ def _together(file: TextFile, traces: list[Any]) -> tuple[list[Any], tuple[str, 
     if any(trace.stats.npts != own.stats.npts for trace, own in zip(cut, traces, strict=True)):
         notes.append(f"Cut to the time that all traces have: {start} to {end}.")
     late = [abs(one.stats.starttime - cut[0].stats.starttime) / one.stats.delta for one in cut]
-    if max(late) > _MISALIGNED:
+    if max(late) > TIMES.apart:
         notes.append(
             f"Traces begin up to {max(late):.2g} of a sample apart; resample them to one clock."
         )

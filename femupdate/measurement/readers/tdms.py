@@ -13,9 +13,9 @@ from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.sampling import uniform_step
 from femupdate.measurement.text import TextFile
+from femupdate.measurement.thresholds import TIMES
 
 _STEP = "wf_increment"
-_LEAST = 3  # times, from which a step is told
 _UNITS = ("unit_string", "NI_UnitDescription", "Unit", "unit")
 _NO_UNIT = ("", "-", "None")
 
@@ -73,7 +73,7 @@ def _timed(file: TextFile, numbers: list[tuple[str, Any]]) -> list[tuple[str, An
     steps = {
         name: uniform_step(file, np.asarray(one[:], float), np.arange(len(one)) + 1, one.name)
         for name, one in numbers
-        if TIME_NAME.match(one.name) and len(one) >= _LEAST
+        if TIME_NAME.match(one.name) and len(one) >= TIMES.fewest
     }
     found = []
     for name, one in numbers:

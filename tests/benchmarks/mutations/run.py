@@ -26,7 +26,10 @@ TESTS = {
     "femupdate.measurement.pooled": ("tests/measurement/test_pooled.py",),
     "femupdate.inference.diagnostics": ("tests/inference/test_diagnostics.py",),
     "femupdate.inference.importance": ("tests/inference/test_importance.py",),
-    "femupdate.discrepancy.evidence": ("tests/discrepancy/test_evidence.py",),
+    "femupdate.discrepancy.evidence": (
+        "tests/discrepancy/test_evidence_terms.py",
+        "tests/discrepancy/test_evidence.py",
+    ),
 }
 
 
