@@ -9,6 +9,9 @@ from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 
+from femupdate.atomic import write_bytes, write_failure
+from femupdate.errors import StudyError
+
 from .result import json_content
 
 T = TypeVar("T")
@@ -43,17 +46,27 @@ class ResumableLog:
         return None if line is None else restored(kind, json.loads(line)["content"])
 
     def add(self, key: str, part: Any) -> None:
-        """Write one part at once; it takes the place of one with the same key."""
+        """Write one part at once; it takes the place of one with the same key.
+
+        Raises:
+            StudyError: the file cannot be written; the parts before are kept.
+        """
         # Python's JSON keeps NaN and infinities, which parts may hold.
         content = {"key": key, "content": asdict(part)}
         self._lines[key] = json.dumps(content, default=lambda array: array.tolist())
-        if not self._open:
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            self._path.write_text(f"{self._header}\n", encoding="utf-8")
-        with open(self._path, "a", encoding="utf-8") as file:
-            for line in [self._lines[key]] if self._open else self._lines.values():
-                file.write(f"{line}\n")
+        if self._open:
+            self._append(self._lines[key])
+        else:  # all of them, as the last line may have been cut off
+            lines = (self._header, *self._lines.values())
+            write_bytes(self._path, "".join(f"{line}\n" for line in lines).encode())
         self._open = True
+
+    def _append(self, line: str) -> None:
+        try:
+            with open(self._path, "a", encoding="utf-8") as file:
+                file.write(f"{line}\n")
+        except OSError as error:
+            raise StudyError(write_failure(self._path, error)) from error
 
     def get_or_make(self, key: str, kind: type[T], make: Callable[[], T]) -> T:
         """Return a part, which is made and added where it is not there."""

@@ -17,6 +17,7 @@ from femupdate.surrogate.storage import load_surrogate
 
 SCRIPT = str(Path(sys.executable).with_name("femupdate"))
 _BUILDING = "shear_3dof"
+_TRAINED = "shear_4dof"  # whose surrogate is shipped
 _WEIGHTS_FILE = "surrogate.safetensors"
 _FRAME = "two_story_openings"
 
@@ -27,19 +28,21 @@ class Interruptible:
 
     Attributes:
         name: of the command.
-        words: its arguments but for --study.
-        result: file of the study that holds what it found.
+        words: its arguments but for the folder.
+        result: file of the folder that holds what it found.
         read: digest of that file, without times and paths.
+        option: that names the folder.
     """
 
     name: str
     words: tuple[str, ...]
     result: str
     read: Callable[[Path], str]
+    option: str = "--study"
 
     def call(self, study: Path) -> list[str]:
         """The whole command line."""
-        return [SCRIPT, *self.words, "--study", str(study)]
+        return [SCRIPT, *self.words, self.option, str(study)]
 
     def digest(self, study: Path) -> str:
         """What the command found."""
@@ -64,23 +67,34 @@ def _findings(path: Path) -> str:
     return sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
+def _trials(path: Path) -> str:
+    lines = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()[1:]]
+    for line in lines:
+        line["content"].pop("seconds")
+    lines.sort(key=lambda line: str(line["key"]))
+    return sha256(json.dumps(lines, sort_keys=True).encode()).hexdigest()
+
+
 def _bytes(path: Path) -> str:
     return sha256(path.read_bytes()).hexdigest()
 
 
 def interruptible(folder: Path) -> tuple[Interruptible, ...]:
     """The commands, with the files that they need made in a folder."""
-    plain, hidden = folder / "plain.csv", folder / "hidden.csv"
+    plain, hidden, known = (folder / f"{name}.csv" for name in ("plain", "hidden", "known"))
     common = ("--duration", "60", "--sampling", "50", "--band", "0.3,20", "--seed", "3")
     effect = ("--effect", "added_mass@3F=0.3")
     for path, more in ((plain, ()), (hidden, effect)):
         run([SCRIPT, "simulate", "-o", str(path), "--building", _BUILDING, *common, *more])
+    run([SCRIPT, "simulate", "-o", str(known), "--building", _TRAINED, *common])
     frame = folder / "frame.toml"
     text = re.sub(r'(?m)^size = "0.3 m"', 'size = "1 m"', building_text(_FRAME)[1])
     frame.write_text(text, encoding="utf-8")
     build = ("build-model", str(frame))
     quiet, building = ("--no-pictures",), ("--building", _BUILDING)
     sampled = ("--exact", "--particles", "2000")
+    shipped = ("calibrate", str(known), "--building", _TRAINED, "--particles", "1000", *quiet)
+    trials = ("--clean", "1", "--one", "2", "--two", "0", "--outside", "0")
     training = ("--samples", "5100", "--batch", "128", "--epochs", "2", "--fresh")
     return (
         Interruptible("train", ("train", *building, *training), _WEIGHTS_FILE, _weights),
@@ -89,6 +103,13 @@ def interruptible(folder: Path) -> tuple[Interruptible, ...]:
             ("train", *building, *training, "--dask", "local"),
             _WEIGHTS_FILE,
             _weights,
+        ),
+        Interruptible("calibrate", shipped, "posterior.nc", _posterior),
+        Interruptible(
+            "calibrate --exact from the surrogate",
+            (*shipped, "--exact"),
+            "posterior.nc",
+            _posterior,
         ),
         Interruptible(
             "calibrate --exact",
@@ -103,6 +124,13 @@ def interruptible(folder: Path) -> tuple[Interruptible, ...]:
             "repair", ("repair", str(hidden), *building, *quiet), "repair.json", _findings
         ),
         Interruptible("build-model", (*build, *quiet), "reduced_model.npz", _bytes),
+        Interruptible(
+            "benchmark hidden-effects",
+            ("benchmark", "hidden-effects", "--building", _TRAINED, *trials),
+            f"hidden_effects_{_TRAINED}.jsonl",
+            _trials,
+            "--output",
+        ),
     )
 
 

@@ -24,11 +24,13 @@ class InterruptionPlan:
         each: interruptions of each kind of each command.
         processes: commands at a time.
         commands: names of those to try; all where empty.
+        kinds: of interruptions; all that this machine can make where empty.
     """
 
     each: int
     processes: int
     commands: tuple[str, ...] = ()
+    kinds: tuple[str, ...] = ()
 
 
 def run_interruptions(job: Job, plan: InterruptionPlan) -> Report:
@@ -37,7 +39,8 @@ def run_interruptions(job: Job, plan: InterruptionPlan) -> Report:
     Raises:
         StudyError: a file cannot be written.
     """
-    kinds = KINDS if can_mount() else KINDS[:-1]
+    possible = KINDS if can_mount() else KINDS[:-1]
+    kinds = [one for one in possible if not plan.kinds or one in plan.kinds]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         commands = [
