@@ -45,6 +45,7 @@ def encoder_input(observation: Observation, floors: tuple[str, ...]) -> EncoderI
     points = observation.frequency_hz.size
     log_values = np.zeros((1, len(floors), points))
     mask = np.zeros((1, len(floors)))
+    filled = []
     for name, row in zip(used, rows, strict=True):
         column, own = floors.index(name), usable[row]
         mask[0, column] = 1.0
@@ -52,7 +53,9 @@ def encoder_input(observation: Observation, floors: tuple[str, ...]) -> EncoderI
         log_values[0, column] = np.interp(observation.frequency_hz, *known)
         share = own[first : last + 1].mean()
         if share < 1.0:
-            notes.append(f"Floor {name}: {1 - share:.1%} of the band is interpolated.")
+            filled.append(f"{name} {100.0 * (1.0 - share):.1f} %")
+    if filled:
+        notes.append(f"Interpolated parts of the band: {', '.join(filled)}.")
     band = np.array([[first, last]]) / (points - 1)
     if band[0, 0] > LATEST_START or band[0, 1] < EARLIEST_END:
         low, high = observation.frequency_hz[[first, last]]

@@ -326,8 +326,11 @@ def _gaps(floors: tuple[str, ...], valid: Flags, inside: Flags) -> tuple[str, ..
             f"{np.count_nonzero(~inside)} of {inside.size} frequencies lie outside what was"
             " measured."
         )
-    for floor, row in zip(floors, valid, strict=True):
-        weak = np.count_nonzero(inside & ~row)
-        if weak:
-            notes.append(f"{floor}: {weak} points left out for low coherence or base power.")
+    weak = [int(np.count_nonzero(inside & ~row)) for row in valid]
+    for count in dict.fromkeys(one for one in weak if one):
+        alike = [floor for floor, own in zip(floors, weak, strict=True) if own == count]
+        each = " each" if len(alike) > 1 else ""
+        notes.append(
+            f"{', '.join(alike)}: {count} points{each} left out for low coherence or base power."
+        )
     return tuple(notes)

@@ -150,6 +150,7 @@ def page_html(page: Page) -> str:
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.filters["data"] = lambda value: Markup(data_json(value))
+    environment.filters["prose"] = lambda text: Markup(prose_html(text))
     template = environment.from_string((assets / "page.html").read_text(encoding="utf-8"))
 
     def asset(name: str) -> Markup:
@@ -159,6 +160,14 @@ def page_html(page: Page) -> str:
     return template.render(
         page=page, sections=sections, asset=asset, plotly=Markup(_plotly()), scene=_has_scene(page)
     )
+
+
+def prose_html(text: str) -> str:
+    """A sentence, escaped, with what stands between backticks as code, and signs as in print."""
+    from markupsafe import escape
+
+    escaped = re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text)))
+    return re.sub(r"(\d)%", "\\1\u00a0%", escaped.replace(" +- ", " ± "))
 
 
 def write_page(page: Page, path: Path) -> Path:

@@ -54,7 +54,7 @@ def test_gaps_are_filled_by_straight_lines_and_told():
     found = encoder_input(observation(FLOORS, valid), FLOORS)
     lines = observation(FLOORS, everything(FLOORS)).log_frf
     np.testing.assert_allclose(found.log_frf[0], lines, rtol=1e-6)  # they were straight
-    assert found.notes == ("Floor 3F: 12.2% of the band is interpolated.",)
+    assert found.notes == ("Interpolated parts of the band: 3F 12.2 %.",)
 
 
 def test_a_bent_curve_is_interpolated_between_its_own_neighbours():

@@ -198,9 +198,12 @@ def test_unrelated_floor_and_powerless_base_are_flagged():
     assert related.valid[0].mean() < 0.005  # one in a hundred by chance, and not even around it
     assert related.valid[1][BAND].all()
     narrow = signal.sosfiltfilt(signal.butter(12, [2, 10], "band", fs=RATE, output="sos"), base)
-    silent = estimate_frf(histories(base=narrow, RF=signal.lfilter(*TWO[1], narrow)), GRID)
+    floor = signal.lfilter(*TWO[1], narrow)
+    silent = estimate_frf(histories(base=narrow, f2F=floor, RF=2.0 * floor), GRID)
     assert silent.valid[0][(GRID > 2.5) & (GRID < 9)].all()
     assert not silent.valid[0][GRID > 20].any()
+    left_out = f"2F, RF: {(~silent.valid[0]).sum()} points each left out"
+    assert sum(note.startswith(left_out) for note in silent.notes) == 1
     with pytest.raises(MeasurementError, match="no point of the frequency grid can be used"):
         estimate_frf(histories(base=base, RF=noise(100, 12)), GRID[100:110])
 

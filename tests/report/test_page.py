@@ -18,6 +18,7 @@ from femupdate.report.page import (
     Text,
     data_json,
     page_html,
+    prose_html,
     write_page,
 )
 from femupdate.report.page_charts import (
@@ -50,6 +51,11 @@ def test_text_from_files_is_escaped(nasty_page):
     assert "onerror=alert(1)>" not in own
     assert "<img" not in own
     assert own.count("<script") == own.count("</script>")
+
+
+def test_a_sentence_is_escaped_before_anything_in_it_is_marked_up():
+    told = prose_html("`a <b>` is 3% +- 0.5% off; 100 %")
+    assert told == "<code>a &lt;b&gt;</code> is 3\u00a0% ± 0.5\u00a0% off; 100 %"
 
 
 def test_a_page_needs_nothing_else(nasty_page):

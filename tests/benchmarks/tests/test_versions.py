@@ -2,7 +2,7 @@
 
 import tomllib
 
-from femupdate.benchmarks.versions.run import ROOT, lowest
+from femupdate.benchmarks.versions.run import ROOT, crash, lowest
 
 
 def test_lower_bounds_become_versions():
@@ -11,6 +11,18 @@ def test_lower_bounds_become_versions():
         "torch==2.6",
         "pyOMA_2==1.4",
     ]
+
+
+def test_a_crash_is_told_by_its_innermost_calls():
+    calls = [f'  File "{name}.py", line {n} in {name}\n' for n, name in enumerate("abcdefghij")]
+    dump = (
+        "Fatal Python error: Segmentation fault\n\nCurrent thread 0x7f (most recent call first):\n"
+    )
+    told = crash(f"..... [ 46%]\n{dump}{''.join(calls)}\nExtension modules: x (total: 1)\n")
+    assert told.startswith("Fatal Python error: Segmentation fault Current thread 0x7f")
+    assert 'File "a.py", line 0 in a' in told
+    assert "i.py" not in told
+    assert crash("a" * 400) == "a" * 300
 
 
 def test_every_dependency_has_a_lower_bound():

@@ -79,6 +79,14 @@ def lowest(requirements: Sequence[str]) -> list[str]:
     return [f"{one[1]}=={one[2]}" for one in found if one]
 
 
+def crash(output: str) -> str:
+    """Where the interpreter came down, from what pytest has written, or its last words."""
+    found = re.search(
+        r"Fatal Python error: .*\n\n(?:Current )?[Tt]hread .*\n(?:  File .*\n){1,8}", output
+    )
+    return " ".join((found[0] if found else output[-300:]).split())
+
+
 def _starts(python: str) -> bool:
     return subprocess.run([python, "-c", ""], capture_output=True, check=False).returncode == 0
 
@@ -103,13 +111,13 @@ def _tested(python: str, choice: str, tests: Sequence[str]) -> Environment:
             why = (installed.stderr.strip().splitlines() or ["pip failed"])[-1]
             return Environment(python=label, choice=choice, packages=packages, trouble=why)
         started = time.monotonic()
-        command = [inside, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--tb=line", *tests]
+        command = [inside, "-m", "pytest", "-p", "no:cacheprovider", "--tb=line", *tests]
         result = _run(command, copy)
         seconds = time.monotonic() - started
         counts = {kind: int(count) for count, kind in _COUNT.findall(result.stdout[-300:])}
         lines = result.stdout.splitlines()
         wrong = [line for line in lines if line.startswith(("FAILED", "ERROR"))]
-        ended = [] if result.returncode in (0, 1) else [result.stdout[-300:] + result.stderr[-300:]]
+        ended = [] if result.returncode in (0, 1) else [crash(result.stdout + result.stderr)]
         return Environment(
             python=label,
             choice=choice,
