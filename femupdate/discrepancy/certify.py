@@ -14,11 +14,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import torch
 from torch import Tensor
 
 from femupdate.discrepancy.fit import Fit, about, fit, log_posterior
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.thresholds import FIT
+from femupdate.inference.event_scatter import DEFAULT
 
 
 @dataclass(frozen=True)
@@ -68,10 +70,9 @@ def certify(
 
 
 def gain_elsewhere(elsewhere: Problem, before: Fit, after: Fit) -> float:
-    """Log density of other data by a fit with one effect more over that without it.
+    """Log density of another event's data by a fit with one effect more over that without it.
 
-    Stiffness and damping are fitted to them anew, as no two events have the same; the effect keeps
-    its parameters.
+    Each predicts that event by its own posterior and what events differ by.
 
     Args:
         elsewhere: the other data, for the structure of the fits.
@@ -80,8 +81,26 @@ def gain_elsewhere(elsewhere: Problem, before: Fit, after: Fit) -> float:
     alike = elsewhere.same_tables(after.problem)
     own = about(replace(elsewhere, rows_kept=after.problem.rows_kept if alike else None), before)
     row = before.problem.row if alike else own.error.start
-    without = fit(own.at_row(row), before.placed, before.z, FIT.steps, before.system)
-    return _Half(own, without, alike).gain(after, after.z[len(after.z) - _count(after) :])
+    without = as_event(own.at_row(row), before)
+    with_it = as_event(own.at_row((after if alike else without).problem.row), after)
+    return _log_predictive(own, with_it) - _log_predictive(own, without)
+
+
+def as_event(elsewhere: Problem, fitted: Fit) -> Fit:
+    """Another event by a fit's model: its own posterior and the scatter of events are the prior."""
+    where, covariance = fitted.coordinates, fitted.within_limits()
+    covariance[: where.stories, : where.stories] += float(DEFAULT.stiffness) ** 2
+    if where.has_zeta:
+        covariance[where.stories, where.stories] += float(DEFAULT.damping) ** 2
+    prior = where.about(fitted.z, covariance)
+    return fit(elsewhere, fitted.placed, fitted.z, FIT.steps, fitted.system, prior)
+
+
+def _log_predictive(problem: Problem, event: Fit) -> float:
+    """Log density of the data by the prior of an event, in Laplace's approximation."""
+    gained = torch.linalg.slogdet(event.hessian()).logabsdet
+    known = torch.linalg.slogdet(event.coordinates.precision).logabsdet
+    return log_posterior(problem, event) - 0.5 * float(gained - known)
 
 
 def least_log_e_value(values: list[float], tried: int, false_share: float) -> float:
@@ -107,12 +126,10 @@ class _Half:
     Attributes:
         problem: the half.
         base: the model.
-        alike: whether what the model may err by is that of all data, or the base's.
     """
 
     problem: Problem
     base: Fit
-    alike: bool = True
 
     @staticmethod
     def of(problem: Problem, base: Fit, number: int) -> "_Half":
@@ -126,15 +143,14 @@ class _Half:
 
     def gain(self, one: Fit, values: Tensor) -> float:
         """Log density over that of the model without the last effect, which is held."""
-        start = one.z.clone()
-        start[len(start) - len(values) :] = values
-        with_it = self._fitted(one, start, values)
+        with_it = self._fitted(one, one.z, values)
         return log_posterior(self.problem, with_it) - log_posterior(self.problem, self.base)
 
     def _fitted(self, one: Fit, start: Tensor, held: Tensor | None = None) -> Fit:
-        """A fit to this half by the errors that are likeliest for all data, or are the base's."""
-        at = self.problem.at_row((one if self.alike else self.base).problem.row)
-        return fit(at, one.placed, start, FIT.first_steps, one.system, held)
+        """A fit to this half by the errors that are likeliest for all data."""
+        at = self.problem.at_row(one.problem.row)
+        where = one.coordinates if held is None else one.coordinates.holding(held)
+        return fit(at, one.placed, start, FIT.first_steps, one.system, where)
 
 
 def _count(one: Fit) -> int:

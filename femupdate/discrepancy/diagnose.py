@@ -206,6 +206,7 @@ def diagnose(
     findings = _weigh(problem, base, fits, scores, chosen)
     progress.advance(note="testing half of the data against the other")
     findings = _certified(problem, base, findings, len(scores), chosen)
+    findings = _everywhere_first(findings, chosen)
     verdict, twins = _verdict(problem, base, findings, chosen)
     best = findings[0].fitted if verdict in (NAMED, PARTLY) else base
     left = remains(problem, best)
@@ -489,6 +490,21 @@ def _certified(
     return tuple(replace(one, tested=tests.get(one.placed.label)) for one in findings)
 
 
+def _everywhere_first(
+    findings: tuple[Finding, ...], settings: DiagnosisSettings
+) -> tuple[Finding, ...]:
+    """The findings, led by the same effect in all places where the first is no clearly better."""
+    if not findings:
+        return findings
+    first = findings[0]
+    least = first.evidence.log_evidence - settings.margin(first.evidence.log_evidence)
+    for one in findings[1:]:
+        wider = one.placed.effect is first.placed.effect and one.placed.place == "all"
+        if wider and one.evidence.log_evidence > least and one.carried(settings):
+            return (one, *(other for other in findings if other is not one))
+    return findings
+
+
 def _others_than(first: Finding, others: Sequence[Finding]) -> list[Finding]:
     """Others than the same effect at one place, where it leads in all: that does not say where."""
     if first.placed.place != "all":
@@ -509,11 +525,14 @@ def _verdict(
         return nothing, ()
     least = first.evidence.log_evidence - settings.margin(first.evidence.log_evidence)
     near = [other for other in findings[1:] if other.evidence.log_evidence > least]
-    # What other data refuse is no rival, nor what they hold far less likely.
+    # What other data refuse is no rival, nor what they hold far less likely, nor the same thing
+    # with a parameter more.
     near = [
         other
         for other in _others_than(first, near)
-        if other.carried(settings) and not _far_behind(other, first, settings)
+        if other.carried(settings)
+        and not _far_behind(other, first, settings)
+        and not _contains(other, first)
     ]
     twins = tuple(other.placed.label for other in near)
     if not near:
@@ -522,6 +541,12 @@ def _verdict(
     tests = [first.score, *(other.score for other in near)]
     same = same_to_sensors(problem, base, tests, settings.alike)
     return (INDISTINGUISHABLE if same else AMBIGUOUS), twins
+
+
+def _contains(other: Finding, first: Finding) -> bool:
+    """Whether another effect is the first one with a parameter more."""
+    same_place = other.placed.place == first.placed.place
+    return same_place and first.placed.effect.name in other.placed.effect.contains
 
 
 def _far_behind(other: Finding, first: Finding, settings: DiagnosisSettings) -> bool:

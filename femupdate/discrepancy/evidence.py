@@ -58,7 +58,7 @@ def _of_limits(fitted: Fit) -> Tensor:
     """
     where = fitted.coordinates
     width = where.upper - where.lower
-    uniform = (where.precision == 0.0) & torch.isfinite(width) & (width > 0.0)
+    uniform = (where.precision.diagonal() == 0.0) & torch.isfinite(width) & (width > 0.0)
     return torch.diag(torch.where(uniform, 2.0 * torch.pi / width.square(), 0.0))
 
 
@@ -72,8 +72,9 @@ def log_prior(problem: Problem, fitted: Fit, z: Tensor) -> Tensor:
     if where.has_zeta:
         low, high = where.lower[count].exp(), where.upper[count].exp()
         value = value + z[:, count] - (high - low).log()
-    normal = where.precision > 0
-    root = where.precision[normal].sqrt()
+    precision = where.precision.diagonal()
+    normal = precision > 0
+    root = precision[normal].sqrt()
     scaled = (z[:, normal] - where.mean[normal]) * root
     low = (where.lower[normal] - where.mean[normal]) * root
     high = (where.upper[normal] - where.mean[normal]) * root
@@ -123,18 +124,6 @@ def log_target(problem: Problem, fitted: Fit) -> LogTarget:
 
 
 def student_about(fitted: Fit, widen: float, freedom: int) -> StudentMixture:
-    """A multivariate t about a model's most probable parameters, with their covariance widened.
-
-    What the data leave open spreads no further than within its limits.
-    """
-    where = fitted.coordinates
-    width = where.upper - where.lower
-    # A uniform density has the variance of its width squared over twelve.
-    limits = torch.where(torch.isfinite(width), 12.0 / width.clamp_min(EVIDENCE.ridge) ** 2, 0.0)
-    precision = fitted.hessian() + torch.diag(limits)
-    covariance = widen * torch.linalg.inv(precision)
-    ridge = (
-        EVIDENCE.ridge * covariance.diagonal().mean() * torch.eye(len(covariance)).to(covariance)
-    )
-    root = torch.linalg.cholesky(0.5 * (covariance + covariance.T) + ridge)
+    """A multivariate t about a model's most probable parameters, with their covariance widened."""
+    root = torch.linalg.cholesky(widen * fitted.within_limits())
     return StudentMixture(GaussianMixture(root.new_zeros(1), fitted.z[None], root[None]), freedom)

@@ -17,7 +17,7 @@ from torch import Tensor
 from femupdate.arrays import Floats
 from femupdate.discrepancy.joint_error import Row, summed
 from femupdate.discrepancy.problem import Problem
-from femupdate.discrepancy.thresholds import FIT
+from femupdate.discrepancy.thresholds import EVIDENCE, FIT
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed
 from femupdate.linear import least_squares
@@ -30,7 +30,8 @@ class Coordinates:
 
     Attributes:
         lower, upper: (d,) limits.
-        mean, precision: (d,) of the normal priors; precision 0 where the prior is uniform.
+        mean: (d,) of the normal priors.
+        precision: (d, d) of them, the inverse of their covariance; 0 where the prior is uniform.
         stories: number of stiffness factors, which come first.
         has_zeta: whether ln zeta follows them.
         scales, neutral: (q,) of the effects' parameters, which follow.
@@ -49,13 +50,18 @@ class Coordinates:
         """The same with the last unknowns held at values (h,)."""
         first = self.size - len(values)
         lower, upper, precision = self.lower.clone(), self.upper.clone(), self.precision.clone()
-        lower[first:], upper[first:], precision[first:] = values, values, 0.0
+        lower[first:], upper[first:] = values, values
+        precision[first:], precision[:, first:] = 0.0, 0.0
         return replace(self, lower=lower, upper=upper, precision=precision)
 
-    def held(self, z: Tensor) -> Tensor | None:
-        """Those of the unknowns z (d,) that are held; None where none is."""
-        kept = self.lower == self.upper
-        return z[kept] if kept.any() else None
+    def about(self, mean: Tensor, covariance: Tensor) -> "Coordinates":
+        """The same with a normal prior of that mean (d,) and covariance (d, d)."""
+        return replace(self, mean=mean, precision=torch.linalg.inv(covariance))
+
+    def distance(self, z: Tensor) -> Tensor:
+        """Squared distance of unknowns z (d,) from the normal priors' means, in their units."""
+        away = z - self.mean
+        return away @ self.precision @ away
 
     @property
     def size(self) -> int:
@@ -92,23 +98,16 @@ def coordinates(problem: Problem, placed: tuple[Placed, ...]) -> Coordinates:
     neutral = torch.tensor([p.neutral for p in parameters], dtype=torch.float64)
     low = torch.tensor([p.lower for p in parameters], dtype=torch.float64)
     high = torch.tensor([p.upper for p in parameters], dtype=torch.float64)
-    lower, upper = [problem.lower.log()], [problem.upper.log()]
-    mean, precision = [torch.zeros_like(problem.lower)], [torch.zeros_like(problem.lower)]
+    first, last = problem.lower.log(), problem.upper.log()
     if problem.zeta is not None:
         bounds = torch.tensor(problem.zeta, dtype=torch.float64).log()
-        lower.append(bounds[:1])
-        upper.append(bounds[1:])
-        mean.append(torch.zeros(1, dtype=torch.float64))
-        precision.append(torch.zeros(1, dtype=torch.float64))
-    lower.append((low - neutral) / scales)
-    upper.append((high - neutral) / scales)
-    mean.append(torch.zeros_like(scales))
-    precision.append(torch.ones_like(scales))
+        first, last = torch.cat([first, bounds[:1]]), torch.cat([last, bounds[1:]])
+    lower = torch.cat([first, (low - neutral) / scales])
     return Coordinates(
-        torch.cat(lower),
-        torch.cat(upper),
-        torch.cat(mean),
-        torch.cat(precision),
+        lower,
+        torch.cat([last, (high - neutral) / scales]),
+        torch.zeros_like(lower),
+        torch.diag(torch.cat([torch.zeros_like(first), torch.ones_like(scales)])),
         len(problem.lower),
         problem.zeta is not None,
         scales,
@@ -175,16 +174,29 @@ class Fit:
     @property
     def penalty(self) -> float:
         """Squared distance from the normal priors' means, in their standard deviations."""
-        c = self.coordinates
-        return float((c.precision * (self.z - c.mean) ** 2).sum())
+        return float(self.coordinates.distance(self.z))
 
     def hessian(self) -> Tensor:
         """(d, d) curvature of minus the log posterior, Gauss and Newton's."""
-        return self.jacobian.T @ self.jacobian + torch.diag(self.coordinates.precision)
+        return self.jacobian.T @ self.jacobian + self.coordinates.precision
 
     def covariance(self) -> Tensor:
         """(d, d) of the unknowns."""
         return torch.linalg.pinv(self.hessian(), hermitian=True)
+
+    def within_limits(self) -> Tensor:
+        """(d, d) covariance of the unknowns, where what the data leave open fills its limits.
+
+        A uniform density has the variance of its width squared over twelve.
+        """
+        width = self.coordinates.upper - self.coordinates.lower
+        limits = torch.where(
+            torch.isfinite(width), 12.0 / width.clamp_min(EVIDENCE.ridge) ** 2, 0.0
+        )
+        covariance = torch.linalg.inv(self.hessian() + torch.diag(limits))
+        ridge = EVIDENCE.ridge * covariance.diagonal().mean()
+        whole = torch.eye(len(covariance)).to(covariance)
+        return 0.5 * (covariance + covariance.T) + ridge * whole
 
     def theta(self) -> tuple[Floats, Floats]:
         """Stiffness factors and their standard deviations, (p,) each."""
@@ -224,7 +236,7 @@ def fit(
     start: Tensor,
     iterations: int = 15,
     system: System | None = None,
-    held: Tensor | None = None,
+    unknowns: Coordinates | None = None,
 ) -> Fit:
     """Fit a model with effects from a starting point z (d,).
 
@@ -234,12 +246,10 @@ def fit(
         start: the unknowns.
         iterations: steps, at most.
         system: the model, where it is at hand.
-        held: (h,) values that the last unknowns keep; by default all are fitted.
+        unknowns: with their priors; by default all that the effects and the problem have.
     """
     model = system or problem.system(placed)
-    where = coordinates(problem, placed)
-    if held is not None:
-        where = where.holding(held)
+    where = unknowns or coordinates(problem, placed)
     z = torch.minimum(torch.maximum(start.clone(), where.lower), where.upper)
     residual, jacobian = _linearise(problem, model, where, z)
     objective = _objective(where, z, residual)
@@ -290,10 +300,10 @@ def settle(problem: Problem, fitted: Fit, steps: int = FIT.steps) -> Fit:
         row = likeliest_row(problem, fitted)
         if fitted.problem.row == row and fitted.problem.same_errors(problem):
             break
-        held = fitted.coordinates.held(fitted.z)
         same = fitted.problem.reduced is problem.reduced
         model = fitted.system if same else None
-        fitted = fit(problem.at_row(row), fitted.placed, fitted.z, steps, model, held)
+        own = fitted.coordinates
+        fitted = fit(problem.at_row(row), fitted.placed, fitted.z, steps, model, own)
     return fitted
 
 
@@ -324,7 +334,7 @@ def densities(problem: Problem, fitted: Fit) -> tuple[Tensor, ...]:
 
 
 def _objective(where: Coordinates, z: Tensor, residual: Tensor) -> float:
-    return float(residual @ residual + (where.precision * (z - where.mean) ** 2).sum())
+    return float(residual @ residual + where.distance(z))
 
 
 def _linearise(
@@ -341,10 +351,10 @@ def _step(
     where: Coordinates, z: Tensor, residual: Tensor, jacobian: Tensor, damping: float
 ) -> Tensor:
     """Damped Gauss-Newton step that leaves alone what is held at its limit."""
-    gradient = jacobian.T @ residual - where.precision * (z - where.mean)
+    gradient = jacobian.T @ residual - where.precision @ (z - where.mean)
     held = ((z <= where.lower) & (gradient < 0)) | ((z >= where.upper) & (gradient > 0))
     free = (~held).nonzero()[:, 0]
-    normal = jacobian.T @ jacobian + torch.diag(where.precision)
+    normal = jacobian.T @ jacobian + where.precision
     normal = normal[free][:, free]
     ridge = damping * torch.diag(normal.diagonal().clamp_min(1e-6))
     step = torch.zeros_like(z)

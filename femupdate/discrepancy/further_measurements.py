@@ -120,7 +120,7 @@ def _expected(
     steps = torch.where(other.z + step <= where.upper, step, -step)
     changes = moved(here, predicted(other, other.z + torch.diag(steps)))
     columns = [change / steps[:, None] for change in changes]
-    prior = torch.diag(where.precision.sqrt())
+    prior = torch.diag(where.precision.diagonal().sqrt())
     has_all = next(iter(options.values()))
     shape = (-1, *has_all.shape, changes[0].shape[1] // has_all.size)
     found = []

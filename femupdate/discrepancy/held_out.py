@@ -5,14 +5,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.discrepancy.certify import gain_elsewhere
+from femupdate.discrepancy.certify import as_event, gain_elsewhere
 from femupdate.discrepancy.data import Data
 from femupdate.discrepancy.finder_model import FinderModel, problem_of, with_rest_about
-from femupdate.discrepancy.fit import Fit
+from femupdate.discrepancy.fit import Fit, about, settle
 from femupdate.discrepancy.frf_data import FrfData
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.repair import Repair
-from femupdate.discrepancy.thresholds import VERDICT
 from femupdate.dynamics.transformed import transformed_sensors
 from femupdate.errors import MeasurementError
 from femupdate.measurement.columns import BASE
@@ -28,6 +27,8 @@ class Held:
         compared: what of it, beside histories.
         error_before, error_after: rms of the predicted less the measured floor accelerations over
             the rms of the measured; NaN without histories of base motion.
+        own_before, own_after: the same with stiffness and damping of the event itself, as no two
+            have the same.
         chi2_before, chi2_after: mean squared whitened residual of what is compared.
         floors: names; time, measured, before, after: histories for the picture, or None.
     """
@@ -36,6 +37,8 @@ class Held:
     compared: str
     error_before: float
     error_after: float
+    own_before: float
+    own_after: float
     chi2_before: float
     chi2_after: float
     floors: tuple[str, ...]
@@ -48,8 +51,11 @@ class Held:
         """How both models predict the data."""
         histories = ""
         if self.time is not None:
-            errors = f"{self.error_before:.3f} -> {self.error_after:.3f}"
-            histories = f"error of the histories {errors}, "
+            histories = (
+                f"error of the histories {self.error_before:.3f} -> {self.error_after:.3f} "
+                f"({self.own_before:.3f} -> {self.own_after:.3f} with its own stiffness and "
+                "damping), "
+            )
         return (
             f"{self.name}, kept out: {histories}of {self.compared} (chi2 a point) "
             f"{self.chi2_before:.1f} -> {self.chi2_after:.1f}"
@@ -78,13 +84,18 @@ class KeptOut:
     histories: Histories | None
     direction: str
 
-    def better(self, problem: Problem, before: Fit, after: Fit) -> bool:
-        """Whether they are clearly likelier by the second of two fits."""
-        return gain_elsewhere(self._seen_by(problem, before), before, after) > VERDICT.clearly
+    def gain(self, problem: Problem, before: Fit, after: Fit) -> float:
+        """Their log density by the second of two fits over that by the first."""
+        return gain_elsewhere(self._seen_by(problem, before), before, after)
 
     def chi2(self, problem: Problem, fitted: Fit) -> float:
         """Mean squared whitened residual at the parameters of a fit."""
         return _mean_square(self._seen_by(problem, fitted), fitted)
+
+    def fitted(self, problem: Problem, fitted: Fit) -> Fit:
+        """The model as of the event that the data show."""
+        own = about(self._seen_by(problem, fitted), fitted)
+        return settle(own, as_event(own.at_row(own.error.start), fitted))
 
     def _seen_by(self, problem: Problem, fitted: Fit) -> Problem:
         """The data as a problem of the structure of a fit, at their level of motion."""
@@ -113,6 +124,8 @@ def hold(kept: KeptOut, problem: Problem, done: Repair) -> Held:
         compared="frequencies, damping ratios and shapes" if modes else "ln|H|",
         error_before=np.nan,
         error_after=np.nan,
+        own_before=np.nan,
+        own_after=np.nan,
         chi2_before=kept.chi2(problem, done.before),
         chi2_after=kept.chi2(problem, done.after),
         floors=kept.floors,
@@ -122,20 +135,21 @@ def hold(kept: KeptOut, problem: Problem, done: Repair) -> Held:
         return held
     base, seen = _channels(data, kept.floors, kept.direction)
     rows = [problem.reduced.model.floors.index(floor) for floor in kept.floors]
-    before, after = (
-        _predicted(fitted, base, data.time_step, kept.level)[rows]
-        for fitted in (done.before, done.after)
-    )
+    fits = [done.before, done.after]
+    fits += [kept.fitted(problem, one) for one in fits]
+    told = [_predicted(one, base, data.time_step, kept.level)[rows] for one in fits]
     size = np.sqrt((seen**2).mean())
-    errors = [float(np.sqrt(((one - seen) ** 2).mean()) / size) for one in (before, after)]
+    errors = [float(np.sqrt(((one - seen) ** 2).mean()) / size) for one in told]
     return replace(
         held,
         error_before=errors[0],
         error_after=errors[1],
+        own_before=errors[2],
+        own_after=errors[3],
         time=data.time_step * np.arange(seen.shape[1], dtype=np.float64),
         measured=seen,
-        before=before,
-        after=after,
+        before=told[0],
+        after=told[1],
     )
 
 

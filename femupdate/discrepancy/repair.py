@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from femupdate.discrepancy.diagnose import NAMED, PARTLY, Diagnosis, Finding, diagnose
 from femupdate.discrepancy.finder_model import FinderModel
 from femupdate.discrepancy.fit import Fit
@@ -12,6 +14,8 @@ from femupdate.discrepancy.residual_map import p_value
 from femupdate.discrepancy.search import refined
 from femupdate.discrepancy.thresholds import VERDICT, DiagnosisSettings
 from femupdate.progress import SILENT, Progress
+
+Elsewhere = Callable[[Problem, Fit, Fit], float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +70,7 @@ def repair(
     progress: Progress = SILENT,
     renewed: Callable[[Problem, Fit], tuple[Problem, Fit]] | None = None,
     found: Diagnosis | None = None,
-    better: Callable[[Problem, Fit, Fit], bool] | None = None,
+    elsewhere: Elsewhere | None = None,
 ) -> Repair:
     """Diagnose and add, at most four times, while an effect is certain and something is left.
 
@@ -81,8 +85,8 @@ def repair(
         renewed: makes the problem and the fit anew where an exchange of channels was added, which
             moves theta far; by default they stay.
         found: of the model as it is, where it was diagnosed already.
-        better: whether data kept out are predicted better by the second of two fits; by default the
-            halves of the data decide alone, by which names are certified.
+        elsewhere: log density of data kept out by the second of two fits over that by the first; by
+            default the halves of the data decide alone, by which names are certified.
     """
     rounds: list[Round] = []
     refused: dict[str, Finding] = {}
@@ -92,7 +96,7 @@ def repair(
         enough = p_value(now, current) > VERDICT.repaired or len(rounds) == VERDICT.most_rounds
         if found.verdict not in (NAMED, PARTLY) or (rounds and enough):
             break
-        leading, worse = _chosen(now, found, settings or DiagnosisSettings(), better)
+        leading, worse = _chosen(now, found, settings or DiagnosisSettings(), elsewhere)
         refused |= {one.placed.label: one for one in worse}
         if leading is None:
             break
@@ -110,23 +114,28 @@ def _chosen(
     problem: Problem,
     found: Diagnosis,
     settings: DiagnosisSettings,
-    better: Callable[[Problem, Fit, Fit], bool] | None,
+    elsewhere: Elsewhere | None,
 ) -> tuple[Finding | None, tuple[Finding, ...]]:
     """What is added, and what leads but predicts data kept out worse.
 
-    Such data certify by themselves: where they refuse what leads, the next that the evidence
-    carries may take its place.
+    Such data certify by themselves: where they refuse what leads, the next that they certify may
+    take its place, though the data alone would carry no name.
     """
-    if better is None:
+    if elsewhere is None:
         return found.leading, ()
     refused: list[Finding] = []
     for one in found.findings:
-        untested = one.tested is None and problem.divisible
-        if untested or not one.carried(settings) or not one.matters(settings):
+        denied = one.tested is not None and not one.tested.certified
+        value = one.evidence.log_evidence
+        if denied or value < VERDICT.positive or not one.matters(settings):
             continue
-        if better(problem, found.base, one.fitted):
+        gain = elsewhere(problem, found.base, one.fitted)
+        certain = value >= settings.over_none and (one.tested is not None or not problem.divisible)
+        least = 0.0 if certain else float(np.log(len(found.scores) / settings.false_share))
+        if gain > least and value + gain >= settings.over_none:
             return one, tuple(refused)
-        refused.append(one)
+        if value >= settings.over_none:
+            refused.append(one)
     return None, tuple(refused)
 
 
@@ -156,7 +165,7 @@ def mend(
     found: Diagnosis,
     settings: DiagnosisSettings,
     show: Progress,
-    better: Callable[[Problem, Fit, Fit], bool] | None = None,
+    elsewhere: Elsewhere | None = None,
 ) -> tuple[Problem, Repair]:
     """What was added, and the problem on a basis about the last fit.
 
@@ -167,13 +176,13 @@ def mend(
         found: of the model as it is.
         settings: of the diagnosis.
         show: told about the steps.
-        better: see `repair`.
+        elsewhere: see `repair`.
     """
 
     def renewed(now: Problem, fitted: Fit) -> tuple[Problem, Fit]:
         return refined(model, now, fitted, show)
 
-    done = repair(problem, base, settings, show, renewed, found, better)
+    done = repair(problem, base, settings, show, renewed, found, elsewhere)
     if not done.rounds or done.rounds[-1].finding.placed.exchange:
         return done.problem, done
     mended, last = refined(model, done.problem, done.after, show, alone=True)

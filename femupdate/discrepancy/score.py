@@ -5,13 +5,14 @@ of it is taken out by projection; what is left is compared with the residuals (R
 """
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from torch import Tensor
 
 from femupdate.discrepancy.fit import Fit, coordinates, extended
 from femupdate.discrepancy.problem import Problem
-from femupdate.discrepancy.thresholds import FIT, FOLLOW
+from femupdate.discrepancy.thresholds import FOLLOW
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.linear import least_squares
@@ -83,17 +84,17 @@ def score(problem: Problem, base: Fit, placed: Placed) -> Score:
 
 
 def starts(problem: Problem, placed: Placed) -> list[tuple[float, ...]]:
-    """Effect parameters to test at: half a prior standard deviation, tunings near every mode."""
+    """Effect parameters to test at: those from which the size is looked for, tunings near every
+    mode, what else there is at its neutral value.
+    """
     own = placed.effect.parameters
     if not own:
         return [()]
     size = own[0]
     sign = -1.0 if size.upper <= size.neutral else 1.0
-    first = size.neutral + sign * FIT.score_step * size.scale
-    if len(own) == 1 or placed.effect.needs_levels:
-        return [(first, *(p.neutral for p in own[1:]))]
-    tunings = _tunings(problem)
-    return [(first, tuning, *(p.neutral for p in own[2:])) for tuning in tunings]
+    values = [[size.neutral + sign * trial * size.scale for trial in size.trials]]
+    values += [_tunings(problem) if other.tuning else [other.neutral] for other in own[1:]]
+    return list(product(*values))
 
 
 def _tunings(problem: Problem) -> list[float]:

@@ -75,6 +75,12 @@ class VerdictThresholds:
     clearly: float = entry(
         6.0, "log density", "of the data by which a fit must exceed another to take its place"
     )
+    positive: float = entry(
+        1.0,
+        "log evidence",
+        "of the data themselves that an effect needs which data kept out certify",
+        "Kass and Raftery (1995)",
+    )
     obvious: float = entry(
         0.5, "share", "of the coarse sum of squares that a mended channel must stay below"
     )
@@ -115,9 +121,6 @@ class FitThresholds:
         0.1, "ln", "of theta at which bases are made", "a basis serves .2 to both sides"
     )
     zeta_spacing: float = entry(0.3, "ln", "of the damping ratio at which bases are made")
-    score_step: float = entry(
-        0.5, "prior sd", "step of a score test: some effects are even in their size"
-    )
 
 
 @dataclass(frozen=True, kw_only=True)

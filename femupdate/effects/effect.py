@@ -29,6 +29,10 @@ class Parameter:
         neutral: value without the effect (or in the middle of what is likely, for a tuning).
         lower, upper: physical limits; a limit at the neutral value makes the effect one-sided.
         text: what it is.
+        tuning: a frequency as a multiple of the first natural one, which may lie anywhere in the
+            band.
+        trials: standard deviations from the neutral value at which a search looks for it; more than
+            one where what it does is far from linear.
     """
 
     name: str
@@ -38,6 +42,8 @@ class Parameter:
     lower: float = -float("inf")
     upper: float = float("inf")
     text: str = ""
+    tuning: bool = False
+    trials: tuple[float, ...] = (0.5,)
 
     def shown(self, value: float) -> str:
         """A value with its unit as it is read: shares in per cent, times in milliseconds."""
@@ -189,6 +195,8 @@ class Effect(ABC):
         title: a few words for figures.
         sentence: what it is and does, for an engineer.
         confused_with: names of effects that look alike.
+        contains: names of effects that are this one at some value of its parameters. Where one of
+            them does as well, that one is meant.
         settled_by: a look or a measurement that tells whether it is there, without any model.
         parameters: the size first; without any the effect is there (size 1) or not.
         instrument: it lies in the measurement, not in the structure.
@@ -203,6 +211,7 @@ class Effect(ABC):
     title: ClassVar[str]
     sentence: ClassVar[str]
     confused_with: ClassVar[tuple[str, ...]] = ()
+    contains: ClassVar[tuple[str, ...]] = ()
     settled_by: ClassVar[str]
     parameters: ClassVar[tuple[Parameter, ...]]
     instrument: ClassVar[bool] = False

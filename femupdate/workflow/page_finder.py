@@ -39,10 +39,9 @@ def finder_section(page: PageStudy) -> Section:
 
 def _diagnosis(found: dict[str, Any]) -> list[Block]:
     lead = f"Verdict: {found['verdict']}. {found['sentence']}"
-    value = p_text(float(found["p_value"]))
     residual = (
         f"The residuals of the model as it was add up to {found['chi2']:.0f} over "
-        f"{found['independent_points']:.0f} independent points (p-value {value})."
+        f"{found['independent_points']:.0f} independent points{p_text(found['p_value'])}."
     )
     blocks: list[Block] = [Text((lead, residual))]
     effects = found["effects"][:_SHOWN]
@@ -154,14 +153,19 @@ def _repair(page: PageStudy, done: dict[str, Any]) -> list[Block]:
     text = (
         f"Added to the model: {names}. Residuals fell from {done['chi2_before']:.0f} to "
         f"{done['chi2_after']:.0f} over {done['independent_points']:.0f} independent points.",
-        f"What remains: {left} (p-value {p_text(after)}). {done['sentence']}",
+        f"What remains: {left}{p_text(after)}. {done['sentence']}",
     )
     return [Text(text), *_held(done), _before_after(page, done)]
 
 
 def p_text(value: float) -> str:
-    """A p-value: two decimals, or an exponent where it is small."""
-    return f"{value:.2f}" if value >= 0.01 else f"{value:.1g}"
+    """A p-value in brackets: two decimals, or an exponent where it is small.
+
+    Nothing where it is 1: the noise that is allowed for is then larger than that of the data.
+    """
+    if value >= 0.995:
+        return ""
+    return f" (p-value {value:.2f})" if value >= 0.01 else f" (p-value {value:.1g})"
 
 
 def _held(done: dict[str, Any]) -> list[Block]:
@@ -169,11 +173,14 @@ def _held(done: dict[str, Any]) -> list[Block]:
     before, after = done["holdout_error_before"], done["holdout_error_after"]
     if before is None or after is None:
         return []
-    sentence = (
-        f"On a measurement that was kept out, the error of the histories fell from "
-        f"{100 * before:.0f} % to {100 * after:.0f} %."
+    own = [done[f"holdout_own_error_{when}"] for when in ("before", "after")]
+    sentences = (
+        "On a measurement that was kept out, the error of the histories was "
+        f"{100 * before:.0f} % before the repair and is {100 * after:.0f} % after it.",
+        "With that measurement's own stiffness and damping it was "
+        f"{100 * own[0]:.0f} % and is {100 * own[1]:.0f} %.",
     )
-    return [Text((sentence,))]
+    return [Text(sentences)]
 
 
 def _before_after(page: PageStudy, done: dict[str, Any]) -> Chart:

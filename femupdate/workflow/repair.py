@@ -86,6 +86,8 @@ class RepairReport:
             "theta_sd_after": self.theta_after.std(axis=0).tolist(),
             "holdout_error_before": None if held is None else _number(held.error_before),
             "holdout_error_after": None if held is None else _number(held.error_after),
+            "holdout_own_error_before": None if held is None else _number(held.own_before),
+            "holdout_own_error_after": None if held is None else _number(held.own_after),
             "holdout_chi2_before": None if held is None else held.chi2_before,
             "holdout_chi2_after": None if held is None else held.chi2_after,
             "building": None if self.building_path is None else str(self.building_path),
@@ -173,8 +175,8 @@ def repair_study(
     if holdout is not None and other is not None:
         level = _level(model, source, second, holdout, other)
         kept_out = _kept_out(model, finder, holdout, other, use_phase, level)
-    better = None if kept_out is None else kept_out.better
-    mended, done = mend(finder, problem, base, found, chosen, show, better)
+    elsewhere = None if kept_out is None else kept_out.gain
+    mended, done = mend(finder, problem, base, found, chosen, show, elsewhere)
     before, after = posteriors(problem, mended, done, chosen.seed, show)
     held = None
     if kept_out is not None:

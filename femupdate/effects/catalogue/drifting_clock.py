@@ -22,9 +22,19 @@ class DriftingClock(Effect):
         "the record, which turns phases and wipes out amplitude at high frequencies."
     )
     confused_with = ("channel_delay", "roll_off")
+    contains = ("channel_delay",)
     settled_by = "the delay found in either half of the record alone, or a common trigger"
     parameters = (
-        Parameter("size", "s", 0.02, lower=-0.2, upper=0.2, text="growth of the delay in the run"),
+        Parameter(
+            "size",
+            "s",
+            0.02,
+            lower=-0.2,
+            upper=0.2,
+            text="growth of the delay in the run",
+            # Phases turn by several radians, and a fit ends where it begins.
+            trials=(-5.0, -2.0, 0.5, 2.0, 5.0),
+        ),
         Parameter("start", "s", 0.002, lower=-0.05, upper=0.05, text="delay at its beginning"),
     )
     instrument = True

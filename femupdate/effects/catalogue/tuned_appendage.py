@@ -31,6 +31,7 @@ class TunedAppendage(Effect):
             lower=0.3,
             upper=8.0,
             text="frequency over the building's first at theta = 1",
+            tuning=True,
         ),
     )
 

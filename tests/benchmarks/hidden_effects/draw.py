@@ -71,4 +71,10 @@ def _values(
     # An appendage is tuned somewhere in the lower half of the grid.
     first = structure.fundamental[0] / (2.0 * np.pi)
     highest = min(0.5 * building.frequency_grid.stop / first, 6.0)
-    return (value, *(float(np.exp(rng.uniform(0.0, np.log(highest)))) for _ in others))
+    rest = (
+        float(np.exp(rng.uniform(0.0, np.log(highest))))
+        if other.tuning
+        else float(np.clip(rng.normal(other.neutral, other.scale), other.lower, other.upper))
+        for other in others
+    )
+    return (value, *rest)
