@@ -4,12 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
 from femupdate.discrepancy.certify import Tested as Outcome
-from femupdate.discrepancy.certify import certify, gain_elsewhere, least_log_e_value
+from femupdate.discrepancy.certify import (
+    as_event,
+    certify,
+    gain_elsewhere,
+    least_log_e_value,
+)
+from femupdate.discrepancy.evidence import student_about
 from femupdate.discrepancy.fit import extended, fit, fit_baseline
+from femupdate.seeds import torch_generator
 
 GRID = 0.2 * np.arange(1, 61)
 FLOORS, SD = ("2F", "RF"), 0.03
@@ -98,3 +106,27 @@ def test_other_data_weigh_an_effect_with_their_own_stiffness(
         gains.append(gain_elsewhere(other, base, fitted))
     assert gains[0] > 5.0
     assert gains[1] < -5.0
+
+
+def test_another_event_is_predicted_by_posterior_and_scatter_of_events(
+    posed, place, chains, building_of, observe, pose
+):
+    """Laplace's approximation of the predictive density against a mean over draws."""
+    placed, building = place("added_mass@RF"), building_of(MASSES, SPRINGS)
+    base, fitted, _ = weighed(posed(0.25, 4), placed)
+    frf = chains.Chain(MASSES * [1.0, 1.25], 1.05 * SPRINGS * THETA, zeta=0.03).frf(GRID)
+    other = pose(building, observe(FLOORS, GRID, frf, 0.3, 5))
+    densities = []
+    for one in (base, fitted):
+        covariance = one.covariance()
+        covariance[:2, :2] += 0.05**2
+        covariance[2, 2] += 0.2**2
+        prior = torch.distributions.MultivariateNormal(one.z, covariance)
+        proposal = student_about(as_event(other, one), 1.2, 5)
+        z = proposal.sample(1000, torch_generator(6))
+        missed = other.missed(one.system, one.coordinates.split(z, other.fixed_zeta))
+        weight = prior.log_prob(z) - proposal.log_density(z)
+        values = other.error.log_density(missed) + weight
+        densities.append(float(values.logsumexp(0)) - np.log(1000))
+    expected = densities[1] - densities[0]
+    assert gain_elsewhere(other, base, fitted) == pytest.approx(expected, rel=0.05)
