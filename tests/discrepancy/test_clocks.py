@@ -41,7 +41,7 @@ def test_a_channel_that_is_late_by_as_much_throughout_is_not_called_a_clock(seen
 
 
 def test_only_tunings_are_looked_for_over_the_band(seen, place):
-    """Any other second parameter, such as the delay at the beginning, starts where it is neutral."""
+    """Any other second parameter, such as the first delay, starts where it is neutral."""
     problem = seen([0.0])
     clock, appendage = place("drifting_clock@RF", "tuned_appendage@RF")
     assert {start[1] for start in starts(problem, clock)} == {0.0}
