@@ -41,7 +41,7 @@ def informed(fitted):
             lower=torch.tensor(lower, dtype=torch.float64),
             upper=torch.tensor(upper, dtype=torch.float64),
             mean=torch.tensor([0.0, 0.0, 0.0, PRIOR_MEAN], dtype=torch.float64),
-            precision=torch.tensor([0.0, 0.0, 0.0, PRIOR_SD**-2], dtype=torch.float64),
+            precision=torch.diag(torch.tensor([0.0, 0.0, 0.0, PRIOR_SD**-2], dtype=torch.float64)),
         )
         z = torch.tensor(z, dtype=torch.float64)
         return replace(fitted, z=z, jacobian=one, coordinates=where)
