@@ -62,7 +62,7 @@ def on_finer_mesh(
     for one in everywhere(task, list(thetas)):
         shapes.append(one)
         progress.advance()
-    basis = compressed(fine.mass, np.concatenate(shapes, axis=1), reduced.size)
+    basis = compressed(fine.mass, shapes, reduced.size)
     return reduced_on(fine, basis)
 
 

@@ -89,7 +89,7 @@ def local_structure(
     for one in everywhere(task, questions):
         shapes.append(one)
         progress.advance()
-    basis = compressed(structure.mass, np.concatenate(shapes, axis=1), size)
+    basis = compressed(structure.mass, shapes, size)
     return reduced_on(structure, basis)
 
 

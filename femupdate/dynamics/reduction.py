@@ -136,7 +136,7 @@ def _certified(asked: _Question, target: ReductionTarget, progress: Progress) ->
     progress.start("Reducing the model", len(first) + checks)
     shapes = [one.shapes for one in _solved(asked, target, first, progress)]
     for _ in range(_ROUNDS):
-        basis = compressed(asked.structure.mass, np.concatenate(shapes, axis=1), _SIZES[-1])
+        basis = compressed(asked.structure.mass, shapes, _SIZES[-1])
         unseen = _unseen(target, rng)
         full = _solved(asked, target, unseen, progress)
         reduced = _smallest(asked, basis, least, unseen[:_CHOOSE], full[:_CHOOSE], target)

@@ -8,7 +8,9 @@ since it is the logarithm that must be right. The responses are compressed by th
 matrix (proper orthogonal decomposition).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate, pairwise
 
 import numpy as np
 from scipy.linalg import eigh, solve_triangular
@@ -90,14 +92,40 @@ class FeltModes:
         return directions[:, kept] * np.sqrt(energy[kept] / energy[-1])
 
 
-def compressed(mass: csc_matrix, shapes: Floats, size: int) -> Floats:
-    """Mass-orthonormal basis (n, r) of weighted shapes (n, c), most energetic first."""
-    energy, directions = eigh(shapes.T @ (mass @ shapes))
+def compressed(mass: csc_matrix, shapes: Sequence[Floats], size: int) -> Floats:
+    """Mass-orthonormal basis (n, r) of weighted shapes, most energetic first.
+
+    Args:
+        mass: (n, n).
+        shapes: parts (n, c) each, which are never copied into one array: they may fill GB.
+        size: r at most.
+    """
+    energy, directions = eigh(_lower_gram(mass, shapes), lower=True)
     kept = np.flatnonzero(energy > _LEAST_NEW * energy[-1])[::-1][:size]
-    basis = shapes @ (directions[:, kept] / np.sqrt(energy[kept]))
+    weights = directions[:, kept] / np.sqrt(energy[kept])
+    basis = np.zeros((mass.shape[0], len(kept)))
+    for one, own in zip(shapes, _rows_of(shapes), strict=True):
+        basis += one @ weights[own]
     # Once more: the energies span many decades and the first pass loses orthogonality with them.
     factor = np.linalg.cholesky(basis.T @ (mass @ basis))
     return np.asarray(solve_triangular(factor, basis.T, lower=True).T)
+
+
+def _lower_gram(mass: csc_matrix, shapes: Sequence[Floats]) -> Floats:
+    """(c, c) products of all shapes with the mass, those below the diagonal alone."""
+    rows = _rows_of(shapes)
+    gram = np.zeros((rows[-1].stop, rows[-1].stop))
+    for k, one in enumerate(shapes):
+        forces = mass @ one
+        for m in range(k, len(shapes)):
+            gram[rows[m], rows[k]] = shapes[m].T @ forces
+    return gram
+
+
+def _rows_of(shapes: Sequence[Floats]) -> list[slice]:
+    """Where the shapes of every part are among all."""
+    ends = accumulate((one.shape[1] for one in shapes), initial=0)
+    return [slice(*pair) for pair in pairwise(ends)]
 
 
 def log_even_samples(target: ReductionTarget, stories: int | None = None) -> Floats:
