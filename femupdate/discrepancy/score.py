@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+import torch
 from torch import Tensor
 
 from femupdate.discrepancy.fit import Fit, coordinates, extended
 from femupdate.discrepancy.problem import Problem
-from femupdate.discrepancy.thresholds import FOLLOW
+from femupdate.discrepancy.thresholds import FIT, FOLLOW
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.linear import least_squares
@@ -79,7 +80,16 @@ def _seen(place: str, observed: set[str], floors: tuple[str, ...]) -> bool:
 
 def score(problem: Problem, base: Fit, placed: Placed) -> Score:
     """Test one effect on top of a fitted model; the best of its starting points counts."""
-    tests = [_score_at(problem, base, placed, start) for start in starts(problem, placed)]
+    together, begun = (*base.placed, placed), starts(problem, placed)
+    z = torch.stack(
+        [extended(problem, base, together, np.concatenate([base.known, one])) for one in begun]
+    )
+    known = coordinates(problem, together).split(z, problem.fixed_zeta)
+    missed = problem.missed(problem.system(together), known)
+    there = ~missed.isnan().all(dim=1)  # or no structure is left
+    changed = torch.full((len(z), len(base.residual)), torch.nan, dtype=z.dtype)
+    changed[there] = problem.whitened(missed[there])
+    tests = [_score_at(base, placed, *one) for one in zip(begun, changed, strict=True)]
     return max(tests, key=lambda one: abs(one.statistic))
 
 
@@ -99,20 +109,17 @@ def starts(problem: Problem, placed: Placed) -> list[tuple[float, ...]]:
 
 def _tunings(problem: Problem) -> list[float]:
     """Ratios to the first frequency around the lower half of the grid."""
-    top = 0.6 * problem.top_hz
+    low, high = FIT.tuned
     first = problem.reduced.structure.fundamental[0] / (2.0 * np.pi)
-    return [float(r) for r in np.geomspace(0.5, max(1.2, min(top / first, 7.0)), 12)]
+    top = FIT.tuned_top * problem.top_hz / first
+    return [float(r) for r in np.geomspace(low, max(1.2, min(top, high)), FIT.tunings)]
 
 
-def _score_at(problem: Problem, base: Fit, placed: Placed, start: tuple[float, ...]) -> Score:
-    together = (*base.placed, placed)
-    z = extended(problem, base, together, np.concatenate([base.known, start]))
-    known = coordinates(problem, together).split(z[None], problem.fixed_zeta)
-    missed = problem.missed(problem.system(together), known)
-    if bool(missed.isnan().all()):  # no structure is left there
+def _score_at(base: Fit, placed: Placed, start: tuple[float, ...], changed: Tensor) -> Score:
+    """The test at one starting point, with the whitened residuals (m,) there."""
+    if bool(changed.isnan().all()):
         return Score(placed, start, 0.0, 0.0, 0.0, 1.0, None)
-    changed = problem.whitened(missed)
-    effect = base.residual - changed[0]  # change of the prediction
+    effect = base.residual - changed  # change of the prediction
     residual, jacobian = base.residual, base.jacobian
     own = effect - jacobian @ least_squares(jacobian, effect)
     whole, left = float(effect @ effect), float(own @ own)

@@ -30,7 +30,7 @@ def test_effects_in_the_order_of_the_file_with_neutral_values_where_it_says_none
         "swapped_channels@2F,3F",
         "tuned_appendage@RF",
     ]
-    assert found.values == (0.1, 0.02, 1.0)
+    assert found.values == (0.1, 0.02, 1.0, 0.02)
 
 
 @pytest.mark.parametrize(
@@ -78,14 +78,14 @@ def test_a_building_with_effects_comes_back_from_its_file(listed, place, tmp_pat
     plain = listed()
     mass, tank = place("added_mass@3F", "tuned_appendage@RF")
     repaired = with_effect(plain, mass, np.array([0.1234567]))
-    repaired = with_effect(repaired, tank, np.array([0.02, 3.4]))
+    repaired = with_effect(repaired, tank, np.array([0.02, 3.4, 0.05]))
     save_building(repaired, tmp_path / "repaired.toml")
     again = load_building(tmp_path / "repaired.toml")
     assert again.effects == repaired.effects
     assert mechanics_hash(again) == mechanics_hash(repaired)
     found = building_effects(again)
     assert [one.label for one in found.placed] == [mass.label, tank.label]
-    np.testing.assert_allclose(found.values, (0.1234567, 0.02, 3.4), rtol=1e-5)
+    np.testing.assert_allclose(found.values, (0.1234567, 0.02, 3.4, 0.05), rtol=1e-5)
     assert plain.effects == ()
 
 

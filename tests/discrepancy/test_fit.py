@@ -138,8 +138,8 @@ def test_an_extended_model_starts_where_the_smaller_one_stands(
     )
     base = fit_baseline(problem)[0]
     placed = place("story_damper@3F", "tuned_appendage@RF")
-    z = extended(problem, base, placed, np.array([0.0, 0.0, 1.0]))
-    assert coordinates(problem, placed).size == len(z) == 3 + 1 + 3
+    z = extended(problem, base, placed, np.array([0.0, 0.0, 1.0, 0.02]))
+    assert coordinates(problem, placed).size == len(z) == 3 + 1 + 4
     more = fit(problem, placed, z, iterations=0)
     np.testing.assert_allclose(more.residual, base.residual, atol=1e-8)
     assert fit(problem, placed, z).chi2 <= base.chi2 + 1e-6

@@ -25,3 +25,16 @@ def test_a_building_without_it_gets_no_name(chains, building_of, observe, pose):
     exact = chains.Chain(MASSES, SPRINGS, zeta=0.02).frf(GRID)
     found = diagnose(pose(building_of(MASSES, SPRINGS), observe(FLOORS, GRID, exact, 0.01, 3)))
     assert found.verdict == "none"
+
+
+@pytest.mark.parametrize("ratio", [1.33, 2.6])
+def test_a_light_appendage_is_named_wherever_it_is_tuned(chains, building_of, observe, pose, ratio):
+    """3 % of the roof's mass on a spring of its own: it acts in a narrow band alone."""
+    plain = chains.Chain(MASSES, SPRINGS, zeta=0.02)
+    mass, omega = 0.03 * MASSES[-1], ratio * plain.modes[0][0]
+    parts = [mass], [mass * omega**2], [2.0 * 0.05 * mass * omega]
+    exact = plain.but(tower=tuple(map(np.array, parts))).frf(GRID)
+    found = diagnose(pose(building_of(MASSES, SPRINGS), observe(FLOORS, GRID, exact, 0.01, 3)))
+    assert found.leading is not None
+    assert found.leading.placed.label == "tuned_appendage@RF"
+    assert found.leading.size == pytest.approx(0.03, rel=0.2)

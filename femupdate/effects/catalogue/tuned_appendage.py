@@ -7,8 +7,6 @@ from femupdate.effects.drawn_building import DrawnBuilding, Glyph
 from femupdate.effects.effect import Effect, Parameter, Terms, as_complex, floor_port
 from femupdate.effects.structure import Structure
 
-_RATIO = 0.02  # damping ratio of the appendage
-
 
 class TunedAppendage(Effect):
     """A mass on a spring and a dashpot on one floor."""
@@ -32,6 +30,9 @@ class TunedAppendage(Effect):
             upper=8.0,
             text="frequency over the building's first at theta = 1",
             tuning=True,
+        ),
+        Parameter(
+            "damping", "1", 0.02, neutral=0.02, lower=0.002, upper=0.3, text="damping ratio of it"
         ),
     )
 
@@ -59,6 +60,6 @@ class TunedAppendage(Effect):
         """-omega^2 m T, T the transmissibility of the spring and dashpot."""
         mass, first = constants
         ratio = omega / (first * sizes[:, 1:2])
-        carried = as_complex(ratio.new_ones(()), 2.0 * _RATIO * ratio)
+        carried = as_complex(ratio.new_ones(()), 2.0 * sizes[:, 2:3] * ratio)
         transmitted = carried / (carried - ratio**2)
         return -(omega**2) * mass * sizes[:, :1] * transmitted
