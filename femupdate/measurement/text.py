@@ -13,6 +13,7 @@ from femupdate.measurement.thresholds import FILES
 _UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 _ZIP_MARK = b"PK\x03\x04"
 # JMA writes station names in Shift-JIS; latin-1 accepts every byte and comes last.
+_CONTROLS = bytes(range(0x80, 0xA0))
 _ENCODINGS = ("utf-8-sig", "cp932", "latin-1")
 _HEAD_BYTES = 65536
 
@@ -116,7 +117,7 @@ def _decode(data: bytes, whole: bool = True) -> str:
     if data.startswith(_UTF16_MARKS):
         return data.decode("utf-16", errors="replace")
     # Japanese text has bytes that are control characters, which no text has, in Latin-1.
-    japanese = any(0x80 <= byte < 0xA0 for byte in data)
+    japanese = len(data.translate(None, _CONTROLS)) < len(data)
     for encoding in _ENCODINGS:
         if encoding == "cp932" and not japanese:
             continue
