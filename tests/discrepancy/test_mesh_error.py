@@ -221,7 +221,7 @@ def test_what_is_left_open_widens_the_intervals(coarse, learned):
     # Both unknowns are far within their limits, so that the estimates are linear in the errors.
     rng = np.random.default_rng(6)
     S = errors_left_open(problem, learned, base).numpy()
-    errors = rng.standard_normal((4000, S.shape[1])) + rng.standard_normal((4000, len(S))) @ S
+    errors = rng.standard_normal((16000, S.shape[1])) + rng.standard_normal((16000, len(S))) @ S
     error, row = open_.problem.error, open_.problem.row
     white = error.whiten(torch.from_numpy(errors), row).numpy()
     estimates = np.linalg.lstsq(open_.jacobian.numpy(), white.T, rcond=None)[0].T
