@@ -12,6 +12,7 @@ from femupdate.inference.event_scatter import DEFAULT, EventScatter
 from femupdate.inference.posterior import Posterior
 from femupdate.measurement.record import GroundMotion
 from femupdate.progress import Progress
+from femupdate.report.scale import plus_minus
 from femupdate.seeds import Seed
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.prediction_inputs import PredictionSettings
@@ -56,7 +57,7 @@ def prediction_draws(
     elif settings.damping is not None:
         ratio, text = np.full(len(theta), settings.damping), f"{settings.damping:g} in all modes"
     elif zeta is not None:
-        ratio, text = zeta, f"{zeta.mean():.4f} ± {zeta.std():.4f}, from the posterior"
+        ratio, text = zeta, f"{plus_minus(zeta.mean(), zeta.std())}, from the posterior"
     else:
         ratio = np.full(len(theta), model.building.damping.ratio)
         text = f"{model.building.damping.ratio:g} in all modes, the building file's"

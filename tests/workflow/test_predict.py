@@ -12,6 +12,7 @@ from femupdate.errors import BuildingError, MeasurementError, StudyError
 from femupdate.inference.posterior import load_posterior
 from femupdate.measurement.record import GroundMotion
 from femupdate.measurement.write import write_record
+from femupdate.report.scale import plus_minus
 from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.model import open_study
@@ -110,7 +111,7 @@ def test_twice_the_record_is_twice_the_response(tower, tower_model, record):
 def test_damping_is_the_posterior_s_own_unless_one_is_given(tower, tower_model, record):
     own = predicted(tower, tower_model, record)
     zeta = load_posterior(tower.path("posterior.nc")).thinned(20, 0)[1]
-    assert own.damping == f"{zeta.mean():.4f} ± {zeta.std():.4f}, from the posterior"
+    assert own.damping == f"{plus_minus(zeta.mean(), zeta.std())}, from the posterior"
     light, heavy = (
         predicted(tower, tower_model, record, PredictionSettings(samples=20, damping=ratio))
         for ratio in (0.01, 0.2)
