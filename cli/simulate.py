@@ -55,6 +55,19 @@ from .parameters import Band, BuildingName, Channel, InputFile, Numbers, SizedEf
     show_default=True,
     help="Frequency range of the base motion, Hz.",
 )
+@click.option(
+    "--rotation",
+    "rotation_rms",
+    type=float,
+    help="Rms rotation of the base, rad/s2, which two vertical sensors record.",
+)
+@click.option(
+    "--vertical-at",
+    type=Numbers(),
+    default="-2,2",
+    show_default=True,
+    help="Places of these sensors along the motion, m.",
+)
 @click.option("--record", type=InputFile(), help="Ground motion to use instead of noise.")
 @click.option("--channel", type=Channel(), help="Channel of the record, by name or number.")
 @click.option("--unit", help="Unit of the record, where the file gives none.")

@@ -91,3 +91,24 @@ def shear_operators(building: BuildingBase) -> ShearOperators:
         story_names=building.story_names,
         masses_known=building.masses_known,
     )
+
+
+def require_heights(building: BuildingBase) -> None:
+    """Refuse a base that turns under a stick whose heights are not known.
+
+    Raises:
+        BuildingError: a story has no height.
+    """
+    if not isinstance(building, ShearBuilding):
+        return
+    unknown = [
+        name
+        for name, story in zip(building.story_names, building.stories, strict=True)
+        if story.height is None
+    ]
+    if unknown:
+        raise BuildingError(
+            f"{building.name}: story {unknown[0]} has no height, and what a base that turns does to"
+            " a building goes with height; give every story its height, or leave the vertical"
+            " sensors of the base out"
+        )

@@ -14,7 +14,7 @@ from femupdate.arrays import Floats
 from femupdate.discrepancy.data import Cell, Remains
 from femupdate.discrepancy.thresholds import MODEL_ERROR as THRESHOLDS
 from femupdate.discrepancy.thresholds import SCREEN
-from femupdate.dynamics.closed_form import observed, split_sizes
+from femupdate.dynamics.closed_form import observed
 from femupdate.dynamics.force_response import RestFlexibility, accelerance
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import Effect, Placed
@@ -27,7 +27,6 @@ from femupdate.measurement.observation import Observation
 _TABLE = ErrorTable(
     sizes=THRESHOLDS.sizes, lengths=THRESHOLDS.lengths, harmonics=THRESHOLDS.harmonics
 )
-_BASE = "base"  # where an instrument sits that only motions of the base know
 
 
 class Excitation(Protocol):
@@ -83,12 +82,7 @@ class FloorForce:
         both = torch.cat([theta, sizes], dim=1)
         frf = accelerance(system, both, zeta, frequency_hz, forced, self.rest)
         omega = 2.0 * torch.pi * frequency_hz
-        # No sensor of the base is read here.
-        own = zip(system.placed, split_sizes(system.placed, sizes), strict=True)
-        for one, size in own:
-            if one.place != _BASE:
-                frf = observed((one,), system.floors, frf, omega, size)
-        return frf
+        return observed(system.placed, system.floors, frf, omega, sizes, over_base=False)
 
 
 @dataclass(frozen=True)
@@ -100,12 +94,15 @@ class Block:
         independent: share of them that err independently.
         estimator: what the estimate makes of FRFs; None for those read from a table.
         level: doublings of the amplitude above that of the first record.
+        rotation: of the base that goes with its unit translation, 1/m, for pictures; None where
+            none was measured.
     """
 
     points: int
     independent: float
     estimator: Estimator | None = None
     level: float = 0.0
+    rotation: Tensor | None = None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -181,12 +178,19 @@ class FrfData:
         return tuple(self.floors[row] for row in self.rows)
 
     @property
+    def turns(self) -> bool:
+        """Whether the rotation of the base was measured in every record."""
+        return all(one.estimator is not None and one.estimator.turns for one in self.blocks)
+
+    @property
     def _parts(self) -> int:
         return 1 if self.phase is None else 2
 
     def shows(self, effect: Effect) -> bool:
         """Whether an effect can show in it at all."""
         if effect.needs_phase and self.phase is None:
+            return False
+        if effect.turns_base and self.turns:
             return False
         # |H| under base motion is made of two accelerations; that under a force is not.
         ratio = not (self.forced or any(block.estimator for block in self.blocks))
@@ -217,9 +221,21 @@ class FrfData:
             if block.estimator is None:
                 parts.append(self.excitation.frf(system, *own, sizes, frequency))
                 continue
-            asked = torch.from_numpy(block.estimator.frequency_hz)
-            parts.append(block.estimator(self.excitation.frf(system, *own, sizes, asked)))
+            known = *own, sizes, torch.from_numpy(block.estimator.frequency_hz)
+            frf = self.excitation.frf(system, *known)
+            turns = block.estimator.turns
+            turned = self.excitation.frf(system.turned, *known) if turns else None
+            parts.append(block.estimator(frf, turned))
         return torch.cat(parts, dim=2)
+
+    def drawn(self, system: System, theta: Tensor, zeta: Tensor, sizes: Tensor) -> Tensor:
+        """Complex FRFs (f, k) of the observed floors at the first record's points, as they are."""
+        block = self.blocks[0]
+        known = theta, zeta, sizes, self.frequency_hz[: block.points]
+        frf = self.excitation.frf(system, *known)
+        if block.rotation is not None:
+            frf = frf + block.rotation * self.excitation.frf(system.turned, *known)
+        return frf[0, list(self.rows)]
 
     def read_with(self, predicted: Tensor, placed: Placed) -> Tensor:
         """FRFs (N, f, k) with channels exchanged or reversed."""
@@ -414,6 +430,9 @@ def frf_data(
                 grid.size,
                 min(1.0, spacing / (resolution * (1.0 if table else _CORRELATED))),
                 observation.estimator,
+                rotation=None
+                if observation.rotation is None
+                else torch.from_numpy(np.nan_to_num(observation.rotation)),
             ),
         ),
         excitation=excitation or BaseMotion(),

@@ -14,6 +14,7 @@ from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.repair import Repair
 from femupdate.dynamics.transformed import transformed_sensors
 from femupdate.errors import MeasurementError
+from femupdate.measurement.base_rotation import rotation_of
 from femupdate.measurement.columns import BASE
 from femupdate.measurement.observation_file import Histories
 
@@ -154,7 +155,10 @@ def hold(kept: KeptOut, problem: Problem, done: Repair) -> Held:
 
 
 def _predicted(fitted: Fit, base: Floats, time_step: float, level: float) -> Floats:
-    """Accelerations (f, n) of all floors of a model under a motion of the base (n,) of a level."""
+    """Accelerations (f, n) of all floors of a model under a motion of the base of a level.
+
+    The motion is a row of translation (1, n), m/s2, or that and one of rotation (2, n), rad/s2.
+    """
     theta, zeta, sizes = fitted.split
     theta, zeta = fitted.system.at_level(theta, zeta, sizes, level)
     return transformed_sensors(fitted.system, (theta, zeta, sizes), base, time_step)
@@ -168,7 +172,7 @@ def _mean_square(problem: Problem, fitted: Fit) -> float:
 
 
 def _channels(data: Histories, floors: tuple[str, ...], direction: str) -> tuple[Floats, Floats]:
-    """Base (n,) and floors (f, n), sensors averaged."""
+    """Motion of the base (1, n), or (2, n) where it turns, and floors (f, n), sensors averaged."""
 
     def mean(floor: str) -> Floats:
         own = [
@@ -180,4 +184,6 @@ def _channels(data: Histories, floors: tuple[str, ...], direction: str) -> tuple
             raise MeasurementError(f"{data.source}: there is no channel {floor} along {direction}")
         return np.asarray(data.acceleration[own].mean(axis=0))
 
-    return mean(BASE), np.stack([mean(floor) for floor in floors])
+    rotation = rotation_of(data.channels, data.acceleration)
+    base = [mean(BASE), *(() if rotation is None else (rotation,))]
+    return np.stack(base), np.stack([mean(floor) for floor in floors])

@@ -140,4 +140,5 @@ def _at(observation: Observation, used: Flags) -> Observation:
         scatter=None,
         resolution_hz=observation.resolution_hz or spacing,
         estimator=None if own is None else own.at(used),
+        rotation=None if observation.rotation is None else observation.rotation[used],
     )

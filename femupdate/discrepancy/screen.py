@@ -3,7 +3,7 @@
 import numpy as np
 import torch
 
-from femupdate.arrays import Floats
+from femupdate.arrays import Complexes, Floats
 from femupdate.discrepancy.thresholds import SCREEN
 from femupdate.dynamics.system import System
 from femupdate.measurement.observation import Observation
@@ -13,7 +13,8 @@ def screen_channels(observation: Observation, system: System, theta: Floats) -> 
     """Sentences on gains, signs and delays, from the low end of the FRFs.
 
     Well below the first frequency f1 a floor does what the base does: ln|H| = ln(gain) + c f^2,
-    and the phase is zero, falling by 2 pi f times the delay.
+    and the phase is zero, falling by 2 pi f times the delay. Where the base was measured to turn,
+    that is beside what a rigid building does.
 
     Args:
         observation: on its grid.
@@ -27,6 +28,7 @@ def screen_channels(observation: Observation, system: System, theta: Floats) -> 
     )
     first = float(modes.frequency_hz[0, modes.participation[0].abs().argmax()])
     low = observation.frequency_hz < SCREEN.low * first
+    rigid = np.log(_rigid(observation, system))
     gains, foreign, turned, late = [], [], [], []
     # Neighbouring estimates repeat each other.
     spacing = float(np.median(np.diff(observation.frequency_hz)))
@@ -37,7 +39,8 @@ def screen_channels(observation: Observation, system: System, theta: Floats) -> 
             continue
         frequency = observation.frequency_hz[used]
         weight = 1.0 / (repeated * observation.noise_sd[row, used])
-        gain, sd = _intercept(frequency**2, observation.log_frf[row, used], weight)
+        own = observation.log_frf[row, used] - rigid.real[row, used]
+        gain, sd = _intercept(frequency**2, own, weight)
         if abs(gain) > max(SCREEN.clear * sd, SCREEN.wrong_unit):
             foreign.append(f"{floor} reads {np.exp(gain):.3g} times the base")
         elif frequency[-1] > SCREEN.lever * frequency[0] and abs(gain) > max(
@@ -46,8 +49,9 @@ def screen_channels(observation: Observation, system: System, theta: Floats) -> 
             gains.append(f"{floor} reads {np.expm1(gain):+.1%}")
         if observation.phase is None:
             continue
-        phase = np.unwrap(observation.phase[row, used])
-        if abs(np.median(np.abs(observation.phase[row, used])) - np.pi) < SCREEN.turned:
+        angle = np.angle(np.exp(1j * (observation.phase - rigid.imag)[row, used]))
+        phase = np.unwrap(angle)
+        if abs(np.median(np.abs(angle)) - np.pi) < SCREEN.turned:
             turned.append(floor)
             continue
         slope = float((weight**2 * frequency * phase).sum() / (weight**2 * frequency**2).sum())
@@ -68,6 +72,15 @@ def screen_channels(observation: Observation, system: System, theta: Floats) -> 
     if late:
         notes.append(f"Phase falls at low frequency as for a delay: {', '.join(late)}.")
     return tuple(notes)
+
+
+def _rigid(observation: Observation, system: System) -> Complexes:
+    """FRFs (f, m) of a rigid building on the base as it was measured."""
+    turned = system.model.rotation
+    if observation.rotation is None or turned is None:
+        return np.ones(observation.log_frf.shape, dtype=np.complex128)
+    levels = turned.levels[[system.floors.index(floor) for floor in observation.floors]]
+    return np.asarray(1.0 + np.nan_to_num(observation.rotation) * levels[:, None])
 
 
 def _intercept(x: Floats, y: Floats, weight: Floats) -> tuple[float, float]:

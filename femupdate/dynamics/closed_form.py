@@ -1,7 +1,8 @@
 """What effects do to frequency responses beside what they do to modes, in closed form."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import torch
 from torch import Tensor
@@ -10,6 +11,24 @@ from femupdate.effects.effect import Placed
 
 # |H|^2 below this is rounding; its logarithm would be all that is seen.
 _LEAST_SQUARE = 1e-24
+_BASE = "base"  # where an instrument sits that only translations of the base know
+_TRANSLATED = (1.0, 0.0)
+
+
+class Estimate(Protocol):
+    """What an estimate makes of complex FRFs (N, f, e).
+
+    Where the base was measured to turn, responses to unit rotation of it come second.
+    """
+
+    @property
+    def turns(self) -> bool:
+        """Whether it asks for these."""
+        ...
+
+    def __call__(self, frf: Tensor, turned: Tensor | None = None) -> Tensor:
+        """(N, f, k) as measured."""
+        ...
 
 
 def split_sizes(placed: Sequence[Placed], sizes: Tensor) -> list[Tensor]:
@@ -19,17 +38,26 @@ def split_sizes(placed: Sequence[Placed], sizes: Tensor) -> list[Tensor]:
 
 
 def observed(
-    placed: Sequence[Placed], floors: tuple[str, ...], frf: Tensor, omega: Tensor, sizes: Tensor
+    placed: Sequence[Placed],
+    floors: tuple[str, ...],
+    frf: Tensor,
+    omega: Tensor,
+    sizes: Tensor,
+    over_base: bool = True,
 ) -> Tensor:
-    """FRFs (N, f, k) of the floors at omega (k,), rad/s, as instruments with effects give them."""
+    """FRFs (N, f, k) of the floors at omega (k,), rad/s, as instruments with effects give them.
+
+    `over_base` says whether they are taken over the reading of the base's horizontal sensor.
+    """
     for one, own in zip(placed, split_sizes(placed, sizes), strict=True):
-        frf = one.effect.observe(frf, omega, own, one.effect.place_rows(one.place, floors))
+        if over_base or one.place != _BASE:
+            frf = one.effect.observe(frf, omega, own, one.effect.place_rows(one.place, floors))
     return frf
 
 
 @dataclass(frozen=True)
 class ClosedForm:
-    """Pitch of the base and errors of instruments; nothing where there are no effects.
+    """How the base turns and errors of instruments; nothing where there are no effects.
 
     Attributes:
         placed: the effects.
@@ -38,6 +66,7 @@ class ClosedForm:
         levels: (f,) heights of the floors above the base, m.
         stories: number of stiffness factors, which come before the sizes.
         top_hz: top of the frequency grid.
+        moved: translation and rotation of the base to which responses are taken.
     """
 
     placed: tuple[Placed, ...] = ()
@@ -46,11 +75,13 @@ class ClosedForm:
     levels: tuple[float, ...] = ()
     stories: int = 0
     top_hz: float = 0.0
+    moved: tuple[float, float] = _TRANSLATED
 
     @property
     def changes(self) -> bool:
         """Whether any effect does something here."""
-        return any(self.pitch) or any(one.effect.instrument for one in self.placed)
+        instrument = any(one.effect.instrument for one in self.placed)
+        return any(self.pitch) or instrument or self.moved != _TRANSLATED
 
     def log_frf(
         self,
@@ -59,7 +90,8 @@ class ClosedForm:
         sizes: Tensor,
         *,
         least: float = _LEAST_SQUARE,
-        seen: Callable[[Tensor], Tensor] | None = None,
+        seen: Estimate | None = None,
+        turned: Tensor | None = None,
     ) -> Tensor:
         """ln|H| (N, f, k) as it is measured.
 
@@ -69,19 +101,26 @@ class ClosedForm:
             sizes: (N, q) of the effects.
             least: added to |H|^2.
             seen: what an estimate makes of complex FRFs, before the logarithm is taken.
+            turned: FRFs (N, f, k) to unit rotation of the base, for an estimate that asks for them.
         """
         if self.changes or seen is not None:
-            frf = torch.complex(*parts)
-            frf = self._frf(frf, omega, sizes) if self.changes else frf
-            frf = frf if seen is None else seen(frf)
+            frf = self.frf(parts, omega, sizes)
+            frf = frf if seen is None else seen(frf, turned)
             parts = frf.real, frf.imag
         return 0.5 * torch.log(parts[0].square() + parts[1].square() + least)
 
-    def _frf(self, frf: Tensor, omega: Tensor, sizes: Tensor) -> Tensor:
-        rotation, first = sizes.new_zeros(len(sizes)), 0
+    def frf(self, parts: tuple[Tensor, Tensor], omega: Tensor, sizes: Tensor) -> Tensor:
+        """Complex FRFs (N, f, k) as sensors give them; arguments are those of `log_frf`."""
+        frf = torch.complex(*parts)
+        if not self.changes:
+            return frf
+        translation, turned = self.moved
+        rotation, first = sizes.new_full((len(sizes),), turned), 0
         for one, pitch in zip(self.placed, self.pitch, strict=True):
             if pitch:
-                rotation = rotation + pitch * sizes[:, first]
+                rotation = rotation + translation * pitch * sizes[:, first]
             first += len(one.effect.parameters)
-        leaning = rotation[:, None] * sizes.new_tensor(self.levels)
-        return observed(self.placed, self.floors, frf + leaning[:, :, None], omega, sizes)
+        # The parts have one for the base's translation already.
+        leaning = rotation[:, None] * sizes.new_tensor(self.levels) + (translation - 1.0)
+        moved = frf + leaning[:, :, None]
+        return observed(self.placed, self.floors, moved, omega, sizes, translation != 0.0)

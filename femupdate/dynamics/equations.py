@@ -123,6 +123,7 @@ def driven_system(
     top_hz: float,
     law: DampingLaw,
     sensors: Sensors | None = None,
+    turns: bool = False,
 ) -> DrivenSystem:
     """Solve the full model at one sample.
 
@@ -135,6 +136,7 @@ def driven_system(
         top_hz: up to where the response to every force must be right.
         law: of the damping.
         sensors: what is observed; the floors where None.
+        turns: whether the base turns of itself.
 
     Raises:
         ModelError: the structure is a mechanism, or too many shapes would be needed.
@@ -142,7 +144,7 @@ def driven_system(
     whole = equations_at(
         structure, theta, list(zip(terms, first_sizes(placed, sizes), strict=True))
     )
-    turns = any(own.pitch or own.flexibility[ROTATION] for own in terms)
+    turns = turns or any(own.pitch or own.flexibility[ROTATION] for own in terms)
     ports = [own.port.row for own in terms if own.port is not None]
     translated = whole.force if turns else whole.force[:, [TRANSLATION]]
     forces = np.column_stack([translated, *ports])

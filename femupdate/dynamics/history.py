@@ -88,6 +88,8 @@ def floor_histories(
 ) -> Histories:
     """Return the response of every sample, from rest, to one record of base acceleration.
 
+    A base that turns adds to the motion of all floors; drifts are those against it as it turns.
+
     All histories are held in memory, 8 S (f + 2 s) n bytes; for thousands of samples walk through
     `history_batches` and summarise those.
 
@@ -95,7 +97,7 @@ def floor_histories(
         system: the structure with its effects, f floors and s stories.
         parameters: (S, p + q) stiffness factors, then sizes of the effects.
         zeta: damping ratio, (S,) or one for all.
-        acceleration: (n,) base acceleration, m/s2.
+        acceleration: (n,) base acceleration, m/s2, or (2, n) with its rotation, rad/s2, below.
         time_step: s.
         settings: accuracy, batch and device.
         progress: advances by one a sample.
@@ -138,13 +140,18 @@ def history_batches(
     chosen = settings or HistorySettings()
     samples = _check_parameters(parameters, system)
     ratios = _check_zeta(zeta, len(samples))
-    record = _check_record(acceleration, time_step)
-    return _walk(_Task(system, record, float(time_step), chosen), samples, ratios, progress)
+    tasks = [
+        _Task(moved, record, float(time_step), chosen)
+        for moved, record in zip(
+            (system, system.turned), _check_record(acceleration, time_step, system), strict=False
+        )
+    ]
+    return _walk(tasks, samples, ratios, progress)
 
 
 @dataclass(frozen=True)
 class _Task:
-    """What all batches share."""
+    """What all batches share, for one motion of the base."""
 
     system: System
     record: Floats
@@ -160,15 +167,20 @@ class _Task:
     @property
     def by_transform(self) -> bool:
         """Whether a recurrence mode by mode does not follow the motion."""
-        return self.system.complex_modes or any(terms.pitch for terms in self.system.terms)
+        return self.system.complex_modes
 
 
-def _walk(task: _Task, parameters: Tensor, zeta: Tensor, progress: Progress) -> Iterator[Histories]:
-    step = 1 if task.by_transform else task.settings.batch
-    respond = _transform if task.by_transform else _recur
+def _walk(
+    tasks: list[_Task], parameters: Tensor, zeta: Tensor, progress: Progress
+) -> Iterator[Histories]:
+    """Histories batch by batch, added up over the motions of the base."""
+    first = tasks[0]
+    step = 1 if first.by_transform else first.settings.batch
+    respond = _transform if first.by_transform else _recur
     for start in range(0, len(parameters), step):
         rows = slice(start, start + step)
-        yield _named(task, respond(task, parameters[rows], zeta[rows], start))
+        parts = [respond(task, parameters[rows], zeta[rows], start) for task in tasks]
+        yield _named(first, np.sum(parts, axis=0))
         progress.advance(len(parameters[rows]))
 
 
@@ -228,17 +240,25 @@ def _check_zeta(zeta: Numbers, count: int) -> Tensor:
     return ratios
 
 
-def _check_record(acceleration: ArrayLike, time_step: float) -> Floats:
-    record = np.asarray(acceleration, dtype=np.float64)
-    if record.ndim != 1 or len(record) < 2:
-        raise MeasurementError(
-            f"the base acceleration has the shape {record.shape}; give one row of two samples "
-            "or more"
+def _check_record(acceleration: ArrayLike, time_step: float, system: System) -> Floats:
+    """(1, n) translation, or (2, n) with rotation."""
+    given = np.asarray(acceleration, dtype=np.float64)
+    record = np.atleast_2d(given)
+    if len(record) == 2 and system.model.rotation is None:
+        raise ModelError(
+            "the reduced model knows of no base that turns; give its translation alone"
         )
-    bad = np.flatnonzero(~np.isfinite(record))
-    if len(bad):
+    if given.ndim not in (1, 2) or record.shape[0] > 2 or record.shape[1] < 2:
         raise MeasurementError(
-            f"sample {bad[0]} of the base acceleration is {record[bad[0]]}; mend the record first"
+            f"the base acceleration has the shape {given.shape}; give one row of two samples "
+            "or more, or two rows, translation and rotation"
+        )
+    bad = np.argwhere(~np.isfinite(record))
+    if len(bad):
+        row, sample = bad[0]
+        raise MeasurementError(
+            f"sample {sample} of the base acceleration is {record[row, sample]}; mend the record"
+            " first"
         )
     if not (np.isfinite(time_step) and time_step > 0.0):
         raise MeasurementError(f"the time step of the record is {time_step} s; it must be positive")

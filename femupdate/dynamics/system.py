@@ -7,14 +7,14 @@ eigenproblem of its own (Sherman and Morrison's formula, frequency by frequency)
 instruments do last of all.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from femupdate.dynamics.closed_form import ClosedForm, observed, split_sizes
+from femupdate.dynamics.closed_form import ClosedForm, Estimate, observed, split_sizes
 from femupdate.dynamics.damping import ConstantDamping, DampingLaw
 from femupdate.dynamics.modal import ModalData, joined, keep_modes
 from femupdate.dynamics.modes import Modes, normal_modes, response
@@ -53,14 +53,14 @@ class Responses:
         precision: of the sum over the modes; they are always solved in float64. float32 takes half
             the time and moves a log likelihood by a few thousandths.
         floors: whose responses are wanted; all where None.
-        seen: what an estimate makes of complex FRFs (N, f, k), before the logarithm is taken.
+        seen: what an estimate makes of complex FRFs, before the logarithm is taken.
         batch: responses at a time; default what is fastest.
     """
 
     modes: int | None = None
     precision: torch.dtype = torch.float64
     floors: tuple[int, ...] | None = None
-    seen: Callable[[Tensor], Tensor] | None = None
+    seen: Estimate | None = None
     batch: int | None = None
 
 
@@ -73,12 +73,20 @@ class System:
         law: of the damping.
         placed: the effects; none by default.
         terms: of each, on the model's basis.
+        moved: accelerations of the base to which responses are taken: translation, m/s2, and
+            rotation that leans the building forward, rad/s2.
     """
 
     model: ReducedModel
     law: DampingLaw = field(default_factory=ConstantDamping)
     placed: tuple[Placed, ...] = ()
     terms: tuple[ReducedTerms, ...] = ()
+    moved: tuple[float, float] = (1.0, 0.0)
+
+    @property
+    def turned(self) -> "System":
+        """The same system, whose responses are those to a unit rotation of the base."""
+        return replace(self, moved=(0.0, 1.0))
 
     @property
     def factors(self) -> int:
@@ -122,6 +130,21 @@ class System:
         parts = zip(theta.split(_BATCH), zeta.split(_BATCH), sizes.split(_BATCH), strict=True)
         return torch.cat([self._frf(*rows, omega=omega) for rows in parts])
 
+    def seen_frf(
+        self,
+        theta: Tensor,
+        zeta: Tensor,
+        sizes: Tensor,
+        frequency_hz: Tensor,
+        seen: Estimate | None,
+    ) -> Tensor:
+        """The same as an estimate shows them, (N, f, k); without one as they are."""
+        known = theta, zeta, sizes, frequency_hz
+        frf = self.frf(*known)
+        if seen is None:
+            return frf
+        return seen(frf, self.turned.frf(*known) if seen.turns else None)
+
     def log_frf(
         self,
         parameters: Tensor,
@@ -162,7 +185,8 @@ class System:
     ) -> ModalData:
         """Solve the modes of every parameter vector and keep those that the floors feel.
 
-        The leading one of `ModalData`'s formula stands for a base that only translates.
+        The leading one of `ModalData`'s formula stands for a base that only translates; what the
+        base does instead is for `ClosedForm`.
 
         Args:
             parameters: (N, p + q) stiffness factors, then sizes of effects; on any device.
@@ -190,7 +214,8 @@ class System:
         frequency_hz: Tensor,
         *,
         batch: int | None = None,
-        seen: Callable[[Tensor], Tensor] | None = None,
+        seen: Estimate | None = None,
+        turned: ModalData | None = None,
     ) -> Iterator[Tensor]:
         """Yield ln|H| of consecutive samples (n, f, k), in the precision of their modal data.
 
@@ -201,16 +226,21 @@ class System:
             frequency_hz: (k,).
             batch: samples at a time; default what is fastest.
             seen: what an estimate makes of FRFs, before the logarithm is taken.
+            turned: modes as a base that turns drives them, for an estimate that asks for them.
         """
         form = self.closed_form(float(frequency_hz[-1]))
+        leaning = replace(form, moved=self.turned.moved)
         sizes = self.split(parameters)[1].to(modal.omega)
         omega = 2.0 * torch.pi * frequency_hz.to(modal.omega)
         step = batch or fast_batch(modal, len(frequency_hz))
         for start in range(0, len(modal), step):
             rows = slice(start, start + step)
-            ratio = self.ratio(modal.omega[rows], zeta[rows].to(modal.omega), sizes[rows])
-            parts = modal[rows].response(omega, ratio)
-            yield form.log_frf(parts, omega, sizes[rows], seen=seen)
+            own = zeta[rows], sizes[rows], omega
+            parts = self._summed(modal[rows], *own)
+            other = None
+            if turned is not None:
+                other = leaning.frf(self._summed(turned[rows], *own), omega, sizes[rows])
+            yield form.log_frf(parts, omega, sizes[rows], seen=seen, turned=other)
 
     def modes(self, theta: Tensor, sizes: Tensor, rows: Rows | None = None) -> Modes:
         """Undamped modes with the effects, lowest first; rows are those of the floors by default.
@@ -243,7 +273,7 @@ class System:
 
     def observe(self, frf: Tensor, omega: Tensor, sizes: Tensor) -> Tensor:
         """FRFs (N, f, k) at omega (k,), rad/s, as their sensors give them."""
-        return observed(self.placed, self.floors, frf, omega, sizes)
+        return observed(self.placed, self.floors, frf, omega, sizes, self.moved[0] != 0.0)
 
     def at_level(
         self, theta: Tensor, zeta: Tensor, sizes: Tensor, level: float
@@ -275,6 +305,7 @@ class System:
             () if rotation is None else tuple(float(level) for level in rotation.levels),
             self.factors,
             top_hz,
+            self.moved,
         )
 
     def limits(self) -> tuple[Tensor, Tensor]:
@@ -284,6 +315,13 @@ class System:
         low = torch.tensor([one.lower for one in sizes], dtype=torch.float64)
         high = torch.tensor([one.upper for one in sizes], dtype=torch.float64)
         return torch.cat([-free, low]), torch.cat([free, high])
+
+    def _summed(
+        self, modal: ModalData, zeta: Tensor, sizes: Tensor, omega: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        """Real and imaginary part (n, f, k) of the sum over modes."""
+        ratio = self.ratio(modal.omega, zeta.to(modal.omega), sizes)
+        return modal.response(omega, ratio)
 
     def _frf(self, theta: Tensor, zeta: Tensor, sizes: Tensor, omega: Tensor) -> Tensor:
         modes = self.modes(theta, sizes)
@@ -319,10 +357,16 @@ class System:
         # Damping leaves the modes alone: neighbours that differ in it only share theirs.
         fresh = torch.ones(len(parameters), dtype=torch.bool, device=parameters.device)
         fresh[1:] = (parameters[1:] != parameters[:-1]).any(dim=1)
-        modal = self.modal_data(
-            parameters[fresh], modes=how.modes, top_frequency_hz=float(frequency_hz[-1])
-        ).to(parameters.device, how.precision)[fresh.cumsum(0) - 1]
-        some = how.floors is not None and not self.closed_form(0.0).changes
+
+        def modal_of(system: System) -> ModalData:
+            return system.modal_data(
+                parameters[fresh], modes=how.modes, top_frequency_hz=float(frequency_hz[-1])
+            ).to(parameters.device, how.precision)[fresh.cumsum(0) - 1]
+
+        modal = modal_of(self)
+        turned = modal_of(self.turned) if how.seen is not None and how.seen.turns else None
+        changes = self.closed_form(0.0).changes or turned is not None
+        some = how.floors is not None and not changes
         parts = self.log_frf_batches(
             modal.of_floors(list(how.floors)) if some and how.floors is not None else modal,
             parameters,
@@ -330,6 +374,7 @@ class System:
             frequency_hz,
             batch=how.batch,
             seen=how.seen,
+            turned=turned,
         )
         values = torch.cat(list(parts))
         return values if some or how.floors is None else values[:, list(how.floors)]
@@ -362,12 +407,13 @@ class System:
         return stiffness, mass, force, rigid
 
     def _base_motion(self, theta: Tensor, own: Sequence[Tensor]) -> Tensor:
-        """(N, 2) translation and rotation of the base per unit translation."""
-        pitch = theta.new_zeros(len(theta))
+        """(N, 2) translation and rotation of the base."""
+        translation, rotation = self.moved
+        turned = theta.new_full((len(theta),), rotation)
         for terms, size in zip(self.terms, own, strict=True):
             if terms.pitch:
-                pitch = pitch + terms.pitch * size[:, 0]
-        return torch.stack([torch.ones_like(pitch), pitch], dim=1)
+                turned = turned + translation * terms.pitch * size[:, 0]
+        return torch.stack([torch.full_like(turned, translation), turned], dim=1)
 
     def _flexibility(self, theta: Tensor, own: Sequence[Tensor]) -> Tensor | None:
         """(N, 2) of the ground, or None where it is rigid."""

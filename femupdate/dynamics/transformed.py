@@ -1,12 +1,12 @@
 """Histories by the Fourier transform, for what no recurrence mode by mode follows.
 
-Dampers and appendages make modes complex, a base that pitches turns with its displacement, and
-instruments are known by their FRFs: the response is the inverse Fourier transform of the FRFs times
-the record's spectrum, with silence behind the record until the motion has died down. For a linear
-structure that is exact.
+Dampers and appendages make modes complex, and instruments are known by their FRFs: the response is
+the inverse Fourier transform of the FRFs times the record's spectrum, with silence behind the
+record until the motion has died down. For a linear structure that is exact.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -30,17 +30,22 @@ def transformed_outputs(
     Args:
         system: the structure with effects; what only its instruments do is left out.
         sample: theta (1, p), zeta (1,) and sizes (1, q).
-        record: (n,) base acceleration, m/s2.
+        record: (n,) acceleration of the base along what the system's responses are taken to.
         time_step: s.
+
+    Drifts are those against the base as it turns: its tilt strains no story.
     """
     theta, zeta, sizes = sample
     rows = story_rows(system, sizes)
+    floors, stories = len(system.floors), len(system.model.story_mass)
     modes = system.modes(theta, sizes, rows)
+    direct = modes.direct.clone()
+    direct[:, floors + stories : floors + 2 * stories] = 0.0
+    modes = replace(modes, direct=direct)
     ratio = system.ratio(modes.omega, zeta, sizes)
 
     def outputs(omega: Tensor) -> Tensor:
         frf = response(modes, ratio, omega, system.port_stiffness(omega, sizes))[0]
-        floors, stories = len(system.floors), len(system.model.story_mass)
         of_floor, of_inertia, of_drift = frf.split([floors, stories, stories])
         return torch.cat([of_floor, -of_inertia, -of_drift / omega**2])
 
@@ -57,16 +62,23 @@ def transformed_sensors(
 ) -> Floats:
     """Accelerations (f, n), m/s2, as the sensors give them.
 
-    Arguments are those of `transformed_outputs`; behind the record motion decays to a share.
+    Args:
+        system, sample, time_step: see `transformed_outputs`.
+        record: (n,) base acceleration, m/s2, or (2, n) with its rotation, rad/s2, below.
+        share: to which motion decays behind the record.
     """
     theta, zeta, sizes = sample
     modes = system.modes(theta, sizes)
     rest = _rest(modes.omega, system.ratio(modes.omega, zeta, sizes), share)
 
-    def sensors(omega: Tensor) -> Tensor:
-        return system.frf(theta, zeta, sizes, omega / (2.0 * torch.pi))[0]
+    def respond(moved: System, own: Floats) -> Floats:
+        def sensors(omega: Tensor) -> Tensor:
+            return moved.frf(theta, zeta, sizes, omega / (2.0 * torch.pi))[0]
 
-    return _transformed(sensors, record, time_step, rest)
+        return _transformed(sensors, own, time_step, rest)
+
+    parts = zip((system, system.turned), np.atleast_2d(record), strict=False)
+    return np.sum([respond(moved, own) for moved, own in parts], axis=0)
 
 
 def _transformed(

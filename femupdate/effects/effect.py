@@ -205,6 +205,7 @@ class Effect(ABC):
         needs_phase: |H| does not show it.
         needs_levels: it shows in observations at two levels of motion, not in one.
         tables_only: it arises in the making of tables of |H|, not in FRFs estimated by H1.
+        turns_base: it is how the base turns, which is known where that was measured.
     """
 
     name: ClassVar[str]
@@ -219,6 +220,7 @@ class Effect(ABC):
     needs_phase: ClassVar[bool] = False
     needs_levels: ClassVar[bool] = False
     tables_only: ClassVar[bool] = False
+    turns_base: ClassVar[bool] = False
 
     def places(self, structure: Structure) -> tuple[str, ...]:
         """Where it can sit in a building; none where the building has no such thing."""

@@ -145,9 +145,9 @@ class DataLikelihood:
         for some in known.split(_ROWS):
             theta, zeta = self._theta_and_zeta(some)
             structure, sizes = self._system.split(theta)
-            frf = self._system.frf(structure, zeta, sizes, self._frequency)
-            seen = frf if self._how.seen is None else self._how.seen(frf)
-            turn = seen[:, rows].angle() - measured
+            known = structure, zeta, sizes, self._frequency
+            frf = self._system.seen_frf(*known, self._how.seen)
+            turn = frf[:, rows].angle() - measured
             parts.append((torch.remainder(turn + torch.pi, 2.0 * torch.pi) - torch.pi) * weight)
         return torch.cat(parts).flatten(1)
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from femupdate.array_archive import check_shapes
-from femupdate.arrays import Floats, Integers
+from femupdate.arrays import Complexes, Floats, Integers
 from femupdate.errors import StudyError
 from femupdate.inference.error_draws import ErrorDraws, errors_as_groups, errors_from_groups
 from femupdate.inference.event_scatter import (
@@ -143,6 +143,9 @@ def save_posterior(posterior: Posterior, path: Path) -> None:
         measured["coherence"] = (floor_frequency, observation.coherence)
     if observation.scatter is not None:
         measured["scatter"] = (floor_frequency, observation.scatter)
+    if observation.rotation is not None:
+        parts = np.stack([observation.rotation.real, observation.rotation.imag])
+        measured["rotation"] = (("part", "frequency_hz"), parts)
     tree = xr.DataTree.from_dict(
         {
             **errors_as_groups(posterior.model_error, coordinates, grid),
@@ -257,6 +260,11 @@ def _posterior(tree: Any) -> Posterior:
     )
 
 
+def _complex(parts: Floats) -> Complexes:
+    """(m,) of real and imaginary parts (2, m)."""
+    return np.asarray(parts[0] + 1j * parts[1])
+
+
 def _observation(group: Any) -> Observation:
     return Observation(
         frequency_hz=group["frequency_hz"].values,
@@ -268,6 +276,7 @@ def _observation(group: Any) -> Observation:
         coherence=group["coherence"].values if "coherence" in group else None,
         resolution_hz=float(group.attrs["resolution_hz"]) or None,
         scatter=group["scatter"].values if "scatter" in group else None,
+        rotation=_complex(group["rotation"].values) if "rotation" in group else None,
         source=str(group.attrs["source"]),
         notes=tuple(json.loads(group.attrs["notes"])),
     )

@@ -19,14 +19,16 @@ _CHANNEL = re.compile(
     rf"(?P<floor>{BASE}|{_FLOOR})(?::(?P<sensor>[^\s.:]+))?(?:\.(?P<direction>[xyz]))?",
     re.IGNORECASE,
 )
+_VERTICAL = re.compile(rf"{BASE}@(?P<place>[+-]?\d+(?:\.\d+)?)\.z", re.IGNORECASE)
 _FORCE = re.compile(rf"force/(?P<floor>{_FLOOR})(?:\.(?P<direction>[xyz]))?", re.IGNORECASE)
 _FRF = re.compile(
     rf"(?P<floor>{_FLOOR})(?:/(?P<force>{_FLOOR}))?(?:_(?P<part>re|im|sd))?", re.IGNORECASE
 )
 
 HISTORY_COLUMNS = (
-    "time_s, base, 2F ... RF, several sensors 2F:1 and 2F:2, other directions RF.y, and a force at"
-    " RF as force/RF"
+    "time_s, base, 2F ... RF, several sensors 2F:1 and 2F:2, other directions RF.y, a force at"
+    " RF as force/RF, and vertical sensors of the base at places along the motion, in m,"
+    " base@-2.5.z and base@2.5.z"
 )
 FRF_COLUMNS = (
     "frequency_hz, 2F ... RF as |H| or 2F_re and 2F_im, and 2F_sd; or under a force at 3F, 2F/3F"
@@ -43,12 +45,14 @@ class Channel:
         floor: `base`, `2F`, ... or `RF`.
         sensor: what tells the sensors of a floor apart; empty where there is one.
         direction: `x`, `y` or `z`.
+        place: of a vertical sensor of the base that stands at a known place along the motion, m.
     """
 
     name: str
     floor: str
     sensor: str = ""
     direction: str = "x"
+    place: float | None = None
 
 
 @dataclass(frozen=True)
@@ -94,12 +98,20 @@ def parse_history(name: str) -> Channel | ForceChannel | None:
 
 def parse_channel(name: str) -> Channel | None:
     """Return the channel that a column name stands for, or None."""
+    vertical = _VERTICAL.fullmatch(name.strip())
+    if vertical is not None:
+        return vertical_channel(float(vertical["place"]))
     match = _CHANNEL.fullmatch(name.strip())
     if match is None:
         return None
     floor, sensor = _floor_name(match["floor"]), match["sensor"] or ""
     direction = (match["direction"] or "x").lower()
     return Channel(channel_name(floor, sensor, direction), floor, sensor, direction)
+
+
+def vertical_channel(place: float) -> Channel:
+    """A vertical sensor of the base at a place along the motion, m."""
+    return Channel(f"{BASE}@{place:g}.z", BASE, "", "z", place)
 
 
 def channel_name(floor: str, sensor: str = "", direction: str = "x") -> str:

@@ -6,11 +6,12 @@ mean of the FRF over neighbouring frequencies, with weights that the base motion
 stationary white noise these are the squared spectrum of the window (Bendat and Piersol 2010,
 section 8.5); in an earthquake, which ends before the building does, they are not, and peaks come
 out higher or lower by several percent. A model's FRF goes through the same means before it is
-compared.
+compared. What the base's own rotation adds to the floors' motion goes through means of its own,
+which translation and rotation fix together.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -35,19 +36,35 @@ class Estimator:
     Attributes:
         frequency_hz: (e,) at which the FRF is asked for, evenly spaced.
         weights: (k, e) complex means that give the estimate on a grid.
+        rotation: the same of FRFs to unit rotation of the base, where that was measured.
     """
 
     frequency_hz: Floats
     weights: csr_array
+    rotation: csr_array | None = None
 
-    def __call__(self, frf: Tensor) -> Tensor:
-        """Estimates (N, f, k) of FRFs (N, f, e)."""
+    @property
+    def turns(self) -> bool:
+        """Whether the base's own rotation was measured."""
+        return self.rotation is not None
+
+    def __call__(self, frf: Tensor, turned: Tensor | None = None) -> Tensor:
+        """Estimates (N, f, k) of FRFs (N, f, e), and of those to rotation where it was measured."""
         parts = [frf[..., seen] @ means.to(frf) for seen, means in self._blocks]
-        return torch.cat(parts, dim=-1)
+        estimate = torch.cat(parts, dim=-1)
+        if self.rotation is None or turned is None:
+            return estimate
+        return estimate + self._of_rotation(turned)
 
     def at(self, used: Flags) -> "Estimator":
         """The estimate at some frequencies (k,) of its grid."""
-        return Estimator(self.frequency_hz, csr_array(self.weights[np.flatnonzero(used)]))
+        rows = np.flatnonzero(used)
+        turned = None if self.rotation is None else csr_array(self.rotation[rows])
+        return Estimator(self.frequency_hz, csr_array(self.weights[rows]), turned)
+
+    @cached_property
+    def _of_rotation(self) -> "Estimator":
+        return replace(self, weights=self.rotation, rotation=None)
 
     @cached_property
     def _blocks(self) -> list[tuple[slice, Tensor]]:
@@ -64,7 +81,12 @@ class Estimator:
 
 
 def estimator_of(
-    base: Floats, time_step: float, segments: Segments, grid: Floats, bins: csr_array
+    base: Floats,
+    time_step: float,
+    segments: Segments,
+    grid: Floats,
+    bins: csr_array,
+    rotation: Floats | None = None,
 ) -> Estimator:
     """The means that Welch's estimate takes of a building at rest before the record.
 
@@ -74,17 +96,20 @@ def estimator_of(
         segments: how the record was cut.
         grid: (k,) frequencies of the estimate, evenly spaced, Hz.
         bins: (k, b) that brings estimates at the bins of the spectra to the grid.
+        rotation: (n,) angular acceleration of the base, where it was measured.
     """
     length = segments.length
     padded = len(base) + 2 * length
     fine = np.asarray(np.fft.rfftfreq(padded, time_step), dtype=np.float64)
     spectrum = np.fft.rfft(base, padded)
+    turning = None if rotation is None else np.fft.rfft(rotation, padded)
+    share = _rotation_share(base, rotation, time_step, segments)
     of_segments, bin_hz, starts = segment_spectra(base, time_step, segments)
     used = np.unique(bins.nonzero()[1])
     reach = SPECTRUM.reach / segments.seconds
     dense = _dense(grid, reach, segments.seconds)
     step = dense[1] - dense[0]
-    rows, columns, values = [], [], []
+    rows, columns, values, turned = [], [], [], []
     width = int(np.ceil(reach / fine[1]))
     offsets = np.arange(-width, width + 1)
     for some in np.array_split(used, max(1, len(used) // _BINS)):
@@ -102,16 +127,35 @@ def estimator_of(
         # rules, as near zero frequency: there phases say nothing.
         power = padded * np.square(np.abs(of_segments[:, some])).sum(axis=0)[:, None]
         size = np.abs(weight)
-        weight = np.where(np.abs(total - power) < SPECTRUM.leaked * power, weight, size)
-        weight /= weight.sum(axis=1, keepdims=True)
+        believed = np.abs(total - power) < SPECTRUM.leaked * power
+        weight = np.where(believed, weight, size)
+        whole = weight.sum(axis=1, keepdims=True)
+        weight /= whole
+        if turning is not None:
+            own = np.where(inside, together * turning[near] * seen, 0.0) / whole
+            turned.append(np.where(believed, own, weight * share[some, None]).ravel())
         rows.append(np.repeat(some, offsets.size))
         columns.append(near.ravel())
         values.append(weight.ravel())
     shape = (len(bin_hz), len(fine))
-    whole = csr_array(
-        (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=shape
-    )
-    return Estimator(dense, csr_array(bins @ whole @ _cubics(fine, dense, step)))
+    at, cubics = (np.concatenate(rows), np.concatenate(columns)), _cubics(fine, dense, step)
+    means = [
+        csr_array(bins @ csr_array((np.concatenate(own), at), shape=shape) @ cubics)
+        for own in (values, turned)
+        if own
+    ]
+    return Estimator(dense, *means)
+
+
+def _rotation_share(
+    base: Floats, rotation: Floats | None, time_step: float, segments: Segments
+) -> Complexes:
+    """Rotation (b,) that goes with unit translation in the segments of a record, 1/m."""
+    if rotation is None:
+        return np.zeros(0, dtype=np.complex128)
+    own, turned = (segment_spectra(one, time_step, segments)[0] for one in (base, rotation))
+    power = np.square(np.abs(own)).sum(axis=0)
+    return np.asarray((own.conj() * turned).sum(axis=0) / np.maximum(power, np.finfo(float).tiny))
 
 
 def mean_estimator(
@@ -126,13 +170,16 @@ def mean_estimator(
     last = max(float(part.frequency_hz[-1]) for part in known)
     dense = first + step * np.arange(int(np.rint((last - first) / step)) + 1)
     total = csr_array((len(grid), len(dense)), dtype=np.complex128)
+    turned = total if any(part.turns for part in known) else None
     for part, share in zip(parts, shares, strict=True):
         own = csr_array(np.eye(len(grid))) if part is None else part.weights
         begin = grid if part is None else part.frequency_hz
         at = np.rint((begin - first) / step).astype(int)
         onto = csr_array((np.ones(len(at)), (np.arange(len(at)), at)), shape=(len(at), len(dense)))
         total = total + diags_array(share) @ own @ onto
-    return Estimator(dense, csr_array(total))
+        if part is not None and part.rotation is not None:
+            turned = turned + diags_array(share) @ part.rotation @ onto
+    return Estimator(dense, csr_array(total), None if turned is None else csr_array(turned))
 
 
 def _window_spectrum(angle: Floats, total: int) -> Complexes:

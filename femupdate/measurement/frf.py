@@ -6,15 +6,21 @@ and Hann segments of T seconds the estimate at the peak is low by about 1 / (3 (
 its value (the second moment of the window's spectrum times the curvature of H): 8 % for 5 Hz,
 2 %, 20 s. This averaging lowers the coherence too, so the stated noise is larger there. It
 covers the bias as long as zeta f0 T is about 2 or more.
+
+Where vertical sensors measure the base's rotation, H1 is still taken over the translation alone.
+What the rotation adds to it is for the model (`femupdate.measurement.estimated`), and the noise is
+what neither of both explains (the multiple coherence of Bendat and Piersol 2010, section 7.3).
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import csr_array
 
-from femupdate.arrays import Flags, Floats, Indices
+from femupdate.arrays import Complexes, Flags, Floats, Indices
 from femupdate.errors import MeasurementError
+from femupdate.measurement.base_rotation import rotation_of, said_of_rotation
 from femupdate.measurement.columns import BASE
 from femupdate.measurement.estimated import estimator_of
 from femupdate.measurement.frf_table import FrfTable
@@ -24,7 +30,7 @@ from femupdate.measurement.observation import (
     select_floors,
 )
 from femupdate.measurement.observation_file import Histories
-from femupdate.measurement.thresholds import SPECTRUM
+from femupdate.measurement.thresholds import ROTATION, SPECTRUM
 from femupdate.measurement.welch import (
     Segments,
     Spectra,
@@ -65,13 +71,16 @@ def estimate_frf(
             short, or no point of the grid can be used.
     """
     grid = _checked_grid(frequency_hz)
-    base, floors, names = _floor_means(histories, direction)
+    base, floors, names = floor_means(histories, direction)
+    rotation = rotation_of(histories.channels, histories.acceleration)
     wanted = 1.0 / float(np.median(np.diff(grid))) if grid.size > 1 else 8.0 / float(grid[0])
     segments = choose_segments(base.size, histories.time_step, wanted, segment_s, histories.source)
     spectra = welch_spectra(base, floors, histories.time_step, segments)
     coherence = np.abs(spectra.cross) ** 2 / np.maximum(spectra.base * spectra.floors, _TINY)
     frf = spectra.cross / np.maximum(spectra.base, _TINY)
-    incoherent = _incoherent(spectra, coherence, segments.effective)
+    turning = _Turning.of(base, rotation, floors, histories.time_step, segments)
+    explained = coherence if turning is None else coherence + turning.more_explained(spectra)
+    incoherent = _incoherent(spectra, explained, segments.effective, 1 if turning is None else 2)
     noise = _noise(spectra, coherence, incoherent, segments.effective)
     trusted = _trusted(spectra, incoherent, noise, segments.effective)
     if half is not None:
@@ -92,15 +101,64 @@ def estimate_frf(
         noise_sd=at_grid(noise),
         valid=valid,
         phase=np.angle(frf),
-        coherence=at_grid(coherence),
+        coherence=at_grid(explained),
         # The equivalent noise bandwidth of the Hann window is 1.5 bins (Harris 1978).
         resolution_hz=1.5 / segments.seconds,
         source=histories.source,
         estimator=estimator_of(
-            base, histories.time_step, segments, grid, at_grid.matrix(len(spectra.frequency_hz))
+            base,
+            histories.time_step,
+            segments,
+            grid,
+            at_grid.matrix(len(spectra.frequency_hz)),
+            rotation,
         ),
-        notes=(segments.note, *_sensor_notes(histories, direction), *_gaps(names, valid, inside)),
+        rotation=None if turning is None else turning.over_translation(at_grid),
+        notes=(
+            segments.note,
+            *_sensor_notes(histories, direction),
+            *said_of_rotation(histories.channels, histories.acceleration, base),
+            *_gaps(names, valid, inside),
+        ),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Turning:
+    """Spectra of the base's rotation.
+
+    Attributes:
+        beside: of translation and rotation, as if the rotation were a floor.
+        floors: of rotation and floors, as if the rotation were the base.
+    """
+
+    beside: Spectra
+    floors: Spectra
+
+    @staticmethod
+    def of(
+        base: Floats, rotation: Floats | None, floors: Floats, step: float, segments: Segments
+    ) -> "_Turning | None":
+        """None where no rotation was measured."""
+        if rotation is None:
+            return None
+        beside = welch_spectra(base, rotation[None], step, segments)
+        return _Turning(beside, welch_spectra(rotation, floors, step, segments))
+
+    def more_explained(self, spectra: Spectra) -> Floats:
+        """Share of each floor's power (f, b) that follows the rotation beside the translation."""
+        share = self.beside.cross[0] / np.maximum(spectra.base, _TINY)
+        own = self.beside.floors[0] - np.abs(share) ** 2 * spectra.base
+        cross = self.floors.cross - share.conj() * spectra.cross
+        # What goes with the translation alone leaves rounding.
+        there = own > ROTATION.rounding * self.beside.floors[0]
+        power = np.abs(cross) ** 2 / np.where(there, own, 1.0)
+        return np.asarray(np.where(there, power, 0.0) / np.maximum(spectra.floors, _TINY))
+
+    def over_translation(self, at_grid: "_Interpolator") -> Complexes:
+        """Rotation that goes with unit translation (m,), 1/m."""
+        share = self.beside.cross[0] / np.maximum(self.beside.base, _TINY)
+        return np.asarray(at_grid(share.real) + 1j * at_grid(share.imag))
 
 
 def _half(segments: Segments, number: int, source: str) -> Segments:
@@ -235,7 +293,7 @@ def _checked_grid(frequency_hz: Floats) -> Floats:
     return grid
 
 
-def _floor_means(histories: Histories, direction: str) -> tuple[Floats, Floats, tuple[str, ...]]:
+def floor_means(histories: Histories, direction: str) -> tuple[Floats, Floats, tuple[str, ...]]:
     """Mean over the sensors of the base (n,) and of each floor (f, n), and the floors' names."""
     rows = _rows_by_floor(histories, direction)
     floors = tuple(floor for floor in histories.floors if floor in rows)
@@ -273,9 +331,10 @@ def _smooth(density: Floats, spectra: Spectra) -> Floats:
     return np.asarray(convolve1d(density, kernel / kernel.sum(), axis=-1, mode="nearest"))
 
 
-def _incoherent(spectra: Spectra, coherence: Floats, averages: float) -> Floats:
+def _incoherent(spectra: Spectra, coherence: Floats, averages: float, inputs: int) -> Floats:
     """Power of each floor (f, b) that does not follow the base, without bias, smoothed."""
-    share = (1.0 - np.minimum(coherence, 1.0)) * averages / (averages - 1.0)
+    free = max(averages - inputs, 1.0)
+    share = (1.0 - np.minimum(coherence, 1.0)) * averages / free
     return _smooth(share * spectra.floors, spectra)
 
 

@@ -6,9 +6,16 @@ from pathlib import Path
 
 import numpy as np
 
-from femupdate.measurement.channel import RecordedChannel
+from femupdate.arrays import Floats
+from femupdate.measurement.base_rotation import (
+    fault_of,
+    is_vertical_channel,
+    said_of_rotation,
+    vertical_pair,
+)
+from femupdate.measurement.channel import RecordedChannel, acceleration_unit
 from femupdate.measurement.channel_checks import channel_findings
-from femupdate.measurement.columns import BASE, FREQUENCY
+from femupdate.measurement.columns import BASE, FREQUENCY, Channel, parse_channel
 from femupdate.measurement.direction import azimuth_of
 from femupdate.measurement.force_table import SOMEWHERE, force_functions, under_force
 from femupdate.measurement.frf_table import FrfTable
@@ -115,6 +122,7 @@ class Inspection:
         functions: its functions of frequency, those of a table included.
         modes: its identified modes, those of a table included.
         findings: sentences on what looks wrong between channels.
+        rotation: sentences on what vertical channels of the base tell of its rotation.
         step: what to do next.
     """
 
@@ -125,6 +133,7 @@ class Inspection:
     functions: tuple[RecordedFunction, ...]
     modes: tuple[RecordedMode, ...]
     findings: tuple[str, ...]
+    rotation: tuple[str, ...] = ()
     step: NextStep = field(default_factory=lambda: NextStep(""))
 
     @property
@@ -191,7 +200,7 @@ class Inspection:
                 for one in self.modes
             ],
             "points": len(self.recording.points),
-            "notes": self.recording.notes,
+            "notes": (*self.recording.notes, *self.rotation),
             "findings": self.all_findings,
             "next": self.step.command,
             "advice": self.step.advice,
@@ -244,8 +253,9 @@ def inspect_file(
     other = static or bool(functions and recording.table is not None) or table is not None
     histories = () if other else recording.histories()
     floors = proposed_floors(histories)
+    placed = _placed([parse_channel(each.name) for each in histories])
     if columns and histories:
-        histories, floors = _as_mapped(recording, histories, columns)
+        histories, floors, placed = _as_mapped(recording, histories, columns)
     channels = tuple(
         _inspected(recording, number, channel, floor, unit)
         for number, (channel, floor) in enumerate(zip(histories, floors, strict=True), start=1)
@@ -257,15 +267,19 @@ def inspect_file(
         channels=channels,
         functions=functions,
         modes=modes,
-        findings=(*pair_findings(histories, floors), *mode_findings(modes)),
+        findings=(*pair_findings(histories, floors, placed=placed), *mode_findings(modes)),
+        rotation=_rotation(recording, histories, floors, placed, unit),
         step=_step(path, recording, histories, functions, unit, columns),
     )
 
 
 def _as_mapped(
     recording: Recording, histories: Sequence[RecordedChannel], columns: Mapping[str, str]
-) -> tuple[tuple[RecordedChannel, ...], tuple[str | None, ...]]:
-    """The channels and their floors as the user says them, in the directions x, y and z."""
+) -> tuple[tuple[RecordedChannel, ...], tuple[str | None, ...], dict[int, Channel]]:
+    """The channels and their floors as the user says them, in the directions x, y and z.
+
+    Last come the vertical ones of the base whose places are known, by their index.
+    """
     given = motions_in(recording, columns)
     at = {(one.name, one.direction): ours for ours, one in given.items()}
     own = {(one.name, one.direction): one for one in given.values()}
@@ -274,7 +288,47 @@ def _as_mapped(
         replace(own[key], direction=at[key].direction.upper()) if key in own else one
         for key, one in zip(keys, histories, strict=True)
     )
-    return channels, tuple(at[key].floor if key in at else None for key in keys)
+    floors = tuple(at[key].floor if key in at else None for key in keys)
+    return channels, floors, _placed([at.get(key) for key in keys])
+
+
+def _placed(channels: Sequence[Channel | None]) -> dict[int, Channel]:
+    """Vertical channels of the base whose places are known, by their index."""
+    known = ((k, one) for k, one in enumerate(channels) if one is not None)
+    return {k: one for k, one in known if one.place is not None}
+
+
+def _rotation(
+    recording: Recording,
+    histories: Sequence[RecordedChannel],
+    floors: Sequence[str | None],
+    placed: Mapping[int, Channel],
+    unit: str | None,
+) -> tuple[str, ...]:
+    """What vertical channels of the base tell, or could tell, of its rotation."""
+    base = next(
+        (
+            one
+            for one, floor in zip(histories, floors, strict=True)
+            if floor == BASE and not is_vertical_channel(one)
+        ),
+        None,
+    )
+    known = [histories[k].unit or unit for k in placed]
+    if len(placed) < 2 or base is None or any(one is None for one in known):
+        said = vertical_pair(histories, floors) if not placed else ""
+        return (said,) if said else ()
+    fault = fault_of(tuple(placed.values()))
+    if fault is not None:
+        return (fault,)
+
+    def rows(channels: Sequence[RecordedChannel]) -> Floats:
+        units = (acceleration_unit(recording.file, one, unit) for one in channels)
+        factors = (si_factor(recording.file, one, "acceleration") for one in units)
+        return np.array([f * one.values for f, one in zip(factors, channels, strict=True)])
+
+    vertical = rows([histories[k] for k in placed])
+    return said_of_rotation(tuple(placed.values()), vertical, rows([base])[0])
 
 
 def _functions_of_table(recording: Recording, unit: str | None) -> tuple[RecordedFunction, ...]:

@@ -15,6 +15,8 @@ _HEAD = """\
 # Which channel of {file} is which floor. Correct it, and hand it back by --mapping.
 # Floors are base, 2F, ..., RF; "RF:1" and "RF:2" are two sensors of a floor, and "RF.y" is one in
 # the other direction. A channel goes by its number or name; a minus turns it round: RF = "-3".
+# "base@-2.5.z" = 4 is a vertical sensor of the base, 2.5 m behind its middle along the motion; two
+# at different places measure how the base turns.
 """
 
 

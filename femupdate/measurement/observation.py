@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femupdate.arrays import Flags, Floats
+from femupdate.arrays import Complexes, Flags, Floats
 from femupdate.errors import MeasurementError
 
 if TYPE_CHECKING:
@@ -37,6 +37,9 @@ class Observation:
         scatter: (f, m) of several runs pooled into one (see `pooled`): sum of their squared
             deviations from what is pooled, each over the noise of its own run; None for one run.
         estimator: what the estimate makes of an FRF; None for a table.
+        rotation: (m,) complex rotation of the base that goes with its unit translation, 1/m, for
+            pictures; None where none was measured. Fits go through the estimator, which has all
+            of the rotation.
     """
 
     frequency_hz: Floats
@@ -51,6 +54,7 @@ class Observation:
     notes: tuple[str, ...] = ()
     scatter: Floats | None = None
     estimator: "Estimator | None" = None
+    rotation: Complexes | None = None
 
     def __post_init__(self) -> None:
         shape = (len(self.floors), self.frequency_hz.size)

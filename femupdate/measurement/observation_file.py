@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from femupdate.arrays import Floats
+from femupdate.measurement.base_rotation import fault_of
 from femupdate.measurement.channel import (
     RecordedChannel,
     acceleration_unit,
@@ -401,6 +402,9 @@ def _require_base_and_floors(file: TextFile, channels: tuple[Channel, ...]) -> N
             "there is no column base, and a response is measured against the base; name or map"
             " the base acceleration, or take modes from the floors alone by femupdate identify"
         )
+    fault = fault_of(channels)
+    if fault is not None:
+        raise file.error(fault)
     if all(floor == BASE for floor in floors):
         raise file.error("there is no floor beside the base; add columns 2F ... RF")
 
@@ -412,10 +416,11 @@ def _acceleration(
     title = repr(recorded.name)
     stated = acceleration_unit(file, recorded, unit)
     values = recorded.values * si_factor(file, stated, "acceleration")
+    driven = channel.floor == BASE and channel.direction != "z"
     if np.ptp(values) == 0.0:
         raise file.error(
             f"every value is {recorded.values[0]:g}: the channel was dead; "
-            + ("a response needs a base that moves" if channel.floor == BASE else "leave it out"),
+            + ("a response needs a base that moves" if driven else "leave it out"),
             column=title,
         )
     peak = float(np.abs(values).max())

@@ -8,12 +8,13 @@ that response in time, in proportion to frequency, which no change of the buildi
 """
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from femupdate.arrays import Complexes, Flags, Floats
+from femupdate.measurement.base_rotation import is_vertical_channel
 from femupdate.measurement.channel import RecordedChannel
 from femupdate.measurement.columns import BASE, floor_height, parse_channel
 from femupdate.measurement.thresholds import PAIR
@@ -47,15 +48,21 @@ class _Response:
 def pair_findings(
     channels: Sequence[RecordedChannel],
     floors: Sequence[str | None],
+    placed: Collection[int] = (),
 ) -> tuple[str, ...]:
     """Return sentences on channels that are vertical, repeat another, or do not fit the others.
 
     Args:
         channels: of one file.
         floors: of each, or None.
+        placed: those that measure how the base turns.
     """
     found: list[str] = []
-    vertical = [str(k) for k, channel in enumerate(channels, start=1) if _vertical(channel)]
+    vertical = [
+        str(k + 1)
+        for k, channel in enumerate(channels)
+        if is_vertical_channel(channel) and k not in placed
+    ]
     if vertical:
         are = "s " + ", ".join(vertical) + " are" if len(vertical) > 1 else f" {vertical[0]} is"
         found.append(f"channel{are} vertical: no response to the base's horizontal motion.")
@@ -68,11 +75,6 @@ def pair_findings(
     return tuple(found)
 
 
-def _vertical(channel: RecordedChannel) -> bool:
-    parsed = parse_channel(channel.name)
-    return channel.vertical or (parsed is not None and parsed.direction == "z")
-
-
 def _repeats(one: RecordedChannel, other: RecordedChannel) -> bool:
     return np.array_equal(one.values, other.values) and bool(np.ptp(one.values))
 
@@ -83,7 +85,7 @@ def _groups(
     """Channels that share their direction and times, on floors that are known."""
     found: dict[object, list[_Sensor]] = defaultdict(list)
     for number, (channel, floor) in enumerate(zip(channels, floors, strict=True), start=1):
-        if floor is not None and not _vertical(channel) and np.ptp(channel.values):
+        if floor is not None and not is_vertical_channel(channel) and np.ptp(channel.values):
             parsed = parse_channel(channel.name)
             along = parsed.direction if parsed else channel.direction.upper()
             key = along, channel.values.size, channel.time_step

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from femupdate.arrays import Floats
+from femupdate.arrays import Complexes, Floats
 from femupdate.errors import MeasurementError
 from femupdate.measurement.estimated import mean_estimator
 from femupdate.measurement.observation import (
@@ -68,7 +68,17 @@ def pooled(runs: Sequence[Observation], floors: Sequence[str]) -> Observation:
         source=", ".join(run.source for run in runs),
         scatter=(precision * deviation**2).sum(axis=0),
         estimator=mean_estimator([run.estimator for run in runs], _shares(precision), grid),
+        rotation=_rotation(runs, _shares(precision)),
     )
+
+
+def _rotation(runs: Sequence[Observation], shares: Floats) -> Complexes | None:
+    """Mean (m,) by the runs' shares (r, m); a run that measured none did not turn."""
+    if all(run.rotation is None for run in runs):
+        return None
+    none = np.zeros(shares.shape[1], dtype=np.complex128)
+    own = np.stack([none if run.rotation is None else run.rotation for run in runs])
+    return np.asarray((shares * np.nan_to_num(own)).sum(axis=0))
 
 
 def _require_one_grid(runs: Sequence[Observation]) -> None:

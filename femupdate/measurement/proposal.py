@@ -4,6 +4,7 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from femupdate.measurement.base_rotation import is_vertical_channel
 from femupdate.measurement.channel import RecordedChannel
 from femupdate.measurement.columns import BASE, TIME, channel_name, floor_height, parse_channel
 from femupdate.measurement.floor_names import base_rank, floors_of
@@ -25,9 +26,8 @@ def proposed_floors(channels: Sequence[RecordedChannel]) -> tuple[str | None, ..
 
 def is_usable(channel: RecordedChannel) -> bool:
     """Whether a channel is, as far as is told, a horizontal acceleration."""
-    parsed = parse_channel(channel.name)
-    vertical = channel.vertical or (parsed is not None and parsed.direction == "z")
-    return channel.quantity in ("acceleration", "unknown") and not vertical
+    acceleration = channel.quantity in ("acceleration", "unknown")
+    return acceleration and not is_vertical_channel(channel)
 
 
 def proposal(channels: Sequence[RecordedChannel]) -> dict[str, Proposed]:

@@ -1,21 +1,24 @@
 """Ground-motion records: any of the known formats to one acceleration history in m/s2."""
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.errors import MeasurementError
+from femupdate.measurement.base_rotation import fault_of, rotation_of
 from femupdate.measurement.channel import (
     RecordedChannel,
     acceleration_unit,
     channel_listing,
     chosen_channel,
 )
+from femupdate.measurement.columns import BASE, Channel, parse_channel
 from femupdate.measurement.quantity import plain_unit, si_factor
 from femupdate.measurement.registry import read_measured
 from femupdate.measurement.sampling import check_step
@@ -42,6 +45,8 @@ class GroundMotion:
         format: name of the reader of its file, or "array".
         unit: that the file's numbers were in.
         channels: names of all channels of that file.
+        rotation: (n,) of the base, rad/s2, that leans a building forward; None where it was not
+            measured.
     """
 
     acceleration: Floats
@@ -51,6 +56,7 @@ class GroundMotion:
     format: str = "array"
     unit: str = "m/s2"
     channels: tuple[str, ...] = ()
+    rotation: Floats | None = None
 
     def __post_init__(self) -> None:
         values = np.asarray(self.acceleration, dtype=np.float64)
@@ -65,6 +71,18 @@ class GroundMotion:
                 f"ground motion {self.name}: the time step is {self.time_step}; give seconds"
                 " above zero"
             )
+
+    @property
+    def inputs(self) -> Floats:
+        """(1, n) translation, m/s2, or (2, n) with rotation, rad/s2, below."""
+        rows = [self.acceleration] if self.rotation is None else [self.acceleration, self.rotation]
+        return np.stack(rows)
+
+    def _changed(self, change: Callable[[Floats], Floats], **others: Any) -> "GroundMotion":
+        """The same with all of its rows changed alike."""
+        rows = [change(row) for row in self.inputs]
+        turned = rows[1] if len(rows) > 1 else None
+        return replace(self, acceleration=rows[0], rotation=turned, **others)
 
     @property
     def time(self) -> Floats:
@@ -91,7 +109,7 @@ class GroundMotion:
                 f"{self.peak * abs(factor) / STANDARD_GRAVITY:.3g} g, which no shaking table"
                 " reaches; give a smaller factor"
             )
-        return replace(self, acceleration=self.acceleration * factor)
+        return self._changed(lambda row: row * factor)
 
     def demeaned(self, start: float = 0.0, end: float | None = None) -> "GroundMotion":
         """Return the motion less its mean between two times (s), the whole record by default.
@@ -99,8 +117,8 @@ class GroundMotion:
         Raises:
             MeasurementError: the times do not lie in the record.
         """
-        part = self.acceleration[self._between(start, self.duration if end is None else end)]
-        return replace(self, acceleration=self.acceleration - part.mean())
+        part = self._between(start, self.duration if end is None else end)
+        return self._changed(lambda row: row - row[part].mean())
 
     def cut(self, start: float, end: float) -> "GroundMotion":
         """Return the samples from `start` to `end` (s, both included), their time begun at 0.
@@ -108,7 +126,8 @@ class GroundMotion:
         Raises:
             MeasurementError: the times do not lie in the record.
         """
-        return replace(self, acceleration=self.acceleration[self._between(start, end)].copy())
+        part = self._between(start, end)
+        return self._changed(lambda row: row[part].copy())
 
     def resampled(self, time_step: float) -> "GroundMotion":
         """Return the motion at another time step (s), band-limited to the lower Nyquist frequency.
@@ -128,8 +147,10 @@ class GroundMotion:
         up, down = ratio.numerator, ratio.denominator
         half = RECORD.filter_periods * max(up, down)
         window = firwin(2 * half + 1, 1.0 / max(up, down), window=("kaiser", RECORD.filter_beta))
-        values = resample_poly(self.acceleration, up, down, window=window)
-        return replace(self, acceleration=values, time_step=float(time_step))
+        return self._changed(
+            lambda row: np.asarray(resample_poly(row, up, down, window=window)),
+            time_step=float(time_step),
+        )
 
     def _ratio(self, time_step: float) -> Fraction:
         if np.isfinite(time_step) and time_step > 0:
@@ -161,14 +182,20 @@ def read_record(
     unit: str | None = None,
     channel: str | int | None = None,
     format: str | None = None,
+    columns: Mapping[str, str] | None = None,
 ) -> GroundMotion:
     """Read one channel of a ground-motion record.
+
+    With the base's own channel come its vertical ones at places along the motion, which measure
+    how it turns.
 
     Args:
         path: the file; its format is told from its content.
         unit: of the accelerations, where the file does not say it.
-        channel: its name in the file, or its number from 1; needed where there are several.
+        channel: its name in the file, or its number from 1; needed where there are several and
+            none, or more than one, is called base.
         format: name of a reader, where the content misleads.
+        columns: our name, such as base or base@2.5.z, to the file's name or number of a channel.
 
     Raises:
         MeasurementError: the file cannot be read as a record, the channel is not in it, or its
@@ -176,7 +203,8 @@ def read_record(
     """
     recording = read_measured(path, format)
     file, channels = recording.file, recording.histories()
-    chosen = _choose(file, channels, channel, unit)
+    base = _base_channels(file, channels, columns or {}, unit)
+    chosen = _choose(file, channels, channel, unit, base)
     stated = acceleration_unit(file, chosen, unit)
     motion = GroundMotion(
         acceleration=chosen.values * si_factor(file, stated, "acceleration"),
@@ -186,18 +214,76 @@ def read_record(
         format=recording.format,
         unit=plain_unit(stated).lower(),
         channels=tuple(each.name for each in channels),
+        rotation=_rotation(file, chosen, base, unit),
     )
     _check_plausible(file, motion)
     return motion
 
 
+def _base_channels(
+    file: TextFile,
+    channels: Sequence[RecordedChannel],
+    columns: Mapping[str, str],
+    unit: str | None,
+) -> dict[Channel, RecordedChannel]:
+    """Channels of the base, as the user or their own names say."""
+    found: dict[Channel, RecordedChannel] = {}
+    for each in channels:
+        own = parse_channel(each.name)
+        if own is not None and own.floor == BASE:
+            found[own] = each
+    for ours, theirs in columns.items():
+        channel = parse_channel(ours)
+        if channel is None or channel.floor != BASE:
+            continue
+        listing = channel_listing(file, channels, unit)
+        number = theirs.removeprefix("-").strip()  # a minus turns the channel round
+        taken = chosen_channel(file, channels, number, listing)
+        found[channel] = taken if number == theirs else replace(taken, values=-taken.values)
+    return found
+
+
+def _rotation(
+    file: TextFile,
+    chosen: RecordedChannel,
+    base: Mapping[Channel, RecordedChannel],
+    unit: str | None,
+) -> Floats | None:
+    """How the base turns (n,), rad/s2, where its own channel was chosen and vertical ones tell."""
+    vertical = {ours: one for ours, one in base.items() if ours.place is not None}
+    if len(vertical) < 2 or not any(one is chosen for one in base.values()):
+        return None
+    for one in vertical.values():
+        if (one.time_step, one.values.size) != (chosen.time_step, chosen.values.size):
+            raise file.error(
+                "it has other times than the base's own channel; cut both to the same times",
+                column=repr(one.name),
+            )
+    fault = fault_of(tuple(vertical))
+    if fault is not None:
+        raise file.error(fault)
+    rows = [
+        one.values * si_factor(file, acceleration_unit(file, one, unit), "acceleration")
+        for one in vertical.values()
+    ]
+    return rotation_of(tuple(vertical), np.array(rows))
+
+
 def _choose(
-    file: TextFile, channels: Sequence[RecordedChannel], asked: str | int | None, unit: str | None
+    file: TextFile,
+    channels: Sequence[RecordedChannel],
+    asked: str | int | None,
+    unit: str | None,
+    base: Mapping[Channel, RecordedChannel],
 ) -> RecordedChannel:
     if asked is not None:
-        return chosen_channel(file, channels, asked, channel_listing(file, channels, unit))
+        chosen = chosen_channel(file, channels, asked, channel_listing(file, channels, unit))
+        return next((one for one in base.values() if one.name == chosen.name), chosen)
     if len(channels) == 1:
         return channels[0]
+    along = [one for ours, one in base.items() if ours.direction != "z"]
+    if len(along) == 1:
+        return along[0]
     raise file.error(
         f"the record has {len(channels)} channels; choose one by name or number:"
         f" {channel_listing(file, channels, unit)}"

@@ -286,6 +286,26 @@ class AgreementThresholds:
 
 
 @dataclass(frozen=True, kw_only=True)
+class RotationThresholds:
+    """What vertical sensors tell of a base that turns."""
+
+    apart_m: float = entry(0.01, "m", "between sensors, below which they stand at one place")
+    height_m: float = entry(10.0, "m", "at which the rotation is compared with the translation")
+    most: float = entry(
+        3.0,
+        "of the translation",
+        "from which the rotation is doubted there",
+        "a table that pitches by .3 rad/m",
+    )
+    rounding: float = entry(
+        1e-9,
+        "of its power",
+        "from which a rotation is more than what goes with the translation",
+        "sums of spectra in double precision",
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
 class ProposalThresholds:
     """What is guessed of a file."""
 
@@ -302,6 +322,7 @@ RECORD = RecordThresholds()
 CHANNEL = ChannelThresholds()
 PAIR = PairThresholds()
 SPECTRUM = SpectrumThresholds()
+ROTATION = RotationThresholds()
 RESPONSE = ResponseThresholds()
 STATIC = StaticThresholds()
 RECORDED_MODE = RecordedModeThresholds()
@@ -316,6 +337,7 @@ GROUPS: tuple[Any, ...] = (
     CHANNEL,
     PAIR,
     SPECTRUM,
+    ROTATION,
     RESPONSE,
     STATIC,
     RECORDED_MODE,

@@ -9,7 +9,7 @@ import numpy as np
 from femupdate.arrays import Floats
 from femupdate.atomic import atomic_path
 from femupdate.errors import MeasurementError
-from femupdate.measurement.columns import FREQUENCY, TIME
+from femupdate.measurement.columns import BASE, FREQUENCY, TIME, vertical_channel
 from femupdate.measurement.mode_table import DAMPING, DAMPING_SD, FREQUENCY_SD, MODE
 from femupdate.measurement.observation_file import Histories
 from femupdate.measurement.record import GroundMotion
@@ -43,14 +43,19 @@ def write_record(path: str | Path, motion: GroundMotion, comments: Sequence[str]
 
     Args:
         path: the CSV file; one that is there is replaced once the new one is whole.
-        motion: what to write, at nine significant digits.
+        motion: what to write, at nine significant digits; its rotation as two vertical sensors at
+            one metre to either side would have it.
         comments: lines that say where the numbers come from; each gets a # in front.
 
     Raises:
         MeasurementError: the file cannot be written.
     """
-    name = " ".join(motion.channel.replace(",", " ").split()) or "acceleration"
-    return _write_table(path, [name], motion.acceleration[None], motion.time_step, comments)
+    names = [" ".join(motion.channel.replace(",", " ").split()) or "acceleration"]
+    rows = motion.inputs
+    if motion.rotation is not None:
+        names = [BASE, *(vertical_channel(place).name for place in (-1.0, 1.0))]
+        rows = np.stack([motion.acceleration, motion.rotation, -motion.rotation])
+    return _write_table(path, names, rows, motion.time_step, comments)
 
 
 def write_modes(

@@ -51,9 +51,7 @@ class Truth:
             torch.tensor([zeta], dtype=torch.float64),
             torch.tensor([self.values], dtype=torch.float64).reshape(1, -1),
         )
-        return transformed_sensors(
-            self.system, sample, motion.acceleration, motion.time_step, _REST
-        )
+        return transformed_sensors(self.system, sample, motion.inputs, motion.time_step, _REST)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +101,7 @@ def effect_truth(
     effects: tuple[tuple[Placed, tuple[float, ...]], ...],
     law: DampingLaw,
     top_hz: float,
+    turns: bool = False,
 ) -> Truth:
     """Put effects into the full model of a building.
 
@@ -112,6 +111,7 @@ def effect_truth(
         effects: each at its place, with all its parameters.
         law: of the damping.
         top_hz: up to where the response to every force must be right.
+        turns: whether the base turns of itself.
 
     Raises:
         ModelError: the structure is a mechanism, or theta does not fit.
@@ -131,6 +131,7 @@ def effect_truth(
         top_hz,
         law,
         _sensors(fine),
+        turns,
     )
     below = found.frequency_hz < top_hz
     participation = (found.shapes[:, below].T @ structure.rigid_force[:, 0]) ** 2

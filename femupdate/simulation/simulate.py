@@ -17,12 +17,14 @@ from femupdate.arrays import Floats
 from femupdate.building.files import mechanics_hash
 from femupdate.building.parameters import factor_ranges
 from femupdate.building.schema import Building
+from femupdate.building.shear import require_heights
 from femupdate.dynamics.damping import damping_law
 from femupdate.dynamics.history import HistorySettings, floor_histories
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed
 from femupdate.errors import BuildingError, MeasurementError, ModelError
-from femupdate.measurement.columns import BASE, Channel, channel_name
+from femupdate.measurement.base_rotation import fault_of
+from femupdate.measurement.columns import BASE, Channel, channel_name, vertical_channel
 from femupdate.measurement.observation_file import Histories
 from femupdate.measurement.record import GroundMotion
 from femupdate.measurement.write import write_observation_histories
@@ -72,17 +74,19 @@ def simulate_observation(
     chosen = settings or SimulationSettings()
     show = progress or Silent()
     _check_settings(chosen)
-    streams = np.random.default_rng(chosen.seed).spawn(3)
+    streams = np.random.default_rng(chosen.seed).spawn(4)
     theta = _theta(building, chosen.theta, streams[0])
     zeta = _zeta(building, chosen.zeta)
-    motion = _base_motion(chosen, streams[1])
+    motion = _with_rotation(building, chosen, _base_motion(chosen, streams[1]), streams[3])
     effects = tuple(parse_effect(building, name, own) for name, own in chosen.effects)
     seen, exact = _motion(building, chosen, theta, zeta, effects, motion, show)
     base = Channel(channel_name(BASE, direction=seen.direction), BASE, "", seen.direction)
+    vertical = _vertical(chosen, motion)
+    exact = np.vstack([motion.acceleration, exact, *vertical.values()])
     histories = Histories(
         motion.time_step,
-        (base, *seen.channels),
-        _record(np.vstack([motion.acceleration, exact]), chosen, streams[2]),
+        (base, *seen.channels, *vertical),
+        _record(exact, chosen, streams[2]),
         f"synthetic observation of {building.name}",
     )
     truth = replace(
@@ -135,6 +139,10 @@ def _check_settings(settings: SimulationSettings) -> None:
             f"an rms of {settings.rms_m_s2:g} m/s2 is more than any shaking table reaches; give "
             f"at most {_LARGEST_RMS:g}"
         )
+    if settings.rotation_rms is not None and not settings.rotation_rms > 0.0:
+        raise MeasurementError(f"rotation_rms is {settings.rotation_rms}; give a number above zero")
+    if fault := fault_of([vertical_channel(place) for place in settings.vertical_at]):
+        raise MeasurementError(fault)
     noise = settings.sensor_noise_m_s2
     if not (np.isfinite(noise) and noise >= 0.0):
         raise MeasurementError(f"sensor_noise_m_s2 is {noise}; it must be zero or more")
@@ -196,6 +204,29 @@ def _base_motion(settings: SimulationSettings, rng: np.random.Generator) -> Grou
     )
 
 
+def _with_rotation(
+    building: Building, settings: SimulationSettings, motion: GroundMotion, rng: np.random.Generator
+) -> GroundMotion:
+    """The motion with the rotation that is asked for, as strong as the translation at all times."""
+    if settings.rotation_rms is not None:
+        window = np.ones(round(settings.sampling_hz)) / settings.sampling_hz
+        envelope = np.sqrt(np.convolve(motion.acceleration**2, window, mode="same"))
+        own = envelope * rng.standard_normal(len(envelope))
+        parts = (one / np.sqrt((one**2).mean()) for one in (motion.acceleration, own))
+        rotation = settings.rotation_rms * sum(parts, np.zeros(())) * 0.5**0.5
+        motion = replace(motion, rotation=rotation)
+    if motion.rotation is not None:
+        require_heights(building)
+    return motion
+
+
+def _vertical(settings: SimulationSettings, motion: GroundMotion) -> dict[Channel, Floats]:
+    """What vertical sensors of the base feel, (n,) m/s2 each; none where it does not turn."""
+    if motion.rotation is None:
+        return {}
+    return {vertical_channel(place): -place * motion.rotation for place in settings.vertical_at}
+
+
 def _top(settings: SimulationSettings) -> float:
     """Frequency up to which modes are kept: the Nyquist frequency, well above the motion's band."""
     nyquist = 0.5 * settings.sampling_hz
@@ -215,15 +246,19 @@ def _motion(
     size, points, top = settings.mesh_size, settings.sensors, _top(settings)
     ratio = 0.0 if zeta is None else zeta
     show.start("Solving the full model", 1)
-    if effects:
+    turns = motion.rotation is not None
+    if effects or turns:
         law = damping_law(building)
-        truth = effect_truth(fine_model(building, size, points), theta, effects, law, top)
+        fine = fine_model(building, size, points)
+        truth = effect_truth(fine, theta, effects, law, top, turns)
         seen = truth.seen
     else:
-        seen = sensor_model(building, theta, top, mesh_size=size, sensors=points)
+        truth, seen = None, sensor_model(building, theta, top, mesh_size=size, sensors=points)
     show.advance()
     show.start("Integrating the motion", 1)
-    exact = truth.respond(ratio, motion) if effects else _respond(building, seen, zeta, motion)
+    exact = (
+        _respond(building, seen, zeta, motion) if truth is None else truth.respond(ratio, motion)
+    )
     show.advance()
     return seen, exact
 

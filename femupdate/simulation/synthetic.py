@@ -27,6 +27,9 @@ class SimulationSettings:
         duration_s, rms_m_s2, band_hz: of the white noise; the rms is that between the ramps of one
             second at both ends.
         sampling_hz: of the file.
+        rotation_rms: of the base's rotation, rad/s2, half of whose power follows the translation;
+            None for a base that does not turn.
+        vertical_at: places along the motion of the vertical sensors of a base that turns, m.
         sensor_noise_m_s2: rms of the white noise of every channel, the base's included.
         quantisation_m_s2: step of the recorder; None for none.
         effects: put into the full model: label such as "added_mass@3F" and all parameters.
@@ -42,6 +45,8 @@ class SimulationSettings:
     sampling_hz: float = 200.0
     rms_m_s2: float = 0.3
     band_hz: tuple[float, float] = (0.5, 50.0)
+    rotation_rms: float | None = None
+    vertical_at: tuple[float, ...] = (-2.0, 2.0)
     sensor_noise_m_s2: float = 0.003
     quantisation_m_s2: float | None = None
     effects: tuple[tuple[str, tuple[float, ...]], ...] = ()
@@ -144,6 +149,7 @@ def label(
         f"{_damping_words(truth.zeta)}, seed {truth.seed}; not a measurement",
         *(f"hidden effect: {n}, {', '.join(f'{v:g}' for v in own)}" for n, own in truth.effects),
         f"base motion along {seen.direction}: {_motion_words(settings, motion)}",
+        *_rotation_words(settings),
         f"white noise of {settings.sensor_noise_m_s2:g} m/s2 rms on every channel{step}",
         *_place_words(seen),
     )
@@ -169,6 +175,16 @@ def _motion_words(settings: SimulationSettings, motion: GroundMotion) -> str:
     return (
         f"white noise, {settings.rms_m_s2:g} m/s2 rms, {low:g} to {high:g} Hz, {sampled}, rising "
         "from and falling to rest within a second"
+    )
+
+
+def _rotation_words(settings: SimulationSettings) -> tuple[str, ...]:
+    if settings.rotation_rms is None:
+        return ()
+    return (
+        f"base rotation of {settings.rotation_rms:g} rad/s2 rms, half of its power in phase with "
+        "the translation, half of its own; vertical sensors at "
+        f"{', '.join(f'{place:g}' for place in settings.vertical_at)} m",
     )
 
 

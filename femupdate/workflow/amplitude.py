@@ -139,7 +139,7 @@ class _Draw:
         """Level of the response with the stiffness of a level."""
         theta, zeta = self.at(level)
         both = np.concatenate([theta, self.sizes])[None]
-        response = floor_histories(self.system, both, zeta, motion.acceleration, motion.time_step)
+        response = floor_histories(self.system, both, zeta, motion.inputs, motion.time_step)
         levels = motion_level(response.floor_acceleration[0])
         return doublings(reference, dict(zip(response.floors, levels.tolist(), strict=True)))
 

@@ -55,8 +55,8 @@ def calibrate_study(
         require_surrogate(study, model.building)
         model = with_effects(study, model, show)
     measured = read_measured_of(study, model, source, show)
-    # No surrogate knows other kinds than FRFs under base motion.
-    settings = replace(settings, exact=settings.exact or measured.others)
+    # Surrogates know FRFs under a base that translates.
+    settings = replace(settings, exact=settings.exact or measured.beyond_surrogates)
     sampling, *drawing = spawn(settings.seed, 4)
     origin = {**model.made_from(), **source.made_from()}
     used = {"sensors": list(measured.as_observation.floors), "band_hz": source.band_hz}

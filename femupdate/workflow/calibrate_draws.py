@@ -129,11 +129,18 @@ def predictive_log_frf(
     count: int = CALIBRATION.predictive,
     seed: int = 0,
 ) -> Floats:
-    """ln|H| (n, f, k) of all floors at n posterior draws, measured or not."""
+    """ln|H| (n, f, k) of all floors at n posterior draws, measured or not.
+
+    Of a base that was measured to turn, with what goes with its translation.
+    """
     draws, zeta = posterior.thinned(count, seed)
     ratio = zeta if zeta is not None else np.full(len(draws), model.building.damping.ratio)
     theta, sizes = system.split(torch.from_numpy(np.ascontiguousarray(draws)))
-    frf = system.frf(theta, torch.from_numpy(ratio), sizes, model.frequency_hz)
+    known = theta, torch.from_numpy(ratio), sizes, model.frequency_hz
+    frf = system.frf(*known)
+    rotation = posterior.observation.rotation
+    if rotation is not None:
+        frf = frf + torch.from_numpy(np.nan_to_num(rotation)) * system.turned.frf(*known)
     return np.asarray(frf.abs().clamp_min(1e-12).log().numpy())
 
 

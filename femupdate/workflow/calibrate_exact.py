@@ -112,7 +112,7 @@ def sample_exact(
     that these lead to come first, and particles where they are not enough.
     """
     problem = _Problem(model, measured, settings)
-    if measured.others:
+    if measured.beyond_surrogates:
         return _of_any_kind(problem, run)
     observation = measured.base
     found = find_surrogate(study, model.building)

@@ -48,8 +48,8 @@ def check_calibration(
     check_readable(source)
     chosen = choose_building(study, building)
     measured = measured_of(chosen, source)
-    check_explicable(chosen, source, measured)
-    if not settings.exact and not measured.others:
+    check_explicable(chosen, source, measured, settings.exact)
+    if not settings.exact and not measured.beyond_surrogates:
         check_amortisable(chosen)
         known = study.path(BUILDING_FILE).exists()
         surrogate = require_surrogate(study, chosen, None if known else building)

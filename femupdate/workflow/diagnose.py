@@ -10,11 +10,13 @@ from typing import Any
 from femupdate.discrepancy.data import Data
 from femupdate.discrepancy.diagnose import Diagnosis, Finding
 from femupdate.discrepancy.finder_model import FinderModel, finder_structure, plain_structure
+from femupdate.discrepancy.frf_data import FrfData
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.screen import screen_channels
 from femupdate.discrepancy.search import prepared, sought
 from femupdate.discrepancy.thresholds import DiagnosisSettings
 from femupdate.dynamics.reduced_terms import ReducedStructure
+from femupdate.effects.registry import CATALOGUE
 from femupdate.measurement.observation import Observation
 from femupdate.progress import Progress, Silent
 from femupdate.study import Study, write_text
@@ -145,7 +147,7 @@ def diagnose_study(
         problem=problem,
         reduced=problem.reduced,
         observation=given.measured.as_observation,
-        screen=(*given.notes, *_parted(data), *_screen(given.measured, found)),
+        screen=(*given.notes, *_parted(data), *_turns(data), *_screen(given.measured, found)),
         settings=chosen,
         path=study.path("diagnosis.json"),
         seconds=time.monotonic() - started,
@@ -166,6 +168,14 @@ def _parted(data: Sequence[Data]) -> tuple[str, ...]:
             " alone; a second test would let each test what the other says.",
         )
     return ()
+
+
+def _turns(data: Sequence[Data]) -> tuple[str, ...]:
+    """What is not looked for where it was measured how the base turns."""
+    if not any(isinstance(one, FrfData) and one.turns for one in data):
+        return ()
+    names = " and ".join(effect.name for effect in CATALOGUE.values() if effect.turns_base)
+    return (f"The base's rotation was measured and is an input, so {names} are not looked for.",)
 
 
 def finder_model(study: Study, model: StudyModel, progress: Progress | None = None) -> FinderModel:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from femupdate.errors import MeasurementError, ReportError
+from femupdate.measurement.base_rotation import is_vertical_channel
 from femupdate.measurement.columns import BASE
 from femupdate.measurement.inspection import InspectedChannel, Inspection, inspect_file
 from femupdate.measurement.mapping_file import write_mapping
@@ -86,7 +87,7 @@ def _lines(one: Inspection) -> list[str]:
         head = ("channel", "direction", "quantity", "rate", "samples", "length", "peak")
         found.append(table(head, [_row(each) for each in one.channels]))
     found += [f"  {text}" for text in (*one.function_texts, *one.mode_texts)]
-    found += [f"  - {note}" for note in one.recording.notes]
+    found += [f"  - {note}" for note in (*one.recording.notes, *one.rotation)]
     found.append("What looks wrong:" if one.all_findings else "Nothing looks wrong.")
     found += [f"  - {finding}" for finding in one.all_findings]
     found.append(f"Next: {one.step.command or one.step.advice}")
@@ -135,7 +136,9 @@ def _line(each: InspectedChannel, channels: Sequence[InspectedChannel]) -> "Meas
     from femupdate.report.plot_measured import MeasuredLine
 
     factor = 1.0 if each.peak_m_s2 is None or each.peak == 0.0 else each.peak_m_s2 / each.peak
-    base = next((c for c in channels if c.floor == BASE and not c.channel.vertical), None)
+    base = next(
+        (c for c in channels if c.floor == BASE and not is_vertical_channel(c.channel)), None
+    )
     beside = base is not None and base.channel.direction == each.channel.direction
     responds = each.floor not in (None, BASE) and beside
     return MeasuredLine(

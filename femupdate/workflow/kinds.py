@@ -78,8 +78,13 @@ class Measured:
 
     @property
     def others(self) -> bool:
-        """Whether there is anything that no surrogate knows."""
+        """Whether there is anything beside FRFs under base motion."""
         return bool(self.modes or self.forced)
+
+    @property
+    def beyond_surrogates(self) -> bool:
+        """Whether there is anything that no surrogate knows."""
+        return self.others or self.base.rotation is not None
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -113,6 +118,8 @@ class Measured:
             data.update(repr(one.floors).encode())
         for own in (one.observation for one in self.forced):
             arrays += [own.log_frf, own.noise_sd, own.valid]
+        if self.base.rotation is not None:
+            arrays.append(np.nan_to_num(self.base.rotation).view(np.float64))
         for values in arrays:
             data.update(np.ascontiguousarray(values).tobytes())
         return data.hexdigest()
@@ -178,12 +185,25 @@ def read_measured_of(
     return with_rest(study, model, measured, progress)
 
 
-def check_explicable(building: Building, source: ObservationSource, measured: Measured) -> None:
-    """Refuse to calibrate a building that lists effects by anything but FRFs under base motion.
+def check_explicable(
+    building: Building, source: ObservationSource, measured: Measured, exact: bool = False
+) -> None:
+    """Refuse to calibrate a building that lists effects by what the asked way cannot explain.
+
+    Args:
+        building: with or without effects.
+        source, measured: the data.
+        exact: whether the data-space likelihood is asked for.
 
     Raises:
-        MeasurementError: it does, and there are other data.
+        MeasurementError: there are other data than FRFs under base motion, or the base was
+            measured to turn, which no surrogate knows.
     """
+    if measured.base.rotation is not None and building.effects and not exact:
+        raise MeasurementError(
+            f"{source.path}: it measures how the base turns, which surrogates of buildings that"
+            " list effects do not know; calibrate with --exact"
+        )
     if measured.others and building.effects:
         raise MeasurementError(
             f"{source.path}: the building lists effects, with which calibrate cannot explain"

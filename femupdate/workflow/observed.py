@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from femupdate.building.schema import Building
+from femupdate.building.shear import require_heights
 from femupdate.errors import MeasurementError
 from femupdate.measurement.agreement import agreement
 from femupdate.measurement.frf import observation_for
@@ -132,7 +133,7 @@ def runs_of(building: Building, source: ObservationSource) -> tuple[Observation,
 
 def _whole(building: Building, source: ObservationSource) -> Observation:
     """All floors of one file, over the whole grid."""
-    return observation_for(
+    observation = observation_for(
         building.floors,
         read_observation_file(source.path, source.unit, source.columns),
         building.frequency_grid.frequencies_hz(),
@@ -140,6 +141,9 @@ def _whole(building: Building, source: ObservationSource) -> Observation:
         default_noise=building.observation.noise_sd,
         half=source.half,
     )
+    if observation.rotation is not None:
+        require_heights(building)
+    return observation
 
 
 def _require_different(runs: Sequence[Observation]) -> None:

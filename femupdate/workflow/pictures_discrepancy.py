@@ -142,9 +142,7 @@ def _curves(report: RepairReport, data: FrfData) -> "Curves":
 
 
 def _log_frf(data: FrfData, fitted: Fit) -> Floats:
-    frequency = data.frequency_hz[: data.blocks[0].points]
-    frf = data.excitation.frf(fitted.system, *fitted.split, frequency)[0, list(data.rows)]
-    return np.asarray(frf.abs().log().numpy())
+    return np.asarray(data.drawn(fitted.system, *fitted.split).abs().log().numpy())
 
 
 def _map_of(cells: Sequence[Cell], kind: str) -> "tuple[tuple[str, ...], Columns, Floats]":

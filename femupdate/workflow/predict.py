@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from femupdate.arrays import Floats
+from femupdate.building.shear import require_heights
 from femupdate.dynamics.comparison import Comparison, compare
 from femupdate.dynamics.history import Histories, history_batches
 from femupdate.dynamics.member_histories import (
@@ -24,7 +25,7 @@ from femupdate.dynamics.system import System
 from femupdate.inference.next_event import EventErrors
 from femupdate.inference.posterior import Posterior, load_posterior
 from femupdate.inference.thresholds import EVENT
-from femupdate.measurement.record import GroundMotion, read_record
+from femupdate.measurement.record import GroundMotion
 from femupdate.progress import Progress, Silent
 from femupdate.seeds import spawn
 from femupdate.study import Study, file_hash
@@ -170,7 +171,9 @@ def predict_study(
     show, settings = progress or Silent(), settings or PredictionSettings()
     started = time.monotonic()
     model = on_kept_finer(study, model)
-    motion = read_record(record.path, record.unit, record.channel).scaled(record.scale)
+    motion = record.motion(columns if measured in (None, record.path) else None)
+    if motion.rotation is not None:
+        require_heights(model.building)
     reference = None
     if measured is not None:
         reference = measured_floors(model, measured, columns, record, motion)
@@ -247,7 +250,7 @@ def _histories(task: _Task, draws: PredictionDraws) -> tuple[Iterator[Histories]
         task.settings,
         task.show,
     )
-    record = task.motion.acceleration, task.motion.time_step
+    record = task.motion.inputs, task.motion.time_step
     return history_batches(task.system, theta, zeta, *record, progress=task.show), told
 
 
@@ -312,6 +315,14 @@ def _notes(
         f"{motion.peak:.3g} m/s2, {motion.duration:.1f} s at {1 / motion.time_step:.4g} Hz.",
     ]
     top = float(model.frequency_hz[-1])
+    if motion.rotation is not None:
+        size = float(np.sqrt((motion.rotation**2).mean()))
+        notes.append(
+            f"The base turns as two vertical sensors or more measured it, by {size:.3g} rad/s2 rms;"
+            " drifts are those against the base as it turns."
+        )
+        if settings.members:
+            notes.append("Forces of members are those of the base's translation alone.")
     if 0.5 / motion.time_step > 1.05 * top:
         notes.append(
             f"The reduced model is checked up to {top:.4g} Hz; what the record holds above that is "

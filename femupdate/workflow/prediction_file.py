@@ -11,6 +11,8 @@ from femupdate.dynamics.summary import HistorySummary
 from femupdate.measurement.record import GroundMotion
 from femupdate.netcdf import write_tree
 
+_BASE = ("base_acceleration", "base_rotation")  # m/s2, rad/s2
+
 
 def save_prediction(
     summary: HistorySummary,
@@ -25,7 +27,8 @@ def save_prediction(
 
     Bands and peaks are those of the next measurement (`summary`); variables that begin with
     `parameters_`, and stiffnesses, are of the parameters alone. Floors that were measured in the
-    same motion, (f, n) m/s2 with NaN where there is no sensor, are kept beside the base motion.
+    same motion, (f, n) m/s2 with NaN where there is no sensor, are kept beside the base motion,
+    which has a rotation where one was measured.
     """
     import xarray as xr
 
@@ -51,7 +54,8 @@ def save_prediction(
             floor_spectrum_sd=(("floor", "oscillator_hz"), spectra.acceleration.sd),
         )
     constant = xr.Dataset(
-        {"base_acceleration": ("time_s", motion.acceleration)}, {"time_s": summary.time}
+        dict(zip(_BASE, [("time_s", row) for row in motion.inputs], strict=False)),
+        {"time_s": summary.time},
     )
     if measured is not None:
         constant = constant.assign_coords(floor=list(summary.floors)).assign(

@@ -10,7 +10,7 @@ from femupdate.arrays import Floats
 from femupdate.dynamics.member_histories import Place
 from femupdate.errors import MeasurementError
 from femupdate.measurement.observation_file import Histories, read_observation_file
-from femupdate.measurement.record import GroundMotion
+from femupdate.measurement.record import GroundMotion, read_record
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import observed_direction
 
@@ -30,6 +30,18 @@ class RecordSource:
     unit: str | None = None
     channel: str | int | None = None
     scale: float = 1.0
+
+    def motion(self, columns: Mapping[str, str] | None = None) -> GroundMotion:
+        """The motion of the base.
+
+        Args:
+            columns: our names of the base's channels to the file's.
+
+        Raises:
+            MeasurementError: the file cannot be used.
+        """
+        found = read_record(self.path, self.unit, self.channel, columns=columns)
+        return found.scaled(self.scale)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -34,6 +34,7 @@ class Equations:
         levels: (f,) their heights.
         ground: spring under the base by direction, 0 translation, 1 rotation; others rigid.
         pitch: rotation of the ground per unit translation of it.
+        moved: translation and rotation of the ground by itself.
         dashpots: (row (n,), rate).
         appendages: (floor, mass, circular frequency, damping ratio).
         means: (f, n) mean motion of the floors over their mass, that of the rows where None.
@@ -48,6 +49,7 @@ class Equations:
     levels: np.ndarray
     ground: dict = field(default_factory=dict)
     pitch: float = 0.0
+    moved: tuple = (1.0, 0.0)
     dashpots: tuple = ()
     appendages: tuple = ()
     means: np.ndarray | None = None
@@ -90,7 +92,8 @@ class Equations:
 
     @property
     def _motion(self):
-        return np.array([1.0, self.pitch])
+        translation, rotation = self.moved
+        return np.array([translation, rotation + self.pitch * translation])
 
     def _on_ground(self):
         """Matrices with the motion of the base against the ground as last coordinates."""

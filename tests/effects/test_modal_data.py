@@ -98,10 +98,17 @@ def test_samples_that_differ_in_damping_alone_share_their_modes(stick):
         np.testing.assert_allclose(together[row], np.log(np.abs(alone)), atol=1e-9)
 
 
+class PlusOne:
+    turns = False
+
+    def __call__(self, frf, turned=None):
+        return frf + 1.0
+
+
 def test_what_an_estimate_shows_is_taken_before_the_logarithm(stick):
     system, grid = stick.system("added_mass@3F"), torch.from_numpy(stick.frequency_hz)
     zeta = torch.tensor([0.02], dtype=torch.float64)
-    found = system.log_frf(one(stick, [0.1]), zeta, grid, Responses(seen=lambda frf: frf + 1.0))
+    found = system.log_frf(one(stick, [0.1]), zeta, grid, Responses(seen=PlusOne()))
     alone = stick.frf("added_mass@3F", sizes=[0.1], zeta=0.02)
     np.testing.assert_allclose(found[0], np.log(np.abs(alone + 1.0)), atol=1e-9)
 

@@ -18,6 +18,7 @@ class FoundationRocking(Effect):
     )
     confused_with = ("wall_stiffness", "added_mass", "table_pitch")
     settled_by = "two vertical sensors at opposite edges of the foundation"
+    turns_base = True
     parameters = (
         Parameter(
             "size", "1", 0.1, lower=0.0, upper=2.0, text="rocking over static roof displacement"

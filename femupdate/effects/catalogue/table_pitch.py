@@ -18,6 +18,7 @@ class TablePitch(Effect):
     )
     confused_with = ("foundation_rocking",)
     settled_by = "two vertical sensors at opposite ends of the table"
+    turns_base = True
     parameters = (
         Parameter("size", "rad/m", 0.02, lower=-0.2, upper=0.2, text="rotation per translation"),
     )

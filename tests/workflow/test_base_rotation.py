@@ -1,0 +1,213 @@
+"""A base whose rotation two vertical sensors measure: from a simulated file to a prediction."""
+
+import json
+
+import numpy as np
+import pytest
+
+from femupdate.building.document import from_document
+from femupdate.building.files import save_building
+from femupdate.errors import BuildingError, MeasurementError
+from femupdate.inference.posterior import load_posterior
+from femupdate.measurement.observation_file import read_observation_file
+from femupdate.measurement.record import read_record
+from femupdate.measurement.write import write_observation_histories
+from femupdate.simulation.simulate import SimulationSettings, simulate_observation
+from femupdate.study import Study
+from femupdate.workflow.calibrate import calibrate_study
+from femupdate.workflow.calibrate_draws import predictive_log_frf
+from femupdate.workflow.calibrate_settings import CalibrationSettings
+from femupdate.workflow.checks import check_calibration
+from femupdate.workflow.diagnose import diagnose_study
+from femupdate.workflow.model import open_study
+from femupdate.workflow.observed import ObservationSource
+from femupdate.workflow.predict import predict_study
+from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource
+
+THETA, ZETA = (0.8, 1.2, 0.9), 0.02
+TURNS = "foundation_rocking and table_pitch are not looked for"
+NO_HEIGHT = {"name": "S1", "mass": 180e3, "stiffness": 150e6}
+
+
+def document(**changes):
+    heights, springs = (4.0, 3.2, 3.5), (200e6, 180e6, 120e6)
+    stories = [
+        {"name": f"S{k}", "height": height, "mass": 180e3, "stiffness": spring}
+        for k, (height, spring) in enumerate(zip(heights, springs, strict=True), 1)
+    ]
+    return {
+        "name": "rocker",
+        "kind": "shear",
+        "stories": stories,
+        "prior": {"theta": {"lower": 0.4, "upper": 2.5}, "zeta": {"lower": 0.005, "upper": 0.06}},
+        "frequency_grid": {"start": 0.2, "step": 0.1, "count": 100},
+        "damping": {"law": "constant", "ratio": 0.02},
+        **changes,
+    }
+
+
+def simulated(**changes):
+    """A minute of white noise under a base that turns, half with its translation."""
+    asked = {
+        "theta": THETA,
+        "zeta": ZETA,
+        "duration_s": 60.0,
+        "sampling_hz": 50.0,
+        "band_hz": (0.3, 20.0),
+        "rotation_rms": 0.02,
+        "vertical_at": (-1.5, 2.5),
+        "seed": 4,
+    }
+    building = from_document(document())
+    return simulate_observation(building, SimulationSettings(**{**asked, **changes}))
+
+
+@pytest.fixture(scope="module")
+def home(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("rotation")
+    save_building(from_document(document()), folder / "rocker.toml")
+    both = simulated().histories
+    write_observation_histories(folder / "both.csv", both)
+    kept = [k for k, one in enumerate(both.channels) if one.place is None]
+    channels = tuple(both.channels[k] for k in kept)
+    alone = type(both)(both.time_step, channels, both.acceleration[kept])
+    write_observation_histories(folder / "alone.csv", alone)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def study(home):
+    return Study(home / "study")
+
+
+@pytest.fixture(scope="module")
+def model(home, study):
+    return open_study(study, str(home / "rocker.toml"))
+
+
+@pytest.fixture(scope="module")
+def report(home, study, model):
+    # What the surrogate does not know goes the exact way without being asked.
+    settings = CalibrationSettings(particles=400, chains=1)
+    return calibrate_study(study, model, ObservationSource(home / "both.csv"), settings)
+
+
+def test_factors_lie_in_their_intervals_where_the_rotation_is_given(report):
+    theta = report.posterior.samples
+    # Eight standard deviations would be .02: the data are good.
+    assert np.abs((theta.mean(axis=0) - THETA) / theta.std(axis=0)).max() < 2.5
+    assert np.all(theta.std(axis=0) < 0.004)
+    assert report.posterior.drawn.exact
+    assert abs(report.posterior.zeta_samples.mean() - ZETA) < 0.001
+    assert any("measured by vertical sensors at -1.5, 2.5 m" in note for note in report.notes)
+
+
+def test_the_kept_observation_is_drawn_with_the_rotation(report, model):
+    """What pictures show of a stored posterior lies on what was measured."""
+    kept = load_posterior(report.path)
+    np.testing.assert_array_equal(kept.observation.rotation, report.posterior.observation.rotation)
+    predicted = predictive_log_frf(model.system, model, kept, count=5).mean(axis=0)
+    away = (predicted - kept.observation.log_frf)[kept.observation.valid]
+    assert np.median(np.abs(away)) < 0.02
+
+
+def test_nothing_is_missing_where_the_rotation_is_given(home, study, model, report):
+    found = diagnose_study(study, model, ObservationSource(home / "both.csv"))
+    assert found.diagnosis.verdict == "none"
+    assert any(TURNS in note for note in found.screen)
+    # Floors do not follow the base at low frequency; a rigid building on this base does neither.
+    assert not any("At low frequency" in note for note in found.screen)
+
+
+def test_a_table_that_pitches_is_named_where_the_columns_are_dropped(home, study, model, report):
+    found = diagnose_study(study, model, ObservationSource(home / "alone.csv"))
+    assert found.diagnosis.verdict in ("named", "partly")
+    assert found.diagnosis.findings[0].placed.label == "table_pitch@base"
+
+
+def test_a_record_of_both_motions_is_predicted_by_both(home, study, model, report):
+    settings = PredictionSettings(samples=20)
+    errors = {}
+    for name in ("both", "alone"):
+        done = predict_study(
+            study,
+            model,
+            RecordSource(home / f"{name}.csv", scale=2.0),
+            settings,
+            measured=home / "both.csv",
+        )
+        errors[name] = done.comparison.relative_error
+        assert any("The base turns" in note for note in done.notes) == (name == "both")
+    assert errors["both"].max() < 0.05
+    assert errors["alone"].min() > 5.0 * errors["both"].max()
+
+
+def test_a_record_has_its_rotation_in_every_form(home):
+    motion = read_record(home / "both.csv")
+    assert motion.channel == "base"
+    assert motion.inputs.shape == (2, len(motion.acceleration))
+    assert motion.rotation.std() == pytest.approx(0.02, rel=0.1)
+    assert motion.scaled(-2.0).rotation == pytest.approx(-2.0 * motion.rotation)
+    assert motion.cut(1.0, 2.0).rotation == pytest.approx(motion.rotation[50:101])
+    assert len(motion.resampled(0.04).rotation) == len(motion.resampled(0.04).acceleration)
+    assert read_record(home / "both.csv", channel="RF").rotation is None
+    assert read_record(home / "alone.csv", channel="base").rotation is None
+
+
+def test_a_mapping_gives_places_to_vertical_channels(home):
+    """As of a station archive, whose channels go by numbers; a minus turns one round."""
+    data = read_observation_file(home / "both.csv")
+    names = [f"c{k}" for k in range(1, len(data.channels) + 1)]
+    rows = data.acceleration * np.where(np.arange(len(names)) == 4, -1.0, 1.0)[:, None]
+    table = np.column_stack([data.time_step * np.arange(rows.shape[1]), *rows])
+    path = home / "station.csv"
+    np.savetxt(
+        path, table, delimiter=",", header=",".join(["time_s", *names]), comments="", fmt="%.9g"
+    )
+    *_, rear, front = data.channels
+    assert (rear.name, front.name) == ("base@-1.5.z", "base@2.5.z")
+    columns = {"base": "c1", "base@-1.5.z": "-c5", "base@2.5.z": "c6"}
+    motion = read_record(path, "m/s2", columns=columns)
+    np.testing.assert_allclose(motion.rotation, read_record(home / "both.csv").rotation, atol=1e-6)
+
+
+def test_the_simulated_file_says_what_it_is_and_bad_requests_are_refused(home):
+    made = simulated()
+    assert any("base rotation of 0.02 rad/s2 rms" in line for line in made.comments)
+    turned = made.histories.acceleration[-1]
+    assert turned.std() == pytest.approx(2.5 * 0.02, rel=0.1)
+    with pytest.raises(MeasurementError, match="stand at one place"):
+        simulated(vertical_at=(1.0, 1.0))
+    with pytest.raises(MeasurementError, match="above zero"):
+        simulated(rotation_rms=0.0)
+    with pytest.raises(BuildingError, match="S1 has no height"):
+        simulate_observation(
+            from_document(document(stories=[NO_HEIGHT])), SimulationSettings(rotation_rms=0.1)
+        )
+
+
+def test_heights_are_asked_for_before_anything_is_written(home, tmp_path):
+    stories = [{k: v for k, v in one.items() if k != "height"} for one in document()["stories"]]
+    path = tmp_path / "flat.toml"
+    save_building(from_document(document(stories=stories)), path)
+    study = Study(tmp_path / "study")
+    with pytest.raises(BuildingError, match="S1 has no height"):
+        check_calibration(
+            study, ObservationSource(home / "both.csv"), CalibrationSettings(), str(path)
+        )
+    assert not study.folder.exists()
+
+
+def test_surrogates_of_listed_effects_know_of_no_base_that_turns(home, tmp_path):
+    effects = [{"name": "added_mass", "place": "RF", "parameters": {"size": 0.001}}]
+    path = tmp_path / "with_effects.toml"
+    save_building(from_document(document(effects=effects)), path)
+    source, study = ObservationSource(home / "both.csv"), Study(tmp_path / "study")
+    with pytest.raises(MeasurementError, match="calibrate with --exact"):
+        check_calibration(study, source, CalibrationSettings(), str(path))
+    settings = CalibrationSettings(exact=True, particles=200, chains=1)
+    check_calibration(study, source, settings, str(path))
+    done = calibrate_study(study, open_study(study, str(path)), source, settings)
+    theta = done.posterior.samples[:, :3]
+    assert np.abs((theta.mean(axis=0) - THETA) / theta.std(axis=0)).max() < 3.0
+    assert json.loads((study.folder / "posterior_summary.json").read_text())
