@@ -6,7 +6,6 @@ Without the last the ratios of floors are trusted where frequencies are not: sti
 unsymmetrical frame were off by 2.4 of their standard deviations (rms).
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -18,6 +17,7 @@ from femupdate.arrays import Floats
 from femupdate.discrepancy.mesh_error import MeshError, ShownModes, modes_shown
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.thresholds import MESH_ERROR
+from femupdate.dynamics.closed_form import Estimate
 from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.dynamics.system import Responses, System
 from femupdate.effects.effect import Placed
@@ -40,7 +40,7 @@ class MeshScatter:
         parameters: Tensor,
         frequency_hz: Tensor,
         zeta: Tensor,
-        seen: Callable[[Tensor], Tensor] | None = None,
+        seen: Estimate | None = None,
     ) -> Tensor:
         """Changes of ln|H| (N, c, f, k) at parameters (N, p + q) of the building with its effects.
 

@@ -7,6 +7,7 @@ from typing import Protocol
 import torch
 from torch import Tensor
 
+from femupdate.dynamics.closed_form import Estimate
 from femupdate.dynamics.system import System
 from femupdate.inference.joint import Kind
 from femupdate.inference.likelihood import DataLikelihood
@@ -28,7 +29,7 @@ class SharedErrors(Protocol):
         parameters: Tensor,
         frequency_hz: Tensor,
         zeta: Tensor,
-        seen: Callable[[Tensor], Tensor] | None = None,
+        seen: Estimate | None = None,
     ) -> Tensor:
         """Changes of ln|H| (n, c, f, k) by one standard deviation of every error."""
         ...

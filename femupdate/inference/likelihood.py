@@ -145,8 +145,7 @@ class DataLikelihood:
         for some in known.split(_ROWS):
             theta, zeta = self._theta_and_zeta(some)
             structure, sizes = self._system.split(theta)
-            known = structure, zeta, sizes, self._frequency
-            frf = self._system.seen_frf(*known, self._how.seen)
+            frf = self._system.seen_frf(structure, zeta, sizes, self._frequency, self._how.seen)
             turn = frf[:, rows].angle() - measured
             parts.append((torch.remainder(turn + torch.pi, 2.0 * torch.pi) - torch.pi) * weight)
         return torch.cat(parts).flatten(1)
