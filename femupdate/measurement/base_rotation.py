@@ -86,17 +86,15 @@ def vertical_pair(channels: Sequence[RecordedChannel], floors: Sequence[str | No
         channels: of a file.
         floors: of each, or None.
     """
-    of_base = [
-        k
+    inside = [
+        str(k + 1)
         for k, (one, floor) in enumerate(zip(channels, floors, strict=True))
-        if floor == BASE and is_vertical_channel(one)
+        if floor == BASE and is_vertical_channel(one) and base_rank(one.location or one.name) == 0
     ]
-    ranks = {k: base_rank(channels[k].location or channels[k].name) for k in of_base}
-    inside = [str(k + 1) for k in of_base if ranks[k] == min(ranks.values())]
     if len(inside) < 2:
         return ""
     return (
-        f"Channels {' and '.join(inside)} are vertical at the base: with their places along the"
+        f"Channels {', '.join(inside)} are vertical at the base: with their places along the"
         " motion, in m, they measure how it turns. Map them under names such as base@-2.5.z."
     )
 

@@ -147,7 +147,7 @@ def test_inspect_says_what_vertical_channels_tell(tmp_path):
     named = written(tmp_path / "plain.csv", ("base", "RF", "base:1.z", "base:2.z"))
     plain = inspect_file(named)
     assert plain.rotation == (
-        "Channels 3 and 4 are vertical at the base: with their places along the motion, in m,"
+        "Channels 3, 4 are vertical at the base: with their places along the motion, in m,"
         " they measure how it turns. Map them under names such as base@-2.5.z.",
     )
     assert plain.findings == (
