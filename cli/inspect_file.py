@@ -37,7 +37,7 @@ def command(
     """Say what is in the measured files FILES, what looks wrong, and what to run next.
 
     Reads tables (CSV), MATLAB and numpy files, universal files, and the records of CESMD, USGS,
-    COSMOS, ESM, K-NET, JMA and PEER, also in zip archives. Changes nothing.
+    COSMOS, ESM, K-NET, JMA and PEER, also in zip and tar archives. Changes nothing.
 
     \b
     Example:

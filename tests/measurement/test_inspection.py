@@ -201,7 +201,7 @@ def test_response_functions_of_a_table(write):
 
 def test_genuine_files(shared_file):
     one = inspect_file(shared_file("formats/cesmd_painter_street_nc73666231.zip"))
-    assert one.summary == "16 channels (zip archives of records)"
+    assert one.summary == "16 channels (zip and tar archives of records)"
     assert one.all_findings == (
         "channels 2, 5, 7, 9, 12, 15 are vertical: no response to the base's horizontal motion.",
     )

@@ -1,5 +1,8 @@
 """Files of strong-motion stations: genuine ones by the peaks in their headers, and written ones."""
 
+import gzip
+import io
+import tarfile
 import zipfile
 
 import numpy as np
@@ -131,7 +134,30 @@ def packed(path, members, method=zipfile.ZIP_DEFLATED):
     return path
 
 
-def test_archive_of_other_records_and_a_note(tmp_path, texts, wave):
+def tarred(path, members, mode="w:gz"):
+    with tarfile.open(path, mode) as archive:
+        for name, text in members.items():
+            data = text.encode()
+            info = tarfile.TarInfo(name)
+            info.size = len(data)
+            archive.addfile(info, io.BytesIO(data))
+    return path
+
+
+@pytest.fixture(params=["zip", "tar.gz", "tar"])
+def archived(request, tmp_path):
+    """A function: an archive of members under a name, in each of the layouts."""
+
+    def make(name, members):
+        path = tmp_path / f"{name}.{request.param}"
+        if request.param == "zip":
+            return packed(path, members)
+        return tarred(path, members, "w:gz" if request.param == "tar.gz" else "w")
+
+    return make
+
+
+def test_archive_of_other_records_and_a_note(archived, texts, wave):
     counts = np.round(wave * 100).astype(int)
     knet = texts["knet"](counts, "0.37")
     members = {
@@ -140,7 +166,7 @@ def test_archive_of_other_records_and_a_note(tmp_path, texts, wave):
         "a/C.EW": knet,
         "readme.txt": "Two lines\nof prose, 1.\n",
     }
-    recording = read_measured(packed(tmp_path / "k.zip", members))
+    recording = read_measured(archived("k", members))
     assert [c.name for c in recording.channels] == ["E-W, C", "E-W, A", "N-S"]
     assert recording.notes == (
         "Other files of the archive that hold no histories: 1 (readme.txt).",
@@ -168,20 +194,70 @@ def test_archive_of_one_table_and_of_two(tmp_path):
         ({"../../a.v2": "x"}, r"would write '../../a.v2' outside its folder"),
         ({"/etc/a.v2": "x"}, "outside its folder"),
         ({"..\\a.v2": "x"}, "outside its folder"),
-        ({"zeros.v2": "0" * 20_000_000}, "times its own size: no archive of records"),
         ({f"{k}.v2": "" for k in range(2001)}, "holds 2001 files"),
-        ({"[Content_Types].xml": "x", "xl/workbook.xml": "y"}, "is a workbook"),
         ({"note.txt": "Nothing here.\n"}, "holds no record, only note.txt"),
-        ({}, "holds no record, only nothing"),
     ],
 )
-def test_archive_that_is_refused(tmp_path, members, message):
-    path = packed(tmp_path / "bad.zip", members)
+def test_archive_that_is_refused(tmp_path, archived, members, message):
+    path = archived("bad", members)
     before = sorted(tmp_path.rglob("*"))
     with pytest.raises(MeasurementError, match=message) as caught:
         read_record(path)
-    assert "bad.zip" in str(caught.value)
+    assert path.name in str(caught.value)
     assert sorted(tmp_path.rglob("*")) == before
+
+
+def bomb_in_a_header(path):
+    """A tar archive whose first header holds far more than its packed size."""
+    with tarfile.open(path, "w:gz", format=tarfile.PAX_FORMAT) as archive:
+        info = tarfile.TarInfo("a.v2")
+        info.pax_headers = {"comment": "0" * 20_000_000}
+        archive.addfile(info)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda p: packed(p / "z.zip", {"a.v2": "0" * 20_000_000}), "times its own size: no"),
+        (lambda p: tarred(p / "t.tgz", {"a.v2": "0" * 20_000_000}), "times its own size: no"),
+        (lambda p: bomb_in_a_header(p / "h.tgz"), "times its own size: no archive of records"),
+        (
+            lambda p: packed(p / "w.zip", {"[Content_Types].xml": "x", "xl/workbook.xml": "y"}),
+            "is a workbook",
+        ),
+        (lambda p: packed(p / "n.zip", {}), "holds no record, only nothing"),
+        (lambda p: tarred(p / "n.tgz", {}), "holds no record, only nothing"),
+    ],
+)
+def test_bombs_and_workbooks(tmp_path, make, message):
+    with pytest.raises(MeasurementError, match=message):
+        read_record(make(tmp_path))
+
+
+def test_links_in_an_archive_lead_nowhere(tmp_path, texts, wave):
+    path = tmp_path / "links.tar.gz"
+    with tarfile.open(path, "w:gz") as archive:
+        link = tarfile.TarInfo("b.asc")
+        link.type, link.linkname = tarfile.SYMTYPE, "/etc/passwd"
+        archive.addfile(link)
+    with pytest.raises(MeasurementError, match="holds no record, only nothing"):
+        read_record(path)
+
+
+@pytest.mark.parametrize(
+    "spoil", [lambda data: data[: len(data) // 2], lambda data: data[:2] + b"\0" * 30]
+)
+def test_packed_files_that_are_no_archive(tmp_path, texts, wave, spoil):
+    whole = tarred(tmp_path / "a.tar.gz", {"a.asc": texts["esm"](wave)}).read_bytes()
+    path = tmp_path / "cut.tar.gz"
+    path.write_bytes(spoil(whole))
+    with pytest.raises(MeasurementError, match="an archive that cannot be opened"):
+        read_record(path)
+    single = tmp_path / "single.v2.gz"
+    single.write_bytes(gzip.compress(b"some text"))
+    with pytest.raises(MeasurementError, match="an archive that cannot be opened"):
+        read_record(single)
 
 
 def test_archives_of_several_stations_are_given_one_by_one(tmp_path, texts, wave):

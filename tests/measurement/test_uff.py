@@ -113,7 +113,6 @@ def test_without_pyuff(write, monkeypatch):
         (b"\x89HDF\r\n\x1a\n\0\0", "a.h5", "an HDF5 file"),
         (b"\x93NUMPY\x01\0v\0{'descr'", "a.npy", "save all channels with their times as .npz"),
         (b"RIFF\x24\0\0\0WAVEfmt ", "a.wav", "a sound file"),
-        (b"\x1f\x8b\x08\0\0", "a.tar.gz", "a gzip archive"),
         (b"%PDF-1.7\n\0", "a.pdf", "a PDF"),
         (b"\0\0\x01\x02" * 90, "a.gcf", "a Güralp file"),
         (b"Response and Fourier amplitude spectra (68 periods)\n", "a.v3", "take the .V2 file"),

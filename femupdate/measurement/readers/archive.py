@@ -1,9 +1,14 @@
-"""Zip archives of records, such as the station archives of CESMD: their channels together."""
+"""Archives of records, such as the station archives of CESMD: their channels together."""
 
+import gzip
+import io
+import tarfile
 import tempfile
 import zipfile
 from collections import Counter
-from dataclasses import replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path, PurePosixPath
 
 from femupdate.errors import MeasurementError
@@ -15,10 +20,24 @@ from femupdate.measurement.thresholds import FILES
 
 # A station archive holds some tens of files of a few MB; text shrinks five to ten times.
 _NOT_LOOKED_INTO = ("archive", "unsupported")
+_ZIP, _GZIP = ("PK\x03\x04", "PK\x05\x06"), "\x1f\x8b"
+_TAR, _TAR_AT = "ustar", 257  # its mark, and where that stands in the first header
+_PADDING = 1_000_000  # bytes of headers and blocks that are filled up, which pack well
+
+
+@dataclass(frozen=True)
+class _Packed:
+    """A file in an archive: its name, its size in bytes, and what reads it."""
+
+    name: str
+    size: int
+    read: Callable[[], bytes]
 
 
 def _recognises(head: str, suffix: str) -> bool:
-    return head.startswith(("PK\x03\x04", "PK\x05\x06")) and suffix != ".npz"
+    if head.startswith(_ZIP):
+        return suffix != ".npz"
+    return head.startswith(_GZIP) or head[_TAR_AT:].startswith(_TAR)
 
 
 def _read(path: Path) -> Recording:
@@ -31,50 +50,82 @@ def _read(path: Path) -> Recording:
             record; or a record in it cannot be read.
     """
     file = TextFile(path)
+    packed = _in_zip if read_head(path).startswith(_ZIP) else _in_tar
     try:
-        with zipfile.ZipFile(path) as archive, tempfile.TemporaryDirectory() as folder:
-            members = _members(file, archive)
-            unpacked = {m.filename: _unpack(archive, m, k, folder) for k, m in enumerate(members)}
-            return _together(file, unpacked)
+        with tempfile.TemporaryDirectory() as folder:
+            return _together(file, _unpacked(file, packed(file), Path(folder)))
     except MeasurementError:
         raise
-    except Exception as error:  # a damaged archive makes zipfile raise nearly anything
+    except Exception as error:  # a damaged archive makes zipfile and tarfile raise nearly anything
         raise file.error(
             f"this is a workbook or an archive that cannot be opened ({error}); export it as CSV"
             " or unpack it"
         ) from None
 
 
-def _members(file: TextFile, archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
-    members = [member for member in archive.infolist() if not member.is_dir()]
-    names = {member.filename for member in members}
-    if "[Content_Types].xml" in names:
-        raise file.error("this is a workbook, not a record; export it as CSV")
-    for name in names:
-        parts = PurePosixPath(name.replace("\\", "/"))
-        if parts.is_absolute() or ".." in parts.parts or ":" in name:
-            raise file.error(
-                f"the archive would write {name!r} outside its folder; pack the records again"
-            )
-    size = sum(member.file_size for member in members)
-    packed = max(sum(member.compress_size for member in members), 1)
-    if (
-        len(members) > FILES.members
-        or size > FILES.archive_mb * 1_000_000
-        or size / packed > FILES.packed
+def _in_zip(file: TextFile) -> Iterator[_Packed]:
+    with zipfile.ZipFile(file.path) as archive:
+        members = [member for member in archive.infolist() if not member.is_dir()]
+        if "[Content_Types].xml" in {member.filename for member in members}:
+            raise file.error("this is a workbook, not a record; export it as CSV")
+        _check_size(file, len(members), sum(member.file_size for member in members))
+        for member in members:
+            yield _Packed(member.filename, member.file_size, partial(archive.read, member))
+
+
+class _Limited(io.BufferedIOBase):
+    """A stream of which no more is read than an archive of records holds."""
+
+    def __init__(self, file: TextFile, stream: gzip.GzipFile | io.BufferedReader) -> None:
+        self._file, self._stream, self._passed = file, stream, 0
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        """The next bytes; headers of a tar archive may be as large as files."""
+        data = self._stream.read(size)
+        self._passed += len(data)
+        _check_size(self._file, 0, max(self._passed - _PADDING, 0))
+        return data
+
+
+def _in_tar(file: TextFile) -> Iterator[_Packed]:
+    """Files of a tar archive, packed or not, one by one: what follows is not unpacked before."""
+    opened = gzip.open if read_head(file.path).startswith(_GZIP) else open
+    with (
+        opened(file.path, "rb") as stream,
+        tarfile.open(fileobj=_Limited(file, stream), mode="r|") as archive,
     ):
+        for member in archive:
+            taken = archive.extractfile(member) if member.isreg() else None
+            if taken is not None:
+                yield _Packed(member.name, member.size, taken.read)
+
+
+def _unpacked(file: TextFile, members: Iterator[_Packed], folder: Path) -> dict[str, Path]:
+    """Where every file of an archive was unpacked to, by its name, in the order of the names."""
+    found: dict[str, Path] = {}
+    size = 0
+    for number, member in enumerate(members):
+        parts = PurePosixPath(member.name.replace("\\", "/"))
+        if parts.is_absolute() or ".." in parts.parts or ":" in member.name:
+            raise file.error(
+                f"the archive would write {member.name!r} outside its folder; pack the records"
+                " again"
+            )
+        size += member.size
+        _check_size(file, number + 1, size)
+        found[member.name] = folder / f"{number}{parts.suffix}"
+        found[member.name].write_bytes(member.read())
+    return {name: found[name] for name in sorted(found)}
+
+
+def _check_size(file: TextFile, count: int, size: int) -> None:
+    """Refuse more files or bytes than archives of records hold."""
+    factor = size / max(file.path.stat().st_size, 1)
+    if count > FILES.members or size > FILES.archive_mb * 1_000_000 or factor > FILES.packed:
         raise file.error(
-            f"the archive holds {len(members)} files of {size / 1e6:.0f} MB, {size / packed:.0f}"
+            f"the archive holds {count or 'some'} files of {size / 1e6:.0f} MB, {factor:.0f}"
             " times its own size: no archive of records; unpack it yourself and give the record"
         )
-    return sorted(members, key=lambda member: member.filename)
-
-
-def _unpack(archive: zipfile.ZipFile, member: zipfile.ZipInfo, number: int, folder: str) -> Path:
-    suffix = PurePosixPath(member.filename).suffix
-    path = Path(folder) / f"{number}{suffix}"
-    path.write_bytes(archive.read(member))
-    return path
 
 
 def _together(file: TextFile, unpacked: dict[str, Path]) -> Recording:
@@ -87,7 +138,7 @@ def _together(file: TextFile, unpacked: dict[str, Path]) -> Recording:
         (only,) = (records or found).values()
         table = None if only.table is None else replace(only.table, file=file)
         return replace(only, file=file, table=table, notes=(*only.notes, *_notes(left_out)))
-    inner = [name for name in left_out if zipfile.is_zipfile(unpacked[name])]
+    inner = [name for name in left_out if _is_archive(unpacked[name])]
     if not records and inner:
         raise file.error(
             f"the archive holds other archives ({', '.join(inner)}); unpack it and give that of"
@@ -101,6 +152,10 @@ def _together(file: TextFile, unpacked: dict[str, Path]) -> Recording:
         )
     named = [(PurePosixPath(name).stem, c) for name, one in records.items() for c in one.channels]
     return Recording(file, _distinct(named), notes=_notes(left_out))
+
+
+def _is_archive(path: Path) -> bool:
+    return path.stat().st_size > 0 and _recognises(read_head(path), path.suffix.lower())
 
 
 def _member(file: TextFile, name: str, path: Path, alone: bool) -> Recording | None:
@@ -141,4 +196,4 @@ def _notes(left_out: list[str]) -> tuple[str, ...]:
     return (f"Other files of the archive that hold no histories: {len(left_out)} ({some}).",)
 
 
-READER = Reader("archive", "zip archives of records", _recognises, _read)
+READER = Reader("archive", "zip and tar archives of records", _recognises, _read)

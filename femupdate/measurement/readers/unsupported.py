@@ -17,7 +17,6 @@ _KNOWN = (
     (r"\x89HDF|\x8aHDF", "an HDF5 file", _CONVERT),
     (r"\x93NUMPY", "a single numpy array", "save all channels with their times as .npz"),
     (r"RIFF....WAVE", "a sound file (WAV)", _CONVERT),
-    (r"\x1f\x8b", "a gzip archive", "unpack it and give the record, or a zip of the records"),
     (r"7z\xbc\xaf|Rar!", "an archive of 7-Zip or RAR", "unpack it or pack the records as zip"),
     (r"%PDF", "a PDF", "take the data, not the report"),
     (r"KINEMETRICS", "a Kinemetrics event file", _CONVERT),
