@@ -113,6 +113,13 @@ def test_without_pyuff(write, monkeypatch):
         (b"\x89HDF\r\n\x1a\n\0\0", "a.h5", "an HDF5 file"),
         (b"\x93NUMPY\x01\0v\0{'descr'", "a.npy", "save all channels with their times as .npz"),
         (b"RIFF\x24\0\0\0WAVEfmt ", "a.wav", "a sound file"),
+        (
+            b"Uncorrected accelerogram 20160214_001343_NBLC_20 GNS Science\nSite NBLC\n",
+            "20160214_001343_NBLC_20.V1A",
+            "a GeoNet accelerogram (V1A or V2A)",
+        ),
+        (b"Corrected accelerogram 1994 GNS Science\n", "a.V2A", "to CSV"),
+        (b"LabVIEW Measurement\t\nWriter_Version\t2\n", "a.lvm", "export it as TDMS or CSV"),
         (b"%PDF-1.7\n\0", "a.pdf", "a PDF"),
         (b"\0\0\x01\x02" * 90, "a.gcf", "a Güralp file"),
         (b"Response and Fourier amplitude spectra (68 periods)\n", "a.v3", "take the .V2 file"),

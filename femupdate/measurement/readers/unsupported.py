@@ -21,6 +21,11 @@ _KNOWN = (
     (r"%PDF", "a PDF", "take the data, not the report"),
     (r"KINEMETRICS", "a Kinemetrics event file", _CONVERT),
     (r"Response and Fourier amplitude spectra", "CSMIP Volume 3", f"these are {_SPECTRA}"),
+    (
+        r"(un)?corrected accelerogram[^\n]*GNS Science",
+        "a GeoNet accelerogram (V1A or V2A)",
+        "write its components, in mm/s2 behind 26 lines of header each, to CSV",
+    ),
     (r"LabVIEW Measurement", "a LabVIEW measurement file", "export it as TDMS or CSV"),
     (r"CMP6|DAT2", "a GSE file", "convert it with obspy to CSV"),
     (r"<\?xml|<!DOCTYPE|<html", "a web page or XML", "download the data file itself"),
