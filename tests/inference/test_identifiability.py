@@ -118,7 +118,8 @@ def test_a_broad_part_does_not_join_two_peaks():
     x = np.concatenate([peaks, rng.normal(size=(400, 2))])
     member = separate_modes(torch.from_numpy(x)).numpy()
     assert member.max() == 1
-    assert len(np.unique(member[:3600][peaks[:, 0] > 0])) == 1
+    # A draw four sd off its peak, as one in thousands is, belongs to the broad part as well.
+    assert len(np.unique(member[:3600][np.abs(peaks - 1.0).max(axis=1) < 0.06])) == 1
 
 
 def test_the_four_modes_of_the_four_story_roof():
