@@ -207,6 +207,7 @@ def diagnose(
     progress.advance(note="testing half of the data against the other")
     findings = _certified(problem, base, findings, len(scores), chosen)
     findings = _everywhere_first(findings, chosen)
+    findings = _instrument_first(problem, findings, chosen)
     verdict, twins = _verdict(problem, base, findings, chosen)
     best = findings[0].fitted if verdict in (NAMED, PARTLY) else base
     left = remains(problem, best)
@@ -505,6 +506,39 @@ def _everywhere_first(
     return findings
 
 
+def _instrument_first(
+    problem: Problem, findings: tuple[Finding, ...], settings: DiagnosisSettings
+) -> tuple[Finding, ...]:
+    """The findings, led by an instrument's effect that is missing beside the first and is close.
+
+    An instrument is mended before the structure is judged by it.
+    """
+    if not findings or findings[0].placed.effect.instrument:
+        return findings
+    first = findings[0]
+    least = first.evidence.log_evidence - settings.margin(first.evidence.log_evidence)
+    for one in findings[1:]:
+        close = one.evidence.log_evidence > least and one.carried(settings)
+        if (
+            one.placed.effect.instrument
+            and close
+            and one.matters(settings)
+            and _beside(problem, first, one, settings)
+        ):
+            return (one, *(other for other in findings if other is not one))
+    return findings
+
+
+def _beside(problem: Problem, first: Finding, other: Finding, settings: DiagnosisSettings) -> bool:
+    """Whether an effect explains beside the first most of what it explains without it."""
+    placed = (*first.fitted.placed, other.placed)
+    own = other.fitted.known[len(other.fitted.known) - len(other.placed.effect.parameters) :]
+    start = extended(problem, first.fitted, placed, np.concatenate([first.fitted.known, own]))
+    both = settle(problem, fit(problem, placed, start, FIT.steps))
+    gain = laplace(problem, both).log_evidence - laplace(problem, first.fitted).log_evidence
+    return gain >= max(settings.over_none, VERDICT.beside * other.evidence.log_evidence)
+
+
 def _others_than(first: Finding, others: Sequence[Finding]) -> list[Finding]:
     """Others than the same effect at one place, where it leads in all: that does not say where."""
     if first.placed.place != "all":
@@ -526,13 +560,14 @@ def _verdict(
     least = first.evidence.log_evidence - settings.margin(first.evidence.log_evidence)
     near = [other for other in findings[1:] if other.evidence.log_evidence > least]
     # What other data refuse is no rival, nor what they hold far less likely, nor the same thing
-    # with a parameter more.
+    # with a parameter more, nor what is missing as well.
     near = [
         other
         for other in _others_than(first, near)
         if other.carried(settings)
         and not _far_behind(other, first, settings)
         and not _contains(other, first)
+        and not _beside(problem, first, other, settings)
     ]
     twins = tuple(other.placed.label for other in near)
     if not near:

@@ -86,8 +86,14 @@ class KeptOut:
     direction: str
 
     def gain(self, problem: Problem, before: Fit, after: Fit) -> float:
-        """Their log density by the second of two fits over that by the first."""
-        return gain_elsewhere(self._seen_by(problem, before), before, after)
+        """Their log density by the second of two fits over that by the first, as another event.
+
+        No more than zero where they are not predicted better as the fits stand, too: what any event
+        may make up for is no proof.
+        """
+        found = gain_elsewhere(self._seen_by(problem, before), before, after)
+        better = self.chi2(problem, after) < self.chi2(problem, before)
+        return found if better else min(found, 0.0)
 
     def chi2(self, problem: Problem, fitted: Fit) -> float:
         """Mean squared whitened residual at the parameters of a fit."""

@@ -90,13 +90,12 @@ class MeshError:
     def steps(self) -> Floats:
         """(c, q) one standard deviation of every error of the corrected model, as sizes.
 
-        Each member's own, what another program would do to all members of a kind, and how far off
-        the limit is to which the model is corrected.
+        Each member's own, what another program would do to all of them alike, and how far off the
+        limit is to which the model is corrected.
         """
         open_ = MESH_ERROR.open_factor * np.asarray(self.sd)
         common = MESH_ERROR.open_factor * self.share_sd * np.asarray(self.mean)
-        kinds = np.array([label.split("@")[0] for label in self.labels])
-        alike = MESH_ERROR.of_kind * (np.unique(kinds)[:, None] == kinds)
+        alike = np.full(len(self.labels), MESH_ERROR.of_all)
         return np.vstack([np.diag(np.hypot(open_, MESH_ERROR.formulation)), alike, common])
 
     def of_mesh(self, ratio: float) -> "MeshError":

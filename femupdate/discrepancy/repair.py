@@ -5,7 +5,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from femupdate.discrepancy.diagnose import NAMED, PARTLY, Diagnosis, Finding, diagnose
+from femupdate.discrepancy.certify import certify
+from femupdate.discrepancy.diagnose import (
+    AMBIGUOUS,
+    INDISTINGUISHABLE,
+    NAMED,
+    PARTLY,
+    Diagnosis,
+    Finding,
+    diagnose,
+)
 from femupdate.discrepancy.finder_model import FinderModel
 from femupdate.discrepancy.fit import Fit
 from femupdate.discrepancy.posterior import Draws, draw
@@ -74,8 +83,8 @@ def repair(
 ) -> Repair:
     """Diagnose and add, at most four times, while an effect is certain and something is left.
 
-    An effect that competes with another, that these sensors cannot tell from another, or with which
-    data kept out are predicted worse, is not added: the engineer decides.
+    An effect that competes with another, or that these sensors cannot tell from another, is added
+    only where data kept out decide between them; else the engineer does.
 
     Args:
         problem: structure and data.
@@ -94,7 +103,9 @@ def repair(
     while True:
         found = found or diagnose(now, settings, current, progress)
         enough = p_value(now, current) > VERDICT.repaired or len(rounds) == VERDICT.most_rounds
-        if found.verdict not in (NAMED, PARTLY) or (rounds and enough):
+        rivals = found.verdict in (AMBIGUOUS, INDISTINGUISHABLE) and elsewhere is not None
+        certain = found.verdict in (NAMED, PARTLY)
+        if not (certain or rivals) or (rounds and enough):
             break
         leading, worse = _chosen(now, found, settings or DiagnosisSettings(), elsewhere)
         refused |= {one.placed.label: one for one in worse}
@@ -118,25 +129,68 @@ def _chosen(
 ) -> tuple[Finding | None, tuple[Finding, ...]]:
     """What is added, and what leads but predicts data kept out worse.
 
-    Such data certify by themselves: where they refuse what leads, the next that they certify may
-    take its place, though the data alone would carry no name.
+    Such data certify by themselves, also what the data alone would give no name. What those alone
+    carry goes first, and of several that which all data together hold likeliest.
     """
     if elsewhere is None:
         return found.leading, ()
+    rivals = _rivals(found)
+    if rivals and (one := _decided(problem, found.base, rivals, settings, elsewhere)):
+        return one, ()
     refused: list[Finding] = []
-    for one in found.findings:
-        denied = one.tested is not None and not one.tested.certified
+    totals: list[tuple[bool, float, Finding]] = []
+    for one in found.findings[len(rivals) :]:
         value = one.evidence.log_evidence
-        if denied or value < VERDICT.positive or not one.matters(settings):
+        if (
+            _denied(problem, found, one, settings)
+            or value < VERDICT.positive
+            or not one.matters(settings)
+        ):
             continue
         gain = elsewhere(problem, found.base, one.fitted)
-        certain = value >= settings.over_none and (one.tested is not None or not problem.divisible)
-        least = 0.0 if certain else float(np.log(len(found.scores) / settings.false_share))
+        certain = value >= settings.over_none
+        least = float(np.log(len(found.scores) / settings.false_share))
+        if certain:
+            # What differs between events alone hides in their scatter.
+            least = 0.0 if one.placed.effect.needs_levels else VERDICT.clearly
         if gain > least and value + gain >= settings.over_none:
-            return one, tuple(refused)
-        if value >= settings.over_none:
+            totals.append((certain, value + gain, one))
+        elif value >= settings.over_none:
             refused.append(one)
-    return None, tuple(refused)
+    best = max(totals, key=lambda each: each[:2], default=None)
+    return (None if best is None else best[-1]), tuple(refused)
+
+
+def _denied(problem: Problem, found: Diagnosis, one: Finding, settings: DiagnosisSettings) -> bool:
+    """Whether the halves of the data do not certify what their sum carries."""
+    tested = one.tested
+    if tested is None and one.evidence.log_evidence >= settings.over_none:
+        tests = certify(problem, found.base, [one.fitted], len(found.scores), settings.false_share)
+        tested = tests.get(one.placed.label)
+    return tested is not None and not tested.certified
+
+
+def _rivals(found: Diagnosis) -> tuple[Finding, ...]:
+    """The findings that compete for the first place; none where the first has none."""
+    if not found.twins:
+        return ()
+    last = max(k for k, one in enumerate(found.findings) if one.placed.label in found.twins)
+    return found.findings[: last + 1]
+
+
+def _decided(
+    problem: Problem,
+    base: Fit,
+    rivals: tuple[Finding, ...],
+    settings: DiagnosisSettings,
+    elsewhere: Elsewhere,
+) -> Finding | None:
+    """Of effects that compete, the one that all data together hold clearly likelier, if any."""
+    gains = [elsewhere(problem, base, one.fitted) for one in rivals]
+    totals = [one.evidence.log_evidence + gain for one, gain in zip(rivals, gains, strict=True)]
+    second, first = np.argsort(totals)[-2:]
+    clear = totals[first] - totals[second] > settings.margin(totals[first])
+    return rivals[first] if clear and gains[first] > 0.0 else None
 
 
 def as_fitted(done: Repair) -> Repair:
