@@ -130,7 +130,7 @@ def _chosen(
     """What is added, and what leads but predicts data kept out worse.
 
     Such data certify by themselves, also what the data alone would give no name. What those alone
-    carry goes first, and of several that which all data together hold likeliest.
+    carry goes first; of what they only hint at, that which all data together hold likeliest.
     """
     if elsewhere is None:
         return found.leading, ()
@@ -138,7 +138,7 @@ def _chosen(
     if rivals and (one := _decided(problem, found.base, rivals, settings, elsewhere)):
         return one, ()
     refused: list[Finding] = []
-    totals: list[tuple[bool, float, Finding]] = []
+    hinted: list[tuple[float, Finding]] = []
     for one in found.findings[len(rivals) :]:
         value = one.evidence.log_evidence
         if (
@@ -153,12 +153,14 @@ def _chosen(
         if certain:
             # What differs between events alone hides in their scatter.
             least = 0.0 if one.placed.effect.needs_levels else VERDICT.clearly
+        if gain > least and certain:
+            return one, tuple(refused)
         if gain > least and value + gain >= settings.over_none:
-            totals.append((certain, value + gain, one))
-        elif value >= settings.over_none:
+            hinted.append((value + gain, one))
+        elif certain:
             refused.append(one)
-    best = max(totals, key=lambda each: each[:2], default=None)
-    return (None if best is None else best[-1]), tuple(refused)
+    best = max(hinted, key=lambda each: each[0], default=None)
+    return (None if best is None else best[1]), tuple(refused)
 
 
 def _denied(problem: Problem, found: Diagnosis, one: Finding, settings: DiagnosisSettings) -> bool:
