@@ -60,6 +60,12 @@ class Finding:
         """Whether an engineer would notice what it changes."""
         return self.changes.matters(settings.least_frequency, settings.least_response)
 
+    @property
+    def large_enough(self) -> bool:
+        """Whether anybody would look for an effect of this size."""
+        own = self.placed.effect.parameters
+        return not own or abs(self.size - own[0].neutral) >= own[0].least
+
     def carried(self, settings: DiagnosisSettings) -> bool:
         """Whether the evidence carries it, on data to which it was not fitted too."""
         enough = self.evidence.log_evidence >= settings.over_none
@@ -203,10 +209,11 @@ def diagnose(
         progress.advance(note="trying exchanged channels")
         fits = _with_exchanges(problem, base, scores, fits, chosen.seed)
     base = _as_good(problem, base, fits)
-    findings = _weigh(problem, base, fits, scores, chosen)
+    weighed = _weigh(problem, base, fits, scores, chosen)
+    findings = tuple(one for one in weighed if one.large_enough)
     progress.advance(note="testing half of the data against the other")
     findings = _certified(problem, base, findings, len(scores), chosen)
-    findings = _everywhere_first(findings, chosen)
+    findings = _simplest_first(findings, chosen)
     findings = _instrument_first(problem, findings, chosen)
     verdict, twins = _verdict(problem, base, findings, chosen)
     best = findings[0].fitted if verdict in (NAMED, PARTLY) else base
@@ -491,17 +498,21 @@ def _certified(
     return tuple(replace(one, tested=tests.get(one.placed.label)) for one in findings)
 
 
-def _everywhere_first(
+def _simplest_first(
     findings: tuple[Finding, ...], settings: DiagnosisSettings
 ) -> tuple[Finding, ...]:
-    """The findings, led by the same effect in all places where the first is no clearly better."""
+    """The findings, led by what says less than the first where that is not clearly better.
+
+    The same effect in all places says not where; one that the first contains has a parameter less.
+    """
     if not findings:
         return findings
     first = findings[0]
     least = first.evidence.log_evidence - settings.margin(first.evidence.log_evidence)
     for one in findings[1:]:
         wider = one.placed.effect is first.placed.effect and one.placed.place == "all"
-        if wider and one.evidence.log_evidence > least and one.carried(settings):
+        simpler = wider or _contains(first, one)
+        if simpler and one.evidence.log_evidence > least and one.carried(settings):
             return (one, *(other for other in findings if other is not one))
     return findings
 

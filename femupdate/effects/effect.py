@@ -31,6 +31,8 @@ class Parameter:
         text: what it is.
         tuning: a frequency as a multiple of the first natural one, which may lie anywhere in the
             band.
+        least: distance from the neutral value below which nobody would look for it: what it does is
+            then no more than a detail of the model.
         trials: standard deviations from the neutral value at which a search looks for it; more than
             one where what it does is far from linear.
     """
@@ -43,6 +45,7 @@ class Parameter:
     upper: float = float("inf")
     text: str = ""
     tuning: bool = False
+    least: float = 0.0
     trials: tuple[float, ...] = (0.5,)
 
     def shown(self, value: float) -> str:

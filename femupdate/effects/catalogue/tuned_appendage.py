@@ -20,7 +20,10 @@ class TunedAppendage(Effect):
     confused_with = ("added_mass",)
     settled_by = "a sensor on the thing itself (tank, mast, machine)"
     parameters = (
-        Parameter("size", "1", 0.02, lower=0.0, upper=0.3, text="share of the floor's mass"),
+        # What is lighter stands for a damping ratio of one mode that the model has not.
+        Parameter(
+            "size", "1", 0.02, lower=0.0, upper=0.3, least=0.01, text="share of the floor's mass"
+        ),
         Parameter(
             "tuning",
             "1",
