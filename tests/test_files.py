@@ -1,6 +1,7 @@
 """Files that are none, for every reader: nothing hangs, nothing fills the memory."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -54,7 +55,7 @@ def test_a_device_for_a_mesh(tmp_path):
 
 
 def test_limits_of_texts(tmp_path, monkeypatch):
-    monkeypatch.setattr(text, "_LARGEST_BYTES", 1_000_000)
+    monkeypatch.setattr(text, "FILES", replace(text.FILES, text_mb=1))
     (tmp_path / "long.csv").write_text("time_s,a\ns,gal\n" + "0.1,2\n" * 300_000)
     with pytest.raises(MeasurementError, match="more than the 1 MB that such a file may have"):
         read_record(tmp_path / "long.csv")

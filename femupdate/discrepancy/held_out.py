@@ -48,18 +48,18 @@ class Held:
     before: Floats | None = None
     after: Floats | None = None
 
-    def sentence(self) -> str:
-        """How both models predict the data."""
-        histories = ""
-        if self.time is not None:
-            histories = (
-                f"error of the histories {self.error_before:.3f} -> {self.error_after:.3f} "
-                f"({self.own_before:.3f} -> {self.own_after:.3f} with its own stiffness and "
-                "damping), "
-            )
+    def lines(self) -> tuple[str, ...]:
+        """How both models predict the data, and how with the event's own factors."""
+        agreement = (
+            f"{self.compared} (chi2 a point) {self.chi2_before:.1f} -> {self.chi2_after:.1f}"
+        )
+        if self.time is None:
+            return (f"{self.name}, kept out: error of {agreement}",)
         return (
-            f"{self.name}, kept out: {histories}of {self.compared} (chi2 a point) "
-            f"{self.chi2_before:.1f} -> {self.chi2_after:.1f}"
+            f"{self.name}, kept out: error of the histories {self.error_before:.3f} -> "
+            f"{self.error_after:.3f}, of {agreement}",
+            "with that event's own stiffness and damping: error of the histories "
+            f"{self.own_before:.3f} -> {self.own_after:.3f}",
         )
 
 

@@ -114,7 +114,7 @@ class RepairReport:
             for k, (before, after) in enumerate(columns, start=1)
         ]
         if held is not None:
-            lines.append(f"  {held.sentence()}")
+            lines += [f"  {line}" for line in held.lines()]
         if self.building_path is not None:
             lines.append(f"  repaired building {self.building_path}")
         return (*lines, f"  {self.path}")

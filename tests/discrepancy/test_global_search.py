@@ -7,7 +7,7 @@ frequency by frequency, with an error of 2 % on |H| and the phase.
 import numpy as np
 import pytest
 
-from femupdate.discrepancy.diagnose import NAMED, PARTLY, UNKNOWN, diagnose
+from femupdate.discrepancy.diagnose import AMBIGUOUS, NAMED, PARTLY, UNKNOWN, diagnose
 from femupdate.discrepancy.fit import fit_baseline
 from femupdate.discrepancy.global_search import global_fit
 
@@ -49,7 +49,7 @@ def leading(found):
 def test_a_large_effect_is_found_from_afar(posed, label, share, theta):
     problem, base = posed(label.split("@")[1], share, theta)
     near = diagnose(problem, base=base)
-    assert near.verdict in (UNKNOWN, PARTLY)  # or else this test would ask for nothing
+    assert near.verdict in (UNKNOWN, PARTLY, AMBIGUOUS)  # or else this test would ask for nothing
     far = global_fit(problem, base, near.scores, leading(near))
     assert far.placed[-1].label == label
     found = diagnose(problem, base=base, distant=far)
