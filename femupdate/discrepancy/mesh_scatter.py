@@ -44,6 +44,8 @@ class MeshScatter:
     ) -> Tensor:
         """Changes of ln|H| (N, c, f, k) at parameters (N, p + q) of the building with its effects.
 
+        Along tangents: a whole step bends at peaks, and data would tell it from stiffness factors.
+
         Args:
             parameters: stiffness factors, then sizes.
             frequency_hz: (k,).
@@ -51,7 +53,8 @@ class MeshScatter:
             seen: what an estimate makes of FRFs.
         """
         count = len(self.steps)
-        steps = torch.cat([torch.zeros_like(self.steps[:1]), self.steps])
+        part = MESH_ERROR.part
+        steps = torch.cat([torch.zeros_like(self.steps[:1]), part * self.steps])
         both = torch.cat(
             [
                 parameters.repeat_interleave(count + 1, 0),
@@ -62,7 +65,7 @@ class MeshScatter:
         ratio = zeta.repeat_interleave(count + 1)
         values = self.system.log_frf(both, ratio, frequency_hz, Responses(seen=seen))
         values = values.reshape(len(parameters), count + 1, *values.shape[1:])
-        return values[:, 1:] - values[:, :1]
+        return (values[:, 1:] - values[:, :1]) / part
 
 
 def mesh_scatter(reduced: ReducedStructure, system: System, mesh: MeshError) -> MeshScatter:

@@ -247,6 +247,7 @@ class MeshErrorThresholds:
         "by which they differ in all members alike",
         "40 of these: factors err alike by .05 to .14 %, with ShellMITC4 by .45 %; .21 % rms",
     )
+    part: float = entry(0.02, "of a step", "along which responses are differentiated")
     shown: float = entry(0.003, "of the largest", "effect of a mode below which it is left out")
     step: float = entry(0.01, "of what the floors show of a mode", "step of differences")
     same_frequency: float = entry(0.06, "ln f", "within which modes of two meshes are one")

@@ -104,8 +104,23 @@ def learned_error(
     terms = data.terms
     weight, frequency = terms.independent * terms.weight, torch.from_numpy(observation.frequency_hz)
     points = terms.independent * float((weight > 0).sum())
-    steps = None if known is None else (known.to(weight) * weight.sqrt()).flatten(1)
-    return LearnedError(weight, frequency, points, steps)
+    if known is None:
+        return LearnedError(weight, frequency, points)
+    steps = torch.cat([known.to(weight), _of_points_that_bend(known, weight)])
+    return LearnedError(weight, frequency, points, (steps * weight.sqrt()).flatten(1))
+
+
+def _of_points_that_bend(known: Tensor, weight: Tensor) -> Tensor:
+    """An error (c, f, k) for every point that the known ones change by too much for a line.
+
+    At the bottom of an anti-resonance a thousandth of the frequency multiplies |H|. A line from
+    there would let that one point tell what no other point tells.
+    """
+    away = known.square().sum(0).sqrt()
+    floors, points = ((away > LEARNED_ERROR.bends) & (weight > 0)).nonzero(as_tuple=True)
+    own = weight.new_zeros(len(floors), *weight.shape)
+    own[torch.arange(len(floors)), floors, points] = LEARNED_ERROR.bent * away[floors, points]
+    return own
 
 
 def settled(
@@ -137,12 +152,17 @@ def settled(
     if starts is None:
         wide = likelihood.at_row(likelihood.error.start)
         starts, _ = best_of_prior(prior, lambda some: -0.5 * wide(some).square().sum(1), seed)
-    if shared is not None:
-        rough = found_from(prior, likelihood.at_row(likelihood.error.start), starts)
-        starts = prior.from_normal(rough.z)
+    if shared is None:
+        return settle(prior, likelihood, starts)
+    found = found_from(prior, likelihood.at_row(likelihood.error.start), starts)
+    for _ in range(LEARNED_ERROR.linearised):
+        starts = prior.from_normal(found.z)
         known = shared_changes(shared, prior, starts[:1], observation)[0, :, data.terms.rows]
-        likelihood = replace(likelihood, error=learned_error(data, observation, known))
-    return settle(prior, likelihood, starts)
+        ended = settle(
+            prior, replace(likelihood, error=learned_error(data, observation, known)), starts
+        )
+        found = ended.found
+    return ended
 
 
 def shared_changes(
