@@ -155,14 +155,17 @@ def settled(
     if shared is None:
         return settle(prior, likelihood, starts)
     found = found_from(prior, likelihood.at_row(likelihood.error.start), starts)
-    for _ in range(LEARNED_ERROR.linearised):
-        starts = prior.from_normal(found.z)
-        known = shared_changes(shared, prior, starts[:1], observation)[0, :, data.terms.rows]
-        ended = settle(
-            prior, replace(likelihood, error=learned_error(data, observation, known)), starts
-        )
-        found = ended.found
-    return ended
+    rough = prior.from_normal(found.z)
+
+    def known(parameters: Tensor) -> Tensor:
+        return shared_changes(shared, prior, parameters, observation)[0, :, data.terms.rows]
+
+    error = learned_error(data, observation, known(rough[:1]))
+    ended = settle(prior, replace(likelihood, error=error), rough)
+    # Lines from beside the maximum would tell errors from factors that do the same.
+    again = learned_error(data, observation, known(prior.from_normal(ended.found.z[:1])))
+    error = ended.likelihood.error.with_known_of(again)
+    return replace(ended, likelihood=replace(ended.likelihood, error=error))
 
 
 def shared_changes(

@@ -302,6 +302,12 @@ class LearnedError:
         fewer._factors = {}
         return fewer
 
+    def with_known_of(self, other: "LearnedError") -> "LearnedError":
+        """With the errors that another of the same data knows beforehand."""
+        changed = copy.copy(self)
+        changed._known, changed._across, changed._factors = other._known, other._across, {}
+        return changed
+
     def no_larger(self, row: int) -> list[int]:
         """Rows none of whose errors, and whose noise, is larger than a row's."""
         most = self.levels[row]

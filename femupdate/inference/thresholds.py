@@ -203,12 +203,6 @@ class LearnedErrorThresholds:
     """How the error of a model is learned together with its parameters."""
 
     rounds: int = entry(6, "fits", "at a row of the table, each followed by the choice of another")
-    linearised: int = entry(
-        2,
-        "times",
-        "that known errors are taken along straight lines, from where the last fit ended",
-        "at a damping ratio of .6 % the first fit leaves peaks where lines from it bend",
-    )
     bends: float = entry(
         0.7, "ln|H|", "by known errors, from which a point is no straight line", "half of |H|"
     )

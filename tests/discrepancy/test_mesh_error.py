@@ -265,7 +265,10 @@ def test_every_mode_may_be_off_by_itself(coarse, learned):
 
 
 def test_what_is_left_open_is_the_same_in_ln_h(coarse, learned):
-    """As the finder's problem has it, whitened."""
+    """As the finder's problem has it, whitened, but along tangents.
+
+    The finder takes whole steps, of half a per cent where peaks are ten per cent wide.
+    """
     reduced, _, problem, base = amplitudes_at_one(coarse, learned)
     whitened = errors_left_open(problem, learned, base).numpy().reshape(-1, 2, GRID.size)
     scatter = mesh_scatter(reduced, System(reduced.model), learned)
@@ -276,4 +279,5 @@ def test_what_is_left_open_is_the_same_in_ln_h(coarse, learned):
     inside = [k for k, one in enumerate(learned.placed) if one.effect.parameters[0].upper > 0.0]
     assert len(inside) >= 2
     assert float(change[inside].abs().max()) > 3e-4
-    np.testing.assert_allclose(change[inside] / 0.1, whitened[inside], atol=1e-6)
+    size = np.abs(whitened[inside]).max()
+    np.testing.assert_allclose(change[inside] / 0.1, whitened[inside], atol=0.03 * size)

@@ -1,0 +1,46 @@
+"""Errors that are known beforehand widen what the data tell, whatever a single point says."""
+
+import numpy as np
+import pytest
+import torch
+
+from femupdate.dynamics.system import System
+from femupdate.inference.learned import settled
+from femupdate.inference.parameters import Parameters
+from femupdate.inference.priors import damping_parameter, theta_prior
+
+MASSES, SPRINGS = np.ones(3), np.full(3, 600.0)
+GRID = 0.05 * np.arange(1, 241)
+TRUTH, COMMON = np.array([0.9, 1.1, 1.0]), 0.004
+
+
+@pytest.mark.parametrize("wild", [0.0, 3.0], ids=["all points straight", "a point that bends"])
+def test_what_moves_all_factors_alike_is_never_told_from_them(
+    chains, building_of, observe, reduced_of, wild
+):
+    frf = chains.Chain(MASSES, SPRINGS * TRUTH, zeta=0.01).frf(GRID)
+    grid = {"frequency_grid": {"start": 0.05, "step": 0.05, "count": 240}}
+    building = building_of(MASSES, SPRINGS, **grid)
+    seen = observe(building.floors, GRID, frf, 0.02, 3, phase=False)
+    system = System(reduced_of(building).model)
+
+    def shared(parameters, frequency_hz, zeta, estimate=None):
+        here = system.log_frf(parameters, zeta, frequency_hz)
+        there = system.log_frf(parameters * (1.0 + 1e-5), zeta, frequency_hz)
+        change = COMMON * (there - here) / 1e-5
+        change[:, 0, 100] += wild
+        return change[:, None]
+
+    prior = theta_prior(building) + Parameters((damping_parameter(building),))
+    found = settled(prior, system, seen, 1, shared=shared)
+    middle = prior.from_normal(found.found.z[:1])
+    steps = torch.cat([torch.zeros(1, 4), 1e-6 * torch.eye(4)]).to(middle)
+    whitened = found.likelihood.error.whiten(
+        found.likelihood.data.residuals(middle * torch.exp(steps)), 0
+    )
+    slopes = (whitened[1:] - whitened[:1]) / 1e-6
+    covariance = torch.linalg.inv(slopes @ slopes.T).numpy()
+    together = np.array([1.0, 1.0, 1.0, 0.0]) / 3.0
+    sd = float(np.sqrt(together @ covariance @ together))
+    # The noise alone leaves a tenth of this.
+    assert sd == pytest.approx(COMMON, rel=0.05)
