@@ -31,6 +31,7 @@ from femupdate.progress import SILENT, Progress
 
 NONE, NAMED, PARTLY, AMBIGUOUS = "none", "named", "partly", "ambiguous"
 INDISTINGUISHABLE, UNKNOWN = "indistinguishable", "unknown"
+STANDS_IN = "Most of the misfit stays: this name may stand in for what else is missing."
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,7 +219,8 @@ def diagnose(
     verdict, twins = _verdict(problem, base, findings, chosen)
     best = findings[0].fitted if verdict in (NAMED, PARTLY) else base
     left = remains(problem, best)
-    sentence = _sentence(verdict, findings, twins, left)
+    removed = _removed(problem, base, best)
+    sentence = _sentence(verdict, findings, twins, left, removed)
     problem.error.forget()
     if verdict == NONE and problem.effective < VERDICT.fewest_points * base.coordinates.size:
         sentence = _few_points(problem, base)
@@ -582,8 +584,10 @@ def _verdict(
     ]
     twins = tuple(other.placed.label for other in near)
     if not near:
-        left = remains(problem, first.fitted).size >= settings.least_response
-        return (PARTLY if left else NAMED), ()
+        if remains(problem, first.fitted).size < settings.least_response:
+            return NAMED, ()
+        # What leaves as large a misfit as there was only serves what else is missing.
+        return (PARTLY if _removed(problem, base, first.fitted) > 0.0 else UNKNOWN), ()
     tests = [first.score, *(other.score for other in near)]
     same = same_to_sensors(problem, base, tests, settings.alike)
     return (INDISTINGUISHABLE if same else AMBIGUOUS), twins
@@ -618,8 +622,21 @@ def _few_points(problem: Problem, base: Fit) -> str:
     )
 
 
+def _removed(problem: Problem, base: Fit, best: Fit) -> float:
+    """Share of the squared residuals beyond the noise that a better fit does without."""
+    return (base.chi2 - best.chi2) / max(base.chi2 - problem.effective, 1.0)
+
+
+def _percent(share: float) -> str:
+    return "none" if share < 0.005 else f"{share:.0%}" if share < 1.0 else "all"
+
+
 def _sentence(
-    verdict: str, findings: tuple[Finding, ...], twins: tuple[str, ...], left: Remains
+    verdict: str,
+    findings: tuple[Finding, ...],
+    twins: tuple[str, ...],
+    left: Remains,
+    removed: float,
 ) -> str:
     if verdict == NONE:
         text = "The model explains the data; nothing needs to be added."
@@ -636,9 +653,11 @@ def _sentence(
     if verdict == NAMED:
         return f"{first.in_words}. {first.placed.effect.sentence} {left.sentence}".rstrip()
     if verdict == PARTLY:
+        share = f"It removes {_percent(removed)} of the misfit beyond the noise;"
+        doubt = "" if removed >= VERDICT.most else f" {STANDS_IN}"
         return (
-            f"{first.in_words}. {first.placed.effect.sentence} Something else is missing as well. "
-            f"{left.sentence}"
+            f"{first.in_words}. {first.placed.effect.sentence} {share} something else is missing "
+            f"as well.{doubt} {left.sentence}"
         )
     how = "cannot be told from" if verdict == INDISTINGUISHABLE else "competes with"
     return f"{first.in_words}. It {how} {', '.join(twins)}."
