@@ -30,13 +30,10 @@ class MeshScatter:
     Attributes:
         system: the corrected model with its effects and, behind them, those of the mesh error.
         steps: (c, q) one standard deviation of every error, as sizes of the latter.
-        of_all: standard deviation by which all stiffness factors together are off. Effects of all
-            members alike are not quite that, and data of small noise tell them from the factors.
     """
 
     system: System
     steps: Tensor
-    of_all: float = MESH_ERROR.of_all
 
     def __call__(
         self,
@@ -45,10 +42,9 @@ class MeshScatter:
         zeta: Tensor,
         seen: Estimate | None = None,
     ) -> Tensor:
-        """Changes of ln|H| (N, c + 1, f, k) at parameters (N, p + q) of the building's effects.
+        """Changes of ln|H| (N, c, f, k) at parameters (N, p + q) of the building with its effects.
 
         Along tangents: a whole step bends at peaks, and data would tell it from stiffness factors.
-        The last is that of all factors together.
 
         Args:
             parameters: stiffness factors, then sizes.
@@ -57,16 +53,18 @@ class MeshScatter:
             seen: what an estimate makes of FRFs.
         """
         count = len(self.steps)
-        part, none = MESH_ERROR.part, torch.zeros_like(self.steps[:1])
-        steps = torch.cat([none, part * self.steps, none]).to(parameters)
-        count = len(steps)
+        part = MESH_ERROR.part
+        steps = torch.cat([torch.zeros_like(self.steps[:1]), part * self.steps])
         both = torch.cat(
-            [parameters.repeat_interleave(count, 0), steps.repeat(len(parameters), 1)], dim=1
+            [
+                parameters.repeat_interleave(count + 1, 0),
+                steps.repeat(len(parameters), 1).to(parameters),
+            ],
+            dim=1,
         )
-        both[count - 1 :: count, : self.system.factors] *= 1.0 + part * self.of_all
-        ratio = zeta.repeat_interleave(count)
+        ratio = zeta.repeat_interleave(count + 1)
         values = self.system.log_frf(both, ratio, frequency_hz, Responses(seen=seen))
-        values = values.reshape(len(parameters), count, *values.shape[1:])
+        values = values.reshape(len(parameters), count + 1, *values.shape[1:])
         return (values[:, 1:] - values[:, :1]) / part
 
 

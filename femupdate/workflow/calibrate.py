@@ -11,7 +11,12 @@ from femupdate.inference.posterior import save_posterior
 from femupdate.progress import Progress, Silent
 from femupdate.seeds import Seed, spawn
 from femupdate.study import Study
-from femupdate.workflow.calibrate_draws import against_data, against_modes, posterior_of
+from femupdate.workflow.calibrate_draws import (
+    against_data,
+    against_modes,
+    posterior_of,
+    with_error_of_all,
+)
 from femupdate.workflow.calibrate_exact import sample_exact
 from femupdate.workflow.calibrate_latent import sample_latent
 from femupdate.workflow.calibrate_notes import error_notes, judgement
@@ -57,7 +62,7 @@ def calibrate_study(
     measured = read_measured_of(study, model, source, show)
     # Surrogates know FRFs under a base that translates.
     settings = replace(settings, exact=settings.exact or measured.beyond_surrogates)
-    sampling, *drawing = spawn(settings.seed, 4)
+    sampling, *drawing = spawn(settings.seed, 5)
     origin = {**model.made_from(), **source.made_from()}
     used = {"sensors": list(measured.as_observation.floors), "band_hz": source.band_hz}
     settled = {**used, **plain_settings(settings)}
@@ -89,7 +94,7 @@ def _drawn(
     seeds: Sequence[Seed],
 ) -> CalibrationReport:
     """The posterior, beside the data, and what is to be said of it; nothing is written yet."""
-    damping, checking, between = seeds
+    damping, checking, between, alike = seeds
     observation = measured.as_observation
     sampled = (
         sample_exact(study, model, measured, settings, run)
@@ -102,6 +107,7 @@ def _drawn(
     warnings = judgement(posterior, fitting)
     scatter = scatter_of_runs(model, measured.runs, posterior, between)
     posterior = replace(posterior, warnings=warnings, scatter=scatter)
+    posterior = with_error_of_all(posterior, model, alike)
     found = identified(posterior)
     # The decisive come first.
     notes = (

@@ -1,6 +1,6 @@
 """Posterior draws with their damping ratios, and what they say of the data."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -8,6 +8,7 @@ from scipy.special import ndtr
 from torch import Tensor
 
 from femupdate.arrays import Floats
+from femupdate.discrepancy.thresholds import MESH_ERROR
 from femupdate.dynamics.system import System
 from femupdate.inference.draw_errors import draw_errors
 from femupdate.inference.error_draws import ErrorDraws
@@ -67,6 +68,20 @@ def posterior_of(
         settings=plain_settings(settings),
         model_error=_errors(model, observation, sampled, (theta, zeta, shape), erring),
     )
+
+
+def with_error_of_all(posterior: Posterior, model: StudyModel, seed: Seed) -> Posterior:
+    """With stiffness factors that allow for what programs differ by in all members alike.
+
+    No data tell that from the factors, so it moves the draws and not the likelihood.
+    """
+    if model.shared is None:
+        return posterior
+    count = model.system.factors
+    alike = np.random.default_rng(seed).standard_normal(posterior.theta.shape[:2])
+    moved = posterior.theta.copy()
+    moved[..., :count] *= np.exp(MESH_ERROR.of_all * alike)[..., None]
+    return replace(posterior, theta=np.clip(moved, posterior.lower, posterior.upper))
 
 
 def _errors(

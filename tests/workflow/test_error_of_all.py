@@ -1,0 +1,51 @@
+"""What programs differ by in all members alike, in the posterior of a frame."""
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from femupdate.discrepancy.thresholds import MESH_ERROR
+from femupdate.workflow.calibrate_draws import with_error_of_all
+
+
+@dataclass(frozen=True)
+class Draws:
+    """The part of a posterior that is moved: two factors and the size of an effect."""
+
+    theta: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+
+
+POSTERIOR = Draws(
+    np.broadcast_to([0.8, 1.2, -0.1], (2, 4000, 3)),
+    np.array([0.3, 0.3, -0.5]),
+    np.array([3.0, 3.0, 0.5]),
+)
+
+
+def model(shared):
+    return SimpleNamespace(shared=shared, system=SimpleNamespace(factors=2))
+
+
+def test_all_factors_of_a_frame_move_together_and_nothing_else_moves():
+    moved = with_error_of_all(POSTERIOR, model("of a mesh"), 1).theta
+    by = np.log(moved[..., :2] / POSTERIOR.theta[..., :2])
+    np.testing.assert_allclose(by[..., 0], by[..., 1], atol=1e-12)
+    # Of 8000 draws a standard deviation is known to .8 %; four of these.
+    assert by[..., 0].std() == pytest.approx(MESH_ERROR.of_all, rel=0.032)
+    assert abs(by.mean()) < 4.0 * MESH_ERROR.of_all / np.sqrt(8000)
+    assert (moved[..., 2] == -0.1).all()
+
+
+def test_factors_stay_within_their_prior():
+    narrow = Draws(POSTERIOR.theta, np.array([0.8, 1.19, -0.5]), np.array([0.801, 1.2, 0.5]))
+    moved = with_error_of_all(narrow, model("of a mesh"), 1).theta
+    assert (moved >= narrow.lower).all()
+    assert (moved <= narrow.upper).all()
+
+
+def test_a_stick_has_no_members_to_err():
+    assert with_error_of_all(POSTERIOR, model(None), 1) is POSTERIOR
