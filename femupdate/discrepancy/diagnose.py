@@ -584,10 +584,8 @@ def _verdict(
     ]
     twins = tuple(other.placed.label for other in near)
     if not near:
-        if remains(problem, first.fitted).size < settings.least_response:
-            return NAMED, ()
-        # What leaves as large a misfit as there was only serves what else is missing.
-        return (PARTLY if _removed(problem, base, first.fitted) > 0.0 else UNKNOWN), ()
+        left = remains(problem, first.fitted).size >= settings.least_response
+        return (PARTLY if left else NAMED), ()
     tests = [first.score, *(other.score for other in near)]
     same = same_to_sensors(problem, base, tests, settings.alike)
     return (INDISTINGUISHABLE if same else AMBIGUOUS), twins
