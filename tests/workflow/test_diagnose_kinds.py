@@ -192,7 +192,7 @@ def test_data_kept_out_may_be_of_another_kind(study, tmp_path, case):
     report = repair_study(study, model, ObservationSource(path), ObservationSource(other))
     assert [one.finding.placed.label for one in report.repair.rounds] == ["added_mass@3F"]
     held = report.held
-    assert held.sentence().startswith(f"kept.csv, kept out: of {compared} (chi2 a point)")
+    assert held.lines()[0].startswith(f"kept.csv, kept out: error of {compared} (chi2 a point)")
     assert held.chi2_after < 1.6 < 0.5 * held.chi2_before
     told = json.loads(report.path.read_text())
     assert told["holdout_error_after"] is None
