@@ -256,12 +256,14 @@ def test_what_is_not_in_the_catalogue_leaves_something_unexplained(diagnosed, wh
     assert report.diagnosis.verdict in ("unknown", "ambiguous", "partly")
     assert report.diagnosis.left.size > 0.02
     assert "still off by" in report.diagnosis.sentence
-    if report.diagnosis.verdict == "partly":
-        assert "of the misfit beyond the noise" in report.diagnosis.sentence
-        assert STANDS_IN in report.diagnosis.sentence
     assert report.diagnosis.p_value < 1e-6
     assert report.as_dict()["where"]  # but told where it sits
+    if what != "distortion":
+        assert report.diagnosis.verdict == "partly"
+        assert "of the misfit beyond the noise" in report.diagnosis.sentence
     if what == "resonance of a bracket":
+        assert "removes none" in report.diagnosis.sentence
+        assert STANDS_IN in report.diagnosis.sentence
         worst = max(report.diagnosis.residuals, key=lambda cell: cell.excess)
         assert worst.floor == "3F"
         assert worst.band_hz[1] > 10.0
