@@ -10,11 +10,13 @@ from femupdate.discrepancy.consequence import Consequence, consequence
 from femupdate.discrepancy.evidence import Evidence, laplace, sampled
 from femupdate.discrepancy.exchange import exchange_fits
 from femupdate.discrepancy.fit import (
+    Begun,
     Fit,
     about,
     extended,
     fit,
     fit_baseline,
+    glance,
     log_posterior,
     narrowed,
     settle,
@@ -353,11 +355,15 @@ def _others(
     known = {one.placed[-1].label for one in fits}
     small = problem.on_fewer().at_row(problem.error.first)
     without = fit(small, base.placed, base.z, FIT.first_steps)
+    froms = [without]
+    if distant is not None:
+        there = distant.z[: len(base.z)]
+        froms.append(fit(small, base.placed, there, 0, without.system))
     tests = [one for one in scores if one.placed.label not in known]
-    begun = (_begun(small, base, one, distant, FIT.glance) for one in tests)
-    ahead = sorted(begun, key=lambda one: one.misfit)[: FIT.ahead]
+    begun = (_glanced(froms, one) for one in tests)
+    near = sorted(begun, key=lambda one: one.misfit)[: FIT.ahead]
     ahead = sorted(
-        (_further(small, one, FIT.first_steps) for one in ahead), key=lambda one: one.misfit
+        (_further(small, one, FIT.first_steps) for one in near), key=lambda one: one.misfit
     )
     best = min(one.misfit for one in [without, *ahead])
     # Twice the log evidence of a name, which errors of the model only lower.
@@ -384,25 +390,31 @@ def _enough(fits: list[Fit]) -> float:
     return FIT.far_behind * min((one.misfit for one in fits), default=0.0) + FIT.behind
 
 
-def _begun(
-    problem: Problem, base: Fit, one: Score, distant: Fit | None, steps: int = FIT.first_steps
-) -> Fit:
+def _begun(problem: Problem, base: Fit, one: Score, distant: Fit | None) -> Fit:
     """The first steps of a fit with an effect, from the base or from that distant fit."""
     placed = (*base.placed, one.placed)
     start = list(one.start)
     if start:
         start[0] = one.size
     own = np.concatenate([base.known, start])
-    near = fit(problem, placed, extended(problem, base, placed, own), steps)
+    near = fit(problem, placed, extended(problem, base, placed, own), FIT.first_steps)
     if distant is None:
         return near
     if distant.placed[-1].label == one.placed.label:
         own = distant.known
-    other = fit(problem, placed, extended(problem, distant, placed, own), steps)
+    other = fit(problem, placed, extended(problem, distant, placed, own), FIT.first_steps)
     return min(near, other, key=lambda fitted: fitted.misfit)
 
 
-def _further(problem: Problem, begun: Fit, steps: int = FIT.steps) -> Fit:
+def _glanced(froms: list[Fit], one: Score) -> Begun:
+    """The best of some steps with an effect, from fits without it."""
+    start = np.array(one.start)
+    start[:1] = one.size
+    tried = (glance(without, one.placed, start, FIT.glance) for without in froms)
+    return min(tried, key=lambda begun: begun.misfit)
+
+
+def _further(problem: Problem, begun: Fit | Begun, steps: int = FIT.steps) -> Fit:
     return fit(problem, begun.placed, begun.z, steps)
 
 

@@ -7,6 +7,7 @@ The unknowns are ln theta and ln zeta (uniform priors on a box) and the sizes of
 units of their prior's standard deviation.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -251,33 +252,61 @@ def fit(
     model = system or problem.system(placed)
     where = unknowns or coordinates(problem, placed)
     z = torch.minimum(torch.maximum(start.clone(), where.lower), where.upper)
-    residual, jacobian = _linearise(problem, model, where, z)
-    objective = _objective(where, z, residual)
-    damping = 1e-2
-    for _ in range(iterations):
-        step = _step(where, z, residual, jacobian, damping)
-        # Three lengths of step at once cost little more than one.
-        dampings = [damping, 10.0 * damping, 100.0 * damping]
-        trials = torch.stack(
-            [z + step, *(z + _step(where, z, residual, jacobian, d) for d in dampings[1:])]
-        )
-        trials = torch.minimum(torch.maximum(trials, where.lower), where.upper)
-        found = evaluate(problem, model, where, trials)
-        values = [_objective(where, t, r) for t, r in zip(trials, found, strict=True)]
-        best = int(np.argmin(values))
-        if not values[best] < objective:
-            damping *= 1000.0
-            if damping > 1e6:
-                break
-            continue
-        gain = (objective - values[best]) / max(objective, 1.0)
-        z, objective = trials[best], values[best]
-        damping = max(dampings[best] / 10.0, 1e-6)
-        residual, jacobian = _linearise(problem, model, where, z)
-        if gain < FIT.smallest_decrease:
-            break
-    raw = problem.missed(model, where.split(z[None], problem.fixed_zeta))[0]
-    return Fit(placed, where, z, residual, jacobian, raw, model, problem)
+
+    def anew(z: Tensor, *_: object) -> _Linear:
+        return _linearise(problem, model, where, z)
+
+    found = _search(problem, model, where, anew(z), iterations, anew)
+    raw = problem.missed(model, where.split(found.z[None], problem.fixed_zeta))[0]
+    return Fit(placed, where, found.z, found.residual, found.jacobian, raw, model, problem)
+
+
+@dataclass(frozen=True, eq=False)
+class Begun:
+    """A model some steps towards its most probable parameters.
+
+    Attributes:
+        placed: its effects.
+        z: (d,) the unknowns.
+        misfit: what the search lessens (see `Fit.misfit`).
+    """
+
+    placed: tuple[Placed, ...]
+    z: Tensor
+    misfit: float
+
+
+def glance(without: Fit, one: Placed, start: Floats, steps: int) -> Begun:
+    """Some steps of a fit with one effect more, by the Jacobian of the model without it.
+
+    A fit's own Jacobian costs one response an unknown, at every step. Here only the effect's part
+    is made anew; the rest is mended by what every step has shown (Broyden, 1965).
+
+    Args:
+        without: the model without the effect, and the problem.
+        one: the effect.
+        start: its parameters, where the search starts.
+        steps: at most.
+    """
+    problem, placed = without.problem, (*without.placed, one)
+    where, model = coordinates(problem, placed), problem.system(placed)
+    z = extended(problem, without, placed, np.concatenate([without.known, start]))
+    z = torch.minimum(torch.maximum(z, where.lower), where.upper)
+    first = len(without.z)
+    begun = _linearise(problem, model, where, z, first)
+    if not bool(begun.residual.isfinite().all()):  # or no structure is left
+        return Begun(placed, z, np.inf)
+    begun = replace(begun, jacobian=torch.cat([without.jacobian, begun.jacobian], dim=1))
+
+    def mended(z: Tensor, residual: Tensor, before: _Linear) -> _Linear:
+        moved = z - before.z
+        beside = (before.residual - residual - before.jacobian @ moved) / (moved @ moved)
+        jacobian = before.jacobian + torch.outer(beside, moved)
+        jacobian[:, first:] = _linearise(problem, model, where, z, first).jacobian
+        return _Linear(z, residual, jacobian)
+
+    found = _search(problem, model, where, begun, steps, mended)
+    return Begun(placed, found.z, _objective(where, found.z, found.residual))
 
 
 def about(problem: Problem, fitted: Fit) -> Problem:
@@ -337,20 +366,64 @@ def _objective(where: Coordinates, z: Tensor, residual: Tensor) -> float:
     return float(residual @ residual + where.distance(z))
 
 
+@dataclass(frozen=True, eq=False)
+class _Linear:
+    """Residuals (n,) at z (d,), and the Jacobian of the prediction there (n, d)."""
+
+    z: Tensor
+    residual: Tensor
+    jacobian: Tensor
+
+
+def _search(
+    problem: Problem,
+    system: System,
+    where: Coordinates,
+    begun: _Linear,
+    iterations: int,
+    followed: "Callable[[Tensor, Tensor, _Linear], _Linear]",
+) -> _Linear:
+    """Levenberg and Marquardt's steps from a point.
+
+    `followed` gives the Jacobian at unknowns and residuals reached, from that before.
+    """
+    now, objective, damping = begun, _objective(where, begun.z, begun.residual), 1e-2
+    for _ in range(iterations):
+        # Three lengths of step at once cost little more than one.
+        dampings = [damping, 10.0 * damping, 100.0 * damping]
+        trials = torch.stack([now.z + _step(where, now, d) for d in dampings])
+        trials = torch.minimum(torch.maximum(trials, where.lower), where.upper)
+        found = evaluate(problem, system, where, trials)
+        values = [_objective(where, t, r) for t, r in zip(trials, found, strict=True)]
+        best = int(np.argmin(values))
+        if not values[best] < objective:
+            damping *= 1000.0
+            if damping > 1e6:
+                break
+            continue
+        gain = (objective - values[best]) / max(objective, 1.0)
+        objective = values[best]
+        damping = max(dampings[best] / 10.0, 1e-6)
+        now = followed(trials[best], found[best], now)
+        if gain < FIT.smallest_decrease:
+            break
+    return now
+
+
 def _linearise(
-    problem: Problem, system: System, where: Coordinates, z: Tensor
-) -> tuple[Tensor, Tensor]:
-    """Residuals (n,) and Jacobian of the prediction (n, d), by differences into the box."""
-    steps = torch.where(z + FIT.difference <= where.upper, FIT.difference, -FIT.difference)
-    points = torch.cat([z[None], z + torch.diag(steps)])
+    problem: Problem, system: System, where: Coordinates, z: Tensor, first: int = 0
+) -> _Linear:
+    """Residuals and Jacobian at z (d,), by differences into the box; from the first unknown on."""
+    steps = torch.where(z + FIT.difference <= where.upper, FIT.difference, -FIT.difference)[first:]
+    points = z.repeat(1 + len(steps), 1)
+    points[1:, first:] += torch.diag(steps)
     residuals = evaluate(problem, system, where, points)
-    return residuals[0], (-(residuals[1:] - residuals[0]) / steps[:, None]).T
+    return _Linear(z, residuals[0], (-(residuals[1:] - residuals[0]) / steps[:, None]).T)
 
 
-def _step(
-    where: Coordinates, z: Tensor, residual: Tensor, jacobian: Tensor, damping: float
-) -> Tensor:
+def _step(where: Coordinates, now: _Linear, damping: float) -> Tensor:
     """Damped Gauss-Newton step that leaves alone what is held at its limit."""
+    z, residual, jacobian = now.z, now.residual, now.jacobian
     gradient = jacobian.T @ residual - where.precision @ (z - where.mean)
     held = ((z <= where.lower) & (gradient < 0)) | ((z >= where.upper) & (gradient > 0))
     free = (~held).nonzero()[:, 0]
