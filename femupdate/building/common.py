@@ -16,7 +16,7 @@ from femupdate.building.analysis import (
 )
 from femupdate.building.effect_entry import EffectEntry
 from femupdate.building.entry import Complaint, Entry, unknown
-from femupdate.building.members import FloorMass, FrameStory, Material, Story, Supports
+from femupdate.building.members import Base, FloorMass, FrameStory, Material, Story, Supports
 from femupdate.building.quantities import Flag, Label
 from femupdate.building.references import require, resolve
 from femupdate.building.sections import Section
@@ -43,7 +43,9 @@ class BuildingBase(Entry):
     reduction: ReductionSettings = ReductionSettings()
     effects: tuple[EffectEntry, ...] = ()
     provenance: Provenance = Provenance()
-    masses_known: Flag | None = None  # left out of the document, and so of its hash, where not said
+    # What is left out of the document, and so of its hash, where it is not said.
+    masses_known: Flag | None = None
+    supports: Base | None = None
 
     @model_validator(mode="after")
     def _consistent(self) -> "BuildingBase":
@@ -69,6 +71,12 @@ class BuildingBase(Entry):
     def forces_are_relative(self) -> bool:
         """Whether masses are nominal, so that only stiffness over mass can be known."""
         return self.masses_known is False
+
+    @property
+    def moving_base(self) -> str:
+        """What the base does under forces: "slides" or "is free"; empty where it is held."""
+        base = "fixed" if self.supports is None else self.supports.base
+        return {"slides": "slides", "free": "is free"}.get(base, "")
 
     def doubts(self) -> tuple[str, ...]:
         """What an engineer would ask about the figures, a sentence each."""

@@ -18,7 +18,8 @@ from femupdate.fe.model import (
     Springs,
 )
 
-_HELD = {"fixed": 6, "pinned": 3, "springs": 0}
+# What slides or is free is held by its base, which `dynamics.released` lets move.
+_HELD = {"fixed": 6, "pinned": 3, "springs": 0, "slides": 6, "free": 6}
 _IN_PLAN = np.array([True, True, False, False, False, True])
 
 

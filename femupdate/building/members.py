@@ -184,15 +184,35 @@ class FloorMass(Entry):
 SPRING_KEYS = ("kx", "ky", "kz", "krx", "kry", "krz")
 
 
-class Supports(Entry):
+RELEASED = ("slides", "free")
+
+
+class Base(Entry):
+    """Whether forces move the base: "slides" along the motion, "free" rocks as well.
+
+    `mass` is that of what moves with the base, such as a plate under the columns.
+    """
+
+    base: Literal["fixed", "pinned", "springs", "slides", "free"] = "fixed"
+    mass: Mass | None = None
+
+    @model_validator(mode="after")
+    def _mass_where_it_moves(self) -> "Base":
+        if self.mass is not None and self.base not in RELEASED:
+            text = f'it needs base = "slides" or "free", not {self.base!r}; change one'
+            raise Complaint("mass", text)
+        return self
+
+
+class Supports(Base):
     """How the nodes at the base are held.
 
     "fixed" holds them in all six directions, "pinned" in three. With "springs" they are one rigid
     footing on springs in the middle of its plan, whose stiffnesses are those of the whole
     foundation; a direction without a stiffness is held.
+    With "slides" and "free" (see `Base`) they are clamped to a base that moves as one.
     """
 
-    base: Literal["fixed", "pinned", "springs"] = "fixed"
     kx: Stiffness | None = None
     ky: Stiffness | None = None
     kz: Stiffness | None = None

@@ -9,7 +9,7 @@ from pydantic import model_validator
 from femupdate.arrays import Floats
 from femupdate.building.common import BuildingBase
 from femupdate.building.entry import Complaint
-from femupdate.building.members import Story
+from femupdate.building.members import RELEASED, Story
 from femupdate.building.quantities import Flag, Length, Mass, Stiffness, StiffnessPerMass
 from femupdate.errors import BuildingError
 
@@ -46,6 +46,17 @@ class ShearBuilding(BuildingBase):
     kind: Literal["shear"]
     stories: tuple[ShearStory, ...]
     masses_known: Flag = True
+
+    @model_validator(mode="after")
+    def _base_of_a_stick(self) -> "ShearBuilding":
+        base = "fixed" if self.supports is None else self.supports.base
+        if base not in ("fixed", *RELEASED):
+            raise Complaint("supports.base", 'a stick is "fixed", "slides" or is "free"')
+        if base == "free" and any(story.height is None for story in self.stories):
+            raise Complaint(
+                "supports", 'base = "free" rocks: give every story its height, or write "slides"'
+            )
+        return self
 
 
 @dataclass(frozen=True)

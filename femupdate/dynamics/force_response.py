@@ -65,7 +65,7 @@ def accelerance(
     parts = []
     for rows, ratio in zip(parameters.split(_BATCH), zeta.split(_BATCH), strict=True):
         theta, sizes = system.split(rows)
-        modes = system.modes(theta, sizes)
+        modes = system.modes_on_free_base(theta, sizes)
         ports = system.port_stiffness(omega, sizes)
         moved = force_response(modes, system.ratio(modes.omega, ratio, sizes), omega, ports, forced)
         if rest is not None:

@@ -1,11 +1,14 @@
 """A structure on a basis: the Galerkin projection that every reduced model is."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from femupdate.arrays import Floats
 from femupdate.dynamics.reduced import BaseRotation, ReducedModel
 from femupdate.dynamics.reduced_terms import ReducedStructure, projected
+from femupdate.dynamics.released import released_base
 from femupdate.effects.structure import ROTATION, TRANSLATION, Structure
 from femupdate.fe.model import DOF_PER_NODE
 
@@ -15,6 +18,7 @@ def lumped(structure: Structure) -> ReducedStructure:
     terms = np.stack([term.toarray() for term in structure.stiffness_terms])
     mass = structure.mass.toarray()
     model = reduce_lumped(terms, mass, structure.floors, structure.levels)
+    model = replace(model, released=released_base(structure))
     return ReducedStructure(structure, model, np.diag(np.diag(mass) ** -0.5))
 
 
@@ -72,6 +76,7 @@ def reduced_on(structure: Structure, basis: Floats) -> ReducedStructure:
             story_moment=rigid[:, ROTATION],
             levels=structure.levels,
         ),
+        released=released_base(structure),
     )
     return ReducedStructure(structure, model, basis)
 

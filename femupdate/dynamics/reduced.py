@@ -25,6 +25,19 @@ class BaseRotation:
     levels: Floats
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ReleasedBase:
+    """A base that forces move.
+
+    Attributes:
+        flexibility: (2,) of springs that hardly hold it, m/N and 1/(N m); zero where it is held.
+        mass: (2, 2) of what moves with it beside the building, kg.
+    """
+
+    flexibility: Floats
+    mass: Floats
+
+
 @dataclass(frozen=True, eq=False)
 class ReducedModel:
     """Galerkin projection of a building on a mass-orthonormal basis V (mass matrix = identity).
@@ -46,6 +59,7 @@ class ReducedModel:
         story_drift: (s, r) displacement of the floor above less that of the floor below.
         node_shapes: (N, 3, r) displacement of every node, float32, or None where not kept.
         rotation: of the base; None where the model knows of its translation alone.
+        released: the base under forces; None where they do not move it.
     """
 
     stiffness_terms: Floats
@@ -58,6 +72,7 @@ class ReducedModel:
     story_drift: Floats
     node_shapes: NDArray[np.float32] | None = None
     rotation: BaseRotation | None = None
+    released: ReleasedBase | None = None
 
     @property
     def size(self) -> int:

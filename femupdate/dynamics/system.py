@@ -18,7 +18,7 @@ from femupdate.dynamics.closed_form import ClosedForm, Estimate, observed, split
 from femupdate.dynamics.damping import ConstantDamping, DampingLaw
 from femupdate.dynamics.modal import ModalData, joined, keep_modes
 from femupdate.dynamics.modes import Modes, normal_modes, response
-from femupdate.dynamics.reduced import ReducedModel
+from femupdate.dynamics.reduced import ReducedModel, ReleasedBase
 from femupdate.dynamics.reduced_terms import ReducedTerms
 from femupdate.effects.effect import UNSCALED, Effect, Parameter, Placed, RunPart
 from femupdate.progress import SILENT, Progress
@@ -242,10 +242,20 @@ class System:
                 other = leaning.frf(self._summed(turned[rows], *own), omega, sizes[rows])
             yield form.log_frf(parts, omega, sizes[rows], seen=seen, turned=other)
 
-    def modes(self, theta: Tensor, sizes: Tensor, rows: Rows | None = None) -> Modes:
+    def modes_on_free_base(self, theta: Tensor, sizes: Tensor) -> Modes:
+        """The modes under forces, which move a base that is not held; else `modes`."""
+        return self.modes(theta, sizes, released=self.model.released)
+
+    def modes(
+        self,
+        theta: Tensor,
+        sizes: Tensor,
+        rows: Rows | None = None,
+        released: ReleasedBase | None = None,
+    ) -> Modes:
         """Undamped modes with the effects, lowest first; rows are those of the floors by default.
 
-        The ports of the effects follow the rows.
+        The ports of the effects follow the rows. The base is held, or released.
         """
         own = split_sizes(self.placed, sizes)
         stiffness, mass, force, rigid_mass = self._matrices(theta, own)
@@ -253,6 +263,10 @@ class System:
         shapes, rigid = self._with_ports(rows or self._floor_rows(theta), len(theta))
         load = torch.einsum("nrb,nb->nr", force, base)
         flexibility = self._flexibility(theta, own)
+        if released is not None:
+            free = torch.from_numpy(released.flexibility).to(theta).expand(len(theta), -1)
+            flexibility = free if flexibility is None else free + flexibility
+            rigid_mass = rigid_mass + torch.from_numpy(released.mass).to(theta)
         if flexibility is not None:
             root = flexibility.sqrt()  # (N, 2)
             stiffness, mass = _on_flexible_base(stiffness, mass, force, rigid_mass, root)

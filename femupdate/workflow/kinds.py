@@ -60,6 +60,7 @@ class Measured:
         runs: under base motion, an observation each; `base` is all of them together.
         doubts: sentences on channels of a run that do not fit together.
         base_paths: files of the FRFs under base motion.
+        moving_base: what the base does under forces and in modes; empty where it is held.
     """
 
     base: Observation
@@ -70,6 +71,7 @@ class Measured:
     runs: tuple[Observation, ...] = ()
     doubts: tuple[str, ...] = ()
     base_paths: tuple[Path, ...] = ()
+    moving_base: str = ""
 
     @property
     def has_base(self) -> bool:
@@ -94,7 +96,8 @@ class Measured:
     @property
     def notes_of_others(self) -> tuple[str, ...]:
         """The same of all that is no FRF under base motion."""
-        return (*self._force_notes(), *self._mode_notes())
+        base = [f"The base {self.moving_base}, as the building file says."]
+        return (*self._force_notes(), *self._mode_notes(), *(base if self.moving_base else ()))
 
     @property
     def as_observation(self) -> Observation:
@@ -245,7 +248,12 @@ def measured_of(building: Building, source: ObservationSource) -> Measured:
     if source.mode_error is not None:
         errors = replace(errors, model_frequency=source.mode_error)
     others = Measured(
-        no_base_motion(building, modes, forced), tuple(modes), tuple(forced), None, errors
+        no_base_motion(building, modes, forced),
+        tuple(modes),
+        tuple(forced),
+        None,
+        errors,
+        moving_base=building.moving_base,
     )
     if not base:
         _require_sensors(source, others.base.floors)
@@ -288,6 +296,7 @@ def _forced(
         seen = forced_estimate(test, building.floors, inside, direction_of(building))
         tests: tuple[ForcedObservation, ...] = (seen,)
     elif isinstance(test, StaticTest):
+        _require_held_base(building, test)
         tests = static_observations(test, building.floors)
     else:
         tests = forced_observations(test, building.floors, band, noise)
@@ -298,6 +307,14 @@ def _forced(
         if wanted:
             found.append(one.of_floors(wanted))
     return found
+
+
+def _require_held_base(building: Building, test: StaticTest) -> None:
+    if building.moving_base:
+        raise MeasurementError(
+            f"{test.source}: a base that {building.moving_base} carries no static load; calibrate"
+            ' with a building whose [supports] base is "fixed"'
+        )
 
 
 def _chosen(

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femupdate.array_archive import check_shapes, read_arrays, write_arrays
-from femupdate.dynamics.reduced import BaseRotation, ReducedModel
+from femupdate.dynamics.reduced import BaseRotation, ReducedModel, ReleasedBase
 from femupdate.study import damaged
 
 _ARRAYS = {
@@ -22,6 +22,7 @@ _ARRAYS = {
     "story_drift": "sr",
 }
 _ROTATION = ("force", "mass", "story_moment", "levels")
+_RELEASED = ("flexibility", "mass")
 
 
 def save_reduced(model: ReducedModel, rms_error: float, path: Path) -> None:
@@ -51,6 +52,8 @@ def reduced_arrays(model: ReducedModel) -> dict[str, NDArray[Any]]:
         arrays["node_shapes"] = model.node_shapes
     if model.rotation is not None:
         arrays |= {f"rotation_{name}": getattr(model.rotation, name) for name in _ROTATION}
+    if model.released is not None:
+        arrays |= {f"released_{name}": getattr(model.released, name) for name in _RELEASED}
     return arrays
 
 
@@ -61,10 +64,14 @@ def reduced_from(data: Mapping[str, NDArray[Any]], floors: Sequence[str]) -> Red
         ArchiveError: an array is missing, or of another shape.
     """
     check_shapes(data, _ARRAYS)
-    turned = {k.removeprefix("rotation_"): data[k] for k in data if k.startswith("rotation_")}
+    turned, released = (
+        {key.removeprefix(start): data[key] for key in data if key.startswith(start)}
+        for start in ("rotation_", "released_")
+    )
     return ReducedModel(
         **{name: data[name] for name in _ARRAYS},
         floors=tuple(floors),
         node_shapes=data.get("node_shapes"),
         rotation=BaseRotation(**turned) if turned else None,
+        released=ReleasedBase(**released) if released else None,
     )

@@ -1,0 +1,152 @@
+"""A base that forces move: against dense equations of the free whole, and a full frame."""
+
+import numpy as np
+import pytest
+import torch
+from scipy.linalg import eigh
+
+from femupdate.building.document import from_document
+from femupdate.building.files import load_building
+from femupdate.dynamics.force_response import accelerance, rest_flexibility
+from femupdate.dynamics.projection import lumped
+from femupdate.dynamics.reduction import reduce_structure
+from femupdate.dynamics.system import System
+from femupdate.effects.structure import structure_of
+from femupdate.errors import BuildingError
+from femupdate.fe.factorization import factorize
+from femupdate.inference.modal_likelihood import shown_modes
+from femupdate.inference.priors import reduction_target
+
+MASS, SPRING, HEIGHT = np.array([4.0, 3.0, 2.0]), np.array([9e3, 7e3, 5e3]), 0.5
+PLATE = 6.0
+THETA = np.array([1.2, 0.8, 1.1])
+LEVELS = HEIGHT * np.arange(1, 4)
+
+
+def document(base, **more):
+    return {
+        "name": "hung",
+        "kind": "shear",
+        "stories": [
+            {"name": f"S{k}", "mass": m, "stiffness": s, "height": HEIGHT}
+            for k, (m, s) in enumerate(zip(MASS, SPRING, strict=True))
+        ],
+        "supports": {"base": base, **more},
+        "frequency_grid": {"start": 0.5, "step": 0.5, "count": 30},
+        "prior": {"theta": {"lower": 0.3, "upper": 3.0}, "zeta": {"lower": 0.005, "upper": 0.05}},
+        "damping": {"law": "constant", "ratio": 0.02},
+    }
+
+
+def free_equations(rocks):
+    """K and M in absolute motion of the base, its rotation where it rocks, and the floors."""
+    drift = np.eye(3) - np.eye(3, k=-1)
+    fixed = np.einsum("p,pi,pj->ij", THETA * SPRING, drift, drift)
+    relative = np.column_stack([-np.ones(3), *([-LEVELS] if rocks else []), np.eye(3)])
+    mass = np.diag([PLATE, *([0.0] if rocks else []), *MASS])
+    return relative.T @ fixed @ relative, mass
+
+
+@pytest.mark.parametrize(("base", "rocks"), [("slides", False), ("free", True)])
+@pytest.mark.parametrize("forced", [0, 2])
+def test_a_free_stick_is_that_of_its_equations(base, rocks, forced):
+    model = lumped(structure_of(from_document(document(base, mass=PLATE)))).model
+    stiffness, mass = free_equations(rocks)
+    first = 1 + rocks
+    frequency = np.array([0.8, 3.0, 7.3, 20.0])
+    load = np.eye(first + 3)[first + forced]
+    exact = [
+        -(w**2) * np.linalg.solve(stiffness - w**2 * mass, load)[first:]
+        for w in 2.0 * np.pi * frequency
+    ]
+    found = accelerance(
+        System(model),
+        torch.from_numpy(THETA)[None],
+        torch.zeros(1, dtype=torch.float64),
+        torch.from_numpy(frequency),
+        forced,
+    )[0]
+    # The springs that hold the whole have a thousandth of the first frequency, of 4 Hz.
+    np.testing.assert_allclose(found.real.numpy(), np.array(exact).T, rtol=2e-4, atol=1e-7)
+
+
+def test_far_below_its_modes_a_sliding_building_is_a_mass():
+    model = lumped(structure_of(from_document(document("slides", mass=PLATE)))).model
+    low = torch.tensor([0.3], dtype=torch.float64)
+    zero = torch.zeros(1, dtype=torch.float64)
+    found = accelerance(System(model), torch.from_numpy(THETA)[None], zero, low, 2)[0, :, 0]
+    # At a twelfth of the first frequency the floors still move alike within 2 %.
+    np.testing.assert_allclose(found.real.numpy(), 1.0 / (MASS.sum() + PLATE), rtol=0.02)
+
+
+def test_modes_of_a_free_stick():
+    model = lumped(structure_of(from_document(document("slides", mass=PLATE)))).model
+    stiffness, mass = free_equations(rocks=False)
+    exact = np.sqrt(eigh(stiffness, mass, eigvals_only=True)[1:])
+    none = torch.zeros(1, 0, dtype=torch.float64)
+    zeta = torch.full((1,), 0.02, dtype=torch.float64)
+    shown = shown_modes(System(model), torch.from_numpy(THETA)[None], zeta, none)
+    np.testing.assert_allclose(shown.log_frequency.exp()[0, 1:4].numpy(), exact, rtol=1e-5)
+
+
+def test_motion_of_the_base_is_that_of_what_moves():
+    held, free = (
+        System(lumped(structure_of(from_document(document(base)))).model)
+        for base in ("fixed", "slides")
+    )
+    known = (
+        torch.from_numpy(THETA)[None],
+        torch.full((1,), 0.02, dtype=torch.float64),
+        torch.zeros(1, 0, dtype=torch.float64),
+        torch.linspace(0.5, 15.0, 20, dtype=torch.float64),
+    )
+    torch.testing.assert_close(held.frf(*known), free.frf(*known), rtol=0.0, atol=0.0)
+
+
+def test_a_reduced_frame_that_slides_is_the_full_one_on_soft_springs(buildings):
+    """Within a thousandth of the full model, below its second mode."""
+    text = (buildings / "cabin.toml").read_text(encoding="utf-8")
+    assert "[supports]" not in text
+    for name, table in (("rails", 'base = "slides"'), ("soft", 'base = "springs"\nkx = "200 N/m"')):
+        (buildings / f"{name}.toml").write_text(f"{text}\n[supports]\n{table}\n", encoding="utf-8")
+    building = load_building(buildings / "rails.toml")
+    structure, target = structure_of(building), reduction_target(building)
+    model = reduce_structure(structure, target).model
+    rest = rest_flexibility(structure, model, target.lower, target.upper)
+    theta = np.ones(len(structure.stiffness_terms))
+    soft = structure_of(load_building(buildings / "soft.toml"))
+    first = structure.fundamental[0] / (2.0 * np.pi)
+    for frequency in (0.4 * first, 1.3 * first):
+        w = 2.0 * np.pi * frequency
+        dynamic = (soft.stiffness(theta) - w**2 * soft.mass).tocsc()
+        load = np.ascontiguousarray(soft.floor_rows[-1])
+        exact = -(w**2) * soft.floor_rows @ factorize(dynamic, definite=False).apply(load)
+        found = accelerance(
+            System(model),
+            torch.from_numpy(theta)[None],
+            torch.zeros(1, dtype=torch.float64),
+            torch.tensor([frequency], dtype=torch.float64),
+            len(structure.floors) - 1,
+            rest,
+        )[0, :, 0]
+        np.testing.assert_allclose(found.real.numpy(), exact, rtol=3e-3)
+
+
+@pytest.mark.parametrize(
+    ("supports", "said"),
+    [
+        ({"base": "springs"}, 'a stick is "fixed"'),
+        ({"base": "fixed", "mass": 3.0}, 'needs base = "slides"'),
+    ],
+)
+def test_what_a_stick_cannot_stand_on(supports, said):
+    with pytest.raises(BuildingError, match=said):
+        from_document(document(supports.pop("base"), **supports))
+
+
+def test_a_stick_that_rocks_needs_heights():
+    low = document("free")
+    for story in low["stories"]:
+        del story["height"]
+    with pytest.raises(BuildingError, match="height"):
+        from_document(low)

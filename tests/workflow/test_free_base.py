@@ -1,0 +1,89 @@
+"""A specimen that slides is hit and its modes are identified: against its equations, free."""
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+from femupdate.errors import MeasurementError
+from femupdate.study import Study
+from femupdate.workflow.calibrate import calibrate_study
+from femupdate.workflow.calibrate_settings import CalibrationSettings
+from femupdate.workflow.kinds import measured_of
+from femupdate.workflow.model import open_study
+from femupdate.workflow.observed import ObservationSource
+
+THETA = np.array([0.8, 1.2])
+# Base of 3 t on rails, floors of 2 t and 1 t.
+MASS = np.diag([3e3, 2e3, 1e3])
+BUILDING = """
+name = "hung"
+kind = "shear"
+supports = {{ base = "{base}", mass = "3 t" }}
+frequency_grid = {{ start = "1 Hz", step = "0.1 Hz", count = 150 }}
+prior = {{ theta = {{ lower = 0.3, upper = 3 }}, zeta = {{ lower = 0.005, upper = 0.06 }} }}
+damping = {{ law = "constant", ratio = 0.02 }}
+
+[[stories]]
+name = "S1"
+mass = "2 t"
+stiffness = "4 MN/m"
+
+[[stories]]
+name = "S2"
+mass = "1 t"
+stiffness = "2.5 MN/m"
+"""
+
+
+def modes():
+    """Circular frequencies (3,) and shapes (3, 3) of unit mass: base, 2F, RF."""
+    k1, k2 = THETA * [4e6, 2.5e6]
+    squared, shapes = eigh([[k1, -k1, 0], [-k1, k1 + k2, -k2], [0, -k2, k2]], MASS)
+    return np.sqrt(np.maximum(squared, 0.0)), shapes
+
+
+def hammer(path):
+    omega, shapes = modes()
+    frequency, rng = np.arange(1.0, 15.9, 0.1), np.random.default_rng(4)
+    lines = ["frequency_hz,2F/RF (m/s2/N),RF/RF (m/s2/N),2F/RF_sd,RF/RF_sd"]
+    for f in frequency:
+        w = 2.0 * np.pi * f
+        moved = shapes * shapes[2] / (omega**2 - w**2 + 2j * 0.02 * omega * w)
+        a = -(w**2) * moved.sum(axis=1)[1:] * np.exp(0.05 * rng.standard_normal(2))
+        lines.append(f"{f:.2f},{a[0]:.6e},{a[1]:.6e},0.05,0.05".replace("(", "").replace(")", ""))
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def identified(path):
+    omega, shapes = modes()
+    rows = [
+        f"{k},{omega[k] / (2 * np.pi):.5f},0.02,{shapes[1, k]:.5f},{shapes[2, k]:.5f}"
+        for k in (1, 2)
+    ]
+    path.write_text("\n".join(["mode,frequency_hz,damping,2F,RF", *rows]) + "\n")
+    return path
+
+
+@pytest.mark.parametrize("write", [hammer, identified])
+def test_its_stories_are_found(write, tmp_path):
+    (tmp_path / "hung.toml").write_text(BUILDING.format(base="slides"))
+    study = Study(tmp_path / "study")
+    model = open_study(study, str(tmp_path / "hung.toml"))
+    source = ObservationSource(write(tmp_path / "measured.csv"))
+    report = calibrate_study(study, model, source, CalibrationSettings(particles=1000))
+    draws = report.posterior.samples
+    sd = draws.std(axis=0)
+    assert (np.abs(draws.mean(axis=0) - THETA) < 3.0 * sd).all()
+    # With the base held, the factors would be off by half and more.
+    assert (sd < 0.1).all()
+    assert any("base slides" in note for note in report.notes)
+
+
+def test_no_static_load_is_carried(tmp_path):
+    (tmp_path / "hung.toml").write_text(BUILDING.format(base="slides"))
+    model = open_study(Study(tmp_path / "study"), str(tmp_path / "hung.toml"))
+    path = tmp_path / "loads.csv"
+    path.write_text("case,load/RF (kN),2F (mm),RF (mm)\n0,5,1,2\n1,10,2,4\n")
+    with pytest.raises(MeasurementError, match=r"loads\.csv: a base that slides carries no static"):
+        measured_of(model.building, ObservationSource(path))
