@@ -163,11 +163,11 @@ class Inspection:
     @property
     def all_findings(self) -> tuple[str, ...]:
         """Sentences on what looks wrong in single channels, then between them."""
-        single = [
-            f"channel {each.number} ({each.channel.name}): {finding}"
-            for each in self.channels
-            for finding in each.findings
-        ]
+        sharing: dict[str, list[InspectedChannel]] = {}
+        for each in self.channels:
+            for finding in each.findings:
+                sharing.setdefault(finding, []).append(each)
+        single = [f"{_together(those)}: {finding}" for finding, those in sharing.items()]
         return (*single, *self.findings)
 
     def as_dict(self) -> dict[str, object]:
@@ -271,6 +271,13 @@ def inspect_file(
         rotation=_rotation(recording, histories, floors, placed, unit),
         step=_step(path, recording, histories, functions, unit, columns),
     )
+
+
+def _together(channels: Sequence[InspectedChannel]) -> str:
+    """One channel by number and name, several by their numbers."""
+    if len(channels) == 1:
+        return f"channel {channels[0].number} ({channels[0].channel.name})"
+    return f"channels {', '.join(str(each.number) for each in channels)}"
 
 
 def _as_mapped(

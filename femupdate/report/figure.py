@@ -64,11 +64,11 @@ def _decades(ticks: Sequence[float]) -> list[float]:
     return [tick for tick in ticks if f"{tick:e}".startswith("1.0000")]
 
 
-def frequency_ticks(panel: Axes, low: float, high: float) -> None:
-    """Make the axis across logarithmic, with plain figures for ticks, Hz."""
+def frequency_ticks(panel: Axes, low: float, high: float, most: int = _MOST_TICKS) -> None:
+    """Make the axis across logarithmic, with plain figures for ticks, Hz, at most so many."""
     panel.set_xscale("log")
     ticks = [tick for tick in _TICKS_HZ if low <= tick <= high]
-    ticks = ticks if len(ticks) <= _MOST_TICKS else _decades(ticks)
+    ticks = ticks if len(ticks) <= most else _decades(ticks)
     panel.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
     panel.xaxis.set_minor_locator(NullLocator())
     panel.set_xlim(low, high)

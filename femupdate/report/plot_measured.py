@@ -15,6 +15,7 @@ from femupdate.report.style import SERIES, styled
 
 MOST_LINES = 24
 SEGMENTS = 16  # of Welch's method, half overlapping
+_FEW_TICKS = 5  # in a narrow panel
 POINTS = 4000  # of a history drawn, as the extremes of short stretches
 
 
@@ -72,7 +73,9 @@ def measured_functions(curves: Sequence[tuple[str, Floats, Any]], title: str, un
     figure = new_figure(9.0, 4.0)
     axes = figure.add_subplot()
     for k, (_, frequency, values) in enumerate(curves[:MOST_LINES]):
-        axes.semilogy(frequency, np.maximum(np.abs(values), 1e-300), color=_color(k))
+        size = np.abs(values)
+        # A zero, as a spectrum may have at 0 Hz, is no value to draw to.
+        axes.semilogy(frequency, np.where(size > 0.0, size, np.nan), color=_color(k))
     axes.set(xlabel="Frequency, Hz", ylabel=unit)
     handles = [
         Line2D([], [], color=_color(k), label=label)
@@ -135,7 +138,8 @@ def _draw_ratios(axes: Axes, modes: Sequence[MeasuredMode]) -> None:
 
 
 def _draw_histories(axes: Axes, lines: Sequence[MeasuredLine]) -> None:
-    spacing = 1.2 * max(float(np.abs(each.values - each.values.mean()).max()) for each in lines)
+    # So that neighbours do not overlap, whatever their peaks.
+    spacing = 2.0 * max(float(np.abs(each.values - each.values.mean()).max()) for each in lines)
     spacing = spacing or 1.0
     for k, each in enumerate(lines):
         time, values = _thinned(each)
@@ -187,7 +191,7 @@ def _draw_response(
         seen = coherence(base.values, each.values, **options)[1]
         share.semilogx(frequency[shown], seen[shown], color=_color(k), linewidth=0.9)
     for axes in (response, share):
-        frequency_ticks(axes, float(frequency[1]), float(frequency[-1]))
+        frequency_ticks(axes, float(frequency[1]), float(frequency[-1]), _FEW_TICKS)
     response.set(xlabel="Frequency, Hz", ylabel="|H|", title="Floor over base")
     share.set(xlabel="Frequency, Hz", ylim=(0.0, 1.02), title="Coherence")
 

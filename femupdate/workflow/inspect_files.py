@@ -141,8 +141,11 @@ def _line(each: InspectedChannel, channels: Sequence[InspectedChannel]) -> "Meas
     )
     beside = base is not None and base.channel.direction == each.channel.direction
     responds = each.floor not in (None, BASE) and beside
+    place, direction = each.place, each.direction_text
+    if place.casefold().endswith(direction.casefold()):
+        direction = ""
     return MeasuredLine(
-        f"{each.number} {each.place} {each.direction_text}".strip(),
+        f"{each.number} {place} {direction}".strip(),
         each.channel.values * factor,
         each.channel.time_step,
         True if each is base else False if responds else None,

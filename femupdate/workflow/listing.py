@@ -64,6 +64,7 @@ class Listing:
 
     def lines(self) -> tuple[str, ...]:
         """Three tables, for people."""
+        width = 2 + max(len(one.name) for one in self.formats)
         return (
             "Buildings (build-model NAME, or --building NAME)",
             *(f"  {b.name:<24}{b.stories:>2} stories  {b.title}" for b in self.buildings),
@@ -72,7 +73,7 @@ class Listing:
             *(line for one in self.effects for line in _effect_lines(one)),
             "",
             "Formats of measured files",
-            *(f"  {one.name:<8}{one.reads}" for one in self.formats),
+            *(f"  {one.name:<{width}}{one.reads}" for one in self.formats),
         )
 
 
