@@ -4,7 +4,8 @@ import hashlib
 import json
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path, PurePath
@@ -106,6 +107,19 @@ def damaged(path: Path, reason: object) -> StudyError:
     return StudyError(
         f"{path} is not what femupdate writes there ({text}); remove it and run the command again"
     )
+
+
+@contextmanager
+def as_written(path: Path) -> Iterator[None]:
+    """Use of what an artefact holds.
+
+    Raises:
+        StudyError: it holds something else, such as what an older version wrote.
+    """
+    try:
+        yield
+    except (LookupError, TypeError, ValueError, AttributeError, RecursionError) as error:
+        raise damaged(path, error) from error
 
 
 class Study:

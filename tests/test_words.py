@@ -90,6 +90,14 @@ def test_links_lead_somewhere(page):
         assert not anchor or anchor in anchors(there), f"{target}: no such heading"
 
 
+@pages
+def test_scripts_exist(page):
+    for script in re.findall(
+        r"python ((?:examples|models|tests)/\S+\.py)", page.read_text(encoding="utf-8")
+    ):
+        assert (DOCS.parent / script).exists(), f"{script}: no such file"
+
+
 def test_pictures_are_used_and_small():
     text = "".join(page.read_text(encoding="utf-8") for page in PAGES)
     for picture in (DOCS / "pictures").iterdir():

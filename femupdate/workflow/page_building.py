@@ -4,6 +4,7 @@ import numpy as np
 
 from femupdate.arrays import Floats, Integers
 from femupdate.building.building_mesh import BuildingMesh
+from femupdate.discrepancy.diagnose import NAMED, PARTLY
 from femupdate.dynamics.tracking import node_displacements
 from femupdate.effects.drawn_building import DrawnBuilding
 from femupdate.effects.effect import Placed
@@ -20,6 +21,7 @@ from femupdate.report.page_scene import (
     thinned_geometry,
 )
 from femupdate.report.scale import mass_scale
+from femupdate.study import as_written
 from femupdate.workflow.modes import StudyMode
 from femupdate.workflow.page_done import read_json
 from femupdate.workflow.page_parts import PageStudy
@@ -170,12 +172,14 @@ def _signs(page: PageStudy, drawing: DrawnBuilding) -> list[tuple[Glyphs, bool]]
 
 
 def _named(page: PageStudy) -> tuple[Placed, ...]:
-    """The effect that a diagnosis of this study named, if any."""
-    found = read_json(page.study.path("diagnosis.json"))
-    if page.state("diagnosis") is None or found.get("verdict") != "named":
+    """The effect that a diagnosis of this study named, whole or partly, if any."""
+    path = page.study.path("diagnosis.json")
+    if page.state("diagnosis") is None:
         return ()
-    effects = found["effects"]
-    assert isinstance(effects, list)
-    first = effects[0]
-    effect = CATALOGUE.get(first["name"])
-    return () if effect is None else (Placed(effect, first["place"]),)
+    with as_written(path):
+        found = read_json(path)
+        if found["verdict"] not in (NAMED, PARTLY):
+            return ()
+        first = found["effects"][0]
+        effect = CATALOGUE.get(first["name"])
+        return () if effect is None else (Placed(effect, str(first["place"])),)

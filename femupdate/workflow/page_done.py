@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 from femupdate.report.page import Block, Remarks, Section, Table, Text
 from femupdate.study import Study
@@ -100,6 +101,6 @@ def posterior_notes(page: PageStudy) -> tuple[str, ...]:
     return tuple(dict.fromkeys(found))
 
 
-def read_json(path: Path) -> dict[str, object]:
+def read_json(path: Path) -> dict[str, Any]:
     """A JSON object of the study; empty where the file is missing."""
     return dict(json.loads(path.read_text(encoding="utf-8"))) if path.exists() else {}

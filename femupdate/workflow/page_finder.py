@@ -11,7 +11,7 @@ from femupdate.report.page import Block, Chart, Remarks, Section, Table, Text
 from femupdate.report.page_charts import Interval, bar_figure, interval_figure
 from femupdate.report.scale import plus_minus
 from femupdate.report.style import BLUE, ORANGE
-from femupdate.study import Study
+from femupdate.study import Study, as_written
 from femupdate.workflow.page_done import read_json
 from femupdate.workflow.page_parts import PageStudy
 from femupdate.workflow.repaired import REPAIRED
@@ -24,13 +24,13 @@ def finder_section(page: PageStudy) -> Section:
     folder = page.study
     if folder.folder.name == REPAIRED and not folder.path("repair.json").exists():
         folder = Study(folder.folder.parent)
-    diagnosis = read_json(folder.path("diagnosis.json"))
-    repair = read_json(folder.path("repair.json"))
     blocks: list[Block] = []
-    if diagnosis:
-        blocks += _diagnosis(diagnosis)
-    if repair:
-        blocks += _repair(page, repair)
+    with as_written(path := folder.path("diagnosis.json")):
+        if diagnosis := read_json(path):
+            blocks += _diagnosis(diagnosis)
+    with as_written(path := folder.path("repair.json")):
+        if repair := read_json(path):
+            blocks += _repair(page, repair)
     if not blocks:
         text = "Nobody has looked for effects that the model lacks; femupdate diagnose does."
         blocks = [Text((text,))]

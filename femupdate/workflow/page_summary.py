@@ -4,6 +4,7 @@ import numpy as np
 
 from femupdate.report.page import Block, Remarks, Section, Text
 from femupdate.report.scale import interval_text
+from femupdate.study import as_written
 from femupdate.workflow.page_done import bad_items, posterior_notes, read_json
 from femupdate.workflow.page_parts import PageStudy
 from femupdate.workflow.page_prediction import predicted_quantities
@@ -104,5 +105,6 @@ def _largest(one: Quantity) -> str:
 def _finder(page: PageStudy) -> tuple[str, ...]:
     if page.state("diagnosis") is None:
         return ()
-    found = read_json(page.study.path("diagnosis.json"))
-    return (f"What the model lacks: {found['verdict']}. {found['sentence']}",)
+    with as_written(path := page.study.path("diagnosis.json")):
+        found = read_json(path)
+        return (f"What the model lacks: {found['verdict']}. {found['sentence']}",)

@@ -81,6 +81,27 @@ def test_a_study_without_a_posterior_has_a_page_too(tmp_path, tower_file):
     assert "Nothing was predicted" in html
 
 
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("diagnosis.json", '{"verdict": "named"}'),
+        ("diagnosis.json", "[[1, 2, 3]]"),
+        ("diagnosis.json", '{"verdict": '),
+        ("repair.json", '{"rounds": [{"effect": "brace"}], "verdict": "none"}'),
+        ("repair.json", '{"rounds": 7}'),
+    ],
+)
+def test_what_another_version_wrote_is_refused(name, text, tmp_path, tower_file):
+    from femupdate.workflow.model import open_study
+
+    study = Study(tmp_path / "study")
+    open_study(study, str(tower_file))
+    write_text(study.path(name), text)
+    with pytest.raises(StudyError, match=rf"{name} is not what femupdate writes there"):
+        report_study(study)
+    assert not study.result("report.html").exists()
+
+
 def test_an_empty_folder_is_refused(tmp_path):
     with pytest.raises(StudyError, match="holds no building"):
         report_study(Study(tmp_path / "nothing"))
