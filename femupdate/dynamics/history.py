@@ -180,7 +180,7 @@ def _walk(
     for start in range(0, len(parameters), step):
         rows = slice(start, start + step)
         parts = [respond(task, parameters[rows], zeta[rows], start) for task in tasks]
-        yield _named(first, np.sum(parts, axis=0))
+        yield named_rows(first.system, first.time_step, np.sum(parts, axis=0))
         progress.advance(len(parameters[rows]))
 
 
@@ -206,11 +206,11 @@ def _recur(task: _Task, parameters: Tensor, zeta: Tensor, first: int) -> Floats:
     return project(states, modes, ratio, record).cpu().numpy()
 
 
-def _named(task: _Task, response: Floats) -> Histories:
+def named_rows(system: System, time_step: float, response: Floats) -> Histories:
     """Tell the rows of (S, o, n) apart; they come in the order of `story_rows`."""
-    floors, stories = len(task.system.floors), len(task.system.model.story_mass)
+    floors, stories = len(system.floors), len(system.model.story_mass)
     acceleration, shear, drift = np.split(response, [floors, floors + stories], axis=1)
-    return Histories(task.time_step, task.system.floors, acceleration, shear, drift)
+    return Histories(time_step, system.floors, acceleration, shear, drift)
 
 
 def _check_parameters(parameters: Numbers, system: System) -> Tensor:

@@ -92,6 +92,13 @@ def _static_response(modes: ModalOutputs, static: Tensor) -> Tensor:
     return (modes.displacement * weight[:, None, :]).sum(-1)
 
 
+def state_weights(modes: ModalOutputs, omega: Tensor, ratio: Tensor) -> Tensor:
+    """What states (omega eta, eta') show in the outputs, (S, o, 2 m), at omega and ratio (S, m)."""
+    wide = omega[:, None, :]
+    of_first = modes.displacement / wide - modes.acceleration * wide
+    return torch.cat([of_first, -2.0 * ratio[:, None, :] * wide * modes.acceleration], dim=-1)
+
+
 def project(states: Iterator[Tensor], modes: ModalOutputs, ratio: Tensor, record: Tensor) -> Tensor:
     """Return the outputs (S, o, n) from the modal states.
 
@@ -102,10 +109,7 @@ def project(states: Iterator[Tensor], modes: ModalOutputs, ratio: Tensor, record
         ratio: (S, m) damping ratios.
         record: (n,) base acceleration, m/s2.
     """
-    omega = modes.omega[:, None, :]
-    of_first = modes.displacement / omega - modes.acceleration * omega
-    of_second = -2.0 * ratio[:, None, :] * omega * modes.acceleration
-    weights = torch.cat([of_first, of_second], dim=-1)
+    weights = state_weights(modes, modes.omega, ratio)
     result = (modes.base - modes.acceleration.sum(-1))[..., None] * record
     start = 0
     for block in states:

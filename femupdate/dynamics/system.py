@@ -20,10 +20,13 @@ from femupdate.dynamics.modal import ModalData, joined, keep_modes
 from femupdate.dynamics.modes import Modes, normal_modes, response
 from femupdate.dynamics.reduced import ReducedModel, ReleasedBase
 from femupdate.dynamics.reduced_terms import ReducedTerms
-from femupdate.effects.effect import UNSCALED, Effect, Parameter, Placed, RunPart
+from femupdate.effects.effect import UNSCALED, Effect, Parameter, Placed, RunChange
 from femupdate.progress import SILENT, Progress
 
 _BATCH = 16  # responses of a hundred shapes at a few hundred frequencies stay in the cache
+# Doublings about a run's mean level: motion that counts in an FRF estimate has from half to twice
+# that amplitude, evenly.
+RUN_LEVELS = tuple((2 * k - 6) / 7 for k in range(7))
 _MATRICES = 2**20  # numbers in the matrices of a batch of eigenproblems
 # Size of one intermediate array (samples x modes x frequencies).
 _CPU_BYTES = 2**20
@@ -341,25 +344,30 @@ class System:
         modes = self.modes(theta, sizes)
         ratio = self.ratio(modes.omega, zeta, sizes)
         ports = self.port_stiffness(omega, sizes)
-        parts = self._run_parts(sizes)
-        if not parts:
+        if not self.changes_in_run:
             return self.observe(response(modes, ratio, omega, ports), omega, sizes)
+        # An H1 estimate over the run is the mean over its parts by the energy of the base motion,
+        # for it divides the sum of their cross spectra by the sum of their power spectra.
         frf = torch.zeros((), dtype=torch.complex128)
-        for part in parts:
-            damped = ratio * part.damping[:, None]
-            own = response(modes.stiffer(part.stiffness), damped, omega, ports)
-            frf = frf + part.weight * own
-        return self.observe(frf, omega, sizes)
+        for level in RUN_LEVELS:
+            change = self.run_change(sizes, level)
+            damped = ratio * change.damping[:, None]
+            frf = frf + response(modes.stiffer(change.stiffness), damped, omega, ports)
+        return self.observe(frf / len(RUN_LEVELS), omega, sizes)
 
-    def _run_parts(self, sizes: Tensor) -> tuple[RunPart, ...]:
-        """Parts of the run in which the structure differs; none where it is always the same."""
-        found: tuple[RunPart, ...] = ()
+    @property
+    def changes_in_run(self) -> bool:
+        """Whether the structure differs between parts of a run."""
+        return any(changes_in_run(one.effect) for one in self.placed)
+
+    def run_change(self, sizes: Tensor, level: float) -> RunChange:
+        """What all effects together change at a level, in doublings above the run's mean."""
+        whole = RunChange(*(torch.ones(len(sizes), dtype=sizes.dtype) for _ in range(2)))
         for one, size in zip(self.placed, split_sizes(self.placed, sizes), strict=True):
-            own = one.effect.run_parts(size)
-            found = (
-                tuple(a.within(b) for a in found for b in own) if found and own else found or own
-            )
-        return found
+            own = one.effect.run_change(size, level)
+            if own is not None:
+                whole = RunChange(whole.stiffness * own.stiffness, whole.damping * own.damping)
+        return whole
 
     def _log_frf(
         self,
@@ -464,7 +472,7 @@ def makes_modes_complex(effect: Effect) -> bool:
 
 def changes_in_run(effect: Effect) -> bool:
     """Whether the structure differs between parts of a run: then no one set of modes serves."""
-    return type(effect).run_parts is not Effect.run_parts
+    return type(effect).run_change is not Effect.run_change
 
 
 def parameters_of(placed: Sequence[Placed]) -> list[Parameter]:

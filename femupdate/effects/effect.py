@@ -168,26 +168,16 @@ class Terms:
         return bool(self.stiffness) or self.mass is not None or self.hinges is not None
 
 
-class RunPart(NamedTuple):
-    """A part of a run as the FRF over the whole run holds it.
+class RunChange(NamedTuple):
+    """What a structure is multiplied by where motion is at a level of its run.
 
     Attributes:
-        weight: its share of the energy of the base motion.
-        stiffness: (N,) factor on the stiffness of the whole structure in it.
-        damping: (N,) factor on the damping ratios in it.
+        stiffness: (N,) factor on the stiffness of the whole structure.
+        damping: (N,) factor on the damping ratios.
     """
 
-    weight: float
     stiffness: Tensor
     damping: Tensor
-
-    def within(self, other: "RunPart") -> "RunPart":
-        """Both changes at once."""
-        return RunPart(
-            self.weight * other.weight,
-            self.stiffness * other.stiffness,
-            self.damping * other.damping,
-        )
 
 
 class Effect(ABC):
@@ -301,13 +291,12 @@ class Effect(ABC):
         """
         return theta, zeta
 
-    def run_parts(self, sizes: Tensor) -> tuple[RunPart, ...]:
-        """Parts of a run in which the structure differs, for sizes (N, q); none where it does not.
+    def run_change(self, sizes: Tensor, level: float) -> RunChange | None:
+        """How the structure differs where motion is that many doublings above the run's mean.
 
-        An H1 estimate over the run is the mean of theirs by the energy of the base motion, for it
-        divides the sum of their cross spectra by the sum of their power spectra.
+        For sizes (N, q); None where it is always the same.
         """
-        return ()
+        return None
 
     def observe(self, frf: Tensor, omega: Tensor, sizes: Tensor, rows: tuple[int, ...]) -> Tensor:
         """The FRFs (N, f, k) as they are measured; `rows` are the floors of the place."""

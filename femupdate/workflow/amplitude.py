@@ -18,7 +18,7 @@ from femupdate.arrays import Floats
 from femupdate.discrepancy.thresholds import LEVEL
 from femupdate.dynamics.history import floor_histories
 from femupdate.dynamics.level import motion_level
-from femupdate.dynamics.system import System
+from femupdate.dynamics.system import System, changes_in_run
 from femupdate.effects.effect import Placed
 from femupdate.errors import MeasurementError
 from femupdate.measurement.record import GroundMotion
@@ -57,11 +57,11 @@ def level_settings(
 
     Args:
         model: of the study.
-        placed: its effects; nothing is kept where none of them depends on the level.
+        placed: its effects; nothing is kept where none of them depends on a level.
         source: the data of the posterior.
         span: levels of the records from which the effect was found, doublings above the first.
     """
-    if not changes_with_level(placed):
+    if not (changes_with_level(placed) or any(changes_in_run(one.effect) for one in placed)):
         return {}
     try:
         levels = record_levels(model, source)
@@ -73,6 +73,32 @@ def level_settings(
 def changes_with_level(placed: tuple[Placed, ...]) -> bool:
     """Whether one of some effects makes stiffness or damping depend on the level."""
     return any(one.effect.needs_levels for one in placed)
+
+
+def mean_level(system: System, settings: Mapping[str, Any]) -> Floats | None:
+    """Level (f,) at which a structure that changes in a run has its factors, m/s2.
+
+    None where the posterior does not know it, and where another effect has moved the factors to
+    the mean level of the motion itself.
+    """
+    kept = settings.get(_LEVELS)
+    if not kept or changes_with_level(system.placed):
+        return None
+    return np.array([kept.get(floor, np.nan) for floor in system.floors])
+
+
+UNFOLLOWED = (
+    "Beside a damper or an appendage no stiffness that changes in the run is followed: all is as at"
+    " the mean level.",
+)
+
+
+def changing_note(known: bool) -> str:
+    """How a structure that changes in a run is followed, in words."""
+    of_what = "of the run from which it was found" if known else "of this motion itself"
+    return (
+        f"Stiffness and damping follow the motion, between half and twice the mean level {of_what}."
+    )
 
 
 def at_own_level(
@@ -187,4 +213,13 @@ def _note(level: Floats, stiffness: Floats, damping: Floats, span: list[float] |
     return text
 
 
-__all__ = ["AtOwnLevel", "at_own_level", "changes_with_level", "level_settings", "own_level"]
+__all__ = [
+    "UNFOLLOWED",
+    "AtOwnLevel",
+    "at_own_level",
+    "changes_with_level",
+    "changing_note",
+    "level_settings",
+    "mean_level",
+    "own_level",
+]

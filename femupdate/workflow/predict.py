@@ -10,6 +10,7 @@ import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.building.shear import require_heights
+from femupdate.dynamics.changing_history import RunMotion, changing_histories
 from femupdate.dynamics.comparison import Comparison, compare
 from femupdate.dynamics.history import Histories, history_batches
 from femupdate.dynamics.member_histories import (
@@ -29,6 +30,7 @@ from femupdate.measurement.record import GroundMotion
 from femupdate.progress import Progress, Silent
 from femupdate.seeds import spawn
 from femupdate.study import Study, file_hash
+from femupdate.workflow.amplitude import UNFOLLOWED, changing_note, mean_level
 from femupdate.workflow.effect_surrogate import open_system
 from femupdate.workflow.model import StudyModel, on_kept_finer
 from femupdate.workflow.predict_draws import (
@@ -251,7 +253,14 @@ def _histories(task: _Task, draws: PredictionDraws) -> tuple[Iterator[Histories]
         task.show,
     )
     record = task.motion.inputs, task.motion.time_step
-    return history_batches(task.system, theta, zeta, *record, progress=task.show), told
+    if not task.system.changes_in_run or task.system.complex_modes:
+        batches = history_batches(task.system, theta, zeta, *record, progress=task.show)
+        return batches, (*told, *(UNFOLLOWED if task.system.changes_in_run else ()))
+    level = mean_level(task.system, task.posterior.settings)
+    keep = task.settings.damping is not None
+    motion = RunMotion(*record, level, keep)
+    batches = changing_histories(task.system, theta, zeta, motion, task.show)
+    return batches, (*told, changing_note(level is not None))
 
 
 def _spectra(

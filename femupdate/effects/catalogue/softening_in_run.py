@@ -3,12 +3,8 @@
 from torch import Tensor
 
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, Parameter, RunPart
+from femupdate.effects.effect import Effect, Parameter, RunChange
 from femupdate.effects.structure import Structure
-
-# Doublings of the amplitude about the run's mean level: motion that counts in an FRF estimate has
-# from half to twice that amplitude, evenly.
-_LEVELS = tuple((2 * k - 6) / 7 for k in range(7))
 
 
 class SofteningInRun(Effect):
@@ -61,8 +57,6 @@ class SofteningInRun(Effect):
         faces = [drawn.upright(*side, k) for k in drawn.stories(place) for side in sides]
         return (Glyph.of("surfaces", faces),)
 
-    def run_parts(self, sizes: Tensor) -> tuple[RunPart, ...]:
-        """Seven parts of equal weight, at amplitudes from 2^(-6/7) to 2^(6/7) of the mean one."""
-        softer, damped = 1.0 + sizes[:, 0], 1.0 + sizes[:, 1]
-        share = 1.0 / len(_LEVELS)
-        return tuple(RunPart(share, softer**level, damped**level) for level in _LEVELS)
+    def run_change(self, sizes: Tensor, level: float) -> RunChange:
+        """As `Effect.run_change`."""
+        return RunChange((1.0 + sizes[:, 0]) ** level, (1.0 + sizes[:, 1]) ** level)

@@ -1,0 +1,202 @@
+"""Histories of a building that is softer, and damps more, where its own motion is strong.
+
+The law is known by the level of the motion about the mean one of a run, in doublings. Stiffness
+changes by one factor throughout, so that the modes keep their shapes: each is followed with the
+frequency and the damping of the level that the motion has about then. The level follows from the
+response and the response from the level, in a few rounds.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import torch
+from scipy.ndimage import uniform_filter1d
+from torch import Tensor
+
+from femupdate.arrays import Floats, Integers
+from femupdate.dynamics.history import Histories, HistorySettings, named_rows
+from femupdate.dynamics.level import motion_level
+from femupdate.dynamics.modal_response import ModalOutputs, keep_dynamic, see_modes, state_weights
+from femupdate.dynamics.recurrence import interpolate_record, join_steps, step_matrices
+from femupdate.dynamics.story import story_rows
+from femupdate.dynamics.system import System
+from femupdate.effects.effect import RunChange
+from femupdate.progress import SILENT, Progress
+
+SPAN = 1.0  # doublings to both sides, to which the law is known and the response changes
+_STEP = 0.05  # doublings between the levels that are told apart
+_PERIODS = 4.0  # of the first mode, over which the level of the motion is taken
+_WINDOW = 0.5  # periods of the first mode, in which the structure stays
+_ROUNDS = 8  # at most: with four a house that swells was off by a tenth, with these by a fourteenth
+_LAST_ROUNDS = 2  # of every sample, from the level of one of them
+_BATCH = 50
+_SILENCE = 1e-12
+
+
+@dataclass(frozen=True)
+class RunMotion:
+    """A motion of the base, and the level at which a structure has its factors.
+
+    Attributes:
+        base: (n,) acceleration, m/s2, or (2, n) with its rotation, rad/s2, below.
+        time_step: s.
+        mean_level: (f,) of the run that the factors are of, m/s2 (see `motion_level`), NaN where a
+            floor was not measured; None where it is not known: then it is that of this motion.
+        keep_damping: whether damping ratios stay as they are.
+    """
+
+    base: Floats
+    time_step: float
+    mean_level: Floats | None = None
+    keep_damping: bool = False
+
+
+def changing_histories(
+    system: System,
+    parameters: Tensor,
+    zeta: Tensor,
+    motion: RunMotion,
+    progress: Progress = SILENT,
+) -> Iterator[Histories]:
+    """Yield the histories of some samples at a time, from rest, as `history_batches` does.
+
+    Args:
+        system: with an effect that changes in the run, and real modes.
+        parameters: (S, p + q) as they are at the mean level.
+        zeta: (S,) damping ratios, likewise.
+        motion: of the base.
+        progress: advances by one a sample.
+    """
+    theta, sizes = system.split(parameters[:1])
+    period = 2.0 * np.pi / float(system.modes(theta, sizes).omega.min())
+    # All samples have much the same level: one finds it, and the others go on from there.
+    level = _settled(system, (parameters[:1], zeta[:1]), motion, period, None, _ROUNDS)[1]
+    for rows, ratio in zip(parameters.split(_BATCH), zeta.split(_BATCH), strict=True):
+        begun = np.repeat(level, len(rows), axis=0)
+        yield _settled(system, (rows, ratio), motion, period, begun, _LAST_ROUNDS)[0]
+        progress.advance(len(rows))
+
+
+def _settled(
+    system: System,
+    samples: tuple[Tensor, Tensor],
+    motion: RunMotion,
+    period: float,
+    level: Integers | None,
+    rounds: int,
+) -> tuple[Histories, Integers]:
+    """Histories of samples, and the level (S, w) in windows, followed from one to the other."""
+    steps = max(1, round(_WINDOW * period / motion.time_step))
+    across = max(1, round(_PERIODS * period / motion.time_step))
+    parts = [
+        _Followed.of(moved, *samples, own, motion)
+        for moved, own in zip((system, system.turned), np.atleast_2d(motion.base), strict=False)
+    ]
+    if level is None:
+        windows = -(-(parts[0].record.numel() - 1) // steps)
+        level = np.zeros((len(samples[0]), windows), dtype=np.int64)
+    for _ in range(rounds):
+        response = np.sum([part.outputs(level, steps) for part in parts], axis=0)
+        found = named_rows(system, motion.time_step, response)
+        before = level
+        level = _levels(found.floor_acceleration, motion.mean_level, across, steps)
+        if (level == before).all():
+            break
+    return found, level
+
+
+def _levels(acceleration: Floats, mean_level: Floats | None, across: int, steps: int) -> Integers:
+    """Number (S, w) of the level in windows of so many steps, of motions (S, f, n)."""
+    mean = motion_level(acceleration) if mean_level is None else mean_level
+    squared = uniform_filter1d(acceleration**2, across, axis=-1, mode="constant")
+    share = np.nanmean(squared / np.maximum(mean, _SILENCE)[..., None] ** 2, axis=-2)
+    level = np.clip(0.5 * np.log2(np.maximum(share, _SILENCE)), -SPAN, SPAN)
+    last = acceleration.shape[-1] - 1
+    middles = np.minimum(np.arange(-(-last // steps)) * steps + steps // 2, last)
+    return np.asarray(np.rint(level[:, middles] / _STEP), dtype=np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class _Followed:
+    """Modes of a batch under one motion of the base.
+
+    Attributes:
+        modes: as the outputs see them.
+        ratio: (S, m) damping ratios.
+        record: (n,) of the base.
+        points: (n - 1, factor + 1) the record between its samples.
+        time_step: s.
+        changes: of every level told apart, from the lowest.
+    """
+
+    modes: ModalOutputs
+    ratio: Tensor
+    record: Tensor
+    points: Tensor
+    time_step: float
+    changes: tuple[RunChange, ...]
+
+    @staticmethod
+    def of(
+        system: System, parameters: Tensor, zeta: Tensor, record: Floats, motion: RunMotion
+    ) -> "_Followed":
+        """For parameters (S, p + q) and damping ratios (S,)."""
+        theta, sizes = system.split(parameters)
+        found = system.modes(theta, sizes, story_rows(system, sizes))
+        settings = HistorySettings()
+        modes = see_modes(found, len(system.floors), len(system.model.story_mass))
+        modes = keep_dynamic(modes, 0.5 / motion.time_step, settings.tolerance)
+        fine = torch.from_numpy(interpolate_record(record, settings.oversampling))
+        most = round(SPAN / _STEP)
+        changes = [system.run_change(sizes, k * _STEP) for k in range(-most, most + 1)]
+        if motion.keep_damping:
+            changes = [one._replace(damping=torch.ones_like(one.damping)) for one in changes]
+        return _Followed(
+            modes,
+            system.ratio(modes.omega, zeta, sizes),
+            torch.from_numpy(np.ascontiguousarray(record)),
+            fine.unfold(0, settings.oversampling + 1, settings.oversampling),
+            motion.time_step,
+            tuple(changes),
+        )
+
+    def outputs(self, level: Integers, steps: int) -> Floats:
+        """Outputs (S, o, n) where windows of so many steps have the levels (S, w)."""
+        omega, ratio, transition, load = self.tables
+        chosen = torch.from_numpy(level + len(omega) // 2)
+        modes, samples = self.modes, torch.arange(len(level))
+        result = (modes.base - modes.acceleration.sum(-1))[..., None] * self.record
+        state, before = torch.zeros_like(transition[0, :, 0]), omega[chosen[:, 0], samples]
+        for window, points in enumerate(self.points.split(steps)):
+            own = chosen[:, window], samples
+            # The displacement goes on; the first part of the state is omega times it.
+            state = torch.stack([state[:, 0] * omega[own] / before, state[:, 1]], dim=1)
+            states = torch.einsum("tf,sfim->tsim", points, load[own])
+            from_first, from_second = transition[own].unbind(1)
+            for following in states:
+                following.addcmul_(from_first, state[:, :1]).addcmul_(from_second, state[:, 1:])
+                state = following
+            weights = state_weights(modes, omega[own], ratio[own])
+            start = 1 + window * steps
+            columns = states.flatten(2).permute(1, 2, 0)
+            result[..., start : start + len(states)] += torch.bmm(weights, columns)
+            state, before = torch.where(state.abs() < 1e-200, 0.0, state), omega[own]
+        return np.asarray(result.numpy())
+
+    @cached_property
+    def tables(self) -> tuple[Tensor, ...]:
+        """Of all levels: omega and ratio (l, S, m), what a step does to the state, and the load.
+
+        (l, S, 2, 2, m) and (l, S, factor + 1, 2, m), both by what they come from.
+        """
+        factor = self.points.shape[1] - 1
+        found = []
+        for change in self.changes:
+            omega = self.modes.omega * change.stiffness.sqrt()[:, None]
+            ratio = self.ratio * change.damping[:, None]
+            matrices = step_matrices(omega, ratio, self.time_step / factor)
+            transition, load = (part.permute(0, 3, 2, 1) for part in join_steps(*matrices, factor))
+            found.append((omega, ratio, transition, load))
+        return tuple(torch.stack(part) for part in zip(*found, strict=True))
