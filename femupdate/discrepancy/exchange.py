@@ -13,7 +13,7 @@ from torch import Tensor
 
 from femupdate.discrepancy.fit import Fit, coarse, fit, prior_draws
 from femupdate.discrepancy.problem import Problem
-from femupdate.discrepancy.thresholds import SEARCH, VERDICT
+from femupdate.discrepancy.thresholds import FIT, SEARCH, VERDICT
 from femupdate.effects.effect import Placed
 
 _BATCH = 16
@@ -44,7 +44,7 @@ def exchange_fits(problem: Problem, base: Fit, exchanges: list[Placed], seed: in
         seed: of the draws.
     """
     promises = promising(problem, base, exchanges, seed)
-    return [fit(problem, (*base.placed, one.placed), one.z, 25) for one in promises]
+    return [fit(problem, (*base.placed, one.placed), one.z, FIT.far_steps) for one in promises]
 
 
 def promising(problem: Problem, base: Fit, exchanges: list[Placed], seed: int = 0) -> list[Promise]:
@@ -61,7 +61,7 @@ def promising(problem: Problem, base: Fit, exchanges: list[Placed], seed: int = 
     wide = coarse(problem.for_search())
     kept = _acting(problem, base)
     columns = _columns(base, kept)
-    alone = fit(wide, tuple(base.placed[k] for k in kept), base.z[columns], 10)
+    alone = fit(wide, tuple(base.placed[k] for k in kept), base.z[columns], FIT.rough_steps)
     where = alone.coordinates
     drawn = prior_draws(wide, where, alone.z[where.first_size :], SEARCH.exchange_draws, seed)
     z = torch.cat([alone.z[None], drawn])
@@ -70,7 +70,7 @@ def promising(problem: Problem, base: Fit, exchanges: list[Placed], seed: int = 
     for number in misfit.amin(dim=1).argsort()[: SEARCH.exchanges].tolist():
         placed = (*alone.placed, exchanges[number])
         nearest = misfit[number].argsort()[: SEARCH.starts]
-        fits = [fit(wide, placed, z[k], 10) for k in nearest.tolist()]
+        fits = [fit(wide, placed, z[k], FIT.rough_steps) for k in nearest.tolist()]
         best = min(fits, key=lambda one: one.chi2)
         moved = base.z.clone()
         moved[columns] = best.z

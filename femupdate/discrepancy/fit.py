@@ -387,7 +387,8 @@ def _search(
 
     `followed` gives the Jacobian at unknowns and residuals reached, from that before.
     """
-    now, objective, damping = begun, _objective(where, begun.z, begun.residual), 1e-2
+    damping, most = FIT.damping
+    now, objective = begun, _objective(where, begun.z, begun.residual)
     for _ in range(iterations):
         # Three lengths of step at once cost little more than one.
         dampings = [damping, 10.0 * damping, 100.0 * damping]
@@ -398,7 +399,7 @@ def _search(
         best = int(np.argmin(values))
         if not values[best] < objective:
             damping *= 1000.0
-            if damping > 1e6:
+            if damping > most:
                 break
             continue
         gain = (objective - values[best]) / max(objective, 1.0)
@@ -460,11 +461,11 @@ def fit_baseline(
     # they are compared as if they were coarse.
     rough = coarse(problem)
     misfit = (evaluate(rough, system, where, z) ** 2).sum(dim=1)
-    near = [fit(rough, placed, z[k], 10, system) for k in misfit.argsort()[:starts]]
+    near = [fit(rough, placed, z[k], FIT.rough_steps, system) for k in misfit.argsort()[:starts]]
     near.sort(key=lambda one: one.misfit)
     # No few points decide while the model may err much.
     wide = problem.at_row(problem.error.start)
-    fits = [fit(wide, placed, one.z, 25, system) for one in near[: max(2, starts // 3)]]
+    fits = [fit(wide, placed, one.z, FIT.far_steps, system) for one in near[: max(2, starts // 3)]]
     settled = [settle(problem, one) for one in fits]
     return sorted(settled, key=lambda one: -log_posterior(problem, one))
 

@@ -54,7 +54,7 @@ def global_fit(
         screened.append((float(nearest.values[0]), together, z[nearest.indices[: SEARCH.starts]]))
     screened.sort(key=lambda one: one[0])
     fits = [
-        fit(rough, together, start, 15)
+        fit(rough, together, start, FIT.steps)
         for _, together, starts in screened[: SEARCH.searched]
         for start in starts
     ]
@@ -104,7 +104,7 @@ def _everywhere(problem: Problem, found: Fit, seed: int) -> list[Fit]:
     )
     misfit = evaluate(problem, found.system, where, z).square().sum(dim=1)
     nearest = misfit.argsort()[: SEARCH.many_starts]
-    return [fit(problem, found.placed, z[k], 15, found.system) for k in nearest.tolist()]
+    return [fit(problem, found.placed, z[k], FIT.steps, found.system) for k in nearest.tolist()]
 
 
 def _most(problem: Problem, scores: Sequence[Score], leading: Sequence[Placed]) -> set[str]:

@@ -182,7 +182,7 @@ def _rightly_named(problem: Problem, rough: Fit, seed: int) -> Fit:
     found = promising(problem, rough, exchanges, seed)
     if not found or found[0].share > VERDICT.obvious:
         return rough
-    return fit(searched, (found[0].placed,), found[0].z, 25)
+    return fit(searched, (found[0].placed,), found[0].z, FIT.far_steps)
 
 
 def refined(

@@ -112,6 +112,11 @@ class FitThresholds:
     rounds: int = entry(4, "rows", "of the table of errors that a fit tries, at most")
     first_steps: int = entry(5, "steps", "of every leading candidate")
     steps: int = entry(15, "steps", "of a candidate that is followed, at most")
+    rough_steps: int = entry(10, "steps", "of a fit as if noise were coarse, at most")
+    far_steps: int = entry(25, "steps", "of a fit that begins far from the data, at most")
+    damping: tuple[float, float] = entry(
+        (1e-2, 1e6), "of the curvature", "Marquardt's damping: at first, and where a fit gives up"
+    )
     glance: int = entry(2, "steps", "of every other effect before a name is given")
     ahead: int = entry(12, "effects", "of these that get the first steps")
     others: int = entry(4, "effects", "of these that are fitted to convergence")

@@ -386,7 +386,7 @@ class TemperedSmc:
         """The state after the moves of a level, and the mean acceptance of each kind."""
         density, points = self._density(state.beta), state.points
         # Copies of few points need all moves to part.
-        parted = distinct_rows(points.xi) > 0.25 * len(points.xi)
+        parted = distinct_rows(points.xi) > DRAWS.parted * len(points.xi)
         enough, start, unmoved = self.settings.unmoved if parted else 0.0, points.xi, 1.0
         tuning, acceptance = [], []
         for (move, count), tuned in zip(self.moves, state.tuning, strict=True):

@@ -27,6 +27,9 @@ class DrawThresholds:
     distinct: int = entry(
         25, "draws", "distinct, that a Gaussian needs, for every coordinate and its weight"
     )
+    parted: float = entry(
+        0.25, "share", "distinct, of particles, below which a level takes all its moves"
+    )
     ridge: float = entry(1e-6, "of the variance", "of all points, added to every covariance")
     small_gain: float = entry(
         1e-3, "nats a point", "of the mean log density, below which the fit of Gaussians ends"
