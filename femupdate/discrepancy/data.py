@@ -112,6 +112,14 @@ class Data(Protocol):
         """The data in two parts that err independently; none where they cannot be parted."""
         ...
 
+    def checked(self, squares: Tensor) -> list[tuple[str, Tensor, float]]:
+        """Name, squares (n,), and independent numbers, of each that is checked apart.
+
+        Args:
+            squares: (n, f) of `LearnedError.floor_squares`.
+        """
+        ...
+
     def shows(self, effect: Effect) -> bool:
         """Whether an effect can show in it at all."""
         ...

@@ -177,6 +177,13 @@ class FrfData:
         """Of the observed floors."""
         return tuple(self.floors[row] for row in self.rows)
 
+    def checked(self, squares: Tensor) -> list[tuple[str, Tensor, float]]:
+        """Name, squares (n,), and independent numbers, of every floor."""
+        force = f"/{self.excitation.floor}" if isinstance(self.excitation, FloorForce) else ""
+        counts = (self._parts * (self.valid * self.independent).sum(1)).tolist()
+        own = zip(self.names, squares.unbind(1), counts, strict=True)
+        return [(f"{name}{force}", square, count) for name, square, count in own]
+
     @property
     def turns(self) -> bool:
         """Whether the rotation of the base was measured in every record."""

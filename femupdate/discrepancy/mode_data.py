@@ -15,6 +15,7 @@ from femupdate.effects.effect import Effect, Placed
 from femupdate.errors import InferenceError
 from femupdate.inference.modal_likelihood import (
     ModalErrors,
+    ModalLikelihood,
     ModalTerms,
     Paired,
     ShownModes,
@@ -76,6 +77,13 @@ class ModeData:
     def effective(self) -> float:
         """Of frequencies, damping ratios and components of shapes beyond their scales."""
         return float(sum(self.terms.freedom)) if self.points else 0.0
+
+    def checked(self, squares: Tensor) -> list[tuple[str, Tensor, float]]:
+        """The same of frequencies, damping ratios and shapes."""
+        count = len(self.terms.log_frequency)
+        parts = squares.split([count, count, squares.shape[1] - 2 * count], dim=1)
+        own = zip(ModalLikelihood.names, parts, self.terms.freedom, strict=True)
+        return [(name, part.sum(1), float(free)) for name, part, free in own if free]
 
     @property
     def frequency_hz(self) -> Tensor:

@@ -50,16 +50,16 @@ def calibrate_study(
     started = time.monotonic()
     show, settings = progress or Silent(), settings or CalibrationSettings()
     model = with_finer_mesh(study, model, show)
-    if model.building.effects and settings.exact:
+    measured = read_measured_of(study, model, source, show, settings.exact)
+    if model.building.effects and (settings.exact or measured.others):
         from femupdate.workflow.calibrate_effects import calibrate_with_effects
 
-        return calibrate_with_effects(study, model, source, settings, show)
+        return calibrate_with_effects(study, model, (source, measured), settings, show)
     if model.building.effects:
         from femupdate.workflow.effect_surrogate import with_effects
 
         require_surrogate(study, model.building)
         model = with_effects(study, model, show)
-    measured = read_measured_of(study, model, source, show)
     # Surrogates know FRFs under a base that translates.
     settings = replace(settings, exact=settings.exact or measured.beyond_surrogates)
     sampling, *drawing = spawn(settings.seed, 5)

@@ -1,12 +1,14 @@
 """calibrate --exact for a building whose file lists effects, and what its posterior predicts."""
 
 import time
-from collections.abc import Sequence
+from dataclasses import replace
 
+import numpy as np
 import torch
 
+from femupdate.discrepancy.data import Data
 from femupdate.discrepancy.fit import Fit, raw_residuals
-from femupdate.discrepancy.frf_data import FrfData
+from femupdate.discrepancy.mesh_error import MeshError
 from femupdate.discrepancy.posterior import Draws, draw
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.records import SecondRecord, base_data
@@ -14,7 +16,6 @@ from femupdate.discrepancy.search import prepared, refined
 from femupdate.effects.listed import building_effects
 from femupdate.inference.posterior import save_posterior
 from femupdate.inference.predictive_check import PredictiveCheck, predictive_check
-from femupdate.measurement.observation import Observation
 from femupdate.progress import Progress, Silent
 from femupdate.study import Study
 from femupdate.workflow.amplitude import changes_with_level, level_settings
@@ -22,8 +23,10 @@ from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.calibration_report import POSTERIOR, CalibrationReport
 from femupdate.workflow.diagnose import finder_model
 from femupdate.workflow.effects import keep_basis
+from femupdate.workflow.finder_data import Given
+from femupdate.workflow.kinds import Measured
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.observed import ObservationSource, as_one, runs_of
+from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.repaired import effect_posterior
 from femupdate.workflow.second_record import level_between
 from femupdate.workflow.summary import identified, write_summary
@@ -33,23 +36,29 @@ from femupdate.workflow.thresholds import CALIBRATION
 def calibrate_with_effects(
     study: Study,
     model: StudyModel,
-    source: ObservationSource,
+    given: tuple[ObservationSource, Measured],
     settings: CalibrationSettings,
     progress: Progress | None = None,
 ) -> CalibrationReport:
     """Draw the posterior of stiffness factors and effects of a building that lists effects.
+
+    Args:
+        study: of the building.
+        model: of the study.
+        given: the files, and what they hold.
+        settings: of the calibration.
+        progress: told about the steps.
 
     Raises:
         MeasurementError: the observation cannot be used.
         BuildingError: an effect cannot be.
     """
     show, started = progress or Silent(), time.monotonic()
-    runs = runs_of(model.building, source)
-    observation = as_one(model.building, runs)
-    first, *others = _records(model, source, runs)
+    source, measured = given
+    observation = measured.as_observation
     finder = finder_model(study, model, show)
-    data = base_data(model.building, finder.mesh, first.observation, False, (), others)
-    problem, fitted = prepared(finder, (data,), None, show)
+    data = _data(model, source, measured, finder.mesh)
+    problem, fitted = prepared(finder, data, None, show)
     problem, fitted = refined(finder, problem, fitted, show, alone=True)
     if problem.reduced.structure.operators is not None:
         keep_basis(study, problem.reduced, model.building)
@@ -65,11 +74,11 @@ def calibrate_with_effects(
     misfit = fitted.chi2 / max(problem.effective, 1.0)
     found = identified(posterior)
     notes = (
-        *observation.notes,
+        *measured.notes,
         *_notes(problem, fitted, draws.effective, settings.particles),
         *found.sentences(),
     )
-    check = _check(data, fitted, draws)
+    check = _check(fitted, draws)
     write_summary(study, posterior, found, misfit, notes, check)
     return CalibrationReport(
         model=model,
@@ -86,28 +95,51 @@ def calibrate_with_effects(
     )
 
 
+def _data(
+    model: StudyModel, source: ObservationSource, measured: Measured, mesh: MeshError | None
+) -> tuple[Data, ...]:
+    """All that was measured, as the finder judges it, by amplitudes."""
+    nothing = replace(measured.base, valid=np.zeros_like(measured.base.valid))
+    others = replace(measured, base=nothing)
+    parts = Given(others).data(model, mesh, use_phase=False)
+    if not measured.has_base:
+        return parts
+    first, *further = _records(model, source, measured)
+    base = base_data(model.building, mesh, first.observation, False, (), further)
+    return (base, *parts)
+
+
 def _records(
-    model: StudyModel, source: ObservationSource, runs: Sequence[Observation]
+    model: StudyModel, source: ObservationSource, measured: Measured
 ) -> list[SecondRecord]:
     """Every run, with its level above the first where an effect of the building depends on it."""
     changes = changes_with_level(building_effects(model.building).placed)
-    first, *_ = source.runs
+    first, *further = measured.base_paths
+    sources = replace(source, path=first, further=tuple(further)).runs
     return [
-        SecondRecord(run, level_between(model, first, one) if changes and one != first else 0.0)
-        for run, one in zip(runs, source.runs, strict=True)
+        SecondRecord(
+            run, level_between(model, sources[0], one) if changes and one != sources[0] else 0.0
+        )
+        for run, one in zip(measured.runs, sources, strict=True)
     ]
 
 
-def _check(data: FrfData, fitted: Fit, draws: Draws) -> PredictiveCheck:
+def _check(fitted: Fit, draws: Draws) -> PredictiveCheck:
     """Posterior predictive check with the noise as stated; errors that points share are part of it,
     as they are of the likelihood."""
     some = slice(None, None, max(1, len(draws.theta) // CALIBRATION.checked))
-    parts = (torch.from_numpy(values[some]) for values in (draws.theta, draws.zeta, draws.sizes))
-    (error,), (row,) = fitted.problem.error.parts, fitted.problem.row
-    residual = error.tame(raw_residuals(fitted, fitted.coordinates.joined(*parts)), row)
-    squares = error.floor_squares(residual, torch.full((len(residual),), row))
-    freedom = (data.valid * data.independent).sum(1)
-    return predictive_check(squares.numpy(), freedom.numpy(), data.names)
+    known = (torch.from_numpy(values[some]) for values in (draws.theta, draws.zeta, draws.sizes))
+    raw = raw_residuals(fitted, fitted.coordinates.joined(*known))
+    problem = fitted.problem
+    parts = zip(
+        problem.data, problem.error.parts, problem.error.apart(raw), problem.row, strict=True
+    )
+    found: list[tuple[str, torch.Tensor, float]] = []
+    for data, error, own, row in parts:
+        rows = torch.full((len(own),), row)
+        found += data.checked(error.floor_squares(error.tame(own, row), rows))
+    names, left, counts = zip(*found, strict=True)
+    return predictive_check(torch.stack(left, dim=1).numpy(), counts, names)
 
 
 def _notes(problem: Problem, fitted: Fit, effective: float, count: int) -> tuple[str, ...]:

@@ -174,7 +174,11 @@ def _assumed(modes: IdentifiedModes, errors: ModalErrors) -> list[str]:
 
 
 def read_measured_of(
-    study: Study, model: StudyModel, source: ObservationSource, progress: Progress
+    study: Study,
+    model: StudyModel,
+    source: ObservationSource,
+    progress: Progress,
+    exact: bool = False,
 ) -> Measured:
     """Read the files of a source, of any kind.
 
@@ -183,7 +187,7 @@ def read_measured_of(
             unit or quantity than it says.
     """
     measured = measured_of(model.building, source)
-    check_explicable(model.building, source, measured)
+    check_explicable(model.building, source, measured, exact)
     check_base_level(model, measured.base)
     return with_rest(study, model, measured, progress)
 
@@ -191,7 +195,7 @@ def read_measured_of(
 def check_explicable(
     building: Building, source: ObservationSource, measured: Measured, exact: bool = False
 ) -> None:
-    """Refuse to calibrate a building that lists effects by what the asked way cannot explain.
+    """Refuse to calibrate a building that lists effects by what no surrogate knows.
 
     Args:
         building: with or without effects.
@@ -199,19 +203,12 @@ def check_explicable(
         exact: whether the data-space likelihood is asked for.
 
     Raises:
-        MeasurementError: there are other data than FRFs under base motion, or the base was
-            measured to turn, which no surrogate knows.
+        MeasurementError: the base was measured to turn.
     """
     if measured.base.rotation is not None and building.effects and not exact:
         raise MeasurementError(
             f"{source.path}: it measures how the base turns, which surrogates of buildings that"
             " list effects do not know; calibrate with --exact"
-        )
-    if measured.others and building.effects:
-        raise MeasurementError(
-            f"{source.path}: the building lists effects, with which calibrate cannot explain"
-            " identified modes and responses to forces yet; give histories or FRFs under base"
-            " motion, or leave the effects out"
         )
 
 

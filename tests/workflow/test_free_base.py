@@ -35,15 +35,19 @@ stiffness = "2.5 MN/m"
 """
 
 
-def modes():
-    """Circular frequencies (3,) and shapes (3, 3) of unit mass: base, 2F, RF."""
+def modes(more=0.0):
+    """Circular frequencies (3,) and shapes (3, 3) of unit mass: base, 2F, RF.
+
+    The roof has that share more of its mass.
+    """
     k1, k2 = THETA * [4e6, 2.5e6]
-    squared, shapes = eigh([[k1, -k1, 0], [-k1, k1 + k2, -k2], [0, -k2, k2]], MASS)
+    mass = MASS * [1.0, 1.0, 1.0 + more]
+    squared, shapes = eigh([[k1, -k1, 0], [-k1, k1 + k2, -k2], [0, -k2, k2]], mass)
     return np.sqrt(np.maximum(squared, 0.0)), shapes
 
 
-def hammer(path):
-    omega, shapes = modes()
+def hammer(path, more=0.0):
+    omega, shapes = modes(more)
     frequency, rng = np.arange(1.0, 15.9, 0.1), np.random.default_rng(4)
     lines = ["frequency_hz,2F/RF (m/s2/N),RF/RF (m/s2/N),2F/RF_sd,RF/RF_sd"]
     for f in frequency:
@@ -55,8 +59,8 @@ def hammer(path):
     return path
 
 
-def identified(path):
-    omega, shapes = modes()
+def identified(path, more=0.0):
+    omega, shapes = modes(more)
     rows = [
         f"{k},{omega[k] / (2 * np.pi):.5f},0.02,{shapes[1, k]:.5f},{shapes[2, k]:.5f}"
         for k in (1, 2)
@@ -78,6 +82,27 @@ def test_its_stories_are_found(write, tmp_path):
     # With the base held, the factors would be off by half and more.
     assert (sd < 0.1).all()
     assert any("base slides" in note for note in report.notes)
+
+
+def test_a_listed_effect_is_found_from_both(tmp_path):
+    """A fifth more mass on the roof, with the hammer, with the modes, and with both."""
+    effect = '\n[[effects]]\nname = "added_mass"\nplace = "RF"\nparameters = { size = 0.0 }\n'
+    (tmp_path / "hung.toml").write_text(BUILDING.format(base="slides") + effect)
+    files = [write(tmp_path / f"{write.__name__}.csv", 0.2) for write in (hammer, identified)]
+    sd = {}
+    for number, chosen in enumerate((files[:1], files[1:], files)):
+        study = Study(tmp_path / f"study{number}")
+        model = open_study(study, str(tmp_path / "hung.toml"))
+        source = ObservationSource(chosen[0], further=tuple(chosen[1:]))
+        report = calibrate_study(study, model, source, CalibrationSettings(particles=1000))
+        draws = report.posterior.samples
+        sd[number] = draws.std(axis=0)
+        assert (np.abs(draws.mean(axis=0) - [*THETA, 0.2]) < 3.0 * sd[number]).all()
+        assert report.check is not None
+    apart = {"2F/RF", "RF/RF", "frequencies", "damping ratios", "shapes"}
+    assert apart == set(report.check.names)
+    # Both together know the mass better than either.
+    assert sd[2][2] < 1.02 * min(sd[0][2], sd[1][2])
 
 
 def test_no_static_load_is_carried(tmp_path):
