@@ -8,7 +8,7 @@ import torch
 from scipy.optimize import lsq_linear
 from scipy.stats import chi2
 
-from femupdate.discrepancy.fit import coordinates, extended, fit, fit_baseline
+from femupdate.discrepancy.fit import coordinates, extended, fit, fit_baseline, glance
 
 STORIES = 3
 
@@ -30,7 +30,8 @@ class Linear:
         return self.compared(self.predicted(system, theta, zeta, sizes))
 
     def predicted(self, system, theta, zeta, sizes):
-        return torch.cat([theta.log(), sizes], dim=1) @ self.design.T
+        both = torch.cat([theta.log(), sizes], dim=1)
+        return both @ self.design[:, : both.shape[1]].T
 
     def missed(self, system, known):
         return self.compared(self.predicted(system, *known))
@@ -155,3 +156,16 @@ def test_unknowns_are_joined_as_they_are_split(has_zeta):
     where = coordinates(problem, (SimpleNamespace(effect=SimpleNamespace(parameters=(one, one))),))
     z = torch.from_numpy(rng.normal(size=(4, STORIES + has_zeta + 2)))
     torch.testing.assert_close(where.joined(*where.split(z, 0.02)), z)
+
+
+def test_a_glance_at_a_linear_model_is_its_fit():
+    rng = np.random.default_rng(5)
+    design = rng.normal(size=(40, STORIES + 1)) * [8.0, 5.0, 7.0, 9.0]
+    problem = Linear(design, design @ (0.2, -0.3, 0.1, 0.3) + rng.normal(size=40), parameter())
+    zero = torch.zeros(STORIES, dtype=torch.float64)
+    without = fit(problem, (), zero, 30)
+    whole = fit(problem, problem.placed, torch.cat([without.z, zero[:1]]), 30)
+    seen = glance(without, problem.placed[0], np.array([0.1]), 30)
+    assert seen.misfit == pytest.approx(whole.misfit, rel=1e-6)
+    torch.testing.assert_close(seen.z, whole.z, rtol=0.0, atol=1e-4)
+    assert whole.misfit < 0.5 * without.misfit
