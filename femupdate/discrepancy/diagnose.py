@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from femupdate.arrays import Floats
 from femupdate.discrepancy.certify import Tested, certify
 from femupdate.discrepancy.consequence import Consequence, consequence
 from femupdate.discrepancy.evidence import Evidence, laplace, sampled
@@ -19,6 +20,7 @@ from femupdate.discrepancy.fit import (
     glance,
     log_posterior,
     narrowed,
+    nearest,
     settle,
 )
 from femupdate.discrepancy.further_measurements import MeasurementValue, measurement_values
@@ -393,10 +395,7 @@ def _enough(fits: list[Fit]) -> float:
 def _begun(problem: Problem, base: Fit, one: Score, distant: Fit | None) -> Fit:
     """The first steps of a fit with an effect, from the base or from that distant fit."""
     placed = (*base.placed, one.placed)
-    start = list(one.start)
-    if start:
-        start[0] = one.size
-    own = np.concatenate([base.known, start])
+    own = np.concatenate([base.known, _start(problem, base, one)])
     near = fit(problem, placed, extended(problem, base, placed, own), FIT.first_steps)
     if distant is None:
         return near
@@ -408,10 +407,22 @@ def _begun(problem: Problem, base: Fit, one: Score, distant: Fit | None) -> Fit:
 
 def _glanced(froms: list[Fit], one: Score) -> Begun:
     """The best of some steps with an effect, from fits without it."""
-    start = np.array(one.start)
-    start[:1] = one.size
+    start = _start(froms[0].problem, froms[0], one)
     tried = (glance(without, one.placed, start, FIT.glance) for without in froms)
     return min(tried, key=lambda begun: begun.misfit)
+
+
+def _start(problem: Problem, base: Fit, one: Score) -> Floats:
+    """An effect's parameters where a fit begins: of its test, or with the size that this tells.
+
+    What grows as the square of a size, as smeared peaks do, is taken for far too large by the
+    straight line from the test.
+    """
+    tested = np.array(one.start)
+    if not tested.size or one.size == tested[0]:
+        return tested
+    told = np.concatenate([[one.size], tested[1:]])
+    return nearest(problem, base, one.placed, (told, tested))
 
 
 def _further(problem: Problem, begun: Fit | Begun, steps: int = FIT.steps) -> Fit:

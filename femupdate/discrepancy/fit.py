@@ -7,7 +7,7 @@ The unknowns are ln theta and ln zeta (uniform priors on a box) and the sizes of
 units of their prior's standard deviation.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -307,6 +307,15 @@ def glance(without: Fit, one: Placed, start: Floats, steps: int) -> Begun:
 
     found = _search(problem, model, where, begun, steps, mended)
     return Begun(placed, found.z, _objective(where, found.z, found.residual))
+
+
+def nearest(problem: Problem, base: Fit, one: Placed, starts: Sequence[Floats]) -> Floats:
+    """Which parameters (q,) of an effect more leave least, all else as it was fitted."""
+    placed = (*base.placed, one)
+    own = [extended(problem, base, placed, np.concatenate([base.known, s])) for s in starts]
+    left = evaluate(problem, problem.system(placed), coordinates(problem, placed), torch.stack(own))
+    misfit = (left**2).sum(dim=1).nan_to_num(nan=torch.inf)
+    return starts[int(misfit.argmin())]
 
 
 def about(problem: Problem, fitted: Fit) -> Problem:

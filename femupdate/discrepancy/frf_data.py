@@ -228,10 +228,13 @@ class FrfData:
             if block.estimator is None:
                 parts.append(self.excitation.frf(system, *own, sizes, frequency))
                 continue
+            moving = system
+            if system.changes_in_run and block.estimator.run_levels:
+                moving = replace(system, run_levels=block.estimator.run_levels)
             known = *own, sizes, torch.from_numpy(block.estimator.frequency_hz)
-            frf = self.excitation.frf(system, *known)
+            frf = self.excitation.frf(moving, *known)
             turns = block.estimator.turns
-            turned = self.excitation.frf(system.turned, *known) if turns else None
+            turned = self.excitation.frf(moving.turned, *known) if turns else None
             parts.append(block.estimator(frf, turned))
         return torch.cat(parts, dim=2)
 

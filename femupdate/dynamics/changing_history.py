@@ -12,12 +12,11 @@ from functools import cached_property
 
 import numpy as np
 import torch
-from scipy.ndimage import uniform_filter1d
 from torch import Tensor
 
 from femupdate.arrays import Floats, Integers
 from femupdate.dynamics.history import Histories, HistorySettings, named_rows
-from femupdate.dynamics.level import motion_level
+from femupdate.dynamics.level import PERIODS, SPAN, level_of_moment, motion_level
 from femupdate.dynamics.modal_response import ModalOutputs, keep_dynamic, see_modes, state_weights
 from femupdate.dynamics.recurrence import interpolate_record, join_steps, step_matrices
 from femupdate.dynamics.story import story_rows
@@ -25,14 +24,11 @@ from femupdate.dynamics.system import System
 from femupdate.effects.effect import RunChange
 from femupdate.progress import SILENT, Progress
 
-SPAN = 1.0  # doublings to both sides, to which the law is known and the response changes
 _STEP = 0.05  # doublings between the levels that are told apart
-_PERIODS = 4.0  # of the first mode, over which the level of the motion is taken
 _WINDOW = 0.5  # periods of the first mode, in which the structure stays
 _ROUNDS = 8  # at most: with four a house that swells was off by a tenth, with these by a fourteenth
 _LAST_ROUNDS = 2  # of every sample, from the level of one of them
 _BATCH = 50
-_SILENCE = 1e-12
 
 
 @dataclass(frozen=True)
@@ -89,7 +85,7 @@ def _settled(
 ) -> tuple[Histories, Integers]:
     """Histories of samples, and the level (S, w) in windows, followed from one to the other."""
     steps = max(1, round(_WINDOW * period / motion.time_step))
-    across = max(1, round(_PERIODS * period / motion.time_step))
+    across = max(1, round(PERIODS * period / motion.time_step))
     parts = [
         _Followed.of(moved, *samples, own, motion)
         for moved, own in zip((system, system.turned), np.atleast_2d(motion.base), strict=False)
@@ -110,9 +106,7 @@ def _settled(
 def _levels(acceleration: Floats, mean_level: Floats | None, across: int, steps: int) -> Integers:
     """Number (S, w) of the level in windows of so many steps, of motions (S, f, n)."""
     mean = motion_level(acceleration) if mean_level is None else mean_level
-    squared = uniform_filter1d(acceleration**2, across, axis=-1, mode="constant")
-    share = np.nanmean(squared / np.maximum(mean, _SILENCE)[..., None] ** 2, axis=-2)
-    level = np.clip(0.5 * np.log2(np.maximum(share, _SILENCE)), -SPAN, SPAN)
+    level = level_of_moment(acceleration, mean, across)
     last = acceleration.shape[-1] - 1
     middles = np.minimum(np.arange(-(-last // steps)) * steps + steps // 2, last)
     return np.asarray(np.rint(level[:, middles] / _STEP), dtype=np.int64)

@@ -1,10 +1,17 @@
 """How strong a motion is, in one number that records of any length can be compared by."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from femupdate.arrays import Floats
 
+PERIODS = 4.0  # of the strongest mode, over which the level of the moment is taken
+SPAN = 1.0  # doublings to both sides of the mean level, to which laws of the level are known
 _STRONG = (0.05, 0.95)  # of the energy
+_PARTS = 7  # of a run, of equal energy of the base
+_SEGMENT_S = 20.0  # of the spectrum that tells the strongest mode
+_SILENCE = 1e-12
 
 
 def motion_level(acceleration: Floats) -> Floats:
@@ -19,3 +26,59 @@ def motion_level(acceleration: Floats) -> Floats:
     samples = np.maximum(inside.sum(axis=-1), 1)
     share = _STRONG[1] - _STRONG[0]
     return np.asarray(np.sqrt(share * total[..., 0] / samples))
+
+
+def level_of_moment(acceleration: Floats, mean: Floats, width: int) -> Floats:
+    """Doublings (..., n) of motions (..., f, n) above their mean level, within the span.
+
+    Args:
+        acceleration: of f floors, m/s2.
+        mean: (..., f) levels; NaN where a floor does not count.
+        width: samples over which the level of a moment is taken.
+    """
+    from scipy.ndimage import uniform_filter1d
+
+    squared = uniform_filter1d(acceleration**2, width, axis=-1, mode="constant")
+    share = np.nanmean(squared / np.maximum(mean, _SILENCE)[..., None] ** 2, axis=-2)
+    return np.clip(0.5 * np.log2(np.maximum(share, _SILENCE)), -SPAN, SPAN)
+
+
+class RunLevels(NamedTuple):
+    """How a motion is spread about its mean level.
+
+    Attributes:
+        middle: mean over its parts, doublings above the mean level.
+        parts: each above that middle, lowest first.
+    """
+
+    middle: float
+    parts: tuple[float, ...]
+
+
+def levels_in_run(base: Floats, floors: Floats, time_step: float) -> RunLevels:
+    """Levels of seven parts of a run with equal energy of the base motion.
+
+    An estimate H1 over the run is the mean over such parts, for
+    it divides the sum of their cross spectra by the sum of their power spectra.
+
+    Args:
+        base: (n,) acceleration.
+        floors: (f, n).
+        time_step: s.
+    """
+    from scipy.ndimage import uniform_filter1d
+    from scipy.signal import welch
+
+    length = min(base.size, round(_SEGMENT_S / time_step))
+    frequency, power = welch(floors, 1.0 / time_step, nperseg=length)
+    strongest = frequency[1 + power[:, 1:].sum(axis=0).argmax()]
+    width = max(1, round(PERIODS / strongest / time_step))
+    level = level_of_moment(floors, motion_level(floors), width)
+    energy = uniform_filter1d(base**2, width, mode="constant")
+    order = np.argsort(level)
+    reached = np.cumsum(energy[order])
+    middles = (np.arange(_PARTS) + 0.5) / _PARTS
+    at = np.searchsorted(reached, middles * reached[-1])
+    parts = level[order][np.minimum(at, level.size - 1)]
+    middle = float(parts.mean())
+    return RunLevels(middle, tuple(float(one) for one in parts - middle))

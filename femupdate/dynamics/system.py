@@ -24,8 +24,8 @@ from femupdate.effects.effect import UNSCALED, Effect, Parameter, Placed, RunCha
 from femupdate.progress import SILENT, Progress
 
 _BATCH = 16  # responses of a hundred shapes at a few hundred frequencies stay in the cache
-# Doublings about a run's mean level: motion that counts in an FRF estimate has from half to twice
-# that amplitude, evenly.
+# Of a run of which no histories are known: motion that counts has from half to twice the usual
+# amplitude, evenly.
 RUN_LEVELS = tuple((2 * k - 6) / 7 for k in range(7))
 _MATRICES = 2**20  # numbers in the matrices of a batch of eigenproblems
 # Size of one intermediate array (samples x modes x frequencies).
@@ -78,6 +78,8 @@ class System:
         terms: of each, on the model's basis.
         moved: accelerations of the base to which responses are taken: translation, m/s2, and
             rotation that leans the building forward, rad/s2.
+        run_levels: of parts of equal energy of the run that FRFs are estimated from, in doublings
+            above their mean (see `level.levels_in_run`), for what changes in the run.
     """
 
     model: ReducedModel
@@ -85,6 +87,7 @@ class System:
     placed: tuple[Placed, ...] = ()
     terms: tuple[ReducedTerms, ...] = ()
     moved: tuple[float, float] = (1.0, 0.0)
+    run_levels: tuple[float, ...] = RUN_LEVELS
 
     @property
     def turned(self) -> "System":
@@ -346,14 +349,12 @@ class System:
         ports = self.port_stiffness(omega, sizes)
         if not self.changes_in_run:
             return self.observe(response(modes, ratio, omega, ports), omega, sizes)
-        # An H1 estimate over the run is the mean over its parts by the energy of the base motion,
-        # for it divides the sum of their cross spectra by the sum of their power spectra.
         frf = torch.zeros((), dtype=torch.complex128)
-        for level in RUN_LEVELS:
+        for level in self.run_levels:
             change = self.run_change(sizes, level)
             damped = ratio * change.damping[:, None]
             frf = frf + response(modes.stiffer(change.stiffness), damped, omega, ports)
-        return self.observe(frf / len(RUN_LEVELS), omega, sizes)
+        return self.observe(frf / len(self.run_levels), omega, sizes)
 
     @property
     def changes_in_run(self) -> bool:

@@ -37,11 +37,14 @@ class Estimator:
         frequency_hz: (e,) at which the FRF is asked for, evenly spaced.
         weights: (k, e) complex means that give the estimate on a grid.
         rotation: the same of FRFs to unit rotation of the base, where that was measured.
+        run_levels: of the motion in parts of the run (see `dynamics.level.levels_in_run`); none
+            where it is not known.
     """
 
     frequency_hz: Floats
     weights: csr_array
     rotation: csr_array | None = None
+    run_levels: tuple[float, ...] = ()
 
     @property
     def turns(self) -> bool:
@@ -60,7 +63,7 @@ class Estimator:
         """The estimate at some frequencies (k,) of its grid."""
         rows = np.flatnonzero(used)
         turned = None if self.rotation is None else csr_array(self.rotation[rows])
-        return Estimator(self.frequency_hz, csr_array(self.weights[rows]), turned)
+        return replace(self, weights=csr_array(self.weights[rows]), rotation=turned)
 
     @cached_property
     def _of_rotation(self) -> "Estimator":
@@ -179,7 +182,9 @@ def mean_estimator(
         total = total + diags_array(share) @ own @ onto
         if part is not None and part.rotation is not None:
             turned = turned + diags_array(share) @ part.rotation @ onto
-    return Estimator(dense, csr_array(total), None if turned is None else csr_array(turned))
+    levels = [part.run_levels for part in known if part.run_levels]
+    middle = tuple(float(one) for one in np.mean(levels, axis=0)) if levels else ()
+    return Estimator(dense, csr_array(total), None if turned is None else csr_array(turned), middle)
 
 
 def _window_spectrum(angle: Floats, total: int) -> Complexes:

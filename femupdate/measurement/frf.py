@@ -13,12 +13,13 @@ what neither of both explains (the multiple coherence of Bendat and Piersol 2010
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import csr_array
 
 from femupdate.arrays import Complexes, Flags, Floats, Indices
+from femupdate.dynamics.level import levels_in_run
 from femupdate.errors import MeasurementError
 from femupdate.measurement.base_rotation import rotation_of, said_of_rotation
 from femupdate.measurement.columns import BASE
@@ -94,6 +95,15 @@ def estimate_frf(
     frf = at_grid(frf.real) + 1j * at_grid(frf.imag)
     valid = (at_grid(trusted.astype(np.float64)) > 0.999) & (np.abs(frf) > 0)
     _require_points(valid, histories.source)
+    estimator = estimator_of(
+        base,
+        histories.time_step,
+        segments,
+        grid,
+        at_grid.matrix(len(spectra.frequency_hz)),
+        rotation,
+    )
+    levels = levels_in_run(base, floors, histories.time_step)
     return Observation(
         frequency_hz=grid,
         floors=names,
@@ -105,14 +115,7 @@ def estimate_frf(
         # The equivalent noise bandwidth of the Hann window is 1.5 bins (Harris 1978).
         resolution_hz=1.5 / segments.seconds,
         source=histories.source,
-        estimator=estimator_of(
-            base,
-            histories.time_step,
-            segments,
-            grid,
-            at_grid.matrix(len(spectra.frequency_hz)),
-            rotation,
-        ),
+        estimator=replace(estimator, run_levels=levels.parts),
         rotation=None if turning is None else turning.over_translation(at_grid),
         notes=(
             segments.note,

@@ -13,6 +13,7 @@ import torch
 from femupdate.arrays import Floats
 from femupdate.building.schema import Building
 from femupdate.building.shear import ShearBuilding
+from femupdate.dynamics.changing_history import RunMotion, changing_histories
 from femupdate.dynamics.damping import DampingLaw
 from femupdate.dynamics.equations import Sensors, driven_system
 from femupdate.dynamics.projection import lumped
@@ -20,6 +21,7 @@ from femupdate.dynamics.system import System
 from femupdate.dynamics.transformed import transformed_sensors
 from femupdate.effects.effect import Placed
 from femupdate.effects.structure import Structure, require_story_factors, structure_of
+from femupdate.errors import ModelError
 from femupdate.fe.model import DOF_PER_NODE
 from femupdate.measurement.columns import Channel
 from femupdate.measurement.record import GroundMotion
@@ -45,13 +47,28 @@ class Truth:
     values: tuple[float, ...]
 
     def respond(self, zeta: float, motion: GroundMotion) -> Floats:
-        """Absolute accelerations (c, n), m/s2, under a base motion."""
+        """Absolute accelerations (c, n), m/s2, under a base motion.
+
+        Raises:
+            ModelError: a structure that changes in the run has an instrument or a damper beside.
+        """
         sample = (
             torch.from_numpy(self.theta)[None],
             torch.tensor([zeta], dtype=torch.float64),
             torch.tensor([self.values], dtype=torch.float64).reshape(1, -1),
         )
-        return transformed_sensors(self.system, sample, motion.inputs, motion.time_step, _REST)
+        if not self.system.changes_in_run:
+            return transformed_sensors(self.system, sample, motion.inputs, motion.time_step, _REST)
+        instruments = any(one.effect.instrument for one in self.system.placed)
+        if instruments or self.system.complex_modes:
+            raise ModelError(
+                "a structure that changes in the run is followed without instruments, dampers and"
+                " appendages that err or act beside; simulate them apart"
+            )
+        theta, ratio, sizes = sample
+        run = RunMotion(motion.inputs, motion.time_step)
+        (found,) = changing_histories(self.system, torch.cat([theta, sizes], dim=1), ratio, run)
+        return found.floor_acceleration[0]
 
 
 @dataclass(frozen=True, eq=False)

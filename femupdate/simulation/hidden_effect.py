@@ -2,7 +2,6 @@
 
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.schema import Building
-from femupdate.dynamics.system import changes_in_run
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import effect_named
 from femupdate.effects.structure import require_story_factors, structure_of
@@ -28,11 +27,6 @@ def parse_effect(
         raise BuildingError(
             f"{building.name}: {name} shows between two levels of motion; simulate each with its "
             "own --theta, --zeta and --rms"
-        )
-    if changes_in_run(effect):
-        raise BuildingError(
-            f"{building.name}: {name} changes the structure during the run, which no linear "
-            "simulation follows; simulate parts at their own --theta and --zeta and join them"
         )
     require_story_factors(building)
     structure = structure_of(building, _coarse(building))

@@ -25,7 +25,7 @@ from femupdate.measurement.record import GroundMotion
 from femupdate.progress import SILENT, Progress
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource
-from femupdate.workflow.second_record import doublings, record_levels
+from femupdate.workflow.second_record import doublings, record_levels, run_levels
 
 _LEVELS, _SPAN = "level_m_s2", "level_span"  # in the settings of a posterior
 
@@ -65,6 +65,10 @@ def level_settings(
         return {}
     try:
         levels = record_levels(model, source)
+        if not changes_with_level(placed):
+            # Factors are those at the middle of the run's own levels.
+            middle = 2.0 ** run_levels(model, source).middle
+            levels = {floor: middle * level for floor, level in levels.items()}
     except MeasurementError:  # a table of FRFs has none
         return {}
     return {_LEVELS: levels, _SPAN: [min(span, default=0.0), max(span, default=0.0)]}

@@ -4,9 +4,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from femupdate.dynamics.level import motion_level
+from femupdate.dynamics.level import RunLevels, levels_in_run, motion_level
 from femupdate.errors import MeasurementError
 from femupdate.measurement.columns import BASE
+from femupdate.measurement.frf import floor_means
 from femupdate.measurement.kinds import read_any_kind
 from femupdate.measurement.observation_file import ForceHistories, Histories
 from femupdate.workflow.model import StudyModel
@@ -51,6 +52,18 @@ def record_levels(model: StudyModel, source: ObservationSource) -> dict[str, flo
         if channel.floor != BASE and channel.direction == direction:
             found[channel.floor] = float(motion_level(row))
     return found
+
+
+def run_levels(model: StudyModel, source: ObservationSource) -> RunLevels:
+    """How the motion along the building's direction is spread about its mean level.
+
+    Raises:
+        MeasurementError: no file holds histories of the base.
+    """
+    direction = observed_direction(model)
+    data = _histories(source, direction)
+    base, floors, _ = floor_means(data, direction)
+    return levels_in_run(base, floors, data.time_step)
 
 
 def _histories(source: ObservationSource, direction: str) -> Histories:

@@ -70,7 +70,10 @@ def test_the_law_is_found_from_one_run(calibrated):
     np.testing.assert_allclose(mean[:2], THETA, rtol=0.03)
     assert sd[2] < 0.02
     kept = posterior.settings["level_m_s2"]
-    assert [kept["2F"], kept["RF"]] == pytest.approx(calibrated[2].tolist(), rel=0.02)
+    # The middle of the run's levels lies near its mean level, of all floors alike.
+    middle = np.array([kept["2F"], kept["RF"]]) / calibrated[2]
+    np.testing.assert_allclose(middle, 1.0, rtol=0.1)
+    assert middle[0] == pytest.approx(middle[1], rel=0.01)
 
 
 def test_a_prediction_follows_it(calibrated, tmp_path):
