@@ -15,7 +15,8 @@ import numpy as np
 from .commands import Interruptible, environment, run
 
 KINDS = ("killed", "file limit", "disk full")
-_DEATH_S = 5.0  # within which workers follow
+# Within which workers follow: one that is only starting sees it when its imports are done.
+_DEATH_S = 20.0
 _PROGRESS = re.compile(r" \.\.\.$|^  .*: \d+ %, about .* left(, .*)?$")
 _LEFT = ("*.part*", ".lock", ".lock-owner.json")
 
