@@ -12,4 +12,6 @@ def write_tree(tree: Any, path: Path | str) -> None:
     Raises:
         StudyError: the file cannot be written.
     """
-    write_bytes(path, tree.to_netcdf(engine="h5netcdf"))
+    # As bytes, not as a view of a BytesIO: where the traceback of a failed write keeps one, Python
+    # 3.12.1 and 3.13.0 come down while they collect garbage.
+    write_bytes(path, bytes(tree.to_netcdf(engine="h5netcdf")))
