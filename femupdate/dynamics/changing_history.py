@@ -15,11 +15,10 @@ import torch
 from torch import Tensor
 
 from femupdate.arrays import Floats, Integers
-from femupdate.dynamics.history import Histories, HistorySettings, named_rows
+from femupdate.dynamics.history import Histories, HistorySettings, dynamic_modes, named_rows
 from femupdate.dynamics.level import PERIODS, SPAN, level_of_moment, motion_level
-from femupdate.dynamics.modal_response import ModalOutputs, keep_dynamic, see_modes, state_weights
+from femupdate.dynamics.modal_response import ModalOutputs, state_weights
 from femupdate.dynamics.recurrence import interpolate_record, join_steps, step_matrices
-from femupdate.dynamics.story import story_rows
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import RunChange
 from femupdate.progress import SILENT, Progress
@@ -64,15 +63,20 @@ def changing_histories(
         zeta: (S,) damping ratios, likewise.
         motion: of the base.
         progress: advances by one a sample.
+
+    Raises:
+        ModelError: a stiffness is not positive definite.
     """
     theta, sizes = system.split(parameters[:1])
     period = 2.0 * np.pi / float(system.modes(theta, sizes).omega.min())
     # All samples have much the same level: one finds it, and the others go on from there.
-    level = _settled(system, (parameters[:1], zeta[:1]), motion, period, None, _ROUNDS)[1]
-    for rows, ratio in zip(parameters.split(_BATCH), zeta.split(_BATCH), strict=True):
-        begun = np.repeat(level, len(rows), axis=0)
-        yield _settled(system, (rows, ratio), motion, period, begun, _LAST_ROUNDS)[0]
-        progress.advance(len(rows))
+    level = _settled(system, (parameters[:1], zeta[:1]), motion, period, _ROUNDS)[1]
+    for first in range(0, len(parameters), _BATCH):
+        some = slice(first, first + _BATCH)
+        own = parameters[some], zeta[some]
+        begun = np.repeat(level, len(own[0]), axis=0)
+        yield _settled(system, own, motion, period, _LAST_ROUNDS, begun, first)[0]
+        progress.advance(len(own[0]))
 
 
 def _settled(
@@ -80,14 +84,15 @@ def _settled(
     samples: tuple[Tensor, Tensor],
     motion: RunMotion,
     period: float,
-    level: Integers | None,
     rounds: int,
+    level: Integers | None = None,
+    first: int = 0,
 ) -> tuple[Histories, Integers]:
     """Histories of samples, and the level (S, w) in windows, followed from one to the other."""
     steps = max(1, round(_WINDOW * period / motion.time_step))
     across = max(1, round(PERIODS * period / motion.time_step))
     parts = [
-        _Followed.of(moved, *samples, own, motion)
+        _Followed.of(moved, samples, own, motion, first)
         for moved, own in zip((system, system.turned), np.atleast_2d(motion.base), strict=False)
     ]
     if level is None:
@@ -134,14 +139,15 @@ class _Followed:
 
     @staticmethod
     def of(
-        system: System, parameters: Tensor, zeta: Tensor, record: Floats, motion: RunMotion
+        system: System,
+        samples: tuple[Tensor, Tensor],
+        record: Floats,
+        motion: RunMotion,
+        first: int,
     ) -> "_Followed":
-        """For parameters (S, p + q) and damping ratios (S,)."""
-        theta, sizes = system.split(parameters)
-        found = system.modes(theta, sizes, story_rows(system, sizes))
-        settings = HistorySettings()
-        modes = see_modes(found, len(system.floors), len(system.model.story_mass))
-        modes = keep_dynamic(modes, 0.5 / motion.time_step, settings.tolerance)
+        """For parameters (S, p + q) and damping ratios (S,); `first` is the number of the first."""
+        settings, sizes = HistorySettings(), system.split(samples[0])[1]
+        modes, ratio = dynamic_modes(system, samples, motion.time_step, settings, first)
         fine = torch.from_numpy(interpolate_record(record, settings.oversampling))
         most = round(SPAN / _STEP)
         changes = [system.run_change(sizes, k * _STEP) for k in range(-most, most + 1)]
@@ -149,7 +155,7 @@ class _Followed:
             changes = [one._replace(damping=torch.ones_like(one.damping)) for one in changes]
         return _Followed(
             modes,
-            system.ratio(modes.omega, zeta, sizes),
+            ratio,
             torch.from_numpy(np.ascontiguousarray(record)),
             fine.unfold(0, settings.oversampling + 1, settings.oversampling),
             motion.time_step,

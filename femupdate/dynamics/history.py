@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from torch import Tensor
 
 from femupdate.arrays import Floats
-from femupdate.dynamics.modal_response import keep_dynamic, project, see_modes
+from femupdate.dynamics.modal_response import ModalOutputs, keep_dynamic, project, see_modes
 from femupdate.dynamics.recurrence import interpolate_record, modal_states
 from femupdate.dynamics.story import story_rows
 from femupdate.dynamics.system import System
@@ -193,17 +193,40 @@ def _transform(task: _Task, parameters: Tensor, zeta: Tensor, first: int) -> Flo
 
 def _recur(task: _Task, parameters: Tensor, zeta: Tensor, first: int) -> Floats:
     """Outputs (S, o, n) of one batch, the first of whose samples is number `first`."""
-    settings, system = task.settings, task.system
-    theta, sizes = system.split(parameters)
-    rows = story_rows(system, sizes)
-    found = system.modes(theta.to(settings.device), sizes.to(settings.device), rows)
-    _check_stable(found.omega, first)
-    modes = see_modes(found, len(system.floors), len(system.model.story_mass))
-    modes = keep_dynamic(modes, 0.5 / task.time_step, settings.tolerance)
-    ratio = system.ratio(modes.omega, zeta.to(settings.device), sizes.to(settings.device))
+    settings = task.settings
+    modes, ratio = dynamic_modes(task.system, (parameters, zeta), task.time_step, settings, first)
     states = modal_states(modes.omega, ratio, task.fine, task.time_step, settings.oversampling)
     record = torch.as_tensor(task.record, device=settings.device)
     return project(states, modes, ratio, record).cpu().numpy()
+
+
+def dynamic_modes(
+    system: System,
+    samples: tuple[Tensor, Tensor],
+    time_step: float,
+    settings: HistorySettings,
+    first: int,
+) -> tuple[ModalOutputs, Tensor]:
+    """The modes that a record moves, as the outputs see them, and their damping ratios (S, m).
+
+    Args:
+        system: the structure with its effects.
+        samples: parameters (S, p + q) and damping ratios (S,).
+        time_step: of the record, s.
+        settings: accuracy and device.
+        first: number of the first sample, for messages.
+
+    Raises:
+        ModelError: a stiffness is not positive definite.
+    """
+    theta, sizes = system.split(samples[0])
+    rows = story_rows(system, sizes)
+    theta, sizes, zeta = (part.to(settings.device) for part in (theta, sizes, samples[1]))
+    found = system.modes(theta, sizes, rows)
+    _check_stable(found.omega, first)
+    modes = see_modes(found, len(system.floors), len(system.model.story_mass))
+    modes = keep_dynamic(modes, 0.5 / time_step, settings.tolerance)
+    return modes, system.ratio(modes.omega, zeta, sizes)
 
 
 def named_rows(system: System, time_step: float, response: Floats) -> Histories:

@@ -10,6 +10,9 @@ PERIODS = 4.0  # of the strongest mode, over which the level of the moment is ta
 SPAN = 1.0  # doublings to both sides of the mean level, to which laws of the level are known
 _STRONG = (0.05, 0.95)  # of the energy
 _PARTS = 7  # of a run, of equal energy of the base
+# Where no histories of the run are known: motion that counts has from half to twice the usual
+# amplitude, evenly.
+RUN_LEVELS = tuple((2 * k + 1 - _PARTS) / _PARTS for k in range(_PARTS))
 _SEGMENT_S = 20.0  # of the spectrum that tells the strongest mode
 _SILENCE = 1e-12
 

@@ -16,6 +16,7 @@ from torch import Tensor
 
 from femupdate.dynamics.closed_form import ClosedForm, Estimate, observed, split_sizes
 from femupdate.dynamics.damping import ConstantDamping, DampingLaw
+from femupdate.dynamics.level import RUN_LEVELS
 from femupdate.dynamics.modal import ModalData, joined, keep_modes
 from femupdate.dynamics.modes import Modes, normal_modes, response
 from femupdate.dynamics.reduced import ReducedModel, ReleasedBase
@@ -24,9 +25,6 @@ from femupdate.effects.effect import UNSCALED, Effect, Parameter, Placed, RunCha
 from femupdate.progress import SILENT, Progress
 
 _BATCH = 16  # responses of a hundred shapes at a few hundred frequencies stay in the cache
-# Of a run of which no histories are known: motion that counts has from half to twice the usual
-# amplitude, evenly.
-RUN_LEVELS = tuple((2 * k - 6) / 7 for k in range(7))
 _MATRICES = 2**20  # numbers in the matrices of a batch of eigenproblems
 # Size of one intermediate array (samples x modes x frequencies).
 _CPU_BYTES = 2**20

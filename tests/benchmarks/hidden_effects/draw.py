@@ -6,6 +6,7 @@ import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.building.schema import Building
+from femupdate.dynamics.system import changes_in_run
 from femupdate.effects.effect import Effect, Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import Structure
@@ -47,6 +48,8 @@ def draw_effects(
         for effect in (UNCATALOGUED if kind == OUTSIDE else CATALOGUE.values())
         if effect.name not in _NOT_HIDDEN
         and not effect.needs_levels
+        # What changes in the run is followed by itself.
+        and not (kind == TWO and changes_in_run(effect))
         and effect.places(structure)
         and shows(effect)
     ]
