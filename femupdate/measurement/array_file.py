@@ -13,9 +13,10 @@ from femupdate.measurement.mode_arrays import modes_in_arrays
 from femupdate.measurement.quantity import is_unit
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.table import Table
+from femupdate.measurement.testlab_arrays import testlab_recording
 from femupdate.measurement.text import TextFile
 
-_RATE = re.compile(r"^(fs|f_s|fsamp\w*|rate|sampling_?(rate|frequency)|sample_?rate)(_?hz)?$", re.I)
+_RATE = re.compile(r"^(fs|f_s|fsamp\w*|rate|sampl(e|ing)_?(rate|freq(uency)?))(_?hz)?$", re.I)
 _STEP = re.compile(r"^(dt|delta_?t|ts|time_?step)(_?s)?$", re.IGNORECASE)
 _UNIT = re.compile(r"^units?$", re.IGNORECASE)
 _LABELS = re.compile(r"^(channel|sensor|column)?s?_?(names?|labels?)$|^(channel|sensor)s$", re.I)
@@ -24,7 +25,8 @@ _LABELS = re.compile(r"^(channel|sensor|column)?s?_?(names?|labels?)$|^(channel|
 def table_of_arrays(file: TextFile, arrays: Mapping[str, Any]) -> Recording:
     """Return equally long arrays as a table; its times are an array or follow from a rate.
 
-    Arrays of modes (`modes_in_arrays`) are modes instead.
+    Arrays of modes (`modes_in_arrays`) are modes instead, and `testlab_recording` knows the
+    structures of its program.
 
     A complex array becomes two columns, `name_re` and `name_im`; of an array with two axes the
     shorter one counts the columns, `name_1` and so on.
@@ -39,6 +41,9 @@ def table_of_arrays(file: TextFile, arrays: Mapping[str, Any]) -> Recording:
     modes = modes_in_arrays(file, arrays)
     if modes:
         return Recording(file, modes=modes)
+    exported = testlab_recording(file, arrays)
+    if exported is not None:
+        return exported
     numbers = {name: np.squeeze(a) for name, a in arrays.items() if _is_numeric(a)}
     scalars = {name: float(a.real) for name, a in numbers.items() if a.ndim == 0}
     labels = _texts(arrays, _LABELS)

@@ -1,5 +1,6 @@
 """Frequency response functions of a file with points, such as a universal file, as a table."""
 
+import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -49,6 +50,33 @@ def table_of_functions(recording: Recording, columns: Mapping[str, str]) -> Tabl
     stated = tuple(unit or None for unit in units)
     lines = np.arange(1, first.frequency_hz.size + 1)
     return Table(file, tuple(names), stated, np.column_stack(values), lines)
+
+
+def unnamed_functions(table: Table, at: int) -> tuple[RecordedFunction, ...]:
+    """The functions in a table whose columns do not say their floors, by the file's names.
+
+    Args:
+        table: with names; a complex column has become two, `name_re` and `name_im`.
+        at: position of the frequencies.
+    """
+    columns = {name: k for k, name in enumerate(table.names or ()) if k != at}
+    found: dict[str, RecordedFunction] = {}
+    for name, k in columns.items():
+        whole = re.sub("_(re|im)$", "", name)
+        parts = [columns.get(f"{whole}{part}") for part in ("_re", "_im")]
+        real, imaginary = parts if None not in parts else (k, None)
+        values = table.values[:, real]
+        found.setdefault(
+            name if imaginary is None else whole,
+            RecordedFunction(
+                kind="function",
+                name=name if imaginary is None else whole,
+                frequency_hz=table.values[:, at],
+                values=values if imaginary is None else values + 1j * table.values[:, imaginary],
+                unit=table.units[k],
+            ),
+        )
+    return tuple(found.values())
 
 
 def _listing(functions: Sequence[RecordedFunction]) -> str:

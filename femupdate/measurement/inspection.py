@@ -1,5 +1,6 @@
 """What is in a measured file, what looks wrong in it, and what to do with it next."""
 
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -15,14 +16,26 @@ from femupdate.measurement.base_rotation import (
 )
 from femupdate.measurement.channel import RecordedChannel, acceleration_unit
 from femupdate.measurement.channel_checks import channel_findings
-from femupdate.measurement.columns import BASE, FREQUENCY, Channel, parse_channel
+from femupdate.measurement.columns import (
+    BASE,
+    FREQUENCY,
+    Channel,
+    parse_channel,
+    parse_frf_column,
+)
 from femupdate.measurement.direction import azimuth_of
 from femupdate.measurement.force_table import SOMEWHERE, force_functions, under_force
 from femupdate.measurement.frf_table import FrfTable
+from femupdate.measurement.function_table import unnamed_functions
 from femupdate.measurement.mode_checks import mode_findings
 from femupdate.measurement.mode_table import modes_in_table
-from femupdate.measurement.next_step import NextStep, next_step
-from femupdate.measurement.observation_file import layout_of, motions_in, observation_in
+from femupdate.measurement.next_step import NextStep, columns_option, next_step
+from femupdate.measurement.observation_file import (
+    layout_of,
+    motions_in,
+    observation_in,
+    with_usual_axis,
+)
 from femupdate.measurement.pair_checks import pair_findings
 from femupdate.measurement.proposal import proposed_floors
 from femupdate.measurement.quantity import is_acceleration, si_factor
@@ -32,6 +45,10 @@ from femupdate.measurement.static_test import is_static
 
 _FRFS = (
     "Put in which response function, by its number, is which floor's: 2F/RF for 2F under a force at"
+    " RF, 2F for 2F over the base."
+)
+_FRF_COLUMNS = (
+    "Put in which column is which floor's, also of complex numbers: 2F/RF for 2F under a force at"
     " RF, 2F for 2F over the base."
 )
 _FORCE = "Put in the floor at which the force acts."
@@ -246,7 +263,7 @@ def inspect_file(
     """
     path = Path(path)
     recording = read_measured(path)
-    functions = (*recording.functions, *_functions_of_table(recording, unit))
+    functions = (*recording.functions, *_functions_of_table(recording, unit, columns))
     table = recording.mode_table
     modes = recording.modes if table is None else modes_in_table(table, {})
     static = recording.table is not None and is_static(recording.table)
@@ -338,15 +355,23 @@ def _rotation(
     return said_of_rotation(tuple(placed.values()), vertical, rows([base])[0])
 
 
-def _functions_of_table(recording: Recording, unit: str | None) -> tuple[RecordedFunction, ...]:
-    """Response functions of a table of ours; none of any other file."""
-    names = recording.table.names if recording.table is not None else None
-    if recording.table is None or FREQUENCY not in [name.lower() for name in names or ()]:
+def _functions_of_table(
+    recording: Recording, unit: str | None, columns: Mapping[str, str] | None
+) -> tuple[RecordedFunction, ...]:
+    """Functions in a table with a column of frequencies; none of any other file."""
+    own = recording.table
+    names = with_usual_axis(own.names) if own is not None and own.names else ()
+    axis = next((k for k, name in enumerate(names) if name.lower() == FREQUENCY), None)
+    if own is None or axis is None:
         return ()
-    layout = layout_of(recording.table, None)
-    if under_force(recording.table, layout):
-        return force_functions(recording.table, layout)
-    table = observation_in(recording, unit)
+    if not columns and any(
+        parse_frf_column(name) is None for k, name in enumerate(names) if k != axis
+    ):
+        return unnamed_functions(own, axis)
+    layout = layout_of(own, columns)
+    if under_force(own, layout):
+        return force_functions(own, layout)
+    table = observation_in(recording, unit, columns)
     if not isinstance(table, FrfTable):
         return ()
     curves = table.magnitude if table.complex_frf is None else table.complex_frf
@@ -390,25 +415,36 @@ def _step(
     if histories:
         names = None if recording.table is None else recording.table.names or ()
         return next_step(path, histories, names, unit, columns)
+    calibrate = f"femupdate calibrate {shlex.quote(str(path))}"
     static = recording.table is not None and is_static(recording.table)
     if static or recording.mode_table is not None:
-        return NextStep(f"femupdate calibrate {path}")
+        return NextStep(calibrate)
     if recording.modes:
-        return NextStep(f"femupdate calibrate {path} --columns 2F=NAME,RF=NAME", _POINT_MODES)
+        return NextStep(f"{calibrate} --columns 2F=NAME,RF=NAME", _POINT_MODES)
     if functions and recording.table is not None:
+        if not any(one.reference for one in functions):
+            return NextStep(f"{calibrate} --columns 2F=NAME,RF=NAME", _FRF_COLUMNS)
         if any(one.reference != BASE for one in functions):
-            return _force_step(path, functions, unit)
-        return NextStep(f"femupdate calibrate {path}")
+            return _force_step(path, functions, unit, columns)
+        return NextStep(f"{calibrate}{columns_option(columns)}")
     if any(one.kind == "frequency response" for one in functions):
-        return NextStep(f"femupdate calibrate {path} --columns 2F/RF=NUMBER", _FRFS)
+        return NextStep(f"{calibrate} --columns 2F/RF=NUMBER", _FRFS)
     if functions:
         return NextStep("", "Spectra alone do not tell a response; give the histories.")
     return NextStep("", _POINTS)
 
 
-def _force_step(path: Path, functions: Sequence[RecordedFunction], unit: str | None) -> NextStep:
+def _force_step(
+    path: Path,
+    functions: Sequence[RecordedFunction],
+    unit: str | None,
+    columns: Mapping[str, str] | None,
+) -> NextStep:
+    calibrate = f"femupdate calibrate {shlex.quote(str(path))}"
     silent = any(one.reference == SOMEWHERE for one in functions)
     known = unit is not None or all(one.unit for one in functions)
-    options = (" --force FLOOR" if silent else "") + ("" if known else " --unit m/s2/N")
+    options = " --force FLOOR" if silent else ""
+    options += f" --unit {unit or 'm/s2/N'}" if unit or not known else ""
+    options += columns_option(columns)
     advice = _FORCE if silent else "" if known else "Put in the unit of the responses."
-    return NextStep(f"femupdate calibrate {path}{options}", advice)
+    return NextStep(f"{calibrate}{options}", advice)

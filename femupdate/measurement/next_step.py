@@ -11,6 +11,7 @@ from femupdate.measurement.proposal import columns_of, is_usable, proposal
 from femupdate.measurement.thresholds import PROPOSAL
 
 _NO_BASE = "There is no base: the modes can be found if this is ambient vibration."
+_FORCED = "Put in at which floor the force acts, and which channels are the floors."
 _CHECK = (
     "The floors are told from the sensors' places or names; check them against the building, or"
     " write them to a file that you can correct, by --write-mapping."
@@ -61,11 +62,17 @@ def next_step(
     base = [ours for ours in proposed if ours.startswith(BASE)]
     floors = [ours for ours in proposed if not ours.startswith(BASE)]
     ours = names is not None and _speaks_our_names(names)
-    mapped = "" if ours else _option(along)
+    mapped = "" if ours else columns_option(along)
     calibrate = f"femupdate calibrate {shlex.quote(str(path))}{options}"
     forced = any(isinstance(parse_history(each.name), ForceChannel) for each in histories)
     if (base or forced) and floors:
         return NextStep(calibrate + mapped, "" if ours else _CHECK, columns)
+    what = "NUMBER" if names is None else "NAME"
+    pushed = next((k for k, each in enumerate(histories) if each.quantity == "force"), None)
+    if pushed is not None and not forced:
+        own = str(pushed + 1) if names is None else histories[pushed].name
+        option = columns_option({"force/RF": own, **along}, [] if floors else ["RF"], what)
+        return NextStep(calibrate + option, _FORCED, columns)
     if len(histories) <= PROPOSAL.components and not floors:
         return NextStep(_predict(path, histories, usable, options), "")
     if floors and not base and _lasts(histories[usable[0]]) >= PROPOSAL.ambient_s:
@@ -79,7 +86,7 @@ def next_step(
         )
     missing = ([] if base else [BASE]) + ([] if floors else ["RF"])
     return NextStep(
-        calibrate + _option(along, missing),
+        calibrate + columns_option(along, missing, what),
         f"Put in which channels are {' and '.join(missing)}: their places do not tell it.",
         columns,
     )
@@ -93,9 +100,9 @@ def _lasts(channel: RecordedChannel) -> float:
 def _as_told(path: Path, columns: Mapping[str, str], options: str) -> str:
     """The command for channels that the user has given to floors."""
     name = shlex.quote(str(path))
-    if any(ours.startswith(BASE) for ours in columns):
-        return f"femupdate calibrate {name}{options}{_option(columns)}"
-    return f"femupdate identify {name} -o modes.csv{_option(columns)}"
+    if any(ours.startswith((BASE, "force/")) for ours in columns):
+        return f"femupdate calibrate {name}{options}{columns_option(columns)}"
+    return f"femupdate identify {name} -o modes.csv{columns_option(columns)}"
 
 
 def _speaks_our_names(names: Sequence[str]) -> bool:
@@ -103,11 +110,13 @@ def _speaks_our_names(names: Sequence[str]) -> bool:
     return len(others) == len(names) - 1 and all(parse_history(name) for name in others)
 
 
-def _option(columns: Mapping[str, str], missing: Sequence[str] = ()) -> str:
-    """The option that maps channels, or columns of a table, to floors."""
-    pairs = [f"{ours}={theirs}" for ours, theirs in columns.items()]
-    pairs += [f"{ours}=NUMBER" for ours in missing]
-    return f" --columns {shlex.quote(','.join(pairs))}"
+def columns_option(
+    columns: Mapping[str, str] | None, missing: Sequence[str] = (), what: str = "NUMBER"
+) -> str:
+    """Return the option that maps channels, or columns of a table, to floors; empty of none."""
+    pairs = [f"{ours}={theirs}" for ours, theirs in (columns or {}).items()]
+    pairs += [f"{ours}={what}" for ours in missing]
+    return f" --columns {shlex.quote(','.join(pairs))}" if pairs else ""
 
 
 def _predict(

@@ -1,7 +1,7 @@
 """Observations of a building in files: measured histories or frequency response functions."""
 
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -55,6 +55,7 @@ __all__ = [
     "layout_of",
     "observation_in",
     "read_observation_file",
+    "with_usual_axis",
 ]
 _COMMON_NAMES = (BASE, "RF", *(f"{n}F" for n in range(2, 13)))
 
@@ -222,7 +223,8 @@ def layout_of(table: Table, columns: Mapping[str, str] | None) -> Layout:
             "these are static load cases, which calibrate and inspect alone take; give histories"
             " or FRFs here"
         )
-    names = _with_usual_axis(_renamed(file, table.names, columns or {}))
+    columns = dict(_with_parts(table.names, columns or {}))
+    names = with_usual_axis(_renamed(file, table.names, columns))
     kinds = [name for name in names if name.lower() in (TIME, FREQUENCY)]
     if len(kinds) != 1:
         first = table.names[0]
@@ -277,7 +279,17 @@ def _renamed(file: TextFile, names: tuple[str, ...], columns: Mapping[str, str])
     return tuple(ours_by_theirs.get(name, name) for name in names)
 
 
-def _with_usual_axis(names: tuple[str, ...]) -> tuple[str, ...]:
+def _with_parts(names: tuple[str, ...], columns: Mapping[str, str]) -> Iterator[tuple[str, str]]:
+    """Our name and the file's; of a complex column, which became two, those of either part."""
+    for ours, theirs in columns.items():
+        parts = [part for part in ("_re", "_im") if f"{theirs}{part}" in names]
+        if theirs in names or len(parts) < 2:
+            yield ours, theirs
+        else:
+            yield from ((f"{ours}{part}", f"{theirs}{part}") for part in parts)
+
+
+def with_usual_axis(names: tuple[str, ...]) -> tuple[str, ...]:
     """The names with ours for the first column, where that has another name for times."""
     if any(name.lower() in (TIME, FREQUENCY) for name in names):
         return names

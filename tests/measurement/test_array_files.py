@@ -51,7 +51,9 @@ def test_channels_with_their_times_are_an_observation(tmp_path, name, write):
 
 @pytest.mark.parametrize(("name", "write"), WRITERS.items(), ids=WRITERS)
 @pytest.mark.parametrize("turned", [False, True])
-@pytest.mark.parametrize("rate", [{"fs": RATE}, {"dt": 1 / RATE}, {"SamplingRate": RATE}])
+@pytest.mark.parametrize(
+    "rate", [{"fs": RATE}, {"dt": 1 / RATE}, {"SamplingRate": RATE}, {"SampleFrequency": RATE}]
+)
 def test_one_array_of_all_channels_with_a_rate(tmp_path, name, write, turned, rate):
     arrays = {"acc": ROWS.T if turned else ROWS, **rate}
     motion = read_record(write(tmp_path / name, arrays), "m/s2", "acc_2")
@@ -65,6 +67,44 @@ def test_structures_and_a_unit(tmp_path):
     motion = read_record(save(tmp_path / "s.mat", arrays), channel="acc_3")
     np.testing.assert_allclose(motion.acceleration, ROWS[2] / 100, rtol=1e-14)
     assert motion.unit == "gal"
+
+
+def exported(values, unit, names, label="s", step=1 / RATE):
+    """A structure as Simcenter Testlab exports it."""
+    count = float(len(values))
+    x = {"start_value": 0.0, "increment": step, "number_of_values": count}
+    return {
+        "x_values": {**x, "quantity": {"label": label}},
+        "y_values": {"values": values, "quantity": {"label": unit}},
+        "function_record": {"name": np.array(names, dtype=object)},
+    }
+
+
+def test_signals_of_testlab(tmp_path):
+    pushed = exported(ROWS[2], "N", "hammer")
+    signals = {"Signal_0": exported(ROWS[:2].T, "g", ["P1:+X", "P2:+X"]), "Signal_1": pushed}
+    path = save(tmp_path / "t.mat", signals)
+    table = read_measured(path).table
+    assert table.names == ("time_s", "P1:+X", "P2:+X", "hammer")
+    assert table.units == (None, "g", "g", "N")
+    np.testing.assert_array_equal(table.values[:, 1:].T, ROWS)
+    np.testing.assert_allclose(table.values[:, 0], TIME)
+    assert [each.quantity for each in read_measured(path).histories()][-1] == "force"
+    other = save(tmp_path / "u.mat", {**signals, "S": exported(ROWS[2], "N", "h", step=0.1)})
+    with pytest.raises(MeasurementError, match="Signal_0, Signal_1 are not sampled alike"):
+        read_measured(other)
+    orders = save(tmp_path / "v.mat", {"S": exported(ROWS[0], "g", "a", "rpm")})
+    with pytest.raises(MeasurementError, match="S holds no 90 rows of finite numbers over time"):
+        read_measured(orders)
+
+
+def test_response_functions_of_testlab(tmp_path):
+    h = ROWS[:2].T + 1j * ROWS[1:].T
+    frf = exported(h, "(m/s^2)/N", ["same", "same"], "Hz", 0.1)
+    table = read_measured(save(tmp_path / "f.mat", {"FRF": frf})).table
+    assert table.names == ("frequency_hz", "FRF_1_re", "FRF_1_im", "FRF_2_re", "FRF_2_im")
+    assert set(table.units[1:]) == {"(m/s^2)/N"}
+    np.testing.assert_array_equal(table.values[:, 3] + 1j * table.values[:, 4], h[:, 1])
 
 
 def test_complex_response_functions(tmp_path):

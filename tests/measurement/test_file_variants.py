@@ -7,6 +7,7 @@ from scipy.io import savemat
 from femupdate.errors import MeasurementError
 from femupdate.measurement.modes import identified_modes
 from femupdate.measurement.observation_file import read_observation_file
+from femupdate.measurement.quantity import plain_unit
 from femupdate.measurement.registry import read_measured
 
 TIME = np.arange(64) * 0.01
@@ -99,29 +100,47 @@ def test_cosmos_directions(tmp_path, channel, number, code, azimuth, place):
     np.testing.assert_allclose(found.values, WAVE, rtol=1e-6)
 
 
-def test_cosmos_counts_become_g_by_the_headers(tmp_path):
+def test_cosmos_of_one_unit_without_a_comma(tmp_path):
+    announced = "  64 acceleration pts, approx   1 secs, units=g.     (02)Format=(8f10.5)"
+    rows = [f"{row}     " for row in in_columns(WAVE)]
+    (found,) = read_measured(cosmos(tmp_path, "Sta Chan  1: 90 deg", announced, rows)).channels
+    np.testing.assert_array_equal(found.values, WAVE)
+    assert plain_unit(found.unit) == "g"
+
+
+@pytest.mark.parametrize("called", ["acceleration pts", "raw accel.   pts"])
+def test_cosmos_counts_become_g_by_the_headers(tmp_path, called):
     """2.4 microvolts a count, 1.25 V per g."""
     channel = "Sta Chan   1: 90 deg (Rcrdr Chan  1) Location:"
-    announced = "  64 acceleration pts, approx   1 secs, units=counts (50),Format=(10I8)"
+    announced = f"  64 {called}, approx   1 secs, units=counts (50),Format=(10I8)"
     counts = np.round(1e4 * WAVE).astype(int)
     rows = in_columns(counts, "8d", 10)
-    path = cosmos(tmp_path, channel, announced, rows, 90, real={22: 2.4, 42: 1.25}.items())
+    header = {22: 2.4, 42: 1.25, 64: -7e4}.items()
+    path = cosmos(tmp_path, channel, announced, rows, 90, real=header)
     (found,) = read_measured(path).channels
-    assert found.unit == "g"
+    assert (found.unit, found.stated_peak) == ("g", pytest.approx(7e4 * 2.4e-6 / 1.25))
     np.testing.assert_allclose(found.values, counts * 2.4e-6 / 1.25, rtol=1e-12)
     bare = cosmos(tmp_path, channel, announced, rows, 90)
     with pytest.raises(MeasurementError, match="do not give what a count is"):
         read_measured(bare)
 
 
-def test_smc_without_azimuth_and_comment(tmp_path):
+def smc(tmp_path, rate):
     place = "station = San Francisco, 1295 Shafter, F component=    360"
     text = ["2 CORRECTED ACCELEROGRAM", *"****", place, *"*****"]
     whole, real = [-32768] * 48, [1.7e38] * 50
-    whole[15], whole[16], real[1] = 1, 64, 100.0
+    whole[15], whole[16], real[1] = 1, 64, rate
     numbers = [*in_columns(whole, "10d"), *in_columns(real, "15.7E", 5), "|"]
-    path = written(tmp_path, [*text, *numbers, *in_columns(WAVE)], "a.smc")
-    (found,) = read_measured(path).channels
+    return written(tmp_path, [*text, *numbers, *in_columns(WAVE)], "a.smc")
+
+
+def test_smc_of_pairs_as_they_were_digitised_is_refused(tmp_path):
+    with pytest.raises(MeasurementError, match="raw pairs of times and values"):
+        read_measured(smc(tmp_path, 1.7e38))
+
+
+def test_smc_without_azimuth_and_comment(tmp_path):
+    (found,) = read_measured(smc(tmp_path, 100.0)).channels
     assert (found.direction, found.azimuth_deg) == ("", None)
     assert found.location == "San Francisco, 1295 Shafter, F"
     np.testing.assert_allclose(found.values, WAVE, atol=5e-6)

@@ -199,9 +199,36 @@ def test_response_functions_of_a_table(write):
     assert one.step.command.startswith("femupdate calibrate ")
 
 
+def test_functions_of_columns_that_do_not_say_their_floors(write):
+    rows = "\n".join(f"{k},{k}+2j,3" for k in range(1, 5))
+    path = write("Frequency (Hz);H 1 (m/s2/N);b\n" + rows.replace(",", ";"), "h 1.csv")
+    one = inspect_file(path)
+    assert one.function_texts == (
+        "function H 1: 4 points from 1 to 4 Hz, m/s2/N",
+        "function b: 4 points from 1 to 4 Hz, no unit",
+    )
+    np.testing.assert_array_equal(one.functions[0].values, np.arange(1, 5) + 2j)
+    assert one.step.command.endswith("/h 1.csv' --columns 2F=NAME,RF=NAME")
+    told = inspect_file(path, "g/N", {"2F/RF": "H 1"})
+    assert [each.response for each in told.functions] == ["2F"]
+    assert told.step.command.endswith("/h 1.csv' --unit g/N --columns '2F/RF=H 1'")
+
+
+def test_next_command_of_a_force(tmp_path):
+    hammer = channel(shaken(1), name="hammer", quantity="force", unit="N")
+    told = [channel(shaken(k), name=f"a{k}") for k in range(2)]
+    step = next_step(tmp_path / "a.uff", [hammer, *told], None, None)
+    assert step.command.endswith("a.uff --columns force/RF=1,RF=NUMBER")
+    step = next_step(tmp_path / "a.mat", [hammer, *told], ["time_s", "hammer", "a0", "a1"], None)
+    assert step.command.endswith("a.mat --columns force/RF=hammer,RF=NAME")
+    columns = {"force/RF": "1", "2F": "2"}
+    step = next_step(tmp_path / "a.uff", [hammer, *told], None, None, columns)
+    assert step.command.endswith("calibrate " + str(tmp_path / "a.uff --columns force/RF=1,2F=2"))
+
+
 def test_genuine_files(shared_file):
     one = inspect_file(shared_file("formats/cesmd_painter_street_nc73666231.zip"))
-    assert one.summary == "16 channels (zip and tar archives of records)"
+    assert one.summary == "16 channels (zip, tar and gzip archives of records)"
     assert one.all_findings == (
         "channels 2, 5, 7, 9, 12, 15 are vertical: no response to the base's horizontal motion.",
     )

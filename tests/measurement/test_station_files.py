@@ -254,10 +254,19 @@ def test_packed_files_that_are_no_archive(tmp_path, texts, wave, spoil):
     path.write_bytes(spoil(whole))
     with pytest.raises(MeasurementError, match="an archive that cannot be opened"):
         read_record(path)
-    single = tmp_path / "single.v2.gz"
-    single.write_bytes(gzip.compress(b"some text"))
-    with pytest.raises(MeasurementError, match="an archive that cannot be opened"):
-        read_record(single)
+
+
+def test_a_record_packed_alone(tmp_path, texts, wave):
+    path = tmp_path / "a.asc.gz"
+    path.write_bytes(gzip.compress(texts["esm"](wave).encode()))
+    np.testing.assert_array_equal(read_measured(path).channels[0].values, wave)
+    for text, message in (
+        (b"Some text.\n", r"holds no record, only a\.asc"),
+        (b"0" * 20_000_000, "times its own size: no archive"),
+    ):
+        path.write_bytes(gzip.compress(text))
+        with pytest.raises(MeasurementError, match=message):
+            read_record(path)
 
 
 def test_archives_of_several_stations_are_given_one_by_one(tmp_path, texts, wave):

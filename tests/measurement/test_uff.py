@@ -120,6 +120,8 @@ def test_without_pyuff(write, monkeypatch):
         ),
         (b"Corrected accelerogram 1994 GNS Science\n", "a.V2A", "to CSV"),
         (b"LabVIEW Measurement\t\nWriter_Version\t2\n", "a.lvm", "export it as TDMS or CSV"),
+        (b"BZh91AY&SY\0", "a.v2.bz2", "a file packed by bzip2"),
+        (b"* VOL1DS FILE:  5522/01\nInst Type = SSA-2\n", "5522-1.V1", "a BHRC accelerogram"),
         (b"%PDF-1.7\n\0", "a.pdf", "a PDF"),
         (b"\0\0\x01\x02" * 90, "a.gcf", "a Güralp file"),
         (b"Response and Fourier amplitude spectra (68 periods)\n", "a.v3", "take the .V2 file"),

@@ -50,10 +50,9 @@ def _read(path: Path) -> Recording:
             record; or a record in it cannot be read.
     """
     file = TextFile(path)
-    packed = _in_zip if read_head(path).startswith(_ZIP) else _in_tar
     try:
         with tempfile.TemporaryDirectory() as folder:
-            return _together(file, _unpacked(file, packed(file), Path(folder)))
+            return _together(file, _unpacked(file, _members(file), Path(folder)))
     except MeasurementError:
         raise
     except Exception as error:  # a damaged archive makes zipfile and tarfile raise nearly anything
@@ -61,6 +60,13 @@ def _read(path: Path) -> Recording:
             f"this is a workbook or an archive that cannot be opened ({error}); export it as CSV"
             " or unpack it"
         ) from None
+
+
+def _members(file: TextFile) -> Iterator[_Packed]:
+    head = read_head(file.path)
+    if head.startswith(_ZIP):
+        return _in_zip(file)
+    return _alone(file) if head.startswith(_GZIP) and _is_alone(file.path) else _in_tar(file)
 
 
 def _in_zip(file: TextFile) -> Iterator[_Packed]:
@@ -98,6 +104,19 @@ def _in_tar(file: TextFile) -> Iterator[_Packed]:
             taken = archive.extractfile(member) if member.isreg() else None
             if taken is not None:
                 yield _Packed(member.name, member.size, taken.read)
+
+
+def _is_alone(path: Path) -> bool:
+    """Whether gzip packed a single file, not an archive."""
+    with gzip.open(path, "rb") as stream:
+        head = stream.read(_TAR_AT + len(_TAR))
+    return not head.endswith(_TAR.encode()) and bool(head.strip(b"\0"))  # an empty tar is zeros
+
+
+def _alone(file: TextFile) -> Iterator[_Packed]:
+    with gzip.open(file.path, "rb") as stream:
+        data = _Limited(file, stream).read(FILES.archive_mb * 1_000_000 + 2 * _PADDING)
+    yield _Packed(file.path.stem, len(data), lambda: data)
 
 
 def _unpacked(file: TextFile, members: Iterator[_Packed], folder: Path) -> dict[str, Path]:
@@ -196,4 +215,4 @@ def _notes(left_out: list[str]) -> tuple[str, ...]:
     return (f"Other files of the archive that hold no histories: {len(left_out)} ({some}).",)
 
 
-READER = Reader("archive", "zip and tar archives of records", _recognises, _read)
+READER = Reader("archive", "zip, tar and gzip archives of records", _recognises, _read)

@@ -18,13 +18,16 @@ from femupdate.measurement.recording import Recording
 from femupdate.measurement.text import TextFile, read_text
 
 # 12725 acceleration pts, approx 63 secs, units=cm/sec2(04),Format=(8F10.5)
+# 20000 raw accel.   pts, approx  100 secs, units=counts (50),Format=(10I8)
 _ANNOUNCED = re.compile(
-    r"^\s*(?P<n>\d+)\s+acceleration pts,\s*approx\s+(?P<lasts>\d+)\s*secs,\s*units=\s*"
-    r"(?P<unit>[^,(]+?)\s*(?:\(\s*\d+\s*\))?\s*,\s*Format\s*=\s*\((?P<per>\d+)(?P<kind>[IFE])"
+    r"^\s*(?P<n>\d+)\s+(?:raw )?accel(?:eration|\.)\s+pts,\s*approx\s+(?P<lasts>\d+)\s*secs,"
+    r"\s*units=\s*(?P<unit>[^,(]+?)\s*(?:\(\s*\d+\s*\)|,)[\s,]*Format\s*=\s*\((?P<per>\d+)(?P<kind>[IFE])"
     r"(?P<width>\d+)",
     re.IGNORECASE,
 )
-_MENTIONED = re.compile(r"^\s*\d+\s+(acceleration|velocity|displacement) pts,", re.I | re.M)
+_MENTIONED = re.compile(
+    r"^\s*\d+\s+(raw )?(accel(eration|\.)|velocity|displacement)\s+pts,", re.I | re.M
+)
 _HEADER = re.compile(
     r"^\s*(?P<n>\d+)\s+(?P<kind>Integer|Real)-header values follow on\s+(?P<lines>\d+)\s+lines\s*,"
     r"\s*Format\s*=\s*\(\d+[IFE](?P<width>\d+)",
@@ -90,7 +93,7 @@ def _channels(file: TextFile) -> Iterator[RecordedChannel]:
                 location=location,
                 direction=along,
                 azimuth_deg=azimuth_of(along),
-                stated_peak=None if peak is None else abs(peak),
+                stated_peak=None if peak is None else abs(factor * peak),
             )
 
 

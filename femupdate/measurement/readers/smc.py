@@ -19,6 +19,7 @@ _FIRST = re.compile(
 )
 _TEXT_LINES, _INTEGER_LINES, _REAL_LINES = 11, 6, 10
 _INTEGER_WIDTH, _REAL_WIDTH = 10, 15
+_UNKNOWN = 1e38  # what is not known is written as 1.7e38
 _COUNT, _COMMENTS, _AZIMUTH, _TILT, _SAMPLING = 16, 15, 13, 12, 1  # positions in the headers
 
 
@@ -32,8 +33,8 @@ def _read(path: Path) -> Recording:
     """The one channel, with its place from the comment `<loclbl=>`.
 
     Raises:
-        MeasurementError: the file holds velocity or displacement, a header line is cut, or
-            another number of values follows than announced.
+        MeasurementError: the file holds velocity or displacement, or pairs of times and values; a
+            header line is cut, or another number of values follows than announced.
     """
     file = read_text(path)
     if "ACCELEROGRAM" not in file.lines[0].upper():
@@ -42,6 +43,11 @@ def _read(path: Path) -> Recording:
     reals = _numbers(file, _TEXT_LINES + _INTEGER_LINES, _REAL_LINES, _REAL_WIDTH)
     count = positive(file, integers[_COUNT], "the number of values", _TEXT_LINES + 2)
     rate = positive(file, reals[_SAMPLING], "the sampling rate", _TEXT_LINES + _INTEGER_LINES)
+    if rate > _UNKNOWN:
+        raise file.error(
+            "there is no sampling rate: these are raw pairs of times and values as they were"
+            " digitised; take the corrected accelerogram (volume 2)"
+        )
     comments = int(finite(integers[_COMMENTS]) or 0)
     start = _TEXT_LINES + _INTEGER_LINES + _REAL_LINES + comments
     values = block_values(file, Block(start - 1, int(count), 8, 10, ""))
