@@ -21,6 +21,7 @@ _BLOCK = 4  # vectors; a solution with all of them reads the factor from memory 
 _FIRST_LOOK = 1.4  # vectors per value wanted at the first check; none converge earlier
 _LOOKS = 20  # between two checks of the convergence the vectors grow by one in twenty
 _MEMORY = 1e9  # bytes that the vectors may take
+_USUAL = 5  # vectors per value that suffice as a rule: memory for fewer is not worth a try
 _PROBES = 4  # random combinations of the vectors, to which a new one must be orthogonal
 _LEAN = 1e-8  # inner product from which vectors are made orthogonal again: half of all digits
 _SEED = 20240
@@ -37,8 +38,9 @@ def most_vectors(size: int, count: int, width: int) -> int:
 
     Usual problems take 2 to 5 per value, and twice as many in blocks of sixteen.
     """
-    vectors = min(size - width, (6 * count + 60) * (2 if width > _BLOCK else 1))
-    return vectors if 8.0 * size * vectors <= _MEMORY else 0
+    each = 2 if width > _BLOCK else 1
+    wanted, room = min(size - width, (6 * count + 60) * each), int(_MEMORY / (8.0 * size))
+    return min(wanted, room) if room >= min(wanted, _USUAL * count * each) else 0
 
 
 def largest_of_inverse(

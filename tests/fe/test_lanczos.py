@@ -74,6 +74,7 @@ def test_what_takes_too_much_memory_is_not_tried():
     assert most_vectors(100, 20, 1) == 99
     assert most_vectors(190_000, 20, 1) == 180
     assert most_vectors(190_000, 20, 16) == 360
+    assert most_vectors(120_000, 190, 4) == 1041  # of 1200: enough as a rule
     assert most_vectors(190_000, 500, 4) == 0
     mass = csc_matrix(diags(np.ones(3)))
     assert largest_of_inverse(lambda x: x, mass, np.ones((3, 1)), 3, 1e-9) is None
