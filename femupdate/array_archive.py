@@ -40,7 +40,6 @@ def read_arrays(path: Path | str, largest_bytes: float = math.inf) -> dict[str, 
     ever made of what the file says.
 
     Args:
-        path: of the archive.
         largest_bytes: that all arrays may have together.
 
     Raises:
@@ -85,7 +84,6 @@ def check_shapes(arrays: Mapping[str, NDArray[Any]], shapes: Mapping[str, str]) 
     """Make sure that arrays are there, finite and of shapes that go together.
 
     Args:
-        arrays: by their names.
         shapes: of those that must be there, a letter an axis: axes of one letter have one length.
 
     Raises:

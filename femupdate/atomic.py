@@ -25,7 +25,6 @@ def atomic_path(path: Path | str, failure: type[FemupdateError] = StudyError) ->
 
     Args:
         path: of the file; folders that are missing are made.
-        failure: kind of error to raise.
 
     Raises:
         FemupdateError: of that kind, where the folder cannot be written or the disk is full.

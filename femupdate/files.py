@@ -13,9 +13,7 @@ def read_file(
     """Bytes of a regular file, at most `limit` of them.
 
     Args:
-        path: of the file.
         largest: size that is refused above, bytes.
-        failure: kind of error to raise.
         limit: bytes to read; all where negative, and then only is the size looked at.
 
     Raises:

@@ -15,7 +15,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from femupdate.progress import Progress
+from femupdate.progress import SILENT, Progress
 from femupdate.study import MAIN_POSTERIOR, Study
 from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.calibrate_settings import CalibrationSettings
@@ -95,16 +95,13 @@ def calibrate(
     observation: Observation,
     *,
     name: str = MAIN_POSTERIOR,
-    progress: Progress | None = None,
+    progress: Progress = SILENT,
     **settings: Any,
 ) -> CalibrationReport:
     """Draw the posterior of the stiffness factors.
 
     Args:
-        building: to calibrate.
-        observation: to calibrate it to.
         name: of the posterior in the study.
-        progress: told about the steps.
         settings: `exact`, `particles`, `chains`, `seed`, as `CalibrationSettings` has them.
 
     Raises:
@@ -122,7 +119,7 @@ def predict(
     posterior: str = MAIN_POSTERIOR,
     measured: Path | str | None = None,
     columns: Mapping[str, str] | None = None,
-    progress: Progress | None = None,
+    progress: Progress = SILENT,
     **settings: Any,
 ) -> PredictionReport:
     """Predict the response to a ground motion.
@@ -133,7 +130,6 @@ def predict(
         posterior: its name.
         measured: file with the floors measured in the same motion, to compare.
         columns: its column names, ours to the file's.
-        progress: told about the steps.
         settings: `samples`, `damping`, `seed`, ..., as `PredictionSettings` has them.
 
     Raises:
@@ -152,7 +148,7 @@ def predict(
 
 
 def diagnose(
-    building: Building, observation: Observation, *, progress: Progress | None = None
+    building: Building, observation: Observation, *, progress: Progress = SILENT
 ) -> DiagnosisReport:
     """Find where model and measurement disagree, and what is missing in the model.
 

@@ -235,11 +235,8 @@ class Study:
         """Note that `file` has been written, by what and from what.
 
         Args:
-            name: of the artefact.
             file: inside the study, or inside the folder of the chosen posterior.
-            command: that wrote it.
             made_from: hash of each thing it was made from.
-            settings: that it was made with.
         """
         written = self.result(file) if name in _OF_A_POSTERIOR else self.path(file)
         artefact = Artefact(
@@ -274,7 +271,6 @@ class Study:
         """Path of an artefact that must be there and whole.
 
         Args:
-            name: of the artefact.
             command: what the user should run when it is not.
 
         Raises:

@@ -13,8 +13,6 @@ def entry(value: Any, unit: str, meaning: str, source: str = CHOICE) -> Any:
     """A field of a frozen dataclass, whose name and meaning read as one sentence.
 
     Args:
-        value: of the threshold, a number or some of them.
-        unit: of the value.
         meaning: what is decided by it.
         source: the trial, publication or reason that it comes from.
     """

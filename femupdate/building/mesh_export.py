@@ -20,7 +20,6 @@ def export_mesh(mesh: BuildingMesh, path: str | Path) -> Path:
     `GROUPS`. Rigid links, springs and masses are not part of a mesh.
 
     Args:
-        mesh: of a building.
         path: ending in .vtu, .msh or .med.
 
     Raises:

@@ -62,8 +62,6 @@ def wall_cut(building: FrameBuilding | MeshBuilding, mesh: BuildingMesh, name: s
     """Return the cut through the foot of a wall.
 
     Args:
-        building: a frame, or one with its own mesh.
-        mesh: of it.
         name: of a frame's wall, the grid line along which it stands, the two lines between which
             it stands (they may be left out where no other wall stands on that line in that story)
             and the story: "X2:Y1-Y2:S1" or "X2:S1". Of a read mesh's wall, the group and the story.

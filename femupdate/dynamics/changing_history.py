@@ -61,7 +61,6 @@ def changing_histories(
         system: with an effect that changes in the run, and real modes.
         parameters: (S, p + q) as they are at the mean level.
         zeta: (S,) damping ratios, likewise.
-        motion: of the base.
         progress: advances by one a sample.
 
     Raises:

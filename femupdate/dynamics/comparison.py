@@ -67,9 +67,7 @@ def compare(summary: HistorySummary, alone: HistorySummary, measured: Floats) ->
     """Predictions against measured floor accelerations (f, n), NaN for floors without any.
 
     Args:
-        summary: bands and peaks of the next measurement.
         alone: of the parameters alone, whose mean is the best estimate.
-        measured: the floors.
     """
     seen = np.isfinite(measured).all(axis=1)
     mean, sd, truth = summary.acceleration_mean[seen], summary.acceleration_sd[seen], measured[seen]

@@ -128,13 +128,9 @@ def driven_system(
     """Solve the full model at one sample.
 
     Args:
-        structure: the full model.
-        placed: effects on it.
-        terms: of each.
         theta: (p,) stiffness factors.
         sizes: (q,) parameters of the effects.
         top_hz: up to where the response to every force must be right.
-        law: of the damping.
         sensors: what is observed; the floors where None.
         turns: whether the base turns of itself.
 

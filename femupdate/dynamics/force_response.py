@@ -85,8 +85,6 @@ def rest_flexibility(
     """Learn what a reduced model lacks, from the full model at factors spread over their prior.
 
     Args:
-        structure: the full model.
-        reduced: of it.
         lower, upper: (p,) prior box.
         progress: advances by one a full solution.
     """

@@ -213,7 +213,6 @@ def dynamic_modes(
         system: the structure with its effects.
         samples: parameters (S, p + q) and damping ratios (S,).
         time_step: of the record, s.
-        settings: accuracy and device.
         first: number of the first sample, for messages.
 
     Raises:

@@ -67,12 +67,9 @@ def local_structure(
     together. A stick is its own reduction and comes back as it is.
 
     Args:
-        structure: the full model.
         theta: (p,) story factors.
-        target: grid and damping.
         progress: advances by one a question.
         spread: half width of the neighbourhood in ln theta.
-        size: number of shapes.
         present: effects that the model has, and the first parameter of each, where no others need
             act; several such sets where it may have one or another; None for the catalogue.
     """
@@ -172,7 +169,6 @@ def nearby_shapes(
         equations: of the changed model.
         rows: (f, n) where its floors are observed.
         known: (n, m) modes of the model that it differs little from.
-        target: grid and damping.
     """
     factorization = factorize(equations.stiffness)
     force = equations.force[:, TRANSLATION]
@@ -208,8 +204,6 @@ class _Seen:
 
         Args:
             stiffness, mass: (b, b) of the model on the basis.
-            basis: the shapes.
-            target: grid and damping.
         """
         scale = np.sqrt(mass.diagonal())
         # Not NumPy's: the method of divide and conquer has failed on such matrices.

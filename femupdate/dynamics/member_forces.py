@@ -57,7 +57,6 @@ def cut_rows(
     Inertia inside these elements is left out.
 
     Args:
-        model, operators, theta: the structure.
         nodes: of the cut, such as those of a wall at a floor.
         point: (3,) m, such as the middle of the wall.
         kinds: of elements that count, such as ("wall",) or ("wall", "column").

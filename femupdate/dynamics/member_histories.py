@@ -164,7 +164,6 @@ def member_forces(
     that is there before.
 
     Args:
-        chosen: members and model.
         theta: (S, p) stiffness factors.
         zeta: (S,) damping ratios of all modes; None for the building's own law.
         motion: of the base, along the direction of the sensors.

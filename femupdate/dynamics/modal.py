@@ -106,7 +106,6 @@ def keep_modes(
     Args:
         omega: (N, r) rad/s.
         effect: (N, f, r) floor shape times participation factor.
-        modes: how many are kept; all where None.
         top_frequency_hz: top of the frequency grid.
     """
     if modes is None or modes >= omega.shape[1]:

@@ -69,7 +69,6 @@ def join_steps(transition: Tensor, load: Tensor, factor: int) -> tuple[Tensor, T
 
     Args:
         transition, load: as from `step_matrices`.
-        factor: number of steps.
 
     Returns:
         transition (..., 2, 2) and load (..., 2, factor + 1).

@@ -85,9 +85,7 @@ def reduce_structure(
     """Reduce a structure on which some effects, or none, act; a stick is its own reduction.
 
     Args:
-        structure: the full model.
         target: what must be met; its box holds stiffness factors, then sizes.
-        placed: the effects.
         progress: advances by one a full solution.
 
     Raises:

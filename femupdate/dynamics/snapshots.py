@@ -74,7 +74,6 @@ class FeltModes:
         """Weighted combinations (m, c) of the modes that span their responses over the grid.
 
         Args:
-            target: grid and damping.
             least: energy of a combination, of the largest, that is kept.
         """
         omega, w = self.omega[:, None], 2.0 * np.pi * target.frequency_hz[::2]

@@ -60,7 +60,6 @@ def floor_spectra(floors: Floats, base: Floats, time_step: float, damping: float
         floors: (S, f, n) absolute accelerations, m/s2, from rest.
         base: (n,) of the ground, m/s2.
         time_step: s.
-        damping: ratio of the oscillators.
     """
     top = min(_SPECTRUM_HZ[1], 0.4 / time_step)
     frequency = np.geomspace(_SPECTRUM_HZ[0], top, _SPECTRUM_POINTS)

@@ -33,7 +33,6 @@ class Statistics:
 
         Args:
             title: over the names.
-            names: of the values.
             form: of the numbers, such as ".3f".
         """
         rows = [

@@ -72,7 +72,6 @@ def superpose(
     """Find the modes that follow a base motion.
 
     Args:
-        operators: the assembled model.
         theta: (p,) stiffness factors.
         direction: as for `base_direction`.
         top_hz: all modes below this frequency are kept.
@@ -125,7 +124,6 @@ def displacement_history(
         structure: modes in the direction of the motion.
         rows: (o, n_free) shares of the displacements, such as a floor's mean, or a member's forces.
         zeta: damping ratio of all modes, or (m,) one for each.
-        motion: of the base.
 
     Returns:
         histories (o, n) in the unit of `rows` times m; from rest.

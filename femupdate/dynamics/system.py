@@ -22,7 +22,6 @@ from femupdate.dynamics.modes import Modes, normal_modes, response
 from femupdate.dynamics.reduced import ReducedModel, ReleasedBase
 from femupdate.dynamics.reduced_terms import ReducedTerms
 from femupdate.effects.effect import UNSCALED, Effect, Parameter, Placed, RunChange
-from femupdate.progress import SILENT, Progress
 
 _BATCH = 16  # responses of a hundred shapes at a few hundred frequencies stay in the cache
 _MATRICES = 2**20  # numbers in the matrices of a batch of eigenproblems
@@ -165,7 +164,6 @@ class System:
             parameters: on any device.
             zeta: (N,) damping ratios.
             frequency_hz: (k,).
-            how: see `Responses`.
         """
         chosen = how or Responses()
         low, high = (limit.to(parameters.device) for limit in self.limits())
@@ -185,7 +183,6 @@ class System:
         modes: int | None = None,
         top_frequency_hz: float | None = None,
         batch: int | None = None,
-        progress: Progress = SILENT,
     ) -> ModalData:
         """Solve the modes of every parameter vector and keep those that the floors feel.
 
@@ -197,7 +194,6 @@ class System:
             modes: how many to keep a sample; default all.
             top_frequency_hz: top of the frequency grid; needed when `modes` leaves some out.
             batch: samples solved at a time; default what is fastest.
-            progress: advances by one a sample.
 
         Returns:
             float64 data.
@@ -207,7 +203,6 @@ class System:
         for rows in parameters.to(torch.float64).split(step):
             found = self.modes(*self.split(rows))
             parts.append(keep_modes(found.omega, found.effect[:, :floors], modes, top_frequency_hz))
-            progress.advance(len(rows))
         return joined(parts)
 
     def log_frf_batches(

@@ -26,7 +26,6 @@ def bending_terms(
     """What a share of the second moments of area of some kinds of members adds, shear as it is.
 
     Args:
-        model, operators: of the building.
         kinds: of beam elements, such as "column".
     """
     bars = bars_of(model, kinds)
@@ -57,7 +56,6 @@ def rank_one_terms(
         group: (n,) story.
         columns: (n, 12).
         series: (n,) as in `Stiffness`.
-        operators: of the building.
         sign: of all products.
     """
     level = np.round(np.log1p(series), _FINE)

@@ -16,7 +16,6 @@ def membrane_terms(
     """Membrane stiffness (n_free, n_free) of the four-node shells of a kind, by story.
 
     Args:
-        model, operators: of the building.
         kind: such as "slab".
     """
     shells = model.elements_of(Shells)

@@ -336,7 +336,7 @@ def more_or_less(size: float, more: str, less: str) -> str:
     return f"{100.0 * abs(size):.3g} % {more if size > 0.0 else less}"
 
 
-def mass_terms(structure: Structure, values: Floats, constants: tuple[float, ...] = ()) -> Terms:
+def mass_terms(structure: Structure, values: Floats) -> Terms:
     """Terms of point masses (m,) kg on the structure's points."""
     points = structure.points
     matrix = csc_matrix(points.motion.T @ diags(values) @ points.motion)
@@ -344,7 +344,7 @@ def mass_terms(structure: Structure, values: Floats, constants: tuple[float, ...
     mass = AddedMass(
         matrix, points.motion.T @ force, points.rigid.T @ force, *structure.inertia_above(values)
     )
-    return Terms(mass=mass, constants=constants)
+    return Terms(mass=mass)
 
 
 def floor_port(structure: Structure, floor: int) -> Port:

@@ -34,21 +34,15 @@ def turning_floors(structure: Structure) -> Hinges:
     return Hinges(tuple(coupling[:, 1:, 1:]), tuple(inner[:, 1:, 1:]), spring)
 
 
-def turning_beams(
-    model: FiniteElementModel, operators: AffineOperators, columns: tuple[str, ...] = ("column",)
-) -> tuple[Stiffness, ...]:
+def turning_beams(model: FiniteElementModel, operators: AffineOperators) -> tuple[Stiffness, ...]:
     """Beams whose ends turn against the columns in the vertical plane, on a spring each.
 
     At unit size the spring has the E I / L of its beam, L from joint to joint; it is scaled by the
     factor of the beam's story. The rotation is condensed: k = 1 / (1 / k(0) + s L / (E I)).
-
-    Args:
-        model, operators: of the building.
-        columns: kinds of elements that beams are joined to.
     """
     beams = bars_of(model, ("beam",))
     joint = np.zeros(len(model.nodes), dtype=bool)
-    joint[bars_of(model, columns).nodes.ravel()] = True
+    joint[bars_of(model, ("column",)).nodes.ravel()] = True
     ends = joint[beams.nodes]
     rows, inner = beams.bending_ends(model.nodes)
     spring = beams.youngs_modulus * beams.inertia_y / _spans(beams, model.nodes, joint)

@@ -78,13 +78,7 @@ def check_places(structure: Structure, effects: BuildingEffects) -> None:
 
 
 def with_effect(building: Building, placed: Placed, values: Floats) -> Building:
-    """The building with one effect more.
-
-    Args:
-        building: as it is.
-        placed: the effect.
-        values: its parameters.
-    """
+    """The building with one effect more."""
     parameters = {
         p.name: float(f"{v:.6g}") for p, v in zip(placed.effect.parameters, values, strict=True)
     }

@@ -239,7 +239,6 @@ def structure_of(building: Building, mesh_size: float | None = None) -> Structur
     """Assemble a building's full model.
 
     Args:
-        building: of either kind.
         mesh_size: m; the building's own where None.
 
     Raises:

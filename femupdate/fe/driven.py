@@ -54,9 +54,7 @@ def driven_shapes(
         mass: (n, n).
         forces: (n, c).
         rows: (o, n) that observe the motion.
-        top_hz: highest frequency of interest.
         tolerance: rms change of the logarithm of the response.
-        most: largest number of shapes.
 
     Raises:
         ModelError: `most` shapes are not enough.

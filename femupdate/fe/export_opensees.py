@@ -36,7 +36,6 @@ def opensees_script(
     are in the moduli.
 
     Args:
-        model: what to rebuild.
         theta: (p,) stiffness parameters.
         name: of the building, for the heading.
         modes: how many to ask for by default.

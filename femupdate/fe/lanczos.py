@@ -59,7 +59,6 @@ def largest_of_inverse(
         solve: K^-1 times (n, b); K is symmetric and positive definite.
         mass: (n, n), positive semidefinite.
         start: (n, b) any vectors that are orthogonal to none of those wanted.
-        count: how many.
         tolerance: of the residual, relative to each eigenvalue, in the norm of M.
 
     Returns:

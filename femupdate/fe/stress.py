@@ -18,8 +18,6 @@ def element_forces(
     """Forces inside the elements of one block, (n, r), in the order of their `force_names`.
 
     Args:
-        model: whose elements they are.
-        elements: the block.
         displacement: (6N,) or (N, 6), m and rad.
         theta: (p,) stiffness parameters.
         chosen: (n,) which elements of the block; default all.

@@ -32,7 +32,6 @@ def table_of_arrays(file: TextFile, arrays: Mapping[str, Any]) -> Recording:
     shorter one counts the columns, `name_1` and so on.
 
     Args:
-        file: where they were read.
         arrays: by their names; a text called `unit` is that of all columns.
 
     Raises:

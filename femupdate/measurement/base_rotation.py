@@ -83,7 +83,6 @@ def vertical_pair(channels: Sequence[RecordedChannel], floors: Sequence[str | No
     """What vertical channels of the base inside a building could tell; empty where there are few.
 
     Args:
-        channels: of a file.
         floors: of each, or None.
     """
     inside = [

@@ -49,9 +49,6 @@ def chosen_channel(
     """Return the channel of a name (whole, before its comma, or its first word) or a number from 1.
 
     Args:
-        file: where they come from.
-        channels: of the file.
-        asked: name or number.
         listing: what there is, for the message.
 
     Raises:

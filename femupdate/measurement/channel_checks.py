@@ -15,7 +15,6 @@ def channel_findings(channel: RecordedChannel, si: float | None) -> tuple[str, .
     """Return sentences on what looks wrong in a channel.
 
     Args:
-        channel: as the file gives it.
         si: SI factor of its unit, or None where the unit is not known.
     """
     if np.ptp(channel.values) == 0.0:

@@ -77,9 +77,7 @@ def force_test(
     """The responses to forces in a table.
 
     Args:
-        table: the file's columns.
-        at: position of the frequencies.
-        columns: position of each column that is used.
+        at, columns: see `frf_table`.
         force: floor at which the force acts, where a column's name does not say it.
         unit: of the responses, where a column does not say it.
 
@@ -192,7 +190,6 @@ def forced_observations(
     """Responses to forces on a building's floors, at the file's own frequencies.
 
     Args:
-        test: as the file gives it.
         building_floors: names, bottom to top.
         band_hz: lowest and highest frequency at which the building's model is good.
         default_noise: sd of ln|H| where the file gives none.

@@ -27,10 +27,6 @@ def newtons(
     """Forces in N.
 
     Args:
-        file: they come from, for messages.
-        values: as they stand there.
-        unit: of these.
-        column: where they stand.
         what: "force" or "load".
 
     Raises:

@@ -59,7 +59,6 @@ def estimate_frf(
     table of thresholds.
 
     Args:
-        histories: accelerations of base and floors.
         frequency_hz: (m,) the building's grid, increasing.
         direction: of the motion: x, y or z.
         segment_s: length of a segment, s; by default the inverse of the grid's step, shorter
@@ -182,7 +181,6 @@ def observation_from_table(
     """Bring a table of FRFs to a frequency grid, interpolating ln|H| within the table's range.
 
     Args:
-        table: of measured FRFs.
         frequency_hz: (m,) the building's grid, increasing.
         default_noise: sd of ln|H| where the table gives none.
         half: 0 or 1 for every other independent point alone.
@@ -238,7 +236,6 @@ def observation_for(
     frequency_hz: Floats,
     *,
     direction: str = "x",
-    segment_s: float | None = None,
     default_noise: float = SPECTRUM.default_noise,
     half: int | None = None,
 ) -> Observation:
@@ -249,7 +246,6 @@ def observation_for(
         data: the file's histories or FRF table.
         frequency_hz: (m,) the building's grid, increasing.
         direction: of the motion, for histories.
-        segment_s: see `estimate_frf`.
         default_noise: see `observation_from_table`.
         half: 0 or 1 for one half of the data alone.
 
@@ -261,7 +257,7 @@ def observation_for(
     if isinstance(data, FrfTable):
         observation = observation_from_table(data, frequency_hz, default_noise, half)
     else:
-        observation = estimate_frf(data, frequency_hz, direction, segment_s, half)
+        observation = estimate_frf(data, frequency_hz, direction, half=half)
     return select_floors(observation, [f for f in building_floors if f in observation.floors])
 
 

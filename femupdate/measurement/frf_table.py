@@ -46,7 +46,6 @@ def frf_table(table: Table, at: int, columns: Mapping[FrfColumn, int]) -> FrfTab
     """Return the response functions in a table.
 
     Args:
-        table: the file's columns.
         at: position of the frequencies.
         columns: position of each column that is used.
 
@@ -80,9 +79,7 @@ def curves_of(
     """Return the curves in some columns of a table, all under one excitation.
 
     Args:
-        table: the file's columns.
-        at: position of the frequencies.
-        columns: position of each column that is used.
+        at, columns: see `frf_table`.
         values: (r,) of the table's column at a position, in SI units.
         possible: smallest and largest amplitude that a building can have.
 

@@ -18,7 +18,6 @@ def table_of_functions(recording: Recording, columns: Mapping[str, str]) -> Tabl
     """The response functions of a file that are given our names, as a table.
 
     Args:
-        recording: what the file holds.
         columns: our column name, such as `2F` or `2F/RF`, to the file's function: its number from
             1, or its points, as `point 3 +X/point 1 +X`.
 

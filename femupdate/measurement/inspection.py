@@ -253,7 +253,6 @@ def inspect_file(
     """Return what is in a measured file, in any format that is known.
 
     Args:
-        path: the file.
         unit: of the accelerations, where the file does not say it.
         columns: our column name to the file's column or channel, where the user says it; a
             channel that is turned round is shown so.

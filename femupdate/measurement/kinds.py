@@ -46,7 +46,6 @@ def read_any_kind(path: str | Path, how: Reading) -> AnyKind:
     """Read a measured file of any kind.
 
     Args:
-        path: the file.
         how: see `Reading`.
 
     Raises:

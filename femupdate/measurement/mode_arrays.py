@@ -28,7 +28,6 @@ def modes_in_arrays(file: TextFile, arrays: Mapping[str, Any]) -> tuple[Recorded
     """The modes in named arrays; none where there are no frequencies (m,) with shapes (c, m).
 
     Args:
-        file: where they were read.
         arrays: by their names; `sensors` holds names (c,), else they count from 1.
 
     Raises:

@@ -72,7 +72,6 @@ def identified_modes(
     """The modes in a file, on floors.
 
     Args:
-        recording: what the file holds.
         columns: our column name to the file's, or our floor to the file's measuring point, such
             as `{"2F": "3 +X"}`.
         direction: of the motion; components in other directions are left out.

@@ -43,7 +43,6 @@ def next_step(
     """Return what to run next on a file of histories.
 
     Args:
-        path: the file.
         histories: of it.
         names: of a table's columns, the one of times included; None of any other file.
         unit: that the user gave.

@@ -152,7 +152,6 @@ def motions_in(
     """Histories of floors at the same times, of any quantity, with or without the base.
 
     Args:
-        recording: what the file holds.
         columns: our column name to the file's column or channel.
 
     Raises:

@@ -57,7 +57,6 @@ def columns_of(
 
     Args:
         proposed: see `proposal`.
-        channels: of the file.
         names: of a table's columns, the one of times included; None of any other file.
     """
     if names is None:

@@ -42,7 +42,7 @@ def split_unit(cell: str) -> tuple[str, str | None]:
     return cell.strip(), None
 
 
-def si_factor(file: TextFile, unit: str, kind: str, line: int | None = None) -> float:
+def si_factor(file: TextFile, unit: str, kind: str) -> float:
     """Return the SI factor of a unit that a file or an option names.
 
     Raises:
@@ -51,7 +51,7 @@ def si_factor(file: TextFile, unit: str, kind: str, line: int | None = None) -> 
     try:
         return _factor(plain_unit(unit), kind)
     except UnitError as error:
-        raise file.error(str(error), line) from None
+        raise file.error(str(error)) from None
 
 
 def agreed_unit(file: TextFile, stated: str | None, asked: str | None, column: str) -> str:

@@ -35,10 +35,7 @@ def mode_animation(
     """Write one cycle of a mode of a mesh, which repeats.
 
     Args:
-        geometry: the building.
         shape: (N, 3) displacement of every node, any scale.
-        path: of the GIF.
-        title: over the picture.
         renderer: as for `mode_shape_figure`.
 
     Raises:
@@ -73,7 +70,6 @@ def stick_animation(levels: ArrayLike, shapes: ArrayLike, names: Sequence[str], 
         levels: (f,) heights, m, the base first.
         shapes: (k, f), any scale.
         names: k names.
-        path: of the GIF.
 
     Raises:
         ReportError: an array has another shape, or the file cannot be written.

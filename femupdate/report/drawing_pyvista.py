@@ -68,7 +68,6 @@ def render_marked(
     """Return a picture (h, w, 3) of a building in grey with signs on it, white around.
 
     Args:
-        geometry: the building.
         glyphs: drawn in a colour of their own.
         names: written beside the building.
         places: (f, 3) where.

@@ -86,7 +86,6 @@ def residual_map(
         columns: the b bands, or the modes.
         misfits: name of a model and its (f, b) root mean square residual over the noise; NaN where
             nothing was measured.
-        title: over the figure.
 
     Raises:
         ReportError: an array has another shape, or there is no model.
@@ -137,20 +136,13 @@ def draw_misfit(
 
 
 @styled
-def ranking(
-    effects: Sequence[Ranked],
-    needed: float,
-    verdict: str,
-    *,
-    title: str = "What could be missing",
-) -> Figure:
+def ranking(effects: Sequence[Ranked], needed: float, verdict: str) -> Figure:
     """Draw the log evidence of the leading effects over the model without them.
 
     Args:
         effects: the strongest first.
         needed: log evidence that a name needs.
         verdict: in a sentence or two, under the title.
-        title: over the figure.
 
     Raises:
         ReportError: there is no effect.
@@ -189,7 +181,7 @@ def ranking(
     panel.set_xlim(left, right)
     panel.set_xlabel("Log evidence over the model as it is (dashed: what a name needs)")
     panel.grid(axis="y", visible=False)
-    add_head(figure, title, note=verdict)
+    add_head(figure, "What could be missing", note=verdict)
     return figure
 
 

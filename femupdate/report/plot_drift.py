@@ -28,8 +28,6 @@ def story_shear_drift(
     drift: ArrayLike,
     stiffness: ArrayLike,
     stories: Sequence[str],
-    *,
-    title: str = "Story shear against story drift",
 ) -> Figure:
     """Draw shear against drift of every story, the top story first, with its mean stiffness.
 
@@ -40,7 +38,6 @@ def story_shear_drift(
         drift: (S, s, n) m.
         stiffness: (S', s) N/m of all samples: mean slope and 5 to 95 % interval.
         stories: s names, the lowest first.
-        title: over the figure.
 
     Raises:
         ReportError: an array has another shape.
@@ -67,7 +64,9 @@ def story_shear_drift(
     panels[0].xaxis.set_major_locator(MaxNLocator(5))
     shown = "1 posterior sample" if len(forces) == 1 else f"{len(forces)} posterior samples"
     mean = Line2D([], [], color=INK, linestyle="--", label="Mean stiffness [5, 95 %]")
-    add_head(figure, title, [Line2D([], [], color=BLUE, label=shown), mean])
+    add_head(
+        figure, "Story shear against story drift", [Line2D([], [], color=BLUE, label=shown), mean]
+    )
     return figure
 
 

@@ -69,7 +69,6 @@ def frf_fit(
         frequency_hz: (m,).
         floors: f names, bottom to top.
         prediction, observation: ln|H| as they say.
-        title: over the figure.
 
     Raises:
         ReportError: an array has another shape.

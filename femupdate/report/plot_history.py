@@ -35,7 +35,6 @@ def floor_history_bands(
         floors: f names, bottom to top.
         measured: (f, n) m/s2 with rows of NaN where a floor has no sensor, or None.
         window: start and end of the strong part, s; default where the top floor shakes most.
-        title: over the figure.
 
     Raises:
         ReportError: an array has another shape, or the window lies outside the record.

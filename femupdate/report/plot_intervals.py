@@ -34,7 +34,6 @@ def theta_intervals(
         sets: one to six posteriors.
         bounds: (p, 2) prior bounds.
         truth: (p,) true values, where they are known.
-        title: over the figure.
 
     Raises:
         ReportError: an array has another shape, or there are no samples or too many sets.

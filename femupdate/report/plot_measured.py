@@ -42,8 +42,6 @@ def measured_histories(lines: Sequence[MeasuredLine], title: str, unit: str) -> 
 
     Args:
         lines: of the file; the first `MOST_LINES` are drawn.
-        title: over the figure.
-        unit: of the values.
     """
     drawn = lines[:MOST_LINES]
     base = next((each for each in drawn if each.base), None)
@@ -67,8 +65,6 @@ def measured_functions(curves: Sequence[tuple[str, Floats, Any]], title: str, un
 
     Args:
         curves: label, frequencies (m,) in Hz, values (m,).
-        title: over the figure.
-        unit: of the values.
     """
     figure = new_figure(9.0, 4.0)
     axes = figure.add_subplot()
@@ -108,7 +104,6 @@ def measured_modes(modes: Sequence[MeasuredMode], title: str) -> Figure:
 
     Args:
         modes: of the file; the first `MOST_LINES` are drawn.
-        title: over the figure.
     """
     figure = new_figure(9.0, 4.0)
     axes = figure.add_subplot()

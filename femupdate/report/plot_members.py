@@ -26,7 +26,6 @@ def member_force_bands(
         time: (n,) s.
         members: of each its name, the names of its three forces (normal force, shear, moment), and
             their mean and standard deviation (3, n), N and N m; the band is two sd either way.
-        title: over the figure.
 
     Raises:
         ReportError: an array has another shape.

@@ -13,12 +13,7 @@ from femupdate.report.style import FAINT, QUIET, SERIES, styled
 
 @styled
 def stabilisation(found: AmbientModes, title: str) -> Figure:
-    """Draw poles by frequency and model order over the spectra, and the shapes beside them.
-
-    Args:
-        found: modes of a record.
-        title: over the figure.
-    """
+    """Draw poles by frequency and model order over the spectra, and the shapes beside them."""
     figure = new_figure(12.0, 5.2)
     poles, shapes = figure.subplots(1, 2, width_ratios=(2.6, 1.0))
     _draw_spectra(poles.twinx(), found)

@@ -46,8 +46,6 @@ def posterior_pairs(
     names: Sequence[str],
     bounds: ArrayLike,
     truth: ArrayLike | None = None,
-    *,
-    title: str = "Posterior of the stiffness factors",
 ) -> Figure:
     """Draw each parameter on the diagonal, pairs below it, correlations above.
 
@@ -58,7 +56,6 @@ def posterior_pairs(
         names: p names.
         bounds: (p, 2) prior bounds.
         truth: (p,) true values, where they are known.
-        title: over the figure.
 
     Raises:
         ReportError: an array has another shape, or there are no samples or too many sets.
@@ -89,7 +86,7 @@ def posterior_pairs(
     note = "Contours hold 50 and 90 %; on the diagonal mean ± sd; above it correlations"
     if size < total:
         note = f"The {size} of {total} with the strongest correlations. {note}"
-    add_head(figure, title, note=note if size > 1 else "")
+    add_head(figure, "Posterior of the stiffness factors", note=note if size > 1 else "")
     return figure
 
 

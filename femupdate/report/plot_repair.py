@@ -93,7 +93,6 @@ def gap_story(story: GapStory, renderer: Renderer = "auto") -> Figure:
     """Draw residuals before and after, what was added between them, FRFs, factors, held-out data.
 
     Args:
-        story: what to tell.
         renderer: of the building, as for `mode_shape_figure`.
     """
     curves = story.curves

@@ -26,7 +26,6 @@ def floor_spectra_bands(
         mean, sd: (f, k) over the posterior samples, m/s2; the band is two sd either way.
         floors: f names, bottom to top.
         base: (k,) spectrum of the ground motion, m/s2.
-        title: over the figure.
 
     Raises:
         ReportError: an array has another shape.

@@ -36,7 +36,6 @@ def stick_mode_shapes(
         frequency_sd: (k,) Hz, or None.
         floors: f names, the base first, or None.
         numbers: k numbers of the modes; from 1 where None.
-        title: over the figure.
 
     Raises:
         ReportError: an array has another shape.

@@ -42,10 +42,8 @@ def mode_shape_figure(
     PyVista renders it off screen; where that is not possible matplotlib draws the same.
 
     Args:
-        geometry: the building.
         shape_mean: (N, 3) displacement of every node, any scale.
         shape_sd: (N,) standard deviation of the displacement, in the scale of the mean, or None.
-        title: over the picture.
         renderer: "auto", or one of the two by name.
 
     Raises:

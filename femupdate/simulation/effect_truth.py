@@ -96,9 +96,7 @@ def fine_model(
     """Mesh and assemble a building.
 
     Args:
-        building: of either kind.
         mesh_size: m; two fifths of the building's own where None.
-        sensors: as for `sensor_model`.
 
     Raises:
         BuildingError, ModelError: as `sensor_model`.
@@ -123,10 +121,8 @@ def effect_truth(
     """Put effects into the full model of a building.
 
     Args:
-        fine: the full model.
         theta: (p,) stiffness factors.
         effects: each at its place, with all its parameters.
-        law: of the damping.
         top_hz: up to where the response to every force must be right.
         turns: whether the base turns of itself.
 

@@ -14,8 +14,6 @@ def parse_effect(
     """An effect and its parameters from its label, such as "added_mass@3F".
 
     Args:
-        building: where it is.
-        label: its name and place.
         values: its first parameters; the others are neutral.
 
     Raises:

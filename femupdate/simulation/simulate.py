@@ -28,7 +28,7 @@ from femupdate.measurement.columns import BASE, Channel, channel_name, vertical_
 from femupdate.measurement.observation_file import Histories
 from femupdate.measurement.record import GroundMotion
 from femupdate.measurement.write import write_observation_histories
-from femupdate.progress import Progress, Silent
+from femupdate.progress import SILENT, Progress
 from femupdate.simulation.effect_truth import effect_truth, fine_model
 from femupdate.simulation.full_model import SensorModel, sensor_model
 from femupdate.simulation.hidden_effect import parse_effect
@@ -57,14 +57,9 @@ _EXCITED = 0.01  # share of the mass from which a mode is worth naming
 def simulate_observation(
     building: Building,
     settings: SimulationSettings | None = None,
-    progress: Progress | None = None,
+    progress: Progress = SILENT,
 ) -> Simulation:
     """Simulate what accelerometers in a building record.
-
-    Args:
-        building: of either kind.
-        settings: what is simulated.
-        progress: told about the steps.
 
     Raises:
         BuildingError: a sensor point, mesh size or damping ratio does not fit the building.
@@ -72,14 +67,13 @@ def simulate_observation(
         ModelError: theta does not fit, or the structure is a mechanism.
     """
     chosen = settings or SimulationSettings()
-    show = progress or Silent()
     _check_settings(chosen)
     streams = np.random.default_rng(chosen.seed).spawn(4)
     theta = _theta(building, chosen.theta, streams[0])
     zeta = _zeta(building, chosen.zeta)
     motion = _with_rotation(building, chosen, _base_motion(chosen, streams[1]), streams[3])
     effects = tuple(parse_effect(building, name, own) for name, own in chosen.effects)
-    seen, exact = _motion(building, chosen, theta, zeta, effects, motion, show)
+    seen, exact = _motion(building, chosen, theta, zeta, effects, motion, progress)
     base = Channel(channel_name(BASE, direction=seen.direction), BASE, "", seen.direction)
     vertical = _vertical(chosen, motion)
     exact = np.vstack([motion.acceleration, exact, *vertical.values()])
@@ -102,7 +96,6 @@ def write_simulation(
     """Write the observation file and, beside it, its truth as `<name>.truth.json`.
 
     Args:
-        simulation: what to write.
         path: of the CSV file.
         comments: lines to add to the label at its top.
 

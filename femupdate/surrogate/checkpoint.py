@@ -45,8 +45,6 @@ def save_checkpoint(run: TrainingRun, path: Path, fingerprint: str) -> None:
     """Write a training, atomically.
 
     Args:
-        run: the training.
-        path: of the file.
         fingerprint: settings that a training must share to resume from it.
 
     Raises:

@@ -77,7 +77,6 @@ def compute_dataset(
     Args:
         system: the reduced model with its effects, if any.
         box: of the parameters, filled evenly.
-        plan: what to compute.
         folder: of the shards; made where it is missing.
         progress: advances by one for each sample.
 
@@ -134,22 +133,15 @@ def sample_zeta(count: int, bounds: tuple[float, float], generator: torch.Genera
 
 
 def log_frf_pool(
-    dataset: ModalDataset,
-    frequency_hz: Tensor,
-    system: System,
-    zeta: Tensor,
-    progress: Progress = SILENT,
-    batch: int | None = None,
+    dataset: ModalDataset, frequency_hz: Tensor, system: System, zeta: Tensor
 ) -> Tensor:
     """ln|H| of all samples, (N, f, k), as float16: its rounding, .002, is far below the noise."""
     modal = dataset.modal
     pool = torch.empty(len(dataset), modal.effect.shape[1], len(frequency_hz), dtype=torch.float16)
-    parts = system.log_frf_batches(modal, dataset.theta, zeta, frequency_hz, batch=batch)
     start = 0
-    for part in parts:
+    for part in system.log_frf_batches(modal, dataset.theta, zeta, frequency_hz):
         pool[start : start + len(part)] = part.to(torch.float16)
         start += len(part)
-        progress.advance(len(part))
     return pool
 
 

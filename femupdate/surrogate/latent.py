@@ -38,7 +38,6 @@ class LatentQuadratics:
     Args:
         observed: q(z|x).
         covariance: D (z, z); one on the diagonal where theta gives no information.
-        device: where to evaluate.
     """
 
     def __init__(

@@ -19,16 +19,13 @@ class Soap(torch.optim.Optimizer):
     Args:
         groups: of parameters, as for any optimiser; those with `rotate` hold matrices alone.
         lr: learning rate.
-        weight_decay: of groups that state none.
     """
 
-    def __init__(
-        self, groups: list[dict[str, Any]], lr: float = 1e-3, weight_decay: float = 0.0
-    ) -> None:
+    def __init__(self, groups: list[dict[str, Any]], lr: float = 1e-3) -> None:
         defaults = {
             "lr": lr,
             "betas": (0.9, 0.999),
-            "weight_decay": weight_decay,
+            "weight_decay": 0.0,
             "rotate": False,
             "shape_beta": 0.95,
             "every": 10,

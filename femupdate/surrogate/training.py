@@ -186,7 +186,6 @@ def watched_training(
     """Train as `train_mvae` does on some of the samples, and yield after each step.
 
     Args:
-        task: what is learned.
         settings: of the training; no samples are held out.
         rows: of the data set.
 

@@ -56,9 +56,7 @@ def level_settings(
     """What a posterior keeps of the level that its stiffness factors hold at.
 
     Args:
-        model: of the study.
         placed: its effects; nothing is kept where none of them depends on a level.
-        source: the data of the posterior.
         span: levels of the records from which the effect was found, doublings above the first.
     """
     if not (changes_with_level(placed) or any(changes_in_run(one.effect) for one in placed)):
@@ -119,7 +117,6 @@ def at_own_level(
     Args:
         system: the structure with effects.
         draws: theta (S, p), zeta (S,) and sizes (S, q) of the effects.
-        motion: of the base.
         settings: of the posterior, with the level that theta holds at; without it all stays.
         keep_damping: leave the damping ratios as they are.
         progress: advances by one a draw.
@@ -215,15 +212,3 @@ def _note(level: Floats, stiffness: Floats, damping: Floats, span: list[float] |
             "that show this change."
         )
     return text
-
-
-__all__ = [
-    "UNFOLLOWED",
-    "AtOwnLevel",
-    "at_own_level",
-    "changes_with_level",
-    "changing_note",
-    "level_settings",
-    "mean_level",
-    "own_level",
-]

@@ -16,7 +16,7 @@ from femupdate.effects.structure import Structure, structure_of
 from femupdate.errors import StudyError
 from femupdate.fe.assembly import AffineOperators
 from femupdate.fe.export_opensees import opensees_script
-from femupdate.progress import Progress, Silent
+from femupdate.progress import SILENT, Progress
 from femupdate.study import BUILDING_FILE, Study, atomic_path, write_text
 from femupdate.tables import table
 from femupdate.workflow.model import (
@@ -130,7 +130,7 @@ class MeshedFrame:
 
 
 def build_study(
-    study: Study, building: str | None = None, progress: Progress | None = None
+    study: Study, building: str | None = None, progress: Progress = SILENT
 ) -> BuildReport:
     """Build the model of a building into a study.
 
@@ -138,7 +138,6 @@ def build_study(
         BuildingError, ModelError: the building cannot be read or cannot stand.
         StudyError: the study holds a posterior of another building, or cannot be written.
     """
-    show = progress or Silent()
     # Without a name a study keeps its own building: the default never replaces it.
     chosen = load_building(building) if building else choose_building(study, None)
     _refuse_other(study, chosen)
@@ -147,7 +146,7 @@ def build_study(
     structure = structure_of(chosen)
     parts = MeshedFrame.of(structure)
     modes = mesh_modes(structure)
-    reduction = reduce_building(chosen, structure, show)
+    reduction = reduce_building(chosen, structure, progress)
     model = keep_model(study, chosen, KeptReduction.of(reduction))
     keep_modes(study, model, modes)
     write_mesh(parts, study.path("mesh.vtu"), modes)

@@ -8,7 +8,7 @@ from dataclasses import replace
 from femupdate import __version__
 from femupdate.inference.diagnostics import r_hat
 from femupdate.inference.posterior import save_posterior
-from femupdate.progress import Progress, Silent
+from femupdate.progress import SILENT, Progress
 from femupdate.seeds import Seed, spawn
 from femupdate.study import Study
 from femupdate.workflow.calibrate_draws import (
@@ -38,7 +38,7 @@ def calibrate_study(
     model: StudyModel,
     source: ObservationSource,
     settings: CalibrationSettings | None = None,
-    progress: Progress | None = None,
+    progress: Progress = SILENT,
 ) -> CalibrationReport:
     """Draw the posterior for an observation file; store it.
 
@@ -48,18 +48,18 @@ def calibrate_study(
         InferenceError: the sampler cannot go on.
     """
     started = time.monotonic()
-    show, settings = progress or Silent(), settings or CalibrationSettings()
-    model = with_finer_mesh(study, model, show)
-    measured = read_measured_of(study, model, source, show, settings.exact)
+    settings = settings or CalibrationSettings()
+    model = with_finer_mesh(study, model, progress)
+    measured = read_measured_of(study, model, source, progress, settings.exact)
     if model.building.effects and (settings.exact or measured.others):
         from femupdate.workflow.calibrate_effects import calibrate_with_effects
 
-        return calibrate_with_effects(study, model, (source, measured), settings, show)
+        return calibrate_with_effects(study, model, (source, measured), settings, progress)
     if model.building.effects:
         from femupdate.workflow.effect_surrogate import with_effects
 
         require_surrogate(study, model.building)
-        model = with_effects(study, model, show)
+        model = with_effects(study, model, progress)
     # Surrogates know FRFs under a base that translates.
     settings = replace(settings, exact=settings.exact or measured.beyond_surrogates)
     sampling, *drawing = spawn(settings.seed, 5)
@@ -70,7 +70,7 @@ def calibrate_study(
         settings.particles,
         settings.chains,
         sampling,
-        show,
+        progress,
         study.result("sampling"),
         json.dumps([origin, settled, _judged(study, measured)], sort_keys=True),
     )

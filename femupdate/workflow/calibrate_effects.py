@@ -16,7 +16,7 @@ from femupdate.discrepancy.search import prepared, refined
 from femupdate.effects.listed import building_effects
 from femupdate.inference.posterior import save_posterior
 from femupdate.inference.predictive_check import PredictiveCheck, predictive_check
-from femupdate.progress import Progress, Silent
+from femupdate.progress import SILENT, Progress
 from femupdate.study import Study
 from femupdate.workflow.amplitude import changes_with_level, level_settings
 from femupdate.workflow.calibrate_settings import CalibrationSettings
@@ -38,33 +38,29 @@ def calibrate_with_effects(
     model: StudyModel,
     given: tuple[ObservationSource, Measured],
     settings: CalibrationSettings,
-    progress: Progress | None = None,
+    progress: Progress = SILENT,
 ) -> CalibrationReport:
     """Draw the posterior of stiffness factors and effects of a building that lists effects.
 
     Args:
-        study: of the building.
-        model: of the study.
         given: the files, and what they hold.
-        settings: of the calibration.
-        progress: told about the steps.
 
     Raises:
         MeasurementError: the observation cannot be used.
         BuildingError: an effect cannot be.
     """
-    show, started = progress or Silent(), time.monotonic()
+    started = time.monotonic()
     source, measured = given
     observation = measured.as_observation
-    finder = finder_model(study, model, show)
+    finder = finder_model(study, model, progress)
     data = _data(model, source, measured, finder.mesh)
-    problem, fitted = prepared(finder, data, None, show)
-    problem, fitted = refined(finder, problem, fitted, show, alone=True)
+    problem, fitted = prepared(finder, data, None, progress)
+    problem, fitted = refined(finder, problem, fitted, progress, alone=True)
     if problem.reduced.structure.operators is not None:
         keep_basis(study, problem.reduced, model.building)
-    show.start("Drawing the posterior", 1)
+    progress.start("Drawing the posterior", 1)
     draws = draw(problem, fitted, settings.particles, settings.seed)
-    show.advance()
+    progress.advance()
     kept = level_settings(model, fitted.placed, source)
     posterior = effect_posterior(model, observation, draws, kept)
     path = study.result("posterior.nc")
@@ -155,6 +151,3 @@ def _notes(problem: Problem, fitted: Fit, effective: float, count: int) -> tuple
     if effective < 100:
         notes.append("Few proposals count: the posterior is not of one piece; trust it little.")
     return tuple(notes)
-
-
-__all__ = ["calibrate_with_effects"]

@@ -225,7 +225,7 @@ def _by_particles(problem: _Problem, latent: LatentLikelihood | None, run: Chain
     return Sampled(
         draws,
         prior,
-        by_importance("importance sampling", results)
+        by_importance(results)
         if refined
         else by_runs("exact", "tempered particles", draws, evidence=True),
         cost_notes(results, starts, base is not None),

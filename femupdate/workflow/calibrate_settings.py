@@ -78,13 +78,13 @@ def by_runs(
     )
 
 
-def by_importance(way: str, results: list[BridgeResult]) -> DrawnBy:
+def by_importance(results: list[BridgeResult]) -> DrawnBy:
     """What importance samples about the particles of runs apart say."""
     known = np.array([result.log_evidence for result in results])
     errors = np.array([result.log_evidence_error for result in results])
     return DrawnBy(
         likelihood="exact",
-        way=way,
+        way="importance sampling",
         chains=len(results),
         evaluations=sum(result.evaluations for result in results),
         effective_sample_size=sum(result.effective for result in results),

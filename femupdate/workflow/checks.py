@@ -8,7 +8,7 @@ from typing import Any
 from femupdate.building.files import mechanics_hash
 from femupdate.errors import InferenceError
 from femupdate.inference.encoder_input import encoder_input
-from femupdate.progress import Progress
+from femupdate.progress import SILENT, Progress
 from femupdate.study import BUILDING_FILE, Study
 from femupdate.surrogate.storage import load_surrogate
 from femupdate.surrogate.training import TrainingSettings
@@ -31,9 +31,6 @@ def check_calibration(
     """Read and compare all that a calibration needs, and write nothing.
 
     Args:
-        study: the folder.
-        source: the observation.
-        settings: of the calibration.
         building: name or path, for a new study.
 
     Raises:
@@ -61,7 +58,6 @@ def readable(reading: Mapping[str, Any], path: Path, *further: Path) -> Observat
 
     Args:
         reading: fields of `ObservationSource` that say how to read the files.
-        path, further: the files.
 
     Raises:
         MeasurementError: a file cannot be used.
@@ -81,10 +77,6 @@ def check_training(
     """Tell what can be told of a training before anything is built or written.
 
     Args:
-        study: the folder.
-        samples: size of the data set.
-        batch: samples a step.
-        start: weights to start from.
         building: name or path, for a new study.
 
     Raises:
@@ -118,7 +110,7 @@ def check_device(name: str) -> None:
         ) from error
 
 
-def open_calibrated(study: Study, progress: Progress | None = None) -> StudyModel:
+def open_calibrated(study: Study, progress: Progress = SILENT) -> StudyModel:
     """Return the model of a study that has a posterior of just this model.
 
     Raises:

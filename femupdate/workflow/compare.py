@@ -182,7 +182,6 @@ def open_state(study: Study, name: str = "") -> State:
     """The chosen posterior of a study.
 
     Args:
-        study: the folder.
         name: what to call it; default the folder.
 
     Raises:

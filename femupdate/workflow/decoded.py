@@ -44,13 +44,8 @@ def sample_decoded(
     """Draw theta, and the damping ratio behind it where it is unknown.
 
     Args:
-        surrogate: of the building.
-        model: the building.
         observation: on the building's grid.
         draws: states to keep, at least.
-        seed: of everything random.
-        settings: see `DecodedSettings`.
-        device: where to evaluate.
         progress: advances by 100 a stage.
     """
     info = surrogate.info
@@ -84,9 +79,7 @@ def sample_annealed(
 
     Args:
         prior: of the parameters, with the damping ratio last where it is unknown.
-        target: data-space likelihood.
         run: says how many draws in how many groups.
-        latent: posterior of the same data.
     """
     settings, show, seed = in_groups(run.chains, _ROWS), run.show, run.stage(BRIDGE)
     base = None if latent is None else latent.likelihood

@@ -7,7 +7,7 @@ from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any
 
-from femupdate.progress import Progress, Silent
+from femupdate.progress import SILENT, Progress
 from femupdate.study import Study
 from femupdate.tables import table
 from femupdate.workflow.build import BuildReport, build_study
@@ -90,30 +90,29 @@ class DemoReport:
         )
 
 
-def run_demo(study: Study, seed: int = 0, progress: Progress | None = None) -> DemoReport:
+def run_demo(study: Study, seed: int = 0, progress: Progress = SILENT) -> DemoReport:
     """Build, calibrate with all floors and with the roof alone, predict, render."""
-    show = progress or Silent()
     started = time.monotonic()
     examples = files("femupdate.examples")
-    show.say("1/5 The six-story building: mesh, modes, reduced model")
-    built = build_study(study, DEFAULT_BUILDING, show)
+    progress.say("1/5 The six-story building: mesh, modes, reduced model")
+    built = build_study(study, DEFAULT_BUILDING, progress)
     with (
         as_file(examples / _OBSERVATION) as observation,
         as_file(examples / _RECORD) as record,
     ):
-        show.say("2/5 Posterior from the roof alone (Case 2)")
+        progress.say("2/5 Posterior from the roof alone (Case 2)")
         settings = CalibrationSettings(seed=seed)
         source = ObservationSource(observation, sensors=("RF",))
-        roof = calibrate_study(Study(study.folder, _ROOF), built.model, source, settings, show)
-        show.say("3/5 Posterior from all six floors (Case 1)")
+        roof = calibrate_study(Study(study.folder, _ROOF), built.model, source, settings, progress)
+        progress.say("3/5 Posterior from all six floors (Case 1)")
         source = ObservationSource(observation)
-        everything = calibrate_study(study, built.model, source, settings, show)
-        show.say("4/5 Response to a tenth of the 2019 Ridgecrest record")
+        everything = calibrate_study(study, built.model, source, settings, progress)
+        progress.say("4/5 Response to a tenth of the 2019 Ridgecrest record")
         predicted = predict_study(
-            study, built.model, RecordSource(record, scale=_SCALE), progress=show
+            study, built.model, RecordSource(record, scale=_SCALE), progress=progress
         )
-    show.say("5/5 Mode shapes of the posterior")
-    rendered = render_study(study, built.model, progress=show)
+    progress.say("5/5 Mode shapes of the posterior")
+    rendered = render_study(study, built.model, progress=progress)
     truth = tuple(json.loads((examples / _TRUTH).read_text(encoding="utf-8"))["theta"])
     return DemoReport(
         folder=study.folder,
@@ -127,9 +126,7 @@ def run_demo(study: Study, seed: int = 0, progress: Progress | None = None) -> D
     )
 
 
-def draw_demo(
-    study: Study, report: DemoReport, progress: Progress | None = None
-) -> tuple[Path, ...]:
+def draw_demo(study: Study, report: DemoReport, progress: Progress = SILENT) -> tuple[Path, ...]:
     """Draw model, posteriors and prediction; the modes are drawn already."""
     cases = {"roof alone": report.roof_alone, "all six floors": report.all_floors}
     return (

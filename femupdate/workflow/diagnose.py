@@ -18,7 +18,7 @@ from femupdate.discrepancy.thresholds import DiagnosisSettings
 from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.effects.registry import CATALOGUE
 from femupdate.measurement.observation import Observation
-from femupdate.progress import Progress, Silent
+from femupdate.progress import SILENT, Progress
 from femupdate.study import Study, write_text
 from femupdate.tables import table
 from femupdate.workflow.finder_data import read_given
@@ -115,7 +115,7 @@ def diagnose_study(
     model: StudyModel,
     source: ObservationSource,
     settings: DiagnosisSettings | None = None,
-    progress: Progress | None = None,
+    progress: Progress = SILENT,
     use_phase: bool = True,
     second: ObservationSource | None = None,
 ) -> DiagnosisReport:
@@ -123,10 +123,6 @@ def diagnose_study(
 
     Args:
         study: where the JSON file goes.
-        model: of the study.
-        source: the data.
-        settings: of the diagnosis.
-        progress: told about the steps.
         use_phase: compare phases where they were measured.
         second: another record at another level, to be explained together with the first.
 
@@ -134,14 +130,14 @@ def diagnose_study(
         MeasurementError: the observation cannot be used.
         BuildingError: an effect of the building's file cannot be.
     """
-    show, started = progress or Silent(), time.monotonic()
+    started = time.monotonic()
     chosen = settings or DiagnosisSettings()
-    given = read_given(study, model, source, second, show)
-    finder = finder_model(study, model, show)
+    given = read_given(study, model, source, second, progress)
+    finder = finder_model(study, model, progress)
     data = given.data(model, finder.mesh, use_phase)
-    problem, base = prepared(finder, data, chosen, show)
-    show.start("Looking for what is missing", 4)
-    problem, base, found = sought(finder, problem, base, chosen, show)
+    problem, base = prepared(finder, data, chosen, progress)
+    progress.start("Looking for what is missing", 4)
+    problem, base, found = sought(finder, problem, base, chosen, progress)
     report = DiagnosisReport(
         diagnosis=found,
         problem=problem,
@@ -178,7 +174,7 @@ def _turns(data: Sequence[Data]) -> tuple[str, ...]:
     return (f"The base's rotation was measured and is an input, so {names} are not looked for.",)
 
 
-def finder_model(study: Study, model: StudyModel, progress: Progress | None = None) -> FinderModel:
+def finder_model(study: Study, model: StudyModel, progress: Progress = SILENT) -> FinderModel:
     """Open what serves every observation; the error of a mesh is learned when first needed."""
     model = with_finer_mesh(study, model, progress)
     building, plain = model.building, plain_structure(model.building, model.reduced)

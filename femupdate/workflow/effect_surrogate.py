@@ -17,7 +17,7 @@ from femupdate.effects.structure import Structure
 from femupdate.errors import SurrogateError
 from femupdate.inference.parameters import Parameters
 from femupdate.inference.priors import effect_parameters, reduction_target
-from femupdate.progress import Progress, Silent
+from femupdate.progress import SILENT, Progress
 from femupdate.study import Study
 from femupdate.workflow.effects import open_structure, read_basis
 from femupdate.workflow.mesh_error import kept_mesh_error, open_mesh_error
@@ -47,7 +47,7 @@ def check_amortisable(building: Building) -> None:
             )
 
 
-def with_effects(study: Study, model: StudyModel, progress: Progress | None = None) -> StudyModel:
+def with_effects(study: Study, model: StudyModel, progress: Progress = SILENT) -> StudyModel:
     """A study's model with the effects that its building lists and a prior of their sizes.
 
     Raises:
@@ -69,11 +69,11 @@ def with_effects(study: Study, model: StudyModel, progress: Progress | None = No
     return replace(model, system=system, shared=shared, prior=prior)
 
 
-def open_system(study: Study, model: StudyModel, progress: Progress | None = None) -> System:
+def open_system(study: Study, model: StudyModel) -> System:
     """The study's reduced model with the effects that its building lists, if any."""
     if len(model.building.effects) == len(model.system.placed):
         return model.system
-    reduced = kept_structure(study, model) or open_structure(study, model.building, progress)
+    reduced = kept_structure(study, model) or open_structure(study, model.building)
     mesh = kept_mesh_error(study, model.building)
     if mesh is not None:
         reduced = corrected(reduced, mesh)
@@ -91,8 +91,6 @@ def kept_structure(
     """A frame on the basis that its surrogate was made with, or None where there is none.
 
     Args:
-        study: that keeps it.
-        model: of the study.
         structure: the full model, if it is at hand.
     """
     kept = study.find(BASIS, model.made_from())
@@ -107,7 +105,7 @@ def _reduced(
     model: StudyModel,
     structure: Structure,
     acting: tuple[tuple[Placed, ...], Parameters],
-    progress: Progress | None,
+    progress: Progress,
 ) -> ReducedStructure:
     """The structure on a basis for the prior's whole box; that of a frame is made once and kept."""
     placed, prior = acting
@@ -116,7 +114,7 @@ def _reduced(
         return kept
     lower, upper = prior.lower.numpy(), prior.upper.numpy()
     target = replace(reduction_target(model.building), lower=lower, upper=upper)
-    found = reduce_structure(structure, target, placed, progress or Silent())
+    found = reduce_structure(structure, target, placed, progress)
     if structure.is_stick:
         return found.reduced
     path = study.path(_FILE)

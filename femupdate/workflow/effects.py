@@ -21,7 +21,7 @@ from femupdate.effects.effect import Placed
 from femupdate.effects.listed import building_effects
 from femupdate.effects.structure import Structure
 from femupdate.inference.priors import reduction_target
-from femupdate.progress import Progress, Silent
+from femupdate.progress import SILENT, Progress
 from femupdate.study import Study, damaged
 
 BASIS = "effect basis"
@@ -29,7 +29,7 @@ _FILE = "effect_basis.npz"
 
 
 def open_structure(
-    study: Study, building: Building, progress: Progress | None = None
+    study: Study, building: Building, progress: Progress = SILENT
 ) -> ReducedStructure:
     """The reduced structure of a study's building, on the basis that the study keeps.
 
@@ -44,7 +44,7 @@ def open_structure(
         return reduced_on(structure, read_basis(kept, structure))
     placed = building_effects(building).placed
     target = with_size_ranges(reduction_target(building), placed)
-    reduced = reduce_structure(structure, target, placed, progress or Silent()).reduced
+    reduced = reduce_structure(structure, target, placed, progress).reduced
     keep_basis(study, reduced, building)
     return reduced
 

@@ -50,7 +50,6 @@ class Given:
         """The same as the finder judges it, one entry a kind.
 
         Args:
-            model: of the study.
             mesh: error of the mesh, where it is known.
             use_phase: compare phases where they were measured.
 

@@ -131,6 +131,3 @@ def _terms(data: Mapping[str, NDArray[Any]], count: int) -> tuple[ReducedTerms, 
         whole = torch.from_numpy(matrix.astype(np.float64))
         parts[owner].append(ReducedStiffness(int(story), whole, float(series)))
     return tuple(ReducedTerms(stiffness=tuple(one)) for one in parts)
-
-
-__all__ = ["FINER", "FinerMesh", "half_mesh_size", "keep_finer", "kept_finer"]

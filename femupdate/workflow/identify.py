@@ -84,7 +84,6 @@ def identify(
     """Identify the modes of a record of floors and write them as a table.
 
     Args:
-        path: of the record.
         output: CSV file.
         columns: our column name to the file's column or channel.
         band_hz: in which modes are looked for; by default about the first peaks of the spectra.

@@ -198,8 +198,6 @@ def check_explicable(
     """Refuse to calibrate a building that lists effects by what no surrogate knows.
 
     Args:
-        building: with or without effects.
-        source, measured: the data.
         exact: whether the data-space likelihood is asked for.
 
     Raises:

@@ -16,7 +16,7 @@ from femupdate.dynamics.finer_mesh import on_finer_mesh, on_nodes_of
 from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.effects.structure import Structure, structure_of
 from femupdate.inference.priors import reduction_target, theta_prior
-from femupdate.progress import Progress, Silent
+from femupdate.progress import SILENT, Progress
 from femupdate.study import Study, damaged, write_text
 from femupdate.workflow.effects import finder_origin
 from femupdate.workflow.finer_mesh import FinerMesh, half_mesh_size, keep_finer
@@ -26,25 +26,16 @@ MESH_ERROR = "mesh error"
 _FILE = "mesh_error.json"
 
 
-def with_finer_mesh(
-    study: Study, model: StudyModel, progress: Progress | None = None
-) -> StudyModel:
+def with_finer_mesh(study: Study, model: StudyModel, progress: Progress = SILENT) -> StudyModel:
     """The model of a frame on a mesh twice as fine, which is made once and kept.
 
     A stick comes back as it is, as does a mesh that was read.
-
-    Args:
-        study: that keeps it.
-        model: of the study.
-        progress: told about the steps.
     """
     plain, model = without_effects(model.building), on_kept_finer(study, model)
     if not isinstance(plain, FrameBuilding) or model.finer is not None:
         return model
     coarse, fine = structure_of(plain), structure_of(plain, half_mesh_size(plain))
-    found = on_finer_mesh(
-        coarse, model.reduced, fine, reduction_target(plain), progress or Silent()
-    )
+    found = on_finer_mesh(coarse, model.reduced, fine, reduction_target(plain), progress)
     own = on_nodes_of(coarse, found)
     keep_finer(study, plain, _learned(model, plain, replace(found, model=own)))
     return on_kept_finer(study, model)
@@ -59,17 +50,14 @@ def _learned(model: StudyModel, building: FrameBuilding, fine: ReducedStructure)
 
 
 def open_mesh_error(
-    study: Study, model: StudyModel, structure: Structure, progress: Progress | None = None
+    study: Study, model: StudyModel, structure: Structure, progress: Progress = SILENT
 ) -> MeshError | None:
     """The error of the finder's mesh; None for what is not meshed here.
 
     Without one in the study it is learned from the finer mesh that calibrations use, and kept.
 
     Args:
-        study: that keeps it.
-        model: of the study.
         structure: the full model on the finder's mesh.
-        progress: told about the steps.
     """
     plain = without_effects(model.building)
     if not isinstance(plain, FrameBuilding):
@@ -83,7 +71,7 @@ def open_mesh_error(
     known = dict(zip(finer.error.labels, finer.terms, strict=True))
     fine = ReducedStructure(structure, finer.model, np.zeros((len(structure.axis), 0)), known)
     own = on_finer_mesh(
-        structure_of(plain), model.reduced, structure, reduction_target(plain), progress or Silent()
+        structure_of(plain), model.reduced, structure, reduction_target(plain), progress
     )
     grid = plain.frequency_grid.frequencies_hz()
     found = learn_mesh_error(own.model, fine, _thetas(plain), grid).of_mesh(THRESHOLDS.finer)
@@ -121,12 +109,3 @@ def _thetas(building: Building) -> Floats:
     )
     unit = qmc.Sobol(len(low), seed=np.random.default_rng(4)).random(THRESHOLDS.thetas)
     return np.asarray(np.exp(low + (high - low) * unit))
-
-
-__all__ = [
-    "MESH_ERROR",
-    "keep_mesh_error",
-    "kept_mesh_error",
-    "open_mesh_error",
-    "with_finer_mesh",
-]

@@ -114,17 +114,15 @@ class KeptReduction:
 
 
 def open_study(
-    study: Study, building: str | None = None, progress: Progress | None = None
+    study: Study, building: str | None = None, progress: Progress = SILENT
 ) -> StudyModel:
     """Return the model of a study; build it first where the study does not hold it yet.
 
     A frame is on the finer mesh from its first calibration on, and so is all that follows.
 
     Args:
-        study: the folder.
         building: name or path of a building; default the study's own, or the six-story building
             for an empty study.
-        progress: told about the reduction.
 
     Raises:
         StudyError: the study is of another building.
@@ -164,11 +162,11 @@ def keep_model(study: Study, building: Building, reduced: KeptReduction) -> Stud
 
 
 def reduce_building(
-    building: Building, structure: Structure | None = None, progress: Progress | None = None
+    building: Building, structure: Structure | None = None, progress: Progress = SILENT
 ) -> Reduction:
     """Make the reduced model of any building, without its effects."""
     plain = structure or structure_of(building)
-    return reduce_structure(plain, reduction_target(building), progress=progress or SILENT)
+    return reduce_structure(plain, reduction_target(building), progress=progress)
 
 
 def choose_building(study: Study, name: str | None) -> Building:

@@ -16,7 +16,7 @@ from femupdate.dynamics.tracking import (
     reduced_modes,
     track_mode,
 )
-from femupdate.effects.structure import Structure, structure_of
+from femupdate.effects.structure import structure_of
 from femupdate.inference.posterior import Posterior
 from femupdate.measurement.observation import on_all_floors
 from femupdate.study import Study, damaged
@@ -58,11 +58,11 @@ class StudyMode:
         return str(self.number or f"at {self.tracked.frequency_mean:.1f} Hz")
 
 
-def full_modes(model: StudyModel, structure: Structure | None = None) -> FullModes:
+def full_modes(model: StudyModel) -> FullModes:
     """Modes of the full model at factors 1, computed (of the six-story example in five seconds)."""
     if model.reduced.node_shapes is None:
         return stick_modes(model.reduced, "xy".index(observed_direction(model)))
-    return mesh_modes(structure or structure_of(model.building))
+    return mesh_modes(structure_of(model.building))
 
 
 def find_modes(study: Study, model: StudyModel) -> FullModes:
@@ -116,14 +116,10 @@ def posterior_modes(
     """Modes followed through draws of the posterior, those that matter most to the data first.
 
     Args:
-        model: of the study.
-        posterior: of its factors.
         full: numbers of the modes.
         count: how many of those that the base motion drives, where none is wanted; the lowest
             where no FRF was measured.
         wanted: numbers of modes; those that the reduced model does not have are left out.
-        samples: draws.
-        seed: which.
     """
     # Behind the factors stand parameters of effects, which these shapes do not show.
     theta = posterior.thinned(samples, seed)[0][:, : model.reduced.parameters]

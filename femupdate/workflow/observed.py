@@ -226,16 +226,3 @@ def direction_of(building: Building) -> str:
     """Direction of a building's measured motion."""
     sensors = getattr(building, "sensors", None)
     return sensors.direction if sensors is not None else "x"
-
-
-__all__ = [
-    "ObservationSource",
-    "as_one",
-    "check_readable",
-    "direction_of",
-    "halves_of",
-    "observation_of",
-    "observed_direction",
-    "read_observation",
-    "runs_of",
-]

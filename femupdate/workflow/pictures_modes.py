@@ -9,7 +9,7 @@ from femupdate.arrays import Floats
 from femupdate.building.schema import Building
 from femupdate.dynamics.full_modes import FullModes
 from femupdate.dynamics.tracking import node_displacements
-from femupdate.progress import Progress, Silent
+from femupdate.progress import SILENT, Progress
 from femupdate.report.scale import plus_minus
 from femupdate.study import Study
 from femupdate.workflow.model import StudyModel
@@ -19,7 +19,7 @@ _MODES = 3
 
 
 def draw_model(
-    study: Study, model: StudyModel, modes: FullModes, progress: Progress | None = None
+    study: Study, model: StudyModel, modes: FullModes, progress: Progress = SILENT
 ) -> tuple[Path, ...]:
     """Draw the first modes that the base motion drives, at theta = 1."""
     chosen = modes_of_model(model, modes, _MODES)
@@ -31,23 +31,19 @@ def draw_modes(
     model: StudyModel,
     modes: Sequence[StudyMode],
     name: str = "mode",
-    progress: Progress | None = None,
+    progress: Progress = SILENT,
 ) -> tuple[Path, ...]:
     """Draw the mean shape of every mode and, of several samples, its spread.
 
     Args:
-        study: where the pictures go.
-        model: whose modes they are.
-        modes: lowest first.
         name: of the pictures, before the number of the mode.
-        progress: told about modes drawn.
 
     Returns:
         the picture of every mode; the modes of a stick share one.
     """
     if model.reduced.node_shapes is None:
         return (_draw_sticks(study, model, modes, name),) * len(modes)
-    return _draw_scenes(study, model, modes, name, progress or Silent())
+    return _draw_scenes(study, model, modes, name, progress)
 
 
 def _draw_scenes(
@@ -77,15 +73,15 @@ def _draw_scenes(
 
 
 def animate_modes(
-    study: Study, model: StudyModel, modes: Sequence[StudyMode], progress: Progress | None = None
+    study: Study, model: StudyModel, modes: Sequence[StudyMode], progress: Progress = SILENT
 ) -> tuple[Path, ...]:
     """Write the mean shapes of modes as GIF files; the modes of a stick share one."""
     from femupdate.building.mesh import mesh_building
     from femupdate.report.animation import mode_animation, stick_animation
     from femupdate.report.geometry import Geometry
 
-    show, paths = progress or Silent(), []
-    show.start("Animating mode shapes", len(modes))
+    paths = []
+    progress.start("Animating mode shapes", len(modes))
     if model.reduced.node_shapes is None:
         means = [
             one.tracked.recognised.mean(axis=0) @ model.reduced.floor_shapes.T for one in modes
@@ -99,7 +95,7 @@ def animate_modes(
         mean = node_displacements(model.reduced, one.tracked.recognised.mean(axis=0))
         path = study.result("pictures", f"mode_{_file_label(one)}.gif")
         paths.append(mode_animation(geometry, mean, path, title=_title(one)))
-        show.advance()
+        progress.advance()
     return tuple(paths)
 
 

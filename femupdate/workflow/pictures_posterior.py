@@ -6,7 +6,7 @@ import numpy as np
 
 from femupdate.building.parameters import factor_titles
 from femupdate.measurement.observation import on_all_floors
-from femupdate.progress import Progress, Silent
+from femupdate.progress import SILENT, Progress
 from femupdate.study import Study
 from femupdate.workflow.calibrate_draws import predictive_log_frf
 from femupdate.workflow.calibration_report import CalibrationReport
@@ -15,7 +15,7 @@ from femupdate.workflow.effect_surrogate import open_system
 
 
 def draw_posterior(
-    study: Study, report: CalibrationReport, progress: Progress | None = None
+    study: Study, report: CalibrationReport, progress: Progress = SILENT
 ) -> tuple[Path, ...]:
     """Draw the FRF fit, pairs of parameters and intervals of a posterior."""
     from femupdate.report import plot_frf
@@ -23,8 +23,8 @@ def draw_posterior(
     from femupdate.report.plot_intervals import theta_intervals
     from femupdate.report.plot_posterior import SampleSet, posterior_pairs
 
-    model, posterior, show = report.model, report.posterior, progress or Silent()
-    show.start("Drawing", 3)
+    model, posterior = report.model, report.posterior
+    progress.start("Drawing", 3)
     system = open_system(study, model)
     predicted = predictive_log_frf(system, model, posterior)
     low, high = np.quantile(predicted, [0.05, 0.95], axis=0)
@@ -40,10 +40,10 @@ def draw_posterior(
         plot_frf.MeasuredFrf(observation.log_frf, observation.noise_sd, observation.valid),
     )
     paths = [save_figure(frf, study.result("pictures", "frf_fit.png"))]
-    show.advance()
+    progress.advance()
     pairs = posterior_pairs(sets, names, bounds)
     paths.append(save_figure(pairs, study.result("pictures", "posterior.png")))
-    show.advance()
+    progress.advance()
     factors = [k for k, name in enumerate(posterior.names) if "@" not in name]
     titles = factor_titles(model.building)
     intervals = theta_intervals(
@@ -52,7 +52,7 @@ def draw_posterior(
         bounds[factors],
     )
     paths.append(save_figure(intervals, study.result("pictures", "stiffness_factors.png")))
-    show.advance()
+    progress.advance()
     return tuple(paths)
 
 
@@ -64,9 +64,7 @@ def draw_cases(study: Study, cases: dict[str, CalibrationReport], truth: tuple[f
     """Draw posteriors of one building over one another, by what each is called.
 
     Args:
-        study: where the picture goes.
         cases: at least one.
-        truth: the true parameters.
     """
     from femupdate.report.figure import save_figure
     from femupdate.report.plot_posterior import SampleSet, posterior_pairs

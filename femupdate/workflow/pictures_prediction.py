@@ -4,13 +4,13 @@ from pathlib import Path
 
 from femupdate.arrays import Floats
 from femupdate.dynamics.member_histories import MemberForces
-from femupdate.progress import Progress, Silent
+from femupdate.progress import SILENT, Progress
 from femupdate.study import Study
 from femupdate.workflow.predict import PredictionReport
 
 
 def draw_prediction(
-    study: Study, report: PredictionReport, progress: Progress | None = None
+    study: Study, report: PredictionReport, progress: Progress = SILENT
 ) -> tuple[Path, ...]:
     """Draw histories and stories; floor spectra and members where they were asked for."""
     from femupdate.report.figure import save_figure
@@ -19,9 +19,8 @@ def draw_prediction(
     from femupdate.report.plot_members import member_force_bands
     from femupdate.report.plot_spectra import floor_spectra_bands
 
-    show = progress or Silent()
     summary, motion = report.summary, report.motion
-    show.start("Drawing", 2)
+    progress.start("Drawing", 2)
     title = f"Floor acceleration, mean ± 2 sd: {motion.name} (peak {motion.peak:.2f} m/s²)"
     bands = floor_history_bands(
         summary.time,
@@ -32,7 +31,7 @@ def draw_prediction(
         title=title,
     )
     paths = [save_figure(bands, study.result("pictures", "floor_histories.png"))]
-    show.advance()
+    progress.advance()
     lines = story_shear_drift(
         summary.examples.story_shear,
         summary.examples.story_drift,
@@ -40,7 +39,7 @@ def draw_prediction(
         report.quantities["drift"].places,
     )
     paths.append(save_figure(lines, study.result("pictures", "story_shear_drift.png")))
-    show.advance()
+    progress.advance()
     spectra = report.floor_spectra
     if spectra is not None:
         figure = floor_spectra_bands(

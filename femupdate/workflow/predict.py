@@ -27,7 +27,7 @@ from femupdate.inference.next_event import EventErrors
 from femupdate.inference.posterior import Posterior, load_posterior
 from femupdate.inference.thresholds import EVENT
 from femupdate.measurement.record import GroundMotion
-from femupdate.progress import Progress, Silent
+from femupdate.progress import SILENT, Progress
 from femupdate.seeds import spawn
 from femupdate.study import Study, file_hash
 from femupdate.workflow.amplitude import UNFOLLOWED, changing_note, mean_level
@@ -152,25 +152,21 @@ def predict_study(
     *,
     measured: Path | None = None,
     columns: Mapping[str, str] | None = None,
-    progress: Progress | None = None,
+    progress: Progress = SILENT,
 ) -> PredictionReport:
     """Predict floor histories and story shears for a ground motion.
 
     Args:
         study: with a posterior.
-        model: of the study.
-        record: the ground motion.
-        settings: samples and damping.
         measured: observation file with the floors measured in the same motion, to compare.
         columns: its column names, ours to the file's.
-        progress: told about samples done.
 
     Raises:
         BuildingError: a ratio is asked for, but the building's law gives every mode its own.
         MeasurementError: record or measurement cannot be used.
         StudyError: there is no posterior, or it is of another building.
     """
-    show, settings = progress or Silent(), settings or PredictionSettings()
+    settings = settings or PredictionSettings()
     started = time.monotonic()
     model = on_kept_finer(study, model)
     motion = record.motion(columns if measured in (None, record.path) else None)
@@ -182,13 +178,13 @@ def predict_study(
     posterior = load_posterior(study.require("posterior", "calibrate"))
     study.check_fresh("posterior", model.made_from(), "calibrate")
     system = open_system(study, model)
-    task = _Task(system, posterior, motion, settings, show)
+    task = _Task(system, posterior, motion, settings, progress)
     draws = prediction_draws(model, posterior, settings)
     alone, at_level = _as_calibrated(task, draws)
     # A stiffness is the building's own: errors of shear and drift are none of it.
     summary = replace(_in_another_event(task, draws), story_stiffness=alone.story_stiffness)
     spectra = _spectra(summary, motion, settings.spectrum_damping)
-    members = _members(study, model, draws, motion, settings, show)
+    members = _members(study, model, draws, motion, settings, progress)
     path = study.result("prediction.nc")
     save_prediction(summary, alone, motion, path, draws.damping, spectra, reference)
     report = PredictionReport(

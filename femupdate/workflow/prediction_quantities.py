@@ -115,9 +115,6 @@ def quantities(
     """Return everything worth a table, by key.
 
     Args:
-        building: for names and heights of its stories.
-        floors: names of the floors.
-        peaks: of the draws.
         mass: above the middle of the first story, kg, for the base shear over the weight.
     """
     stories = tuple(building.story_names)

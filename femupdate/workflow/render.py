@@ -7,7 +7,7 @@ from typing import Any
 
 from femupdate.errors import StudyError
 from femupdate.inference.posterior import load_posterior
-from femupdate.progress import Progress
+from femupdate.progress import SILENT, Progress
 from femupdate.study import Study
 from femupdate.tables import table
 from femupdate.workflow.model import StudyModel, on_kept_finer
@@ -108,19 +108,15 @@ def render_study(
     wanted: Sequence[int] = (),
     animated: bool = False,
     seed: int = 0,
-    progress: Progress | None = None,
+    progress: Progress = SILENT,
 ) -> RenderReport:
     """Draw the mean shape and its spread of modes.
 
     Args:
         study: with a posterior.
-        model: of the study.
         modes: how many, of those that matter most to the data.
-        samples: draws of the posterior.
         wanted: numbers of modes, as `build-model` lists them, to draw instead.
         animated: write GIF files of the modes as well.
-        seed: of the draws.
-        progress: told about pictures.
 
     Raises:
         StudyError: there is no posterior, it is of another building, or no mode has the number.

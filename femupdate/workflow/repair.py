@@ -17,7 +17,7 @@ from femupdate.discrepancy.repair import Repair, mend, posteriors
 from femupdate.discrepancy.search import prepared, sought
 from femupdate.discrepancy.thresholds import DiagnosisSettings
 from femupdate.measurement.observation_file import Histories, read_observation_file
-from femupdate.progress import Progress, Silent
+from femupdate.progress import SILENT, Progress
 from femupdate.study import BUILDING_FILE, Study, write_text
 from femupdate.workflow.amplitude import level_settings
 from femupdate.workflow.diagnose import finder_model
@@ -139,7 +139,7 @@ def repair_study(
     source: ObservationSource,
     holdout: ObservationSource | None = None,
     settings: DiagnosisSettings | None = None,
-    progress: Progress | None = None,
+    progress: Progress = SILENT,
     use_phase: bool = True,
     second: ObservationSource | None = None,
 ) -> RepairReport:
@@ -149,40 +149,36 @@ def repair_study(
     every command takes; the study itself stays as it is.
 
     Args:
-        study: of the building as it is.
-        model: of the study.
         source: the data to explain.
         holdout: other data of the same building, to be predicted before and after.
-        settings: of the diagnosis.
-        progress: told about the steps.
         use_phase: compare phases where they were measured.
         second: another record at another level, to be explained together with the first.
 
     Raises:
         MeasurementError: an observation cannot be used.
     """
-    show, started = progress or Silent(), time.monotonic()
+    started = time.monotonic()
     chosen = settings or DiagnosisSettings()
-    given = read_given(study, model, source, second, show)
-    other = None if holdout is None else read_held(study, model, holdout, show)
-    finder = finder_model(study, model, show)
+    given = read_given(study, model, source, second, progress)
+    other = None if holdout is None else read_held(study, model, holdout, progress)
+    finder = finder_model(study, model, progress)
     model = on_kept_finer(study, model)
     data = given.data(model, finder.mesh, use_phase)
-    problem, base = prepared(finder, data, chosen, show)
-    show.start("Looking for what is missing", 4)
-    problem, base, found = sought(finder, problem, base, chosen, show)
+    problem, base = prepared(finder, data, chosen, progress)
+    progress.start("Looking for what is missing", 4)
+    problem, base, found = sought(finder, problem, base, chosen, progress)
     kept_out = None
     if holdout is not None and other is not None:
         level = _level(model, source, second, holdout, other)
         kept_out = _kept_out(model, finder, holdout, other, use_phase, level)
     elsewhere = None if kept_out is None else kept_out.gain
-    mended, done = mend(finder, problem, base, found, chosen, show, elsewhere)
-    before, after = posteriors(problem, mended, done, chosen.seed, show)
+    mended, done = mend(finder, problem, base, found, chosen, progress, elsewhere)
+    before, after = posteriors(problem, mended, done, chosen.seed, progress)
     held = None
     if kept_out is not None:
-        show.start("Predicting the data kept out", 1)
+        progress.start("Predicting the data kept out", 1)
         held = hold(kept_out, problem, done)
-        show.advance()
+        progress.advance()
     building, kept = model.building, None
     if done.rounds:
         building = repaired_building(model.building, done)

@@ -82,9 +82,6 @@ def keep_effect_posterior(
     Args:
         study: of the repaired building.
         observation: what it was fitted to.
-        source: of the observation.
-        draws: of its posterior.
-        settings: of the posterior.
     """
     model = open_study(study)
     posterior = effect_posterior(model, observation, draws, settings)

@@ -9,7 +9,7 @@ from typing import Any
 from femupdate import __version__
 from femupdate.errors import StudyError
 from femupdate.inference.posterior import Posterior, load_posterior
-from femupdate.progress import Progress, Silent
+from femupdate.progress import SILENT, Progress
 from femupdate.report.page import Page, Section, write_page
 from femupdate.study import BUILDING_FILE, Study
 from femupdate.workflow.model import open_study
@@ -75,31 +75,30 @@ class ReportReport:
 
 
 def report_study(
-    study: Study, path: Path | None = None, progress: Progress | None = None
+    study: Study, path: Path | None = None, progress: Progress = SILENT
 ) -> ReportReport:
     """Write the page of a study; changes nothing else in it.
 
     Args:
         study: with a building at least.
         path: of the page; default `report.html` in the study.
-        progress: told about sections done.
 
     Raises:
         StudyError: the study holds no building, or what the page shows is damaged.
         ReportError: the page cannot be written or is too large.
     """
-    show, started = progress or Silent(), time.monotonic()
+    started = time.monotonic()
     if not study.path(BUILDING_FILE).exists():
         raise StudyError(
             f"the study {study.folder} holds no building; run `femupdate calibrate` first"
         )
     status = study_status(study)
-    page = PageStudy(study, open_study(study, None, show), status, _posterior(study, status))
-    show.start("Writing the page", len(_SECTIONS))
+    page = PageStudy(study, open_study(study, None, progress), status, _posterior(study, status))
+    progress.start("Writing the page", len(_SECTIONS))
     sections: list[Section] = []
     for make in _SECTIONS:
         sections.append(make(page))
-        show.advance()
+        progress.advance()
     building = page.model.building
     written = write_page(
         Page(

@@ -26,10 +26,8 @@ def scatter_of_runs(
     likelihood of its own, in which the model may err.
 
     Args:
-        model: of the building.
         runs: FRFs under base motion, a run each.
         posterior: of all together.
-        seed: of the draws.
     """
     if len(runs) < 2:
         return None

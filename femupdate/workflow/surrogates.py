@@ -25,8 +25,6 @@ def require_surrogate(
     """A surrogate that fits the building.
 
     Args:
-        study: that may hold one.
-        building: it must fit.
         asked: name or path by which the building was chosen, for the message.
 
     Raises:

@@ -8,7 +8,7 @@ from typing import Any
 
 from femupdate import __version__
 from femupdate.errors import SurrogateError
-from femupdate.progress import Progress, Silent
+from femupdate.progress import SILENT, Progress
 from femupdate.seeds import DATA_SET, stream
 from femupdate.study import Study, file_hash
 from femupdate.surrogate.dataset import DatasetPlan, ModalDataset, compute_dataset, modes_kept
@@ -117,7 +117,7 @@ def train_study(
     *,
     fresh: bool = False,
     start: Path | None = None,
-    progress: Progress | None = None,
+    progress: Progress = SILENT,
 ) -> TrainReport:
     """Make the data set and train; skipped when a fitting surrogate is there.
 
@@ -129,23 +129,22 @@ def train_study(
     Raises:
         SurrogateError: too few samples, or a checkpoint of another training is in the way.
     """
-    show = progress or Silent()
     found = None if fresh or start is not None else find_surrogate(study, model.building)
     if found is not None:
         return TrainReport(found[0], found[1], False, 0.0, 0.0)
     settings = settings or default_settings(model)
     check_samples(samples, settings)
     initial = None if start is None else load_surrogate(start).mvae
-    model = with_finer_mesh(study, model, show)
+    model = with_finer_mesh(study, model, progress)
     if len(model.building.effects) > len(model.system.placed):
         from femupdate.workflow.effect_surrogate import with_effects
 
-        model = with_effects(study, model, show)
+        model = with_effects(study, model, progress)
     started = time.monotonic()
-    dataset, folder = _dataset(study, model, samples, settings.seed, show)
+    dataset, folder = _dataset(study, model, samples, settings.seed, progress)
     between = time.monotonic()
     checkpoint = study.path(_CHECKPOINT)
-    result = train_mvae(training_task(model, dataset), settings, checkpoint, show, initial)
+    result = train_mvae(training_task(model, dataset), settings, checkpoint, progress, initial)
     how = {
         "samples": samples,
         "modes": _MODES_KEPT,
@@ -182,7 +181,6 @@ def default_settings(model: StudyModel, **changes: Any) -> TrainingSettings:
     """Settings for a building: its own noise, everything else as shipped but for the changes.
 
     Args:
-        model: of the study.
         changes: fields of `TrainingSettings`.
     """
     loss = LossSettings(noise_sd=model.building.observation.noise_sd)

@@ -40,11 +40,9 @@ def test_a_single_precision_theta_is_solved_in_double(chain, thetas):
 
 
 @pytest.mark.parametrize("batch", [1, 2, 1000])
-def test_batches_equal_one_by_one(chain, tensor, batch, recorder):
+def test_batches_equal_one_by_one(chain, tensor, batch):
     theta = tensor(np.random.default_rng(0).uniform(0.4, 2.5, (5, 4)))
-    told = recorder()
-    data = System(chain.reduced()).modal_data(theta, batch=batch, progress=told)
-    assert sum(told.counts) == 5
+    data = System(chain.reduced()).modal_data(theta, batch=batch)
     for row in range(5):
         one = System(chain.reduced()).modal_data(theta[row : row + 1])
         np.testing.assert_allclose(data.omega[row], one.omega[0], rtol=1e-13)

@@ -17,7 +17,7 @@ from femupdate.discrepancy.search import prepared, refined, sought
 from femupdate.dynamics.transformed import transformed_sensors
 from femupdate.effects.effect import Effect
 from femupdate.errors import ReportError
-from femupdate.progress import Progress
+from femupdate.progress import SILENT, Progress
 from femupdate.simulation.effect_truth import FineModel, Truth, fine_model
 from femupdate.study import Study
 from femupdate.workflow.diagnose import finder_model
@@ -77,7 +77,7 @@ def trial_models(
     study: Study,
     model: StudyModel,
     settings: TrialSettings,
-    progress: Progress | None = None,
+    progress: Progress = SILENT,
     data: str = BASE,
 ) -> TrialModels:
     """Mesh the truth, and open the finder's model.
