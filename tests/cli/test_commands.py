@@ -8,6 +8,7 @@ import pytest
 
 from femupdate import __version__
 from femupdate.errors import SurrogateError
+from femupdate.inference.posterior import load_posterior
 
 BUILD = {
     "frequencies_hz",
@@ -189,12 +190,12 @@ def test_calibrate_several_files(femupdate, tmp_path, calibrated, tower_observat
     done = femupdate("calibrate", *files, "--exact", *FEW, "--study", calibrated, "--json")
     assert done.answer["files"] == [str(path) for path in files]
     assert done.answer["mean"] == pytest.approx(tower_observation.theta, rel=0.01)
-    text = femupdate("calibrate", *files, "--exact", *FEW, "--study", calibrated).out
     names = f"{tower_observation.path.name}, other.csv"
-    assert text.startswith(f"Exact posterior of tower from 2F, RF of {names}: 200 draws, ")
-    assert "2 runs are explained together" in text
-    assert "They agree" in text
-    assert "other.csv: Welch H1" in text
+    assert load_posterior(calibrated / "posterior.nc").observation.source == names
+    notes = " ".join(done.answer["notes"])
+    assert "2 runs are explained together" in notes
+    assert "They agree" in notes
+    assert "other.csv: Welch H1" in notes
     predicted = femupdate("predict", "--record", record, "--samples", 10, "--study", calibrated)
     assert predicted.code == 0
     again = femupdate("calibrate", *files, other, "--exact", "--study", calibrated)

@@ -44,6 +44,23 @@ def tower_frf(
     return respond
 
 
+@pytest.fixture(scope="session")
+def grid_about() -> Callable[[np.ndarray], tuple[np.ndarray, float]]:
+    """Points (n, 3) six sd to either side of draws (s, 3) of theta and zeta, and ln of the prior
+    mass of each of the tower.
+
+    Sums over steps of .6 sd are right to exp(-2 pi^2 / .6^2), were the posterior a Gaussian.
+    """
+
+    def spread(draws: np.ndarray) -> tuple[np.ndarray, float]:
+        mean, sd = draws.mean(axis=0), draws.std(axis=0)
+        axes = np.linspace(mean - 6.0 * sd, mean + 6.0 * sd, 21).T
+        points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+        return points, float(np.log(np.prod(0.6 * sd) / (1.5 * 1.5 * 0.09)))
+
+    return spread
+
+
 @pytest.fixture
 def tower(calibrated: Path) -> Study:
     """A study of the tower with a posterior, for one test alone."""

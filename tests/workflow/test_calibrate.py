@@ -57,10 +57,9 @@ def frf_table(tmp_path_factory, tower_frf):
     return path, log_frf
 
 
-def quadrature(log_frf, tower_frf, around, noise=0.1):
-    """Mean, sd and log evidence of (theta_1, theta_2, zeta) on a grid of six sd to either side."""
-    axes = [np.linspace(m - 6 * s, m + 6 * s, 41) for m, s in around]
-    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+def quadrature(log_frf, tower_frf, grid, noise=0.1):
+    """Mean, sd and log evidence of (theta_1, theta_2, zeta) on a grid of `grid_about`."""
+    points, mass = grid
     misfit = np.array(
         [
             (((np.log(np.abs(tower_frf(p[:2], p[2], GRID))) - log_frf) / noise) ** 2).sum()
@@ -69,16 +68,14 @@ def quadrature(log_frf, tower_frf, around, noise=0.1):
     )
     least = misfit.min()
     weight = np.exp(-0.5 * (misfit - least))
-    cell = np.prod([axis[1] - axis[0] for axis in axes])
-    volume = 1.5 * 1.5 * 0.09  # of the prior box
     mean = weight @ points / weight.sum()
     sd = np.sqrt(weight @ (points - mean) ** 2 / weight.sum())
-    return mean, sd, np.log(weight.sum() * cell / volume) - 0.5 * least
+    return mean, sd, np.log(weight.sum()) + mass - 0.5 * least
 
 
 @pytest.mark.parametrize("usual", [CALIBRATION, MANY], ids=["by walks", "by trajectories"])
 def test_the_exact_posterior_is_that_of_quadrature(
-    tmp_path, tower_file, tower_frf, frf_table, usual, monkeypatch
+    tmp_path, tower_file, tower_frf, frf_table, grid_about, usual, monkeypatch
 ):
     monkeypatch.setattr("femupdate.workflow.calibrate_exact.CALIBRATION", usual)
     path, log_frf = frf_table
@@ -88,8 +85,7 @@ def test_the_exact_posterior_is_that_of_quadrature(
         study, open_study(study, str(tower_file)), ObservationSource(path), settings
     )
     draws = np.column_stack([report.posterior.samples, report.posterior.zeta_samples])
-    around = np.stack([draws.mean(axis=0), draws.std(axis=0)], axis=1)
-    mean, sd, log_evidence = quadrature(log_frf, tower_frf, around)
+    mean, sd, log_evidence = quadrature(log_frf, tower_frf, grid_about(draws))
     # 2000 draws, of which a third at least count as independent: a mean errs by .04 sd, an sd by
     # .03 of itself; four times that.
     np.testing.assert_allclose((draws.mean(axis=0) - mean) / sd, 0.0, atol=0.16)
@@ -501,28 +497,30 @@ def test_draws_on_a_poor_decoder_are_not_trusted(many, frf_table):
     assert "too much beside a noise of 0.2: do not trust this posterior" in told
 
 
-def test_the_building_judges_what_a_poor_decoder_draws(learned, tower_frf, frf_table, monkeypatch):
+def test_the_building_judges_what_a_poor_decoder_draws(
+    learned, tower_frf, frf_table, grid_about, monkeypatch
+):
     """Corrected three times, at the noise of its training: twice that of the file."""
     monkeypatch.setattr("femupdate.workflow.calibrate_latent.CALIBRATION", MANY)
     study, model = learned
     path, log_frf = frf_table
     report = calibrated(study, model, path, CalibrationSettings(particles=2000))
     draws = np.column_stack([report.posterior.samples, report.posterior.zeta_samples])
-    around = np.stack([draws.mean(axis=0), draws.std(axis=0)], axis=1)
-    mean, sd, _ = quadrature(log_frf, tower_frf, around, 0.2)
+    mean, sd, _ = quadrature(log_frf, tower_frf, grid_about(draws), 0.2)
     # 2,000 draws, a tenth of them independent at least: .07 sd, and 5 % of a standard deviation.
     np.testing.assert_allclose((draws.mean(axis=0) - mean) / sd, 0.0, atol=0.25)
     np.testing.assert_allclose(draws.std(axis=0), sd, rtol=0.2)
 
 
-def test_they_are_good_enough_to_start_the_exact_posterior_from(many, tower_frf, frf_table):
+def test_they_are_good_enough_to_start_the_exact_posterior_from(
+    many, tower_frf, frf_table, grid_about
+):
     study, model = many
     path, log_frf = frf_table
     settings = CalibrationSettings(particles=400, exact=True)
     report = calibrate_study(study, model, ObservationSource(path), settings)
     draws = np.column_stack([report.posterior.samples, report.posterior.zeta_samples])
-    around = np.stack([draws.mean(axis=0), draws.std(axis=0)], axis=1)
-    mean, sd, _ = quadrature(log_frf, tower_frf, around)
+    mean, sd, _ = quadrature(log_frf, tower_frf, grid_about(draws))
     # 400 draws, a third of them independent at least: .09 sd, and 6 % of a standard deviation.
     np.testing.assert_allclose((draws.mean(axis=0) - mean) / sd, 0.0, atol=0.35)
     np.testing.assert_allclose(draws.std(axis=0), sd, rtol=0.25)

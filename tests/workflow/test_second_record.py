@@ -120,10 +120,17 @@ def _open(study, home):
     return open_study(study, str(home / "three.toml"))
 
 
-def test_softening_is_named_repaired_and_of_the_right_size(study, home):
-    model = _open(study, home)
+@pytest.fixture(scope="module")
+def repaired(home):
+    """What repair made of the weak and the strong record; its study is only read."""
+    study = Study(home / "softened")
     weak, strong = (ObservationSource(home / name) for name in ("weak.csv", "strong.csv"))
-    report = repair_study(study, model, weak, second=strong)
+    return repair_study(study, _open(study, home), weak, second=strong)
+
+
+def test_softening_is_named_repaired_and_of_the_right_size(repaired, study, home):
+    report, model = repaired, _open(study, home)
+    weak, strong = (ObservationSource(home / name) for name in ("weak.csv", "strong.csv"))
     assert [one.finding.placed.label for one in report.repair.rounds] == ["amplitude_softening@all"]
     content = tomllib.loads(report.building_path.read_text())
     own = content["effects"][0]["parameters"]
@@ -185,12 +192,9 @@ def test_one_simulation_has_one_level(study, home):
 
 
 def test_another_strong_motion_is_predicted_with_the_stiffness_at_its_level(
-    study, home, monkeypatch
+    repaired, home, monkeypatch
 ):
     """A record kept out, of the softened chain: the factors alone hold for weak motion."""
-    model = _open(study, home)
-    weak, strong = (ObservationSource(home / name) for name in ("weak.csv", "strong.csv"))
-    repaired = repair_study(study, model, weak, second=strong).study
     other = home / "other.csv"
     _write(other, _chain(SOFTER * THETA, 0.05), 9, TIMES * 0.3)
     base = np.loadtxt(other, delimiter=",", skiprows=2, usecols=1)
@@ -198,8 +202,8 @@ def test_another_strong_motion_is_predicted_with_the_stiffness_at_its_level(
 
     def predicted():
         return predict_study(
-            repaired,
-            open_study(repaired, None),
+            repaired.study,
+            open_study(repaired.study),
             RecordSource(record),
             PredictionSettings(samples=4),
             measured=other,

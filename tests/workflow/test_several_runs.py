@@ -62,7 +62,9 @@ def source_of(*paths, **options):
     return ObservationSource(first, further=tuple(further), **options)
 
 
-def test_log_likelihood_and_evidence_are_those_of_both_runs(tmp_path, tower_file, tables):
+def test_log_likelihood_and_evidence_are_those_of_both_runs(
+    tmp_path, tower_file, tables, grid_about
+):
     """Against the likelihoods of the runs one by one: at the draws, and summed over a grid."""
     study = Study(tmp_path)
     model = open_study(study, str(tower_file))
@@ -74,14 +76,9 @@ def test_log_likelihood_and_evidence_are_those_of_both_runs(tmp_path, tower_file
     expected = sum(one(torch.from_numpy(draws)) for one in apart).numpy()
     # Errors of the model that the data do not exclude add something, the more the worse a draw.
     np.testing.assert_allclose(posterior.log_likelihood.ravel(), expected, atol=0.3)
-    axes = [
-        np.linspace(m - 6 * s, m + 6 * s, 41)
-        for m, s in zip(draws.mean(axis=0), draws.std(axis=0), strict=True)
-    ]
-    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    points, mass = grid_about(draws)
     both = sum(one(torch.from_numpy(points)) for one in apart)
-    cell = np.prod([axis[1] - axis[0] for axis in axes])
-    log_evidence = float(torch.logsumexp(both, 0)) + np.log(cell / (1.5 * 1.5 * 0.09))
+    log_evidence = float(torch.logsumexp(both, 0)) + mass
     # Four runs: their own spread says how well their mean is known.
     told = posterior.drawn
     assert told.log_evidence == pytest.approx(
