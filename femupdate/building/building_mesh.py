@@ -21,8 +21,6 @@ class BuildingMesh:
         direction: 0 where motion is measured along x, 1 along y.
         story_names: names of the stories, bottom to top.
         factors: the model's parameters; group i of its elements has the factor i.
-        ground_mass: the half of first-story walls without stiffness that rests on the ground and
-            is not in the model, kg.
         parts: of a mesh that was read: which of the file's `parts` each element belongs to, one
             array a block of the model's elements.
     """
@@ -35,5 +33,4 @@ class BuildingMesh:
     direction: int
     story_names: tuple[str, ...]
     factors: tuple[StiffnessFactor, ...]
-    ground_mass: float = 0.0
     parts: tuple[Integers, ...] | None = None

@@ -14,7 +14,7 @@ from femupdate.building.connections import connected, face_lines
 from femupdate.building.entry import Complaint
 from femupdate.building.frame import CLOSEST_LINES, FrameBuilding
 from femupdate.building.lattice import Lattice, lattice_of
-from femupdate.building.masses import ground_mass, place_masses
+from femupdate.building.masses import place_masses
 from femupdate.building.parameters import stiffness_factors, with_factors
 from femupdate.building.pieces import first_double, piece_of, place
 from femupdate.building.references import intersections
@@ -106,7 +106,6 @@ def _mesh_on(building: FrameBuilding, lattice: Lattice) -> BuildingMesh:
         direction="xy".index(building.sensors.direction),
         story_names=building.story_names,
         factors=factors,
-        ground_mass=ground_mass(dead),
     )
 
 

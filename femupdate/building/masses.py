@@ -30,11 +30,6 @@ def self_mass(model: FiniteElementModel, dead: Iterable[DeadWall]) -> Floats:
     return total
 
 
-def ground_mass(dead: Iterable[DeadWall]) -> float:
-    """Return what walls without stiffness leave on the ground, kg."""
-    return sum((wall.mass / 2.0 for wall in dead if not len(wall.below)), start=0.0)
-
-
 def _tributary(model: FiniteElementModel, group: int) -> Floats:
     """Return the slab area that each node of a floor carries, (N,) m2."""
     area = np.zeros(len(model.nodes))

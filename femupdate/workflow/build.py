@@ -27,7 +27,7 @@ from femupdate.workflow.model import (
     reduce_building,
 )
 from femupdate.workflow.modes import full_modes, keep_modes
-from femupdate.workflow.observed import observed_direction
+from femupdate.workflow.observed import direction_of
 
 _SHOWN = 12  # lowest modes that are told; above them those that move a share of the mass
 _MOVES = 0.01
@@ -61,7 +61,7 @@ class BuildReport:
     @property
     def effective_mass(self) -> Floats:
         """Share of the mass that each of them moves in the direction of the base motion."""
-        return self.modes.effective_mass[:_SHOWN, "xy".index(observed_direction(self.model))]
+        return self.modes.effective_mass[:_SHOWN, "xy".index(direction_of(self.model.building))]
 
     def as_dict(self) -> dict[str, Any]:
         """What `--json` holds."""

@@ -21,7 +21,7 @@ from femupdate.inference.posterior import Posterior
 from femupdate.measurement.observation import on_all_floors
 from femupdate.study import Study, damaged
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.observed import observed_direction
+from femupdate.workflow.observed import direction_of
 
 MODES = "modes"
 _FILE = "modes.npz"
@@ -61,7 +61,7 @@ class StudyMode:
 def full_modes(model: StudyModel) -> FullModes:
     """Modes of the full model at factors 1, computed (of the six-story example in five seconds)."""
     if model.reduced.node_shapes is None:
-        return stick_modes(model.reduced, "xy".index(observed_direction(model)))
+        return stick_modes(model.reduced, "xy".index(direction_of(model.building)))
     return mesh_modes(structure_of(model.building))
 
 

@@ -18,7 +18,6 @@ from femupdate.measurement.observation import Observation, select_floors
 from femupdate.measurement.observation_file import read_observation_file
 from femupdate.measurement.pooled import pooled
 from femupdate.study import file_hash
-from femupdate.workflow.model import StudyModel
 from femupdate.workflow.thresholds import UNITS
 
 
@@ -74,17 +73,12 @@ class ObservationSource:
         return {"file": str(self.path), "further": [str(path) for path in self.further]}
 
 
-def read_observation(model: StudyModel, source: ObservationSource) -> Observation:
-    """Read the files of a source on the building's floors and frequency grid, as one observation.
+def observation_of(building: Building, source: ObservationSource) -> Observation:
+    """Read the files of a source on a building's floors and frequency grid, as one observation.
 
     Raises:
         MeasurementError: a file cannot be used, or belongs to another building.
     """
-    return observation_of(model.building, source)
-
-
-def observation_of(building: Building, source: ObservationSource) -> Observation:
-    """Like `read_observation`, for a building that has no model yet."""
     return as_one(building, runs_of(building, source))
 
 
@@ -217,12 +211,7 @@ def check_readable(source: ObservationSource) -> None:
         read_any_kind(path, source.reading("x"))
 
 
-def observed_direction(model: StudyModel) -> str:
-    """Direction of the measured motion; lumped buildings have one only."""
-    return direction_of(model.building)
-
-
 def direction_of(building: Building) -> str:
-    """Direction of a building's measured motion."""
+    """Direction of a building's measured motion; lumped buildings have one only."""
     sensors = getattr(building, "sensors", None)
     return sensors.direction if sensors is not None else "x"

@@ -12,7 +12,7 @@ from femupdate.errors import MeasurementError
 from femupdate.measurement.observation_file import Histories, read_observation_file
 from femupdate.measurement.record import GroundMotion, read_record
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.observed import observed_direction
+from femupdate.workflow.observed import direction_of
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ def measured_floors(
             f"{path}: {data.acceleration.shape[1]} samples every {data.time_step:g} s do not match "
             f"the record's {count} every {motion.time_step:g} s; take both from one recording"
         )
-    direction = observed_direction(model)
+    direction = direction_of(model.building)
     rows = np.full((len(model.reduced.floors), count), np.nan)
     for place, floor in enumerate(model.reduced.floors):
         own = [

@@ -23,7 +23,7 @@ from femupdate.workflow.amplitude import level_settings
 from femupdate.workflow.diagnose import finder_model
 from femupdate.workflow.finder_data import Given, read_given, read_held
 from femupdate.workflow.model import StudyModel, on_kept_finer
-from femupdate.workflow.observed import ObservationSource, observed_direction
+from femupdate.workflow.observed import ObservationSource, direction_of
 from femupdate.workflow.repaired import keep_effect_posterior, keep_repaired, repaired_building
 from femupdate.workflow.second_record import level_between
 
@@ -235,5 +235,5 @@ def _kept_out(
         floors=held.measured.as_observation.floors,
         level=level,
         histories=read if isinstance(read, Histories) else None,
-        direction=observed_direction(model),
+        direction=direction_of(model.building),
     )

@@ -11,7 +11,7 @@ from femupdate.measurement.frf import floor_means
 from femupdate.measurement.kinds import read_any_kind
 from femupdate.measurement.observation_file import ForceHistories, Histories
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.observed import ObservationSource, observed_direction
+from femupdate.workflow.observed import ObservationSource, direction_of
 
 _SILENT = 1e-300
 
@@ -46,7 +46,7 @@ def record_levels(model: StudyModel, source: ObservationSource) -> dict[str, flo
     Raises:
         MeasurementError: no file holds histories.
     """
-    direction, found = observed_direction(model), {}
+    direction, found = direction_of(model.building), {}
     data = _histories(source, direction)
     for channel, row in zip(data.channels, data.acceleration, strict=True):
         if channel.floor != BASE and channel.direction == direction:
@@ -60,7 +60,7 @@ def run_levels(model: StudyModel, source: ObservationSource) -> RunLevels:
     Raises:
         MeasurementError: no file holds histories of the base.
     """
-    direction = observed_direction(model)
+    direction = direction_of(model.building)
     data = _histories(source, direction)
     base, floors, _ = floor_means(data, direction)
     return levels_in_run(base, floors, data.time_step)

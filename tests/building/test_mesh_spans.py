@@ -5,10 +5,10 @@ from dataclasses import replace
 import meshio
 import numpy as np
 import pytest
+from femupdate.benchmarks.mesh_export import export_mesh
 
 from femupdate.building.document import from_document, to_document
 from femupdate.building.mesh import mesh_building
-from femupdate.building.mesh_export import export_mesh
 from femupdate.building.mesh_spans import span_ends
 from femupdate.errors import BuildingError
 from femupdate.fe.assembly import assemble

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from femupdate.benchmarks.mesh_export import export_mesh
 
 from femupdate.building.document import from_document, to_document
 from femupdate.building.files import load_building
 from femupdate.building.mesh import mesh_building
-from femupdate.building.mesh_export import export_mesh
 from femupdate.dynamics.member_histories import choose_members, member_forces, write_member_forces
 from femupdate.dynamics.superposition import BaseMotion
 from femupdate.errors import BuildingError

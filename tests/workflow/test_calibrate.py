@@ -28,7 +28,7 @@ from femupdate.workflow.calibrate_draws import predictive_log_frf
 from femupdate.workflow.calibrate_notes import reduction_notes
 from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.model import open_study
-from femupdate.workflow.observed import ObservationSource, read_observation
+from femupdate.workflow.observed import ObservationSource, observation_of
 from femupdate.workflow.pictures_posterior import draw_posterior
 from femupdate.workflow.surrogates import require_surrogate
 from femupdate.workflow.thresholds import CALIBRATION
@@ -218,7 +218,7 @@ def test_a_band_leaves_the_rest_out(tmp_path, tower_model, frf_table):
 )
 def test_what_the_file_does_not_have_is_named(tower_model, frf_table, source, words):
     with pytest.raises(MeasurementError, match=words):
-        read_observation(tower_model, ObservationSource(frf_table[0], **source))
+        observation_of(tower_model.building, ObservationSource(frf_table[0], **source))
 
 
 def renamed(observation, path, names, unit="cm/s2", factor=100.0):
@@ -236,8 +236,8 @@ MAPPED = {"RF": "top", "base": "shaker", "2F": "middle", "time_s": "t"}
 
 def test_other_names_and_units_are_mapped(tmp_path, tower_model, tower_observation):
     path = renamed(tower_observation, tmp_path / "theirs.csv", NAMES)
-    theirs = read_observation(tower_model, ObservationSource(path, "cm/s2", MAPPED))
-    ours = read_observation(tower_model, ObservationSource(tower_observation.path))
+    theirs = observation_of(tower_model.building, ObservationSource(path, "cm/s2", MAPPED))
+    ours = observation_of(tower_model.building, ObservationSource(tower_observation.path))
     assert theirs.floors == ours.floors
     np.testing.assert_array_equal(theirs.valid, ours.valid)
     # Our file has six digits of each acceleration.
@@ -290,7 +290,7 @@ def test_a_real_frame_is_followed_and_its_misfit_told(tmp_path):
     model = open_study(study, "shear_3dof")
     report = calibrated(study, model, path, unit="m/s2", columns=columns, band_hz=(0.5, 20.0))
     source = ObservationSource(path, "m/s2", columns)
-    roof = read_observation(model, source).log_frf[2]
+    roof = observation_of(model.building, source).log_frf[2]
     grid = model.frequency_hz.numpy()
     peaks = [
         grid[np.nanargmax(np.where((grid > low) & (grid < high), roof, -np.inf))]
@@ -400,7 +400,7 @@ def test_predicted_responses_are_the_tower_s(tower, tower_model, tower_frf):
 
 
 def test_floors_that_were_not_measured_are_rows_of_nothing(tower_model, frf_table):
-    roof = read_observation(tower_model, ObservationSource(frf_table[0], sensors=("RF",)))
+    roof = observation_of(tower_model.building, ObservationSource(frf_table[0], sensors=("RF",)))
     whole = on_all_floors(roof, ("2F", "RF"))
     assert whole.floors == ("2F", "RF")
     assert not whole.valid[0].any()
@@ -587,7 +587,7 @@ def test_an_observation_unlike_the_training_is_told(marked, tmp_path, frf_table)
 
 
 def test_data_better_than_the_reduced_model_are_told_of(tower_model, frf_table):
-    observation = read_observation(tower_model, ObservationSource(frf_table[0]))
+    observation = observation_of(tower_model.building, ObservationSource(frf_table[0]))
     typical = float(np.median(observation.noise_sd))
     assert reduction_notes(replace(tower_model, reduction_error=0.9 * typical), observation) == ()
     (note,) = reduction_notes(replace(tower_model, reduction_error=0.34), observation)

@@ -23,7 +23,7 @@ from femupdate.study import Study, file_hash
 from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.model import open_study
-from femupdate.workflow.observed import ObservationSource, read_observation, runs_of
+from femupdate.workflow.observed import ObservationSource, observation_of, runs_of
 
 QUICK = CalibrationSettings(
     particles=200, exact=True, chains=2, smc=SmcSettings(moves=4, independence_moves=2)
@@ -112,7 +112,7 @@ def test_two_runs_know_by_the_root_of_two_more(tmp_path):
     theta = torch.tensor([[0.8, 1.1, 1.3, 0.9]], dtype=torch.float64)
     blank = np.zeros((4, model.frequency_hz.numel()))
     path = write_table(tmp_path / "clean.csv", blank, 0.2, floors, model.frequency_hz.numpy())
-    shape = read_observation(model, ObservationSource(path))
+    shape = observation_of(model.building, ObservationSource(path))
     zeta = torch.tensor([model.building.damping.ratio], dtype=torch.float64)
     clean = DataLikelihood(model.system, shape, 0.02).predict(theta, zeta)[0].numpy()
     paths = [
@@ -208,11 +208,11 @@ def test_floors_may_be_of_one_run_only(tower_model, tables, tower_frf, tmp_path)
     clean = np.log(np.abs(tower_frf(TRUTH, ZETA, GRID)))
     roof = write_table(tmp_path / "roof.csv", clean[1:], 0.1, ("RF",))
     low = write_table(tmp_path / "low.csv", clean[:1], 0.1, ("2F",))
-    both = read_observation(tower_model, source_of(roof, low))
+    both = observation_of(tower_model.building, source_of(roof, low))
     assert both.floors == ("2F", "RF")
     np.testing.assert_allclose(both.log_frf, clean, atol=1e-9)
     assert "cannot be told" in both.notes[0]
-    more = read_observation(tower_model, source_of(tables[0], roof, sensors=("RF",)))
+    more = observation_of(tower_model.building, source_of(tables[0], roof, sensors=("RF",)))
     assert more.floors == ("RF",)
 
 
@@ -223,7 +223,7 @@ def test_names_that_repeat_are_told_apart_by_their_folders(tmp_path, tower_model
         folder.mkdir()
         paths.append(folder / "run.csv")
         paths[-1].write_bytes(table.read_bytes())
-    both = read_observation(tower_model, source_of(*paths))
+    both = observation_of(tower_model.building, source_of(*paths))
     assert both.source == f"{paths[0]}, {paths[1]}"
 
 
@@ -242,7 +242,7 @@ def test_runs_that_cannot_be_taken_together(tmp_path, tower_model, tables):
     )
     for paths, options, words in cases:
         with pytest.raises(MeasurementError, match=words):
-            read_observation(tower_model, source_of(*paths, **options))
+            observation_of(tower_model.building, source_of(*paths, **options))
 
 
 def test_histories_of_two_earthquakes(tmp_path, tower_file):

@@ -3,12 +3,11 @@
 import torch
 from torch import Tensor
 
-from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, Parameter
-from femupdate.effects.structure import Structure
+from femupdate.effects.channel import ChannelEffect
+from femupdate.effects.effect import Parameter
 
 
-class ChannelDelay(Effect):
+class ChannelDelay(ChannelEffect):
     """A phase slope of one floor."""
 
     name = "channel_delay"
@@ -19,20 +18,11 @@ class ChannelDelay(Effect):
     parameters = (
         Parameter("size", "s", 0.002, lower=-0.05, upper=0.05, text="delay against the base"),
     )
-    instrument = True
     needs_phase = True
-
-    def places(self, structure: Structure) -> tuple[str, ...]:
-        """Every floor."""
-        return structure.floors
 
     def said(self, place: str, size: float) -> str:
         """As `Effect.said`."""
         return f"{place} is {1000.0 * abs(size):.3g} ms {'late' if size > 0.0 else 'early'}"
-
-    def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
-        """The floor's sensors."""
-        return drawn.sensors(place)
 
     def observe(self, frf: Tensor, omega: Tensor, sizes: Tensor, rows: tuple[int, ...]) -> Tensor:
         """H exp(-i omega tau) on the floor."""

@@ -2,12 +2,11 @@
 
 from torch import Tensor
 
-from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, Parameter, more_or_less
-from femupdate.effects.structure import Structure
+from femupdate.effects.channel import ChannelEffect
+from femupdate.effects.effect import Parameter, more_or_less
 
 
-class ChannelGain(Effect):
+class ChannelGain(ChannelEffect):
     """A factor on the FRF of one floor."""
 
     name = "channel_gain"
@@ -21,19 +20,10 @@ class ChannelGain(Effect):
     parameters = (
         Parameter("size", "1", 0.05, lower=-0.5, upper=1.0, text="relative error of the gain"),
     )
-    instrument = True
-
-    def places(self, structure: Structure) -> tuple[str, ...]:
-        """Every floor."""
-        return structure.floors
 
     def said(self, place: str, size: float) -> str:
         """As `Effect.said`."""
         return f"The sensor of {place} reads {more_or_less(size, 'too much', 'too little')}"
-
-    def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
-        """The floor's sensors."""
-        return drawn.sensors(place)
 
     def observe(self, frf: Tensor, omega: Tensor, sizes: Tensor, rows: tuple[int, ...]) -> Tensor:
         """H (1 + s) on the floor."""

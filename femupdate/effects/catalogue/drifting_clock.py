@@ -3,12 +3,11 @@
 import torch
 from torch import Tensor
 
-from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, Parameter
-from femupdate.effects.structure import Structure
+from femupdate.effects.channel import ChannelEffect
+from femupdate.effects.effect import Parameter
 
 
-class DriftingClock(Effect):
+class DriftingClock(ChannelEffect):
     """A delay of one floor that grows evenly from one end of the record to the other.
 
     The FRF over the whole record is the mean over the delays: that of the middle, and a loss of
@@ -37,20 +36,11 @@ class DriftingClock(Effect):
         ),
         Parameter("start", "s", 0.002, lower=-0.05, upper=0.05, text="delay at its beginning"),
     )
-    instrument = True
     needs_phase = True
-
-    def places(self, structure: Structure) -> tuple[str, ...]:
-        """Every floor."""
-        return structure.floors
 
     def said(self, place: str, size: float) -> str:
         """As `Effect.said`."""
         return f"The delay of {place} grows by {1000.0 * size:.3g} ms during the run"
-
-    def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
-        """The floor's sensors."""
-        return drawn.sensors(place)
 
     def observe(self, frf: Tensor, omega: Tensor, sizes: Tensor, rows: tuple[int, ...]) -> Tensor:
         """H exp(-i omega (start + size / 2)) sin(omega size / 2) / (omega size / 2) on the floor.

@@ -2,12 +2,12 @@
 
 from torch import Tensor
 
-from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, Parameter
+from femupdate.effects.channel import ChannelEffect
+from femupdate.effects.effect import Parameter
 from femupdate.effects.structure import Structure
 
 
-class NoiseFloor(Effect):
+class NoiseFloor(ChannelEffect):
     """Noise power of the floors over the power of the base."""
 
     name = "noise_floor"
@@ -20,7 +20,6 @@ class NoiseFloor(Effect):
     parameters = (
         Parameter("size", "1", 0.05, lower=0.0, upper=1.0, text="noise over base amplitude"),
     )
-    instrument = True
     # H1 averages noise of the floors away; a ratio of amplitudes does not.
     tables_only = True
 
@@ -31,10 +30,6 @@ class NoiseFloor(Effect):
     def said(self, place: str, size: float) -> str:
         """As `Effect.said`."""
         return f"The floor sensors' noise is {100.0 * size:.3g} % of the base motion"
-
-    def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
-        """All floor sensors."""
-        return drawn.sensors(place)
 
     def observe(self, frf: Tensor, omega: Tensor, sizes: Tensor, rows: tuple[int, ...]) -> Tensor:
         """|H|^2 + s^2, the phase kept."""

@@ -7,8 +7,7 @@ from femupdate.building.shear import ShearBuilding
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
 from femupdate.effects.effect import UNSCALED, Effect, Stiffness, Terms
 from femupdate.effects.structure import TRANSLATION, Structure
-
-_GRAVITY = 9.80665  # m/s2
+from femupdate.units import STANDARD_GRAVITY
 
 
 class PDelta(Effect):
@@ -50,7 +49,7 @@ class PDelta(Effect):
         """-P / h on the drift of each story, of floor means (Wilson and Habibullah 1987,
         Earthquake Spectra 3, 241); the bow of columns between floors is left out."""
         heights = np.diff(structure.levels, prepend=0.0)
-        weight = _GRAVITY * structure.story_rigid[:, TRANSLATION]
+        weight = STANDARD_GRAVITY * structure.story_rigid[:, TRANSLATION]
         drift = np.diff(structure.floor_means, axis=0, prepend=0.0)
         root = csc_matrix(np.sqrt(weight / heights)[:, None] * drift)
         return Terms(stiffness=(Stiffness(UNSCALED, csc_matrix(-(root.T @ root))),))

@@ -2,14 +2,14 @@
 
 from torch import Tensor, pi
 
-from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, Parameter, as_complex
+from femupdate.effects.channel import ChannelEffect
+from femupdate.effects.effect import Parameter, as_complex
 from femupdate.effects.structure import Structure
 
 _REFERENCE_HZ = 10.0
 
 
-class RollOff(Effect):
+class RollOff(ChannelEffect):
     """A first-order low-pass filter on every floor sensor but not on the base's."""
 
     name = "roll_off"
@@ -25,7 +25,6 @@ class RollOff(Effect):
             "size", "1", 0.03, lower=0.0, upper=4.0, text="(10 Hz over the corner frequency)^2"
         ),
     )
-    instrument = True
 
     def places(self, structure: Structure) -> tuple[str, ...]:
         """All floors together."""
@@ -35,10 +34,6 @@ class RollOff(Effect):
         """As `Effect.said`."""
         corner = _REFERENCE_HZ / max(size, 1e-12) ** 0.5
         return f"The floor sensors lose what lies above {corner:.3g} Hz"
-
-    def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
-        """All floor sensors."""
-        return drawn.sensors(place)
 
     def observe(self, frf: Tensor, omega: Tensor, sizes: Tensor, rows: tuple[int, ...]) -> Tensor:
         """H / (1 + i omega / omega_c)."""

@@ -4,12 +4,11 @@ from itertools import combinations
 
 from torch import Tensor
 
-from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect
+from femupdate.effects.channel import ChannelEffect
 from femupdate.effects.structure import Structure
 
 
-class SwappedChannels(Effect):
+class SwappedChannels(ChannelEffect):
     """The FRFs of two floors exchanged."""
 
     name = "swapped_channels"
@@ -17,7 +16,6 @@ class SwappedChannels(Effect):
     sentence = "The channels of two floors are exchanged: cables or column names were mixed up."
     settled_by = "the labels of the cables, or a tap beside each sensor"
     parameters = ()
-    instrument = True
 
     def places(self, structure: Structure) -> tuple[str, ...]:
         """Every pair of floors."""
@@ -26,10 +24,6 @@ class SwappedChannels(Effect):
     def said(self, place: str, size: float) -> str:
         """As `Effect.said`."""
         return f"The channels of {place.replace(',', ' and ')} are exchanged"
-
-    def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
-        """The sensors of both floors."""
-        return drawn.sensors(place)
 
     def observe(self, frf: Tensor, omega: Tensor, sizes: Tensor, rows: tuple[int, ...]) -> Tensor:
         """The two rows exchanged."""

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from femupdate.benchmarks.mesh_export import GROUPS, TAGS, export_mesh
 
 from femupdate.building.files import load_building
 from femupdate.building.mesh import mesh_building
-from femupdate.building.mesh_export import GROUPS, TAGS, export_mesh
 from femupdate.building.shipped import building_text
 from femupdate.measurement.write import write_observation_histories
 from femupdate.simulation.simulate import SimulationSettings, simulate_observation
