@@ -10,7 +10,7 @@ from femupdate.errors import MeasurementError
 from femupdate.measurement.columns import FrfColumn, floor_height
 from femupdate.measurement.force_unit import ForceUnit, force_unit
 from femupdate.measurement.frf import estimate_frf
-from femupdate.measurement.frf_table import FrfTable, curves_of
+from femupdate.measurement.frf_table import FrfTable, curves_of, without_zero_frequency
 from femupdate.measurement.observation import (
     Observation,
     require_floors_of_building,
@@ -85,7 +85,7 @@ def force_test(
         MeasurementError: the unit of a column is not known or two columns differ in their
             quantity, or see `frf_table`.
     """
-    table = _without_zero_frequency(table, at)
+    table = without_zero_frequency(table, at)
     floors = sorted({column.force or force for column in columns}, key=floor_height)
     return ForceTest(
         tuple(
@@ -94,13 +94,6 @@ def force_test(
         ),
         table.file.path.name,
     )
-
-
-def _without_zero_frequency(table: Table, at: int) -> Table:
-    """The same rows but the first, where its frequency is zero: nothing accelerates there."""
-    if table.values[0, at] != 0.0:
-        return table
-    return replace(table, values=table.values[1:], lines=table.lines[1:])
 
 
 def _at_floor(

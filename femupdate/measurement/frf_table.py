@@ -1,7 +1,7 @@
 """Tables of measured frequency response functions."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,7 +66,19 @@ def frf_table(table: Table, at: int, columns: Mapping[FrfColumn, int]) -> FrfTab
             " histories or FRFs"
             " under base motion here"
         )
-    return curves_of(table, at, columns, _ratio)
+    return curves_of(without_zero_frequency(table, at), at, columns, _ratio)
+
+
+def without_zero_frequency(table: Table, at: int) -> Table:
+    """Return the same rows but the first, where its frequency is zero: nothing accelerates there.
+
+    Args:
+        table: the file's columns.
+        at: position of the frequencies.
+    """
+    if table.values[0, at] != 0.0:
+        return table
+    return replace(table, values=table.values[1:], lines=table.lines[1:])
 
 
 def curves_of(

@@ -123,4 +123,4 @@ def test_modes_of_any_scale_and_of_no_frequency(write):
 def test_functions_with_fewer_values_than_frequencies(tmp_path):
     one = {"func_type": 4, "x": np.arange(128.0), "data": np.ones(127)}
     with pytest.raises(MeasurementError, match="127 values at 128 frequencies"):
-        uff._function(TextFile(tmp_path / "a.uff"), one)
+        uff._function(TextFile(tmp_path / "a.uff"), one, True)

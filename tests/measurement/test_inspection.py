@@ -199,6 +199,12 @@ def test_response_functions_of_a_table(write):
     assert one.step.command.startswith("femupdate calibrate ")
 
 
+def test_nothing_is_asked_of_a_response_at_zero_frequency(write):
+    rows = "\n".join(f"{k / 4},{0 if k == 0 else 1.5}" for k in range(12))
+    (one,) = inspect_file(write("frequency_hz,RF\n" + rows, "h.csv")).functions
+    assert one.frequency_hz[0] == 0.25
+
+
 def test_functions_of_columns_that_do_not_say_their_floors(write):
     rows = "\n".join(f"{k},{k}+2j,3" for k in range(1, 5))
     path = write("Frequency (Hz);H 1 (m/s2/N);b\n" + rows.replace(",", ";"), "h 1.csv")

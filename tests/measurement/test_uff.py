@@ -47,6 +47,45 @@ def test_functions(pyuff, shared_file):
     assert psd.values.dtype == np.float64
 
 
+UNITS = {
+    "labels": ((12, "m/s^2"), (13, "N"), "m/s^2/N"),
+    "in g": ((12, "g"), (13, "N"), "g/N"),
+    "mobility": ((11, "m/s"), (13, "N"), "m/s/N"),
+    "whole in the numerator": ((12, "(1/N)*(m/s^2)"), (13, "N"), "(1/N)*(m/s^2)"),
+    "of the format": ((8, "NONE"), (13, "NONE"), "m/N"),
+    "ratio": ((12, "g"), (12, "g"), "1"),
+    "nothing said": ((0, "NONE"), (0, "NONE"), None),
+}
+
+
+@pytest.mark.parametrize(("above", "below", "unit"), UNITS.values(), ids=UNITS)
+def test_unit_of_a_response_is_that_of_its_numerator_over_its_denominator(
+    pyuff, tmp_path, above, below, unit
+):
+    path = tmp_path / "h.uff"
+    data = pyuff.prepare_58(
+        binary=0,
+        func_type=4,
+        rsp_node=3,
+        rsp_dir=1,
+        ref_node=7,
+        ref_dir=1,
+        data=np.arange(5) * (1 + 2j),
+        x=np.arange(5.0),
+        id1="H",
+        rsp_ent_name="a",
+        ref_ent_name="b",
+        abscissa_spacing=1,
+        abscissa_spec_data_type=18,
+        ordinate_spec_data_type=above[0],
+        orddenom_spec_data_type=below[0],
+    )
+    data |= {"ordinate_axis_units_lab": above[1], "orddenom_axis_units_lab": below[1]}
+    pyuff.UFF(str(path)).write_sets(data, "add")
+    (h,) = read_measured(path).functions
+    assert (h.unit, h.response, h.reference) == (unit, "point 3 +X", "point 7 +X")
+
+
 def test_modes(pyuff, shared_file):
     modes = read_measured(shared_file("formats/uff55_translation.uff")).modes
     assert [mode.frequency_hz for mode in modes] == [10.0, 12.0, 13.0]

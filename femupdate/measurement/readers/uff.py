@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from femupdate.arrays import Floats
 from femupdate.errors import MeasurementError
 from femupdate.measurement.channel import RecordedChannel
+from femupdate.measurement.force_unit import force_unit
 from femupdate.measurement.quantity import is_acceleration
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import RecordedFunction, RecordedMode, Recording
@@ -32,6 +33,8 @@ _KINDS = {
 }
 _QUANTITIES = {8: "displacement", 11: "velocity", 12: "acceleration", 13: "force", 15: "pressure"}
 _QUANTITIES |= {9: "force", 21: "pressure"}
+_SI_UNITS = {8: "m", 9: "N", 11: "m/s", 12: "m/s2", 13: "N"}
+_RESPONSES = (4, 5)
 _DIRECTIONS = {
     1: "+X",
     -1: "-X",
@@ -110,7 +113,7 @@ def _recording(file: TextFile, types: list[int], sets: list[dict[str, Any]]) -> 
     recording = Recording(
         file,
         tuple(_channel(file, one, k, si) for k, one in enumerate(histories, start=1)),
-        functions=tuple(_function(file, one) for one in functions if not _is_history(one)),
+        functions=tuple(_function(file, one, si) for one in functions if not _is_history(one)),
         modes=tuple(_modes(sets)),
         points=points,
         notes=_notes(types, sets),
@@ -166,7 +169,7 @@ def _step(file: TextFile, one: Mapping[str, Any], number: int) -> float:
     return step
 
 
-def _function(file: TextFile, one: Mapping[str, Any]) -> RecordedFunction:
+def _function(file: TextFile, one: Mapping[str, Any], si: bool) -> RecordedFunction:
     frequency, values = np.asarray(one["x"], dtype=np.float64), _values(one)
     if frequency.shape != values.shape:
         raise file.error(
@@ -177,7 +180,7 @@ def _function(file: TextFile, one: Mapping[str, Any]) -> RecordedFunction:
         name=_text(one["rsp_ent_name"]) or _text(one["id4"]) or _text(one["id1"]),
         frequency_hz=frequency,
         values=values,
-        unit=_unit(one) or None,
+        unit=_ratio(one, si) or None,
         response=_place(one, "rsp"),
         reference=_place(one, "ref"),
     )
@@ -298,6 +301,20 @@ def _values(one: Mapping[str, Any]) -> NDArray[np.inexact]:
 def _unit(one: Mapping[str, Any]) -> str:
     # Old programs write the superscript of m/s² in an encoding that is lost on reading.
     return _text(one["ordinate_axis_units_lab"]).replace("\ufffd", "²")
+
+
+def _ratio(one: Mapping[str, Any], si: bool) -> str:
+    """Unit of a function; of a response, that of its numerator over its denominator's."""
+    above, below = _unit(one), _text(one["orddenom_axis_units_lab"])
+    if one["func_type"] not in _RESPONSES or force_unit(above) is not None:
+        return above
+    if not above and not below and si:
+        above, below = (
+            _SI_UNITS.get(one[f"{part}_spec_data_type"], "") for part in ("ordinate", "orddenom")
+        )
+    if above and above == below:
+        return "1"
+    return f"{above}/{below}" if above and below else above
 
 
 def _text(value: Any) -> str:
