@@ -264,7 +264,7 @@ def inspect_file(
     recording = read_measured(path)
     functions = (*recording.functions, *_functions_of_table(recording, unit, columns))
     table = recording.mode_table
-    modes = recording.modes if table is None else modes_in_table(table, {})
+    modes = recording.modes if table is None else modes_in_table(table, columns or {}, named=False)
     static = recording.table is not None and is_static(recording.table)
     other = static or bool(functions and recording.table is not None) or table is not None
     histories = () if other else recording.histories()
@@ -285,7 +285,7 @@ def inspect_file(
         modes=modes,
         findings=(*pair_findings(histories, floors, placed=placed), *mode_findings(modes)),
         rotation=_rotation(recording, histories, floors, placed, unit),
-        step=_step(path, recording, histories, functions, unit, columns),
+        step=_step(path, recording, histories, functions, modes, unit, columns),
     )
 
 
@@ -408,6 +408,7 @@ def _step(
     recording: Recording,
     histories: Sequence[RecordedChannel],
     functions: Sequence[RecordedFunction],
+    modes: Sequence[RecordedMode],
     unit: str | None,
     columns: Mapping[str, str] | None,
 ) -> NextStep:
@@ -416,10 +417,10 @@ def _step(
         return next_step(path, histories, names, unit, columns)
     calibrate = f"femupdate calibrate {shlex.quote(str(path))}"
     static = recording.table is not None and is_static(recording.table)
-    if static or recording.mode_table is not None:
+    if static:
         return NextStep(calibrate)
-    if recording.modes:
-        return NextStep(f"{calibrate} --columns 2F=NAME,RF=NAME", _POINT_MODES)
+    if modes:
+        return _mode_step(calibrate, modes, columns)
     if functions and recording.table is not None:
         if not any(one.reference for one in functions):
             return NextStep(f"{calibrate} --columns 2F=NAME,RF=NAME", _FRF_COLUMNS)
@@ -431,6 +432,15 @@ def _step(
     if functions:
         return NextStep("", "Spectra alone do not tell a response; give the histories.")
     return NextStep("", _POINTS)
+
+
+def _mode_step(
+    calibrate: str, modes: Sequence[RecordedMode], columns: Mapping[str, str] | None
+) -> NextStep:
+    told = all(parse_channel(sensor) for mode in modes for sensor in mode.sensors)
+    if columns or told:
+        return NextStep(calibrate + columns_option(columns))
+    return NextStep(f"{calibrate} --columns 2F=NAME,RF=NAME", _POINT_MODES)
 
 
 def _force_step(

@@ -21,7 +21,7 @@ MODE_COLUMNS = (
 _NAMED = (MODE, FREQUENCY, FREQUENCY_SD, DAMPING, DAMPING_SD)
 _DEVIATION = r"(std|sd|standarddeviation)"
 _FREQUENCY = r"(f|fn|freq|(natural|modal)?frequency)"
-_DAMPING = r"(xi|zeta|(modal)?damping(ratio)?)"
+_DAMPING = r"(xi|zeta|ξ|ζ|(modal)?damping(ratio)?)"
 # Titles without blanks, points and underscores.
 _TITLES = {
     MODE: r"mode(no|nr|number|name)?",
@@ -35,18 +35,21 @@ _BESIDE = re.compile(r"(std\.?\s*)?complexity|mpc|mpd|mcf|comments?|remarks?|met
 _PART = re.compile(r"(?P<sensor>.+?)(?:_(?P<part>re|im|sd))?", re.IGNORECASE)
 
 
-def modes_in_table(table: Table, columns: Mapping[str, str]) -> tuple[RecordedMode, ...]:
+def modes_in_table(
+    table: Table, columns: Mapping[str, str], named: bool = True
+) -> tuple[RecordedMode, ...]:
     """The modes in the rows of a table, NaN and None where a cell is blank.
 
     Args:
         table: NaN where a cell is blank; of the column `mode` its numbers.
         columns: our column name to the file's.
+        named: whether every component must bear our name of a floor; else it keeps its own.
 
     Raises:
         MeasurementError: there is no column of frequencies, a row has none, or a column has a
             name that is not known.
     """
-    own = _columns(table, columns)
+    own = _columns(table, columns, named)
     if FREQUENCY not in own:
         raise table.file.error(
             f"there is no column {FREQUENCY}; columns of identified modes are {MODE_COLUMNS}"
@@ -76,7 +79,7 @@ def modes_in_table(table: Table, columns: Mapping[str, str]) -> tuple[RecordedMo
     )
 
 
-def _columns(table: Table, columns: Mapping[str, str]) -> dict[str, Floats]:
+def _columns(table: Table, columns: Mapping[str, str], named: bool) -> dict[str, Floats]:
     """Values (r,) of every column that is used, by our name, in SI units."""
     names, theirs = table.names or (), {v: k for k, v in columns.items()}
     missing = [name for name in theirs if name not in names]
@@ -92,6 +95,8 @@ def _columns(table: Table, columns: Mapping[str, str]) -> dict[str, Floats]:
         beside = _BESIDE.fullmatch(title) is not None
         if known is None and title not in theirs and (columns or beside):
             continue
+        if known is None and not named:
+            known = title
         if known is None:
             raise table.file.error(
                 f"unknown column {title!r}{closest(title, _NAMED)}; columns of identified modes"

@@ -139,8 +139,12 @@ def _time_column(table: Table) -> int:
     try:
         uniform_step(table.file, table.values[:, 0], table.lines, table.title(0))
     except MeasurementError:
-        if table.names is None:
+        if table.names is None and (np.diff(table.values[:, 0]) > 0.0).all():
             raise
+        if table.names is None:
+            raise table.file.error(
+                "no column grows as times do; put one of times, in s, before the others"
+            ) from None
         raise table.file.error(
             f"no column of times among {', '.join(table.names)}; call it time_s"
         ) from None

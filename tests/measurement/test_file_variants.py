@@ -5,6 +5,7 @@ import pytest
 from scipy.io import savemat
 
 from femupdate.errors import MeasurementError
+from femupdate.measurement.inspection import inspect_file
 from femupdate.measurement.modes import identified_modes
 from femupdate.measurement.observation_file import read_observation_file
 from femupdate.measurement.quantity import plain_unit
@@ -209,6 +210,22 @@ def test_modes_as_programs_export_them(tmp_path):
     assert (modes.names, modes.floors) == (("1",), ("2F", "RF"))
     found = [modes.frequency_hz[0], modes.frequency_sd_hz[0], modes.damping[0]]
     np.testing.assert_allclose(found, [1.753, 0.004, 0.0102])
+
+
+def test_modes_below_a_title_and_with_names_of_their_own(tmp_path):
+    rows = ["Results of the tower", "f [Hz];ζ [%];A1;A2", "1,75;1,2;0,35;1", "5,1;1,0;-1;0,4"]
+    path = written(tmp_path, rows, encoding="utf-8")
+    one = inspect_file(path)
+    assert [mode.sensors for mode in one.modes] == [("A1", "A2")] * 2
+    assert one.recording.notes == ("Lines above the table that are passed over: 1.",)
+    assert one.step.command.endswith("file.txt --columns 2F=NAME,RF=NAME")
+    with pytest.raises(MeasurementError, match="unknown column 'A1'"):
+        identified_modes(read_measured(path), None, "x")
+    told = inspect_file(path, None, {"RF": "A2"})
+    assert [mode.sensors for mode in told.modes] == [("RF",)] * 2
+    assert told.step.command.endswith("file.txt --columns RF=A2")
+    modes = identified_modes(read_measured(path), {"RF": "A2"}, "x")
+    np.testing.assert_allclose(modes.damping, [0.012, 0.01])
 
 
 def test_labels_and_units_in_a_structure_name_the_columns(tmp_path):

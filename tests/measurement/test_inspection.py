@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt
 
+from femupdate.errors import MeasurementError
 from femupdate.measurement.channel import RecordedChannel
 from femupdate.measurement.channel_checks import channel_findings
 from femupdate.measurement.floor_names import base_rank, floors_of
@@ -197,6 +198,12 @@ def test_response_functions_of_a_table(write):
     assert one.summary.startswith("2 functions of frequency")
     assert [each.response for each in one.functions] == ["2F", "RF"]
     assert one.step.command.startswith("femupdate calibrate ")
+
+
+def test_samples_without_times_are_told(write):
+    rows = "\n".join(f"{(7 * k) % 5},{k % 3}" for k in range(80))
+    with pytest.raises(MeasurementError, match="no column grows as times do"):
+        inspect_file(write(rows, "n.csv"))
 
 
 def test_nothing_is_asked_of_a_response_at_zero_frequency(write):

@@ -38,7 +38,7 @@ PLAIN = {
     "no time": ("NS,EW\n" + "\n".join(f"{v},{-v}" for v in VALUES), "no column of times among NS"),
     "no time, no header": (
         "\n".join(f"{v},{-v}" for v in VALUES),
-        "column 1: the times do not increase",
+        "no column grows as times do",
     ),
     "no unit": (plain(rows(), "time_s,a\n"), "does not say its unit; give it by the unit option"),
     "unknown unit": (plain(rows(), "time_s,a\ns,furlong\n"), "unknown unit 'furlong'"),

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from femupdate.measurement.cells import cells_of, find_delimiter, is_number
+from femupdate.measurement.cells import Row, cells_of, find_delimiter, is_number
+from femupdate.measurement.columns import FREQUENCY
 from femupdate.measurement.complex_text import split_complex
 from femupdate.measurement.mode_table import DAMPING, DAMPING_SD, FREQUENCY_SD, MODE, figure_of
 from femupdate.measurement.reader import Reader
@@ -17,17 +18,27 @@ from femupdate.measurement.text import TextFile, read_text
 _TELLING = (MODE, FREQUENCY_SD, DAMPING, DAMPING_SD)
 _BRACKETED = re.compile(r"(?P<name>.*?)\s*[(\[]\s*(?P<unit>[^()\[\]]+?)\s*[)\]]")
 _BLANK = ("", "-", "–", "nan", "n/a", "na", "none")
-_LEAST_TOLD = 2
+_LEAST_TOLD, _MOST_ABOVE = 2, 10
 
 
 def _recognises(head: str, suffix: str) -> bool:
-    """Whether the first row names columns that only identified modes have."""
-    rows = TextFile(Path(), tuple(head.split("\n"))).rows()
-    if not rows or "\0" in head:
+    """Whether a row above the numbers names columns that only identified modes have."""
+    if "\0" in head:
         return False
-    titles = [_title(cell)[0] for cell in cells_of(rows[0][1], find_delimiter(rows[0][1]))]
-    telling = sum(figure_of(title) in _TELLING for title in titles)
-    return telling >= 1 and len(titles) >= _LEAST_TOLD
+    return _header_at(TextFile(Path(), tuple(head.split("\n"))).rows()) is not None
+
+
+def _header_at(rows: list[Row]) -> int | None:
+    """Index of the row that names the columns: the first one, or below what programs write above.
+
+    Below the first row, it must name the frequencies too.
+    """
+    for index, (_, text) in enumerate(rows[:_MOST_ABOVE]):
+        figures = [figure_of(_title(cell)[0]) for cell in cells_of(text, find_delimiter(text))]
+        telling = any(figure in _TELLING for figure in figures) and len(figures) >= _LEAST_TOLD
+        if telling and (index == 0 or FREQUENCY in figures):
+            return index
+    return None
 
 
 def _read(path: Path) -> Recording:
@@ -37,7 +48,9 @@ def _read(path: Path) -> Recording:
         MeasurementError: a row has another number of cells, or a cell is text.
     """
     file = read_text(path)
-    rows = split_complex(file.rows(), _BLANK)
+    rows = file.rows()
+    above = _header_at(rows) or 0
+    rows = split_complex(rows[above:], _BLANK)
     delimiter = find_delimiter(rows[0][1])
     titles = [_title(cell) for cell in cells_of(rows[0][1], delimiter)]
     names = tuple(name for name, _ in titles)
@@ -53,7 +66,9 @@ def _read(path: Path) -> Recording:
     values = [_row(file, names, line, text, delimiter) for line, text in rows[1:]]
     lines = np.array([line for line, _ in rows[1:]])
     units = tuple(unit for _, unit in titles)
-    return Recording(file, mode_table=Table(file, names, units, np.array(values), lines))
+    notes = (f"Lines above the table that are passed over: {above}.",) if above else ()
+    mode_table = Table(file, names, units, np.array(values), lines)
+    return Recording(file, mode_table=mode_table, notes=notes)
 
 
 def _title(cell: str) -> tuple[str, str | None]:

@@ -25,7 +25,7 @@ def _recognises(head: str, suffix: str) -> bool:
 def _read(path: Path) -> Recording:
     file = read_text(path)
     above = len(file.rows()) - len(rows_of_table(file))
-    notes = (f"{above} lines above the table are passed over.",)
+    notes = (f"Lines above the table that are passed over: {above}.",)
     return Recording(file, table=read_table(file), notes=notes if above else ())
 
 
