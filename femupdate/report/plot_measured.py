@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 
 from femupdate.arrays import Floats
 from femupdate.report.figure import add_head, frequency_ticks, new_figure
-from femupdate.report.style import SERIES, styled
+from femupdate.report.style import hue, styled
 
 MOST_LINES = 24
 SEGMENTS = 16  # of Welch's method, half overlapping
@@ -71,10 +71,10 @@ def measured_functions(curves: Sequence[tuple[str, Floats, Any]], title: str, un
     for k, (_, frequency, values) in enumerate(curves[:MOST_LINES]):
         size = np.abs(values)
         # A zero, as a spectrum may have at 0 Hz, is no value to draw to.
-        axes.semilogy(frequency, np.where(size > 0.0, size, np.nan), color=_color(k))
+        axes.semilogy(frequency, np.where(size > 0.0, size, np.nan), color=hue(k))
     axes.set(xlabel="Frequency, Hz", ylabel=unit)
     handles = [
-        Line2D([], [], color=_color(k), label=label)
+        Line2D([], [], color=hue(k), label=label)
         for k, (label, *_) in enumerate(curves[:MOST_LINES])
     ]
     add_head(figure, title, handles, columns=4)
@@ -109,7 +109,7 @@ def measured_modes(modes: Sequence[MeasuredMode], title: str) -> Figure:
     axes = figure.add_subplot()
     shown = modes[:MOST_LINES]
     handles = [
-        Line2D([], [], color=_color(k), label=f"{one.frequency_hz:.4g} Hz")
+        Line2D([], [], color=hue(k), label=f"{one.frequency_hz:.4g} Hz")
         for k, one in enumerate(shown)
     ]
     add_head(figure, title, handles, columns=4)
@@ -119,7 +119,7 @@ def measured_modes(modes: Sequence[MeasuredMode], title: str) -> Figure:
     for k, one in enumerate(shown):
         values = np.real(one.shape)
         largest = np.nanmax(np.abs(values), initial=1e-300)
-        axes.plot(values / largest, "o-", ms=3, color=_color(k))
+        axes.plot(values / largest, "o-", ms=3, color=hue(k))
     axes.set(xlabel="Component, point by point", ylabel="Shape over its largest component")
     return figure
 
@@ -127,7 +127,7 @@ def measured_modes(modes: Sequence[MeasuredMode], title: str) -> Figure:
 def _draw_ratios(axes: Axes, modes: Sequence[MeasuredMode]) -> None:
     for k, one in enumerate(modes):
         ratio = 100.0 * (one.damping or 0.0)
-        axes.plot([one.frequency_hz] * 2, [0.0, ratio], "o-", ms=5, color=_color(k))
+        axes.plot([one.frequency_hz] * 2, [0.0, ratio], "o-", ms=5, color=hue(k))
     axes.set(xlabel="Frequency, Hz", ylabel="Damping ratio, %", ylim=(0.0, None))
     axes.set_xlim(0.0, 1.1 * max(one.frequency_hz for one in modes))
 
@@ -138,10 +138,10 @@ def _draw_histories(axes: Axes, lines: Sequence[MeasuredLine]) -> None:
     spacing = spacing or 1.0
     for k, each in enumerate(lines):
         time, values = _thinned(each)
-        axes.plot(time, values - each.values.mean() - k * spacing, color=_color(k), linewidth=0.6)
+        axes.plot(time, values - each.values.mean() - k * spacing, color=hue(k), linewidth=0.6)
     axes.set_yticks([-k * spacing for k in range(len(lines))], [each.label for each in lines])
     for k, label in enumerate(axes.get_yticklabels()):
-        label.set_color(_color(k))
+        label.set_color(hue(k))
     axes.set(xlabel="Time, s", title="Histories, to one scale, about their means")
     axes.grid(axis="y", visible=False)
 
@@ -162,7 +162,7 @@ def _draw_spectra(axes: Axes, lines: Sequence[MeasuredLine], unit: str) -> None:
     top = 1e-300
     for k, each in enumerate(lines):
         frequency, power = welch(each.values, 1.0 / each.time_step, nperseg=_segment(each))
-        axes.loglog(frequency[1:], np.sqrt(power[1:]) + 1e-300, color=_color(k), linewidth=0.8)
+        axes.loglog(frequency[1:], np.sqrt(power[1:]) + 1e-300, color=hue(k), linewidth=0.8)
         top = max(top, float(np.sqrt(power[1:].max(initial=0.0))))
     axes.set_ylim(top * 1e-5, top * 2.0)
     longest = max(each.time_step * _segment(each) for each in lines)
@@ -182,9 +182,9 @@ def _draw_response(
     for k, each in floors.items():
         cross = csd(base.values, each.values, **options)[1]
         size = np.abs(cross[shown]) / power[shown]
-        response.loglog(frequency[shown], size + 1e-300, color=_color(k), linewidth=0.9)
+        response.loglog(frequency[shown], size + 1e-300, color=hue(k), linewidth=0.9)
         seen = coherence(base.values, each.values, **options)[1]
-        share.semilogx(frequency[shown], seen[shown], color=_color(k), linewidth=0.9)
+        share.semilogx(frequency[shown], seen[shown], color=hue(k), linewidth=0.9)
     for axes in (response, share):
         frequency_ticks(axes, float(frequency[1]), float(frequency[-1]), _FEW_TICKS)
     response.set(xlabel="Frequency, Hz", ylabel="|H|", title="Floor over base")
@@ -199,7 +199,3 @@ def _beside(base: MeasuredLine | None, line: MeasuredLine) -> bool:
 
 def _segment(line: MeasuredLine) -> int:
     return max(2 * line.values.size // (SEGMENTS + 1), 2)
-
-
-def _color(number: int) -> str:
-    return SERIES[number % len(SERIES)]

@@ -8,7 +8,7 @@ from matplotlib.ticker import MaxNLocator
 
 from femupdate.measurement.ambient import AmbientModes
 from femupdate.report.figure import add_head, new_figure
-from femupdate.report.style import FAINT, QUIET, SERIES, styled
+from femupdate.report.style import FAINT, QUIET, hue, styled
 
 
 @styled
@@ -20,7 +20,7 @@ def stabilisation(found: AmbientModes, title: str) -> Figure:
     _draw_poles(poles, found)
     _draw_shapes(shapes, found)
     handles = [
-        Line2D([], [], color=_color(k), marker="o", label=f"{mode.frequency_hz:.4g} Hz")
+        Line2D([], [], color=hue(k), marker="o", label=f"{mode.frequency_hz:.4g} Hz")
         for k, mode in enumerate(found.modes)
     ]
     left_out = Line2D([], [], color=QUIET, marker=".", linestyle="", label="poles left out")
@@ -37,9 +37,9 @@ def _draw_poles(axes: Axes, found: AmbientModes) -> None:
         own = found.group == k
         spread = 2.0 * (mode.frequency_sd_hz or 0.0)
         axes.axvspan(
-            mode.frequency_hz - spread, mode.frequency_hz + spread, color=_color(k), alpha=0.3, lw=0
+            mode.frequency_hz - spread, mode.frequency_hz + spread, color=hue(k), alpha=0.3, lw=0
         )
-        axes.plot(frequency[own], order[own], "o", color=_color(k), ms=4)
+        axes.plot(frequency[own], order[own], "o", color=hue(k), ms=4)
     axes.set(
         xlabel="Frequency, Hz",
         ylabel="Model order",
@@ -64,11 +64,7 @@ def _draw_spectra(axes: Axes, found: AmbientModes) -> None:
 
 def _draw_shapes(axes: Axes, found: AmbientModes) -> None:
     for k, mode in enumerate(found.modes):
-        axes.plot(np.real(mode.shape), np.arange(len(found.channels)), "o-", color=_color(k), ms=3)
+        axes.plot(np.real(mode.shape), np.arange(len(found.channels)), "o-", color=hue(k), ms=3)
     axes.xaxis.set_major_locator(MaxNLocator(4))
     axes.set_yticks(range(len(found.channels)), found.channels)
     axes.set(xlabel="shape over its largest component", title="Shapes")
-
-
-def _color(number: int) -> str:
-    return SERIES[number % len(SERIES)]

@@ -68,6 +68,11 @@ STYLE = MappingProxyType(
 )
 
 
+def hue(number: int) -> str:
+    """Colour of the series of a number, counted from 0; they come again after the last."""
+    return SERIES[number % len(SERIES)]
+
+
 def styled(draw: Callable[P, R]) -> Callable[P, R]:
     """Run a drawing function in this style and leave matplotlib's settings as they were."""
 

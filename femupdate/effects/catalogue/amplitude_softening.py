@@ -2,14 +2,14 @@
 
 from torch import Tensor
 
-from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import ALL_STORIES, Effect, Parameter, Terms
+from femupdate.effects.effect import ALL_STORIES, Terms
+from femupdate.effects.softening import Softening
 from femupdate.effects.structure import Structure
 
 _ALL = "all"
 
 
-class AmplitudeSoftening(Effect):
+class AmplitudeSoftening(Softening):
     """Stiffness factors and damping ratio that change by one share with every doubling of level."""
 
     name = "amplitude_softening"
@@ -20,24 +20,6 @@ class AmplitudeSoftening(Effect):
     )
     confused_with = ()
     settled_by = "a third record at another level"
-    parameters = (
-        Parameter(
-            "size",
-            "1",
-            0.05,
-            lower=-0.5,
-            upper=0.0,
-            text="change of stiffness with every doubling of the level",
-        ),
-        Parameter(
-            "damping",
-            "1",
-            0.2,
-            lower=-0.5,
-            upper=2.0,
-            text="change of the damping ratio with every doubling of the level",
-        ),
-    )
     needs_levels = True
 
     def places(self, structure: Structure) -> tuple[str, ...]:
@@ -51,14 +33,8 @@ class AmplitudeSoftening(Effect):
 
     def said(self, place: str, size: float) -> str:
         """As `Effect.said`."""
-        fall = f"falls by {-100.0 * size:.3g} % with every doubling of the level"
+        fall = f"falls by {-100.0 * size:.3g} % with every doubling of the amplitude"
         return f"Stiffness {fall} {self.where(place)}"
-
-    def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
-        """The near faces of the story, or of all."""
-        sides = [(0, float(drawn.low[0])), (1, float(drawn.low[1]))]
-        faces = [drawn.upright(*side, k) for k in drawn.stories(place) for side in sides]
-        return (Glyph.of("surfaces", faces),)
 
     def terms(self, structure: Structure, place: str) -> Terms:
         """Number of the story that softens."""

@@ -2,12 +2,12 @@
 
 from torch import Tensor
 
-from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, Parameter, RunChange
+from femupdate.effects.effect import RunChange
+from femupdate.effects.softening import Softening
 from femupdate.effects.structure import Structure
 
 
-class SofteningInRun(Effect):
+class SofteningInRun(Softening):
     """Stiffness and damping that follow the amplitude of the motion during one run.
 
     The FRF over the whole run is the mean over its parts, so that peaks are lower and wider than
@@ -23,24 +23,6 @@ class SofteningInRun(Effect):
     )
     confused_with = ("damping_law", "story_damper")
     settled_by = "the frequency of the first peak in strong and in weak parts of the record"
-    parameters = (
-        Parameter(
-            "size",
-            "1",
-            0.05,
-            lower=-0.5,
-            upper=0.0,
-            text="change of stiffness with every doubling of the amplitude",
-        ),
-        Parameter(
-            "damping",
-            "1",
-            0.2,
-            lower=-0.5,
-            upper=2.0,
-            text="change of the damping ratio with every doubling of the amplitude",
-        ),
-    )
 
     def places(self, structure: Structure) -> tuple[str, ...]:
         """All stories together."""
@@ -50,12 +32,6 @@ class SofteningInRun(Effect):
         """As `Effect.said`."""
         fall = f"{-100.0 * size:.3g} % with every doubling of the amplitude"
         return f"Stiffness falls within the run by {fall}"
-
-    def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
-        """The near faces of all stories."""
-        sides = [(0, float(drawn.low[0])), (1, float(drawn.low[1]))]
-        faces = [drawn.upright(*side, k) for k in drawn.stories(place) for side in sides]
-        return (Glyph.of("surfaces", faces),)
 
     def run_change(self, sizes: Tensor, level: float) -> RunChange:
         """As `Effect.run_change`."""
