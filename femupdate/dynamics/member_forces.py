@@ -14,7 +14,6 @@ from femupdate.fe.links import rigid_arms
 from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel
 
 _LEVEL = 1e-6  # m
-CUT_FORCES = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 WALL_FORCES = ("N", "V", "M")
 
 
@@ -53,7 +52,7 @@ def cut_rows(
     """Rows that give the force through a horizontal cut, (6, n_free), N and N m in global axes.
 
     The cut runs through nodes of one level. What elements above it put on these nodes is summed
-    up: it is what the part below carries, in the order of `CUT_FORCES`, moments about a point.
+    up: it is what the part below carries, Fx, Fy, Fz, Mx, My and Mz, moments about a point.
     Inertia inside these elements is left out.
 
     Args:

@@ -12,7 +12,6 @@ TIME_NAME = re.compile(
 )
 SECONDS_NAME = re.compile(r"^(t|time)([_ .]s(ec(ond)?s?)?)?$|^sec(ond)?s?$", re.IGNORECASE)
 FREQUENCY_NAME = re.compile(r"^(f|freq|frequency)([_ ]?hz)?$|^周波数", re.IGNORECASE)
-DIRECTIONS = ("x", "y", "z")
 
 _FLOOR = r"RF|(?:[2-9]|[1-9]\d+)F"
 _CHANNEL = re.compile(

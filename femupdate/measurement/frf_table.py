@@ -18,6 +18,10 @@ from femupdate.measurement.quantity import si_factor
 from femupdate.measurement.table import Table
 from femupdate.measurement.thresholds import RESPONSE
 
+UNDER_FORCE = (
+    "these are responses to a force, which calibrate, diagnose and repair explain; give histories"
+    " or FRFs under base motion here"
+)
 _RATIO_UNITS = ("", "-", "–", "1")
 
 
@@ -61,11 +65,7 @@ def frf_table(table: Table, at: int, columns: Mapping[FrfColumn, int]) -> FrfTab
             " option, or by the columns' names, such as 2F/RF for 2F under a force at RF"
         )
     if any(column.force for column in columns):
-        raise table.file.error(
-            "these are responses to a force, which calibrate, diagnose and repair explain; give"
-            " histories or FRFs"
-            " under base motion here"
-        )
+        raise table.file.error(UNDER_FORCE)
     return curves_of(without_zero_frequency(table, at), at, columns, _ratio)
 
 

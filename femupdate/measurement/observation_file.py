@@ -32,7 +32,7 @@ from femupdate.measurement.columns import (
     parse_history,
 )
 from femupdate.measurement.force_unit import newtons
-from femupdate.measurement.frf_table import FrfTable, frf_table
+from femupdate.measurement.frf_table import UNDER_FORCE, FrfTable, frf_table
 from femupdate.measurement.quantity import si_factor, split_unit
 from femupdate.measurement.record import LARGEST_PEAK
 from femupdate.measurement.recording import Recording
@@ -128,11 +128,7 @@ def observation_in(
     """What `read_observation_file` reads, in a file that was opened."""
     found = any_observation_in(recording, unit, columns)
     if isinstance(found, ForceHistories):
-        raise recording.file.error(
-            "these are responses to a force, which calibrate, diagnose and repair explain; give"
-            " histories or FRFs"
-            " under base motion here"
-        )
+        raise recording.file.error(UNDER_FORCE)
     return found
 
 

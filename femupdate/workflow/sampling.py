@@ -64,24 +64,14 @@ class ChainRunner:
         """The stream of a stage, `FIRST` or `BRIDGE`."""
         return spawn(self.seed, number + 1)[number]
 
-    def __call__(
-        self, sampler: TemperedSmc, label: str, starts: list[SmcResult] | None = None
-    ) -> list[SmcResult]:
-        """Run all chains of one sampler, named by its label, from the prior or from draws."""
+    def __call__(self, sampler: TemperedSmc, label: str) -> list[SmcResult]:
+        """Run all chains of one sampler, named by its label, from the prior."""
         self.show.start(label, 100 * self.chains)
         results = []
         for chain, seed in enumerate(spawn(self.stage(FIRST), self.chains)):
-            start = starts[chain].theta if starts is not None else None
             kept = _Kept(self.folder, json.dumps([self.fingerprint, label, chain]))
-            results.append(
-                sampler.run(
-                    self.each,
-                    seed,
-                    start=start,
-                    state=kept.load(),
-                    progress=_Teller(self.show, kept),
-                )
-            )
+            teller = _Teller(self.show, kept)
+            results.append(sampler.run(self.each, seed, state=kept.load(), progress=teller))
         return results
 
     def bridge(

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 import torch
+from femupdate.benchmarks.modal_frf import complex_frf, log_frf
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from femupdate.dynamics.damping import ConstantDamping, RayleighDamping
-from femupdate.dynamics.frf import complex_frf, log_frf
 from femupdate.dynamics.system import System, fast_batch
 
 FREQUENCY = np.linspace(0.0, 20.0, 57)

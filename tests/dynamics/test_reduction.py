@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 import torch
+from femupdate.benchmarks.modal_frf import complex_frf, log_frf
 from scipy.linalg import eigh
 from scipy.sparse import csc_matrix
 
 from femupdate.dynamics import reduction
 from femupdate.dynamics.damping import ConstantDamping, RayleighDamping
 from femupdate.dynamics.equations import driven_system
-from femupdate.dynamics.frf import complex_frf, log_frf
 from femupdate.dynamics.projection import reduce_lumped
 from femupdate.dynamics.reduction import reduce_structure
 from femupdate.dynamics.snapshots import TOP, ReductionTarget

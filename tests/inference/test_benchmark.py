@@ -6,12 +6,12 @@ Its numbers come from long runs over the exact likelihood, which costs microseco
 import numpy as np
 import pytest
 import torch
+from femupdate.benchmarks.modal_frf import log_frf
 from scipy.stats import norm
 
 from femupdate.building.files import load_building
 from femupdate.building.shear import shear_operators
 from femupdate.dynamics.damping import RayleighDamping
-from femupdate.dynamics.frf import log_frf
 from femupdate.dynamics.projection import reduce_lumped
 from femupdate.dynamics.system import System
 from femupdate.inference.likelihood import DataLikelihood

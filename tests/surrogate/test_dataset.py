@@ -5,9 +5,9 @@ import os
 import numpy as np
 import pytest
 import torch
+from femupdate.benchmarks.modal_frf import log_frf
 
 from femupdate.dynamics.damping import ConstantDamping
-from femupdate.dynamics.frf import log_frf
 from femupdate.dynamics.modal import ModalData
 from femupdate.errors import SurrogateError
 from femupdate.surrogate import dataset as room

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 import torch
+from femupdate.benchmarks.modal_frf import log_frf
 
 from femupdate.dynamics.damping import ConstantDamping
-from femupdate.dynamics.frf import log_frf
 from femupdate.dynamics.modal import ModalData
 from femupdate.surrogate.modal_decoder import ModalDecoder
 from femupdate.surrogate.sizes import NetworkSizes
@@ -33,7 +33,7 @@ def decoder():
 
 
 def test_untrained_it_gives_the_response_of_the_mean_modes(decoder, modes):
-    """Against `femupdate.dynamics.frf`, with geometric means of the frequencies."""
+    """Against `femupdate.benchmarks.modal_frf`, with geometric means of the frequencies."""
     omega, effect, series = modes
     decoder.standardise(omega, torch.ones_like(omega), effect, series, TOP)
     torch.nn.init.zeros_(decoder.modes.weight)

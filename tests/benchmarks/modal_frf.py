@@ -1,4 +1,4 @@
-"""Frequency response functions from modes: absolute floor acceleration over base acceleration."""
+"""Frequency response functions from modes by their sum, beside those of `System`, for tests."""
 
 import torch
 from torch import Tensor
