@@ -12,6 +12,7 @@ from torch import Tensor
 from femupdate.atomic import write_bytes
 from femupdate.errors import SurrogateError
 from femupdate.surrogate.network import Mvae
+from femupdate.surrogate.soap import Soap
 
 
 @dataclass
@@ -33,7 +34,7 @@ class TrainingRun:
     mvae: Mvae
     average: Mvae
     best: dict[str, Tensor]
-    optimizer: torch.optim.Optimizer
+    optimizer: Soap
     epoch: int = 0
     step: int = 0
     best_loss: float = float("inf")
@@ -57,7 +58,7 @@ def save_checkpoint(run: TrainingRun, path: Path, fingerprint: str) -> None:
         ("best", run.best),
     ):
         tensors |= {f"{prefix}/{name}": value.contiguous().clone() for name, value in state.items()}
-    for index, state in run.optimizer.state_dict()["state"].items():
+    for index, state in run.optimizer.state_dict().items():
         tensors |= {f"adam/{index}/{name}": value.clone() for name, value in state.items()}
     numbers = {
         "epoch": run.epoch,
@@ -102,9 +103,7 @@ def load_checkpoint(run: TrainingRun, path: Path, fingerprint: str) -> None:
     for name, value in part("adam").items():
         index, key = name.split("/")
         adam.setdefault(int(index), {})[key] = value
-    state = run.optimizer.state_dict()
-    state["state"] = adam
-    run.optimizer.load_state_dict(state)
+    run.optimizer.load_state_dict(adam)
     for name, value in json.loads(metadata["numbers"]).items():
         setattr(run, name, value)
 

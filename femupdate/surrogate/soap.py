@@ -4,7 +4,7 @@ A regression accurate to four digits is badly conditioned. Adam, which scales ea
 separately, takes longer. Source: Vyas et al. 2024, arXiv:2409.11321, alg. 3.
 """
 
-from collections.abc import Callable
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import torch
@@ -13,15 +13,21 @@ from torch import Tensor
 _EPSILON = 1e-8
 
 
-class Soap(torch.optim.Optimizer):
+class Soap:
     """SOAP for groups with `rotate`, Adam with decoupled weight decay for the others.
+
+    It is not derived from torch's own class, which loads torch's compiler: seconds, and a library
+    that ends processes in which VTK has drawn.
 
     Args:
         groups: of parameters, as for any optimiser; those with `rotate` hold matrices alone.
         lr: learning rate.
+
+    Attributes:
+        param_groups: the groups with all their settings, which may be changed between steps.
     """
 
-    def __init__(self, groups: list[dict[str, Any]], lr: float = 1e-3) -> None:
+    def __init__(self, groups: Sequence[dict[str, Any]], lr: float = 1e-3) -> None:
         defaults = {
             "lr": lr,
             "betas": (0.9, 0.999),
@@ -30,23 +36,40 @@ class Soap(torch.optim.Optimizer):
             "shape_beta": 0.95,
             "every": 10,
         }
-        super().__init__(groups, defaults)
+        self.param_groups = [{**defaults, **group} for group in groups]
+        self._state: dict[int, dict[str, Tensor]] = {}
+
+    def zero_grad(self) -> None:
+        """Forget all gradients."""
+        for _, _, weight in self._weights():
+            weight.grad = None
 
     @torch.no_grad()
-    def step(self, closure: Callable[[], float] | None = None) -> float | None:  # type: ignore[override]
-        """Take one step; `closure`, where given, evaluates the loss again."""
-        loss = None
-        if closure is not None:
-            with torch.enable_grad():
-                loss = closure()
-        for group in self.param_groups:
-            for weight in group["params"]:
-                if weight.grad is not None:
-                    self._step(weight, weight.grad, group, self.state[weight])
-        return loss
+    def step(self) -> None:
+        """Take one step along the gradients."""
+        for number, group, weight in self._weights():
+            if weight.grad is not None:
+                self._step(weight, weight.grad, group, self._state.setdefault(number, {}))
+
+    def state_dict(self) -> dict[int, dict[str, Tensor]]:
+        """What it remembers of each weight, by the weight's number in the groups."""
+        return {number: dict(state) for number, state in self._state.items()}
+
+    def load_state_dict(self, state: Mapping[int, Mapping[str, Tensor]]) -> None:
+        """Go on from what another one of the same groups remembered."""
+        self._state = {
+            number: {name: value.clone() for name, value in of_weight.items()}
+            for number, of_weight in state.items()
+        }
+
+    def _weights(self) -> Iterator[tuple[int, dict[str, Any], Tensor]]:
+        """Every weight with its number and its group."""
+        pairs = ((group, weight) for group in self.param_groups for weight in group["params"])
+        for number, (group, weight) in enumerate(pairs):
+            yield number, group, weight
 
     def _step(
-        self, weight: Tensor, gradient: Tensor, group: dict[str, Any], state: dict[str, Any]
+        self, weight: Tensor, gradient: Tensor, group: dict[str, Any], state: dict[str, Tensor]
     ) -> None:
         if not state:
             state["step"] = torch.zeros(())

@@ -62,6 +62,10 @@ COMMANDS = {
         "interruptions.command",
         "Commands killed or out of disk, then run again: nothing may be lost.",
     ),
+    "memory": (
+        "memory.command",
+        "Largest memory of every command on the six-story study.",
+    ),
     "versions": (
         "versions.command",
         "Tests with the lowest and the highest dependencies on every Python.",

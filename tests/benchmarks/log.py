@@ -1,6 +1,7 @@
 """Finished parts of a long benchmark on disk, so that a run that was cut off goes on from them."""
 
 import json
+import threading
 from collections.abc import Callable
 from dataclasses import asdict, fields, is_dataclass
 from pathlib import Path
@@ -20,6 +21,8 @@ T = TypeVar("T")
 class ResumableLog:
     """A file whose first line says what the parts depend on; every further line is one part.
 
+    Several threads may add parts.
+
     Parts are dataclasses. Their fields are numbers, texts, float arrays, other dataclasses, tuples
     of one of these, or None.
 
@@ -32,6 +35,7 @@ class ResumableLog:
         self._path, self._header = path, json.dumps(json_content(header))
         self._lines: dict[str, str] = {}
         self._open = False
+        self._writing = threading.Lock()
         lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
         if lines and lines[0] == self._header:
             for line in lines[1:]:
@@ -53,13 +57,15 @@ class ResumableLog:
         """
         # Python's JSON keeps NaN and infinities, which parts may hold.
         content = {"key": key, "content": asdict(part)}
-        self._lines[key] = json.dumps(content, default=lambda array: array.tolist())
-        if self._open:
-            self._append(self._lines[key])
-        else:  # all of them, as the last line may have been cut off
-            lines = (self._header, *self._lines.values())
-            write_bytes(self._path, "".join(f"{line}\n" for line in lines).encode())
-        self._open = True
+        line = json.dumps(content, default=lambda array: array.tolist())
+        with self._writing:
+            self._lines[key] = line
+            if self._open:
+                self._append(line)
+            else:  # all of them, as the last line may have been cut off
+                lines = (self._header, *self._lines.values())
+                write_bytes(self._path, "".join(f"{line}\n" for line in lines).encode())
+            self._open = True
 
     def _append(self, line: str) -> None:
         try:

@@ -19,6 +19,7 @@ WITHOUT_SEED = ("compare", "report", "start-over", "status")
 WITH_STUDY = [name for name in COMMANDS if name not in (*WITHOUT_STUDY, *WITHOUT_SEED)]
 WORK = ["build-model", "train", "calibrate", "predict", "render"]
 HEAVY = ("torch", "scipy", "pyvista", "vtkmodules", "matplotlib", "pydantic", "xarray", "numpy")
+COMPILER = "torch._dynamo"
 
 # Runs the command on the arguments that follow and prints which heavy modules it has imported.
 _IMPORTED = f"""
@@ -29,7 +30,7 @@ try:
     main()
 except SystemExit:
     pass
-print(json.dumps([name for name in {HEAVY!r} if name in sys.modules]), file=sys.stderr)
+print(json.dumps([name for name in {(*HEAVY, COMPILER)!r} if name in sys.modules]), file=sys.stderr)
 """
 
 
@@ -91,6 +92,15 @@ def test_nothing_heavy_is_imported_for_the_help_of_a_benchmark(name):
     assert heavy == []
     for option in ("--output", "--seed", "--json", "--verbose"):
         assert option in text
+
+
+def test_training_loads_no_compiler(tmp_path):
+    """It takes seconds, and where it brings Triton, ends processes in which VTK has drawn."""
+    words = ("train", "--fresh", "--building", "shear_3dof", "--samples", "400")
+    found = imported(*words, "--epochs", "1", "--batch", "64", cwd=tmp_path)[1]
+    assert "torch" in found
+    assert COMPILER not in found
+    assert (tmp_path / "study" / "surrogate.safetensors").exists()
 
 
 MISSPELT = {

@@ -9,6 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from femupdate import __version__
+
+from ..log import ResumableLog
 from ..result import Job, Report, markdown_table
 from .commands import Interruptible, interruptible
 from .trials import KINDS, Reference, Trial, can_mount, interrupt, reference
@@ -34,7 +37,7 @@ class InterruptionPlan:
 
 
 def run_interruptions(job: Job, plan: InterruptionPlan) -> Report:
-    """Run the benchmark and write its results.
+    """Run the benchmark and write its results; trials in the output folder are not made again.
 
     Raises:
         StudyError: a file cannot be written.
@@ -48,8 +51,11 @@ def run_interruptions(job: Job, plan: InterruptionPlan) -> Report:
         ]
         job.progress.start("Interrupting commands", len(commands) * (1 + len(kinds) * plan.each))
 
+        log = ResumableLog(job.folder / f"{NAME}.jsonl", [__version__, job.seed])
+
         def undisturbed(one: Interruptible) -> Reference:
-            found = reference(one, folder / f"reference {one.name}")
+            place = folder / f"reference {one.name}"
+            found = log.get_or_make(one.name, Reference, lambda: reference(one, place))
             job.progress.advance(1)
             return found
 
@@ -58,7 +64,8 @@ def run_interruptions(job: Job, plan: InterruptionPlan) -> Report:
             one, known = commands[command], references[command]
             rng = np.random.default_rng([job.seed, number, command, KINDS.index(kind)])
             place = folder / f"{number}-{command}-{KINDS.index(kind)}"
-            found = interrupt(one, kind, known, place, rng)
+            key = f"{one.name}, {kind} {number}"
+            found = log.get_or_make(key, Trial, lambda: interrupt(one, kind, known, place, rng))
             shutil.rmtree(place, ignore_errors=True)
             job.progress.advance(1)
             return found

@@ -5,12 +5,13 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from ..usage import MOST_MB
+
 MEAN_SHIFT = 0.1  # sd
 SD_SHARE = 0.05
 QUANTILE_SHIFT = 0.2  # sd; two thousand draws leave .07
 DIGITS = 1e-9
 SLOWER, SLOWER_S = 2.0, 5.0  # another machine, or a busy one
-MOST_MB = 2000.0
 NORMAL_90 = 3.29  # standard deviations in the 90 % interval of a normal distribution
 
 

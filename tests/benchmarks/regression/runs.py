@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ..usage import measure
 from . import sticks
-from .usage import measure
 
 # Figures by name, under the kind that says how they are compared (compare.RULES).
 Figures = dict[str, dict[str, Any]]

@@ -8,8 +8,8 @@ import pytest
 from femupdate.benchmarks.regression import run
 from femupdate.benchmarks.regression.compare import compare_records
 from femupdate.benchmarks.regression.sticks import Change, stick_frf
-from femupdate.benchmarks.regression.usage import measure
 from femupdate.benchmarks.result import Job
+from femupdate.benchmarks.usage import measure
 
 
 def kept(processor_seconds=10.0, status="finished", peak_mb=100, **figures):

@@ -8,7 +8,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+MOST_MB = 2000.0  # that a command may take
 WALL_OVER_PROCESSOR = 4.0  # a busy machine may take so much longer than the limit
+_EVERY_S = 0.2  # between two looks at the memory
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,7 @@ def measure(
             if over:
                 os.killpg(process.pid, signal.SIGKILL)
             else:
-                time.sleep(0.4)
+                time.sleep(_EVERY_S)
             ended, status, usage = os.wait4(process.pid, 0 if over else os.WNOHANG)
         process.returncode = os.waitstatus_to_exitcode(status)
     waited = usage.ru_utime + usage.ru_stime  # also of workers that it has waited for

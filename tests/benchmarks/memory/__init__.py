@@ -1,0 +1,1 @@
+"""The benchmark `memory`: what every command takes on the six-story study."""
