@@ -5,7 +5,9 @@ they are done. The results are the same to the last digit wherever that is.
 """
 
 import contextlib
+import ctypes
 import os
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextvars import ContextVar
@@ -58,6 +60,7 @@ class Threads:
                         other.cancel()
             finally:
                 pool.shutdown(cancel_futures=True)
+                _give_memory_back()
         if failed is not None:
             raise failed
 
@@ -75,6 +78,16 @@ def _single_threads() -> Iterator[None]:
             yield
     finally:
         torch.set_num_threads(threads)
+
+
+def _give_memory_back() -> None:
+    """Hand freed memory back to the system, where the allocator can (glibc).
+
+    It keeps what threads have freed for threads to come: hundreds of MB after a reduction.
+    """
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform == "linux" else None
+    if trim is not None:
+        trim(0)
 
 
 _CHOSEN: ContextVar[Workers | None] = ContextVar("workers", default=None)

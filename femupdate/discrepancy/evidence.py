@@ -20,6 +20,8 @@ from femupdate.inference.importance import LogTarget, weighted_draws
 from femupdate.inference.mixture import GaussianMixture, StudentMixture
 from femupdate.seeds import Seed, torch_generator
 
+_AT_ONCE = 128  # points at a time: a thousand, with all their residuals, take a GB
+
 
 @dataclass(frozen=True)
 class Evidence:
@@ -117,7 +119,9 @@ def log_target(problem: Problem, fitted: Fit) -> LogTarget:
         inside = ((z >= where.lower) & (z <= where.upper)).all(dim=1)
         log_likelihood = torch.full((len(z),), -torch.inf, dtype=torch.float64)
         if inside.any():
-            log_likelihood[inside] = error.log_density(raw_residuals(fitted, z[inside]))
+            parts = z[inside].split(_AT_ONCE)
+            found = [error.log_density(raw_residuals(fitted, some)) for some in parts]
+            log_likelihood[inside] = torch.cat(found)
         return log_prior(problem, fitted, z), log_likelihood
 
     return target

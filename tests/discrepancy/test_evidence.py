@@ -9,8 +9,9 @@ import torch
 from scipy.integrate import simpson
 from scipy.stats import norm
 
-from femupdate.discrepancy.evidence import laplace, sampled
-from femupdate.discrepancy.fit import fit
+from femupdate.discrepancy import evidence
+from femupdate.discrepancy.evidence import laplace, log_target, sampled
+from femupdate.discrepancy.fit import fit, raw_residuals
 from femupdate.discrepancy.posterior import draw
 
 MASS, SPRING, ZETA = 2.0, 3000.0, 0.05
@@ -192,3 +193,22 @@ def test_what_the_data_leave_open_is_drawn_from_its_prior(building_of, observe, 
     # The sd of a uniform density is 1.5 / 12^.5; 500 effective draws know its mean to .02.
     assert draws.theta.mean() == pytest.approx(1.25, abs=0.08)
     assert draws.theta.std() == pytest.approx(1.5 / 12**0.5, rel=0.1)
+
+
+def test_many_points_are_weighed_some_at_a_time(case, monkeypatch):
+    """The residuals of a thousand points of a large frame would take a GB."""
+    problem, fitted, _ = case
+    z = fitted.z + 1e-3 * torch.rand(50, len(fitted.z), dtype=torch.float64)
+    _, together = log_target(problem, fitted)(z)
+    asked = []
+
+    def counted(of, some):
+        asked.append(len(some))
+        return raw_residuals(of, some)
+
+    monkeypatch.setattr(evidence, "_AT_ONCE", 8)
+    monkeypatch.setattr(evidence, "raw_residuals", counted)
+    _, apart = log_target(problem, fitted)(z)
+    assert sum(asked) == len(z)
+    assert max(asked) == 8
+    torch.testing.assert_close(apart, together, rtol=1e-12, atol=0.0)
