@@ -27,7 +27,7 @@ def channel_findings(channel: RecordedChannel, si: float | None) -> tuple[str, .
         *_of_scale(channel, (peak, peak * float(np.abs(values - mean).max())), si),
         *_of_offset(channel, values - mean, mean, peak),
         *_of_sampling(channel),
-        *_of_shape(values, channel.time_step),
+        *(_of_force(values) if channel.quantity == "force" else _of_shape(values, channel)),
     )
 
 
@@ -71,7 +71,15 @@ def _of_sampling(channel: RecordedChannel) -> Iterator[str]:
         )
 
 
-def _of_shape(values: Floats, time_step: float) -> Iterator[str]:
+def _of_force(values: Floats) -> Iterator[str]:
+    """A hammer hits in some samples and rests between them: its force may only be clipped."""
+    run = _longest_run(np.abs(values) == np.abs(values).max())
+    if run >= CHANNEL.clipped:
+        yield f"it is clipped: {run} samples in a row stand at its largest value."
+
+
+def _of_shape(values: Floats, channel: RecordedChannel) -> Iterator[str]:
+    time_step = channel.time_step
     moving = values - values.mean()
     peak, step = float(np.abs(moving).max()), _quantum(values)
     if peak < CHANNEL.steps * step:

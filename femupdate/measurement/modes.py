@@ -99,7 +99,7 @@ def identified_modes(
         shape=np.array([shape for shape, _ in shapes]).reshape(len(modes), -1),
         shape_sd=np.array([sd for _, sd in shapes]).reshape(len(modes), -1),
         source=file.path.name,
-        notes=_notes(modes),
+        notes=(*_of_base(modes), *_notes(modes)),
     )
 
 
@@ -209,6 +209,12 @@ def _scaled(shape: NDArray[np.inexact]) -> NDArray[np.inexact]:
 
 def _known(values: Sequence[float | None]) -> Floats:
     return np.array([np.nan if value is None else value for value in values])
+
+
+def _of_base(modes: Sequence[RecordedMode]) -> tuple[str, ...]:
+    channels = (parse_channel(sensor) for mode in modes for sensor in mode.sensors)
+    there = any(one is not None and one.floor == BASE for one in channels)
+    return ("The shapes' component at the base is left out.",) if there else ()
 
 
 def _notes(modes: Sequence[RecordedMode]) -> tuple[str, ...]:

@@ -1,6 +1,7 @@
 """Observations of a building in files: measured histories or frequency response functions."""
 
 import logging
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -57,6 +58,7 @@ __all__ = [
     "read_observation_file",
     "with_usual_axis",
 ]
+_ON_BASE = re.compile(rf"^{BASE}/|/{BASE}\b|/{BASE}_", re.IGNORECASE)
 _COMMON_NAMES = (BASE, "RF", *(f"{n}F" for n in range(2, 13)))
 
 
@@ -308,6 +310,11 @@ def _known_columns(
         parsed = parse(name)
         if parsed is None and columns and name not in columns:
             logger.info("%s: column %r is left out", file.path, name)
+        elif parsed is None and _ON_BASE.search(name):
+            raise file.error(
+                f"{name!r} is of a force or a sensor on the base itself, which is not read; leave"
+                " the column out"
+            )
         elif parsed is None:
             raise file.error(
                 f"unknown column {name!r}{closest(name, _COMMON_NAMES)}; columns are"

@@ -61,6 +61,7 @@ class Measured:
         doubts: sentences on channels of a run that do not fit together.
         base_paths: files of the FRFs under base motion.
         moving_base: what the base does under forces and in modes; empty where it is held.
+        nominal_masses: whether the building says that its masses are.
     """
 
     base: Observation
@@ -72,6 +73,7 @@ class Measured:
     doubts: tuple[str, ...] = ()
     base_paths: tuple[Path, ...] = ()
     moving_base: str = ""
+    nominal_masses: bool = False
 
     @property
     def has_base(self) -> bool:
@@ -136,6 +138,11 @@ class Measured:
                 f" {one.force}, taken to act through the middle of its sensors."
             )
             told += [f"{one.observation.source}: {note}" for note in one.observation.notes]
+        if self.forced and self.nominal_masses:
+            told.append(
+                "The building's masses are nominal (masses_known = false), but the level of a force"
+                " test goes by them: the factors are of stiffness over those masses."
+            )
         if self.rest is not None:
             told.append(
                 f"The reduced model lacks {self.rest.lacked:.0%} (rms) of the static displacement"
@@ -249,6 +256,7 @@ def measured_of(building: Building, source: ObservationSource) -> Measured:
         None,
         errors,
         moving_base=building.moving_base,
+        nominal_masses=building.forces_are_relative,
     )
     if not base:
         _require_sensors(source, others.base.floors)

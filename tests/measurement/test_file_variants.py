@@ -212,6 +212,20 @@ def test_modes_as_programs_export_them(tmp_path):
     np.testing.assert_allclose(found, [1.753, 0.004, 0.0102])
 
 
+@pytest.mark.parametrize("name", ["base/RF", "2F/base", "2F/base_re"])
+def test_a_force_or_a_sensor_on_the_base_is_refused_by_name(tmp_path, name):
+    rows = [f"frequency_hz,{name} (m/s2/N)", *(f"{k},1e-4" for k in range(1, 20))]
+    with pytest.raises(MeasurementError, match=f"'{name}' is of a force or a sensor on the base"):
+        read_observation_file(written(tmp_path, rows))
+
+
+def test_the_base_in_a_shape_is_left_out_and_told(tmp_path):
+    path = written(tmp_path, ["mode,frequency_hz,base,2F,RF", "1,1.7,0.1,0.4,1"])
+    modes = identified_modes(read_measured(path), None, "x")
+    assert modes.floors == ("2F", "RF")
+    assert modes.notes == ("The shapes' component at the base is left out.",)
+
+
 def test_modes_below_a_title_and_with_names_of_their_own(tmp_path):
     rows = ["Results of the tower", "f [Hz];ζ [%];A1;A2", "1,75;1,2;0,35;1", "5,1;1,0;-1;0,4"]
     path = written(tmp_path, rows, encoding="utf-8")

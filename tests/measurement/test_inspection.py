@@ -227,6 +227,16 @@ def test_functions_of_columns_that_do_not_say_their_floors(write):
     assert told.step.command.endswith("/h 1.csv' --unit g/N --columns '2F/RF=H 1'")
 
 
+def test_hits_of_a_hammer_are_no_spikes():
+    force = np.zeros(6000)
+    for start in (200, 2500, 4700):
+        force[start : start + 4] = [300.0, 2500.0, 1400.0, 100.0]
+    assert findings(force, None, quantity="force", unit="N") == ()
+    assert findings(force)
+    (said,) = findings(np.minimum(force, 100.0), None, quantity="force", unit="N")
+    assert said == "it is clipped: 4 samples in a row stand at its largest value."
+
+
 def test_next_command_of_a_force(tmp_path):
     hammer = channel(shaken(1), name="hammer", quantity="force", unit="N")
     told = [channel(shaken(k), name=f"a{k}") for k in range(2)]

@@ -191,3 +191,10 @@ def test_channels_that_do_not_fit_together_are_told(tower_file, tmp_path, late, 
     for said in found.doubts:
         assert "run.csv: channel 3 (RF) runs 39" in said  # 40 ms were put in
         assert "behind channel 1 (base)" in said
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_force_test_of_nominal_masses_says_what_it_finds(tower_file, force_file, known):
+    building = load_building(tower_file).model_copy(update={"masses_known": known})
+    told = measured_of(building, ObservationSource(force_file)).notes_of_others
+    assert any("masses are nominal" in note for note in told) != known
