@@ -5,9 +5,13 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from femupdate.benchmarks.changes import run as changes
 from femupdate.benchmarks.solver import run as solver
 from femupdate.benchmarks.solver.score import ElementTest
 from femupdate.cli.main import group
+
+from femupdate.building.files import load_building
+from femupdate.simulation.hidden_effect import parse_effect
 
 
 @pytest.fixture
@@ -74,10 +78,17 @@ def test_latent_size(run):
     assert "shear_4dof has no floor 9F to observe; it has 2F, 3F, 4F, RF" in done.stderr
 
 
-def test_changes(run, tmp_path):
-    """A building: a softened story is named, no other, and nothing where nothing changed."""
+def test_changes(run, tmp_path, monkeypatch):
+    """A building: a softened story is named, no other, and nothing where nothing changed.
+
+    Of what the other models lack it is only seen that it can be hidden: a pair takes 14 s.
+    """
+    for effects in changes._MODELS.values():
+        for name, values in effects:
+            assert parse_effect(load_building(changes.BUILDING), name, values)[1] == values
+    monkeypatch.setattr(changes, "_MODELS", {"right": ()})
     found = answer(run("changes", "--pairs", "1", "--json"))
     assert found["right: unchanged"] == {"pairs": 1, "right": 1, "false_alarms": 0, "unclear": 0}
     assert found["right: softened"]["right"] == 1
     pairs = json.loads((tmp_path / "changes.json").read_text(encoding="utf-8"))["pairs"]
-    assert [one["state"] for one in pairs] == ["unchanged", "softened"] * 2
+    assert [one["state"] for one in pairs] == ["unchanged", "softened"]
