@@ -39,6 +39,10 @@ class Modes:
     participation: Tensor
     direct: Tensor
 
+    def __getitem__(self, rows: Tensor) -> "Modes":
+        parts = (self.inverse, self.rows, self.participation, self.direct)
+        return Modes(*(part[rows] for part in parts))
+
     @property
     def omega(self) -> Tensor:
         """(N, m) circular frequencies, rad/s, huge where a mode has no mass."""

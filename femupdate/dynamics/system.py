@@ -337,17 +337,33 @@ class System:
         return modal.response(omega, ratio)
 
     def _frf(self, theta: Tensor, zeta: Tensor, sizes: Tensor, omega: Tensor) -> Tensor:
-        modes = self.modes(theta, sizes)
+        # Instruments leave the motion alone, and what is no stiffness or mass the modes: rows that
+        # differ in these only share the others.
+        inside = self._sizes_of(sizes, [not one.effect.instrument for one in self.placed])
+        rows, same = _different(torch.cat([theta, zeta[:, None], inside], dim=1))
+        moved = self._motion(theta[rows], zeta[rows], sizes[rows], omega)
+        return self.observe(moved[same], omega, sizes)
+
+    def _sizes_of(self, sizes: Tensor, chosen: Sequence[bool]) -> Tensor:
+        """The parameters (N, c) of some effects, from those of all (N, q)."""
+        parts = zip(split_sizes(self.placed, sizes), chosen, strict=True)
+        return torch.cat([sizes[:, :0], *(own for own, wanted in parts if wanted)], dim=1)
+
+    def _motion(self, theta: Tensor, zeta: Tensor, sizes: Tensor, omega: Tensor) -> Tensor:
+        """Complex FRFs (N, f, k) of the floors themselves."""
+        shaping = self._sizes_of(sizes, [not terms.shapeless for terms in self.terms])
+        rows, same = _different(torch.cat([theta, shaping], dim=1))
+        modes = self.modes(theta[rows], sizes[rows])[same]
         ratio = self.ratio(modes.omega, zeta, sizes)
         ports = self.port_stiffness(omega, sizes)
         if not self.changes_in_run:
-            return self.observe(response(modes, ratio, omega, ports), omega, sizes)
+            return response(modes, ratio, omega, ports)
         frf = torch.zeros((), dtype=torch.complex128)
         for level in self.run_levels:
             change = self.run_change(sizes, level)
             damped = ratio * change.damping[:, None]
             frf = frf + response(modes.stiffer(change.stiffness), damped, omega, ports)
-        return self.observe(frf / len(self.run_levels), omega, sizes)
+        return frf / len(self.run_levels)
 
     @property
     def changes_in_run(self) -> bool:
@@ -467,6 +483,16 @@ def makes_modes_complex(effect: Effect) -> bool:
 def changes_in_run(effect: Effect) -> bool:
     """Whether the structure differs between parts of a run: then no one set of modes serves."""
     return type(effect).run_change is not Effect.run_change
+
+
+def _different(values: Tensor) -> tuple[Tensor, Tensor]:
+    """One row (u,) of every kind among values (N, v), and which of these each row is (N,)."""
+    if not values.numel():
+        every = torch.arange(len(values), device=values.device)
+        return every, every
+    kinds = torch.unique(values, dim=0, return_inverse=True)[1]
+    one = torch.zeros(int(kinds.max()) + 1, dtype=torch.long, device=kinds.device)
+    return one.scatter_(0, kinds, torch.arange(len(kinds), device=kinds.device)), kinds
 
 
 def parameters_of(placed: Sequence[Placed]) -> list[Parameter]:

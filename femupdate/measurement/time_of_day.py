@@ -22,6 +22,8 @@ def in_seconds(rows: list[Row], delimiter: str | None) -> list[Row]:
         rows: of a table, its header first or not.
         delimiter: of the cells.
     """
+    if not _MOMENT.fullmatch(cells_of(rows[-1][1], delimiter)[0]):
+        return rows  # as nearly all tables: not a row more need be looked at
     first = [cells_of(text, delimiter)[0] for _, text in rows]
     found = [_MOMENT.fullmatch(cell) for cell in first]
     start = next((k for k, one in enumerate(found) if one), len(rows))
