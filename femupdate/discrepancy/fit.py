@@ -394,30 +394,54 @@ def _search(
 ) -> _Linear:
     """Levenberg and Marquardt's steps from a point.
 
-    `followed` gives the Jacobian at unknowns and residuals reached, from that before.
+    `followed` gives the Jacobian at unknowns and residuals reached, from that before. After the
+    last and smallest step that from before it serves.
     """
     damping, most = FIT.damping
     now, objective = begun, _objective(where, begun.z, begun.residual)
     for _ in range(iterations):
-        # Three lengths of step at once cost little more than one.
-        dampings = [damping, 10.0 * damping, 100.0 * damping]
-        trials = torch.stack([now.z + _step(where, now, d) for d in dampings])
-        trials = torch.minimum(torch.maximum(trials, where.lower), where.upper)
-        found = evaluate(problem, system, where, trials)
-        values = [_objective(where, t, r) for t, r in zip(trials, found, strict=True)]
-        best = int(np.argmin(values))
-        if not values[best] < objective:
+        step = _tried(problem, system, where, now, (damping,), objective)
+        step = step or _tried(problem, system, where, now, (10 * damping, 100 * damping), objective)
+        if step is None:
             damping *= 1000.0
             if damping > most:
                 break
             continue
-        gain = (objective - values[best]) / max(objective, 1.0)
-        objective = values[best]
-        damping = max(dampings[best] / 10.0, 1e-6)
-        now = followed(trials[best], found[best], now)
+        gain = (objective - step.objective) / max(objective, 1.0)
+        objective, damping = step.objective, max(step.damping / 10.0, 1e-6)
         if gain < FIT.smallest_decrease:
-            break
+            return replace(now, z=step.z, residual=step.residual)
+        now = followed(step.z, step.residual, now)
     return now
+
+
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """A step that lessens the objective: unknowns (d,), residuals (n,) and its damping."""
+
+    z: Tensor
+    residual: Tensor
+    objective: float
+    damping: float
+
+
+def _tried(
+    problem: Problem,
+    system: System,
+    where: Coordinates,
+    now: _Linear,
+    dampings: tuple[float, ...],
+    objective: float,
+) -> _Step | None:
+    """The best of steps of several lengths, where one lessens the objective."""
+    trials = torch.stack([now.z + _step(where, now, d) for d in dampings])
+    trials = torch.minimum(torch.maximum(trials, where.lower), where.upper)
+    found = evaluate(problem, system, where, trials)
+    values = [_objective(where, t, r) for t, r in zip(trials, found, strict=True)]
+    best = int(np.argmin(values))
+    if not values[best] < objective:
+        return None
+    return _Step(trials[best], found[best], values[best], dampings[best])
 
 
 def _linearise(
