@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from femupdate.discrepancy import thresholds as finder
+from femupdate.dynamics import thresholds as model
 from femupdate.inference import thresholds as sampler
 from femupdate.inference.event_scatter import DEFAULT
 from femupdate.inference.hamiltonian import Hamiltonian
@@ -26,7 +27,7 @@ SETTINGS = (
     MODEL_ERROR,
     DEFAULT,
 )
-GROUPS = (*data.GROUPS, *steps.GROUPS, *SETTINGS, *sampler.GROUPS, *finder.GROUPS)
+GROUPS = (*model.GROUPS, *data.GROUPS, *steps.GROUPS, *SETTINGS, *sampler.GROUPS, *finder.GROUPS)
 
 
 def heading(group) -> str:

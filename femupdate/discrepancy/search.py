@@ -31,7 +31,8 @@ from femupdate.discrepancy.near_basis import structure_near
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.score import candidates
 from femupdate.discrepancy.thresholds import FIT, VERDICT, DiagnosisSettings
-from femupdate.dynamics.local_basis import SPREAD, Sized
+from femupdate.dynamics.local_basis import Sized
+from femupdate.dynamics.thresholds import LOCAL_BASIS
 from femupdate.effects.effect import Placed
 from femupdate.effects.listed import BuildingEffects, building_effects, check_places
 from femupdate.progress import Progress, Silent
@@ -212,7 +213,7 @@ def refined(
         start = (fitted.placed, fitted.z)
         sets = [_sized(middle)] if alone else None
         problem, fitted = _around(model, problem, middle, start, show, sets)
-        if np.abs(np.log(fitted.theta()[0] / middle.theta()[0])).max() < SPREAD:
+        if np.abs(np.log(fitted.theta()[0] / middle.theta()[0])).max() < LOCAL_BASIS.spread:
             break
     return problem, fitted
 

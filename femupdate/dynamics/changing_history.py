@@ -16,17 +16,14 @@ from torch import Tensor
 
 from femupdate.arrays import Floats, Integers
 from femupdate.dynamics.history import Histories, HistorySettings, dynamic_modes, named_rows
-from femupdate.dynamics.level import PERIODS, SPAN, level_of_moment, motion_level
+from femupdate.dynamics.level import level_of_moment, motion_level
 from femupdate.dynamics.modal_response import ModalOutputs, state_weights
 from femupdate.dynamics.recurrence import interpolate_record, join_steps, step_matrices
 from femupdate.dynamics.system import System
+from femupdate.dynamics.thresholds import CHANGING, LEVEL
 from femupdate.effects.effect import RunChange
 from femupdate.progress import SILENT, Progress
 
-_STEP = 0.05  # doublings between the levels that are told apart
-_WINDOW = 0.5  # periods of the first mode, in which the structure stays
-_ROUNDS = 8  # at most: with four a house that swells was off by a tenth, with these by a fourteenth
-_LAST_ROUNDS = 2  # of every sample, from the level of one of them
 _BATCH = 50
 
 
@@ -69,12 +66,12 @@ def changing_histories(
     theta, sizes = system.split(parameters[:1])
     period = 2.0 * np.pi / float(system.modes(theta, sizes).omega.min())
     # All samples have much the same level: one finds it, and the others go on from there.
-    level = _settled(system, (parameters[:1], zeta[:1]), motion, period, _ROUNDS)[1]
+    level = _settled(system, (parameters[:1], zeta[:1]), motion, period, CHANGING.rounds)[1]
     for first in range(0, len(parameters), _BATCH):
         some = slice(first, first + _BATCH)
         own = parameters[some], zeta[some]
         begun = np.repeat(level, len(own[0]), axis=0)
-        yield _settled(system, own, motion, period, _LAST_ROUNDS, begun, first)[0]
+        yield _settled(system, own, motion, period, CHANGING.last_rounds, begun, first)[0]
         progress.advance(len(own[0]))
 
 
@@ -88,8 +85,8 @@ def _settled(
     first: int = 0,
 ) -> tuple[Histories, Integers]:
     """Histories of samples, and the level (S, w) in windows, followed from one to the other."""
-    steps = max(1, round(_WINDOW * period / motion.time_step))
-    across = max(1, round(PERIODS * period / motion.time_step))
+    steps = max(1, round(CHANGING.window * period / motion.time_step))
+    across = max(1, round(LEVEL.periods * period / motion.time_step))
     parts = [
         _Followed.of(moved, samples, own, motion, first)
         for moved, own in zip((system, system.turned), np.atleast_2d(motion.base), strict=False)
@@ -113,7 +110,7 @@ def _levels(acceleration: Floats, mean_level: Floats | None, across: int, steps:
     level = level_of_moment(acceleration, mean, across)
     last = acceleration.shape[-1] - 1
     middles = np.minimum(np.arange(-(-last // steps)) * steps + steps // 2, last)
-    return np.asarray(np.rint(level[:, middles] / _STEP), dtype=np.int64)
+    return np.asarray(np.rint(level[:, middles] / CHANGING.step), dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,8 +145,8 @@ class _Followed:
         settings, sizes = HistorySettings(), system.split(samples[0])[1]
         modes, ratio = dynamic_modes(system, samples, motion.time_step, settings, first)
         fine = torch.from_numpy(interpolate_record(record, settings.oversampling))
-        most = round(SPAN / _STEP)
-        changes = [system.run_change(sizes, k * _STEP) for k in range(-most, most + 1)]
+        most = round(LEVEL.span / CHANGING.step)
+        changes = [system.run_change(sizes, k * CHANGING.step) for k in range(-most, most + 1)]
         if motion.keep_damping:
             changes = [one._replace(damping=torch.ones_like(one.damping)) for one in changes]
         return _Followed(

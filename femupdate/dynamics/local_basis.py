@@ -20,6 +20,7 @@ from femupdate.dynamics.equations import Equations, equations_at
 from femupdate.dynamics.projection import lumped, reduced_on
 from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.dynamics.snapshots import STATIC_WEIGHT, FeltModes, ReductionTarget, compressed
+from femupdate.dynamics.thresholds import LOCAL_BASIS
 from femupdate.effects.effect import Placed, Terms
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import TRANSLATION, Structure
@@ -29,14 +30,7 @@ from femupdate.fe.solve import modes_below
 from femupdate.progress import SILENT, Progress
 from femupdate.workers import everywhere
 
-SPREAD = 0.2  # of ln theta to both sides
-_SIZE = 220
-_NEIGHBOURS = 8
-_CHANGED = 0.2  # share of its size by which an effect that is present is changed
 _NOTHING = 1e-10  # of the largest energy among shapes: it adds nothing new
-# Of the largest energy among responses: some twenty questions are asked, and their answers are
-# compressed again.
-_LEAST = 1e-6
 
 Sized = tuple[tuple[Placed, float], ...]
 """Effects, each with its first parameter."""
@@ -56,8 +50,8 @@ def local_structure(
     target: ReductionTarget,
     progress: Progress = SILENT,
     *,
-    spread: float = SPREAD,
-    size: int = _SIZE,
+    spread: float = LOCAL_BASIS.spread,
+    size: int = LOCAL_BASIS.size,
     present: Sequence[Sized] | None = None,
 ) -> ReducedStructure:
     """A frame on a basis for the neighbourhood of theta, from its full model.
@@ -134,7 +128,7 @@ def _changes(structure: Structure, present: Sized) -> list[tuple[tuple[Terms, fl
         if not placed.effect.parameters or not terms[number].changes_shapes:
             continue
         own = placed.effect.parameters[0]
-        step = max(_CHANGED * abs(size), 0.5 * own.scale)
+        step = max(LOCAL_BASIS.changed * abs(size), 0.5 * own.scale)
         for other in (size - step, size + step):
             if own.lower <= other <= own.upper:
                 moved = [*sizes[:number], other, *sizes[number + 1 :]]
@@ -144,7 +138,7 @@ def _changes(structure: Structure, present: Sized) -> list[tuple[tuple[Terms, fl
 
 def _neighbours(theta: Floats, spread: float) -> Floats:
     """Some theta (n, p) around one, evenly within the half width in ln theta."""
-    sobol = qmc.Sobol(len(theta), seed=np.random.default_rng(3)).random(_NEIGHBOURS)
+    sobol = qmc.Sobol(len(theta), seed=np.random.default_rng(3)).random(LOCAL_BASIS.neighbours)
     return np.asarray(theta * np.exp(spread * (2.0 * sobol - 1.0)))
 
 
@@ -216,7 +210,7 @@ class _Seen:
         floors = (self.rows @ basis) @ modes
         missed = self.rows @ self.static - (floors * participation) @ (1.0 / squared)
         felt = FeltModes(np.sqrt(squared), participation, floors, missed)
-        return modes @ felt.combinations(target, _LEAST)
+        return modes @ felt.combinations(target, LOCAL_BASIS.least)
 
 
 def _times(matrix: csc_matrix, shapes: Floats) -> Floats:

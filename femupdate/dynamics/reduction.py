@@ -25,19 +25,13 @@ from femupdate.dynamics.snapshots import (
     log_even_samples,
 )
 from femupdate.dynamics.system import System
+from femupdate.dynamics.thresholds import REDUCTION
 from femupdate.effects.effect import Placed, Terms
 from femupdate.effects.structure import Structure
 from femupdate.errors import ModelError
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import spawn
 from femupdate.workers import everywhere
-
-_SIZES = (40, 60, 80, 100, 120, 140, 160, 180, 200, 230, 260, 300)
-_CHOOSE = 4  # unseen samples by which the number of shapes is chosen
-_CERTIFY = 29  # others by which the choice is judged: 90 % of the box with a confidence of 95 %
-_ROUNDS = 3
-_JOIN = 8  # of them whose responses join the basis where it fails
-CONFIDENCE = 0.95
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +67,7 @@ class Reduction:
         Were the share smaller, n independent draws would all lie in it with a probability below
         share^n = 5 % (Wilks 1941); nothing is assumed of how the errors are distributed.
         """
-        return float((1.0 - CONFIDENCE) ** (1.0 / self.checks)) if self.checks else 1.0
+        return float((1.0 - REDUCTION.confidence) ** (1.0 / self.checks)) if self.checks else 1.0
 
 
 def reduce_structure(
@@ -128,24 +122,28 @@ class _Sample:
 
 
 def _certified(asked: _Question, target: ReductionTarget, progress: Progress) -> Reduction:
-    (own,), checks = spawn(target.seed, 1), _CHOOSE + _CERTIFY
+    (own,), checks = spawn(target.seed, 1), REDUCTION.choose + REDUCTION.certify
     rng = np.random.default_rng(own)
     first, least = log_even_samples(target, len(asked.structure.stiffness_terms)), 0
     progress.start("Reducing the model", len(first) + checks)
     shapes = [one.shapes for one in _solved(asked, target, first, progress)]
-    for _ in range(_ROUNDS):
-        basis = compressed(asked.structure.mass, shapes, _SIZES[-1])
+    for _ in range(REDUCTION.rounds):
+        basis = compressed(asked.structure.mass, shapes, REDUCTION.sizes[-1])
         unseen = _unseen(target, rng)
         full = _solved(asked, target, unseen, progress)
-        reduced = _smallest(asked, basis, least, unseen[:_CHOOSE], full[:_CHOOSE], target)
-        errors = _errors(asked, reduced, unseen[_CHOOSE:], full[_CHOOSE:], target)
+        reduced = _smallest(
+            asked, basis, least, unseen[: REDUCTION.choose], full[: REDUCTION.choose], target
+        )
+        errors = _errors(
+            asked, reduced, unseen[REDUCTION.choose :], full[REDUCTION.choose :], target
+        )
         each = np.sqrt((errors**2).mean(axis=(1, 2)))
         rms = float(np.sqrt((each**2).mean()))
         if rms <= target.tolerance:
             largest = float(np.abs(errors).max())
             return Reduction(reduced, rms, largest, len(each), float(each.max()))
         least = reduced.model.size + 1
-        shapes += [full[_CHOOSE + k].shapes for k in np.argsort(each)[-_JOIN:]]
+        shapes += [full[REDUCTION.choose + k].shapes for k in np.argsort(each)[-REDUCTION.join :]]
         progress.start("Reducing the model, on more samples", checks)
     names = ", ".join(one.label for one in asked.placed)
     raise ModelError(
@@ -212,7 +210,7 @@ def _smallest(
     A few checks see half as much as many do (50 theta: 1.5 times the rms of four).
     """
     whole = reduced_on(asked.structure, basis)
-    for size in (s for s in _SIZES if least <= s < basis.shape[1]):
+    for size in (s for s in REDUCTION.sizes if least <= s < basis.shape[1]):
         errors = _errors(asked, whole.first(size), samples, full, target)
         if np.sqrt((errors**2).mean()) <= 0.5 * target.tolerance:
             return reduced_on(asked.structure, basis[:, :size])
@@ -233,5 +231,5 @@ def _errors(
 
 def _unseen(target: ReductionTarget, rng: np.random.Generator) -> Floats:
     """Samples (n, p + q) for checks, even over the box."""
-    unit = rng.random((_CHOOSE + _CERTIFY, len(target.lower)))
+    unit = rng.random((REDUCTION.choose + REDUCTION.certify, len(target.lower)))
     return target.lower + (target.upper - target.lower) * unit

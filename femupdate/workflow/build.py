@@ -11,7 +11,8 @@ from femupdate.building.files import load_building
 from femupdate.building.mesh import BuildingMesh, mesh_building
 from femupdate.building.schema import Building
 from femupdate.dynamics.full_modes import FullModes, mesh_modes
-from femupdate.dynamics.reduction import CONFIDENCE, Reduction
+from femupdate.dynamics.reduction import Reduction
+from femupdate.dynamics.thresholds import REDUCTION
 from femupdate.effects.structure import Structure, structure_of
 from femupdate.errors import StudyError
 from femupdate.fe.assembly import AffineOperators
@@ -249,6 +250,7 @@ def _checks(parts: MeshedFrame, reduction: Reduction, modes: FullModes) -> tuple
     )
     certain = (
         f"Reduced model: {reduction.worst_error:.2g} rms at the worst of them, so no more than "
-        f"that in at least {reduction.share:.0%} of the prior (confidence {CONFIDENCE:.0%})."
+        f"that in at least {reduction.share:.0%} of the prior "
+        f"(confidence {REDUCTION.confidence:.0%})."
     )
     return stand, weighs, follows, certain
