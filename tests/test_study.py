@@ -18,9 +18,9 @@ from femupdate.study import (
     owner_of,
     write_text,
 )
+from femupdate.workflow.effects import NEAR_BASIS
 from femupdate.workflow.finer_mesh import FINER
 from femupdate.workflow.mesh_error import MESH_ERROR
-from femupdate.workflow.near_basis import NEAR_BASIS
 
 MADE_FROM = {"building": "ab12", "observation": "cd34"}
 

@@ -21,11 +21,11 @@ from femupdate.measurement.observation import Observation
 from femupdate.progress import SILENT, Progress
 from femupdate.study import Study, write_text
 from femupdate.tables import table
+from femupdate.workflow.effects import StudyBases
 from femupdate.workflow.finder_data import read_given
 from femupdate.workflow.kinds import Measured
 from femupdate.workflow.mesh_error import open_mesh_error, with_finer_mesh
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.near_basis import StudyBases
 from femupdate.workflow.observed import ObservationSource
 
 DIAGNOSIS = "diagnosis"

@@ -1,7 +1,7 @@
 """Bases on which the effects of a study's building act, as the study keeps them."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -24,8 +24,8 @@ from femupdate.inference.priors import reduction_target
 from femupdate.progress import SILENT, Progress
 from femupdate.study import Study, damaged
 
-BASIS = "effect basis"
-_FILE = "effect_basis.npz"
+BASIS, NEAR_BASIS = "effect basis", "finder's basis"
+_FILE, _NEAR_FILE = "effect_basis.npz", "finder_basis.npz"
 
 
 def open_structure(
@@ -88,3 +88,38 @@ def read_basis(path: Path, structure: Structure) -> Floats:
     if len(data["basis"]) != len(structure.axis):
         raise damaged(path, f"basis of {len(data['basis'])} degrees of freedom")
     return data["basis"]
+
+
+@dataclass(frozen=True)
+class StudyBases:
+    """Keeps the last basis in which every effect of a building may act.
+
+    Attributes:
+        study: that keeps it.
+        building: whose full model it reduces.
+    """
+
+    study: Study
+    building: Building
+
+    def find(self, structure: Structure, theta: Floats, zeta: float) -> Floats | None:
+        """The basis (n, r) kept for theta (p,) and zeta, or None.
+
+        Raises:
+            StudyError: its file is damaged.
+        """
+        kept = self.study.find(NEAR_BASIS, self._origin(theta, zeta))
+        return None if kept is None else read_basis(kept, structure)
+
+    def keep(self, theta: Floats, zeta: float, basis: Floats) -> None:
+        """Keep a basis (n, r) for theta (p,) and zeta."""
+        write_arrays(self.study.path(_NEAR_FILE), basis=basis)
+        settings, origin = {"size": basis.shape[1]}, self._origin(theta, zeta)
+        self.study.record(NEAR_BASIS, _NEAR_FILE, "diagnose", origin, settings)
+
+    def _origin(self, theta: Floats, zeta: float) -> dict[str, str]:
+        return {
+            **finder_origin(self.building),
+            "theta": " ".join(f"{factor:.4g}" for factor in theta),
+            "zeta": f"{zeta:.4g}",
+        }

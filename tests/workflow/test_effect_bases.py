@@ -29,8 +29,8 @@ from femupdate.errors import BuildingError
 from femupdate.inference.priors import reduction_target
 from femupdate.measurement.observation import Observation
 from femupdate.study import Study
+from femupdate.workflow.effects import StudyBases
 from femupdate.workflow.model import open_study
-from femupdate.workflow.near_basis import StudyBases
 
 THETA, ZETA, MASS, NOISE = np.array([0.8, 1.5]), 0.03, 0.25, 0.01
 FAR = np.array([1.35, 0.9])
