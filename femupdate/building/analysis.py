@@ -1,4 +1,4 @@
-"""What a building file says beside the building: frequencies, priors, damping, provenance."""
+"""What a building file says beside the building: frequencies, priors, damping, effects."""
 
 from collections.abc import Mapping
 from typing import Literal
@@ -12,6 +12,8 @@ from femupdate.building.entry import Complaint, Entry
 from femupdate.building.quantities import (
     Frequency,
     FrequencyOrZero,
+    Label,
+    Number,
     PositiveNumber,
     Whole,
 )
@@ -157,3 +159,15 @@ class ParameterGrouping(Entry):
             text = f'{list(self.by)} is no division; write ["story"] or ["story", "kind"]'
             raise Complaint("by", text)
         return self
+
+
+class EffectEntry(Entry):
+    """One `[[effects]]` table: which effect, where, and how large it was found to be.
+
+    The figures are in the units of the effect's parameters (SI); calibrations start from them and
+    sample them with the prior of the effect.
+    """
+
+    name: Label
+    place: Label
+    parameters: Mapping[str, Number] = Field(default_factory=dict)

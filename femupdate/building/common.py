@@ -8,13 +8,13 @@ from pydantic import Field, model_validator
 from femupdate.arrays import Floats
 from femupdate.building.analysis import (
     Damping,
+    EffectEntry,
     FrequencyGrid,
     ObservationSettings,
     Prior,
     Provenance,
     ReductionSettings,
 )
-from femupdate.building.effect_entry import EffectEntry
 from femupdate.building.entry import Complaint, Entry, unknown
 from femupdate.building.members import Base, FloorMass, FrameStory, Material, Story, Supports
 from femupdate.building.quantities import Flag, Label

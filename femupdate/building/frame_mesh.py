@@ -18,8 +18,7 @@ from femupdate.building.masses import place_masses
 from femupdate.building.parameters import stiffness_factors, with_factors
 from femupdate.building.pieces import first_double, piece_of, place
 from femupdate.building.references import intersections
-from femupdate.building.slabs import slab_blocks
-from femupdate.building.walls import DeadWall, dead_walls, opening_lines, wall_blocks
+from femupdate.building.walls import DeadWall, dead_walls, opening_lines, slab_blocks, wall_blocks
 from femupdate.errors import BuildingError
 from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel
 

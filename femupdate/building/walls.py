@@ -1,4 +1,4 @@
-"""Walls of a frame building cut into one piece a story: blocks of shells, or weight alone."""
+"""Walls of a frame building, one piece a story, and slabs: blocks of shells, or weight alone."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from femupdate.building.entry import Complaint
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.lattice import ExtraLines, Lattice, quadrilaterals
 from femupdate.building.members import Wall
-from femupdate.building.references import Stretch, resolve, wall_stretch
+from femupdate.building.references import Stretch, resolve, slab_lines, wall_stretch
 from femupdate.fe.elements.shell import Shells
 
 
@@ -148,3 +148,21 @@ def _closed_share(one: _WallStory, lattice: Lattice, sheet: Integers) -> float:
     corners = lattice.coordinates(nodes.ravel()).reshape(-1, 4, 3)
     area = np.ptp(corners[:, :, one.run.axis], axis=1) * np.ptp(corners[:, :, 2], axis=1)
     return float(area[~one.is_open(lattice, nodes)].sum() / area.sum())
+
+
+def slab_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[ElementBlock]:
+    """Yield the slabs, one block a floor."""
+    for number, slab in enumerate(building.slabs):
+        key = f"slabs[{number}]"
+        x = slab_lines(slab.x, building.grid.x, f"{key}.x")
+        y = slab_lines(slab.y, building.grid.y, f"{key}.y")
+        for floor in resolve(slab.floors, building.floors, "floor", f"{key}.floors"):
+            yield ElementBlock(
+                key=key,
+                element=Shells,
+                nodes=quadrilaterals(lattice.rectangle(x, y, floor)),
+                group=building.floors.index(floor),
+                kind="slab",
+                thickness=slab.thickness,
+                material=building.material(slab.material),
+            )

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from femupdate.arrays import Floats
-from femupdate.building.effect_entry import EffectEntry
+from femupdate.building.analysis import EffectEntry
 from femupdate.building.schema import Building
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE

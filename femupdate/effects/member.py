@@ -1,13 +1,16 @@
 """Effects that change the stiffness of one kind of member."""
 
+from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
+from scipy.sparse import csc_matrix
 
 from femupdate.effects.bars import bending_terms
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
 from femupdate.effects.effect import Effect, Stiffness, Terms, more_or_less
 from femupdate.effects.structure import Structure
+from femupdate.fe.element import Elements
 
 ALL = "all"
 
@@ -17,22 +20,21 @@ class MemberStiffness(Effect):
 
     Class attributes:
         kinds: of shells and beams in the mesh.
+        elements: of which such members are; others are left alone.
         bending_only: of beams and columns, the second moments of area alone.
     """
 
     kinds: ClassVar[tuple[str, ...]]
+    elements: ClassVar[type] = Elements
     bending_only: ClassVar[bool] = False
 
     def places(self, structure: Structure) -> tuple[str, ...]:
         """All stories together, and every story, where there are such members."""
         if structure.mesh is None:
             return ()
-        model = structure.mesh.model
-        groups = np.concatenate(
-            [part.group[np.isin(part.kind, self.kinds)] for part in model.elements]
-        )
-        stories = structure.building.story_names
-        own = tuple(stories[group] for group in np.unique(groups))
+        parts = [one for one in structure.mesh.model.elements if isinstance(one, self.elements)]
+        groups = {k for one in parts for k in one.group[np.isin(one.kind, self.kinds)].tolist()}
+        own = tuple(structure.building.story_names[k] for k in sorted(groups))
         return (ALL, *own) if len(own) > 1 else own
 
     def where(self, place: str) -> str:
@@ -57,7 +59,7 @@ class MemberStiffness(Effect):
         names = structure.building.story_names
         chosen = range(len(names)) if place == ALL else [names.index(place)]
         if not self.bending_only:
-            matrices = structure.member_stiffness(self.kinds)
+            matrices = self.stiffness(structure)
             own = (Stiffness(k, matrices[k]) for k in chosen if matrices[k].nnz)
             return Terms(stiffness=tuple(own))
         mesh, operators = structure.mesh, structure.operators
@@ -67,3 +69,7 @@ class MemberStiffness(Effect):
             ("bending", self.kinds), lambda: bending_terms(mesh.model, operators, self.kinds)
         )
         return Terms(stiffness=tuple(one for one in bending if one.story in chosen))
+
+    def stiffness(self, structure: Structure) -> Sequence[csc_matrix]:
+        """That of the members of every story, (n, n)."""
+        return structure.member_stiffness(self.kinds)

@@ -1,15 +1,21 @@
 """Floors that deform in their plane."""
 
-from femupdate.effects.diaphragm import membrane_terms
-from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, Parameter, Stiffness, Terms
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.sparse import csc_matrix
+
+from femupdate.effects.effect import Parameter
+from femupdate.effects.infill import onto_free
+from femupdate.effects.member import MemberStiffness
 from femupdate.effects.structure import Structure
+from femupdate.fe.assembly import AffineOperators
 from femupdate.fe.elements.shell import Shells
+from femupdate.fe.entries import element_entries, summed
+from femupdate.fe.model import FiniteElementModel
 
-_ALL, _SLAB = "all", "slab"
 
-
-class FlexibleDiaphragm(Effect):
+class FlexibleDiaphragm(MemberStiffness):
     """A factor on the in-plane stiffness of the slabs of one floor or of all."""
 
     name = "flexible_diaphragm"
@@ -23,37 +29,31 @@ class FlexibleDiaphragm(Effect):
     parameters = (
         Parameter("size", "1", 0.3, lower=-0.95, upper=0.0, text="change of in-plane stiffness"),
     )
+    kinds = ("slab",)
+    elements = Shells
 
     def places(self, structure: Structure) -> tuple[str, ...]:
         """All floors together, and the slab above every story, named after the story."""
-        if structure.mesh is None:
-            return ()
-        shells = structure.mesh.model.elements_of(Shells)
-        groups = {int(group) for group in shells.group[shells.kind == _SLAB]}
-        own = tuple(structure.building.story_names[group] for group in sorted(groups))
-        return (_ALL, *own) if len(own) > 1 else own
-
-    def where(self, place: str) -> str:
-        """As `Effect.where`."""
-        return "in all stories" if place == _ALL else f"in {place}"
+        return super().places(structure)
 
     def said(self, place: str, size: float) -> str:
         """As `Effect.said`."""
         return f"The slabs are {-100.0 * size:.3g} % softer in their plane {self.where(place)}"
 
-    def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
-        """The slabs themselves."""
-        return drawn.members((_SLAB,), place)
-
-    def terms(self, structure: Structure, place: str) -> Terms:
-        """The membrane stiffness of the slabs, scaled by the factor of their story."""
+    def stiffness(self, structure: Structure) -> Sequence[csc_matrix]:
+        """That of the slabs as membranes, without their bending."""
         mesh, operators = structure.mesh, structure.operators
         if mesh is None or operators is None:
             raise ValueError("a shear building has no slabs")
-        matrices = structure.once(
-            ("membrane", _SLAB), lambda: membrane_terms(mesh.model, operators, _SLAB)
-        )
-        names = structure.building.story_names
-        chosen = range(len(names)) if place == _ALL else [names.index(place)]
-        own = (Stiffness(k, matrices[k]) for k in chosen if matrices[k].nnz)
-        return Terms(stiffness=tuple(own))
+        return structure.once(("membrane",), lambda: _membranes(mesh.model, operators))
+
+
+def _membranes(model: FiniteElementModel, operators: AffineOperators) -> tuple[csc_matrix, ...]:
+    """Membrane stiffness (n_free, n_free) of the slabs by story."""
+    shells = model.elements_of(Shells)
+    slabs = [
+        shells.taken(np.flatnonzero((shells.kind == "slab") & (shells.group == group)))
+        for group in range(model.groups)
+    ]
+    entries = [element_entries(some.nodes, some.membrane(model.nodes)) for some in slabs]
+    return tuple(onto_free(summed([one], operators.dof), operators) for one in entries)
