@@ -15,6 +15,7 @@ from femupdate.report.style import hue, styled
 
 MOST_LINES = 24
 SEGMENTS = 16  # of Welch's method, half overlapping
+_MOST_LETTERS = 80  # of the names below an axis
 _FEW_TICKS = 5  # in a narrow panel
 POINTS = 4000  # of a history drawn, as the extremes of short stretches
 
@@ -27,7 +28,8 @@ class MeasuredLine:
         label: what it is.
         values: (n,) in any unit.
         time_step: s.
-        base: whether the others respond to it, or None of those that respond to none.
+        base: whether the others respond to it, or None of those that respond to none. A force
+            stands for the base where there is one.
     """
 
     label: str
@@ -37,11 +39,15 @@ class MeasuredLine:
 
 
 @styled
-def measured_histories(lines: Sequence[MeasuredLine], title: str, unit: str) -> Figure:
+def measured_histories(
+    lines: Sequence[MeasuredLine], title: str, unit: str, over_force: str = ""
+) -> Figure:
     """Draw histories one above the other, their spectra, and the response to the base.
 
     Args:
         lines: of the file; the first `MOST_LINES` are drawn.
+        unit: of the histories.
+        over_force: unit of the responses where the others respond to a force.
     """
     drawn = lines[:MOST_LINES]
     base = next((each for each in drawn if each.base), None)
@@ -54,6 +60,9 @@ def measured_histories(lines: Sequence[MeasuredLine], title: str, unit: str) -> 
     if base is not None and compared:
         response, share = figure.add_subplot(grid[1, 3]), figure.add_subplot(grid[1, 4])
         _draw_response(response, share, base, {k: drawn[k] for k in floors})
+        response.set(ylabel="|H|", title="Floor over base")
+        if over_force:
+            response.set(ylabel=f"|H|, {over_force}", title="Response to the force")
     left_out = len(lines) - len(drawn)
     add_head(figure, title, note=f"{left_out} more channels are not drawn." if left_out else "")
     return figure
@@ -89,11 +98,13 @@ class MeasuredMode:
         frequency_hz: natural frequency.
         damping: ratio of critical damping, or None.
         shape: (s,) components, NaN where one is missing.
+        sensors: (s,) their names.
     """
 
     frequency_hz: float
     damping: float | None
     shape: Any
+    sensors: tuple[str, ...] = ()
 
 
 @styled
@@ -121,6 +132,11 @@ def measured_modes(modes: Sequence[MeasuredMode], title: str) -> Figure:
         largest = np.nanmax(np.abs(values), initial=1e-300)
         axes.plot(values / largest, "o-", ms=3, color=hue(k))
     axes.set(xlabel="Component, point by point", ylabel="Shape over its largest component")
+    names = shown[0].sensors
+    alike = all(one.sensors == names for one in shown)
+    if alike and sum(map(len, names)) <= _MOST_LETTERS:
+        axes.set_xticks(range(len(names)), names)
+        axes.set_xlabel("")
     return figure
 
 
@@ -187,7 +203,7 @@ def _draw_response(
         share.semilogx(frequency[shown], seen[shown], color=hue(k), linewidth=0.9)
     for axes in (response, share):
         frequency_ticks(axes, float(frequency[1]), float(frequency[-1]), _FEW_TICKS)
-    response.set(xlabel="Frequency, Hz", ylabel="|H|", title="Floor over base")
+    response.set(xlabel="Frequency, Hz")
     share.set(xlabel="Frequency, Hz", ylim=(0.0, 1.02), title="Coherence")
 
 

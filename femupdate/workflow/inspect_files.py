@@ -10,6 +10,7 @@ from femupdate.measurement.base_rotation import is_vertical_channel
 from femupdate.measurement.columns import BASE
 from femupdate.measurement.inspection import InspectedChannel, Inspection, inspect_file
 from femupdate.measurement.mapping_file import write_mapping
+from femupdate.measurement.modes import in_phase
 from femupdate.tables import table
 
 if TYPE_CHECKING:
@@ -114,10 +115,18 @@ def _picture(one: Inspection) -> "Figure":
 
     title = one.path.name
     if one.channels:
-        known = all(each.peak_m_s2 is not None for each in one.channels)
-        units = {each.channel.unit or "the file's unit" for each in one.channels}
-        lines = [_line(each, one.channels) for each in one.channels]
-        return plot.measured_histories(lines, title, "m/s2" if known else _listed(units))
+        force = next((each for each in one.channels if each.channel.quantity == "force"), None)
+        pushed = force is not None and not any(each.floor == BASE for each in one.channels)
+        if force is not None and pushed:
+            lines = [_line_under(force, each) for each in one.channels]
+            responses = {
+                _unit(each) for k, each in enumerate(one.channels) if lines[k].base is False
+            }
+            over = f"{_listed(responses)} per {force.channel.unit}"
+        else:
+            lines, over = [_line(each, one.channels) for each in one.channels], ""
+        units = _listed({_unit(each) for each in one.channels})
+        return plot.measured_histories(lines, title, units, over)
     if one.functions:
         curves = [(each.name, each.frequency_hz, each.values) for each in one.functions]
         return plot.measured_functions(
@@ -125,22 +134,38 @@ def _picture(one: Inspection) -> "Figure":
         )
     if one.modes:
         modes = [
-            plot.MeasuredMode(each.frequency_hz, each.damping, each.shape) for each in one.modes
+            plot.MeasuredMode(each.frequency_hz, each.damping, in_phase(each.shape), each.sensors)
+            for each in one.modes
         ]
         return plot.measured_modes(modes, title)
     raise ReportError(f"{one.path}: there is nothing to draw in it but measuring points")
 
 
+def _unit(each: InspectedChannel) -> str:
+    """Unit in which a channel is drawn."""
+    return "m/s2" if each.peak_m_s2 is not None else each.channel.unit or "the file's unit"
+
+
+def _line_under(force: InspectedChannel, each: InspectedChannel) -> "MeasuredLine":
+    """A channel beside a force, to which all but other forces respond."""
+    responds = None if each.channel.quantity == "force" else False
+    return _drawn(each, True if each is force else responds)
+
+
 def _line(each: InspectedChannel, channels: Sequence[InspectedChannel]) -> "MeasuredLine":
     """A channel in m/s2 where its unit is known; floors respond to the first base beside them."""
-    from femupdate.report.plot_measured import MeasuredLine
-
-    factor = 1.0 if each.peak_m_s2 is None or each.peak == 0.0 else each.peak_m_s2 / each.peak
     base = next(
         (c for c in channels if c.floor == BASE and not is_vertical_channel(c.channel)), None
     )
     beside = base is not None and base.channel.direction == each.channel.direction
     responds = each.floor not in (None, BASE) and beside
+    return _drawn(each, True if each is base else False if responds else None)
+
+
+def _drawn(each: InspectedChannel, base: bool | None) -> "MeasuredLine":
+    from femupdate.report.plot_measured import MeasuredLine
+
+    factor = 1.0 if each.peak_m_s2 is None or each.peak == 0.0 else each.peak_m_s2 / each.peak
     place, direction = each.place, each.direction_text
     if place.casefold().endswith(direction.casefold()):
         direction = ""
@@ -148,7 +173,7 @@ def _line(each: InspectedChannel, channels: Sequence[InspectedChannel]) -> "Meas
         f"{each.number} {place} {direction}".strip(),
         each.channel.values * factor,
         each.channel.time_step,
-        True if each is base else False if responds else None,
+        base,
     )
 
 
