@@ -19,7 +19,7 @@ from femupdate.workflow.calibrate_draws import (
 )
 from femupdate.workflow.calibrate_exact import sample_exact
 from femupdate.workflow.calibrate_latent import sample_latent
-from femupdate.workflow.calibrate_notes import error_notes, judgement
+from femupdate.workflow.calibrate_notes import error_notes, judgement, overstated_noise
 from femupdate.workflow.calibrate_settings import CalibrationSettings, plain_settings
 from femupdate.workflow.calibration_report import POSTERIOR, CalibrationReport
 from femupdate.workflow.finer_mesh import FINER
@@ -113,6 +113,7 @@ def _drawn(
     notes = (
         *warnings,
         *error_notes(posterior),
+        *overstated_noise(fitting),
         *(() if scatter is None else (scatter.sentence(),)),
         *found.sentences(),
         *against_modes(model, measured, posterior, checking),

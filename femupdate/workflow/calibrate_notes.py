@@ -152,6 +152,17 @@ def error_notes(posterior: Posterior) -> tuple[str, ...]:
     return (posterior.model_error.sentence(posterior.observation),)
 
 
+def overstated_noise(fitting: Fitting) -> tuple[str, ...]:
+    """Where the model meets the data far better than their stated noise allows."""
+    rms = fitting.misfit**0.5
+    if not rms < CALIBRATION.overstated:
+        return ()
+    return (
+        f"The best draw misses the data by {rms:.2g} times their stated noise (rms): that noise is "
+        "overstated, and these intervals are wide rather than narrow.",
+    )
+
+
 def require_own_building(model: StudyModel, settled: Settled, *, anyway: bool) -> None:
     """Refuse an observation that says nothing of its building, before anything is drawn.
 

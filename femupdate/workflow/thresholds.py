@@ -31,6 +31,9 @@ class CalibrationThresholds:
     explained: float = entry(
         0.25, "share", "of the measured variation below which the model explains nothing"
     )
+    overstated: float = entry(
+        0.5, "of the stated noise", "that the best draw misses, below which that is worth a word"
+    )
     near: float = entry(0.02, "of the prior", "to either limit within which a draw is at it")
     pressed: float = entry(0.3, "share", "of the draws at a limit that is worth a word")
     unusual: float = entry(
