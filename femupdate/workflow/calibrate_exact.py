@@ -14,7 +14,6 @@ from femupdate.inference.learned import LearnedLikelihood, Settled, settled
 from femupdate.inference.likelihood import DataLikelihood
 from femupdate.inference.maxima import draws_about, found_from
 from femupdate.inference.parameters import Parameters
-from femupdate.inference.posterior import DrawnBy
 from femupdate.inference.prior_search import best_of_prior
 from femupdate.inference.smc import SmcResult, TemperedSmc
 from femupdate.inference.tempering import LogLikelihood
@@ -176,19 +175,8 @@ def _about_maxima(problem: _Problem, run: ChainRunner, tried: int = 0) -> Sample
     result = SmcResult(theta, value, found.log_evidence, (), found.evaluations, 0)
     found = replace(found, evaluations=found.evaluations + tried)
     origin = "prior" if tried else "latent"
-    return Sampled([result], problem.prior, _drawn(found), (_maxima_note(found, origin),))
-
-
-def _drawn(found: WeightedDraws) -> DrawnBy:
-    return DrawnBy(
-        likelihood="exact",
-        way="importance sampling about the maxima",
-        chains=1,
-        evaluations=found.evaluations,
-        effective_sample_size=found.effective,
-        log_evidence=found.log_evidence,
-        log_evidence_error=found.log_evidence_error,
-    )
+    drawn = by_importance("importance sampling about the maxima", [found])
+    return Sampled([result], problem.prior, drawn, (_maxima_note(found, origin),))
 
 
 def _maxima_note(found: WeightedDraws, origin: str) -> str:
@@ -225,7 +213,7 @@ def _by_particles(problem: _Problem, latent: LatentLikelihood | None, run: Chain
     return Sampled(
         draws,
         prior,
-        by_importance(results)
+        by_importance("importance sampling", results)
         if refined
         else by_runs("exact", "tempered particles", draws, evidence=True),
         cost_notes(results, starts, base is not None),

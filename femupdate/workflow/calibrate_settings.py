@@ -1,17 +1,23 @@
 """How a posterior is sampled, and what a sampler gives."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import logsumexp
 
 from femupdate.inference.bridge import BridgeResult
+from femupdate.inference.importance import WeightedDraws
 from femupdate.inference.latent_search import FoundLatent
 from femupdate.inference.learned import LearnedLikelihood
 from femupdate.inference.parameters import Parameters
 from femupdate.inference.posterior import DrawnBy
 from femupdate.inference.smc import SmcResult, SmcSettings
 from femupdate.workflow.thresholds import CALIBRATION
+
+if TYPE_CHECKING:
+    from femupdate.discrepancy.posterior import Draws
 
 
 @dataclass(frozen=True)
@@ -78,13 +84,13 @@ def by_runs(
     )
 
 
-def by_importance(results: list[BridgeResult]) -> DrawnBy:
-    """What importance samples about the particles of runs apart say."""
+def by_importance(way: str, results: "Sequence[BridgeResult | WeightedDraws | Draws]") -> DrawnBy:
+    """What importance samples say that are independent of each other, one at least."""
     known = np.array([result.log_evidence for result in results])
     errors = np.array([result.log_evidence_error for result in results])
     return DrawnBy(
         likelihood="exact",
-        way="importance sampling",
+        way=way,
         chains=len(results),
         evaluations=sum(result.evaluations for result in results),
         effective_sample_size=sum(result.effective for result in results),

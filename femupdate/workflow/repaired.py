@@ -14,10 +14,11 @@ from femupdate.discrepancy.posterior import Draws
 from femupdate.discrepancy.repair import Repair
 from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.effects.listed import building_effects, with_effect
-from femupdate.inference.posterior import DrawnBy, Posterior, save_posterior
+from femupdate.inference.posterior import Posterior, save_posterior
 from femupdate.inference.priors import effect_parameters
 from femupdate.measurement.observation import Observation
 from femupdate.study import BUILDING_FILE, Study
+from femupdate.workflow.calibrate_settings import by_importance
 from femupdate.workflow.calibration_report import POSTERIOR
 from femupdate.workflow.effects import keep_basis
 from femupdate.workflow.finer_mesh import keep_finer
@@ -104,15 +105,7 @@ def effect_posterior(
         log_likelihood=draws.log_likelihood[None],
         lower=prior.lower.numpy(),
         upper=prior.upper.numpy(),
-        drawn=DrawnBy(
-            likelihood="exact",
-            way="importance sampling about the best fit",
-            chains=1,
-            evaluations=draws.evaluations,
-            effective_sample_size=draws.effective,
-            log_evidence=draws.log_evidence,
-            log_evidence_error=draws.log_evidence_error,
-        ),
+        drawn=by_importance("importance sampling about the best fit", [draws]),
         observation=observation,
         settings={"particles": len(both), "exact": True, **settings},
     )
