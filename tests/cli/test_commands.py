@@ -322,11 +322,14 @@ def test_a_command_run_from_another_folder(femupdate, tmp_path, monkeypatch, tow
 
 @pytest.mark.slow
 def test_the_whole_work_through_the_script(femupdate, script, tmp_path, monkeypatch, tower_file):
-    """One JSON object on stdout and nothing but progress on stderr, from each command."""
+    """One JSON object on stdout and nothing but progress on stderr, from each command.
+
+    Two of those that draw run in processes of their own, where libraries could write as well.
+    """
     monkeypatch.chdir(tmp_path)
 
-    def answer(*arguments):
-        done = script(*arguments, "--json")
+    def answer(*arguments, run=femupdate):
+        done = run(*arguments, "--json")
         assert done.progress == done.err.splitlines()
         return done.answer
 
@@ -336,14 +339,14 @@ def test_the_whole_work_through_the_script(femupdate, script, tmp_path, monkeypa
         *("--building", tower_file, "--json"),
     ).answer
     answer("build-model", tower_file)
-    posterior = answer("calibrate", made["observation"], "--exact", *FEW)
+    posterior = answer("calibrate", made["observation"], "--exact", *FEW, run=script)
     assert posterior["mean"] == pytest.approx(made["truth"]["theta"], rel=0.02)
     rows = (tmp_path / "observation.csv").read_text().splitlines()
     base = [",".join(row.split(",")[:2]) for row in rows if not row.startswith("#")]
     (tmp_path / "record.csv").write_text("\n".join(base))
     predicted = answer("predict", "--record", "record.csv", "--measured", "observation.csv")
     assert predicted["comparison"]["RF"]["relative_error"] < 0.05
-    assert len(answer("render")["modes"]) == 2
+    assert len(answer("render", run=script)["modes"]) == 2
 
 
 def test_more_is_said_on_stderr_alone(script, tmp_path, tower_file):
