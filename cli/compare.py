@@ -29,7 +29,7 @@ def command(before: str, after: str, picture: Path | None, study: Study) -> Answ
     Changes nothing.
 
     \b
-    Example:
+    Examples:
       femupdate calibrate before.csv --name before
       femupdate calibrate after.csv --name after
       femupdate compare before after

@@ -6,7 +6,7 @@ from femupdate.study import Study
 
 from .answer import Answer
 from .bars import Bars
-from .common import study_options
+from .common import Tables, study_options
 from .help import GroupedCommand
 
 
@@ -19,7 +19,8 @@ def command(study: Study, seed: int, bars: Bars) -> Answer:
     Example:
       femupdate demo --study demo
     """
-    from femupdate.workflow.demo import draw_demo, run_demo
+    from femupdate.workflow.demo import demo_tables, draw_demo, run_demo
 
     report = run_demo(study, seed, bars)
-    return Answer(report, draw_demo(study, report, bars))
+    drawn = draw_demo(study, report, bars)
+    return Answer(report, drawn, tables=Tables(None).write(study, demo_tables(study, report)))

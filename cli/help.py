@@ -11,7 +11,7 @@ _HEADINGS = {
     ),
     "What is written": (
         *("name", "output", "xlsx", "no-pictures", "picture", "export", "shell", "gif"),
-        *("json", "force", "yes"),
+        *("write-mapping", "json", "force", "yes"),
     ),
     "General": ("seed", "verbose", "help", "version"),
 }

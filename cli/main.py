@@ -47,6 +47,12 @@ def group() -> None:
 
     A study folder (--study, default ./study) holds everything for one building. Every command
     builds what it needs, so `femupdate calibrate obs.csv` alone works.
+
+    \b
+    Examples:
+      femupdate demo
+      femupdate inspect obs.csv
+      femupdate calibrate obs.csv --building my_building.toml
     """
 
 

@@ -29,7 +29,11 @@ def command(study: Study, yes: bool) -> Answer:
     removal = plan_removal(study)
     if not yes:
         click.echo(removal.question(), err=True)
-        click.confirm("Remove them?", abort=True, err=True)
+        try:
+            click.confirm("Remove them?", abort=True, err=True)
+        except click.Abort:
+            click.echo("\nNothing was removed; --yes removes without asking.", err=True)
+            click.get_current_context().exit(1)
     with locked(study.folder, "start-over"):
         remove(removal)
     return Answer(removal)

@@ -3,13 +3,22 @@
 from collections.abc import Iterable, Sequence
 
 
-def table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
-    """Return a table, a row on a line, with the first column aligned left, the others right."""
+def table(
+    head: tuple[str, ...], rows: Sequence[tuple[str, ...]], *, words_last: bool = False
+) -> str:
+    """Return a table, a row on a line, with the first column aligned left, the others right.
+
+    Args:
+        head: of the columns.
+        rows: cells.
+        words_last: align the last column left as well.
+    """
+    left = {0, len(head) - 1} if words_last else {0}
     widths = [max(len(row[k]) for row in [head, *rows]) for k in range(len(head))]
     lines = []
     for row in [head, *rows]:
         cells = [
-            cell.ljust(width) if k == 0 else cell.rjust(width)
+            cell.ljust(width) if k in left else cell.rjust(width)
             for k, (cell, width) in enumerate(zip(row, widths, strict=True))
         ]
         lines.append("  " + "  ".join(cells).rstrip())

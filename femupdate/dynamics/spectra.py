@@ -50,7 +50,7 @@ class FloorSpectra:
             (floor, f"{own.max():.3f}", f"{self.frequency_hz[own.argmax()]:.3g}")
             for floor, own in zip(floors, mean, strict=True)
         ]
-        return table((f"spectrum, {self.damping:.0%}", "peak m/s2", "at Hz"), rows)
+        return table((f"spectrum, {100.0 * self.damping:.3g} %", "peak, m/s²", "at, Hz"), rows)
 
 
 def floor_spectra(floors: Floats, base: Floats, time_step: float, damping: float) -> FloorSpectra:

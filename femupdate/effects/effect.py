@@ -56,6 +56,10 @@ class Parameter:
         """A standard deviation with its unit, such as "± 1.2 %"."""
         return f"± {self._scale * sd:.2g} {self._unit}"
 
+    def as_read(self, value: float, sd: float) -> tuple[float, float, str]:
+        """Value, standard deviation and unit as they are read."""
+        return self._scale * value, self._scale * sd, self._unit
+
     @property
     def _unit(self) -> str:
         return {"1": "%", "s": "ms", "rad/m": "mrad/m"}.get(self.unit, self.unit)

@@ -102,7 +102,7 @@ class InspectedChannel:
     def peak_text(self) -> str:
         """Largest absolute value with its unit."""
         if self.peak_m_s2 is not None:
-            return f"{self.peak_m_s2:.4g} m/s2"
+            return f"{self.peak_m_s2:.4g} m/s²"
         return f"{self.peak:.4g} {self.channel.unit or '(no unit)'}"
 
     def as_dict(self) -> dict[str, object]:

@@ -15,6 +15,7 @@ from femupdate.errors import ReportError
 from femupdate.report import drawing_matplotlib, drawing_pyvista
 from femupdate.report.figure import add_head, checked, new_figure, show
 from femupdate.report.geometry import Geometry, deformed
+from femupdate.report.plot_sticks import mark_floors, upright
 from femupdate.report.rendering import Renderer, renders
 from femupdate.report.style import BLUE, MAGNITUDE_MAP, QUIET, styled
 
@@ -63,29 +64,36 @@ def mode_animation(
 
 
 @styled
-def stick_animation(levels: ArrayLike, shapes: ArrayLike, names: Sequence[str], path: Path) -> Path:
+def stick_animation(
+    levels: ArrayLike,
+    shapes: ArrayLike,
+    headings: Sequence[str],
+    floors: Sequence[str],
+    path: Path,
+) -> Path:
     """Write one cycle of the modes of a stick side by side, each with its largest point at one.
 
     Args:
         levels: (f,) heights, m, the base first.
         shapes: (k, f), any scale.
-        names: k names.
+        headings: k texts over the modes.
+        floors: f names, the base first.
 
     Raises:
         ReportError: an array has another shape, or the file cannot be written.
     """
     heights = checked("levels", levels, None)
-    each = checked("shapes", shapes, len(names), len(heights))
-    each = each / np.maximum(np.abs(each).max(axis=1, keepdims=True), 1e-300)
+    each = upright(checked("shapes", shapes, len(headings), len(heights)))
     frames = []
     for c in np.cos(2.0 * np.pi * np.arange(FRAMES // 2 + 1) / FRAMES):
-        figure = new_figure(max(1.55 * len(names) + 0.8, 4.6), 4.0)
-        panels = figure.subplots(1, len(names), sharey=True, squeeze=False)[0]
-        for panel, shape, name in zip(panels, each, names, strict=True):
+        figure = new_figure(max(1.55 * len(headings) + 0.8, 4.6), 4.0)
+        panels = figure.subplots(1, len(headings), sharey=True, squeeze=False)[0]
+        for panel, shape, heading in zip(panels, each, headings, strict=True):
             panel.plot(np.zeros_like(heights), heights, color=QUIET, linewidth=0.8)
             panel.plot(c * shape, heights, "o-", color=BLUE)
-            panel.set(xlim=(-1.15, 1.15), xticks=(-1.0, 0.0, 1.0), title=name)
-        panels[0].set_ylabel("Height, m")
+            panel.set(xlim=(-1.15, 1.15), xticks=(-1.0, 0.0, 1.0))
+            panel.set_title(heading, fontweight="normal")
+        mark_floors(panels[0], heights, floors)
         frames.append(_frame(figure, "Mode shapes, displacement over its largest"))
     return _write(_and_back(frames), path)
 

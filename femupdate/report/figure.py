@@ -139,10 +139,18 @@ def _wrapped(text: str, width: float, of_character: float) -> str:
 
 
 def thin_band_note(share: float) -> str:
-    """What to say of bands whose widest is this share of the axis; nothing of those to be seen."""
+    """What to say of bands that are nearly all thinner than this share of the axis, if anything."""
     if share > _VISIBLE:
         return ""
-    return f"The bands are at most {100.0 * share:.2g} % of the axis high: thinner than the lines"
+    return (
+        f"The bands are up to {100.0 * share:.2g} % of the axis wide nearly everywhere: thinner "
+        "than the lines"
+    )
+
+
+def nearly_all(values: ArrayLike) -> float:
+    """What 95 % of some widths do not exceed."""
+    return float(np.nanquantile(np.asarray(values, dtype=np.float64), 0.95))
 
 
 def _labelled(figure: Figure) -> list[Any]:

@@ -167,7 +167,7 @@ def prose_html(text: str) -> str:
     from markupsafe import escape
 
     escaped = re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text)))
-    return re.sub(r"(\d)%", "\\1\u00a0%", escaped.replace(" +- ", " ± "))
+    return re.sub(r"(\d) ?%", "\\1\u00a0%", escaped.replace(" +- ", " ± "))
 
 
 def write_page(page: Page, path: Path) -> Path:

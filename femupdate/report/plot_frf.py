@@ -14,6 +14,7 @@ from femupdate.report.figure import (
     add_head,
     checked,
     checked_names,
+    nearly_all,
     panel_grid,
     thin_band_note,
 )
@@ -94,7 +95,7 @@ def frf_fit(
     start = 0.0 if frequency[0] < 0.05 * frequency[-1] else frequency[0]
     panels[0].set(yscale="log", xlim=(start, frequency[-1]))
     low, high = (np.log(limit) for limit in panels[0].get_ylim())
-    note = thin_band_note(float((upper - lower).max()) / (high - low))
+    note = thin_band_note(nearly_all(upper - lower) / (high - low))
     add_head(figure, title, note=note)
     return figure
 

@@ -9,7 +9,14 @@ from numpy.typing import ArrayLike
 
 from femupdate.arrays import Floats
 from femupdate.errors import ReportError
-from femupdate.report.figure import add_head, checked, label_edges, new_figure, thin_band_note
+from femupdate.report.figure import (
+    add_head,
+    checked,
+    label_edges,
+    nearly_all,
+    new_figure,
+    thin_band_note,
+)
 from femupdate.report.style import BAND, BLUE, FAINT, MEASURED, styled
 
 ZOOM_SHARE = 0.12  # of the record, at most, in the panels on the right
@@ -65,7 +72,7 @@ def floor_history_bands(
     edges = np.abs(middle) + 2.0 * spread
     limits = symmetric_limits(edges, *([] if seen is None else [seen]))
     axes[0, 0].set_ylim(limits)
-    add_head(figure, title, note=thin_band_note(2.0 * float(spread.max()) / limits[1]))
+    add_head(figure, title, note=thin_band_note(2.0 * nearly_all(spread) / limits[1]))
     return figure
 
 

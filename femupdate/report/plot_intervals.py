@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from femupdate.arrays import Floats
 from femupdate.report.figure import add_head, checked, new_figure
-from femupdate.report.plot_posterior import CaseSamples, SampleSet, checked_cases
+from femupdate.report.plot_posterior import SampleSet, checked_cases
 from femupdate.report.style import FAINT, INK, styled
 
 ROW_HEIGHT = 0.26  # inches for each interval
@@ -62,17 +62,18 @@ def theta_intervals(
     panel.grid(visible=False, axis="y")
     panel.spines["left"].set_visible(False)
     panel.set_xlabel("Stiffness over that in the building file")
-    add_head(figure, title, note=_short_note(panel, cases))
+    short = short_note(panel, [case.samples for case in cases])
+    add_head(figure, title, note=f"{short}: read the figures at the right" if short else "")
     return figure
 
 
-def _short_note(panel: Axes, cases: Sequence[CaseSamples]) -> str:
-    """What to say where an interval is shorter than the stroke at its mean."""
+def short_note(panel: Axes, draws: Sequence[Floats]) -> str:
+    """What to say where an interval of draws (S, p) is shorter than the stroke at its mean."""
     low, high = panel.get_xlim()
-    lengths = [np.ptp(np.quantile(case.samples, [0.05, 0.95], axis=0), axis=0) for case in cases]
+    lengths = [np.ptp(np.quantile(own, [0.05, 0.95], axis=0), axis=0) for own in draws]
     if min(float(own.min()) for own in lengths) > _VISIBLE * (high - low):
         return ""
-    return "Some intervals are shorter than the stroke at their mean: read the figures at the right"
+    return "Some intervals are shorter than the stroke at their mean"
 
 
 def _draw_intervals(panel: Axes, samples: Floats, heights: Floats, color: str, label: str) -> None:

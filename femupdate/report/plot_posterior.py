@@ -1,5 +1,6 @@
 """Posterior samples of the parameters in pairs."""
 
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -21,6 +22,7 @@ from femupdate.report.style import INK, SERIES, styled
 POINTS = 250  # drawn under the contours; more hide each other
 SHARES = (0.9, 0.5)
 MOST = 12  # parameters in one figure; more cannot be read
+_NAME = 18  # characters of a name that stand below a panel
 
 
 @dataclass(frozen=True)
@@ -86,7 +88,7 @@ def posterior_pairs(
     note = "Contours hold 50 and 90 %; on the diagonal mean ± sd; above it correlations"
     if size < total:
         note = f"The {size} of {total} with the strongest correlations. {note}"
-    add_head(figure, "Posterior of the stiffness factors", note=note if size > 1 else "")
+    add_head(figure, "Posterior of the parameters", note=note if size > 1 else "")
     return figure
 
 
@@ -200,7 +202,7 @@ def _draw_correlation(panel: Axes, cases: list[CaseSamples], first: int, second:
             va="center",
             fontsize=9.0 + 5.0 * abs(value),
             color=case.color,
-            alpha=0.45 if weak else 1.0,
+            alpha=0.75 if weak else 1.0,
         )
 
 
@@ -232,6 +234,6 @@ def _label(panel: Axes, row: int, column: int, names: Sequence[str]) -> None:
     )
     panel.spines[["top", "right"]].set_visible(True)
     if row == last:
-        panel.set_xlabel(names[column])
+        panel.set_xlabel(textwrap.fill(names[column], _NAME))
     if column == 0 and row > 0:
-        panel.set_ylabel(names[row])
+        panel.set_ylabel(textwrap.fill(names[row], _NAME))

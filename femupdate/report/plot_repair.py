@@ -14,6 +14,7 @@ from femupdate.report.geometry import Geometry
 from femupdate.report.glyphs import Glyphs
 from femupdate.report.marked_building import draw_marked
 from femupdate.report.plot_diagnosis import Columns, draw_misfit, largest_misfit
+from femupdate.report.plot_intervals import short_note
 from femupdate.report.rendering import Renderer
 from femupdate.report.style import BLUE, MEASURED, ORANGE, styled
 
@@ -111,10 +112,11 @@ def gap_story(story: GapStory, renderer: Renderer = "auto") -> Figure:
             panel = figure.add_subplot(grid[first + row, :2])
             _frf(panel, curves, place, last=row == rows - 1)
     beside = slice(2, 3) if chosen else slice(0, 3)
-    _theta(figure.add_subplot(grid[first : first + rows, beside]), story)
+    short = _theta(figure.add_subplot(grid[first : first + rows, beside]), story)
     if story.held is not None:
         _histories(figure.add_subplot(grid[first + rows, :]), story.held)
-    add_head(figure, story.headline)
+    grey = "" if story.scene is None else "Grey: too few points"
+    add_head(figure, story.headline, note=". ".join(one for one in (grey, short) if one))
     return figure
 
 
@@ -150,7 +152,8 @@ def _frf(panel: Axes, curves: Curves, place: int, *, last: bool) -> None:
         panel.tick_params(labelbottom=False)
 
 
-def _theta(panel: Axes, story: GapStory) -> None:
+def _theta(panel: Axes, story: GapStory) -> str:
+    """Draw the factors; returns what is to be said of their intervals."""
     sets = [(story.theta_before, _BEFORE, -0.12)]
     if story.theta_after is not None:
         sets.append((story.theta_after, _AFTER, 0.12))
@@ -163,6 +166,7 @@ def _theta(panel: Axes, story: GapStory) -> None:
         panel.plot(middle, rows, "|", color=style["color"], markersize=11.0, mew=1.4)
     panel.set_yticks(range(len(story.names)), list(story.names))
     panel.set_xlabel("Stiffness factor, mean, 5 to 95 %")
+    return short_note(panel, [draws for draws, _, _ in sets])
 
 
 def _histories(panel: Axes, held: Any) -> None:

@@ -56,3 +56,8 @@ def plus_minus(mean: float, sd: float) -> str:
         return f"{mean:.4g}"
     decimals = max(0, 1 - int(np.floor(np.log10(sd))))
     return f"{mean:.{decimals}f} ± {sd:.{decimals}f}"
+
+
+def with_unit(mean: float, sd: float, unit: str) -> str:
+    """Return mean ± standard deviation and the unit of both, such as "9.79 ± 0.33 %"."""
+    return f"{plus_minus(mean, sd)} {unit}"

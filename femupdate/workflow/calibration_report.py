@@ -110,7 +110,7 @@ class CalibrationReport:
             f"from {', '.join(posterior.observation.floors) or 'frequencies'} of "
             f"{posterior.observation.source}: "
             f"{len(draws)} draws, {self.seconds:.1f} s",
-            table(head, rows),
+            table(head, rows, words_last=True),
         ]
         zeta = posterior.zeta_samples
         if zeta is not None:

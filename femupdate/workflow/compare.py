@@ -88,16 +88,16 @@ class CompareReport:
         found = self.changes
         if self.verdict == "unchanged":
             return (
-                f"Nothing has changed, with a probability of {_share(found.none)}. A change of one "
-                f"story would have been seen from {_range(found.visible)} on."
+                f"Nothing has changed, with a probability of {_share(found.none)}. One story "
+                f"changing by {_range(found.visible)} would have been seen."
             )
         if self.verdict == "unclear":
             likeliest = int(found.probability.argmax())
             return (
                 "The data do not tell whether anything changed: the probability that nothing did "
                 f"is {_share(found.none)}. Most likely to have changed is {self.titles[likeliest]} "
-                f"({_share(found.probability[likeliest])}). A change of one story is seen from "
-                f"{_range(found.visible)} on."
+                f"({_share(found.probability[likeliest])}). One story changing by "
+                f"{_range(found.visible)} would be seen."
             )
         if found.alike > CHANGE.alike:
             return (
@@ -107,11 +107,12 @@ class CompareReport:
             )
         named = [self.names.index(name) for name in self.named]
         parts = [
-            f"{self.titles[k]} by {_change(found.size[k], found.size_sd[k])} "
+            f"{self.titles[k]}{' changed' if k == named[0] else ''} by "
+            f"{_change(found.size[k], found.size_sd[k])} "
             f"(probability {_share(found.probability[k])})"
             for k in named
         ]
-        return f"The stiffness changed of {', '.join(parts)}."
+        return f"The stiffness of {', that of '.join(parts)}."
 
     def as_dict(self) -> dict[str, Any]:
         """What `--json` holds."""
@@ -291,13 +292,15 @@ def _share(value: float) -> str:
 
 def _change(log: float, sd: float) -> str:
     """A change of ln theta as a percentage with its standard deviation."""
-    return f"{100.0 * np.expm1(log):+.1f} % ± {100.0 * np.exp(log) * sd:.1f} %"
+    percent = round(100.0 * float(np.expm1(log)), 1) + 0.0  # no minus before a zero
+    return f"{percent:+.1f} % ± {100.0 * np.exp(log) * sd:.1f} %"
 
 
 def _range(visible: Floats) -> str:
     """From the smallest to the largest visible change, in percent."""
     low, high = (100.0 * np.expm1(value) for value in (visible.min(), visible.max()))
-    return f"{low:.2g} %" if high < 1.2 * low else f"{low:.2g} to {high:.2g} %, by story,"
+    shown = f"{low:.2g} %" if high < 1.2 * low else f"{low:.2g} to {high:.2g} % (by story)"
+    return f"{shown} or more"
 
 
 def _mean_sd(draws: Floats) -> str:

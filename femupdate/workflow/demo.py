@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from femupdate.progress import SILENT, Progress
+from femupdate.sheets import Sheet
 from femupdate.study import Study
 from femupdate.tables import table
 from femupdate.workflow.build import BuildReport, build_study
@@ -21,6 +22,7 @@ from femupdate.workflow.pictures_prediction import draw_prediction
 from femupdate.workflow.predict import PredictionReport, predict_study
 from femupdate.workflow.prediction_inputs import RecordSource
 from femupdate.workflow.render import RenderReport, render_study
+from femupdate.workflow.result_tables import mode_tables, posterior_tables, prediction_tables
 
 _OBSERVATION = "six_story_white_noise.csv"
 _TRUTH = "six_story_white_noise.truth.json"
@@ -84,9 +86,9 @@ class DemoReport:
         return (
             "\nStiffness factors, mean ± sd (the observation is synthetic, so truth is known)",
             table(("", "truth", "all six floors", "roof alone"), rows),
-            "\nPeak floor acceleration under a tenth of the Ridgecrest record, m/s2",
+            "\nPeak floor acceleration under a tenth of the Ridgecrest record, m/s²",
             peaks.table("", floors, ".3f"),
-            f"\nDone in {self.seconds:.0f} s. Everything is in {self.folder}; pictures:",
+            f"\nDone in {self.seconds:.0f} s. Everything is in {self.folder}; pictures and tables:",
         )
 
 
@@ -123,6 +125,15 @@ def run_demo(study: Study, seed: int = 0, progress: Progress = SILENT) -> DemoRe
         predicted=predicted,
         rendered=rendered,
         seconds=time.monotonic() - started,
+    )
+
+
+def demo_tables(study: Study, report: DemoReport) -> tuple[Sheet, ...]:
+    """The tables of the posterior from all floors, of the prediction and of the modes."""
+    return (
+        *posterior_tables(study, report.all_floors),
+        *prediction_tables(report.predicted),
+        *mode_tables(report.rendered),
     )
 
 

@@ -19,7 +19,8 @@ from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.effects.registry import CATALOGUE
 from femupdate.measurement.observation import Observation
 from femupdate.progress import SILENT, Progress
-from femupdate.study import Study, write_text
+from femupdate.report.scale import with_unit
+from femupdate.study import Study, files_beside, write_text
 from femupdate.tables import table
 from femupdate.workflow.effects import StudyBases
 from femupdate.workflow.finder_data import read_given
@@ -149,8 +150,10 @@ def diagnose_study(
         seconds=time.monotonic() - started,
     )
     write_text(report.path, json.dumps(report.as_dict(), indent=2, default=float) + "\n")
-    origin = {**model.made_from(), **source.made_from()}
-    study.record(DIAGNOSIS, "diagnosis.json", "diagnose", origin, source.files_as_settings())
+    hashes, beside = files_beside(second=None if second is None else second.path)
+    origin = {**model.made_from(), **source.made_from(), **hashes}
+    files = {**source.files_as_settings(), **beside}
+    study.record(DIAGNOSIS, "diagnosis.json", "diagnose", origin, files)
     return report
 
 
@@ -198,9 +201,15 @@ def _row(one: Finding) -> tuple[str, ...]:
         one.placed.label,
         f"{one.evidence.log_evidence:.1f}{error}",
         _on_other_data(one),
-        f"{one.size:.4g} ± {one.size_sd:.2g}",
+        shown_size(one),
         f"{one.score.absorbed:.0%}",
     )
+
+
+def shown_size(one: Finding) -> str:
+    """Size of an effect with its spread and unit; nothing of one that is there or not."""
+    first = next(iter(one.placed.effect.parameters), None)
+    return "" if first is None else with_unit(*first.as_read(one.size, one.size_sd))
 
 
 def _on_other_data(one: Finding) -> str:

@@ -143,7 +143,7 @@ def _picture(one: Inspection) -> "Figure":
 
 def _unit(each: InspectedChannel) -> str:
     """Unit in which a channel is drawn."""
-    return "m/s2" if each.peak_m_s2 is not None else each.channel.unit or "the file's unit"
+    return "m/s²" if each.peak_m_s2 is not None else each.channel.unit or "the file's unit"
 
 
 def _line_under(force: InspectedChannel, each: InspectedChannel) -> "MeasuredLine":

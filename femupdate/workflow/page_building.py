@@ -49,7 +49,11 @@ def _stories(page: PageStudy) -> Table:
     heights, above = heights_of(building), page.model.reduced.story_mass
     known = not building.forces_are_relative
     scale = mass_scale(above)
-    title = f"mass above its middle, {scale.unit}" if known else f"nominal mass, {scale.unit}"
+    title = (
+        f"mass above its middle, {scale.unit}"
+        if known
+        else f"nominal mass above its middle, {scale.unit}"
+    )
     rows = [
         (
             name,
@@ -81,7 +85,7 @@ def _mode_table(modes: tuple[StudyMode, ...]) -> Table:
     return Table(
         name="modes",
         caption="Modes that the base motion excites, at the posterior",
-        head=("mode", "frequency, Hz", "sd", "direction", "effective mass"),
+        head=("mode", "frequency, Hz", "sd, Hz", "direction", "effective mass"),
         rows=rows,
         note="Modes have the numbers of the full model with all factors 1.",
     )

@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from femupdate.report.page import Block, Remarks, Section, Table, Text
-from femupdate.study import Study
+from femupdate.study import BUILDING_FILE, Study, file_hash
 from femupdate.workflow.page_parts import PageStudy
-from femupdate.workflow.status import CURRENT, Item
+from femupdate.workflow.status import CURRENT, Item, files_beside_of
 from femupdate.workflow.summary import kept_summary
 
 _SHORT = 16  # figures of a hash that are shown
@@ -26,21 +26,19 @@ def done_section(page: PageStudy) -> Section:
             note=f"The first {_SHORT} figures of each hash; the whole ones are in study.json.",
         )
     )
-    used: dict[tuple[str, str], list[str]] = {}
+    building = (BUILDING_FILE, file_hash(page.study.path(BUILDING_FILE))[:_SHORT])
+    used: dict[tuple[str, str], list[str]] = {building: ["the building, as the study keeps it"]}
     for item in page.status.items:
         for key in _sources(page.study, item):
             used.setdefault(key, []).append(item.name)
-    if used:
-        blocks.append(
-            Table(
-                name="files_used",
-                caption="Files that were used",
-                head=("file", "for", "SHA-256 when used"),
-                rows=tuple(
-                    (file, ", ".join(names), hash_) for (file, hash_), names in used.items()
-                ),
-            )
+    blocks.append(
+        Table(
+            name="files_used",
+            caption="Files that were used",
+            head=("file", "for", "SHA-256 when used"),
+            rows=tuple((file, ", ".join(names), hash_) for (file, hash_), names in used.items()),
         )
+    )
     return Section("done", "What was done", tuple(blocks))
 
 
@@ -66,7 +64,9 @@ def _sources(study: Study, item: Item) -> list[tuple[str, str]]:
     recorded = study.artefacts()[item.name].made_from
     hashes = [recorded[key] for key in recorded if key.startswith(("observation", "record"))]
     hashes += [""] * (len(item.sources) - len(hashes))
-    pairs = zip(item.sources, hashes, strict=False)
+    beside = files_beside_of(study.artefacts()[item.name])
+    hashes += [recorded.get(option, "") for option in beside]
+    pairs = zip((*item.sources, *beside.values()), hashes, strict=True)
     return [(Path(name).name, digest[:_SHORT]) for name, digest in pairs]
 
 

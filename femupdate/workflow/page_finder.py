@@ -9,21 +9,18 @@ from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.report.page import Block, Chart, Remarks, Section, Table, Text
 from femupdate.report.page_charts import Interval, bar_figure, interval_figure
-from femupdate.report.scale import plus_minus
+from femupdate.report.scale import with_unit
 from femupdate.report.style import BLUE, ORANGE
-from femupdate.study import Study, as_written
+from femupdate.study import REPAIRED, Study, as_written
 from femupdate.workflow.page_done import read_json
 from femupdate.workflow.page_parts import PageStudy
-from femupdate.workflow.repaired import REPAIRED
 
 _SHOWN = 8
 
 
 def finder_section(page: PageStudy) -> Section:
     """Diagnosis and repair of this study; of a repaired one, the repair that made it."""
-    folder = page.study
-    if folder.folder.name == REPAIRED and not folder.path("repair.json").exists():
-        folder = Study(folder.folder.parent)
+    folder = searched(page)
     blocks: list[Block] = []
     with as_written(path := folder.path("diagnosis.json")):
         if diagnosis := read_json(path):
@@ -35,6 +32,14 @@ def finder_section(page: PageStudy) -> Section:
         text = "Nobody has looked for effects that the model lacks; femupdate diagnose does."
         blocks = [Text((text,))]
     return Section("finder", "What the model lacks", tuple(blocks))
+
+
+def searched(page: PageStudy) -> Study:
+    """The study whose diagnosis and repair the page shows."""
+    own = page.study
+    if own.folder.name == REPAIRED and not own.path("repair.json").exists():
+        return Study(own.folder.parent)
+    return own
 
 
 def _diagnosis(found: dict[str, Any]) -> list[Block]:
@@ -110,15 +115,13 @@ def _elsewhere(one: dict[str, Any]) -> str:
 
 
 def _size(one: dict[str, Any]) -> str:
-    """Size with its unit and meaning; shares in percent."""
+    """Size with its unit and meaning."""
     effect = CATALOGUE.get(one["name"])
-    text = effect.parameters[0].text if effect is not None and effect.parameters else ""
-    if one["size"] is None:
+    if one["size"] is None or effect is None or not effect.parameters:
         return ""
-    size, sd, unit = float(one["size"]), float(one["size_sd"] or 0.0), one["unit"]
-    if unit == "1":
-        return f"{plus_minus(100.0 * size, 100.0 * sd)} % ({text})" if text else f"{size:.3g}"
-    return f"{plus_minus(size, sd)} {unit}" + (f" ({text})" if text else "")
+    first = effect.parameters[0]
+    size = with_unit(*first.as_read(float(one["size"]), float(one["size_sd"] or 0.0)))
+    return f"{size} ({first.text})" if first.text else size
 
 
 def _where(cells: list[dict[str, Any]]) -> Table:
@@ -144,18 +147,24 @@ def _band(low: float, high: float) -> str:
 
 
 def _repair(page: PageStudy, done: dict[str, Any]) -> list[Block]:
-    rounds = done["rounds"]
-    if not rounds:
+    if not done["rounds"]:
         return [Text((f"A repair added nothing ({done['verdict']}). {done['sentence']}",))]
-    names = "; ".join(_words(one["effect"], one["place"]) for one in rounds)
     after = float(done["p_value_after"])
     left = "no more than noise" if after > 0.05 else str(done["verdict"])
     text = (
-        f"Added to the model: {names}. Residuals fell from {done['chi2_before']:.0f} to "
-        f"{done['chi2_after']:.0f} over {done['independent_points']:.0f} independent points.",
+        added(done),
         f"What remains: {left}{p_text(after)}. {done['sentence']}",
     )
     return [Text(text), *_held(done), _before_after(page, done)]
+
+
+def added(done: dict[str, Any]) -> str:
+    """What a repair added, and what that did."""
+    names = "; ".join(_words(one["effect"], one["place"]) for one in done["rounds"])
+    return (
+        f"Added to the model: {names}. Residuals fell from {done['chi2_before']:.0f} to "
+        f"{done['chi2_after']:.0f} over {done['independent_points']:.0f} independent points."
+    )
 
 
 def p_text(value: float) -> str:

@@ -39,9 +39,11 @@ def prediction_section(page: PageStudy) -> Section:
     predictions = tree["predictions"].to_dataset()
     settings = page.recorded("prediction").settings
     base = tree["constant_data"].to_dataset()["base_acceleration"].values
+    scale = float(settings.get("scale", 1.0))
+    scaled = "" if scale == 1.0 else f", scaled by {scale:g}"
     lead = (
-        f"Record {tree.attrs.get('record', '')} {tree.attrs.get('channel', '')}, scaled by "
-        f"{settings.get('scale', 1)}: peak {np.abs(base).max():.3g} m/s². "
+        f"Record {tree.attrs.get('record', '')} {tree.attrs.get('channel', '')}{scaled}: "
+        f"peak {np.abs(base).max():.3g} m/s². "
         f"Damping: {tree.attrs.get('damping', 'not said')}. "
         f"{predictions.sizes['sample']} draws of the posterior were followed."
     )
@@ -164,7 +166,8 @@ def _spectra(predictions: Any) -> tuple[Chart, ...]:
     means, sds = (predictions[f"floor_spectrum_{name}"].values for name in ("mean", "sd"))
     across = Axis(title="frequency of the oscillator, Hz", log=True)
     panels = []
-    for floor, mean, sd in zip(predictions["floor"].values, means, sds, strict=True):
+    rows = list(zip(predictions["floor"].values, means, sds, strict=True))
+    for floor, mean, sd in reversed(rows):
         band = Band(name="mean ± 2 sd", low=mean - 2.0 * sd, high=mean + 2.0 * sd)
         curve = Curve(x=frequency, mean=mean, bands=(band,))
         panels.append((str(floor), curve_figure(curve, across, Axis(title="acceleration, m/s²"))))

@@ -6,8 +6,10 @@ from femupdate.report.page import Block, Remarks, Section, Text
 from femupdate.report.scale import interval_text
 from femupdate.study import as_written
 from femupdate.workflow.page_done import bad_items, posterior_notes, read_json
+from femupdate.workflow.page_finder import added, searched
 from femupdate.workflow.page_parts import PageStudy
 from femupdate.workflow.page_prediction import predicted_quantities
+from femupdate.workflow.parameter_titles import effect_parameter
 from femupdate.workflow.prediction_quantities import Quantity
 
 _WARNS = ("is missing", "too small", "too narrow", "unlike", "misses", "not enough", "beyond")
@@ -58,11 +60,21 @@ def _effects(page: PageStudy) -> tuple[str, ...]:
     posterior = page.posterior
     names = () if posterior is None else posterior.names
     found = [
-        f"{page.titles[name]}, {_text(posterior.samples[:, k])}"
+        _of_effect(page.titles[name], name, posterior.samples[:, k])
         for k, name in enumerate(names)
         if posterior is not None and "@" in name
     ]
     return (f"The model holds effects: {'; '.join(found)}.",) if found else ()
+
+
+def _of_effect(title: str, name: str, draws: np.ndarray) -> str:
+    """A parameter of an effect in the unit in which it is read."""
+    own = effect_parameter(name)
+    if own is None:
+        return f"{title}, {_text(draws)}"
+    factor, _, unit = own.as_read(1.0, 0.0)
+    where, _, what = title.partition(": ")
+    return f"{where}: {_text(factor * draws)} {unit} ({own.text or what})"
 
 
 def _text(draws: np.ndarray) -> str:
@@ -91,7 +103,9 @@ def _prediction(page: PageStudy) -> tuple[str, ...]:
     keys = ("acceleration", "ratio" if "ratio" in found else "drift", "base")
     parts = [_largest(found[key]) for key in keys]
     name = str(settings.get("file", "the record")).replace("\\", "/").rsplit("/", 1)[-1]
-    return (f"Under {name}, scaled by {settings.get('scale', 1)}: {'; '.join(parts)}.",)
+    scale = float(settings.get("scale", 1.0))
+    scaled = "" if scale == 1.0 else f", scaled by {scale:g}"
+    return (f"Under {name}{scaled}: {'; '.join(parts)}.",)
 
 
 def _largest(one: Quantity) -> str:
@@ -103,8 +117,16 @@ def _largest(one: Quantity) -> str:
 
 
 def _finder(page: PageStudy) -> tuple[str, ...]:
-    if page.state("diagnosis") is None:
-        return ()
-    with as_written(path := page.study.path("diagnosis.json")):
-        found = read_json(path)
-        return (f"What the model lacks: {found['verdict']}. {found['sentence']}",)
+    """The verdict on this model, and the repair that followed or that made it."""
+    folder, sentences = searched(page), []
+    if page.state("diagnosis") is not None:
+        with as_written(path := folder.path("diagnosis.json")):
+            found = read_json(path)
+            sentences.append(f"What the model lacks: {found['verdict']}. {found['sentence']}")
+    with as_written(path := folder.path("repair.json")):
+        done = read_json(path)
+        if done.get("rounds"):
+            here = folder.folder != page.study.folder
+            which = "This model was repaired" if here else "A repaired model has a page of its own"
+            sentences.append(f"{which}. {added(done)}")
+    return tuple(sentences)

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.discrepancy.diagnose import Finding
+from femupdate.building.parameters import factor_titles
 from femupdate.discrepancy.fit import Fit
 from femupdate.discrepancy.frf_data import FrfData
 from femupdate.discrepancy.residual_map import Cell, residual_cells
 from femupdate.effects.drawn_building import DrawnBuilding
 from femupdate.study import Study
-from femupdate.workflow.diagnose import DiagnosisReport
+from femupdate.workflow.diagnose import DiagnosisReport, shown_size
 from femupdate.workflow.repair import RepairReport
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ def draw_diagnosis(study: Study, report: DiagnosisReport) -> tuple[Path, ...]:
             Ranked(
                 f"{one.placed.effect.title}, {one.placed.place}",
                 one.evidence.log_evidence,
-                _size(one),
+                shown_size(one),
                 number == 0 and found.verdict in ("named", "indistinguishable"),
             )
             for number, one in enumerate(found.findings[:_SHOWN])
@@ -45,12 +45,6 @@ def draw_diagnosis(study: Study, report: DiagnosisReport) -> tuple[Path, ...]:
         figure = ranking(shown, needed, found.sentence)
         paths.append(save_figure(figure, study.path("pictures", "effect_ranking.png")))
     return tuple(paths)
-
-
-def _size(one: Finding) -> str:
-    """Size of an effect with its spread and unit; nothing of one that is there or not."""
-    first = next(iter(one.placed.effect.parameters), None)
-    return "" if first is None else f"{first.shown(one.size)} {first.scatter(one.size_sd)}"
 
 
 def draw_repair(study: Study, report: RepairReport) -> tuple[Path, ...]:
@@ -73,7 +67,7 @@ def draw_repair(study: Study, report: RepairReport) -> tuple[Path, ...]:
             headline,
             _scene(report, maps) if placed else None,
             None if curves is None else _curves(report, curves),
-            [f"θ{k + 1}" for k in range(report.theta_before.shape[1])],
+            tuple(factor_titles(report.building).values()),
             report.theta_before,
             report.theta_after if placed else None,
             None if held is None or held.time is None else held,

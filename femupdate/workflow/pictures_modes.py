@@ -86,10 +86,10 @@ def animate_modes(
         means = [
             one.tracked.recognised.mean(axis=0) @ model.reduced.floor_shapes.T for one in modes
         ]
-        names = [f"{one.name[0].upper()}{one.name[1:]}" for one in modes]
         path = study.result("pictures", "modes.gif")
-        levels = levels_with_base(model.building)
-        return (stick_animation(levels, _with_base(means), names, path),)
+        levels, floors = levels_with_base(model.building), ("base", *model.reduced.floors)
+        headings = [_heading(one) for one in modes]
+        return (stick_animation(levels, _with_base(means), headings, floors, path),)
     geometry = Geometry.of_model(mesh_building(model.building).model)
     for one in modes:
         mean = node_displacements(model.reduced, one.tracked.recognised.mean(axis=0))
@@ -125,11 +125,20 @@ def _folder(study: Study, name: str) -> Path:
 
 
 def _title(one: StudyMode) -> str:
-    mode, share = one.tracked, f"{100.0 * one.effective_mass:.1f} % of the mass"
+    """Over a picture of one mode."""
+    name, frequency, share = _heading(one).split("\n")
+    at_one = ", all factors 1" if len(one.tracked.frequency_hz) == 1 else ""
+    return f"{name}: {frequency}, {share}{at_one}"
+
+
+def _heading(one: StudyMode) -> str:
+    """Name, frequency and share of the mass of a mode, each on a line."""
+    mode = one.tracked
+    frequency = f"{mode.frequency_mean:.2f}"
+    if len(mode.frequency_hz) > 1:
+        frequency = plus_minus(mode.frequency_mean, mode.frequency_sd)
     name = f"{one.name[0].upper()}{one.name[1:]}"
-    if len(mode.frequency_hz) == 1:
-        return f"{name}, {mode.frequency_mean:.2f} Hz, {share}, all factors 1"
-    return f"{name}: {plus_minus(mode.frequency_mean, mode.frequency_sd)} Hz, {share}"
+    return f"{name}\n{frequency} Hz\n{100.0 * one.effective_mass:.1f} % of the mass"
 
 
 def _file_label(one: StudyMode) -> str:
@@ -147,12 +156,11 @@ def _draw_sticks(study: Study, model: StudyModel, modes: Sequence[StudyMode], na
     figure = stick_mode_shapes(
         levels_with_base(model.building),
         _with_base([own.mean(axis=0) for own in shapes]),
-        np.array([mode.frequency_mean for mode in tracked]),
+        [_heading(one) for one in modes],
         shapes_sd=_with_base([own.std(axis=0) for own in shapes]) if several else None,
-        frequency_sd=np.array([mode.frequency_sd for mode in tracked]) if several else None,
         floors=("base", *model.reduced.floors),
-        numbers=[one.number or k for k, one in enumerate(modes, start=1)],
         title="Mode shapes of the posterior" if several else "Mode shapes, all factors 1",
+        note="" if modes[0].influence is None else "Those that matter most to the data come first",
     )
     return save_figure(figure, _folder(study, name) / f"{name}s.png")
 

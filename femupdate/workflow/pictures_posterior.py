@@ -29,7 +29,7 @@ def draw_posterior(
     predicted = predictive_log_frf(system, model, posterior)
     low, high = np.quantile(predicted, [0.05, 0.95], axis=0)
     observation = on_all_floors(posterior.observation, model.building.floors)
-    names = [_pretty(name) for name in posterior.names]
+    names = [_short(name) for name in posterior.names]
     bounds = np.column_stack([posterior.lower, posterior.upper])
     label = f"{', '.join(posterior.observation.floors)} ({posterior.drawn.likelihood} likelihood)"
     sets = [SampleSet(label, posterior.samples)]
@@ -56,8 +56,13 @@ def draw_posterior(
     return tuple(paths)
 
 
-def _pretty(name: str) -> str:
-    return name.replace("theta_", "θ")
+def _short(name: str) -> str:
+    """A name that stands below a panel: θ1, or an effect and which of its parameters."""
+    effect, _, rest = name.partition("@")
+    if not rest:
+        return name.replace("theta_", "θ")
+    place, _, parameter = rest.rpartition(".")
+    return f"{effect.replace('_', ' ')}, {place}" + (f": {parameter}" if parameter else "")
 
 
 def draw_cases(study: Study, cases: dict[str, CalibrationReport], truth: tuple[float, ...]) -> Path:
@@ -72,7 +77,7 @@ def draw_cases(study: Study, cases: dict[str, CalibrationReport], truth: tuple[f
     first = next(iter(cases.values())).posterior
     figure = posterior_pairs(
         [SampleSet(name, case.posterior.samples) for name, case in cases.items()],
-        [_pretty(name) for name in first.names],
+        [_short(name) for name in first.names],
         np.column_stack([first.lower, first.upper]),
         truth,
     )

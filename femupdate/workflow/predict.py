@@ -29,7 +29,7 @@ from femupdate.inference.thresholds import EVENT
 from femupdate.measurement.record import GroundMotion
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import spawn
-from femupdate.study import Study, file_hash
+from femupdate.study import Study, file_hash, files_beside
 from femupdate.workflow.amplitude import UNFOLLOWED, changing_note, mean_level
 from femupdate.workflow.effect_surrogate import open_system
 from femupdate.workflow.model import StudyModel, on_kept_finer
@@ -205,7 +205,7 @@ def predict_study(
         floor_spectra=spectra,
         members=members,
     )
-    _record(study, model, record, report)
+    _record(study, model, record, report, measured)
     return report
 
 
@@ -270,7 +270,11 @@ def _spectra(
 
 
 def _record(
-    study: Study, model: StudyModel, record: RecordSource, report: PredictionReport
+    study: Study,
+    model: StudyModel,
+    record: RecordSource,
+    report: PredictionReport,
+    measured: Path | None,
 ) -> None:
     """Note in the study what the prediction was made from, and how well it met measured floors."""
     origin = {
@@ -278,10 +282,12 @@ def _record(
         "posterior": file_hash(study.require("posterior", "calibrate")),
         "record": file_hash(record.path),
     }
+    hashes, beside = files_beside(measured=measured)
     settings = {"file": str(record.path), "scale": record.scale, "damping": report.damping}
+    settings |= beside
     if report.comparison is not None:
         settings["against_measured"] = report.comparison.as_dict()
-    study.record(PREDICTION, "prediction.nc", "predict", origin, settings)
+    study.record(PREDICTION, "prediction.nc", "predict", {**origin, **hashes}, settings)
 
 
 def _members(
@@ -317,7 +323,7 @@ def _notes(
 ) -> tuple[str, ...]:
     notes = [
         f"Record {motion.name}{' ' + motion.channel if motion.channel else ''}: peak "
-        f"{motion.peak:.3g} m/s2, {motion.duration:.1f} s at {1 / motion.time_step:.4g} Hz.",
+        f"{motion.peak:.3g} m/s², {motion.duration:.1f} s at {1 / motion.time_step:.4g} Hz.",
     ]
     top = float(model.frequency_hz[-1])
     if motion.rotation is not None:

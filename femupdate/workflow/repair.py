@@ -18,7 +18,7 @@ from femupdate.discrepancy.search import prepared, sought
 from femupdate.discrepancy.thresholds import DiagnosisSettings
 from femupdate.measurement.observation_file import Histories, read_observation_file
 from femupdate.progress import SILENT, Progress
-from femupdate.study import BUILDING_FILE, Study, write_text
+from femupdate.study import BUILDING_FILE, Study, files_beside, write_text
 from femupdate.workflow.amplitude import level_settings
 from femupdate.workflow.diagnose import finder_model
 from femupdate.workflow.finder_data import Given, read_given, read_held
@@ -198,8 +198,13 @@ def repair_study(
         seconds=time.monotonic() - started,
     )
     write_text(report.path, json.dumps(report.as_dict(), indent=2, default=float) + "\n")
-    origin = {**model.made_from(), **source.made_from()}
-    study.record("repair", "repair.json", "repair", origin, source.files_as_settings())
+    hashes, beside = files_beside(
+        second=None if second is None else second.path,
+        holdout=None if holdout is None else holdout.path,
+    )
+    origin = {**model.made_from(), **source.made_from(), **hashes}
+    files = {**source.files_as_settings(), **beside}
+    study.record("repair", "repair.json", "repair", origin, files)
     return report
 
 

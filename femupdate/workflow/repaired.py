@@ -17,7 +17,7 @@ from femupdate.effects.listed import building_effects, with_effect
 from femupdate.inference.posterior import Posterior, save_posterior
 from femupdate.inference.priors import effect_parameters
 from femupdate.measurement.observation import Observation
-from femupdate.study import BUILDING_FILE, Study
+from femupdate.study import BUILDING_FILE, REPAIRED, Study
 from femupdate.workflow.calibrate_settings import by_importance
 from femupdate.workflow.calibration_report import POSTERIOR
 from femupdate.workflow.effects import keep_basis
@@ -25,8 +25,6 @@ from femupdate.workflow.finer_mesh import keep_finer
 from femupdate.workflow.mesh_error import keep_mesh_error
 from femupdate.workflow.model import KeptReduction, StudyModel, keep_model, open_study
 from femupdate.workflow.observed import ObservationSource
-
-REPAIRED = "repaired"
 
 
 def repaired_building(building: Building, done: Repair) -> Building:
@@ -37,7 +35,7 @@ def repaired_building(building: Building, done: Repair) -> Building:
         count = len(placed.effect.parameters)
         repaired = with_effect(repaired, placed, values[first : first + count])
         first += count
-    names = ", ".join(one.finding.placed.label for one in done.rounds)
+    names = "; ".join(one.finding.placed.in_words for one in done.rounds)
     text = f"{building.description.rstrip()}\nRepaired: {names}.".strip()
     return repaired.model_copy(update={"description": text})
 

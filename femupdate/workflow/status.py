@@ -13,9 +13,11 @@ from femupdate.building.files import load_building, mechanics_hash
 from femupdate.building.schema import Building
 from femupdate.building.shipped import shipped_buildings
 from femupdate.study import (
+    BESIDE,
     BUILDING_FILE,
     MAIN_POSTERIOR,
     NAMED,
+    REPAIRED,
     Artefact,
     Study,
     file_hash,
@@ -172,6 +174,8 @@ class _Look:
         words = [shlex.quote(source) for source in sources_of(artefact)]
         if artefact.command == "predict":
             words.insert(0, "--record")
+        for option, name in files_beside_of(artefact).items():
+            words += [f"--{option}", shlex.quote(name)]
         words += self._choices(artefact)
         if owner_of(name) != MAIN_POSTERIOR:
             option = "--name" if artefact.command == "calibrate" else "--posterior"
@@ -224,7 +228,8 @@ class _Look:
     def _changed_files(self, artefact: Artefact) -> list[str]:
         """Sources that are still where they were but have another content."""
         hashes = set(artefact.made_from.values())
-        there = [Path(name) for name in sources_of(artefact) if Path(name).is_file()]
+        names = (*sources_of(artefact), *files_beside_of(artefact).values())
+        there = [Path(name) for name in names if Path(name).is_file()]
         return [f"file {path.name}" for path in there if file_hash(path) not in hashes]
 
     def _unfinished(self) -> tuple[str, ...]:
@@ -271,7 +276,12 @@ class _Look:
             reason = "Nothing is predicted yet; RECORD is a ground motion."
             return ((self._say(f"predict --record RECORD{option}"), reason),)
         reason = "Everything is current; this writes the page to hand on."
-        return ((self._say(f"report{option}"), reason),)
+        report = (self._say(f"report{option}"), reason)
+        repaired = self.study.path(REPAIRED)
+        if repaired not in self._studies():
+            return (report,)
+        command = f"femupdate report --study {shlex.quote(str(repaired))}"
+        return (report, (command, "The same of the building that `repair` made."))
 
     def _shown(self) -> Study:
         """The study with the chosen posterior, or the first that it holds."""
@@ -308,6 +318,11 @@ def sources_of(artefact: Artefact) -> tuple[str, ...]:
     settings: Mapping[str, Any] = artefact.settings
     first = settings.get("file")
     return () if first is None else (str(first), *map(str, settings.get("further", ())))
+
+
+def files_beside_of(artefact: Artefact) -> Mapping[str, str]:
+    """Files beside those, by the option that named them."""
+    return {key: str(artefact.settings[key]) for key in BESIDE if key in artefact.settings}
 
 
 def _sentence(reason: str) -> str:

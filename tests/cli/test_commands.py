@@ -286,7 +286,7 @@ def test_predict_the_shipped_record(femupdate, exact):
     answer = femupdate(
         "predict", "--record", shipped, "--samples", 10, "--study", study, "--json"
     ).answer
-    assert any("90 Deg: peak 3.38 m/s2, 90.0 s at 100 Hz" in note for note in answer["notes"])
+    assert any("90 Deg: peak 3.38 m/s², 90.0 s at 100 Hz" in note for note in answer["notes"])
 
 
 def test_render(femupdate, exact, tower_observation):

@@ -26,7 +26,7 @@ def test_in_words(femupdate, table):
     assert lines[1].split() == [
         *("channel", "direction", "quantity", "rate", "samples", "length", "peak")
     ]
-    assert " ".join(lines[3].split()) == "2 RF acceleration 100 Hz 1200 11.99 s 80 m/s2"
+    assert " ".join(lines[3].split()) == "2 RF acceleration 100 Hz 1200 11.99 s 80 m/s²"
     assert "  - channel 2 (RF): it has 1 spike of one sample: 7 s." in lines
     assert lines[-1] == f"Next: femupdate calibrate {table}"
 

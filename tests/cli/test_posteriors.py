@@ -101,7 +101,8 @@ def test_starting_over_removes_what_femupdate_wrote_and_nothing_else(femupdate, 
     copy = shutil.copytree(study, tmp_path / "study")
     (copy / "my notes.txt").write_text("kept")
     asked = femupdate("start-over", "--study", copy)
-    assert asked.code != 0
+    assert asked.code == 1
+    assert "Nothing was removed; --yes removes without asking." in asked.err
     assert "posteriors/roof/prediction.nc" in asked.err
     assert "my notes.txt stays" in asked.err
     assert (copy / "posterior.nc").exists()

@@ -55,7 +55,7 @@ def test_text_from_files_is_escaped(nasty_page):
 
 def test_a_sentence_is_escaped_before_anything_in_it_is_marked_up():
     told = prose_html("`a <b>` is 3% +- 0.5% off; 100 %")
-    assert told == "<code>a &lt;b&gt;</code> is 3\u00a0% ± 0.5\u00a0% off; 100 %"
+    assert told == "<code>a &lt;b&gt;</code> is 3\u00a0% ± 0.5\u00a0% off; 100\u00a0%"
 
 
 def test_a_page_needs_nothing_else(nasty_page):

@@ -10,7 +10,8 @@ from femupdate.report.plot_frf import MeasuredFrf, Prediction, frf_fit
 from femupdate.report.plot_history import strong_part
 from femupdate.report.plot_intervals import theta_intervals
 from femupdate.report.plot_members import member_force_bands
-from femupdate.report.plot_posterior import SampleSet
+from femupdate.report.plot_posterior import SampleSet, posterior_pairs
+from femupdate.report.plot_sticks import stick_mode_shapes
 
 
 def test_ticks_of_a_ranking_do_not_run_into_one_another():
@@ -46,6 +47,38 @@ def test_members_share_a_unit_for_forces_and_one_for_moments():
 def test_bands_that_cannot_be_seen_are_told():
     assert "0.4 % of the axis" in thin_band_note(0.004)
     assert thin_band_note(0.1) == ""
+
+
+def test_a_band_that_is_wide_at_a_notch_alone_is_told_to_be_thin():
+    log = np.zeros((1, 200))
+    wide = np.where(np.arange(200) == 50, 3.0, 1e-3)[None]
+    figure = frf_fit(np.linspace(0.1, 10, 200), ["RF"], Prediction(log, log - wide, log + wide))
+    assert any("thinner than the lines" in text.get_text() for text in figure.texts)
+
+
+def test_a_stick_says_that_its_bands_are_thin():
+    for sd, told in ((1e-4, True), (0.2, False)):
+        figure = stick_mode_shapes([0, 3], [[0, 1]], ["Mode 1"], shapes_sd=[[0, sd]], note="First.")
+        texts = " ".join(text.get_text() for text in figure.texts)
+        assert ("thinner than the lines" in texts) == told
+        assert "First." in texts
+
+
+def test_long_names_of_parameters_do_not_run_into_one_another():
+    draws = np.random.default_rng(1).normal(size=(300, 6))
+    names = [
+        *(f"θ{k}" for k in range(4)),
+        "softening in run, all: size",
+        "softening in run: damping",
+    ]
+    figure = posterior_pairs([SampleSet("RF", draws)], names, np.array([[-9.0, 9.0]] * 6))
+    figure.canvas.draw()
+    panels = np.reshape(figure.axes, (6, 6))
+    below = [panel.xaxis.label.get_window_extent() for panel in panels[-1]]
+    assert all(a.x1 < b.x0 for a, b in pairwise(below))
+    beside = [panel.yaxis.label.get_window_extent() for panel in panels[1:, 0]]
+    assert all(a.y0 > b.y1 for a, b in pairwise(beside))
+    assert min(box.y0 for box in (*below, *beside)) >= 0
 
 
 def test_titles_and_notes_stay_inside_their_figure():

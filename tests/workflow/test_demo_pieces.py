@@ -91,6 +91,12 @@ def test_every_picture_shows_something(shown):
     assert study.path("pictures", "posterior_cases.png") in pictures
 
 
+def test_the_demo_writes_the_tables_of_its_steps(shown):
+    report, study, _ = shown
+    names = {sheet.name for sheet in demo.demo_tables(study, report)}
+    assert {"posterior", "frf_fit", "predicted_peaks", "floor_histories", "modes"} <= names
+
+
 def test_the_demo_leaves_another_building_s_posterior_alone(
     calibrated, shipped, monkeypatch, snapshot
 ):

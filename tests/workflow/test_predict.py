@@ -233,7 +233,7 @@ def test_one_motion_in_four_formats(
 
 def test_the_shipped_record(tower, tower_model):
     report = predicted(tower, tower_model, SHIPPED, PredictionSettings(samples=3))
-    assert "peak 3.38 m/s2, 90.0 s at 100 Hz" in report.notes[0]
+    assert "peak 3.38 m/s², 90.0 s at 100 Hz" in report.notes[0]
     # It holds motion up to 50 Hz, the tower's grid ends at 12 Hz.
     assert "checked up to 12 Hz" in report.notes[1]
     assert report.summary.acceleration_mean.shape == (2, 9001)

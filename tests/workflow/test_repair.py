@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import re
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -335,3 +336,34 @@ def test_pictures_of_a_repair(repaired, tmp_path):
     assert [path.name for path in pictures] == ["gap_residuals.png", "gap_before_after.png"]
     for path in pictures:
         assert path.stat().st_size > 5000
+
+
+def test_pages_of_a_repair_name_it_and_every_file(repaired, home, tmp_path):
+    from femupdate.study import file_hash
+    from femupdate.workflow.report import report_study
+
+    done, _ = repaired
+    before, after = Study(done.path.parent), done.study
+    html = report_study(before, tmp_path / "before.html").path.read_text("utf-8")
+    assert "A repaired model has a page of its own. Added to the model: Added mass at" in html
+    assert "kept.csv" in html
+    assert file_hash(home / "kept.csv")[:16] in html
+    html = report_study(after, tmp_path / "after.html").path.read_text("utf-8")
+    assert "This model was repaired. Added to the model: Added mass at" in html
+    assert re.search(r"The model holds effects: Added mass at 3F: [\d.]+ \[.*\] % \(share", html)
+
+
+def test_what_comes_after_a_repair_is_said(repaired, home):
+    from femupdate.workflow.status import study_status
+
+    found = study_status(Study(repaired[0].path.parent))
+    again = next(one.again for one in found.items if one.name == "repair")
+    assert again.startswith("repair ")
+    assert f"--holdout {home / 'kept.csv'}" in again
+    kept = (home / "kept.csv").read_bytes()
+    try:
+        (home / "kept.csv").write_bytes(kept + b"\n")
+        found = study_status(Study(repaired[0].path.parent))
+        assert found.state("repair") == "stale"
+    finally:
+        (home / "kept.csv").write_bytes(kept)

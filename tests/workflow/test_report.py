@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from femupdate.errors import StudyError
-from femupdate.study import Study, write_text
+from femupdate.study import Study, file_hash, write_text
 from femupdate.workflow.report import report_study
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
@@ -53,6 +53,7 @@ def test_the_page_says_what_the_study_holds(written, study):
     html = written.path.read_text(encoding="utf-8")
     assert study.artefacts()["posterior"].sha256[:16] in html
     assert "story high" in html
+    assert file_hash(study.path("building.toml"))[:16] in html
     assert "A note with &lt;i&gt;markup&lt;/i&gt;" in html
     assert "record &lt;b&gt;.csv" in html
     assert "peak base shear over weight, %" in html
@@ -165,6 +166,25 @@ def test_the_page_works_in_a_browser(browser, written):
     assert wrong == []
     assert [url for url in asked if not url.startswith(("file:", "data:", "blob:"))] == []
     page.close()
+
+
+def test_the_page_prints_within_a_sheet(browser, written):
+    """Also plots that nobody has scrolled to, and afterwards the page is as wide as before."""
+    page = browser.new_page(viewport={"width": 1280, "height": 900})
+    page.set_default_timeout(240_000)
+    page.goto(written.path.as_uri())
+    sizes = """[...document.querySelectorAll('.plot')].map(plot => {
+        const drawn = plot.querySelector('svg.main-svg');
+        return drawn && [+drawn.getAttribute('width'),
+            drawn.getAttribute('height') - parseFloat(plot.style.height)]})"""
+    page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    printed = page.evaluate(sizes)
+    assert printed
+    assert all(width <= 680 and higher == 0 for width, higher in printed)
+    page.evaluate("dispatchEvent(new Event('afterprint'))")
+    page.locator(".plot").first.scroll_into_view_if_needed()
+    page.locator(".plot svg.main-svg").first.wait_for()
+    assert page.evaluate(sizes)[0][0] > 1000
 
 
 def _middle(locator):

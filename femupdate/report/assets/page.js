@@ -2,7 +2,13 @@
 (function () {
   const SETTINGS = { responsive: true, displaylogo: false, modeBarButtonsToRemove: ["lasso2d", "select2d"] };
 
-  const PAPER = 690; // px, the width of a sheet between its margins
+  const PAPER = 675; // px, the width of a sheet between its margins, A4 or Letter
+  let printing = false;
+
+  // Without its height a plot of a fixed width would have that of Plotly's own choice.
+  function onPaper(plot) {
+    return { autosize: false, width: PAPER, height: parseFloat(plot.style.height) };
+  }
 
   function read(element) { return JSON.parse(element.textContent); }
 
@@ -12,7 +18,7 @@
     plot.dataset.state = "drawing";
     const figure = read(plot.nextElementSibling);
     const narrow = window.innerWidth < 640;
-    const layout = figure.layout;
+    const layout = Object.assign({}, figure.layout, printing ? onPaper(plot) : {});
     if (narrow) layout.margin = Object.assign({}, layout.margin, { l: 52, r: 8 });
     const settings = Object.assign({}, SETTINGS, { displayModeBar: narrow ? false : "hover" });
     return Plotly.newPlot(plot, figure.data, layout, settings).then(function () {
@@ -123,15 +129,21 @@
       else openAll(button.dataset.tool === "open");
     });
   });
+  // The browser does not wait: what is drawn by now gets the width, the rest is drawn with it.
   window.addEventListener("beforeprint", function () {
     openAll(true);
+    printing = true;
+    plots.forEach(function (plot) { if (plot.dataset.state) Plotly.relayout(plot, onPaper(plot)); });
     drawAll();
-    sized({ autosize: false, width: PAPER });
   });
-  window.addEventListener("afterprint", function () { sized({ autosize: true, width: null }); });
-  function sized(change) {
-    plots.forEach(function (plot) { if (plot.dataset.state === "drawn") Plotly.relayout(plot, change); });
-  }
+  window.addEventListener("afterprint", function () {
+    printing = false;
+    plots.forEach(function (plot) {
+      Plotly.purge(plot);
+      delete plot.dataset.state;
+      seen.observe(plot);
+    });
+  });
   sections.forEach(function (section) {
     section.addEventListener("toggle", function () {
       if (section.open) section.querySelectorAll(".plot").forEach(function (plot) {

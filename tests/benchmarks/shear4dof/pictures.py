@@ -23,7 +23,7 @@ _MARKERS = "osD^vP*X"
 
 
 @styled
-def latent_space(problem: Shear4dof, samples: int = 4000) -> Figure:
+def latent_space(problem: Shear4dof, samples: int = 2500) -> Figure:
     """Means of q(z|theta) over the prior in their first two principal axes.
 
     Coloured by the first natural frequency; the equivalent solutions and the components of q(z|x)
@@ -59,8 +59,8 @@ def latent_space(problem: Shear4dof, samples: int = 4000) -> Figure:
     )
     share = spread**2 / (spread**2).sum()
     panel.set(
-        xlabel=f"First principal axis ({share[0]:.0%} of the variance)",
-        ylabel=f"Second principal axis ({share[1]:.0%})",
+        xlabel=f"First principal axis ({100 * share[0]:.0f} % of the variance)",
+        ylabel=f"Second principal axis ({100 * share[1]:.0f} %)",
     )
     note = "Where the prior's buildings lie; open marks have one roof FRF"
     add_head(figure, "Latent space", handles, note=note, columns=3)
@@ -73,7 +73,7 @@ def _mark_solutions(panel: Axes, case: Case, points: Floats) -> list[Line2D]:
     for number, (point, solution) in enumerate(zip(points, case.solutions, strict=True)):
         style: dict[str, Any] = {
             "marker": _MARKERS[number % len(_MARKERS)],
-            "markersize": 13 - 2 * number,
+            "markersize": 14,
             "markerfacecolor": "none",
             "markeredgecolor": INK,
             "markeredgewidth": 1.6,
@@ -88,7 +88,7 @@ def _mark_solutions(panel: Axes, case: Case, points: Floats) -> list[Line2D]:
 def _mark_components(panel: Axes, means: Floats, covariances: Floats) -> None:
     """Means (c, 2) with ellipses of two standard deviations."""
     for mean, covariance in zip(means, covariances, strict=True):
-        panel.plot(*mean, "+", color=ORANGE, markersize=15, markeredgewidth=2.2)
+        panel.plot(*mean, "+", color=ORANGE, markersize=9, markeredgewidth=1.8)
         variance, directions = np.linalg.eigh(covariance)
         angle = np.degrees(np.arctan2(directions[1, 1], directions[0, 1]))
         width, height = 4.0 * np.sqrt(variance[::-1])
