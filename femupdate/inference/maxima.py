@@ -84,7 +84,7 @@ def draws_about(
         drawn = sampled(target, student_about(found, settings), count, seed, settings)
     except InferenceError:
         return None
-    if drawn.effective < DRAWS.least_share * count:
+    if drawn.effective < MAXIMA.trusted * count:
         return None
     return replace(drawn, points=prior.from_normal(drawn.points))
 

@@ -76,6 +76,12 @@ class MaximaThresholds:
         "of the proposal that every maximum has at least",
         "the curvature may understate its mass",
     )
+    trusted: float = entry(
+        0.5,
+        "share",
+        "effective, of draws about maxima below which particles take their place",
+        "force at 16 frequencies: at .44 sd were .91 of the exact ones, by particles .98",
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

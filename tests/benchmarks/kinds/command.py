@@ -14,12 +14,13 @@ from ..result import Job, Report
     show_default=True,
     help="Simulated buildings.",
 )
+@click.option("--building", default="shear_3dof", show_default=True, help="Shipped building.")
 @benchmark_options
-def command(job: Job, buildings: int) -> Report:
-    """Whether histories, modes, force tests and ambient records agree, and narrow together.
+def command(job: Job, building: str, buildings: int) -> Report:
+    """Whether histories, FRFs, modes, force tests and ambient records agree, and narrow together.
 
-    Each building is shear_3dof with its own stiffness factors.
+    Each building has its own stiffness factors.
     """
     from .run import run_kinds
 
-    return run_kinds(job, buildings)
+    return run_kinds(job, building, buildings)
