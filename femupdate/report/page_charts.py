@@ -174,7 +174,7 @@ def interval_figure(
                 "width": 0.7,
                 "name": "prior range",
                 "marker": {"color": FAINT},
-                "hovertemplate": "%{base} to %{x}<extra>prior</extra>",
+                "hovertemplate": "%{base:.3g} to %{x:.3g}<extra>prior</extra>",
             }
         )
     for number, one in enumerate(intervals):

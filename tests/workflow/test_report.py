@@ -158,6 +158,15 @@ def test_the_page_works_in_a_browser(browser, written):
     text = Path(waiting.value.path()).read_text(encoding="utf-8-sig")
     assert text.startswith("panel,series,x_is,y_is,x,y")
     assert '"frequency, Hz"' in text
+    factors = page.locator("figure.chart", has_text="Stiffness factors").first
+    with page.expect_download() as waiting:
+        factors.locator("button.csv").click()
+    text = Path(waiting.value.path()).read_text(encoding="utf-8-sig")
+    assert ",story high," in text
+
+    titles = page.locator(".modebar-btn").evaluate_all("all => all.map(one => one.dataset.title)")
+    assert "Zoom" in titles
+    assert not any("hare" in title or "loud" in title for title in titles)
 
     page.locator("[data-tool=close]").click()
     assert not chart.is_visible()

@@ -1,6 +1,8 @@
 "use strict";
 (function () {
-  const SETTINGS = { responsive: true, displaylogo: false, modeBarButtonsToRemove: ["lasso2d", "select2d"] };
+  // Nothing on the page reaches out: Plotly would offer to send a chart to its makers.
+  const REMOVED = ["lasso2d", "select2d", "sendDataToCloud", "sendChartToCloud"];
+  const SETTINGS = { responsive: true, displaylogo: false, modeBarButtonsToRemove: REMOVED };
 
   const PAPER = 675; // px, the width of a sheet between its margins, A4 or Letter
   let printing = false;
@@ -75,6 +77,9 @@
     return title ? title : otherwise;
   }
 
+  // The names of the rows of an axis that counts them; intervals of one row lie beside its middle.
+  function named(axis) { return axis && axis.type !== "log" ? axis.ticktext : undefined; }
+
   // Every series of every panel in one tidy table.
   function chartRows(figure) {
     const rows = [];
@@ -91,9 +96,11 @@
           });
         } else if (series.x && series.y) {
           const bar = series.error_y && series.error_y.array ? series.error_y : series.error_x || {};
+          const rowNames = named(layout["yaxis" + (series.yaxis || "y").slice(1)]);
           series.x.forEach(function (value, i) {
             const up = bar.array ? bar.array[i] : "", down = bar.arrayminus ? bar.arrayminus[i] : up;
-            rows.push([panel, series.name || "", x, y, value, series.y[i], "", up, down]);
+            const row = rowNames ? rowNames[Math.round(series.y[i])] : series.y[i];
+            rows.push([panel, series.name || "", x, y, value, row, "", up, down]);
           });
         }
       });
