@@ -210,7 +210,7 @@ class Fit:
         """Parameters of the effects and their standard deviations, (q,) each."""
         c = self.coordinates
         variance = c.scales**2 * self.covariance().diagonal()[c.first_size :].clamp_min(0.0)
-        own = self.problem.own_error * (self.known - c.neutral.numpy())
+        own = self.problem.own_errors(self.placed).numpy() * (self.known - c.neutral.numpy())
         return self.known, np.hypot(variance.sqrt().numpy(), own)
 
     def zeta(self, fixed: float) -> float:

@@ -88,7 +88,7 @@ def _errant(problem: Problem, fitted: Fit, z: Tensor, generator: torch.Generator
     """Draws (n, d) with sizes off by as much as the model of an effect may err, within limits."""
     where, moved = fitted.coordinates, z.clone()
     sizes = moved[:, where.first_size :]
-    sizes *= 1.0 + problem.own_error * torch.randn(
+    sizes *= 1.0 + problem.own_errors(fitted.placed) * torch.randn(
         sizes.shape, generator=generator, dtype=torch.float64
     )
     return torch.minimum(torch.maximum(moved, where.lower), where.upper)

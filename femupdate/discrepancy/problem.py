@@ -170,6 +170,11 @@ class Problem:
         terms = tuple(self.reduced.terms(one) for one in placed)
         return System(self.reduced.model, self.law, placed, terms)
 
+    def own_errors(self, placed: Sequence[Placed]) -> Tensor:
+        """(q,) share of every parameter of effects by which the effects themselves may err."""
+        own = [one.effect.own_error for one in placed for _ in one.effect.parameters]
+        return (torch.tensor(own, dtype=torch.float64) ** 2 + self.own_error**2).sqrt()
+
     def residuals(self, system: System, theta: Tensor, zeta: Tensor, sizes: Tensor) -> Tensor:
         """Residuals (N, m), observed less predicted, of unit covariance by the problem's row.
 

@@ -203,6 +203,8 @@ class Effect(ABC):
         needs_levels: it shows in observations at two levels of motion, not in one.
         tables_only: it arises in the making of tables of |H|, not in FRFs estimated by H1.
         turns_base: it is how the base turns, which is known where that was measured.
+        own_error: share of its parameters by which it may differ from what it stands for, beside
+            what a reduced model of it errs by.
     """
 
     name: ClassVar[str]
@@ -218,6 +220,7 @@ class Effect(ABC):
     needs_levels: ClassVar[bool] = False
     tables_only: ClassVar[bool] = False
     turns_base: ClassVar[bool] = False
+    own_error: ClassVar[float] = 0.0
 
     def places(self, structure: Structure) -> tuple[str, ...]:
         """Where it can sit in a building; none where the building has no such thing."""

@@ -15,13 +15,19 @@ from femupdate.inference.priors import damping_parameter, theta_prior
 GRID = 0.2 * np.arange(1, 61)
 FLOORS, THETA, SD = ("2F", "3F", "RF"), np.array([0.7, 1.4, 0.9]), 0.02
 MASSES, SPRINGS, SHARE = np.ones(3), np.full(3, 600.0), 0.2
-HEAVY = (Placed(CATALOGUE["added_mass"], "3F"),)
 
 
-@pytest.mark.parametrize("error", [0.0, 0.05])
+class RoughMass(type(CATALOGUE["added_mass"])):
+    """A mass that stands for something else."""
+
+    own_error = 0.12
+
+
+@pytest.mark.parametrize(("error", "effect"), [(0.0, None), (0.05, None), (0.05, RoughMass())])
 def test_the_error_of_an_effect_s_own_model_is_part_of_its_size(
-    chains, building_of, observe, reduced_of, error
+    chains, building_of, observe, reduced_of, error, effect
 ):
+    heavy = (Placed(effect or CATALOGUE["added_mass"], "3F"),)
     frf = chains.Chain(MASSES + np.array([0.0, SHARE, 0.0]), SPRINGS * THETA, zeta=0.03).frf(GRID)
     building, seen = building_of(MASSES, SPRINGS), observe(FLOORS, GRID, frf, SD, 5)
     prior = theta_prior(building)
@@ -35,10 +41,11 @@ def test_the_error_of_an_effect_s_own_model_is_part_of_its_size(
         error,
     )
     base = fit_baseline(problem)[0]
-    fitted = fit(problem, HEAVY, extended(problem, base, HEAVY, [0.1]), 25)
+    fitted = fit(problem, heavy, extended(problem, base, heavy, [0.1]), 25)
     (size,), (sd,) = fitted.sizes()
     noise = float(fitted.covariance().diagonal()[-1]) ** 0.5 * 0.1  # the prior's scale
-    assert sd == pytest.approx(np.hypot(noise, error * size), rel=1e-6)
+    errs = error if effect is None else np.hypot(error, 0.12)
+    assert sd == pytest.approx(np.hypot(noise, errs * size), rel=1e-6)
     drawn = draw(problem, fitted, 4000, seed=1).sizes[:, 0]
     # Four thousand draws, some of them alike: 3 %.
     assert drawn.std() == pytest.approx(sd, rel=0.1)
