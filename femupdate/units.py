@@ -61,6 +61,11 @@ UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
 _QUANTITY = re.compile(r"^\s*((?>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?))\s*(\S.*?)\s*$")
 
 
+def percent(share: float, digits: int = 0) -> str:
+    """A share for people, such as "9.8 %"."""
+    return f"{100.0 * share:.{digits}f} %"
+
+
 def factor(unit: str, kind: str) -> float:
     """Return the SI factor of a unit.
 

@@ -32,6 +32,7 @@ from femupdate.discrepancy.score import Score, candidates, score, without_phase
 from femupdate.discrepancy.thresholds import FIT, VERDICT, DiagnosisSettings
 from femupdate.effects.effect import Placed
 from femupdate.progress import SILENT, Progress
+from femupdate.units import percent
 
 NONE, NAMED, PARTLY, AMBIGUOUS = "none", "named", "partly", "ambiguous"
 INDISTINGUISHABLE, UNKNOWN = "indistinguishable", "unknown"
@@ -649,7 +650,7 @@ def _removed(problem: Problem, base: Fit, best: Fit) -> float:
 
 
 def _percent(share: float) -> str:
-    return "none" if share < 0.005 else f"{share:.0%}" if share < 1.0 else "all"
+    return "none" if share < 0.005 else percent(share) if share < 1.0 else "all"
 
 
 def _sentence(

@@ -22,6 +22,7 @@ from femupdate.inference.model_error import NOISE_ALONE, ErrorTable, LearnedErro
 from femupdate.measurement.bands import band_edges
 from femupdate.measurement.estimated import HANN, Estimator
 from femupdate.measurement.observation import Observation
+from femupdate.units import percent
 
 # Coarser than that of a calibration: a hundred fits share it, and only their differences count.
 _TABLE = ErrorTable(
@@ -349,8 +350,9 @@ class FrfData:
         turned = f" and {np.degrees(turn):.1f} degrees in phase" if turn else ""
         under = f" under the {self.name}" if self.name else ""
         text = (
-            f"The model is still off by {np.expm1(size):.0%} in amplitude{turned} (rms){under}, "
-            f"most at {floor} between {low:.3g} and {high:.3g} Hz ({np.expm1(there):.0%})."
+            f"The model is still off by {percent(np.expm1(size))} in amplitude{turned} (rms)"
+            f"{under}, most at {floor} between {low:.3g} and {high:.3g} Hz "
+            f"({percent(np.expm1(there))})."
         )
         return Remains(
             size, turn, floor, (low, high), there, level.noise, f"{text} {noise}".rstrip()

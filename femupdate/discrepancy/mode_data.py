@@ -25,6 +25,7 @@ from femupdate.inference.modal_likelihood import (
 )
 from femupdate.inference.model_error import NOISE_ALONE, LearnedError
 from femupdate.measurement.modes import IdentifiedModes
+from femupdate.units import percent
 
 _FREQUENCY, _DAMPING = "frequency", "damping ratio"
 
@@ -200,8 +201,8 @@ class ModeData:
         there = float(frequency[worst])
         text = (
             f"The identified modes are {noise:.0f} times farther off than their errors allow; "
-            f"frequencies by {np.expm1(size):.1%} (rms), most that of mode {self.names[worst]} at "
-            f"{hertz:.3g} Hz ({np.expm1(there):.1%})."
+            f"frequencies by {percent(np.expm1(size), 1)} (rms), most that of mode "
+            f"{self.names[worst]} at {hertz:.3g} Hz ({percent(np.expm1(there), 1)})."
         )
         return Remains(size, 0.0, f"mode {self.names[worst]}", (hertz, hertz), there, noise, text)
 

@@ -8,6 +8,7 @@ from scipy.stats import norm
 from femupdate.arrays import Flags, Floats
 from femupdate.dynamics.summary import HistorySummary
 from femupdate.tables import table
+from femupdate.units import percent
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,7 @@ class Comparison:
             (
                 floor,
                 *(f"{own[name]:.3f}" for name in ("relative_error", "correlation", "peak_ratio")),
-                f"{own['within_band']:.1%}",
+                percent(own["within_band"], 1),
                 f"{own['score']:.3f}",
                 "yes" if own["peak_within"] else "no",
             )

@@ -11,6 +11,7 @@ from femupdate.errors import MeasurementError
 from femupdate.inference.thresholds import DECODER
 from femupdate.measurement.observation import Observation
 from femupdate.surrogate.visibility import EARLIEST_END, LATEST_START, Visibility
+from femupdate.units import percent
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,7 @@ def _choose_floors(
         if share >= DECODER.least_share:
             used.append(name)
         else:
-            notes.append(f"Floor {name} is left out: {share:.0%} of its points can be used.")
+            notes.append(f"Floor {name} is left out: {percent(share)} of its points can be used.")
     if not used:
         raise MeasurementError(
             f"{observation.source}: no floor has enough valid points; use a longer record"

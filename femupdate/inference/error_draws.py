@@ -9,6 +9,7 @@ import numpy as np
 from femupdate.arrays import Floats
 from femupdate.inference.thresholds import LEARNED_ERROR
 from femupdate.measurement.observation import Observation
+from femupdate.units import percent
 
 COLUMNS = ("common", "own", "length_hz", "noise")
 
@@ -64,7 +65,7 @@ class ErrorDraws:
             turn = f" and {np.degrees(self.phase.size):.0f} degrees in phase"
         length = float(np.median(self.amplitude.levels[..., 2]))
         return (
-            f"The model is off by about {np.expm1(size):.0%} in amplitude{turn}, alike over "
+            f"The model is off by about {percent(np.expm1(size))} in amplitude{turn}, alike over "
             f"{length:.2g} Hz{_most(self.amplitude.mean, observation)}; the intervals allow for "
             f"it.{wide}"
         )

@@ -19,6 +19,7 @@ from femupdate.arrays import Floats, Integers
 from femupdate.inference.thresholds import EVENT
 from femupdate.seeds import Seed
 from femupdate.thresholds import entry
+from femupdate.units import percent
 
 # Evenly in ln tau.
 _GRID = np.geomspace(EVENT.least_scatter, EVENT.most_scatter, EVENT.scatters)
@@ -81,7 +82,8 @@ class LearnedScatter:
         """For the user."""
         low, middle, high = np.quantile(self.sd.reshape(-1, 2), [0.05, 0.5, 0.95], axis=0)
         said = [
-            f"{name} scatters by {middle[k]:.1%} (90 %: {low[k]:.1%} to {high[k]:.1%})"
+            f"{name} scatters by {percent(middle[k], 1)} "
+            f"(90 %: {percent(low[k], 1)} to {percent(high[k], 1)})"
             for k, name in enumerate(QUANTITIES)
         ]
         return f"Between the {self.runs} runs {' and '.join(said)}; predictions allow for it."

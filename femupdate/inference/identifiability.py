@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from femupdate.arrays import Flags, Floats, Integers
 from femupdate.inference.modes import separate_modes
 from femupdate.inference.thresholds import IDENTIFIABILITY
+from femupdate.units import percent
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,8 @@ class Identifiability:
         loose = [part for part in self.among_others if part.kept > IDENTIFIABILITY.undetermined]
         if loose:
             listed = "; ".join(
-                f"{self.describe(part)} ({part.kept:.0%} of the prior's standard deviation left)"
+                f"{self.describe(part)} "
+                f"({percent(part.kept)} of the prior's standard deviation left)"
                 for part in loose[: IDENTIFIABILITY.most_told]
             )
             more = (
@@ -119,7 +121,7 @@ class Identifiability:
             name for name, share in kept.items() if share >= IDENTIFIABILITY.as_before
         )
         little = ", ".join(
-            f"{name} ({share:.0%})"
+            f"{name} ({percent(share)})"
             for name, share in kept.items()
             if share < IDENTIFIABILITY.as_before
         )
@@ -140,7 +142,7 @@ class Identifiability:
             return []
         shown = self._telling()
         listed = "; ".join(
-            f"{mode.weight:.0%} near "
+            f"{percent(mode.weight)} near "
             + ", ".join(f"{self.names[k]} {mode.mean[k]:.3g}" for k in shown)
             for mode in self.modes[: IDENTIFIABILITY.most_names]
         )

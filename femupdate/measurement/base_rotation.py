@@ -14,6 +14,7 @@ from femupdate.measurement.channel import RecordedChannel
 from femupdate.measurement.columns import BASE, Channel, parse_channel
 from femupdate.measurement.floor_names import base_rank
 from femupdate.measurement.thresholds import ROTATION
+from femupdate.units import percent
 
 
 def rotation_of(channels: Sequence[Channel], acceleration: Floats) -> Floats | None:
@@ -67,7 +68,7 @@ def said_of_rotation(
         return (
             f"The base's rotation is measured by vertical sensors at {at} m and is an input:"
             f" {moved:.3g} rad/s2 rms, which moves a point {ROTATION.height_m:g} m up by"
-            f" {share:.0%} of what the translation does.{doubt}",
+            f" {percent(share)} of what the translation does.{doubt}",
         )
     alone = [one.name for one in channels if one.floor == BASE and one.direction == "z"]
     if not alone:

@@ -19,6 +19,7 @@ from femupdate.measurement.observation import Observation, require_floors_of_bui
 from femupdate.measurement.quantity import si_factor
 from femupdate.measurement.table import Table
 from femupdate.measurement.thresholds import STATIC
+from femupdate.units import percent
 
 _LOAD = re.compile(r"load/(?P<floor>RF|(?:[2-9]|[1-9]\d+)F)", re.IGNORECASE)
 _COLUMNS = "load/RF (kN) and 2F (mm) ... RF (mm), one row for each load case"
@@ -102,9 +103,8 @@ def static_observations(
     """
     require_floors_of_building(test.source, (*test.floors, *test.loads), building_floors)
     order = [test.floors.index(name) for name in building_floors if name in test.floors]
-    note = (
-        f"Standard deviation of deflections taken as {STATIC.assumed_sd:.0%}: too few load cases."
-    )
+    assumed = percent(STATIC.assumed_sd)
+    note = f"Standard deviation of deflections taken as {assumed}: too few load cases."
     level = 2.0 * np.log(2.0 * np.pi * STATIC.low_hz)
     return tuple(
         ForcedObservation(

@@ -20,6 +20,7 @@ from femupdate.fe.export_opensees import opensees_script
 from femupdate.progress import SILENT, Progress
 from femupdate.study import BUILDING_FILE, Study, atomic_path, write_text
 from femupdate.tables import table
+from femupdate.units import percent
 from femupdate.workflow.model import (
     KeptReduction,
     StudyModel,
@@ -97,7 +98,7 @@ class BuildReport:
                 str(k + 1),
                 f"{modes.frequency_hz[k]:.3f}",
                 modes.direction[k],
-                *(f"{share:.1%}" for share in modes.effective_mass[k]),
+                *(percent(share, 1) for share in modes.effective_mass[k]),
             )
             for k in self._told()
         ]
@@ -250,7 +251,7 @@ def _checks(parts: MeshedFrame, reduction: Reduction, modes: FullModes) -> tuple
     )
     certain = (
         f"Reduced model: {reduction.worst_error:.2g} rms at the worst of them, so no more than "
-        f"that in at least {reduction.share:.0%} of the prior "
-        f"(confidence {REDUCTION.confidence:.0%})."
+        f"that in at least {percent(reduction.share)} of the prior "
+        f"(confidence {percent(REDUCTION.confidence)})."
     )
     return stand, weighs, follows, certain

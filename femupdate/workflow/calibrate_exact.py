@@ -21,6 +21,7 @@ from femupdate.seeds import spawn
 from femupdate.study import Study
 from femupdate.surrogate.gauss_newton import Descent
 from femupdate.surrogate.storage import TrainedSurrogate
+from femupdate.units import percent
 from femupdate.workflow.calibrate_latent import decoded
 from femupdate.workflow.calibrate_notes import cost_notes, reduction_notes, require_own_building
 from femupdate.workflow.calibrate_settings import (
@@ -182,7 +183,7 @@ def _about_maxima(problem: _Problem, run: ChainRunner, tried: int = 0) -> Sample
 def _maxima_note(found: WeightedDraws, origin: str) -> str:
     return (
         f"From the {origin} to the data-space posterior took {found.evaluations:,} responses; "
-        f"{found.effective / len(found.points):.0%} of the importance draws are effective."
+        f"{percent(found.effective / len(found.points))} of the importance draws are effective."
     )
 
 

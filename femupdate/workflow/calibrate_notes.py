@@ -13,6 +13,7 @@ from femupdate.inference.smc import SmcResult
 from femupdate.inference.thresholds import DRAWS
 from femupdate.measurement.observation import Observation
 from femupdate.surrogate.storage import ANY_FLOORS, SurrogateInfo
+from femupdate.units import percent
 from femupdate.workflow.calibrate_draws import Fitting
 from femupdate.workflow.decoded import tempered_words
 from femupdate.workflow.model import StudyModel
@@ -25,7 +26,7 @@ def decoded_notes(found: DecodedPosterior, noise: float) -> tuple[str, ...]:
         f"{tempered_words(found.population, len(found.draws.theta))} followed the decoder; "
         f"{found.responses:,} responses of the reduced model corrected it, from "
         f"{found.decoder_error:.2g} to {found.error:.2g} in ln|H| (rms), and judged the moves "
-        f"({found.draws.acceptance:.0%} accepted)."
+        f"({percent(found.draws.acceptance)} accepted)."
     ]
     if found.error > CALIBRATION.decoder_may_miss * noise:
         notes.append(
@@ -89,12 +90,12 @@ def calibration_notes(info: SurrogateInfo, observation: Observation) -> tuple[st
         power = info.likelihood_power
         notes.append(
             f"In {kept['cases']} simulations the 90 % region contained "
-            f"{kept['coverage_90_after']:.0%} of the truths"
+            f"{percent(kept['coverage_90_after'])} of the truths"
             + (
                 "."
                 if power == 1.0
                 else f", after the latent likelihood was raised to the power {power:.2f} "
-                f"({kept['coverage_90_before']:.0%} before)."
+                f"({percent(kept['coverage_90_before'])} before)."
             )
         )
     if kept and kept["floors"] != [ANY_FLOORS] and set(floors) != set(kept["floors"]):
@@ -128,7 +129,7 @@ def cost_notes(
             "have needed more responses than that"
         )
     if least > 0.0:
-        return (f"{text}; {least:.0%} of the importance draws are effective.",)
+        return (f"{text}; {percent(least)} of the importance draws are effective.",)
     return (
         f"{text}.",
         TEMPERED,
@@ -177,7 +178,7 @@ def require_own_building(model: StudyModel, settled: Settled, *, anyway: bool) -
         best = max(float(np.nan_to_num(explained)), 0.0)
         raise MeasurementError(
             f"the observation is unlike anything that {model.building.name} can do: its best "
-            f"response has {best:.0%} of the measured variation over frequency; "
+            f"response has {percent(best)} of the measured variation over frequency; "
             "check that the file belongs to the building, its units and directions, or add --anyway"
         )
 
@@ -208,7 +209,7 @@ def _missed(posterior: Posterior, fitting: Fitting) -> list[str]:
             "diagnose` looks for it."
         )
     if check is not None and check.whole < CALIBRATION.unusual:
-        share = f"{check.whole:.1%}" if check.whole >= 1e-3 else "Less than 0.1%"
+        share = percent(check.whole, 1) if check.whole >= 1e-3 else "Less than 0.1 %"
         notes.append(
             f"{share} of data drawn from the posterior miss the model as much as the measured "
             "data: they err more than is allowed for."

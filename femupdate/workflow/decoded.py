@@ -23,6 +23,7 @@ from femupdate.progress import SILENT, Progress
 from femupdate.seeds import Seed
 from femupdate.surrogate.gauss_newton import LatentData
 from femupdate.surrogate.storage import TrainedSurrogate
+from femupdate.units import percent
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.sampling import BRIDGE, ChainRunner
 
@@ -96,7 +97,7 @@ def sample_annealed(
     return sampled_groups(found, responses, evidence=True), (
         f"{tempered_words(found.state, len(found.theta))} drew the data-space posterior from "
         f"{origin}, with {responses:,} gradients of responses "
-        f"({found.acceptance:.0%} of the moves accepted).",
+        f"({percent(found.acceptance)} of the moves accepted).",
     )
 
 

@@ -22,6 +22,7 @@ from femupdate.progress import SILENT, Progress
 from femupdate.report.scale import with_unit
 from femupdate.study import Study, files_beside, write_text
 from femupdate.tables import table
+from femupdate.units import percent
 from femupdate.workflow.effects import StudyBases
 from femupdate.workflow.finder_data import read_given
 from femupdate.workflow.kinds import Measured
@@ -202,7 +203,7 @@ def _row(one: Finding) -> tuple[str, ...]:
         f"{one.evidence.log_evidence:.1f}{error}",
         _on_other_data(one),
         shown_size(one),
-        f"{one.score.absorbed:.0%}",
+        percent(one.score.absorbed),
     )
 
 

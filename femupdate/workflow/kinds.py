@@ -37,6 +37,7 @@ from femupdate.measurement.pair_checks import pair_findings
 from femupdate.measurement.static_test import StaticTest, static_observations
 from femupdate.progress import Progress
 from femupdate.study import Study
+from femupdate.units import percent
 from femupdate.workflow.force import check_base_level, check_level, open_rest
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import (
@@ -145,9 +146,9 @@ class Measured:
             )
         if self.rest is not None:
             told.append(
-                f"The reduced model lacks {self.rest.lacked:.0%} (rms) of the static displacement"
-                f" where a force acts; {self.rest.error:.1g} is left of it after a correction by"
-                " the full model."
+                f"The reduced model lacks {percent(self.rest.lacked)} (rms) of the static "
+                f"displacement where a force acts; {self.rest.error:.1g} is left of it after a "
+                "correction by the full model."
             )
         return told
 
@@ -170,11 +171,11 @@ def _assumed(modes: IdentifiedModes, errors: ModalErrors) -> list[str]:
     there, ratios = ~np.isnan(modes.shape), ~np.isnan(modes.damping)
     assumed = []
     if np.isnan(modes.frequency_sd_hz).any():
-        assumed.append(f"{errors.frequency:.1%} of a frequency")
+        assumed.append(f"{percent(errors.frequency, 1)} of a frequency")
     if (ratios & np.isnan(modes.damping_sd)).any():
-        assumed.append(f"{errors.damping:.0%} of a damping ratio")
+        assumed.append(f"{percent(errors.damping)} of a damping ratio")
     if (there & np.isnan(modes.shape_sd)).any():
-        assumed.append(f"{errors.shape:.0%} of the largest component of a shape")
+        assumed.append(f"{percent(errors.shape)} of the largest component of a shape")
     if not assumed:
         return []
     return [f"{modes.source} gives no standard deviation; taken are {', '.join(assumed)}."]

@@ -30,6 +30,7 @@ from femupdate.measurement.record import GroundMotion
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import spawn
 from femupdate.study import Study, file_hash, files_beside
+from femupdate.units import percent
 from femupdate.workflow.amplitude import UNFOLLOWED, changing_note, mean_level
 from femupdate.workflow.effect_surrogate import open_system
 from femupdate.workflow.model import StudyModel, on_kept_finer
@@ -355,7 +356,7 @@ def _scatter(posterior: Posterior, settings: PredictionSettings) -> str:
     """How much the building differs between events, and where that is from."""
     scatter = chosen_scatter(posterior, settings, np.arange(posterior.theta[..., 0].size))
     sizes = (float(np.median(sd)) for sd in (scatter.stiffness, scatter.damping))
-    told = "stiffness scatters by {:.0%} and damping by {:.0%}".format(*sizes)
+    told = "stiffness scatters by {} and damping by {}".format(*map(percent, sizes))
     if posterior.scatter is None or settings.scatter is not None:
         return f"{told} (--scatter, --damping-scatter)"
     return f"{told}, as between the {posterior.scatter.runs} runs"

@@ -10,6 +10,7 @@ from femupdate.inference.posterior import load_posterior
 from femupdate.progress import SILENT, Progress
 from femupdate.study import Study
 from femupdate.tables import table
+from femupdate.units import percent
 from femupdate.workflow.model import StudyModel, on_kept_finer
 from femupdate.workflow.modes import StudyMode, find_modes, posterior_modes
 from femupdate.workflow.pictures_modes import animate_modes, draw_at_one, draw_modes
@@ -59,8 +60,8 @@ class RenderReport:
                 f"{one.tracked.frequency_mean:.3f}",
                 f"{one.tracked.frequency_sd:.2g}",
                 one.direction,
-                f"{one.effective_mass:.1%}",
-                f"{one.tracked.found:.0%}",
+                percent(one.effective_mass, 1),
+                percent(one.tracked.found),
                 "-" if one.influence is None else f"{one.influence:.3g}",
             )
             for one in self.modes

@@ -101,7 +101,7 @@ def test_a_floor_with_few_points_is_left_out_and_does_not_narrow_the_band():
     found = encoder_input(observation(FLOORS, valid), FLOORS)
     assert found.visibility.floors.tolist() == [[1.0, 0.0, 1.0]]
     assert found.visibility.band.tolist() == [[0.0, 1.0]]
-    assert found.notes == ("Floor 3F is left out: 12% of its points can be used.",)
+    assert found.notes == ("Floor 3F is left out: 12 % of its points can be used.",)
     assert bool((found.log_frf[0, 1] == 0).all())
 
 

@@ -45,7 +45,7 @@ def test_eigenvectors_of_a_gaussian():
         np.testing.assert_allclose(part.weight, direction, atol=0.01)
     assert found.left_alone == ()
     (sentence,) = found.sentences()
-    assert "hardly determine theta_2 up with theta_3 down (69% of the prior's" in sentence
+    assert "hardly determine theta_2 up with theta_3 down (69 % of the prior's" in sentence
     assert "theta_1" not in sentence
 
 
@@ -65,7 +65,7 @@ def test_of_a_parameter_that_lost_something_the_share_that_is_left_is_told():
         assert found.kept(name) == pytest.approx(sd, rel=0.02)
     nothing, little = found.sentences()
     assert "next to nothing about theta_1: the" in nothing
-    assert "little about theta_2 (62%): so" in little
+    assert "little about theta_2 (62 %): so" in little
 
 
 def test_nothing_is_said_where_all_is_determined():

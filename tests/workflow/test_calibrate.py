@@ -554,7 +554,7 @@ def test_the_calibrating_power_widens_and_is_told(marked, tower_observation, mon
     # Half the log likelihood is twice the variance, where the prior's box leaves room.
     assert (wide.posterior.samples.std(0) > 1.15 * plain.posterior.samples.std(0)).all()
     assert any(
-        "In 40 simulations the 90 % region contained 91%" in note and "power 0.50" in note
+        "In 40 simulations the 90 % region contained 91 %" in note and "power 0.50" in note
         for note in wide.notes
     )
     assert not any("unlike anything" in note for note in wide.notes)
