@@ -79,12 +79,21 @@ class Finding:
 
     @property
     def in_words(self) -> str:
-        """Effect, place and size, such as "3F carries 9.8 % more mass than modelled (± 0.3 %)"."""
+        """Effect, place and size: "3F carries 9.8 % more mass than modelled (± 0.3 %; 2.1 t)"."""
         effect = self.placed.effect
         said = effect.said(self.placed.place, self.size)
         if not effect.parameters:
             return said
-        return f"{said} ({effect.scatter(self.size, self.size_sd)})"
+        mass = "" if self.mass is None else f"; {_mass_in_words(self.mass)}"
+        return f"{said} ({effect.scatter(self.size, self.size_sd)}{mass})"
+
+    @property
+    def mass(self) -> float | None:
+        """What it adds, kg; None where it adds none, or the model's masses are nominal."""
+        if self.fitted.problem.reduced.structure.building.forces_are_relative:
+            return None
+        own = self.fitted.system.terms[-1].mass
+        return None if own is None else self.size * float(own.rigid[0, 0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -647,6 +656,10 @@ def _few_points(problem: Problem, base: Fit) -> str:
 def _removed(problem: Problem, base: Fit, best: Fit) -> float:
     """Share of the squared residuals beyond the noise that a better fit does without."""
     return (base.chi2 - best.chi2) / max(base.chi2 - problem.effective, 1.0)
+
+
+def _mass_in_words(mass: float) -> str:
+    return f"{mass:.3g} kg" if abs(mass) < VERDICT.in_tonnes else f"{1e-3 * mass:.3g} t"
 
 
 def _percent(share: float) -> str:

@@ -92,6 +92,7 @@ class VerdictThresholds:
         "share",
         "of its log evidence that an effect keeps beside another with which it does not compete",
     )
+    in_tonnes: float = entry(100.0, "kg", "from which an added mass is told in tonnes")
     obvious: float = entry(
         0.5, "share", "of the coarse sum of squares that a mended channel must stay below"
     )

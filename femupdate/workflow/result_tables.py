@@ -143,12 +143,12 @@ def diagnosis_tables(report: DiagnosisReport) -> tuple[Sheet, ...]:
         for cell in report.diagnosis.residuals
     ]
     return (
-        Sheet.of("effects", _EFFECTS, (_effect(report, one) for one in report.diagnosis.findings)),
+        Sheet.of("effects", _EFFECTS, (_effect(one) for one in report.diagnosis.findings)),
         Sheet.of("residual_map", _CELLS, cells),
     )
 
 
-def _effect(report: DiagnosisReport, one: Finding) -> tuple[Any, ...]:
+def _effect(one: Finding) -> tuple[Any, ...]:
     """Size with its unit and meaning; an added mass also in tonnes, where masses are known."""
     first = next(iter(one.placed.effect.parameters), None)
     return (
@@ -164,17 +164,9 @@ def _effect(report: DiagnosisReport, one: Finding) -> tuple[Any, ...]:
         "" if first is None else one.size_sd,
         "" if first is None else first.unit,
         "" if first is None else first.text,
-        _tonnes(report, one),
+        "" if one.mass is None else 1e-3 * one.mass,
         one.score.absorbed,
     )
-
-
-def _tonnes(report: DiagnosisReport, one: Finding) -> Any:
-    structure = report.reduced.structure
-    if structure.building.forces_are_relative:
-        return ""
-    mass = one.placed.effect.terms(structure, one.placed.place).mass
-    return "" if mass is None else 1e-3 * one.size * float(mass.rigid[0, 0])
 
 
 def mode_tables(report: RenderReport) -> tuple[Sheet, ...]:

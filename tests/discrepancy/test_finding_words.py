@@ -1,15 +1,42 @@
 """A finding in words: effect, place and size with its unit."""
 
+from types import SimpleNamespace
+
 import pytest
+import torch
 
 from femupdate.discrepancy.diagnose import Finding, unseen
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 
 
-def in_words(name, place, size, sd):
+def fitted(unit_mass=None, nominal=False):
+    """The little of a fit that words ask for: mass of an effect of unit size, kg."""
+    mass = None if unit_mass is None else SimpleNamespace(rigid=unit_mass * torch.eye(2))
+    structure = SimpleNamespace(building=SimpleNamespace(forces_are_relative=nominal))
+    return SimpleNamespace(
+        problem=SimpleNamespace(reduced=SimpleNamespace(structure=structure)),
+        system=SimpleNamespace(terms=(SimpleNamespace(mass=mass),)),
+    )
+
+
+def in_words(name, place, size, sd, model=None):
     placed = Placed(CATALOGUE[name], place)
-    return Finding(placed, None, None, None, None, None, size, sd).in_words
+    return Finding(placed, None, model or fitted(), None, None, None, size, sd).in_words
+
+
+@pytest.mark.parametrize(
+    ("unit_mass", "nominal", "told"),
+    [
+        (21900.0, False, "(± 0.33 %; 2.14 t)"),
+        (3.5, False, "(± 0.33 %; 0.342 kg)"),
+        (21900.0, True, "(± 0.33 %)"),
+    ],
+    ids=["building", "model on a bench", "nominal masses"],
+)
+def test_added_mass_is_told_in_its_own_unit_too(unit_mass, nominal, told):
+    words = in_words("added_mass", "3F", 0.0976, 0.0033, fitted(unit_mass, nominal))
+    assert words == f"3F carries 9.76 % more mass than modelled {told}"
 
 
 @pytest.mark.parametrize(
