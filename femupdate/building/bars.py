@@ -1,4 +1,4 @@
-"""Columns and beams of a frame building as blocks of beam elements on the mesh lines."""
+"""Columns, beams and braces of a frame building as blocks of beam elements on the mesh lines."""
 
 from collections.abc import Iterator
 from itertools import product
@@ -10,7 +10,14 @@ from femupdate.building.blocks import ElementBlock
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.lattice import ExtraLines, Lattice, strips
 from femupdate.building.members import BeamLines, ColumnGroup
-from femupdate.building.references import Stretch, beam_stretches, intersections, resolve, spans
+from femupdate.building.references import (
+    Stretch,
+    beam_stretches,
+    intersections,
+    resolve,
+    spans,
+    wall_stretch,
+)
 from femupdate.fe.elements.beam import Beams
 
 # Which way a section's depth points: z is vertical in a beam; in a column z is the global y.
@@ -85,6 +92,41 @@ def beam_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[ElementBl
                     offset=_arms(beams, part.axis, len(nodes)),
                     released=_hinges(beams, len(nodes)),
                 )
+
+
+def brace_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[ElementBlock]:
+    """Yield the braces, one block a story; each brace is one element from corner to corner."""
+    for number, braces in enumerate(building.braces):
+        key = f"braces[{number}]"
+        section = building.sections[braces.section]
+        stretch = wall_stretch(building.grid, braces, key)
+        for story in resolve(braces.stories, building.story_names, "story", f"{key}.stories"):
+            group = building.story_names.index(story)
+            levels = lattice.story(group)[[0, -1]]
+            (low_start, high_start), *_, (low_end, high_end) = lattice.along(stretch, levels)
+            diagonals = {"up": (low_start, high_end), "down": (high_start, low_end)}
+            if stretch.start != braces.start:  # stretches run along the axis
+                diagonals = {"up": (low_end, high_start), "down": (high_end, low_start)}
+            chosen = diagonals if braces.shape == "cross" else (braces.shape,)
+            nodes = np.array([diagonals[one] for one in chosen], dtype=np.int64)
+            yield ElementBlock(
+                key=key,
+                element=Beams,
+                nodes=nodes,
+                group=group,
+                kind="brace",
+                section=section.figures(),
+                material=building.material(section.material),
+                up=_BEAM_UP,
+                released=_pins(len(nodes)) if braces.ends == "pinned" else None,
+            )
+
+
+def _pins(count: int) -> Flags:
+    """Return that neither end of an element passes bending moments on, (count, 12)."""
+    released = np.zeros((count, 12), dtype=np.bool_)
+    released[:, [4, 5, 10, 11]] = True
+    return released
 
 
 def _touched(lattice: Lattice, beams: BeamLines, run: Stretch, points: Integers) -> Integers:

@@ -24,7 +24,8 @@ class ElementBlock:
         element: the kind of element.
         nodes: (n, k) points of a lattice, or nodes of a read mesh.
         group: index of the story that owns it, or (n,) of each element.
-        kind: "wall", "non_structural_wall", "slab", "column" or "beam", or (n,) of each element.
+        kind: "wall", "non_structural_wall", "slab", "column", "beam" or "brace", or (n,) of each
+            element.
         material: of all.
         thickness: of surfaces, m.
         section: of lines.

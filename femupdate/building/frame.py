@@ -9,6 +9,7 @@ from femupdate.building.common import MeshedBuilding
 from femupdate.building.entry import Complaint
 from femupdate.building.members import (
     BeamLines,
+    Braces,
     ColumnGroup,
     Grid,
     Mesh,
@@ -37,6 +38,7 @@ class FrameBuilding(MeshedBuilding):
     grid: Grid
     columns: tuple[ColumnGroup, ...] = ()
     beams: tuple[BeamLines, ...] = ()
+    braces: tuple[Braces, ...] = ()
     walls: tuple[Wall, ...] = ()
     slabs: tuple[Slab, ...] = ()
     mesh: Mesh
@@ -54,6 +56,7 @@ class FrameBuilding(MeshedBuilding):
         _check_grid(self.grid)
         _check_columns(self)
         _check_beams(self)
+        _check_braces(self)
         _check_walls(self)
         _check_slabs(self)
         _check_sensors(self)
@@ -110,6 +113,14 @@ def _check_beams(building: FrameBuilding) -> None:
                     text = f"they leave nothing of the span {start} to {end} on {stretch.line}"
                     raise Complaint(f"{key}.rigid_ends", f"{text}, {length:g} m; shorten them")
         resolve(beams.floors, building.floors, "floor", f"{key}.floors")
+
+
+def _check_braces(building: FrameBuilding) -> None:
+    for n, braces in enumerate(building.braces):
+        key = f"braces[{n}]"
+        require(braces.section, building.sections, "section", f"{key}.section")
+        wall_stretch(building.grid, braces, key)
+        resolve(braces.stories, building.story_names, "story", f"{key}.stories")
 
 
 def _check_walls(building: FrameBuilding) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from femupdate.arrays import Integers
-from femupdate.building.bars import beam_blocks, column_blocks, column_lines
+from femupdate.building.bars import beam_blocks, brace_blocks, column_blocks, column_lines
 from femupdate.building.blocks import ElementBlock, by_element, joined
 from femupdate.building.building_mesh import BuildingMesh
 from femupdate.building.connections import connected, face_lines
@@ -66,6 +66,7 @@ def _parts_on(building: FrameBuilding, lattice: Lattice) -> _Parts:
         *wall_blocks(building, lattice),
         *column_blocks(building, lattice),
         *beam_blocks(building, lattice),
+        *brace_blocks(building, lattice),
     ]
     for own in by_element(blocks).values():
         _refuse_doubles(own, lattice)

@@ -121,6 +121,22 @@ class BeamLines(Entry):
         return self.rigid_ends is not None or self.hinges is not None
 
 
+class Braces(Entry):
+    """Straight members across a bay between two crossing lines, from floor to floor.
+
+    "up" runs from the first line below to the second above, "down" from the first above to the
+    second below, "cross" is both, which pass without touching.
+    """
+
+    section: Label
+    along: Label
+    start: Label = Field(alias="from")
+    end: Label = Field(alias="to")
+    stories: Names = ALL
+    shape: Literal["up", "down", "cross"] = "up"
+    ends: Literal["pinned", "rigid"] = "pinned"
+
+
 class Opening(Entry):
     """A rectangular hole in a wall: a door, a window, the space over a spandrel wall.
 

@@ -17,9 +17,10 @@ _CALLED = {
     "non_structural_wall": "walls",
     "column": "columns",
     "beam": "beams",
+    "brace": "braces",
     "slab": "slabs",
 }
-_ORDER = ("walls", "columns", "beams", "slabs")
+_ORDER = ("walls", "columns", "beams", "braces", "slabs")
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,7 @@ class StiffnessFactor:
     Attributes:
         name: "theta_3", or "S3 walls".
         story: index of the story.
-        kind: "walls", "columns", "beams" or "slabs"; None for all of the story.
+        kind: "walls", "columns", "beams", "braces" or "slabs"; None for all of the story.
     """
 
     name: str
@@ -95,6 +96,7 @@ def _owned(building: FrameBuilding) -> Iterator[tuple[int, str]]:
         *(("walls", wall.stories, stories) for wall in building.walls if wall.is_stiff),
         *(("columns", columns.stories, stories) for columns in building.columns),
         *(("beams", beams.floors, floors) for beams in building.beams),
+        *(("braces", braces.stories, stories) for braces in building.braces),
         *(("slabs", slab.floors, floors) for slab in building.slabs),
     )
     for kind, names, known in lists:

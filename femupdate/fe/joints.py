@@ -73,6 +73,7 @@ class EdgeJoint:
 def edge_joints(model: FiniteElementModel) -> tuple[EdgeJoint, ...]:
     """Find the ends of beams that need a rigid link over their depth."""
     sheets, beams = _sheets(model), model.elements_of(Beams)
+    beams = beams.taken(np.flatnonzero(beams.kind != "brace"))  # which end in a point
     if not len(sheets.nodes) or not len(beams):
         return ()
     ends = _Ends.of(model.nodes, beams)

@@ -1,0 +1,131 @@
+"""Braces of frame buildings, against what bars do by hand."""
+
+import numpy as np
+import pytest
+
+from femupdate.building.document import from_document, to_document
+from femupdate.building.files import mechanics_hash
+from femupdate.building.masses import self_mass
+from femupdate.building.mesh import mesh_building
+from femupdate.errors import BuildingError
+from femupdate.fe.assembly import assemble
+from femupdate.fe.elements.beam import Beams
+from femupdate.fe.solve import static_displacement
+
+WIDTH, HEIGHT, AREA = 4.0, 3.0, 2e-3
+LENGTH, COSINE = np.hypot(WIDTH, HEIGHT), WIDTH / np.hypot(WIDTH, HEIGHT)
+BAR = {
+    "shape": "figures",
+    "area": AREA,
+    "shear_area_y": AREA,
+    "shear_area_z": AREA,
+    "inertia_y": 4e-7,
+    "inertia_z": 4e-7,
+    "torsion_constant": 8e-7,
+}
+# Frames that neither stretch nor resist sway.
+SLENDER = {**BAR, "area": 50.0, "shear_area_y": 50.0, "shear_area_z": 50.0}
+
+
+def document_with(make_document, braces, stories=1, slender=True):
+    document = make_document([HEIGHT] * stories, ([WIDTH], [5.0]), 10.0)
+    document["sections"]["brace"] = BAR
+    if slender:
+        document["sections"].update(column=SLENDER, beam=SLENDER)
+        document["slabs"] = []
+    document["braces"] = braces
+    return document
+
+
+def brace(**changes):
+    return {"section": "brace", "along": "Y0", "from": "X0", "to": "X1", **changes}
+
+
+def sway_stiffness(document):
+    """Force in x at the top corner of frame Y0, over its displacement."""
+    model = mesh_building(from_document(document)).model
+    node = int(np.flatnonzero((np.abs(model.nodes - [0.0, 0.0, HEIGHT]) < 1e-9).all(axis=1))[0])
+    load = np.zeros((len(model.nodes), 6))
+    load[node, 0] = 1.0
+    moved = static_displacement(assemble(model), np.ones(1), load.ravel())
+    return 1.0 / moved[6 * node]
+
+
+@pytest.mark.parametrize(
+    ("changes", "count"),
+    [
+        ({}, 1),
+        ({"shape": "down"}, 1),
+        ({"from": "X1", "to": "X0"}, 1),
+        ({"shape": "cross"}, 2),
+        ({"ends": "rigid"}, 1),
+    ],
+    ids=["up", "down", "from the right", "cross", "rigid ends"],
+)
+def test_a_bay_sways_as_its_bars_stretch(make_document, changes, count):
+    """E A cos^2 / L a brace; bending of the bars is a thousandth of it."""
+    bare = sway_stiffness(document_with(make_document, []))
+    braced = sway_stiffness(document_with(make_document, [brace(**changes)]))
+    assert braced - bare == pytest.approx(count * 25e9 * AREA * COSINE**2 / LENGTH, rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("changes", "ends"),
+    [
+        ({}, [((0.0, 3.0), (4.0, 6.0))]),
+        ({"shape": "down"}, [((0.0, 6.0), (4.0, 3.0))]),
+        ({"from": "X1", "to": "X0"}, [((4.0, 3.0), (0.0, 6.0))]),
+        ({"shape": "cross"}, [((0.0, 3.0), (4.0, 6.0)), ((0.0, 6.0), (4.0, 3.0))]),
+    ],
+    ids=["up", "down", "from the right", "cross"],
+)
+def test_braces_run_where_the_file_says(make_document, changes, ends):
+    document = document_with(make_document, [brace(stories="S2", **changes)], 2, slender=False)
+    model = mesh_building(from_document(document)).model
+    beams = model.elements_of(Beams)
+    own = beams.taken(np.flatnonzero(beams.kind == "brace"))
+    assert own.group.tolist() == [1] * len(ends)
+    found = model.nodes[own.nodes]
+    np.testing.assert_allclose(found[:, :, 1], 0.0, atol=1e-12)
+    np.testing.assert_allclose(found[:, :, [0, 2]], ends, atol=1e-12)
+    assert own.released[:, [4, 5, 10, 11]].all()
+
+
+def test_braces_weigh_and_are_kept(make_document):
+    plain, braced = (
+        document_with(make_document, braces, 2, slender=False)
+        for braces in ([], [brace(shape="cross")])
+    )
+    masses = [self_mass(mesh_building(from_document(one)).model, []) for one in (plain, braced)]
+    np.testing.assert_allclose(masses[1] - masses[0], 2 * 2400.0 * AREA * LENGTH, rtol=1e-9)
+    building = from_document(braced)
+    assert from_document(to_document(building)) == building
+    assert mechanics_hash(building) != mechanics_hash(from_document(plain))
+
+
+def test_braces_may_have_factors_of_their_own(make_document):
+    document = document_with(make_document, [brace(stories="S2")], 2, slender=False)
+    document["parameters"] = {"by": ["story", "kind"]}
+    mesh = mesh_building(from_document(document))
+    names = [one.name for one in mesh.factors]
+    assert "S2 braces" in names
+    assert "S1 braces" not in names
+    beams = mesh.model.elements_of(Beams)
+    assert beams.group[beams.kind == "brace"].tolist() == [names.index("S2 braces")]
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"section": "none"}, "braces[0].section"),
+        ({"along": "Z"}, "braces[0].along"),
+        ({"to": "X0"}, "braces[0]"),
+        ({"stories": "S9"}, "braces[0].stories"),
+        ({"shape": "chevron"}, "braces[0].shape"),
+    ],
+)
+def test_wrong_braces_are_named(make_document, changes, words):
+    document = document_with(make_document, [brace(**changes)], slender=False)
+    with pytest.raises(BuildingError) as caught:
+        from_document(document)
+    assert words in str(caught.value)
