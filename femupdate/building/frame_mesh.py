@@ -86,6 +86,7 @@ def _mesh_on(building: FrameBuilding, lattice: Lattice) -> BuildingMesh:
     base = np.flatnonzero(lattice.level(used) == 0)
     _refuse_floating(parts.model, base)
     _refuse_loose_columns(building, parts)
+    _refuse_loose_braces(parts, lattice)
     masses = place_masses(building, parts.model, list(_on_nodes(dead, used, lattice)))
     rigid = {f"slabs[{n}]" for n, slab in enumerate(building.slabs) if slab.diaphragm == "rigid"}
     diaphragms = [
@@ -146,6 +147,19 @@ def _refuse_loose_columns(building: FrameBuilding, parts: _Parts) -> None:
             if not np.isin(np.flatnonzero(away < CLOSEST_LINES), met).any():
                 text = "no slab, beam or wall meets the column there; move it or add one"
                 raise Complaint(f"columns[{n}].points[{m}]", text)
+
+
+def _refuse_loose_braces(parts: _Parts, lattice: Lattice) -> None:
+    """Raise Complaint for a brace that ends where nothing else is."""
+    braces = [block for block in parts.blocks if block.kind == "brace"]
+    met = [block.nodes.ravel() for block in parts.blocks if block.kind != "brace"]
+    for block in braces:
+        loose = block.nodes[~np.isin(block.nodes, np.concatenate(met))]
+        loose = loose[lattice.level(loose) > 0]  # the ground holds what stands on it
+        if len(loose):
+            where = place(lattice.coordinates(loose[:1])[0])
+            text = f"nothing but the brace is at {where}; end it at a column, beam or wall"
+            raise Complaint(block.key, text)
 
 
 def _on_nodes(dead: Sequence[DeadWall], used: Integers, lattice: Lattice) -> Iterator[DeadWall]:

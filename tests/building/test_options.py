@@ -69,7 +69,6 @@ def test_a_wall_that_only_weighs_weighs_less_with_its_window(make_document):
     lost = 2400.0 * 0.3 * 1.6 * 1.2
     difference = plain.model.masses.mass.sum() - pierced.model.masses.mass.sum()
     assert difference == pytest.approx(lost / 2, rel=1e-9)
-    assert plain.ground_mass - pierced.ground_mass == pytest.approx(lost / 2, rel=1e-9)
 
 
 def test_openings_soften_and_lighten(make_document):
