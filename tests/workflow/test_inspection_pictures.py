@@ -23,7 +23,7 @@ def test_response_to_a_force_in_the_units_that_are_drawn(tmp_path):
     path = tmp_path / "shaker.csv"
     path.write_text("time_s,force/RF (kN),RF (g)\n" + "\n".join(rows) + "\n")
     shown = panels(path)
-    assert shown["Spectra"].get_ylabel() == "kN or m/s2 per √Hz"
+    assert shown["Spectra"].get_ylabel() == "kN or m/s² per √Hz"
     response = shown["Response to the force"]
     assert response.get_ylabel() == "|H|, m/s2 per kN"
     (line,) = response.lines
