@@ -25,7 +25,7 @@ def test_response_to_a_force_in_the_units_that_are_drawn(tmp_path):
     shown = panels(path)
     assert shown["Spectra"].get_ylabel() == "kN or m/s² per √Hz"
     response = shown["Response to the force"]
-    assert response.get_ylabel() == "|H|, m/s2 per kN"
+    assert response.get_ylabel() == "|H|, m/s² per kN"
     (line,) = response.lines
     middle = np.searchsorted(line.get_xdata(), 5.0)
     exact = 0.2 / np.polyval([0.9, -1.2, 1.0], np.exp(-2j * np.pi * 5.0 * 0.01))
