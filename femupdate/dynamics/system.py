@@ -386,14 +386,13 @@ class System:
         frequency_hz: Tensor,
         how: "Responses",
     ) -> Tensor:
-        # Damping leaves the modes alone: neighbours that differ in it only share theirs.
-        fresh = torch.ones(len(parameters), dtype=torch.bool, device=parameters.device)
-        fresh[1:] = (parameters[1:] != parameters[:-1]).any(dim=1)
+        # Damping leaves the modes alone: rows that differ in it only share theirs.
+        rows, same = _different(parameters.detach())
 
         def modal_of(system: System) -> ModalData:
             return system.modal_data(
-                parameters[fresh], modes=how.modes, top_frequency_hz=float(frequency_hz[-1])
-            ).to(parameters.device, how.precision)[fresh.cumsum(0) - 1]
+                parameters[rows], modes=how.modes, top_frequency_hz=float(frequency_hz[-1])
+            ).to(parameters.device, how.precision)[same]
 
         modal = modal_of(self)
         turned = modal_of(self.turned) if how.seen is not None and how.seen.turns else None

@@ -94,15 +94,15 @@ def test_a_listed_effect_is_found_from_both(tmp_path):
         study = Study(tmp_path / f"study{number}")
         model = open_study(study, str(tmp_path / "hung.toml"))
         source = ObservationSource(chosen[0], further=tuple(chosen[1:]))
-        report = calibrate_study(study, model, source, CalibrationSettings(particles=1000))
+        report = calibrate_study(study, model, source, CalibrationSettings(particles=20_000))
         draws = report.posterior.samples
         sd[number] = draws.std(axis=0)
         assert (np.abs(draws.mean(axis=0) - [*THETA, 0.2]) < 3.0 * sd[number]).all()
         assert report.check is not None
     apart = {"2F/RF", "RF/RF", "frequencies", "damping ratios", "shapes"}
     assert apart == set(report.check.names)
-    # Both together know the mass no worse than either, to the 3 % that 1000 draws leave open.
-    assert sd[2][2] < 1.06 * min(sd[0][2], sd[1][2])
+    # Both together know the mass no worse than either; twenty thousand draws leave .7 % open.
+    assert sd[2][2] < 1.02 * min(sd[0][2], sd[1][2])
 
 
 def test_no_static_load_is_carried(tmp_path):
