@@ -48,6 +48,20 @@ def recorder():
     return Recorded
 
 
+@pytest.fixture(scope="session")
+def write_record():
+    """Writes a ground motion as a table of time and acceleration, and returns its path."""
+    import numpy as np
+
+    def write(path, motion):
+        head = f"time_s,{motion.channel or 'acceleration'}\ns,m/s2"
+        columns = np.column_stack([motion.time, motion.acceleration])
+        np.savetxt(path, columns, fmt=["%.10g", "%.9g"], delimiter=",", header=head, comments="")
+        return path
+
+    return write
+
+
 def harmonic_displacement(operators, theta, frequency_hz, load, damping):
     """(K + i w C - w^2 M)^-1 f of the whole model, (m, 6N), zero at the supports.
 

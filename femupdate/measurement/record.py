@@ -111,24 +111,6 @@ class GroundMotion:
             )
         return self._changed(lambda row: row * factor)
 
-    def demeaned(self, start: float = 0.0, end: float | None = None) -> "GroundMotion":
-        """Return the motion less its mean between two times (s), the whole record by default.
-
-        Raises:
-            MeasurementError: the times do not lie in the record.
-        """
-        part = self._between(start, self.duration if end is None else end)
-        return self._changed(lambda row: row - row[part].mean())
-
-    def cut(self, start: float, end: float) -> "GroundMotion":
-        """Return the samples from `start` to `end` (s, both included), their time begun at 0.
-
-        Raises:
-            MeasurementError: the times do not lie in the record.
-        """
-        part = self._between(start, end)
-        return self._changed(lambda row: row[part].copy())
-
     def resampled(self, time_step: float) -> "GroundMotion":
         """Return the motion at another time step (s), band-limited to the lower Nyquist frequency.
 
@@ -164,17 +146,6 @@ class GroundMotion:
             f" {time_step:g} s; take a step in a ratio of whole numbers up to"
             f" {RECORD.largest_ratio}"
         )
-
-    def _between(self, start: float, end: float) -> slice:
-        slack = 1e-6  # of a step, for times that are sums of rounded numbers
-        first = int(np.ceil(start / self.time_step - slack))
-        last = int(np.floor(end / self.time_step + slack))
-        if not 0 <= first < last < self.acceleration.size:
-            raise MeasurementError(
-                f"ground motion {self.name}: {start:g} s to {end:g} s does not lie within a"
-                f" record of {self.duration:g} s; give a start below the end, both inside it"
-            )
-        return slice(first, last + 1)
 
 
 def read_record(
@@ -314,7 +285,7 @@ def _check_plausible(file: TextFile, motion: GroundMotion) -> None:
     offset = abs(float(motion.acceleration.mean()))
     if offset > RECORD.offset * swing:
         logger.warning(
-            "%s, channel %s: the mean is %.3g m/s2; remove it with demeaned()",
+            "%s, channel %s: the mean is %.3g m/s2; remove it from the file",
             file.path,
             motion.channel,
             offset,

@@ -41,20 +41,6 @@ def require_surrogate(
     return found[0]
 
 
-def shipped_surrogate(building: Building) -> TrainedSurrogate:
-    """The surrogate in the package.
-
-    Raises:
-        SurrogateError: there is none for this building.
-    """
-    found = _shipped(building)
-    if found is None:
-        raise SurrogateError(
-            f"the package holds no surrogate of the building {building.name}; use a shipped one"
-        )
-    return found[0]
-
-
 def _shipped(building: Building) -> tuple[TrainedSurrogate, Path] | None:
     resource = files("femupdate.models") / f"{building.name}.safetensors"
     if not resource.is_file():

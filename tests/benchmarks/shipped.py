@@ -1,12 +1,14 @@
 """Shipped buildings and surrogates, ready for a benchmark."""
 
 import hashlib
+from importlib.resources import as_file, files
 
 from femupdate.building.files import load_building
+from femupdate.building.schema import Building
 from femupdate.dynamics.damping import damping_law
 from femupdate.dynamics.system import System
 from femupdate.inference.priors import damping_parameter, theta_prior
-from femupdate.surrogate.storage import TrainedSurrogate
+from femupdate.surrogate.storage import TrainedSurrogate, load_surrogate
 from femupdate.workflow.model import StudyModel, reduce_building
 
 
@@ -23,6 +25,16 @@ def benchmark_model(name: str = "shear_4dof") -> StudyModel:
         damping_parameter(building),
         reduction.rms_error,
     )
+
+
+def shipped_surrogate(building: Building) -> TrainedSurrogate:
+    """The surrogate that is shipped with a building.
+
+    Raises:
+        SurrogateError: there is none.
+    """
+    with as_file(files("femupdate.models") / f"{building.name}.safetensors") as path:
+        return load_surrogate(path)
 
 
 def surrogate_mark(surrogate: TrainedSurrogate) -> str:

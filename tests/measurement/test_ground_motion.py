@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from femupdate.errors import MeasurementError
 from femupdate.measurement.record import GroundMotion
@@ -50,35 +48,9 @@ def test_resampling_to_an_impossible_step(step):
         GroundMotion(np.ones(20_000), 0.01).resampled(step)
 
 
-def test_cut_includes_both_ends_and_begins_at_zero():
-    motion = GroundMotion(np.arange(100.0), 0.01, channel="NS")
-    part = motion.cut(0.1, 0.3)
-    np.testing.assert_array_equal(part.acceleration, np.arange(10.0, 31.0))
-    assert part.time[0] == 0.0
-    assert part.channel == "NS"
-    assert part.duration == pytest.approx(0.2)
-    part.acceleration[:] = 0  # a copy: the whole record is untouched
-    assert motion.acceleration[20] == 20.0
-
-
-@given(st.integers(0, 98), st.integers(1, 99), st.sampled_from([0.01, 1 / 120, 0.3]))
-def test_cut_at_sample_times_is_a_slice(first, length, step):
-    motion = GroundMotion(np.arange(200.0), step)
-    part = motion.cut(first * step, (first + length) * step)
-    np.testing.assert_array_equal(part.acceleration, np.arange(first, first + length + 1.0))
-
-
-@pytest.mark.parametrize("ends", [(0.3, 0.1), (-0.1, 0.2), (0.5, 1.5), (0.2, 0.2), (0.201, 0.204)])
-def test_cut_outside_the_record(ends):
-    with pytest.raises(MeasurementError, match=r"does not lie within a record of 0\.99 s"):
-        GroundMotion(np.arange(100.0), 0.01).cut(*ends)
-
-
-def test_scaled_and_demeaned():
+def test_scaled():
     motion = GroundMotion(np.r_[np.full(50, 2.0), np.arange(50.0)], 0.01)
     np.testing.assert_array_equal(motion.scaled(-0.1).acceleration, -0.1 * motion.acceleration)
-    np.testing.assert_array_equal(motion.demeaned(0, 0.49).acceleration, motion.acceleration - 2.0)
-    assert motion.demeaned().acceleration.mean() == pytest.approx(0, abs=1e-14)
     assert motion.peak == 49.0
     with pytest.raises(MeasurementError, match="cannot be scaled by nan"):
         motion.scaled(np.nan)

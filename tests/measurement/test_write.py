@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 from femupdate.errors import MeasurementError
 from femupdate.measurement.columns import channel_name, floor_height, parse_channel
 from femupdate.measurement.observation_file import Histories, read_observation_file
-from femupdate.measurement.record import GroundMotion, read_record
-from femupdate.measurement.write import write_observation_histories, write_record
+from femupdate.measurement.write import write_observation_histories
 
 
 def sample(time_step: float = 1 / 120, count: int = 500) -> Histories:
@@ -41,13 +40,6 @@ def test_label_and_units_stand_above_the_numbers(tmp_path):
         "time_s,base,RF:1,RF:2.y,2F",
         "s,m/s2,m/s2,m/s2,m/s2",
     ]
-
-
-def test_record_round_trip(tmp_path):
-    motion = GroundMotion(np.random.default_rng(1).normal(size=300), 0.005, "m", "90 Deg, roof")
-    back = read_record(write_record(tmp_path / "r.csv", motion, ("made",)))
-    np.testing.assert_allclose(back.acceleration, motion.acceleration, rtol=5e-9)
-    assert (back.time_step, back.channel, back.unit) == (0.005, "90 Deg roof", "m/s2")
 
 
 def test_old_file_stays_when_the_new_one_cannot_be_written(tmp_path, monkeypatch):

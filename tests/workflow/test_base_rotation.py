@@ -148,7 +148,6 @@ def test_a_record_has_its_rotation_in_every_form(home):
     assert motion.inputs.shape == (2, len(motion.acceleration))
     assert motion.rotation.std() == pytest.approx(0.02, rel=0.1)
     assert motion.scaled(-2.0).rotation == pytest.approx(-2.0 * motion.rotation)
-    assert motion.cut(1.0, 2.0).rotation == pytest.approx(motion.rotation[50:101])
     assert len(motion.resampled(0.04).rotation) == len(motion.resampled(0.04).acceleration)
     assert read_record(home / "both.csv", channel="RF").rotation is None
     assert read_record(home / "alone.csv", channel="base").rotation is None

@@ -14,7 +14,6 @@ from femupdate.building.files import load_building
 from femupdate.errors import FemupdateError
 from femupdate.measurement.observation_file import read_observation_file
 from femupdate.measurement.record import GroundMotion, read_record
-from femupdate.measurement.write import write_record
 from femupdate.study import Study
 from femupdate.surrogate.training import TrainingSettings
 from femupdate.workflow import demo
@@ -37,7 +36,7 @@ def test_what_the_demo_reads_is_shipped():
 
 
 @pytest.fixture(scope="module")
-def shipped(tmp_path_factory, tower_observation):
+def shipped(tmp_path_factory, tower_observation, write_record):
     """A folder of examples with the tower's files under the demo's names."""
     folder = tmp_path_factory.mktemp("examples")
     shutil.copy(tower_observation.path, folder / demo._OBSERVATION)

@@ -11,7 +11,6 @@ from femupdate.dynamics.history import floor_histories
 from femupdate.errors import SurrogateError
 from femupdate.inference.posterior import load_posterior
 from femupdate.measurement.record import GroundMotion
-from femupdate.measurement.write import write_record
 from femupdate.study import Study
 from femupdate.surrogate.storage import load_surrogate
 from femupdate.surrogate.training import TrainingSettings
@@ -135,7 +134,9 @@ def test_the_latent_posterior_is_the_exact_one(trained, observation):
     assert {path.name for path in pictures} >= {"frf_fit.png", "posterior.png"}
 
 
-def test_predict_takes_the_latent_posterior_of_effects(trained, observation, tmp_path):
+def test_predict_takes_the_latent_posterior_of_effects(
+    trained, observation, tmp_path, write_record
+):
     """Floors move as in the building that was observed, whatever one of their sensors reads."""
     study, time = trained[0], 0.01 * np.arange(1500)
     calibrated(study, observation, exact=False)

@@ -11,7 +11,6 @@ from scipy.signal import StateSpace, lsim
 from femupdate.errors import BuildingError, MeasurementError, StudyError
 from femupdate.inference.posterior import load_posterior
 from femupdate.measurement.record import GroundMotion
-from femupdate.measurement.write import write_record
 from femupdate.report.scale import plus_minus
 from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.calibrate_settings import CalibrationSettings
@@ -36,7 +35,7 @@ def wave():
 
 
 @pytest.fixture(scope="module")
-def record(tmp_path_factory, wave):
+def record(tmp_path_factory, wave, write_record):
     return write_record(
         tmp_path_factory.mktemp("record") / "wave.csv", GroundMotion(wave, STEP, channel="EW")
     )
@@ -256,7 +255,7 @@ def test_nominal_masses_are_told(tmp_path, tower_file, tower_observation, record
 
 
 @pytest.fixture(scope="module")
-def base(tmp_path_factory, tower_observation):
+def base(tmp_path_factory, tower_observation, write_record):
     """The base motion of the tower's observation as a record."""
     histories = tower_observation.histories
     motion = GroundMotion(histories.acceleration[0], histories.time_step)

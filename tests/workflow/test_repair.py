@@ -17,7 +17,6 @@ from femupdate.dynamics.system import System
 from femupdate.errors import MeasurementError, SurrogateError
 from femupdate.inference.posterior import load_posterior
 from femupdate.measurement.record import GroundMotion
-from femupdate.measurement.write import write_record
 from femupdate.study import Study
 from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.calibrate_settings import CalibrationSettings
@@ -193,7 +192,7 @@ def test_the_repaired_posterior_has_the_effect_as_a_parameter(repaired):
     )
 
 
-def test_predict_takes_the_repaired_study(repaired, tmp_path):
+def test_predict_takes_the_repaired_study(repaired, tmp_path, write_record):
     """Its histories are those of the heavier chain."""
     study = repaired[0].study
     time = np.arange(1500) * STEP

@@ -21,13 +21,12 @@ def rows_of(path):
 
 
 @pytest.fixture(scope="module")
-def folder(tower_study, tower_observation, tmp_path_factory):
+def folder(tower_study, tower_observation, tmp_path_factory, write_record):
     """Tables that `predict` and `render` write into a study, and the answer of `predict`."""
     import json
     import shutil
 
     from femupdate.measurement.record import GroundMotion
-    from femupdate.measurement.write import write_record
 
     study = shutil.copytree(tower_study, tmp_path_factory.mktemp("tables") / "study")
     histories = tower_observation.histories

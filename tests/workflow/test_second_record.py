@@ -10,7 +10,6 @@ import pytest
 
 from femupdate.errors import BuildingError, MeasurementError
 from femupdate.measurement.record import GroundMotion
-from femupdate.measurement.write import write_record
 from femupdate.simulation.hidden_effect import parse_effect
 from femupdate.study import Study
 from femupdate.workflow.diagnose import diagnose_study
@@ -192,7 +191,7 @@ def test_one_simulation_has_one_level(study, home):
 
 
 def test_another_strong_motion_is_predicted_with_the_stiffness_at_its_level(
-    repaired, home, monkeypatch
+    repaired, home, monkeypatch, write_record
 ):
     """A record kept out, of the softened chain: the factors alone hold for weak motion."""
     other = home / "other.csv"

@@ -9,7 +9,6 @@ from femupdate.dynamics.changing_history import RunMotion, changing_histories
 from femupdate.dynamics.level import motion_level
 from femupdate.inference.posterior import load_posterior
 from femupdate.measurement.record import GroundMotion
-from femupdate.measurement.write import write_record
 from femupdate.study import Study
 from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.calibrate_settings import CalibrationSettings
@@ -77,7 +76,7 @@ def test_the_law_is_found_from_one_run(calibrated):
     assert middle[0] == pytest.approx(middle[1], rel=0.01)
 
 
-def test_a_prediction_follows_it(calibrated, tmp_path):
+def test_a_prediction_follows_it(calibrated, tmp_path, write_record):
     """A hundred times stronger and weaker motions are a doubling above and below at most."""
     study, model, _ = calibrated
     _, base = shaking(np.random.default_rng(2))

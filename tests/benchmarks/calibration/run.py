@@ -11,11 +11,10 @@ from femupdate.progress import SILENT, Progress
 from femupdate.study import Study
 from femupdate.surrogate.storage import ANY_FLOORS, TrainedSurrogate
 from femupdate.workflow.model import StudyModel, open_study
-from femupdate.workflow.surrogates import shipped_surrogate
 
 from ..log import ResumableLog
 from ..result import Job, Report
-from ..shipped import benchmark_model, surrogate_mark
+from ..shipped import benchmark_model, shipped_surrogate, surrogate_mark
 from .cases import CalibrationCase, CaseSettings, calibration_case
 from .coverage_power import fit_power
 from .tables import calibration_text, scores

@@ -10,11 +10,10 @@ import numpy as np
 
 from femupdate.inference.bridge import Start, bridge
 from femupdate.inference.smc import TemperedSmc
-from femupdate.workflow.surrogates import shipped_surrogate
 
 from ..log import ResumableLog
 from ..result import Job, Report
-from ..shipped import benchmark_model, surrogate_mark
+from ..shipped import benchmark_model, shipped_surrogate, surrogate_mark
 from .case import (
     Shear4dof,
     authors_case,

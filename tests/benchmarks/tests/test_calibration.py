@@ -16,11 +16,10 @@ from femupdate.benchmarks.calibration.run import (
 from femupdate.benchmarks.calibration.tables import predictive_rows, scores
 from femupdate.benchmarks.result import Job
 from femupdate.benchmarks.shear4dof.case import roof_log_frf
-from femupdate.benchmarks.shipped import benchmark_model, surrogate_mark
+from femupdate.benchmarks.shipped import benchmark_model, shipped_surrogate, surrogate_mark
 
 from femupdate.inference.predictive_check import PredictiveCheck
 from femupdate.surrogate.storage import TrainedSurrogate, load_surrogate, save_surrogate
-from femupdate.workflow.surrogates import shipped_surrogate
 
 
 @pytest.fixture(scope="module")

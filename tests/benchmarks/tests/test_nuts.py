@@ -10,12 +10,11 @@ from femupdate.benchmarks.result import Job
 from femupdate.benchmarks.shear4dof.case import authors_case, data_likelihood
 from femupdate.benchmarks.shear4dof.nuts import nuts_chain
 from femupdate.benchmarks.shear4dof.run import QUICK, run_shear4dof
-from femupdate.benchmarks.shipped import benchmark_model
+from femupdate.benchmarks.shipped import benchmark_model, shipped_surrogate
 
 from femupdate.errors import InferenceError
 from femupdate.inference.latent_likelihood import LatentLikelihood
 from femupdate.inference.parameters import Parameters
-from femupdate.workflow.surrogates import shipped_surrogate
 
 
 def test_without_pyro_one_sentence_says_what_to_install(tmp_path, monkeypatch):
