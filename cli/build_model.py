@@ -27,7 +27,7 @@ from .parameters import BuildingName
     show_default=True,
     help="Shell element of the exported script.",
 )
-@study_options(copies=False, shares=True)
+@study_options(shares=True)
 def command(
     building: str | None,
     export: str | None,

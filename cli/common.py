@@ -80,7 +80,6 @@ def study_options(
     needs: str | None = None,
     writes: bool = True,
     draws: bool = True,
-    copies: bool = True,
     shares: bool = False,
 ) -> Callable[[Callable[..., Answer]], Callable[..., None]]:
     """Add --study, --seed, --json and -v, print the answer, turn errors into exit code 1.
@@ -91,14 +90,13 @@ def study_options(
     Args:
         needs: artefact that the study must hold, made by `femupdate calibrate`; of a posterior,
             whose name is asked for as well.
-        writes: the command writes into the study.
+        writes: the command writes into the study; add --output, which leaves the study as it is.
         draws: add --no-pictures.
-        copies: add --output, which leaves the study as it is.
         shares: add --dask, which says where the work is done.
     """
     options = [
         *([_POSTERIOR] if needs is not None else []),
-        *([_OUTPUT] if writes and copies else []),
+        *([_OUTPUT] if writes else []),
         *([_NO_PICTURES] if draws else []),
         *([_DASK] if shares else []),
     ]

@@ -11,7 +11,7 @@ from .help import GroupedCommand
 
 
 @click.command("demo", cls=GroupedCommand)
-@study_options(draws=False, copies=False)
+@study_options(draws=False)
 def command(study: Study, seed: int, bars: Bars) -> Answer:
     """Run the whole chain on a shipped synthetic observation and a real ground motion.
 

@@ -210,7 +210,10 @@ class Study:
         """
         folder = self.check_folder()
         if not os.access(folder, os.W_OK | os.X_OK):
-            raise StudyError(f"cannot write into {folder}; check its permissions or choose another")
+            elsewhere = "choose another"
+            if self.path(MANIFEST).exists():
+                elsewhere = "only read the study by --output"
+            raise StudyError(f"cannot write into {folder}; check its permissions or {elsewhere}")
 
     def artefacts(self) -> dict[str, Artefact]:
         """All recorded artefacts by name.

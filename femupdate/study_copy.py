@@ -21,7 +21,10 @@ def copied(study: Study, folder: Path) -> Study:
         StudyError: there is nothing to copy, the folder holds a study, or it cannot be written.
     """
     if not study.path(MANIFEST).exists():
-        raise StudyError(f"{study.folder} holds no study; choose one with --study")
+        raise StudyError(
+            f"{study.folder} holds no study to copy; choose one with --study, or begin a new one "
+            f"by --study {folder}"
+        )
     copy = Study(folder, study.posterior)
     copy.check_writable()
     if copy.path(MANIFEST).exists():
