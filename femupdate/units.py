@@ -66,6 +66,15 @@ def percent(share: float, digits: int = 0) -> str:
     return f"{100.0 * share:.{digits}f} %"
 
 
+def ordinal(number: int) -> str:
+    """A place in an order for people, such as "2nd"."""
+    teens = 10 <= number % 100 <= 20
+    return f"{number}{'th' if teens else _ENDINGS.get(number % 10, 'th')}"
+
+
+_ENDINGS = {1: "st", 2: "nd", 3: "rd"}
+
+
 def factor(unit: str, kind: str) -> float:
     """Return the SI factor of a unit.
 

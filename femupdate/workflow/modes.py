@@ -20,6 +20,7 @@ from femupdate.effects.structure import structure_of
 from femupdate.inference.posterior import Posterior
 from femupdate.measurement.observation import on_all_floors
 from femupdate.study import Study, damaged
+from femupdate.units import ordinal
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import direction_of
 
@@ -38,6 +39,7 @@ class StudyMode:
         effective_mass: share of the mass that the base motion moves in it, in the mean.
         influence: by how many times their noise (rms) the fit would miss the measured ln|H|
             without it; None where no FRF was measured.
+        rank: 1 for the mode of the largest influence; None where no FRF was measured.
         tracked: frequencies and shapes.
     """
 
@@ -46,6 +48,17 @@ class StudyMode:
     effective_mass: float
     tracked: TrackedMode
     influence: float | None = None
+    rank: int | None = None
+
+    @property
+    def matters(self) -> str:
+        """How much it matters to the data, in words; empty where no FRF was measured."""
+        if self.influence is None or self.rank is None:
+            return ""
+        return (
+            f"{ordinal(self.rank)} in influence: without this mode, the fit would miss the data by "
+            f"{self.influence:.3g} times their noise"
+        )
 
     @property
     def name(self) -> str:
@@ -133,6 +146,7 @@ def posterior_modes(
     chosen = driven_modes(model.reduced, reference, model.reduced.size)
     if influence is not None:
         chosen.sort(key=lambda k: -influence[k])
+        order = np.argsort(-influence).tolist()
     chosen = chosen[:count]
     if wanted:
         numbers = _numbers(model, full, origin)
@@ -141,7 +155,8 @@ def posterior_modes(
     if influence is None:
         return named
     return tuple(
-        replace(one, influence=float(influence[k])) for one, k in zip(named, chosen, strict=True)
+        replace(one, influence=float(influence[k]), rank=order.index(k) + 1)
+        for one, k in zip(named, chosen, strict=True)
     )
 
 

@@ -22,6 +22,7 @@ from femupdate.report.page_scene import (
 )
 from femupdate.report.scale import mass_scale
 from femupdate.study import as_written
+from femupdate.units import percent
 from femupdate.workflow.modes import StudyMode
 from femupdate.workflow.page_done import read_json
 from femupdate.workflow.page_parts import PageStudy
@@ -78,17 +79,26 @@ def _mode_table(modes: tuple[StudyMode, ...]) -> Table:
             f"{one.tracked.frequency_mean:.3f}",
             f"{one.tracked.frequency_sd:.2g}",
             one.direction,
-            f"{100.0 * one.effective_mass:.1f} %",
+            percent(one.effective_mass, 1),
+            "-" if one.influence is None else f"{one.influence:.3g}",
         )
         for one in modes
     )
+    order = "" if all(one.influence is None for one in modes) else _ORDER
     return Table(
         name="modes",
         caption="Modes that the base motion excites, at the posterior",
-        head=("mode", "frequency, Hz", "sd, Hz", "direction", "effective mass"),
+        head=("mode", "frequency, Hz", "sd, Hz", "direction", "effective mass", "influence"),
         rows=rows,
-        note="Modes have the numbers of the full model with all factors 1.",
+        note=" ".join(one for one in (_NUMBERS, order) if one),
     )
+
+
+_NUMBERS = "Modes have the numbers of the full model with all factors 1."
+_ORDER = (
+    "Influence: by how many times their noise the fit would miss the measured ln|H| without the "
+    "mode; the modes that matter most to the data come first."
+)
 
 
 def _scene(page: PageStudy, modes: tuple[StudyMode, ...]) -> Scene:

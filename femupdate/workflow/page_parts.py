@@ -43,12 +43,11 @@ class PageStudy:
 
     @cached_property
     def modes(self) -> tuple[StudyMode, ...]:
-        """The modes that matter most to the data, lowest first, over the posterior."""
+        """Some modes over the posterior, those that matter most to the data first."""
         if self.posterior is None:
             return ()
         full = find_modes(self.study, self.model)
-        found = posterior_modes(self.model, self.posterior, full, _MODES)
-        return tuple(sorted(found, key=lambda one: one.tracked.frequency_mean))
+        return posterior_modes(self.model, self.posterior, full, _MODES)
 
     @cached_property
     def prediction(self) -> Any:

@@ -12,10 +12,14 @@ from femupdate.dynamics.tracking import node_displacements
 from femupdate.progress import SILENT, Progress
 from femupdate.report.scale import plus_minus
 from femupdate.study import Study
+from femupdate.units import ordinal
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.modes import StudyMode, modes_of_model
 
 _MODES = 3
+_INFLUENCE = (
+    "Last line: place in influence; by how much the fit would miss the data without the mode"
+)
 
 
 def draw_model(
@@ -65,7 +69,9 @@ def _draw_scenes(
         spread = np.sqrt(((shapes - mean) ** 2).sum(axis=-1).mean(axis=0)) / largest
         path = _folder(study, name) / f"{name}_{_file_label(one)}.png"
         sd = spread if len(mode.frequency_hz) > 1 else None
-        figure = mode_shape_figure(geometry, mean / largest, shape_sd=sd, title=_title(one))
+        figure = mode_shape_figure(
+            geometry, mean / largest, shape_sd=sd, title=_title(one), note=one.matters
+        )
         save_figure(figure, path)
         paths.append(path)
         show.advance()
@@ -88,13 +94,13 @@ def animate_modes(
         ]
         path = study.result("pictures", "modes.gif")
         levels, floors = levels_with_base(model.building), ("base", *model.reduced.floors)
-        headings = [_heading(one) for one in modes]
+        headings = [_stick_heading(one) for one in modes]
         return (stick_animation(levels, _with_base(means), headings, floors, path),)
     geometry = Geometry.of_model(mesh_building(model.building).model)
     for one in modes:
         mean = node_displacements(model.reduced, one.tracked.recognised.mean(axis=0))
         path = study.result("pictures", f"mode_{_file_label(one)}.gif")
-        paths.append(mode_animation(geometry, mean, path, title=_title(one)))
+        paths.append(mode_animation(geometry, mean, path, title=_title(one), note=one.matters))
         progress.advance()
     return tuple(paths)
 
@@ -141,6 +147,13 @@ def _heading(one: StudyMode) -> str:
     return f"{name}\n{frequency} Hz\n{100.0 * one.effective_mass:.1f} % of the mass"
 
 
+def _stick_heading(one: StudyMode) -> str:
+    """The same with its influence, where one note under the title explains that of all modes."""
+    if one.influence is None or one.rank is None:
+        return _heading(one)
+    return f"{_heading(one)}\n{ordinal(one.rank)}, {one.influence:.3g} × noise"
+
+
 def _file_label(one: StudyMode) -> str:
     """Number of a mode in the name of its picture, or its frequency in tenths of 1 Hz."""
     return str(one.number or f"{one.tracked.frequency_mean:.1f}_Hz")
@@ -156,11 +169,11 @@ def _draw_sticks(study: Study, model: StudyModel, modes: Sequence[StudyMode], na
     figure = stick_mode_shapes(
         levels_with_base(model.building),
         _with_base([own.mean(axis=0) for own in shapes]),
-        [_heading(one) for one in modes],
+        [_stick_heading(one) for one in modes],
         shapes_sd=_with_base([own.std(axis=0) for own in shapes]) if several else None,
         floors=("base", *model.reduced.floors),
         title="Mode shapes of the posterior" if several else "Mode shapes, all factors 1",
-        note="" if modes[0].influence is None else "Those that matter most to the data come first",
+        note="" if modes[0].influence is None else _INFLUENCE,
     )
     return save_figure(figure, _folder(study, name) / f"{name}s.png")
 

@@ -44,6 +44,7 @@ class RenderReport:
                     "frequency_sd": mode.tracked.frequency_sd,
                     "found": mode.tracked.found,
                     "influence": mode.influence,
+                    "influence_rank": mode.rank,
                     "picture": picture,
                 }
                 for mode, picture in zip(self.modes, self.pictures, strict=True)

@@ -171,17 +171,18 @@ def _effect(one: Finding) -> tuple[Any, ...]:
 
 def mode_tables(report: RenderReport) -> tuple[Sheet, ...]:
     """The modes of the posterior."""
-    keys = (
-        "mode",
-        "frequency_hz",
-        "frequency_sd",
-        "direction",
-        "effective_mass",
-        "found",
-        "influence",
-    )
-    rows = [[one[key] for key in keys] for one in report.as_dict()["modes"]]
-    return (Sheet.of("modes", keys, rows),)
+    columns = {
+        "mode": "mode",
+        "frequency_hz": "frequency_hz",
+        "frequency_sd_hz": "frequency_sd",
+        "direction": "direction",
+        "effective_mass_share": "effective_mass",
+        "share_of_draws_recognised": "found",
+        "influence": "influence",
+        "influence_rank": "influence_rank",
+    }
+    rows = [[one[key] for key in columns.values()] for one in report.as_dict()["modes"]]
+    return (Sheet.of("modes", tuple(columns), rows),)
 
 
 def _quantiles(values: np.ndarray) -> list[float]:

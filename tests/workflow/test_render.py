@@ -193,7 +193,50 @@ def test_the_modes_that_matter_to_the_data_come_first(tower, tower_model):
     report = render_study(tower, tower_model, samples=5)
     assert [mode.number for mode in report.modes] == [1, 2]
     assert report.modes[0].influence > report.modes[1].influence
+    assert [mode.rank for mode in report.modes] == [1, 2]
     assert any(line.startswith("  - Influence: ") for line in report.lines())
+
+
+def texts_drawn(monkeypatch):
+    """Titles and notes of the pictures that are drawn from now on."""
+    from femupdate.report import animation, plot_sticks, scenes
+    from femupdate.report.figure import add_head
+
+    said = []
+
+    def heard(figure, title, *others, note="", **further):
+        said.append((title, note, [panel.get_title(loc="left") for panel in figure.axes]))
+        add_head(figure, title, *others, note=note, **further)
+
+    for module in (animation, plot_sticks, scenes):
+        monkeypatch.setattr(module, "add_head", heard)
+    return said
+
+
+def test_a_picture_of_sticks_says_which_mode_matters_most(tower, tower_model, monkeypatch):
+    """Also where they are drawn in the order in which they were asked for."""
+    said = texts_drawn(monkeypatch)
+    first, second = render_study(tower, tower_model, wanted=(1, 2), samples=5).modes
+    ((_, note, headings),) = said
+    assert "place in influence" in note
+    assert [heading.split("\n")[-1] for heading in headings] == [
+        f"2nd, {first.influence:.3g} × noise",
+        f"1st, {second.influence:.3g} × noise",
+    ]
+
+
+def test_pictures_of_frames_say_what_matters_to_the_data(cabin, monkeypatch):
+    """Both the still picture and the one that moves."""
+    study, model, _ = cabin
+    said = texts_drawn(monkeypatch)
+    report = render_study(study, model, modes=2, samples=5, animated=True)
+    assert [mode.rank for mode in report.modes] == [1, 2]
+    notes = {title: note for title, note, _ in said}
+    assert len(notes) == 2
+    for mode, (title, note) in zip(report.modes, notes.items(), strict=True):
+        assert title.startswith(f"Mode {mode.number} ({mode.direction})")
+        assert mode.matters in note
+        assert mode.matters.startswith(("1st", "2nd")[mode.rank - 1])
 
 
 def test_modes_move(tower, tower_model):
