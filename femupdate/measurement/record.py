@@ -47,6 +47,7 @@ class GroundMotion:
         channels: names of all channels of that file.
         rotation: (n,) of the base, rad/s2, that leans a building forward; None where it was not
             measured.
+        scale: by which the values of the file were multiplied.
     """
 
     acceleration: Floats
@@ -57,6 +58,7 @@ class GroundMotion:
     unit: str = "m/s2"
     channels: tuple[str, ...] = ()
     rotation: Floats | None = None
+    scale: float = 1.0
 
     def __post_init__(self) -> None:
         values = np.asarray(self.acceleration, dtype=np.float64)
@@ -85,6 +87,12 @@ class GroundMotion:
         return replace(self, acceleration=rows[0], rotation=turned, **others)
 
     @property
+    def title(self) -> str:
+        """For people: name, channel and scale, such as "kobe NS, scaled by 0.5"."""
+        name = f"{self.name} {self.channel}".rstrip()
+        return name if self.scale == 1.0 else f"{name}, scaled by {self.scale:g}"
+
+    @property
     def time(self) -> Floats:
         """(n,) time of each sample, s."""
         return np.arange(self.acceleration.size, dtype=np.float64) * self.time_step
@@ -109,7 +117,7 @@ class GroundMotion:
                 f"{self.peak * abs(factor) / STANDARD_GRAVITY:.3g} g, which no shaking table"
                 " reaches; give a smaller factor"
             )
-        return self._changed(lambda row: row * factor)
+        return self._changed(lambda row: row * factor, scale=self.scale * factor)
 
     def resampled(self, time_step: float) -> "GroundMotion":
         """Return the motion at another time step (s), band-limited to the lower Nyquist frequency.

@@ -186,7 +186,13 @@ def interval_figure(
                 "x": one.mean,
                 "y": places + shift,
                 "name": one.name,
-                "marker": {"color": one.color, "size": 7, "line": {"color": "#fff", "width": 1}},
+                # A stroke covers less of a short interval than a dot does.
+                "marker": {
+                    "symbol": "line-ns-open",
+                    "color": one.color,
+                    "size": 13,
+                    "line": {"color": one.color, "width": 2},
+                },
                 "error_x": {
                     "type": "data",
                     "symmetric": False,

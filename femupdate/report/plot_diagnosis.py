@@ -105,7 +105,11 @@ def residual_map(
         panel.set_title(name)
     bar = figure.colorbar(pictures[0], ax=list(panels), pad=0.02)
     bar.set_label("Residual over noise, rms")
-    add_head(figure, title, note="1 and less is what noise alone leaves; grey: too few points")
+    add_head(
+        figure,
+        title,
+        note="1 and less is what noise alone leaves; grey, without a figure: too few points",
+    )
     return figure
 
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from femupdate.arrays import Floats
 from femupdate.report.figure import add_head, checked, new_figure
 from femupdate.report.plot_posterior import SampleSet, checked_cases
-from femupdate.report.style import FAINT, INK, styled
+from femupdate.report.style import FAINT, KNOWN, styled
 
 ROW_HEIGHT = 0.26  # inches for each interval
 BETWEEN_ROWS = 0.2
@@ -55,8 +55,7 @@ def theta_intervals(
         _draw_intervals(panel, case.samples, heights, case.color, label)
     if truth is not None:
         true = checked("truth", truth, len(names))
-        look: dict[str, Any] = {"color": INK, "linestyle": "--", "label": "Truth"}
-        panel.vlines(true, rows - 0.36, rows + 0.36, **look)
+        panel.vlines(true, rows - 0.36, rows + 0.36, label="Truth", **KNOWN)
     panel.set(yticks=rows, yticklabels=names, ylim=(-0.6, len(names) - 0.4))
     panel.tick_params(axis="y", length=0, labelsize=10.0)
     panel.grid(visible=False, axis="y")

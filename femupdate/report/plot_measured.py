@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 
 from femupdate.arrays import Floats
 from femupdate.report.figure import add_head, frequency_ticks, new_figure
-from femupdate.report.style import hue, styled
+from femupdate.report.style import hue, look, styled
 
 MOST_LINES = 24
 SEGMENTS = 16  # of Welch's method, half overlapping
@@ -120,8 +120,7 @@ def measured_modes(modes: Sequence[MeasuredMode], title: str) -> Figure:
     axes = figure.add_subplot()
     shown = modes[:MOST_LINES]
     handles = [
-        Line2D([], [], color=hue(k), label=f"{one.frequency_hz:.4g} Hz")
-        for k, one in enumerate(shown)
+        Line2D([], [], label=f"{one.frequency_hz:.4g} Hz", **look(k)) for k, one in enumerate(shown)
     ]
     add_head(figure, title, handles, columns=4)
     if not any(np.size(one.shape) for one in shown):
@@ -130,7 +129,7 @@ def measured_modes(modes: Sequence[MeasuredMode], title: str) -> Figure:
     for k, one in enumerate(shown):
         values = np.real(one.shape)
         largest = np.nanmax(np.abs(values), initial=1e-300)
-        axes.plot(values / largest, "o-", ms=3, color=hue(k))
+        axes.plot(values / largest, marker="o", ms=3, **look(k))
     axes.set(xlabel="Component, point by point", ylabel="Shape over its largest component")
     names = shown[0].sensors
     alike = all(one.sensors == names for one in shown)

@@ -4,11 +4,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import MaxNLocator
 
 from femupdate.measurement.ambient import AmbientModes
+from femupdate.measurement.recording import RecordedMode
 from femupdate.report.figure import add_head, new_figure
-from femupdate.report.style import FAINT, QUIET, hue, styled
+from femupdate.report.scale import with_unit
+from femupdate.report.style import FAINT, QUIET, hue, look, styled
 
 
 @styled
@@ -20,12 +21,18 @@ def stabilisation(found: AmbientModes, title: str) -> Figure:
     _draw_poles(poles, found)
     _draw_shapes(shapes, found)
     handles = [
-        Line2D([], [], color=hue(k), marker="o", label=f"{mode.frequency_hz:.4g} Hz")
+        Line2D([], [], marker="o", label=_label(mode), **look(k))
         for k, mode in enumerate(found.modes)
     ]
     left_out = Line2D([], [], color=QUIET, marker=".", linestyle="", label="poles left out")
-    add_head(figure, title, [*handles, left_out], columns=7)
+    note = "Behind: spectra, the mean over the channels, on a logarithmic scale of their own"
+    add_head(figure, title, [*handles, left_out], note=note, columns=5)
     return figure
+
+
+def _label(mode: RecordedMode) -> str:
+    """Frequency with its deviation, which the dots of the poles may cover."""
+    return with_unit(mode.frequency_hz, mode.frequency_sd_hz or 0.0, "Hz")
 
 
 def _draw_poles(axes: Axes, found: AmbientModes) -> None:
@@ -64,7 +71,7 @@ def _draw_spectra(axes: Axes, found: AmbientModes) -> None:
 
 def _draw_shapes(axes: Axes, found: AmbientModes) -> None:
     for k, mode in enumerate(found.modes):
-        axes.plot(np.real(mode.shape), np.arange(len(found.channels)), "o-", color=hue(k), ms=3)
-    axes.xaxis.set_major_locator(MaxNLocator(4))
+        axes.plot(np.real(mode.shape), range(len(found.channels)), marker="o", ms=3, **look(k))
+    axes.set(xlim=(-1.1, 1.1), xticks=(-1.0, 0.0, 1.0))
     axes.set_yticks(range(len(found.channels)), found.channels)
-    axes.set(xlabel="shape over its largest component", title="Shapes")
+    axes.set(xlabel="Shape over its largest component", title="Shapes")

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import FixedLocator, MaxNLocator
 from numpy.typing import ArrayLike
 
 from femupdate.arrays import Floats
@@ -17,7 +17,7 @@ from femupdate.errors import ReportError
 from femupdate.report.density import density_1d, density_2d, mass_level
 from femupdate.report.figure import add_head, checked, new_figure
 from femupdate.report.scale import plus_minus
-from femupdate.report.style import INK, SERIES, styled
+from femupdate.report.style import DASHES, KNOWN, SERIES, Dashes, styled
 
 POINTS = 250  # drawn under the contours; more hide each other
 SHARES = (0.9, 0.5)
@@ -35,11 +35,12 @@ class SampleSet:
 
 @dataclass(frozen=True)
 class CaseSamples:
-    """A checked set of samples and its colour."""
+    """A checked set of samples and how its lines look."""
 
     label: str
     samples: Floats
     color: str
+    dashes: Dashes
 
 
 @styled
@@ -93,7 +94,7 @@ def posterior_pairs(
 
 
 def checked_cases(sets: Sequence[SampleSet], parameters: int) -> list[CaseSamples]:
-    """Check sets of samples and give each its colour.
+    """Check sets of samples and give each its colour and dashes.
 
     Raises:
         ReportError: no set, too many, or samples of another shape or not finite.
@@ -103,11 +104,11 @@ def checked_cases(sets: Sequence[SampleSet], parameters: int) -> list[CaseSample
             f"{len(sets)} sets of samples are given; the figure shows one to {len(SERIES)}"
         )
     cases = []
-    for given, color in zip(sets, SERIES, strict=False):
+    for given, color, dashes in zip(sets, SERIES, DASHES, strict=False):
         samples = checked(f"samples of {given.label}", given.samples, None, parameters)
         if len(samples) < 2 or not np.isfinite(samples).all():
             raise ReportError(f"{given.label} needs two samples or more, all of them finite")
-        cases.append(CaseSamples(given.label, samples, color))
+        cases.append(CaseSamples(given.label, samples, color, dashes))
     return cases
 
 
@@ -135,13 +136,13 @@ def _draw_marginal(
     for case in cases:
         density = density_1d(case.samples[:, index], view)
         panel.fill_between(density.x, density.value, color=case.color, alpha=0.18, linewidth=0.0)
-        panel.plot(density.x, density.value, color=case.color, label=case.label)
+        look: dict[str, Any] = {"color": case.color, "linestyle": case.dashes}
+        panel.plot(density.x, density.value, label=case.label, **look)
         top = max(top, density.value.max())
     _write_estimates(panel, cases, index)
     panel.set(xlim=view, ylim=(0.0, top * (1.12 + 0.22 * len(cases))))
     if truth is not None:
-        look: dict[str, Any] = {"linewidth": 0.9, "linestyle": "--", "label": "Truth"}
-        panel.axvline(truth[index], ymax=0.7, color=INK, **look)
+        panel.axvline(truth[index], ymax=0.7, label="Truth", **KNOWN)
 
 
 def _write_estimates(panel: Axes, cases: list[CaseSamples], index: int) -> None:
@@ -179,12 +180,11 @@ def _draw_pair(
         panel.contourf(
             density.x, density.y, density.value, [*levels, np.inf], colors=fill[-len(levels) :]
         )
-        panel.contour(
-            density.x, density.y, density.value, levels, colors=case.color, linewidths=0.9
-        )
+        look: dict[str, Any] = {"colors": case.color, "linestyles": [case.dashes]}
+        panel.contour(density.x, density.y, density.value, levels, linewidths=0.9, **look)
     if truth is not None:
-        panel.axvline(truth[pair[0]], color=INK, linewidth=0.7, linestyle="--")
-        panel.axhline(truth[pair[1]], color=INK, linewidth=0.7, linestyle="--")
+        panel.axvline(truth[pair[0]], **KNOWN)
+        panel.axhline(truth[pair[1]], **KNOWN)
     panel.set(xlim=across, ylim=up)
 
 
@@ -221,10 +221,17 @@ def correlation(x: Floats, y: Floats) -> float:
     return float(((x - x.mean()) * (y - y.mean())).mean() / spread) if spread > 0.0 else 0.0
 
 
+def _inner_ticks(low: float, high: float) -> list[float]:
+    """Round values away from the ends, whose labels would push the panels apart."""
+    room = 0.14 * (high - low)
+    ticks = MaxNLocator(3).tick_values(low + room, high - room)
+    return [float(tick) for tick in ticks if low + room <= tick <= high - room]
+
+
 def _label(panel: Axes, row: int, column: int, names: Sequence[str]) -> None:
     last = len(names) - 1
     for axis in (panel.xaxis, panel.yaxis):
-        axis.set_major_locator(MaxNLocator(3, prune="both"))
+        axis.set_major_locator(FixedLocator(_inner_ticks(*axis.get_view_interval())))
     panel.tick_params(
         labelsize=8.0,
         bottom=row == last,

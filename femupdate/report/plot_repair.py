@@ -16,9 +16,14 @@ from femupdate.report.marked_building import draw_marked
 from femupdate.report.plot_diagnosis import Columns, draw_misfit, largest_misfit
 from femupdate.report.plot_intervals import short_note
 from femupdate.report.rendering import Renderer
-from femupdate.report.style import BLUE, MEASURED, ORANGE, styled
+from femupdate.report.style import BLUE, DASHES, MEASURED, ORANGE, styled
 
-_BEFORE: dict[str, Any] = {"color": ORANGE, "linewidth": 1.1, "label": "Model before"}
+_BEFORE: dict[str, Any] = {
+    "color": ORANGE,
+    "linestyle": DASHES[1],
+    "linewidth": 1.1,
+    "label": "Model before",
+}
 _AFTER: dict[str, Any] = {"color": BLUE, "linewidth": 1.1, "label": "Model after"}
 _MEASURED: dict[str, Any] = {**MEASURED, "label": "Measured"}
 _WINDOW_S = 6.0
@@ -115,7 +120,7 @@ def gap_story(story: GapStory, renderer: Renderer = "auto") -> Figure:
     short = _theta(figure.add_subplot(grid[first : first + rows, beside]), story)
     if story.held is not None:
         _histories(figure.add_subplot(grid[first + rows, :]), story.held)
-    grey = "" if story.scene is None else "Grey: too few points"
+    grey = "" if story.scene is None else "Grey cells without a figure: too few points"
     add_head(figure, story.headline, note=". ".join(one for one in (grey, short) if one))
     return figure
 
@@ -154,9 +159,9 @@ def _frf(panel: Axes, curves: Curves, place: int, *, last: bool) -> None:
 
 def _theta(panel: Axes, story: GapStory) -> str:
     """Draw the factors; returns what is to be said of their intervals."""
-    sets = [(story.theta_before, _BEFORE, -0.12)]
+    sets = [(story.theta_before, _BEFORE, 0.12)]
     if story.theta_after is not None:
-        sets.append((story.theta_after, _AFTER, 0.12))
+        sets.append((story.theta_after, _AFTER, -0.12))
     for draws, style, shift in sets:
         low, high = np.quantile(draws, [0.05, 0.95], axis=0)
         middle = draws.mean(axis=0)
@@ -165,7 +170,8 @@ def _theta(panel: Axes, story: GapStory) -> str:
         # A stroke covers less of a short interval than a dot does.
         panel.plot(middle, rows, "|", color=style["color"], markersize=11.0, mew=1.4)
     panel.set_yticks(range(len(story.names)), list(story.names))
-    panel.set_xlabel("Stiffness factor, mean, 5 to 95 %")
+    order = "" if story.theta_after is None else "; the upper of a pair: before"
+    panel.set_xlabel(f"Stiffness factor, mean, 5 to 95 %{order}")
     return short_note(panel, [draws for draws, _, _ in sets])
 
 

@@ -3,7 +3,7 @@
 import functools
 from collections.abc import Callable
 from types import MappingProxyType
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, Literal, ParamSpec, TypeVar
 
 from matplotlib import rc_context
 
@@ -18,10 +18,23 @@ PURPLE = "#CC79A7"
 SKY = "#56B4E9"
 AMBER = "#E69F00"
 SERIES = (BLUE, ORANGE, GREEN, PURPLE, AMBER, SKY)
+# Beside the colours, so that series stay apart in grey print. What is known is dotted.
+Dashes = Literal["-"] | tuple[float, tuple[float, ...]]
+DASHES: tuple[Dashes, ...] = (
+    "-",
+    (0.0, (4.5, 1.4)),
+    (0.0, (7.0, 1.4, 1.4, 1.4)),
+    (0.0, (2.2, 1.2)),
+    (0.0, (7.0, 1.4, 1.4, 1.4, 1.4, 1.4)),
+    (0.0, (10.0, 2.5)),
+)
 INK = "#22262B"  # text and measured data
 QUIET = "#6B7280"  # axes and what stands behind
 FAINT = "#D9DDE3"  # grids and priors
 PALE = "#A9AFBA"  # measured data below a prediction
+
+# True values, where they are known.
+KNOWN: dict[str, Any] = {"color": INK, "linestyle": ":", "linewidth": 1.3}
 
 # Of a prediction: two standard deviations either way, or an interval.
 BAND: dict[str, Any] = {"color": BLUE, "alpha": 0.28, "linewidth": 0.0}
@@ -71,6 +84,11 @@ STYLE = MappingProxyType(
 def hue(number: int) -> str:
     """Colour of the series of a number, counted from 0; they come again after the last."""
     return SERIES[number % len(SERIES)]
+
+
+def look(number: int) -> dict[str, Any]:
+    """Colour and dashes of the series of a number, which stay apart in grey print."""
+    return {"color": hue(number), "linestyle": DASHES[number % len(DASHES)]}
 
 
 def styled(draw: Callable[P, R]) -> Callable[P, R]:

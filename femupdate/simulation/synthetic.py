@@ -170,7 +170,7 @@ def _damping_words(zeta: float | None) -> str:
 def _motion_words(settings: SimulationSettings, motion: GroundMotion) -> str:
     sampled = f"{motion.duration:.4g} s at {settings.sampling_hz:g} Hz"
     if settings.base_motion is not None:
-        return f"{motion.name}, {sampled}"
+        return f"{motion.title}, {sampled}"
     low, high = settings.band_hz
     return (
         f"white noise, {settings.rms_m_s2:g} m/s2 rms, {low:g} to {high:g} Hz, {sampled}, rising "

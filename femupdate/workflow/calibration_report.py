@@ -120,5 +120,7 @@ class CalibrationReport:
             lines.append(f"  {self.check.sentence()}")
         lines += [f"  - {note}" for note in self.notes[:_MOST_NOTES]]
         if len(self.notes) > _MOST_NOTES:
-            lines.append(f"  - {len(self.notes) - _MOST_NOTES} more notes: {SUMMARY} in the study")
+            more = len(self.notes) - _MOST_NOTES
+            notes = "note" if more == 1 else "notes"
+            lines.append(f"  - {more} more {notes}: {SUMMARY} in the study")
         return (*lines, f"  {self.path}")

@@ -18,6 +18,7 @@ from femupdate.measurement.registry import read_measured
 from femupdate.measurement.text import TextFile
 from femupdate.measurement.thresholds import AMBIENT
 from femupdate.measurement.write import write_modes
+from femupdate.report.scale import with_unit
 from femupdate.tables import table
 from femupdate.workflow.thresholds import UNITS
 
@@ -60,8 +61,8 @@ class Identified:
         rows = [
             (
                 one.name,
-                f"{one.frequency_hz:.4g} ± {one.frequency_sd_hz:.2g} Hz",
-                f"{100.0 * (one.damping or 0.0):.2g} ± {100.0 * (one.damping_sd or 0.0):.1g} %",
+                with_unit(one.frequency_hz, one.frequency_sd_hz or 0.0, "Hz"),
+                with_unit(100.0 * (one.damping or 0.0), 100.0 * (one.damping_sd or 0.0), "%"),
             )
             for one in self.ambient.modes
         ]
@@ -119,7 +120,7 @@ def draw_identified(one: Identified, path: Path) -> Path:
     from femupdate.report.figure import save_figure
     from femupdate.report.plot_poles import stabilisation
 
-    return save_figure(stabilisation(one.ambient, one.source), path)
+    return save_figure(stabilisation(one.ambient, f"Modes identified from {one.source}"), path)
 
 
 def _values(file: TextFile, floors: Mapping[Channel, RecordedChannel]) -> Floats:

@@ -196,11 +196,11 @@ def _before_after(page: PageStudy, done: dict[str, Any]) -> Chart:
     titles = list(factor_titles(page.model.building).values())
     rows = titles[: len(done["theta_before"])]
     both = []
-    for word, color in (("before", ORANGE), ("after", BLUE)):
+    for word, line, color in (("before", "upper", ORANGE), ("after", "lower", BLUE)):
         mean, sd = (np.array(done[f"theta{part}_{word}"]) for part in ("", "_sd"))
         both.append(
             Interval(
-                name=f"{word} the repair, mean ± 2 sd",
+                name=f"{word} the repair ({line} line), mean ± 2 sd",
                 mean=mean,
                 low=mean - 2.0 * sd,
                 high=mean + 2.0 * sd,

@@ -21,7 +21,7 @@ def draw_prediction(
 
     summary, motion = report.summary, report.motion
     progress.start("Drawing", 2)
-    title = f"Floor acceleration, mean ± 2 sd: {motion.name} (peak {motion.peak:.2f} m/s²)"
+    title = f"Floor acceleration, mean ± 2 sd: {motion.title} (peak {motion.peak:.2f} m/s²)"
     bands = floor_history_bands(
         summary.time,
         summary.acceleration_mean,
@@ -49,14 +49,14 @@ def draw_prediction(
             summary.floors,
             base=spectra.base,
             title=f"Floor spectra at {100.0 * spectra.damping:.3g} % damping, mean ± 2 sd: "
-            f"{motion.name}",
+            f"{motion.title}",
         )
         paths.append(save_figure(figure, study.result("pictures", "floor_spectra.png")))
     if report.members:
         figure = member_force_bands(
             summary.time,
             [(f"{m.member.kind} {m.member.name}", *_main_forces(m)) for m in report.members],
-            title=f"Forces of members, mean ± 2 sd: {motion.name}",
+            title=f"Forces of members, mean ± 2 sd: {motion.title}",
         )
         paths.append(save_figure(figure, study.result("pictures", "member_forces.png")))
     return tuple(paths)

@@ -323,7 +323,7 @@ def _notes(
     model: StudyModel, posterior: Posterior, motion: GroundMotion, settings: PredictionSettings
 ) -> tuple[str, ...]:
     notes = [
-        f"Record {motion.name}{' ' + motion.channel if motion.channel else ''}: peak "
+        f"Record {motion.title}: peak "
         f"{motion.peak:.3g} m/s², {motion.duration:.1f} s at {1 / motion.time_step:.4g} Hz.",
     ]
     top = float(model.frequency_hz[-1])

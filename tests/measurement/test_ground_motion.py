@@ -52,6 +52,9 @@ def test_scaled():
     motion = GroundMotion(np.r_[np.full(50, 2.0), np.arange(50.0)], 0.01)
     np.testing.assert_array_equal(motion.scaled(-0.1).acceleration, -0.1 * motion.acceleration)
     assert motion.peak == 49.0
+    named = GroundMotion(motion.acceleration, 0.01, name="kobe", channel="NS")
+    assert named.title == "kobe NS"
+    assert named.scaled(0.5).scaled(0.2).title == "kobe NS, scaled by 0.1"
     with pytest.raises(MeasurementError, match="cannot be scaled by nan"):
         motion.scaled(np.nan)
 

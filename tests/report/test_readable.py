@@ -1,17 +1,25 @@
 """What makes a picture readable: ticks apart, the peak in the zoom, one unit, thin bands told."""
 
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
+import pytest
 
+from femupdate.measurement.ambient import AmbientModes
+from femupdate.measurement.recording import RecordedMode
+from femupdate.measurement.subspace import Pole
+from femupdate.report import plot_repair
 from femupdate.report.figure import add_head, new_figure, thin_band_note
 from femupdate.report.plot_diagnosis import Ranked, ranking
 from femupdate.report.plot_frf import MeasuredFrf, Prediction, frf_fit
 from femupdate.report.plot_history import strong_part
 from femupdate.report.plot_intervals import theta_intervals
 from femupdate.report.plot_members import member_force_bands
+from femupdate.report.plot_poles import stabilisation
 from femupdate.report.plot_posterior import SampleSet, posterior_pairs
 from femupdate.report.plot_sticks import stick_mode_shapes
+from femupdate.workflow.identify import Identified
 
 
 def test_ticks_of_a_ranking_do_not_run_into_one_another():
@@ -92,6 +100,50 @@ def test_titles_and_notes_stay_inside_their_figure():
     assert second.y1 <= first.y0 + 1
 
 
+def luminance(color):
+    from matplotlib.colors import to_rgb
+
+    linear = [(c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4) for c in to_rgb(color)]
+    return float(np.dot([0.2126, 0.7152, 0.0722], linear))
+
+
+def test_series_stay_apart_in_grey_print():
+    """Two posteriors: colours of nearly one grey, so their lines differ, and from the truth's."""
+    draws = np.random.default_rng(1).normal(size=(2, 300, 2))
+    sets = [SampleSet("roof", draws[0]), SampleSet("all", draws[1])]
+    figure = posterior_pairs(sets, ["θ1", "θ2"], np.array([[-9.0, 9.0]] * 2), truth=[0.0, 0.0])
+    lines = figure.axes[0].lines
+    assert len(lines) == 3
+    assert luminance(lines[1].get_color()) - luminance(lines[0].get_color()) < 0.1
+    # matplotlib keeps the pattern of a line that is not solid here alone.
+    patterns = {str((line.get_linestyle(), line._unscaled_dash_pattern)) for line in lines}
+    assert len(patterns) == 3
+    contours = figure.axes[2].collections
+    assert len({str(one.get_linestyle()) for one in contours if len(one.get_edgecolor())}) == 2
+
+
+def test_before_and_after_stay_apart_in_grey_print():
+    assert plot_repair._BEFORE["linestyle"] != plot_repair._AFTER.get("linestyle", "-")
+
+
+def test_no_tick_of_a_pair_stands_at_an_end():
+    """There its label would push the panels apart, one more than the other."""
+    figure = posterior_pairs(
+        [SampleSet("RF", np.random.default_rng(3).normal(0.9, 0.0048, size=(500, 4)))],
+        [f"θ{k}" for k in range(4)],
+        np.array([[0.3, 3.0]] * 4),
+    )
+    figure.canvas.draw()
+    panels = np.reshape(figure.axes, (4, 4))
+    for panel in panels[-1]:
+        low, high = panel.get_xlim()
+        ticks = np.array(panel.get_xticks())
+        assert len(ticks) >= 1
+        assert ((ticks > low + 0.1 * (high - low)) & (ticks < high - 0.1 * (high - low))).all()
+    gaps = np.diff([panel.get_position().x0 for panel in panels[-1]])
+    assert np.ptp(gaps) < 0.02 * gaps.mean()
+
+
 def test_a_measured_line_shows_below_a_fit_that_hides_it():
     log = np.zeros((1, 50))
     figure = frf_fit(np.linspace(0.1, 10, 50), ["RF"], Prediction(log, log, log), MeasuredFrf(log))
@@ -108,3 +160,50 @@ def test_intervals_shorter_than_their_stroke_are_told():
         figure = theta_intervals(["story S1", "story S2"], [SampleSet("RF", draws)], bounds)
         texts = " ".join(text.get_text() for text in figure.texts)
         assert ("shorter than the stroke" in texts) == told
+
+
+@pytest.fixture
+def two_identified():
+    """Two modes that are known better than their dots are wide."""
+    shape = np.array([0.5, 1.0])
+    modes = tuple(
+        RecordedMode(
+            frequency_hz=frequency,
+            sensors=("2F", "RF"),
+            shape=shape * [sign, 1.0],
+            frequency_sd_hz=0.0026,
+            damping=0.0142,
+            damping_sd=0.0011,
+            name=str(sign),
+        )
+        for frequency, sign in ((1.672, 1), (4.16, -1))
+    )
+    poles = tuple(
+        Pole(order=k, frequency_hz=one.frequency_hz, damping=0.01, shape=one.shape)
+        for k in (4, 6, 8)
+        for one in modes
+    )
+    return AmbientModes(
+        modes=modes,
+        poles=poles,
+        group=np.array([0, 1] * 3),
+        band_hz=(0.5, 10.0),
+        frequency_hz=np.linspace(0.5, 10, 40),
+        spectra=np.ones((2, 40)),
+        channels=("2F", "RF"),
+        notes=(),
+    )
+
+
+def test_modes_known_better_than_their_dots_are_told_in_figures(two_identified):
+    figure = stabilisation(two_identified, "Modes")
+    texts = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert texts[:2] == ["1.6720 ± 0.0026 Hz", "4.1600 ± 0.0026 Hz"]
+    shapes = figure.axes[1].lines
+    assert len({str(one._unscaled_dash_pattern) for one in shapes}) == 2
+
+
+def test_identified_modes_have_as_many_figures_as_their_deviations(two_identified):
+    lines = Identified(two_identified, "a.csv", Path("m.csv"), ()).lines()[1]
+    assert "1.6720 ± 0.0026 Hz" in lines
+    assert "1.42 ± 0.11 %" in lines

@@ -14,7 +14,7 @@ from femupdate.arrays import Floats
 from femupdate.report.density import density_1d
 from femupdate.report.figure import add_head, new_figure, save_figure
 from femupdate.report.plot_frf import MeasuredFrf, Prediction, frf_fit
-from femupdate.report.style import INK, MAGNITUDE_MAP, ORANGE, SERIES, styled
+from femupdate.report.style import DASHES, INK, KNOWN, MAGNITUDE_MAP, ORANGE, SERIES, styled
 from femupdate.workflow.model import StudyModel
 
 from .case import Case, Shear4dof, case_modes, roof_log_frf
@@ -142,12 +142,12 @@ def mode_densities(model: StudyModel, case: Case, draws: dict[str, Floats]) -> F
         panel: Axes = axes.item(mode, column)
         centre, sd = float(case.solutions[mode, column]), float(case.sd[mode, column])
         view = (centre - 6.0 * sd, centre + 6.0 * sd)
-        for color, (label, theta) in zip(SERIES, draws.items(), strict=False):
+        for color, dashes, (label, theta) in zip(SERIES, DASHES, draws.items(), strict=False):
             own = theta[shares[label].member == mode, column]
             if len(own) > 10:
                 density = density_1d(own, view)
-                panel.plot(density.x, density.value, color=color)
-        panel.axvline(centre, color=INK, linewidth=0.8, linestyle="--")
+                panel.plot(density.x, density.value, color=color, linestyle=dashes)
+        panel.axvline(centre, **KNOWN)
         panel.set(xlim=view, yticks=[])
         panel.locator_params(axis="x", nbins=3)
         if mode == len(case.solutions) - 1:
@@ -155,15 +155,15 @@ def mode_densities(model: StudyModel, case: Case, draws: dict[str, Floats]) -> F
         if column == 0:
             weights = ", ".join(f"{share.weight[mode]:.2f}" for share in shares.values())
             panel.set_ylabel(f"mode {mode + 1}\n{weights}")
-    note = "Dashed: the equivalent solution; at the left the share of each posterior in the mode"
+    note = "Dotted: the equivalent solution; at the left the share of each posterior in the mode"
     add_head(figure, "Inside the modes", _handles(draws), note=note)
     return figure
 
 
 def _handles(draws: dict[str, Floats]) -> list[Line2D]:
     return [
-        Line2D([], [], color=color, linewidth=2.5, label=label)
-        for color, label in zip(SERIES, draws, strict=False)
+        Line2D([], [], color=color, linestyle=dashes, linewidth=1.8, label=label)
+        for color, dashes, label in zip(SERIES, DASHES, draws, strict=False)
     ]
 
 
