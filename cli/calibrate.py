@@ -81,7 +81,6 @@ def command(
     from femupdate.workflow.checks import check_calibration
     from femupdate.workflow.model import open_study
     from femupdate.workflow.observed import ObservationSource
-    from femupdate.workflow.pictures_posterior import draw_posterior
     from femupdate.workflow.result_tables import posterior_tables
 
     study = Study(study.folder, name)
@@ -91,5 +90,9 @@ def command(
     check_calibration(study, source, settings, building)
     model = open_study(study, building, bars)
     report = calibrate_study(study, model, source, settings, bars)
-    drawn = draw_posterior(study, report, bars) if pictures else ()
-    return Answer(report, drawn, tables=tables.write(study, posterior_tables(study, report)))
+    written = tables.write(study, posterior_tables(study, report))
+    if not pictures:
+        return Answer(report, (), tables=written)
+    from femupdate.workflow.pictures_posterior import draw_posterior
+
+    return Answer(report, draw_posterior(study, report, bars), tables=written)

@@ -64,17 +64,16 @@ def command(
     from femupdate.workflow.checks import readable
     from femupdate.workflow.diagnose import diagnose_study
     from femupdate.workflow.model import open_study
-    from femupdate.workflow.pictures_discrepancy import draw_diagnosis
     from femupdate.workflow.result_tables import diagnosis_tables
 
     source = readable(reading, *observations)
-    more = None if second is None else readable(reading, second)
+    other = None if second is None else readable(reading, second)
     model = open_study(study, building, bars)
     settings = DiagnosisSettings(seed=seed, sampled=sampled)
-    report = diagnose_study(study, model, source, settings, bars, not no_phase, more)
-    return Answer(
-        report,
-        draw_diagnosis(study, report) if pictures else (),
-        {"diagnosis": report.path},
-        tables=tables.write(study, diagnosis_tables(report)),
-    )
+    report = diagnose_study(study, model, source, settings, bars, not no_phase, other)
+    more, written = {"diagnosis": report.path}, tables.write(study, diagnosis_tables(report))
+    if not pictures:
+        return Answer(report, (), more, tables=written)
+    from femupdate.workflow.pictures_discrepancy import draw_diagnosis
+
+    return Answer(report, draw_diagnosis(study, report), more, tables=written)

@@ -100,7 +100,6 @@ def command(
       femupdate predict --record run2.csv --measured run2.csv --posterior roof
     """
     from femupdate.workflow.checks import open_calibrated
-    from femupdate.workflow.pictures_prediction import draw_prediction
     from femupdate.workflow.predict import predict_study
     from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource
     from femupdate.workflow.result_tables import prediction_tables
@@ -110,13 +109,14 @@ def command(
         study,
         open_calibrated(study, bars),
         RecordSource(record, unit, channel, scale),
-        PredictionSettings(
-            spectrum_damping=oscillators,
-            **settings,
-        ),
+        PredictionSettings(spectrum_damping=oscillators, **settings),
         measured=measured,
         columns=columns,
         progress=bars,
     )
-    drawn = draw_prediction(study, report, bars) if pictures else ()
-    return Answer(report, drawn, tables=tables.write(study, prediction_tables(report)))
+    written = tables.write(study, prediction_tables(report))
+    if not pictures:
+        return Answer(report, (), tables=written)
+    from femupdate.workflow.pictures_prediction import draw_prediction
+
+    return Answer(report, draw_prediction(study, report, bars), tables=written)

@@ -42,7 +42,7 @@ def driven_shapes(
     top_hz: float,
     *,
     tolerance: float = 1e-3,
-    most: int = 400,
+    most: int = 1200,
 ) -> DrivenShapes:
     """Shapes that give the response to some forces up to a frequency.
 

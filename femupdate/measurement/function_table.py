@@ -1,15 +1,19 @@
-"""Frequency response functions of a file with points, such as a universal file, as a table."""
+"""Functions of frequency in tables, and those of a file with points as a table."""
 
 import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from femupdate.measurement.columns import FREQUENCY
+from femupdate.measurement.columns import BASE, FREQUENCY, FrfColumn
+from femupdate.measurement.force_unit import force_unit
+from femupdate.measurement.frf_table import without_zero_frequency
+from femupdate.measurement.observation_file import Layout
 from femupdate.measurement.recording import RecordedFunction, Recording
 from femupdate.measurement.table import Table
 from femupdate.measurement.text import TextFile
 
+SOMEWHERE = "a force somewhere"
 _RESPONSES = ("frequency response", "transmissibility")
 _SHOWN = 8
 
@@ -76,6 +80,40 @@ def unnamed_functions(table: Table, at: int) -> tuple[RecordedFunction, ...]:
             ),
         )
     return tuple(found.values())
+
+
+def under_force(table: Table, layout: Layout) -> bool:
+    """Whether the columns of a table say that they are responses to a force."""
+    return any(
+        column.force or (column.part != "sd" and force_unit(table.units[i] or "") is not None)
+        for column, i in layout.frfs.items()
+    )
+
+
+def response_functions(table: Table, layout: Layout) -> tuple[RecordedFunction, ...]:
+    """The responses of floors to the base or to a force in a table, in the file's units."""
+    table = without_zero_frequency(table, layout.at)
+    forced, found = under_force(table, layout), []
+    for column, i in layout.frfs.items():
+        if column.part not in ("abs", "re"):
+            continue
+        imaginary = layout.frfs.get(FrfColumn(column.floor, "im", column.force))
+        values = table.values[:, i]
+        if column.part == "re" and imaginary is not None:
+            values = values + 1j * table.values[:, imaginary]
+        somewhere = SOMEWHERE if forced else BASE
+        found.append(
+            RecordedFunction(
+                kind="frequency response",
+                name=column.floor,
+                frequency_hz=np.asarray(table.values[:, layout.at]),
+                values=values,
+                unit=table.units[i] if forced else None,
+                response=column.floor,
+                reference=f"a force at {column.force}" if column.force else somewhere,
+            )
+        )
+    return tuple(found)
 
 
 def _listing(functions: Sequence[RecordedFunction]) -> str:

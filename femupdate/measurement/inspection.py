@@ -24,9 +24,12 @@ from femupdate.measurement.columns import (
     parse_frf_column,
 )
 from femupdate.measurement.direction import azimuth_of
-from femupdate.measurement.force_table import SOMEWHERE, force_functions, under_force
-from femupdate.measurement.frf_table import FrfTable
-from femupdate.measurement.function_table import unnamed_functions
+from femupdate.measurement.function_table import (
+    SOMEWHERE,
+    response_functions,
+    under_force,
+    unnamed_functions,
+)
 from femupdate.measurement.mode_checks import mode_findings
 from femupdate.measurement.mode_table import modes_in_table
 from femupdate.measurement.next_step import NextStep, columns_option, next_step
@@ -368,24 +371,9 @@ def _functions_of_table(
     ):
         return unnamed_functions(own, axis)
     layout = layout_of(own, columns)
-    if under_force(own, layout):
-        return force_functions(own, layout)
-    table = observation_in(recording, unit, columns)
-    if not isinstance(table, FrfTable):
-        return ()
-    curves = table.magnitude if table.complex_frf is None else table.complex_frf
-    return tuple(
-        RecordedFunction(
-            kind="frequency response",
-            name=floor,
-            frequency_hz=table.frequency_hz,
-            values=curve,
-            unit=None,
-            response=floor,
-            reference=BASE,
-        )
-        for floor, curve in zip(table.floors, curves, strict=True)
-    )
+    if not under_force(own, layout):
+        observation_in(recording, unit, columns)  # refuses what cannot be
+    return response_functions(own, layout)
 
 
 def _inspected(

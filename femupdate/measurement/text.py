@@ -2,9 +2,11 @@
 
 import codecs
 import difflib
+import importlib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from femupdate.errors import MeasurementError
 from femupdate.files import read_file
@@ -47,6 +49,24 @@ class TextFile:
         """Return (line number, text) of the lines that are neither blank nor comments (#, %)."""
         numbered = enumerate(self.lines, start=1)
         return [(n, line) for n, line in numbered if (s := line.strip()) and s[0] not in "#%"]
+
+
+def reading_package(file: TextFile, module: str, package: str, what: str) -> Any:
+    """The module of an optional package that reads a format.
+
+    Args:
+        what: files of the format, for the message.
+
+    Raises:
+        MeasurementError: it is not installed.
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError:
+        raise file.error(
+            f"{what} are read by {package}, which is not installed; install it with"
+            " pip install 'femupdate[formats]'"
+        ) from None
 
 
 def read_text(path: str | Path) -> TextFile:

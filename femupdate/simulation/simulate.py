@@ -1,7 +1,7 @@
 """simulate: a synthetic observation of a building whose truth is known, made in the time domain.
 
-The motion comes from the full model on a finer mesh than the one that will explain it, integrated
-mode by mode, and is seen by single accelerometers with their noise.
+The motion comes from the full model on a finer mesh than the one that will explain it, and is seen
+by single accelerometers with their noise.
 """
 
 import json
@@ -19,8 +19,6 @@ from femupdate.building.parameters import factor_ranges
 from femupdate.building.schema import Building
 from femupdate.building.shear import require_heights
 from femupdate.dynamics.damping import damping_law
-from femupdate.dynamics.history import HistorySettings, floor_histories
-from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed
 from femupdate.errors import BuildingError, MeasurementError, ModelError
 from femupdate.measurement.base_rotation import fault_of
@@ -29,8 +27,6 @@ from femupdate.measurement.observation_file import Histories
 from femupdate.measurement.record import GroundMotion
 from femupdate.measurement.write import write_observation_histories
 from femupdate.progress import SILENT, Progress
-from femupdate.simulation.effect_truth import effect_truth, fine_model
-from femupdate.simulation.full_model import SensorModel, sensor_model
 from femupdate.simulation.hidden_effect import parse_effect
 from femupdate.simulation.synthetic import (
     Simulation,
@@ -39,6 +35,7 @@ from femupdate.simulation.synthetic import (
     WrittenSimulation,
     label,
 )
+from femupdate.simulation.truth import Truth, fine_model, truth_of
 from femupdate.simulation.white_noise import white_noise
 from femupdate.study import file_hash, write_text
 
@@ -46,10 +43,7 @@ logger = logging.getLogger(__name__)
 
 DIGITS = 6  # of the numbers in the file
 _LARGEST_BAND = 0.9  # of the Nyquist frequency; the record is interpolated flat up to 0.92
-# The record is taken as straight between 32 points a sample: at half the Nyquist frequency that
-# loses 2e-4 of the response.
-_OVERSAMPLING = 32
-_MOST_SAMPLES = 500_000  # a channel: an hour and more at 100 Hz; with the oversampling 1 GB
+_MOST_SAMPLES = 500_000  # a channel: an hour and more at 100 Hz
 _LARGEST_RMS = 100.0  # m/s2
 _EXCITED = 0.01  # share of the mass from which a mode is worth naming
 
@@ -73,21 +67,25 @@ def simulate_observation(
     zeta = _zeta(building, chosen.zeta)
     motion = _with_rotation(building, chosen, _base_motion(chosen, streams[1]), streams[3])
     effects = tuple(parse_effect(building, name, own) for name, own in chosen.effects)
-    seen, exact = _motion(building, chosen, theta, zeta, effects, motion, progress)
-    base = Channel(channel_name(BASE, direction=seen.direction), BASE, "", seen.direction)
+    truth = _full_model(building, chosen, theta, effects, motion, progress)
+    progress.start("Integrating the motion", 1)
+    exact = truth.respond(0.0 if zeta is None else zeta, motion)
+    progress.advance()
+    fine = truth.fine
+    base = Channel(channel_name(BASE, direction=fine.direction), BASE, "", fine.direction)
     vertical = _vertical(chosen, motion)
     exact = np.vstack([motion.acceleration, exact, *vertical.values()])
     histories = Histories(
         motion.time_step,
-        (base, *seen.channels, *vertical),
+        (base, *fine.channels, *vertical),
         _record(exact, chosen, streams[2]),
         f"synthetic observation of {building.name}",
     )
-    truth = replace(
-        _truth(building, seen, theta, zeta, chosen.seed),
+    told = replace(
+        _truth(building, truth, theta, zeta, chosen.seed),
         effects=tuple((placed.label, values) for placed, values in effects),
     )
-    return Simulation(histories, truth, label(seen, truth, chosen, motion))
+    return Simulation(histories, told, label(truth, told, chosen, motion))
 
 
 def write_simulation(
@@ -226,50 +224,21 @@ def _top(settings: SimulationSettings) -> float:
     return nyquist if settings.base_motion else max(nyquist, 1.5 * settings.band_hz[1])
 
 
-def _motion(
+def _full_model(
     building: Building,
     settings: SimulationSettings,
     theta: Floats,
-    zeta: float | None,
     effects: tuple[tuple[Placed, tuple[float, ...]], ...],
     motion: GroundMotion,
     show: Progress,
-) -> tuple[SensorModel, Floats]:
-    """The full model and what its sensors feel (c, n), m/s2."""
-    size, points, top = settings.mesh_size, settings.sensors, _top(settings)
-    ratio = 0.0 if zeta is None else zeta
+) -> Truth:
+    """What moves, with what is hidden in it."""
     show.start("Solving the full model", 1)
-    turns = motion.rotation is not None
-    if effects or turns:
-        law = damping_law(building)
-        fine = fine_model(building, size, points)
-        truth = effect_truth(fine, theta, effects, law, top, turns)
-        seen = truth.seen
-    else:
-        truth, seen = None, sensor_model(building, theta, top, mesh_size=size, sensors=points)
+    fine = fine_model(building, settings.mesh_size, settings.sensors)
+    law, turns = damping_law(building), motion.rotation is not None
+    truth = truth_of(fine, theta, law, _top(settings), effects, turns)
     show.advance()
-    show.start("Integrating the motion", 1)
-    exact = (
-        _respond(building, seen, zeta, motion) if truth is None else truth.respond(ratio, motion)
-    )
-    show.advance()
-    return seen, exact
-
-
-def _respond(
-    building: Building, seen: SensorModel, zeta: float | None, motion: GroundMotion
-) -> Floats:
-    """Absolute acceleration of every sensor (c, n), m/s2."""
-    settings = HistorySettings(oversampling=_OVERSAMPLING, tolerance=0.0)
-    found = floor_histories(
-        System(seen.model, damping_law(building)),
-        np.zeros((1, 0)),
-        0.0 if zeta is None else zeta,
-        motion.acceleration,
-        motion.time_step,
-        settings=settings,
-    )
-    return found.floor_acceleration[0]
+    return truth
 
 
 def _record(exact: Floats, settings: SimulationSettings, rng: np.random.Generator) -> Floats:
@@ -280,17 +249,17 @@ def _record(exact: Floats, settings: SimulationSettings, rng: np.random.Generato
 
 
 def _truth(
-    building: Building, seen: SensorModel, theta: Floats, zeta: float | None, seed: int
+    building: Building, truth: Truth, theta: Floats, zeta: float | None, seed: int
 ) -> SimulationTruth:
-    driven = seen.effective_mass >= _EXCITED
+    driven = truth.effective_mass >= _EXCITED
     return SimulationTruth(
         parameters=tuple(factor_ranges(building)),
         theta=theta,
         zeta=zeta,
-        frequency_hz=seen.frequency_hz[driven],
-        effective_mass=seen.effective_mass[driven],
+        frequency_hz=truth.frequency_hz[driven],
+        effective_mass=truth.effective_mass[driven],
         building=building.name,
         building_hash=mechanics_hash(building),
-        mesh_size=seen.mesh_size,
+        mesh_size=truth.fine.mesh_size,
         seed=seed,
     )

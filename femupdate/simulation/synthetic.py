@@ -11,7 +11,8 @@ from femupdate import __version__
 from femupdate.arrays import Floats
 from femupdate.measurement.observation_file import Histories
 from femupdate.measurement.record import GroundMotion
-from femupdate.simulation.full_model import SensorModel, SensorPoints
+from femupdate.simulation.sensors import SensorPoints
+from femupdate.simulation.truth import FineModel, Truth
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,7 +23,7 @@ class SimulationSettings:
         theta: stiffness factors, one a story; drawn from the prior where None.
         zeta: damping ratio of all modes; the building's own damping where None.
         mesh_size: m; two fifths of the building's own where None.
-        sensors: points on every floor, or by floor (see `sensor_model`).
+        sensors: points on every floor, or by floor (see `sensor_places`).
         base_motion: motion of the base; band-limited white noise where None.
         duration_s, rms_m_s2, band_hz: of the white noise; the rms is that between the ramps of one
             second at both ends.
@@ -138,29 +139,29 @@ class WrittenSimulation:
 
 
 def label(
-    seen: SensorModel, truth: SimulationTruth, settings: SimulationSettings, motion: GroundMotion
+    model: Truth, truth: SimulationTruth, settings: SimulationSettings, motion: GroundMotion
 ) -> tuple[str, ...]:
     """Return the sentences that say what a simulated observation is."""
     quantised = settings.quantisation_m_s2
     step = "" if quantised is None else f", quantised to {quantised:g} m/s2"
     return (
         f"synthetic: made by femupdate {__version__} from building {truth.building}, "
-        f"{_mesh_words(seen)}, theta = {', '.join(f'{t:.6g}' for t in truth.theta)}, "
+        f"{_mesh_words(model)}, theta = {', '.join(f'{t:.6g}' for t in truth.theta)}, "
         f"{_damping_words(truth.zeta)}, seed {truth.seed}; not a measurement",
         *(f"hidden effect: {n}, {', '.join(f'{v:g}' for v in own)}" for n, own in truth.effects),
-        f"base motion along {seen.direction}: {_motion_words(settings, motion)}",
+        f"base motion along {model.fine.direction}: {_motion_words(settings, motion)}",
         *_rotation_words(settings),
         f"white noise of {settings.sensor_noise_m_s2:g} m/s2 rms on every channel{step}",
-        *_place_words(seen),
+        *_place_words(model.fine),
     )
 
 
-def _mesh_words(seen: SensorModel) -> str:
-    modes = len(seen.frequency_hz)
-    if seen.mesh_size is None:
-        own = f"its own mesh ({seen.dof} degrees of freedom, {modes} modes)"
-        return own if seen.places and seen.places[0] else "the chain itself"
-    return f"mesh {seen.mesh_size:g} m ({seen.dof} degrees of freedom, {modes} modes)"
+def _mesh_words(model: Truth) -> str:
+    fine = model.fine
+    if fine.structure.is_stick:
+        return "the chain itself"
+    mesh = "its own mesh" if fine.mesh_size is None else f"mesh {fine.mesh_size:g} m"
+    return f"{mesh} ({fine.dof} degrees of freedom, {len(model.frequency_hz)} shapes)"
 
 
 def _damping_words(zeta: float | None) -> str:
@@ -188,7 +189,7 @@ def _rotation_words(settings: SimulationSettings) -> tuple[str, ...]:
     )
 
 
-def _place_words(seen: SensorModel) -> tuple[str, ...]:
+def _place_words(seen: FineModel) -> tuple[str, ...]:
     """Where the sensors are: one line where all floors are alike, else one a floor."""
     by_floor: dict[str, list[str]] = {}
     for channel, place in zip(seen.channels, seen.places, strict=True):

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,13 +11,14 @@ from femupdate.discrepancy.fit import Fit
 from femupdate.discrepancy.frf_data import FrfData
 from femupdate.discrepancy.residual_map import Cell, residual_cells
 from femupdate.effects.drawn_building import DrawnBuilding
+from femupdate.report.figure import save_figure
+from femupdate.report.geometry import Geometry
+from femupdate.report.glyphs import drawn
+from femupdate.report.plot_diagnosis import Columns, Ranked, ranking, residual_map
+from femupdate.report.plot_repair import Curves, GapStory, Scene, gap_story
 from femupdate.study import Study
 from femupdate.workflow.diagnose import DiagnosisReport, shown_size
 from femupdate.workflow.repair import RepairReport
-
-if TYPE_CHECKING:
-    from femupdate.report.plot_diagnosis import Columns
-    from femupdate.report.plot_repair import Curves, Scene
 
 _SHOWN = 8
 _MAP_TITLE = "Where model and measurement disagree"
@@ -26,8 +26,6 @@ _MAP_TITLE = "Where model and measurement disagree"
 
 def draw_diagnosis(study: Study, report: DiagnosisReport) -> tuple[Path, ...]:
     """Draw the maps of residuals and, where anything was fitted, the ranking."""
-    from femupdate.report.figure import save_figure
-    from femupdate.report.plot_diagnosis import Ranked, ranking
 
     found = report.diagnosis
     needed = report.settings.over_none
@@ -49,8 +47,6 @@ def draw_diagnosis(study: Study, report: DiagnosisReport) -> tuple[Path, ...]:
 
 def draw_repair(study: Study, report: RepairReport) -> tuple[Path, ...]:
     """Draw the maps of residuals before and after, and the picture that tells the whole story."""
-    from femupdate.report.figure import save_figure
-    from femupdate.report.plot_repair import GapStory, gap_story
 
     problem, done, held = report.problem, report.repair, report.held
     maps = [("Before", residual_cells(problem, done.before))]
@@ -83,8 +79,6 @@ def _draw_maps(
     study: Study, name: str, models: Sequence[tuple[str, tuple[Cell, ...]]], title: str = _MAP_TITLE
 ) -> Iterator[Path]:
     """Draw the residuals of one model or several, one picture a kind of data."""
-    from femupdate.report.figure import save_figure
-    from femupdate.report.plot_diagnosis import residual_map
 
     for kind in dict.fromkeys(cell.data for cell in models[0][1]):
         maps = [(model, _map_of(cells, kind)) for model, cells in models]
@@ -100,11 +94,8 @@ def _draw_maps(
         yield save_figure(figure, study.path("pictures", f"{file}.png"))
 
 
-def _scene(report: RepairReport, maps: list[tuple[str, tuple[Cell, ...]]]) -> "Scene":
+def _scene(report: RepairReport, maps: list[tuple[str, tuple[Cell, ...]]]) -> Scene:
     """The building with what was added drawn where it sits, beside the first maps of residuals."""
-    from femupdate.report.geometry import Geometry
-    from femupdate.report.glyphs import drawn
-    from femupdate.report.plot_repair import Scene
 
     structure = report.problem.reduced.structure
     building = DrawnBuilding(structure)
@@ -119,9 +110,8 @@ def _scene(report: RepairReport, maps: list[tuple[str, tuple[Cell, ...]]]) -> "S
     )
 
 
-def _curves(report: RepairReport, data: FrfData) -> "Curves":
+def _curves(report: RepairReport, data: FrfData) -> Curves:
     """The first record's FRFs, measured and as the models give them."""
-    from femupdate.report.plot_repair import Curves
 
     done = report.repair
     first_record = slice(data.blocks[0].points)
@@ -139,9 +129,8 @@ def _log_frf(data: FrfData, fitted: Fit) -> Floats:
     return np.asarray(data.drawn(fitted.system, *fitted.split).abs().log().numpy())
 
 
-def _map_of(cells: Sequence[Cell], kind: str) -> "tuple[tuple[str, ...], Columns, Floats]":
+def _map_of(cells: Sequence[Cell], kind: str) -> tuple[tuple[str, ...], Columns, Floats]:
     """Rows, columns, and rms residual over noise (f, b), of one kind of data."""
-    from femupdate.report.plot_diagnosis import Columns
 
     own = [cell for cell in cells if cell.data == kind]
     rows = tuple(dict.fromkeys(cell.floor for cell in own))

@@ -7,6 +7,10 @@ import numpy as np
 from femupdate.building.parameters import factor_titles
 from femupdate.measurement.observation import on_all_floors
 from femupdate.progress import SILENT, Progress
+from femupdate.report import plot_frf
+from femupdate.report.figure import save_figure
+from femupdate.report.plot_intervals import theta_intervals
+from femupdate.report.plot_posterior import SampleSet, posterior_pairs
 from femupdate.study import Study
 from femupdate.workflow.calibrate_draws import predictive_log_frf
 from femupdate.workflow.calibration_report import CalibrationReport
@@ -18,10 +22,6 @@ def draw_posterior(
     study: Study, report: CalibrationReport, progress: Progress = SILENT
 ) -> tuple[Path, ...]:
     """Draw the FRF fit, pairs of parameters and intervals of a posterior."""
-    from femupdate.report import plot_frf
-    from femupdate.report.figure import save_figure
-    from femupdate.report.plot_intervals import theta_intervals
-    from femupdate.report.plot_posterior import SampleSet, posterior_pairs
 
     model, posterior = report.model, report.posterior
     progress.start("Drawing", 3)
@@ -71,8 +71,6 @@ def draw_cases(study: Study, cases: dict[str, CalibrationReport], truth: tuple[f
     Args:
         cases: at least one.
     """
-    from femupdate.report.figure import save_figure
-    from femupdate.report.plot_posterior import SampleSet, posterior_pairs
 
     first = next(iter(cases.values())).posterior
     figure = posterior_pairs(
@@ -86,9 +84,6 @@ def draw_cases(study: Study, cases: dict[str, CalibrationReport], truth: tuple[f
 
 def draw_comparison(report: CompareReport, path: Path) -> Path:
     """Draw the intervals of all factors before and after."""
-    from femupdate.report.figure import save_figure
-    from femupdate.report.plot_intervals import theta_intervals
-    from femupdate.report.plot_posterior import SampleSet
 
     prior = report.before.posterior
     columns = [prior.names.index(name) for name in report.names]

@@ -5,6 +5,11 @@ from pathlib import Path
 from femupdate.arrays import Floats
 from femupdate.dynamics.member_histories import MemberForces
 from femupdate.progress import SILENT, Progress
+from femupdate.report.figure import save_figure
+from femupdate.report.plot_drift import story_shear_drift
+from femupdate.report.plot_history import floor_history_bands
+from femupdate.report.plot_members import member_force_bands
+from femupdate.report.plot_spectra import floor_spectra_bands
 from femupdate.study import Study
 from femupdate.workflow.predict import PredictionReport
 
@@ -13,11 +18,6 @@ def draw_prediction(
     study: Study, report: PredictionReport, progress: Progress = SILENT
 ) -> tuple[Path, ...]:
     """Draw histories and stories; floor spectra and members where they were asked for."""
-    from femupdate.report.figure import save_figure
-    from femupdate.report.plot_drift import story_shear_drift
-    from femupdate.report.plot_history import floor_history_bands
-    from femupdate.report.plot_members import member_force_bands
-    from femupdate.report.plot_spectra import floor_spectra_bands
 
     summary, motion = report.summary, report.motion
     progress.start("Drawing", 2)

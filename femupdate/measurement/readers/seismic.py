@@ -12,7 +12,7 @@ from femupdate.measurement.direction import azimuth_of
 from femupdate.measurement.gse import gse_samples
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import Recording
-from femupdate.measurement.text import TextFile
+from femupdate.measurement.text import TextFile, reading_package
 from femupdate.measurement.thresholds import TIMES
 
 # Second letter of a channel's code in the SEED convention: what the instrument feels.
@@ -54,13 +54,7 @@ def _read(path: Path) -> Recording:
             traces have no time in common.
     """
     file = TextFile(path)
-    try:
-        import obspy
-    except ImportError:
-        raise file.error(
-            "records of seismic networks are read by ObsPy, which is not installed; install it"
-            " with pip install 'femupdate[formats]'"
-        ) from None
+    obspy = reading_package(file, "obspy", "ObsPy", "records of seismic networks")
     with warnings.catch_warnings(), path.open("rb") as stream:
         warnings.simplefilter("ignore")
         kind = _format(stream.read(_HEAD).decode("latin-1"), path.suffix.lower())

@@ -12,7 +12,7 @@ from femupdate.measurement.quantity import is_acceleration
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.sampling import uniform_step
-from femupdate.measurement.text import TextFile
+from femupdate.measurement.text import TextFile, reading_package
 from femupdate.measurement.thresholds import TIMES
 
 _STEP = "wf_increment"
@@ -32,15 +32,9 @@ def _read(path: Path) -> Recording:
             has a time step.
     """
     file = TextFile(path)
+    nptdms = reading_package(file, "nptdms", "npTDMS", "TDMS files")
     try:
-        from nptdms import TdmsFile
-    except ImportError:
-        raise file.error(
-            "TDMS files are read by npTDMS, which is not installed; install it with"
-            " pip install 'femupdate[formats]'"
-        ) from None
-    try:
-        groups = TdmsFile.read(path).groups()
+        groups = nptdms.TdmsFile.read(path).groups()
         found = [(group.name, one) for group in groups for one in group.channels()]
         numbers = [
             (name, one) for name, one in found if len(one) > 1 and one[:].dtype.kind in "fiu"

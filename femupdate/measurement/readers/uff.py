@@ -4,7 +4,7 @@ import contextlib
 import io
 import re
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from femupdate.measurement.force_unit import force_unit
 from femupdate.measurement.quantity import is_acceleration
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import RecordedFunction, RecordedMode, Recording
-from femupdate.measurement.text import TextFile
+from femupdate.measurement.text import TextFile, reading_package
 
 _FIRST = re.compile(r"\s*-1[ \t\r]*\n\s*\d{2,5}b?\b")
 _READ = (15, 55, 58, 151, 164, 2411, 2412, 2414)
@@ -67,13 +67,7 @@ def _read(path: Path) -> Recording:
             read is there.
     """
     file = TextFile(path)
-    try:
-        import pyuff
-    except ImportError:
-        raise file.error(
-            "universal files are read by pyuff, which is not installed; install it with"
-            " pip install 'femupdate[formats]'"
-        ) from None
+    pyuff = reading_package(file, "pyuff", "pyuff", "universal files")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -206,27 +200,15 @@ def _is_motion(one: Mapping[str, Any]) -> bool:
 
 def _result(one: Mapping[str, Any]) -> RecordedMode:
     """A mode of set 2414, whose records 10 to 13 depend on the kind of analysis."""
-    complex_ = one["data_type"] in _COMPLEX_DATA
     rows = np.array(one["data_at_node"], dtype=np.float64)
-    shape = rows[:, ::2] + 1j * rows[:, 1::2] if complex_ else rows
-    frequency, viscous = (one.get(f"record12_field{k}", 0.0) for k in (2, 5))
-    damping = viscous if viscous > 0.0 else None
+    if one["data_type"] in _COMPLEX_DATA:
+        rows = rows[:, ::2] + 1j * rows[:, 1::2]
     if one["analysis_type"] in _COMPLEX_MODES:
-        root = complex(one["record13_field1"], one["record13_field2"])
-        frequency = abs(root) / (2.0 * np.pi)
-        damping = -root.real / abs(root) if abs(root) > 0.0 else None
-    sensors = tuple(
-        f"point {int(number)} {_DIRECTIONS[k]}"
-        for number in one["node_nums"]
-        for k in _COMPONENTS[: shape.shape[1]]
-    )
-    return RecordedMode(
-        frequency_hz=float(frequency),
-        damping=damping,
-        sensors=sensors,
-        shape=shape.reshape(-1),
-        name=str(int(one.get("record10_field6", 0)) or int(one["analysis_dataset_label"])),
-    )
+        figures = _of_root(complex(one["record13_field1"], one["record13_field2"]))
+    else:
+        figures = _of_real(*(one.get(f"record12_field{k}", 0.0) for k in (2, 5)))
+    name = str(int(one.get("record10_field6", 0)) or int(one["analysis_dataset_label"]))
+    return _recorded(one, rows, _COMPONENTS[: rows.shape[1]], figures, name)
 
 
 def _is_mode(one: Mapping[str, Any]) -> bool:
@@ -234,30 +216,44 @@ def _is_mode(one: Mapping[str, Any]) -> bool:
 
 
 def _mode(one: Mapping[str, Any]) -> RecordedMode:
-    given = [k for k in range(1, 7) if f"r{k}" in one]
-    shape = np.column_stack([one[f"r{k}"] for k in given]).reshape(-1)
-    sensors = tuple(
-        f"point {int(number)} {_DIRECTIONS[k]}"
-        for number in one["node_nums"]
-        for k in _COMPONENTS[: len(given)]
-    )
+    """A mode of set 55."""
+    given = [k for k in _COMPONENTS if f"r{k}" in one]
+    rows = np.column_stack([one[f"r{k}"] for k in given])
     name = str(int(one["mode_n"])) if "mode_n" in one else ""
     if one["analysis_type"] == _MODES:
-        viscous = float(one["modal_damp_vis"])
-        damping = viscous if viscous > 0.0 else None
-        return RecordedMode(
-            frequency_hz=float(one["freq"]),
-            damping=damping,
-            sensors=sensors,
-            shape=shape,
-            name=name,
-        )
-    root = complex(one["eig"])
+        figures = _of_real(one["freq"], one["modal_damp_vis"])
+    else:
+        figures = _of_root(complex(one["eig"]))
+    return _recorded(one, rows, _COMPONENTS[: len(given)], figures, name)
+
+
+def _of_real(frequency: float, viscous: float) -> tuple[float, float | None]:
+    """Frequency, Hz, and damping ratio of a real mode; none is written as zero."""
+    return float(frequency), float(viscous) if viscous > 0.0 else None
+
+
+def _of_root(root: complex) -> tuple[float, float | None]:
+    """Likewise of an eigenvalue."""
+    return abs(root) / (2.0 * np.pi), -root.real / abs(root) if abs(root) > 0.0 else None
+
+
+def _recorded(
+    one: Mapping[str, Any],
+    rows: NDArray[np.inexact],
+    components: Sequence[int],
+    figures: tuple[float, float | None],
+    name: str,
+) -> RecordedMode:
+    """A mode of shapes (nodes, components), with frequency, Hz, and damping ratio."""
+    frequency, damping = figures
+    sensors = [
+        f"point {int(number)} {_DIRECTIONS[k]}" for number in one["node_nums"] for k in components
+    ]
     return RecordedMode(
-        frequency_hz=abs(root) / (2.0 * np.pi),
-        damping=-root.real / abs(root) if abs(root) > 0.0 else None,
-        sensors=sensors,
-        shape=shape,
+        frequency_hz=frequency,
+        damping=damping,
+        sensors=tuple(sensors),
+        shape=rows.reshape(-1),
         name=name,
     )
 

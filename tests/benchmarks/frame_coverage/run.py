@@ -15,6 +15,7 @@ from femupdate.arrays import Flags, Floats
 from femupdate.building.files import load_building
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.quantities import ALL
+from femupdate.dynamics.damping import damping_law
 from femupdate.dynamics.history import HistorySettings, floor_histories
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.dynamics.system import System
@@ -22,7 +23,7 @@ from femupdate.measurement.columns import BASE, Channel
 from femupdate.measurement.observation_file import Histories
 from femupdate.measurement.record import GroundMotion
 from femupdate.measurement.write import write_observation_histories
-from femupdate.simulation.full_model import SensorModel, sensor_model
+from femupdate.simulation.truth import FineModel, fine_model, truth_of
 from femupdate.study import Study, write_text
 from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.calibrate_settings import CalibrationSettings
@@ -157,13 +158,14 @@ def _by_opensees(shell: str, building: FrameBuilding, theta: Floats) -> ReducedM
 
 def meshed(ratio: float, building: FrameBuilding, theta: Floats) -> ReducedModel:
     """All modes below the sampling rate's half, and floors that are the means of their sensors."""
-    seen = sensor_model(building, theta, 0.5 * RATE_HZ, mesh_size=ratio * building.mesh.size)
-    own = sensor_rows(building, seen)
-    rows = np.array([seen.model.floor_shapes[own[floor]].mean(axis=0) for floor in own])
-    return replace(seen.model, floor_shapes=rows, floors=building.floors)
+    fine = fine_model(building, ratio * building.mesh.size)
+    model = truth_of(fine, theta, damping_law(building), 0.5 * RATE_HZ).system.model
+    own = sensor_rows(building, fine)
+    rows = np.array([model.floor_shapes[own[floor]].mean(axis=0) for floor in own])
+    return replace(model, floor_shapes=rows, floors=building.floors, rotation=None)
 
 
-def sensor_rows(building: FrameBuilding, seen: SensorModel) -> dict[str, list[int]]:
+def sensor_rows(building: FrameBuilding, seen: FineModel) -> dict[str, list[int]]:
     """Rows of the building's own sensors on every floor, whose mean it is observed by."""
     found: dict[str, list[int]] = {floor: [] for floor in building.floors}
     for row, (channel, place) in enumerate(zip(seen.channels, seen.places, strict=True)):

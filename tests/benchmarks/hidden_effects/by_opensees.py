@@ -14,8 +14,7 @@ from femupdate.effects.structure import Structure
 from femupdate.fe.element import Elements
 from femupdate.fe.elements.beam import Beams
 from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel, PointMasses
-from femupdate.simulation.effect_truth import FineModel, Truth
-from femupdate.simulation.full_model import SensorModel
+from femupdate.simulation.truth import FineModel, Truth
 
 from ..frame_coverage.opensees import SHELLS, opensees_modes
 from .measurement import HiddenEffect, MeasuredBuilding
@@ -68,18 +67,9 @@ def opensees_truth(fine: FineModel, measured: MeasuredBuilding, shell: str) -> T
     law = damping_law(measured.building)
     system = System(reduced, law, placed, (ReducedTerms(),) * len(placed))
     frequency = np.sqrt(np.diag(reduced.stiffness_constant)) / (2.0 * np.pi)
-    sensors = SensorModel(
-        model=reduced,
-        channels=fine.channels,
-        places=fine.places,
-        frequency_hz=frequency,
-        effective_mass=reduced.excitation**2 / structure.rigid_mass[0, 0],
-        direction="xy"[structure.direction],
-        mesh_size=fine.mesh_size,
-        dof=len(structure.axis),
-    )
+    share = reduced.excitation**2 / structure.rigid_mass[0, 0]
     own = tuple(value for _, values in instruments for value in values)
-    return Truth(sensors, system, np.zeros(0), own)
+    return Truth(fine, system, np.zeros(0), own, frequency, share)
 
 
 def _changed(

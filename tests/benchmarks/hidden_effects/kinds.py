@@ -12,7 +12,7 @@ from femupdate.inference.modal_likelihood import ModalErrors
 from femupdate.measurement.force_frf import ForcedObservation
 from femupdate.measurement.modes import IdentifiedModes
 from femupdate.measurement.observation import Observation
-from femupdate.simulation.effect_truth import Truth
+from femupdate.simulation.truth import Truth
 from femupdate.workflow.finder_data import Given
 from femupdate.workflow.kinds import Measured, no_base_motion
 

@@ -14,7 +14,7 @@ from femupdate.measurement.frf import estimate_frf
 from femupdate.measurement.observation import Observation
 from femupdate.measurement.observation_file import Histories
 from femupdate.measurement.record import GroundMotion, read_record
-from femupdate.simulation.effect_truth import FineModel, Truth, effect_truth
+from femupdate.simulation.truth import FineModel, Truth, truth_of
 from femupdate.simulation.white_noise import white_noise
 
 # Shaking of the base: half of the trials white, a quarter each an earthquake simulated or recorded.
@@ -75,7 +75,7 @@ class MeasuredBuilding:
     def truth(self, fine: FineModel) -> Truth:
         """Its response, on the fine mesh."""
         law, top_hz = damping_law(self.building), self.building.frequency_grid.stop
-        return effect_truth(fine, self.theta, self.effects, law, top_hz)
+        return truth_of(fine, self.theta, law, top_hz, self.effects)
 
     def record(self, truth: Truth, rng: np.random.Generator, share: float = 1.0) -> Histories:
         """What the recorder writes, of a share of the duration."""
@@ -86,8 +86,8 @@ class MeasuredBuilding:
         exact = np.vstack([motion.acceleration, truth.respond(self.zeta, motion)])
         noisy = exact + settings.sensor_noise_m_s2 * rng.standard_normal(exact.shape)
         step = settings.quantisation_m_s2
-        base = Channel(BASE, BASE, "", truth.seen.direction)
-        channels = (base, *truth.seen.channels)
+        base = Channel(BASE, BASE, "", truth.fine.direction)
+        channels = (base, *truth.fine.channels)
         return Histories(motion.time_step, channels, step * np.round(noisy / step), "trial")
 
     def _motion(self, duration: float, top: float, rng: np.random.Generator) -> GroundMotion:
@@ -109,7 +109,7 @@ class MeasuredBuilding:
         self, truth: Truth, rng: np.random.Generator
     ) -> tuple[Observation, tuple[Observation, ...]]:
         """FRFs by Welch's method of what the recorder wrote, and of both halves of it."""
-        grid, direction = self.building.frequency_grid.frequencies_hz(), truth.seen.direction
+        grid, direction = self.building.frequency_grid.frequencies_hz(), truth.fine.direction
         record = self.record(truth, rng)
         halves = tuple(estimate_frf(record, grid, direction, half=number) for number in (0, 1))
         return estimate_frf(record, grid, direction), halves

@@ -18,7 +18,7 @@ from femupdate.dynamics.transformed import transformed_sensors
 from femupdate.effects.effect import Effect
 from femupdate.errors import ReportError
 from femupdate.progress import SILENT, Progress
-from femupdate.simulation.effect_truth import FineModel, Truth, fine_model
+from femupdate.simulation.truth import FineModel, Truth, fine_model
 from femupdate.study import Study
 from femupdate.workflow.diagnose import finder_model
 from femupdate.workflow.finder_data import Given
@@ -320,7 +320,7 @@ def _held_out_errors(
 ) -> tuple[float, float, float]:
     """Relative error of predicted histories in another motion, before, after, and of noise."""
     histories = measured.record(truth, rng, share=0.5)
-    floors = floor_means(histories, measured.building.floors, truth.seen.direction)
+    floors = floor_means(histories, measured.building.floors, truth.fine.direction)
     size = float(np.sqrt((floors**2).mean()))
     errors = []
     for fitted in (found.before, found.after):

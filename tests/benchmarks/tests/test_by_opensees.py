@@ -22,7 +22,7 @@ from femupdate.dynamics.damping import ConstantDamping
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.errors import ReportError
-from femupdate.simulation.effect_truth import effect_truth, fine_model
+from femupdate.simulation.truth import fine_model, truth_of
 from femupdate.study import Study
 from femupdate.workflow.model import open_study
 
@@ -40,8 +40,8 @@ def frequencies(fine, effects=()):
     """The lowest three by OpenSees and by our own solver (2, 3)."""
     measured = MeasuredBuilding(fine.building, TrialSettings(), THETA, 0.02, effects)
     theirs = opensees_truth(fine, measured, "ASDShellQ4")
-    ours = effect_truth(fine, THETA, effects, ConstantDamping(), 12.0)
-    return np.stack([one.seen.frequency_hz[:3] for one in (theirs, ours)])
+    ours = truth_of(fine, THETA, ConstantDamping(), 12.0, effects)
+    return np.stack([one.frequency_hz[:3] for one in (theirs, ours)])
 
 
 @pytest.fixture(scope="module")

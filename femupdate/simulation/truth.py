@@ -1,8 +1,9 @@
-"""A building with an effect put into its full model, seen by its accelerometers one by one.
+"""A building's own equations at one theta, seen by its accelerometers one by one.
 
-The effect is put into the full equations of a finer mesh; what moves is followed by the shapes
-that the forces in the changed structure drive. Histories come from the complex FRFs of every sensor
-at every frequency of the padded record, which is exact for a linear structure.
+Nothing is shared with the model that inference uses: a frame is meshed finer, and hidden effects
+are put into its full equations. What moves is followed by the shapes that the forces drive.
+Histories come from the complex FRFs of every sensor at every frequency of the padded record, which
+is exact for a linear structure.
 """
 
 from dataclasses import dataclass
@@ -20,31 +21,65 @@ from femupdate.dynamics.projection import lumped
 from femupdate.dynamics.system import System
 from femupdate.dynamics.transformed import transformed_sensors
 from femupdate.effects.effect import Placed
-from femupdate.effects.structure import Structure, require_story_factors, structure_of
-from femupdate.errors import ModelError
+from femupdate.effects.structure import Structure, structure_of
+from femupdate.errors import BuildingError, ModelError
 from femupdate.fe.model import DOF_PER_NODE
 from femupdate.measurement.columns import Channel
 from femupdate.measurement.record import GroundMotion
-from femupdate.simulation.full_model import SensorModel, SensorPoints, sensor_model, sensor_places
+from femupdate.simulation.sensors import SensorPoints, sensor_places
 
 _REST = 1e-5  # share to which motion has decayed behind the record
 
 
 @dataclass(frozen=True, eq=False)
-class Truth:
-    """A building with effects at one theta.
+class FineModel:
+    """What of a truth depends on neither theta nor the effects: a building's own equations.
 
     Attributes:
-        seen: its sensors and modes.
+        building: with every sensor listed.
+        structure: the full model; a frame is meshed finer than for the updating.
+        channels: (c,) the sensors, floor by floor.
+        places: (c,) where each one is.
+        mesh_size: m; None for a shear building.
+    """
+
+    building: Building
+    structure: Structure
+    channels: tuple[Channel, ...]
+    places: tuple[str, ...]
+    mesh_size: float | None
+
+    @property
+    def direction(self) -> str:
+        """Of the motion, "x" or "y"."""
+        return "xy"[self.structure.direction]
+
+    @property
+    def dof(self) -> int:
+        """Degrees of freedom."""
+        return len(self.structure.axis)
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """A building at one theta, with the effects that are put into it.
+
+    Attributes:
+        fine: its sensors and mesh.
         system: its response, a row for every sensor.
         theta: (p,) stiffness factors; none where they are in the system already.
         values: parameters of the effects.
+        frequency_hz: (m,) of the shapes that it is followed by, Hz; a natural frequency where one
+            has converged.
+        effective_mass: (m,) share of the mass that each moves in the direction of the motion.
     """
 
-    seen: SensorModel
+    fine: FineModel
     system: System
     theta: Floats
     values: tuple[float, ...]
+    frequency_hz: Floats
+    effective_mass: Floats
 
     def respond(self, zeta: float, motion: GroundMotion) -> Floats:
         """Absolute accelerations (c, n), m/s2, under a base motion.
@@ -71,59 +106,44 @@ class Truth:
         return found.floor_acceleration[0]
 
 
-@dataclass(frozen=True, eq=False)
-class FineModel:
-    """What of a truth depends on neither theta nor the effects: a building's own equations.
-
-    Attributes:
-        building: with every sensor listed.
-        structure: the full model; a frame is meshed finer than for the updating.
-        channels: (c,) the sensors, floor by floor.
-        places: (c,) where each one is.
-        mesh_size: m; None for a shear building.
-    """
-
-    building: Building
-    structure: Structure
-    channels: tuple[Channel, ...]
-    places: tuple[str, ...]
-    mesh_size: float | None
-
-
 def fine_model(
     building: Building, mesh_size: float | None = None, sensors: SensorPoints | None = None
 ) -> FineModel:
-    """Mesh and assemble a building.
+    """Mesh and assemble a building; a shear building is taken as it is.
 
     Args:
-        mesh_size: m; two fifths of the building's own where None.
+        mesh_size, sensors: see `sensor_places`.
 
     Raises:
-        BuildingError, ModelError: as `sensor_model`.
+        BuildingError, ModelError: as `sensor_places`, or a shear building is given either.
     """
-    require_story_factors(building)
     if isinstance(building, ShearBuilding):
-        ones = np.ones(len(building.stories))
-        seen = sensor_model(building, ones, 1.0, mesh_size=mesh_size, sensors=sensors)
-        return FineModel(building, structure_of(building), seen.channels, seen.places, None)
+        if sensors is not None or mesh_size is not None:
+            raise BuildingError(
+                f"{building.name}: a shear building has neither a mesh nor sensor points; leave "
+                "both out"
+            )
+        channels = tuple(Channel(floor, floor) for floor in building.floors)
+        places = ("",) * len(channels)
+        return FineModel(building, structure_of(building), channels, places, None)
     sensed, size, channels, places = sensor_places(building, mesh_size, sensors)
     return FineModel(sensed, structure_of(sensed, size), channels, places, size)
 
 
-def effect_truth(
+def truth_of(
     fine: FineModel,
     theta: Floats,
-    effects: tuple[tuple[Placed, tuple[float, ...]], ...],
     law: DampingLaw,
     top_hz: float,
+    effects: tuple[tuple[Placed, tuple[float, ...]], ...] = (),
     turns: bool = False,
 ) -> Truth:
-    """Put effects into the full model of a building.
+    """The full model of a building at one theta.
 
     Args:
         theta: (p,) stiffness factors.
-        effects: each at its place, with all its parameters.
         top_hz: up to where the response to every force must be right.
+        effects: put into the model, each at its place, with all its parameters.
         turns: whether the base turns of itself.
 
     Raises:
@@ -131,10 +151,13 @@ def effect_truth(
     """
     structure, placed = fine.structure, tuple(one for one, _ in effects)
     values = tuple(v for _, own in effects for v in own)
-    if structure.operators is None or structure.mesh is None:
+    if structure.is_stick:
         reduced = lumped(structure)
         system = System(reduced.model, law, placed, tuple(reduced.terms(one) for one in placed))
-        return Truth(sensor_model(fine.building, theta, top_hz), system, theta, values)
+        squared, vectors = np.linalg.eigh(reduced.model.stiffness(theta))
+        share = (vectors.T @ reduced.model.excitation) ** 2
+        frequency = np.sqrt(np.maximum(squared, 0.0)) / (2.0 * np.pi)
+        return Truth(fine, system, theta, values, frequency, share / share.sum())
     found = driven_system(
         structure,
         placed,
@@ -148,17 +171,8 @@ def effect_truth(
     )
     below = found.frequency_hz < top_hz
     participation = (found.shapes[:, below].T @ structure.rigid_force[:, 0]) ** 2
-    seen = SensorModel(
-        model=found.system.model,
-        channels=fine.channels,
-        places=fine.places,
-        frequency_hz=found.frequency_hz[below],
-        effective_mass=participation / structure.rigid_mass[0, 0],
-        direction="xy"[structure.direction],
-        mesh_size=fine.mesh_size,
-        dof=len(structure.axis),
-    )
-    return Truth(seen, found.system, np.zeros(0), values)
+    share = participation / structure.rigid_mass[0, 0]
+    return Truth(fine, found.system, np.zeros(0), values, found.frequency_hz[below], share)
 
 
 def _sensors(fine: FineModel) -> Sensors:
