@@ -13,7 +13,7 @@ from typing import Any, Generic, TypeVar
 
 from femupdate import __version__
 from femupdate.errors import WorkersError
-from femupdate.workers import processor_count
+from femupdate.workers import OneByOne, processor_count, working_on
 
 logger = logging.getLogger(__name__)
 
@@ -173,4 +173,5 @@ def _done(work: _Work[A, T], piece: _Piece[A]) -> T:
     # For good: threads of one worker would give each other's numbers back.
     torch.set_num_threads(1)
     threadpool_limits(1)
-    return work.task(piece.argument)
+    with working_on(OneByOne()):
+        return work.task(piece.argument)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -33,6 +34,7 @@ from femupdate.discrepancy.thresholds import FIT, VERDICT, DiagnosisSettings
 from femupdate.effects.effect import Placed
 from femupdate.progress import SILENT, Progress
 from femupdate.units import percent
+from femupdate.workers import in_threads
 
 NONE, NAMED, PARTLY, AMBIGUOUS = "none", "named", "partly", "ambiguous"
 INDISTINGUISHABLE, UNKNOWN = "indistinguishable", "unknown"
@@ -205,7 +207,7 @@ def diagnose(
     problem = base.problem
     progress.advance(note="testing every effect")
     scores = sorted(
-        (score(problem, base, placed) for placed in candidates(problem, base.placed)),
+        in_threads(partial(score, problem, base), candidates(problem, base.placed)),
         key=lambda one: -abs(one.statistic),
     )
     unobservable = (
@@ -285,7 +287,7 @@ def _with_exchanges(
     """The fits with channels exchanged: without the exchange theta may lie far off."""
     exchanges = [one.placed for one in scores if one.placed.exchange]
     best = max(log_posterior(problem, one) for one in [base, *fits])
-    again = [settle(problem, one) for one in exchange_fits(problem, base, exchanges, seed)]
+    again = in_threads(partial(settle, problem), exchange_fits(problem, base, exchanges, seed))
     again = [one for one in again if log_posterior(problem, one) > best]
     redone = {one.placed[-1] for one in again}
     return [*(one for one in fits if one.placed[-1] not in redone), *again]
@@ -304,13 +306,14 @@ def _sharper(problem: Problem, fits: list[Fit]) -> list[Fit]:
     """
     leading = sorted(fits, key=lambda one: -log_posterior(problem, one))[: FIT.others]
     sharp = problem.at_row(problem.error.first)
-    found = []
-    for one in fits:
-        if one in leading and one.problem.row != sharp.row:
-            other = settle(problem, fit(sharp, one.placed, one.z, FIT.steps, one.system))
-            one = max(one, other, key=lambda two: log_posterior(problem, two))
-        found.append(one)
-    return found
+
+    def sharpened(one: Fit) -> Fit:
+        if one not in leading or one.problem.row == sharp.row:
+            return one
+        other = settle(problem, fit(sharp, one.placed, one.z, FIT.steps, one.system))
+        return max(one, other, key=lambda two: log_posterior(problem, two))
+
+    return in_threads(sharpened, fits)
 
 
 def _leading(scores: list[Score], count: int) -> list[Score]:
@@ -337,18 +340,16 @@ def _fit_candidates(
 ) -> list[Fit]:
     """Fits with one effect more each; those that fall far behind are not followed."""
     small = problem.on_fewer()
-    begun = [_begun(small, base, one, distant) for one in tests]
-    enough = _enough(begun)
-    followed = [one if one.misfit > enough else _further(small, one) for one in begun]
+    begun = in_threads(lambda one: _begun(small, base, one, distant), tests)
+    near = _enough(begun)
+    followed = in_threads(lambda one: one if one.misfit > near else _further(small, one), begun)
     enough = _enough(followed)
-    return [
-        settle(
-            problem,
-            fit(problem, one.placed, one.z, 0 if one.misfit > enough else FIT.steps),
-            0 if one.misfit > enough else FIT.steps,
-        )
-        for one in followed
-    ]
+
+    def settled(one: Fit) -> Fit:
+        steps = 0 if one.misfit > enough else FIT.steps
+        return settle(problem, fit(problem, one.placed, one.z, steps), steps)
+
+    return in_threads(settled, followed)
 
 
 def _others(
@@ -372,19 +373,19 @@ def _others(
         there = distant.z[: len(base.z)]
         froms.append(fit(small, base.placed, there, 0, without.system))
     tests = [one for one in scores if one.placed.label not in known]
-    begun = (_glanced(froms, one) for one in tests)
+    begun = in_threads(partial(_glanced, froms), tests)
     near = sorted(begun, key=lambda one: one.misfit)[: FIT.ahead]
     ahead = sorted(
-        (_further(small, one, FIT.first_steps) for one in near), key=lambda one: one.misfit
+        in_threads(lambda one: _further(small, one, FIT.first_steps), near),
+        key=lambda one: one.misfit,
     )
     best = min(one.misfit for one in [without, *ahead])
     # Twice the log evidence of a name, which errors of the model only lower.
     enough = min(FIT.more * best, without.misfit - 2.0 * settings.over_none)
-    return [
-        settle(problem, fit(problem, one.placed, _further(small, one).z, FIT.steps))
-        for one in ahead[: FIT.others]
-        if one.misfit < enough
-    ]
+    return in_threads(
+        lambda one: settle(problem, fit(problem, one.placed, _further(small, one).z, FIT.steps)),
+        [one for one in ahead[: FIT.others] if one.misfit < enough],
+    )
 
 
 def _worth_all(problem: Problem, base: Fit, fits: list[Fit], settings: DiagnosisSettings) -> bool:
@@ -445,10 +446,12 @@ def _as_good(problem: Problem, base: Fit, fits: list[Fit]) -> Fit:
     Else an effect would be credited with a search that it led to a better place.
     """
     leading = sorted(fits, key=lambda one: -log_posterior(problem, one))[: FIT.again]
-    again = [
-        settle(problem, fit(problem, base.placed, one.z[: len(base.z)], FIT.steps, base.system))
-        for one in leading
-    ]
+    again = in_threads(
+        lambda one: settle(
+            problem, fit(problem, base.placed, one.z[: len(base.z)], FIT.steps, base.system)
+        ),
+        leading,
+    )
     return max([base, *again], key=lambda one: log_posterior(problem, one))
 
 
@@ -462,7 +465,7 @@ def _weigh(
     """Findings in the order of their evidence over the model without them."""
     by_label = {one.placed.label: one for one in scores}
     without = laplace(problem, base).log_evidence
-    gains = [laplace(problem, one).log_evidence - without for one in fits]
+    gains = [one.log_evidence - without for one in in_threads(partial(laplace, problem), fits)]
     evidence = {k: Evidence(gain) for k, gain in enumerate(gains)}
     order = sorted(evidence, key=lambda k: -gains[k])
     if settings.sampled and fits:
@@ -494,10 +497,12 @@ def _about_the_first(problem: Problem, base: Fit, fits: list[Fit]) -> list[float
     if problem.known is None:
         return []
     there = about(problem, fits[0])
-    values = [
-        laplace(there, settle(there, fit(there, one.placed, one.z, FIT.first_steps, one.system)))
-        for one in [base, *fits]
-    ]
+    values = in_threads(
+        lambda one: laplace(
+            there, settle(there, fit(there, one.placed, one.z, FIT.first_steps, one.system))
+        ),
+        [base, *fits],
+    )
     return [one.log_evidence - values[0].log_evidence for one in values[1:]]
 
 

@@ -7,6 +7,7 @@ are fitted as if noise were coarse, and those that then explain much as it is.
 """
 
 from dataclasses import dataclass
+from functools import partial
 
 import torch
 from torch import Tensor
@@ -15,6 +16,7 @@ from femupdate.discrepancy.fit import Fit, coarse, fit, prior_draws
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.thresholds import FIT, SEARCH, VERDICT
 from femupdate.effects.effect import Placed
+from femupdate.workers import in_threads
 
 _BATCH = 16
 
@@ -44,7 +46,9 @@ def exchange_fits(problem: Problem, base: Fit, exchanges: list[Placed], seed: in
         seed: of the draws.
     """
     promises = promising(problem, base, exchanges, seed)
-    return [fit(problem, (*base.placed, one.placed), one.z, FIT.far_steps) for one in promises]
+    return in_threads(
+        lambda one: fit(problem, (*base.placed, one.placed), one.z, FIT.far_steps), promises
+    )
 
 
 def promising(problem: Problem, base: Fit, exchanges: list[Placed], seed: int = 0) -> list[Promise]:
@@ -70,7 +74,7 @@ def promising(problem: Problem, base: Fit, exchanges: list[Placed], seed: int = 
     for number in misfit.amin(dim=1).argsort()[: SEARCH.exchanges].tolist():
         placed = (*alone.placed, exchanges[number])
         nearest = misfit[number].argsort()[: SEARCH.starts]
-        fits = [fit(wide, placed, z[k], FIT.rough_steps) for k in nearest.tolist()]
+        fits = in_threads(partial(fit, wide, placed, iterations=FIT.rough_steps), z[nearest])
         best = min(fits, key=lambda one: one.chi2)
         moved = base.z.clone()
         moved[columns] = best.z

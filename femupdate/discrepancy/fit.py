@@ -9,7 +9,7 @@ units of their prior's standard deviation.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import torch
@@ -23,6 +23,7 @@ from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed
 from femupdate.linear import least_squares
 from femupdate.seeds import Seed, torch_generator
+from femupdate.workers import in_threads
 
 
 @dataclass(frozen=True, eq=False)
@@ -494,13 +495,17 @@ def fit_baseline(
     # they are compared as if they were coarse.
     rough = coarse(problem)
     misfit = (evaluate(rough, system, where, z) ** 2).sum(dim=1)
-    near = [fit(rough, placed, z[k], FIT.rough_steps, system) for k in misfit.argsort()[:starts]]
+    roughly = partial(fit, rough, placed, iterations=FIT.rough_steps, system=system)
+    near = in_threads(roughly, z[misfit.argsort()[:starts]])
     near.sort(key=lambda one: one.misfit)
     # No few points decide while the model may err much.
     wide = problem.at_row(problem.error.start)
-    fits = [fit(wide, placed, one.z, FIT.far_steps, system) for one in near[: max(2, starts // 3)]]
-    settled = [settle(problem, one) for one in fits]
-    return sorted(settled, key=lambda one: -log_posterior(problem, one))
+
+    def settled(one: Fit) -> Fit:
+        return settle(problem, fit(wide, placed, one.z, FIT.far_steps, system))
+
+    fits = in_threads(settled, near[: max(2, starts // 3)])
+    return sorted(fits, key=lambda one: -log_posterior(problem, one))
 
 
 def log_posterior(problem: Problem, fitted: Fit) -> float:

@@ -6,6 +6,7 @@ peaks that do not meet yet show their distance.
 """
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 
 import torch
 from torch import Tensor
@@ -23,6 +24,7 @@ from femupdate.discrepancy.score import Score
 from femupdate.discrepancy.thresholds import FIT, SEARCH
 from femupdate.effects.effect import Placed
 from femupdate.seeds import spawn, torch_generator
+from femupdate.workers import in_threads
 
 
 def global_fit(
@@ -42,22 +44,21 @@ def global_fit(
     """
     rough = coarse(problem)
     alone = fit(rough, base.placed, base.z, 10)
-    screened = []
     most = _most(problem, scores, leading)
-    for placed in (one.placed for one in scores if not one.placed.exchange):
+
+    def screened(placed: Placed) -> tuple[float, tuple[Placed, ...], Tensor]:
         together = (*base.placed, placed)
-        widely = placed.label in most
-        z = _draws(rough, alone, together, seed) if widely else _own(rough, alone, together, seed)
+        drawn = _draws if placed.label in most else _own
+        z = drawn(rough, alone, together, seed)
         where = coordinates(rough, together)
         misfit = evaluate(rough, rough.system(together), where, z).square().sum(dim=1)
         nearest = misfit.sort()
-        screened.append((float(nearest.values[0]), together, z[nearest.indices[: SEARCH.starts]]))
-    screened.sort(key=lambda one: one[0])
-    fits = [
-        fit(rough, together, start, FIT.steps)
-        for _, together, starts in screened[: SEARCH.searched]
-        for start in starts
-    ]
+        return float(nearest.values[0]), together, z[nearest.indices[: SEARCH.starts]]
+
+    others = [one.placed for one in scores if not one.placed.exchange]
+    first = sorted(in_threads(screened, others), key=lambda one: one[0])[: SEARCH.searched]
+    begun = [(together, start) for _, together, starts in first for start in starts]
+    fits = in_threads(lambda one: fit(rough, *one, FIT.steps), begun)
     best = min(fits, key=lambda one: one.misfit, default=alone)
     if best.chi2 > SEARCH.better * alone.chi2:
         best = min([best, *_of_usual_size(rough, alone, scores)], key=lambda one: one.misfit)
@@ -71,15 +72,16 @@ def _of_usual_size(problem: Problem, alone: Fit, scores: Sequence[Score]) -> lis
 
     Where damping is low a draw of the prior seldom meets the peaks; steps lead there.
     """
-    begun = [
-        fit(problem, together, start, FIT.first_steps)
-        for placed in (one.placed for one in scores if one.placed.effect.parameters)
-        for together, start in _either_sign(problem, alone, placed)
+    starts = [
+        one
+        for placed in (score.placed for score in scores if score.placed.effect.parameters)
+        for one in _either_sign(problem, alone, placed)
     ]
+    begun = in_threads(lambda one: fit(problem, *one, FIT.first_steps), starts)
     begun.sort(key=lambda one: one.misfit)
     leading = {one.placed[-1].label: one for one in reversed(begun)}
     chosen = sorted(leading.values(), key=lambda one: one.misfit)[: SEARCH.searched]
-    return [fit(problem, one.placed, one.z, FIT.steps, one.system) for one in chosen]
+    return in_threads(lambda one: fit(problem, one.placed, one.z, FIT.steps, one.system), chosen)
 
 
 def _either_sign(
@@ -104,7 +106,8 @@ def _everywhere(problem: Problem, found: Fit, seed: int) -> list[Fit]:
     )
     misfit = evaluate(problem, found.system, where, z).square().sum(dim=1)
     nearest = misfit.argsort()[: SEARCH.many_starts]
-    return [fit(problem, found.placed, z[k], FIT.steps, found.system) for k in nearest.tolist()]
+    followed = partial(fit, problem, found.placed, iterations=FIT.steps, system=found.system)
+    return in_threads(followed, z[nearest])
 
 
 def _most(problem: Problem, scores: Sequence[Score], leading: Sequence[Placed]) -> set[str]:

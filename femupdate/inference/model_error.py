@@ -412,7 +412,7 @@ class LearnedError:
         found = self._factors.get(rows)
         if found is None:
             found = self._factored(rows)
-            if found.size + sum(one.size for one in self._factors.values()) < _KEPT:
+            if found.size + sum(one.size for one in list(self._factors.values())) < _KEPT:
                 self._factors[rows] = found
         return found
 
