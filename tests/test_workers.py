@@ -3,11 +3,12 @@
 import os
 import subprocess
 import sys
+import threading
 import time
 
 import pytest
 
-from femupdate.workers import everywhere, processor_count
+from femupdate.workers import everywhere, in_threads, processor_count, working_on
 
 
 def test_processors_that_this_process_may_use():
@@ -25,6 +26,29 @@ def test_systems_without_affinity(monkeypatch):
 def test_work_comes_back_in_order():
     assert list(everywhere(abs, [-3, 1, -4, 1, -5, 9, -2])) == [3, 1, 4, 1, 5, 9, 2]
     assert list(everywhere(abs, [])) == []
+
+
+def test_work_inside_of_a_piece_stays_in_its_thread():
+    """Else every processor would have as many pieces at work as there are processors."""
+
+    def outer(number):
+        inside = [lambda k=k: (number + k, threading.get_ident()) for k in range(4)]
+        found = in_threads(lambda task: task(), inside)
+        found += list(everywhere(lambda task: task(), inside))
+        assert {thread for _, thread in found} == {threading.get_ident()}
+        return [value for value, _ in found]
+
+    for number, values in enumerate(in_threads(outer, range(6))):
+        assert values == 2 * [number + k for k in range(4)]
+
+
+def test_small_pieces_do_not_leave_this_machine():
+    class Elsewhere:
+        def completed(self, task, arguments):
+            raise AssertionError("sent away")
+
+    with working_on(Elsewhere()):
+        assert in_threads(abs, [-2, 1]) == [2, 1]
 
 
 def test_what_fails_ends_the_rest():

@@ -306,7 +306,7 @@ def glance(without: Fit, one: Placed, start: Floats, steps: int) -> Begun:
         jacobian[:, first:] = _linearise(problem, model, where, z, first).jacobian
         return _Linear(z, residual, jacobian)
 
-    found = _search(problem, model, where, begun, steps, mended)
+    found = _search(problem, model, where, begun, steps, mended, linear=False)
     return Begun(placed, found.z, _objective(where, found.z, found.residual))
 
 
@@ -392,15 +392,18 @@ def _search(
     begun: _Linear,
     iterations: int,
     followed: "Callable[[Tensor, Tensor, _Linear], _Linear]",
+    *,
+    linear: bool = True,
 ) -> _Linear:
     """Levenberg and Marquardt's steps from a point.
 
     `followed` gives the Jacobian at unknowns and residuals reached, from that before. After the
-    last and smallest step that from before it serves.
+    last and smallest step that from before it serves; after the last of all, where none is needed
+    beyond the search (`linear`), too.
     """
     damping, most = FIT.damping
     now, objective = begun, _objective(where, begun.z, begun.residual)
-    for _ in range(iterations):
+    for left in reversed(range(iterations)):
         step = _tried(problem, system, where, now, (damping,), objective)
         step = step or _tried(problem, system, where, now, (10 * damping, 100 * damping), objective)
         if step is None:
@@ -410,7 +413,7 @@ def _search(
             continue
         gain = (objective - step.objective) / max(objective, 1.0)
         objective, damping = step.objective, max(step.damping / 10.0, 1e-6)
-        if gain < FIT.smallest_decrease:
+        if gain < FIT.smallest_decrease or not (left or linear):
             return replace(now, z=step.z, residual=step.residual)
         now = followed(step.z, step.residual, now)
     return now

@@ -84,7 +84,7 @@ def modal_sum(
     """
     # Arrays of all modes at all frequencies are by far the largest: some frequencies at a time, so
     # that they stay in the processor's cache.
-    width = max(_FEWEST, CACHED // inverse.numel())
+    width = max(_FEWEST, CACHED // max(1, inverse.numel()))
     if omega.numel() > width:
         parts = [modal_sum(inverse, ratio, pairs, some) for some in omega.split(width)]
         real, imaginary = zip(*parts, strict=True)

@@ -13,13 +13,15 @@ import torch
 from numpy.polynomial import chebyshev
 from torch import Tensor
 
-from femupdate.dynamics.modal import CACHED, modal_sum
+from femupdate.dynamics.modal import modal_sum
 
 _TINY = 1e-30
-# What modes far above the grid's top add varies smoothly over the grid: it is summed at a few
-# Chebyshev points and interpolated, with an error of 2.6^-20 of it (a pole at 1.25 times the top).
-_ABOVE = 1.25
+# What modes far from a band of frequencies add varies smoothly there: it is summed at a few
+# Chebyshev points and interpolated. A pole at 1.5 half widths from the middle leaves an error of
+# 2.6^-20 of it (Trefethen, Approximation Theory and Approximation Practice, theorem 8.2).
+_WIDE = 512
 _POINTS = 20
+_REACH = 1.5  # half widths
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,36 +160,71 @@ def _receptance(modes: Modes, ratio: Tensor, omega: Tensor, columns: Tensor) -> 
     """Displacement (N, o, c, k) of all rows under loads whose modal forces are (N, c, m)."""
     count, outputs, size = modes.rows.shape
     pairs = (modes.rows[:, :, None, :] * columns[:, None, :, :]).reshape(count, -1, size)
-    near = _near(modes.inverse, omega)
-    points, weights = _interpolation(omega) if near < size else (omega, omega)
-    parts = []
-    for start in range(0, count, step := max(1, CACHED // (near * len(omega)))):
-        own = slice(start, start + step)
-        inverse, damping, pair = modes.inverse[own], ratio[own], pairs[own]
-        real, imaginary = modal_sum(inverse[:, :near], damping[:, :near], pair[..., :near], omega)
-        if near < size:
-            rest = modal_sum(inverse[:, near:], damping[:, near:], pair[..., near:], points)
-            real, imaginary = real + rest[0] @ weights, imaginary + rest[1] @ weights
-        parts.append(torch.complex(real, imaginary))
-    return torch.cat(parts).reshape(count, outputs, columns.shape[1], len(omega))
-
-
-def _near(inverse: Tensor, omega: Tensor) -> int:
-    """How many modes, the lowest, are summed at every frequency."""
+    terms = modes.inverse, ratio, pairs
     if len(omega) <= _POINTS:
-        return inverse.shape[1]
-    top = _ABOVE * float(omega.max())
-    return max(1, int((inverse > top**-2).sum(dim=1).max()))
+        total = torch.complex(*modal_sum(*terms, omega))
+    else:
+        bands = _bands(omega.numpy().tobytes())
+        near = _near(modes.inverse, bands)
+        parts = [_in_band(terms, *one) for one in zip(bands, *near, strict=True)]
+        total = torch.cat(parts, dim=-1)
+    return total.reshape(count, outputs, columns.shape[1], len(omega))
 
 
-def _interpolation(omega: Tensor) -> tuple[Tensor, Tensor]:
-    """Points (q,) rad/s between the lowest and the highest frequency, and weights (q, k)."""
+@dataclass(frozen=True, eq=False)
+class _Band:
+    """Neighbouring frequencies of a grid.
+
+    Attributes:
+        omega: (k,) rad/s.
+        ends: below and above which, rad/s, a mode lies far from them.
+        points: (q,) Chebyshev points of the band, rad/s.
+        weights: (q, k) with which values there give those at the frequencies.
+    """
+
+    omega: Tensor
+    ends: tuple[float, float]
+    points: Tensor
+    weights: Tensor
+
+
+@lru_cache(maxsize=8)
+def _bands(grid: bytes) -> tuple[_Band, ...]:
+    """The bands of a grid (k,), rad/s, as bytes: one grid serves many responses."""
+    return tuple(_band(own) for own in torch.from_numpy(np.frombuffer(grid).copy()).split(_WIDE))
+
+
+def _band(omega: Tensor) -> _Band:
     low, high = float(omega.min()), float(omega.max())
+    middle, half = 0.5 * (low + high), max(0.5 * (high - low), _TINY)
+    ends = max(middle - _REACH * half, 0.0), middle + _REACH * half
     points, transform = _chebyshev()
-    place = (2.0 * omega.numpy() - (high + low)) / (high - low)
-    weights = transform @ chebyshev.chebvander(place, _POINTS - 1).T
-    nodes = 0.5 * (high + low) + 0.5 * (high - low) * points
-    return torch.from_numpy(nodes), torch.from_numpy(weights)
+    basis = chebyshev.chebvander((omega.numpy() - middle) / half, _POINTS - 1)
+    nodes = torch.from_numpy(middle + half * points)
+    return _Band(omega, ends, nodes, torch.from_numpy(transform @ basis.T))
+
+
+def _near(inverse: Tensor, bands: Sequence[_Band]) -> tuple[list[int], list[int]]:
+    """First and one after the last of the modes (N, m) that are summed at all of each band."""
+    ends = inverse.new_tensor([band.ends for band in bands])  # (b, 2)
+    before = (inverse[:, :, None, None] * ends.square() > 1.0).sum(dim=1)  # (N, b, 2)
+    return before[..., 0].amin(dim=0).tolist(), before[..., 1].amax(dim=0).tolist()
+
+
+def _in_band(terms: tuple[Tensor, Tensor, Tensor], band: _Band, first: int, last: int) -> Tensor:
+    """Complex sums (N, p, k) of the terms of `modal_sum` in a band; some modes lie near it."""
+    far = [_without(part, first, last) for part in terms]
+    near = [part[..., first:last] for part in terms]
+    rest = modal_sum(far[0], far[1], far[2], band.points)
+    own = modal_sum(near[0], near[1], near[2], band.omega)
+    return torch.complex(own[0] + rest[0] @ band.weights, own[1] + rest[1] @ band.weights)
+
+
+def _without(values: Tensor, first: int, last: int) -> Tensor:
+    """Values (..., m) but for those from one to before another."""
+    if first == 0:
+        return values[..., last:]
+    return torch.cat([values[..., :first], values[..., last:]], dim=-1)
 
 
 @lru_cache(maxsize=1)
