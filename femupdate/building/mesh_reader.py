@@ -101,7 +101,7 @@ def _read(path: Path) -> Any:
         with (
             contextlib.redirect_stdout(io.StringIO()),
             contextlib.redirect_stderr(io.StringIO()),
-            _unpacking_little(),
+            _reading_little(),
         ):
             return meshio.read(path)
     except (Exception, SystemExit) as error:  # its readers raise whatever a broken file causes
@@ -113,24 +113,37 @@ def _read(path: Path) -> Any:
 
 
 @contextlib.contextmanager
-def _unpacking_little() -> Iterator[None]:
-    """Stop where the packed arrays of a VTU file would fill the memory.
+def _reading_little() -> Iterator[None]:
+    """Stop where the packed arrays of a VTU file would fill the memory, and colour no warnings.
 
     Nothing in the file says so reliably beforehand, and meshio has no limit: its two unpackers are
-    replaced while it reads.
+    replaced while it reads. So is the console on which it warns, which takes a minute to look for
+    what to colour in one long word.
     """
+    from meshio import _common
     from meshio.vtu import _vtu
 
     room = [_LARGEST_BYTES]
-    own: dict[str, Callable[[], Any]] = {
-        "zlib": zlib.decompressobj,
-        "lzma": lzma.LZMADecompressor,
-    }
+    own: tuple[tuple[Any, str, Any], ...] = (
+        (_vtu, "zlib", _Unpacker(zlib.decompressobj, room)),
+        (_vtu, "lzma", _Unpacker(lzma.LZMADecompressor, room)),
+        (_common, "Console", _Unheard),
+    )
     with contextlib.ExitStack() as stack:
-        for name, begin in own.items():
-            stack.callback(setattr, _vtu, name, getattr(_vtu, name))
-            setattr(_vtu, name, _Unpacker(begin, room))
+        for module, name, ours in own:
+            stack.callback(setattr, module, name, getattr(module, name))
+            setattr(module, name, ours)
         yield
+
+
+class _Unheard:
+    """A console that shows nothing."""
+
+    def __init__(self, **options: Any) -> None:
+        """As rich's console, whose options make no difference here."""
+
+    def print(self, *parts: Any, **options: Any) -> None:
+        """Show nothing."""
 
 
 @dataclass(frozen=True)

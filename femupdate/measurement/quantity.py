@@ -7,7 +7,6 @@ from femupdate.measurement.force_unit import FORCES, force_unit
 from femupdate.measurement.text import TextFile
 from femupdate.units import UNITS, factor
 
-_BRACKETED = re.compile(r"^(?P<name>.*\S)\s*[(\[]\s*(?P<unit>[^()\[\]]+?)\s*[)\]]$")
 _EXPLAINED = re.compile(r"^([A-Za-z]+)\s*\(.*\)$")  # gal(cm/s/s), as JMA writes
 _MEASURED = ("acceleration", "time", "frequency", "length")
 
@@ -36,10 +35,21 @@ def is_acceleration(unit: str) -> bool:
 
 def split_unit(cell: str) -> tuple[str, str | None]:
     """Split a column's title into name and unit: `RF (m/s2)` gives `("RF", "m/s2")`."""
-    match = _BRACKETED.match(cell.strip())
-    if match and is_unit(match["unit"]):
-        return match["name"], match["unit"]
-    return cell.strip(), None
+    name, unit = bracketed(cell)
+    return (name, unit) if unit is not None and is_unit(unit) else (cell.strip(), None)
+
+
+def bracketed(title: str) -> tuple[str, str | None]:
+    """Split a title into a name and what stands in brackets behind it, or None: `damping (%)`.
+
+    Without a pattern, which takes seconds to refuse a name with thousands of blanks.
+    """
+    text = title.strip()
+    at = max(text.rfind("("), text.rfind("["))
+    inside = text[at + 1 : -1].strip()
+    if at < 1 or text[-1] not in ")]" or not inside or ")" in inside or "]" in inside:
+        return text, None
+    return text[:at].rstrip(), inside
 
 
 def si_factor(file: TextFile, unit: str, kind: str) -> float:

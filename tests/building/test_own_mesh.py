@@ -1,6 +1,7 @@
 """Buildings from a user's own mesh: read back exactly, and wrong meshes told in words."""
 
 import re
+import time
 import tomllib
 
 import meshio
@@ -385,6 +386,16 @@ def test_a_file_that_is_no_mesh(tmp_path, capsys):
     (tmp_path / "own.vtu").write_text("not a mesh", encoding="utf-8")
     refused(path, r"mesh\.file: own\.vtu cannot be read .*gmsh 2\.2 or 4\.1")
     assert capsys.readouterr() == ("", "")
+
+
+def test_a_long_word_in_a_mesh_takes_no_time(tmp_path):
+    """meshio warns of it in colours, for which it searches the word for half a minute."""
+    path = write(tmp_path, text=OWN.replace("own.vtu", "own.msh"))
+    text = f"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n${'a.' * 20_000}\n1\n"
+    (tmp_path / "own.msh").write_text(text, encoding="utf-8")
+    started = time.process_time()
+    refused(path, r"mesh\.file: ")
+    assert time.process_time() - started < 2.0
 
 
 @pytest.mark.parametrize("packing", ["zlib", "lzma"])

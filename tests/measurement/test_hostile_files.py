@@ -1,5 +1,6 @@
 """What mutated files have shown: files that crashed a library, took minutes or overflowed."""
 
+import contextlib
 import struct
 import time
 
@@ -12,6 +13,7 @@ from femupdate.measurement.complex_text import split_complex
 from femupdate.measurement.gse import gse_samples
 from femupdate.measurement.inspection import inspect_file
 from femupdate.measurement.kinds import Reading, read_any_kind
+from femupdate.measurement.quantity import bracketed
 from femupdate.measurement.readers import uff
 from femupdate.measurement.registry import read_measured
 from femupdate.measurement.text import TextFile
@@ -88,6 +90,32 @@ def test_a_long_cell_takes_no_time():
     assert time.process_time() - started < 0.5
 
 
+@pytest.mark.parametrize("head", ["mode,fr{}equency_hz,RF", "frequenc{}y_hz,RF,RF_sd"])
+def test_a_long_title_takes_no_time(write, head):
+    titles = head.format(" " * 20_000)
+    path = write(f"{titles}\n1,2,3\n2,3,4\n", "a.csv")
+    started = time.process_time()
+    with contextlib.suppress(MeasurementError):
+        read_any_kind(path, Reading())
+    assert time.process_time() - started < 1.0
+
+
+@pytest.mark.parametrize(
+    ("title", "parts"),
+    [
+        ("damping (%)", ("damping", "%")),
+        (" RF [ m/s2 ] ", ("RF", "m/s2")),
+        ("RF (north) (g)", ("RF (north)", "g")),
+        ("(%)", ("(%)", None)),
+        ("RF ()", ("RF ()", None)),
+        ("gal(cm/s/s)) ", ("gal(cm/s/s))", None)),
+        ("RF (m/s2) north", ("RF (m/s2) north", None)),
+    ],
+)
+def test_what_stands_in_brackets_behind_a_title(title, parts):
+    assert bracketed(title) == parts
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -124,3 +152,10 @@ def test_functions_with_fewer_values_than_frequencies(tmp_path):
     one = {"func_type": 4, "x": np.arange(128.0), "data": np.ones(127)}
     with pytest.raises(MeasurementError, match="127 values at 128 frequencies"):
         uff._function(TextFile(tmp_path / "a.uff"), one, True)
+
+
+def test_a_mode_without_components_at_a_point(tmp_path):
+    one = {"type": 55, "analysis_type": 2, "node_nums": [1, 2, 3], "mode_n": 4}
+    one |= {"freq": 1.5, "modal_damp_vis": 0.01, "r1": np.ones(2)}
+    with pytest.raises(MeasurementError, match="mode 4 has 2 components where its points have 3"):
+        list(uff._modes(TextFile(tmp_path / "a.uff"), [one]))

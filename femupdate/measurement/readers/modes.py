@@ -9,6 +9,7 @@ from femupdate.measurement.cells import Row, cells_of, find_delimiter, is_number
 from femupdate.measurement.columns import FREQUENCY
 from femupdate.measurement.complex_text import split_complex
 from femupdate.measurement.mode_table import DAMPING, DAMPING_SD, FREQUENCY_SD, MODE, figure_of
+from femupdate.measurement.quantity import bracketed
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.table import Table
@@ -16,7 +17,6 @@ from femupdate.measurement.text import TextFile, read_text
 
 # Columns that no table of histories or of response functions has.
 _TELLING = (MODE, FREQUENCY_SD, DAMPING, DAMPING_SD)
-_BRACKETED = re.compile(r"(?P<name>.*?)\s*[(\[]\s*(?P<unit>[^()\[\]]+?)\s*[)\]]")
 _BLANK = ("", "-", "–", "nan", "n/a", "na", "none")
 _LEAST_TOLD, _MOST_ABOVE = 2, 10
 
@@ -34,7 +34,7 @@ def _header_at(rows: list[Row]) -> int | None:
     Below the first row, it must name the frequencies too.
     """
     for index, (_, text) in enumerate(rows[:_MOST_ABOVE]):
-        figures = [figure_of(_title(cell)[0]) for cell in cells_of(text, find_delimiter(text))]
+        figures = [figure_of(bracketed(cell)[0]) for cell in cells_of(text, find_delimiter(text))]
         telling = any(figure in _TELLING for figure in figures) and len(figures) >= _LEAST_TOLD
         if telling and (index == 0 or FREQUENCY in figures):
             return index
@@ -52,7 +52,7 @@ def _read(path: Path) -> Recording:
     above = _header_at(rows) or 0
     rows = split_complex(rows[above:], _BLANK)
     delimiter = find_delimiter(rows[0][1])
-    titles = [_title(cell) for cell in cells_of(rows[0][1], delimiter)]
+    titles = [bracketed(cell) for cell in cells_of(rows[0][1], delimiter)]
     names = tuple(name for name, _ in titles)
     repeated = next((name for k, name in enumerate(names) if name in names[:k]), None)
     if repeated is not None:
@@ -69,11 +69,6 @@ def _read(path: Path) -> Recording:
     notes = (f"Lines above the table that are passed over: {above}.",) if above else ()
     mode_table = Table(file, names, units, np.array(values), lines)
     return Recording(file, mode_table=mode_table, notes=notes)
-
-
-def _title(cell: str) -> tuple[str, str | None]:
-    match = _BRACKETED.fullmatch(cell)
-    return (match["name"], match["unit"]) if match else (cell, None)
 
 
 def _row(

@@ -108,7 +108,7 @@ def _recording(file: TextFile, types: list[int], sets: list[dict[str, Any]]) -> 
         file,
         tuple(_channel(file, one, k, si) for k, one in enumerate(histories, start=1)),
         functions=tuple(_function(file, one, si) for one in functions if not _is_history(one)),
-        modes=tuple(_modes(sets)),
+        modes=tuple(_modes(file, sets)),
         points=points,
         notes=_notes(types, sets),
     )
@@ -186,12 +186,25 @@ def _place(one: Mapping[str, Any], end: str) -> str:
     return f"point {node} {direction}".strip() if node else ""
 
 
-def _modes(sets: list[dict[str, Any]]) -> Iterator[RecordedMode]:
+def _modes(file: TextFile, sets: list[dict[str, Any]]) -> Iterator[RecordedMode]:
+    """The modes of all sets.
+
+    Raises:
+        MeasurementError: a point of a mode has no components.
+    """
     for one in sets:
         if one["type"] == 55 and _is_mode(one):
-            yield _mode(one)
-        if one["type"] == 2414 and "data_at_node" in one and _is_mode(one) and _is_motion(one):
-            yield _result(one)
+            found = _mode(one)
+        elif one["type"] == 2414 and "data_at_node" in one and _is_mode(one) and _is_motion(one):
+            found = _result(one)
+        else:
+            continue
+        if len(found.shape) != len(found.sensors):
+            raise file.error(
+                f"mode {found.name} has {len(found.shape)} components where its points have "
+                f"{len(found.sensors)}; export it again"
+            )
+        yield found
 
 
 def _is_motion(one: Mapping[str, Any]) -> bool:
