@@ -24,7 +24,7 @@ from femupdate.dynamics.summary import HistorySummary, Statistics, statistics, s
 from femupdate.dynamics.superposition import BaseMotion
 from femupdate.dynamics.system import System
 from femupdate.inference.next_event import EventErrors
-from femupdate.inference.posterior import Posterior, load_posterior
+from femupdate.inference.posterior import Posterior
 from femupdate.inference.thresholds import EVENT
 from femupdate.measurement.record import GroundMotion
 from femupdate.progress import SILENT, Progress
@@ -33,6 +33,7 @@ from femupdate.study import Study, file_hash, files_beside
 from femupdate.units import percent
 from femupdate.workflow.amplitude import UNFOLLOWED, changing_note, mean_level
 from femupdate.workflow.effect_surrogate import open_system
+from femupdate.workflow.kept_posterior import kept_posterior
 from femupdate.workflow.model import StudyModel, on_kept_finer
 from femupdate.workflow.predict_draws import (
     PredictionDraws,
@@ -176,8 +177,8 @@ def predict_study(
     reference = None
     if measured is not None:
         reference = measured_floors(model, measured, columns, record, motion)
-    posterior = load_posterior(study.require("posterior", "calibrate"))
     study.check_fresh("posterior", model.made_from(), "calibrate")
+    posterior = kept_posterior(study, model.building)
     system = open_system(study, model)
     task = _Task(system, posterior, motion, settings, progress)
     draws = prediction_draws(model, posterior, settings)

@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from femupdate.errors import StudyError
-from femupdate.inference.posterior import load_posterior
 from femupdate.progress import SILENT, Progress
 from femupdate.study import Study
 from femupdate.tables import table
 from femupdate.units import percent
+from femupdate.workflow.kept_posterior import kept_posterior
 from femupdate.workflow.model import StudyModel, on_kept_finer
 from femupdate.workflow.modes import StudyMode, find_modes, posterior_modes
 from femupdate.workflow.pictures_modes import animate_modes, draw_at_one, draw_modes
@@ -123,8 +123,8 @@ def render_study(
     Raises:
         StudyError: there is no posterior, it is of another building, or no mode has the number.
     """
-    posterior = load_posterior(study.require("posterior", "calibrate"))
     study.check_fresh("posterior", model.made_from(), "calibrate")
+    posterior = kept_posterior(study, model.building)
     model = on_kept_finer(study, model)
     full = find_modes(study, model)
     beyond = [number for number in wanted if not 1 <= number <= len(full.direction)]

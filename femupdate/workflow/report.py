@@ -7,11 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from femupdate import __version__
+from femupdate.building.schema import Building
 from femupdate.errors import StudyError
-from femupdate.inference.posterior import Posterior, load_posterior
+from femupdate.inference.posterior import Posterior
 from femupdate.progress import SILENT, Progress
 from femupdate.report.page import Page, Section, write_page
 from femupdate.study import BUILDING_FILE, Study
+from femupdate.workflow.kept_posterior import kept_posterior
 from femupdate.workflow.model import open_study
 from femupdate.workflow.page_building import building_section
 from femupdate.workflow.page_done import done_section, warnings_section
@@ -93,13 +95,14 @@ def report_study(
             f"the study {study.folder} holds no building; run `femupdate calibrate` first"
         )
     status = study_status(study)
-    page = PageStudy(study, open_study(study, None, progress), status, _posterior(study, status))
+    model = open_study(study, None, progress)
+    page = PageStudy(study, model, status, _posterior(study, model.building, status))
     progress.start("Writing the page", len(_SECTIONS))
     sections: list[Section] = []
     for make in _SECTIONS:
         sections.append(make(page))
         progress.advance()
-    building = page.model.building
+    building = model.building
     written = write_page(
         Page(
             title=building.title or building.name,
@@ -118,8 +121,8 @@ def report_study(
     )
 
 
-def _posterior(study: Study, status: StatusReport) -> Posterior | None:
+def _posterior(study: Study, building: Building, status: StatusReport) -> Posterior | None:
     """The posterior, where it is whole."""
     if status.state(study.key("posterior")) in (None, MISSING, DAMAGED):
         return None
-    return load_posterior(study.require("posterior", "calibrate"))
+    return kept_posterior(study, building)

@@ -4,6 +4,8 @@ They may come from a disk that lost bits before the hash was taken, or from a st
 """
 
 import json
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,11 +13,19 @@ import pytest
 from femupdate.array_archive import read_arrays, write_arrays
 from femupdate.discrepancy.finder_model import finder_structure
 from femupdate.errors import StudyError
+from femupdate.inference.posterior import load_posterior, save_posterior
 from femupdate.study import MANIFEST, file_hash, write_text
 from femupdate.workflow.effects import BASIS, finder_origin, read_basis
+from femupdate.workflow.kept_posterior import kept_posterior
 from femupdate.workflow.mesh_error import MESH_ERROR, kept_mesh_error
 from femupdate.workflow.model import REDUCED, open_study
+from femupdate.workflow.predict import predict_study
+from femupdate.workflow.prediction_inputs import RecordSource
 from femupdate.workflow.reduced_file import load_reduced
+from femupdate.workflow.render import render_study
+from femupdate.workflow.report import report_study
+
+SHIPPED = Path(__file__).parents[2] / "examples" / "records" / "ridgecrest_2019_clc_90.csv"
 
 
 def rerecorded(study, name):
@@ -97,3 +107,27 @@ def test_a_mesh_error_that_is_none(cabin_study, content):
     cabin_study.record(MESH_ERROR, "mesh_error.json", "diagnose", finder_origin(building))
     with pytest.raises(StudyError, match=r"mesh_error\.json is not what femupdate writes there"):
         kept_mesh_error(cabin_study, building)
+
+
+def of_other_factors(posterior):
+    return replace(posterior, names=("story_1", "story_9"))
+
+
+def of_other_floors(posterior):
+    observation = replace(posterior.observation, floors=("2F", "9F"))
+    return replace(posterior, observation=observation)
+
+
+@pytest.mark.parametrize("change", [of_other_factors, of_other_floors])
+def test_a_posterior_of_another_building_with_the_right_hash(tower, tower_model, change):
+    path = tower.path("posterior.nc")
+    assert kept_posterior(tower, tower_model.building).names
+    save_posterior(change(load_posterior(path)), path)
+    rerecorded(tower, "posterior")
+    message = r"the posterior in .* is not of tower: .*9.*run `femupdate calibrate` again"
+    with pytest.raises(StudyError, match=message):
+        render_study(tower, tower_model)
+    with pytest.raises(StudyError, match=message):
+        predict_study(tower, tower_model, RecordSource(SHIPPED))
+    with pytest.raises(StudyError, match=message):
+        report_study(tower)
