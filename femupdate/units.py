@@ -58,7 +58,7 @@ UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
 )
 
 # The number is atomic: without that "2.8" would be read as 2 of a unit named "8".
-_QUANTITY = re.compile(r"^\s*((?>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?))\s*(\S.*?)\s*$")
+_QUANTITY = re.compile(r"((?>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?))\s*(\S.*)")
 
 
 def percent(share: float, digits: int = 0) -> str:
@@ -102,7 +102,7 @@ def parse_quantity(text: str, kind: str) -> float:
     Raises:
         UnitError: no number, no unit, a unit of another kind, or a number beyond all bounds.
     """
-    match = _QUANTITY.match(text)
+    match = _QUANTITY.fullmatch(text.strip())
     if match is None:
         example = next(iter(UNITS[kind]))
         raise UnitError(f"{text!r} is not a {kind} with its unit, such as '1.5 {example}'")

@@ -2,6 +2,7 @@
 
 import inspect
 import math
+import time
 
 import pytest
 from hypothesis import given, settings
@@ -121,6 +122,14 @@ def test_a_number_that_only_looks_whole_is_read_whole():
     assert parse_quantity(".5 m", "length") == 0.5
     assert parse_quantity("-3. m", "length") == -3.0
     assert math.copysign(1.0, parse_quantity("-0 m", "length")) == -1.0
+
+
+def test_a_long_row_of_blanks_takes_no_time():
+    started = time.process_time()
+    assert parse_quantity(f" 3 {' ' * 20_000} m ", "length") == 3.0
+    with pytest.raises(UnitError, match="unknown unit"):
+        parse_quantity(f"3 k{' ' * 20_000}m", "length")
+    assert time.process_time() - started < 0.5
 
 
 def test_every_error_can_be_caught_as_one():

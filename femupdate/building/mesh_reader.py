@@ -14,6 +14,7 @@ import numpy as np
 from femupdate.arrays import Flags, Floats, Integers
 from femupdate.building.entry import Complaint
 from femupdate.fe.registry import cell_types
+from femupdate.netcdf import refuse_endless
 
 _MEND = "write it as gmsh 2.2 or 4.1 (.msh), Abaqus (.inp), MED (.med) or VTU (.vtu)"
 _LARGEST_BYTES = 500_000_000  # a million nodes and as many shells take a fifth of it
@@ -103,6 +104,8 @@ def _read(path: Path) -> Any:
             contextlib.redirect_stderr(io.StringIO()),
             _reading_little(),
         ):
+            if path.suffix == ".med":
+                refuse_endless(path)
             return meshio.read(path)
     except (Exception, SystemExit) as error:  # its readers raise whatever a broken file causes
         reason = str(error) if str(error) not in ("", "1") else "its content is not as its ending"

@@ -18,7 +18,7 @@ from femupdate.inference.event_scatter import (
     scatter_from_group,
 )
 from femupdate.measurement.observation import Observation
-from femupdate.netcdf import write_tree
+from femupdate.netcdf import read_tree, write_tree
 from femupdate.seeds import Seed
 
 
@@ -186,17 +186,10 @@ def load_posterior(path: Path) -> Posterior:
     Raises:
         StudyError: the file is missing or is not a posterior of femupdate.
     """
-    import h5py
-    import xarray as xr
-
     if not Path(path).exists():
         raise StudyError(f"there is no posterior {path}; run `femupdate calibrate` first")
     try:
-        # h5netcdf complains on stderr about files that HDF5 refuses: let HDF5 see them first.
-        with h5py.File(path, "r") as file:
-            list(file.attrs.items())
-        with xr.open_datatree(path, engine="h5netcdf") as tree:
-            posterior = _posterior(tree.load())
+        posterior = _posterior(read_tree(Path(path)))
         _check(posterior)
         return posterior
     # Bytes that are wrong somewhere make HDF5 and its layers raise errors of every kind.

@@ -9,7 +9,9 @@ import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.dynamics.system import System
+from femupdate.errors import StudyError
 from femupdate.inference.posterior import Posterior
+from femupdate.netcdf import read_tree
 from femupdate.study import Artefact, Study
 from femupdate.workflow.effect_surrogate import open_system
 from femupdate.workflow.model import StudyModel
@@ -58,11 +60,13 @@ class PageStudy:
         """
         if self.state("prediction") is None:
             return None
-        import xarray as xr
-
         path = self.study.require("prediction", "predict --record FILE")
-        with xr.open_datatree(path, engine="h5netcdf") as tree:
-            return tree.load()
+        try:
+            return read_tree(path)
+        except Exception as error:
+            raise StudyError(
+                f"{path} cannot be read; run `femupdate predict --record FILE` again"
+            ) from error
 
     @cached_property
     def titles(self) -> Mapping[str, str]:

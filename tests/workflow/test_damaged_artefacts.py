@@ -131,3 +131,23 @@ def test_a_posterior_of_another_building_with_the_right_hash(tower, tower_model,
         predict_study(tower, tower_model, RecordSource(SHIPPED))
     with pytest.raises(StudyError, match=message):
         report_study(tower)
+
+
+def test_a_heap_without_end_in_a_posterior(tower):
+    """Free space of no size in a heap of texts: HDF5 reads it for ever, and Ctrl-C is not heard."""
+    path = tower.path("posterior.nc")
+    data = bytearray(path.read_bytes())
+    at = data.index(b"GCOL")
+    data[at + 16 : at + 2000] = bytes(1984)
+    path.write_bytes(data)
+    with pytest.raises(StudyError, match=r"a heap of texts in it is damaged\)"):
+        load_posterior(path)
+
+
+def test_a_prediction_that_is_none(tower, tower_model):
+    predict_study(tower, tower_model, RecordSource(SHIPPED))
+    tower.path("prediction.nc").write_bytes(b"none")
+    rerecorded(tower, "prediction")
+    message = r"prediction\.nc cannot be read; run `femupdate predict --record FILE` again"
+    with pytest.raises(StudyError, match=message):
+        report_study(tower)
