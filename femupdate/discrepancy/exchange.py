@@ -108,8 +108,8 @@ def _columns(base: Fit, kept: list[int]) -> list[int]:
 
 def _misfits(problem: Problem, alone: Fit, exchanges: list[Placed], z: Tensor) -> Tensor:
     """Sums of squared residuals (e, N) with each exchange at the unknowns z (N, d) without it."""
-    parts = []
-    for batch in z.split(_BATCH):
+
+    def of_batch(batch: Tensor) -> Tensor:
         values = alone.coordinates.split(batch, problem.fixed_zeta)
         own = torch.zeros(len(exchanges), len(batch), dtype=torch.float64)
         for data in problem.data:
@@ -117,5 +117,6 @@ def _misfits(problem: Problem, alone: Fit, exchanges: list[Placed], z: Tensor) -
             for number, one in enumerate(exchanges):
                 seen = data.read_with(predicted, one)
                 own[number] += (data.compared(seen) ** 2).sum(dim=1)
-        parts.append(own)
-    return torch.cat(parts, dim=1)
+        return own
+
+    return torch.cat(in_threads(of_batch, z.split(_BATCH)), dim=1)

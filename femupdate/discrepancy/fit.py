@@ -25,6 +25,8 @@ from femupdate.linear import least_squares
 from femupdate.seeds import Seed, torch_generator
 from femupdate.workers import in_threads
 
+_DRAWS = 32  # responses of one piece of work
+
 
 @dataclass(frozen=True, eq=False)
 class Coordinates:
@@ -224,6 +226,15 @@ class Fit:
 def evaluate(problem: Problem, system: System, where: Coordinates, z: Tensor) -> Tensor:
     """Whitened residuals (N, n) at the unknowns z (N, d)."""
     return problem.residuals(system, *where.split(z, problem.fixed_zeta))
+
+
+def misfits(problem: Problem, system: System, where: Coordinates, z: Tensor) -> Tensor:
+    """Sums of squared residuals (N,) at many unknowns z (N, d), without their priors."""
+
+    def of_some(rows: Tensor) -> Tensor:
+        return evaluate(problem, system, where, rows).square().sum(dim=1)
+
+    return torch.cat(in_threads(of_some, z.split(_DRAWS)))
 
 
 def raw_residuals(fitted: Fit, z: Tensor) -> Tensor:
@@ -497,7 +508,7 @@ def fit_baseline(
     # Far from the data every point is many times the noise off, whichever way is better: first
     # they are compared as if they were coarse.
     rough = coarse(problem)
-    misfit = (evaluate(rough, system, where, z) ** 2).sum(dim=1)
+    misfit = misfits(rough, system, where, z)
     roughly = partial(fit, rough, placed, iterations=FIT.rough_steps, system=system)
     near = in_threads(roughly, z[misfit.argsort()[:starts]])
     near.sort(key=lambda one: one.misfit)

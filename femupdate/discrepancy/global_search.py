@@ -15,8 +15,8 @@ from femupdate.discrepancy.fit import (
     Fit,
     coarse,
     coordinates,
-    evaluate,
     fit,
+    misfits,
     prior_draws,
 )
 from femupdate.discrepancy.problem import Problem
@@ -51,7 +51,7 @@ def global_fit(
         drawn = _draws if placed.label in most else _own
         z = drawn(rough, alone, together, seed)
         where = coordinates(rough, together)
-        misfit = evaluate(rough, rough.system(together), where, z).square().sum(dim=1)
+        misfit = misfits(rough, rough.system(together), where, z)
         nearest = misfit.sort()
         return float(nearest.values[0]), together, z[nearest.indices[: SEARCH.starts]]
 
@@ -104,7 +104,7 @@ def _everywhere(problem: Problem, found: Fit, seed: int) -> list[Fit]:
     z = prior_draws(
         problem, where, found.z[where.first_size :], SEARCH.many_draws, spawn(seed, 1)[0]
     )
-    misfit = evaluate(problem, found.system, where, z).square().sum(dim=1)
+    misfit = misfits(problem, found.system, where, z)
     nearest = misfit.argsort()[: SEARCH.many_starts]
     followed = partial(fit, problem, found.placed, iterations=FIT.steps, system=found.system)
     return in_threads(followed, z[nearest])
