@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 _EVERY_S = 20.0  # between two lines of a log
+_ALIKE = 10  # units of work and more are pieces alike; fewer are steps of any length
 
 
 class Bars:
@@ -33,12 +34,13 @@ class Bars:
             return
         from tqdm import tqdm
 
+        times = "{elapsed}<{remaining}" if total >= _ALIKE else "{elapsed}"
         self._bar = tqdm(
             total=total,
             desc=label,
             leave=False,
             delay=0.5,
-            bar_format="{desc}: {percentage:3.0f}%|{bar:30}| {elapsed}<{remaining} {postfix}",
+            bar_format="{desc}: {percentage:3.0f}%|{bar:30}| " + times + " {postfix}",
         )
 
     def advance(self, count: int = 1, note: str = "") -> None:
@@ -46,7 +48,9 @@ class Bars:
         if self._bar is not None:
             if note:
                 self._bar.set_postfix_str(note, refresh=False)
-            self._bar.update(count)
+            self._bar.update(min(count, self._bar.total - self._bar.n))
+            if count == 0:
+                self._bar.refresh()
         elif self._log is not None:
             self._log.advance(count, note)
 
@@ -66,6 +70,8 @@ class Bars:
 class _Log:
     """Progress where there is no terminal: now and then a line with the time that is left.
 
+    Of a few steps, which may take any time each, it tells the time so far instead.
+
     Args:
         label: of the work.
         total: units of it.
@@ -79,13 +85,17 @@ class _Log:
     def advance(self, count: int, note: str) -> None:
         """Count, and say so if nothing was said for a while."""
         with self._lock:
-            self._done += count
+            self._done = min(self._done + count, self._total)
             now = time.monotonic()
-            if now - self._told < _EVERY_S or not 0 < self._done < self._total:
+            few = self._total < _ALIKE
+            if now - self._told < _EVERY_S or not 0 < self._done < self._total + few:
                 return
             self._told = now
-            left = (now - self._started) * (self._total - self._done) / self._done
+            past = now - self._started
+            left = past * (self._total - self._done) / self._done
             parts = [f"{100.0 * self._done / self._total:.0f} %", f"{_in_words(left)} left", note]
+            if few:
+                parts[:2] = [f"{self._done} of {self._total} steps", f"{_in_words(past)} so far"]
         click.echo(f"  {self._label}: {', '.join(part for part in parts if part)}", err=True)
 
 

@@ -1,6 +1,11 @@
 """How long-running steps report progress to their caller."""
 
-from typing import Protocol
+import itertools
+from collections.abc import Callable
+from typing import Protocol, TypeVar
+
+A = TypeVar("A")
+T = TypeVar("T")
 
 
 class Progress(Protocol):
@@ -33,6 +38,18 @@ class Silent:
 
 
 SILENT = Silent()
+
+
+def counted(task: Callable[[A], T], progress: Progress, what: str, total: int) -> Callable[[A], T]:
+    """The same task, which tells how many of the pieces inside a unit are done."""
+    done = itertools.count(1)
+
+    def told(one: A) -> T:
+        result = task(one)
+        progress.advance(0, f"{what}, {next(done)} of {total} done")
+        return result
+
+    return told
 
 
 class Percent:

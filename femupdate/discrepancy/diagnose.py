@@ -1,8 +1,9 @@
 """What is missing: every effect tested, the leading ones fitted, their evidence weighed."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -32,7 +33,7 @@ from femupdate.discrepancy.residual_map import Cell, p_value, residual_cells
 from femupdate.discrepancy.score import Score, candidates, score, without_phase
 from femupdate.discrepancy.thresholds import FIT, VERDICT, DiagnosisSettings
 from femupdate.effects.effect import Placed
-from femupdate.progress import SILENT, Progress
+from femupdate.progress import SILENT, Progress, counted
 from femupdate.units import percent
 from femupdate.workers import in_threads
 
@@ -216,7 +217,7 @@ def diagnose(
     )
     progress.advance(note="fitting the leading effects")
     leading = _chosen(scores, chosen.fitted, distant, among)
-    fits = _fit_candidates(problem, base, leading, distant)
+    fits = _fit_candidates(problem, base, leading, distant, progress)
     if among is None and _worth_all(problem, base, fits, chosen):
         progress.advance(note="fitting every effect")
         fits += _others(problem, base, scores, fits, chosen, distant)
@@ -336,20 +337,31 @@ def _with(leading: list[Score], scores: list[Score], placed: Placed) -> list[Sco
 
 
 def _fit_candidates(
-    problem: Problem, base: Fit, tests: list[Score], distant: Fit | None = None
+    problem: Problem,
+    base: Fit,
+    tests: list[Score],
+    distant: Fit | None,
+    progress: Progress,
 ) -> list[Fit]:
     """Fits with one effect more each; those that fall far behind are not followed."""
     small = problem.on_fewer()
-    begun = in_threads(lambda one: _begun(small, base, one, distant), tests)
-    near = _enough(begun)
-    followed = in_threads(lambda one: one if one.misfit > near else _further(small, one), begun)
-    enough = _enough(followed)
 
     def settled(one: Fit) -> Fit:
         steps = 0 if one.misfit > enough else FIT.steps
         return settle(problem, fit(problem, one.placed, one.z, steps), steps)
 
-    return in_threads(settled, followed)
+    def each(task: Callable[[Any], Fit], those: Sequence[Any], what: str) -> list[Fit]:
+        return in_threads(counted(task, progress, what, len(those)), those)
+
+    begun = each(lambda one: _begun(small, base, one, distant), tests, "fitting effects")
+    near = _enough(begun)
+    followed = each(
+        lambda one: one if one.misfit > near else _further(small, one),
+        begun,
+        "fitting them further",
+    )
+    enough = _enough(followed)
+    return each(settled, followed, "fitting them to all data")
 
 
 def _others(
