@@ -87,7 +87,7 @@ class Finding:
         said = effect.said(self.placed.place, self.size)
         if not effect.parameters:
             return said
-        mass = "" if self.mass is None else f"; {_mass_in_words(self.mass)}"
+        mass = "" if self.mass is None else f"; {mass_in_words(self.mass)}"
         return f"{said} ({effect.scatter(self.size, self.size_sd)}{mass})"
 
     @property
@@ -675,7 +675,8 @@ def _removed(problem: Problem, base: Fit, best: Fit) -> float:
     return (base.chi2 - best.chi2) / max(base.chi2 - problem.effective, 1.0)
 
 
-def _mass_in_words(mass: float) -> str:
+def mass_in_words(mass: float) -> str:
+    """A mass (kg) in a unit of its size."""
     return f"{mass:.3g} kg" if abs(mass) < VERDICT.in_tonnes else f"{1e-3 * mass:.3g} t"
 
 

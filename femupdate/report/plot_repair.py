@@ -170,9 +170,10 @@ def _theta(panel: Axes, story: GapStory) -> str:
         # A stroke covers less of a short interval than a dot does.
         panel.plot(middle, rows, "|", color=style["color"], markersize=11.0, mew=1.4)
     panel.set_yticks(range(len(story.names)), list(story.names))
-    order = "" if story.theta_after is None else "; the upper of a pair: before"
-    panel.set_xlabel(f"Stiffness factor, mean, 5 to 95 %{order}")
-    return short_note(panel, [draws for draws, _, _ in sets])
+    panel.set_xlabel("Stiffness factor, mean, 5 to 95 %")
+    order = "" if story.theta_after is None else "Of two factors the upper is before"
+    said = (order, short_note(panel, [draws for draws, _, _ in sets]))
+    return ". ".join(one for one in said if one)
 
 
 def _histories(panel: Axes, held: Any) -> None:

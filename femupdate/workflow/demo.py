@@ -7,7 +7,9 @@ from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any
 
+from femupdate.building.parameters import factor_titles
 from femupdate.progress import SILENT, Progress
+from femupdate.report.scale import plus_minus
 from femupdate.sheets import Sheet
 from femupdate.study import Study
 from femupdate.tables import table
@@ -76,11 +78,10 @@ class DemoReport:
     def lines(self) -> tuple[str, ...]:
         """Both posteriors beside the truth, and the prediction, for people."""
         cases = [case.posterior.samples.T for case in (self.all_floors, self.roof_alone)]
+        names = factor_titles(self.built.model.building).values()
         rows = [
-            (name, f"{true:.2f}", *(f"{own.mean():.3f} ± {own.std():.3f}" for own in both))
-            for name, true, *both in zip(
-                self.all_floors.posterior.names, self.truth, *cases, strict=True
-            )
+            (name, f"{true:.2f}", *(plus_minus(own.mean(), own.std()) for own in both))
+            for name, true, *both in zip(names, self.truth, *cases, strict=True)
         ]
         peaks, floors = self.predicted.peak_acceleration, self.predicted.summary.floors
         return (

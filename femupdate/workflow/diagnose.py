@@ -233,6 +233,7 @@ def _finding(one: Finding) -> dict[str, Any]:
         "size": one.size,
         "size_sd": one.size_sd,
         "unit": effect.parameters[0].unit if effect.parameters else "",
+        "added_mass_kg": one.mass,
         "absorbed_by_theta": one.score.absorbed,
         "explains": effect.sentence,
     }

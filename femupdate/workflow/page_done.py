@@ -1,13 +1,14 @@
 """Sections of the page on what was done and what to be careful about."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from femupdate.report.page import Block, Remarks, Section, Table, Text
-from femupdate.study import BUILDING_FILE, Study, file_hash
-from femupdate.workflow.page_parts import PageStudy
-from femupdate.workflow.status import CURRENT, Item, files_beside_of
+from femupdate.study import BUILDING_FILE, Artefact, Study, file_hash
+from femupdate.workflow.page_parts import PageStudy, searched
+from femupdate.workflow.status import CURRENT, Item, files_beside_of, sources_of
 from femupdate.workflow.summary import kept_summary
 
 _SHORT = 16  # figures of a hash that are shown
@@ -29,8 +30,10 @@ def done_section(page: PageStudy) -> Section:
     building = (BUILDING_FILE, file_hash(page.study.path(BUILDING_FILE))[:_SHORT])
     used: dict[tuple[str, str], list[str]] = {building: ["the building, as the study keeps it"]}
     for item in page.status.items:
-        for key in _sources(page.study, item):
+        for key in _sources(page.study.artefacts()[item.name], item.sources):
             used.setdefault(key, []).append(item.name)
+    for key, name in _of_repair(page):
+        used.setdefault(key, []).append(name)
     blocks.append(
         Table(
             name="files_used",
@@ -59,14 +62,28 @@ def _row(study: Study, item: Item) -> tuple[str, ...]:
     return (item.name, command, item.version, time, item.state, item.file, digest)
 
 
-def _sources(study: Study, item: Item) -> list[tuple[str, str]]:
+def _of_repair(page: PageStudy) -> list[tuple[tuple[str, str], str]]:
+    """Files of the diagnosis and the repair that made the building of a repaired study."""
+    folder = searched(page)
+    if folder.folder == page.study.folder:
+        return []
+    recorded = folder.artefacts()
+    return [
+        (key, f"{name} that made this model")
+        for name in ("diagnosis", "repair")
+        if name in recorded
+        for key in _sources(recorded[name], sources_of(recorded[name]))
+    ]
+
+
+def _sources(artefact: Artefact, sources: Sequence[str]) -> list[tuple[str, str]]:
     """Files outside the study, each with the hash that it had."""
-    recorded = study.artefacts()[item.name].made_from
+    recorded = artefact.made_from
     hashes = [recorded[key] for key in recorded if key.startswith(("observation", "record"))]
-    hashes += [""] * (len(item.sources) - len(hashes))
-    beside = files_beside_of(study.artefacts()[item.name])
+    hashes += [""] * (len(sources) - len(hashes))
+    beside = files_beside_of(artefact)
     hashes += [recorded.get(option, "") for option in beside]
-    pairs = zip((*item.sources, *beside.values()), hashes, strict=True)
+    pairs = zip((*sources, *beside.values()), hashes, strict=True)
     return [(Path(name).name, digest[:_SHORT]) for name, digest in pairs]
 
 

@@ -5,17 +5,19 @@ from typing import Any
 import numpy as np
 
 from femupdate.building.parameters import factor_titles
+from femupdate.discrepancy.diagnose import mass_in_words
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.report.page import Block, Chart, Remarks, Section, Table, Text
 from femupdate.report.page_charts import Interval, bar_figure, interval_figure
 from femupdate.report.scale import with_unit
 from femupdate.report.style import BLUE, ORANGE
-from femupdate.study import REPAIRED, Study, as_written
+from femupdate.study import as_written
 from femupdate.workflow.page_done import read_json
-from femupdate.workflow.page_parts import PageStudy
+from femupdate.workflow.page_parts import PageStudy, searched
 
 _SHOWN = 8
+_LEAST_P = 1e-6  # below it a p-value says no more
 
 
 def finder_section(page: PageStudy) -> Section:
@@ -32,14 +34,6 @@ def finder_section(page: PageStudy) -> Section:
         text = "Nobody has looked for effects that the model lacks; femupdate diagnose does."
         blocks = [Text((text,))]
     return Section("finder", "What the model lacks", tuple(blocks))
-
-
-def searched(page: PageStudy) -> Study:
-    """The study whose diagnosis and repair the page shows."""
-    own = page.study
-    if own.folder.name == REPAIRED and not own.path("repair.json").exists():
-        return Study(own.folder.parent)
-    return own
 
 
 def _diagnosis(found: dict[str, Any]) -> list[Block]:
@@ -80,10 +74,10 @@ def _words(name: str, place: str) -> str:
 def _ranking(effects: list[dict[str, Any]]) -> Chart:
     names = [_words(one["name"], one["place"]) for one in effects]
     values = np.array([one["log_evidence_over_none"] for one in effects], dtype=float)
-    figure = bar_figure(names, values, "log evidence over the model as it was", True)
+    figure = bar_figure(names, values, "log evidence", True)
     return Chart(
         name="effects",
-        caption="How well each effect explains the data",
+        caption="How well each effect explains the data: its log evidence over the model as it was",
         panels=(("effects", figure),),
         note="A difference of 5 is strong evidence; one of 1 says little.",
         height=110 + 34 * len(names),
@@ -121,7 +115,10 @@ def _size(one: dict[str, Any]) -> str:
         return ""
     first = effect.parameters[0]
     size = with_unit(*first.as_read(float(one["size"]), float(one["size_sd"] or 0.0)))
-    return f"{size} ({first.text})" if first.text else size
+    mass = one.get("added_mass_kg")  # what an older femupdate wrote has none
+    meant = (first.text, "" if mass is None else mass_in_words(float(mass)))
+    more = ", ".join(part for part in meant if part)
+    return f"{size} ({more})" if more else size
 
 
 def _where(cells: list[dict[str, Any]]) -> Table:
@@ -135,7 +132,7 @@ def _where(cells: list[dict[str, Any]]) -> Table:
     )
     return Table(
         name="where",
-        caption="Where model and data disagree by more than noise",
+        caption="Where the model as it was and the data disagree by more than noise",
         head=("floor", "band, Hz", "residual over noise (rms)"),
         rows=rows,
     )
@@ -174,6 +171,8 @@ def p_text(value: float) -> str:
     """
     if value >= 0.995:
         return ""
+    if value < _LEAST_P:
+        return f" (p-value under {_LEAST_P:.0e})".replace("e-0", "e-")
     return f" (p-value {value:.2f})" if value >= 0.01 else f" (p-value {value:.1g})"
 
 

@@ -12,7 +12,7 @@ from femupdate.dynamics.system import System
 from femupdate.errors import StudyError
 from femupdate.inference.posterior import Posterior
 from femupdate.netcdf import read_tree
-from femupdate.study import Artefact, Study
+from femupdate.study import REPAIRED, Artefact, Study
 from femupdate.workflow.effect_surrogate import open_system
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.modes import StudyMode, find_modes, posterior_modes
@@ -86,6 +86,14 @@ class PageStudy:
     def recorded(self, name: str) -> Artefact:
         """What the study has recorded of a thing that it holds."""
         return self.study.artefacts()[self.study.key(name)]
+
+
+def searched(page: PageStudy) -> Study:
+    """The study whose diagnosis and repair the page shows."""
+    own = page.study
+    if own.folder.name == REPAIRED and not own.path("repair.json").exists():
+        return Study(own.folder.parent)
+    return own
 
 
 def figures(values: Floats) -> tuple[str, ...]:

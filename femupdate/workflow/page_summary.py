@@ -6,8 +6,8 @@ from femupdate.report.page import Block, Remarks, Section, Text
 from femupdate.report.scale import interval_text
 from femupdate.study import as_written
 from femupdate.workflow.page_done import bad_items, posterior_notes, read_json
-from femupdate.workflow.page_finder import added, searched
-from femupdate.workflow.page_parts import PageStudy
+from femupdate.workflow.page_finder import added
+from femupdate.workflow.page_parts import PageStudy, searched
 from femupdate.workflow.page_prediction import predicted_quantities
 from femupdate.workflow.parameter_titles import effect_parameter
 from femupdate.workflow.prediction_quantities import Quantity
@@ -87,9 +87,12 @@ def _first_mode(page: PageStudy) -> tuple[str, ...]:
     if not modes:
         return ()
     first = modes[0]
+    if first.influence is None:
+        lead = f"The lowest mode that the base motion excites, {first.name},"
+    else:
+        lead = f"The mode that matters most to the data, {first.name},"
     return (
-        f"The lowest of the modes that matter to the data, {first.name}, is at "
-        f"{first.tracked.frequency_mean:.2f} Hz (standard deviation "
+        f"{lead} is at {first.tracked.frequency_mean:.2f} Hz (standard deviation "
         f"{first.tracked.frequency_sd:.2g} Hz) and moves "
         f"{100.0 * first.effective_mass:.0f} % of the mass.",
     )

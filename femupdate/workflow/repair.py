@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from femupdate.arrays import Floats
+from femupdate.building.parameters import factor_titles
 from femupdate.building.schema import Building
 from femupdate.discrepancy.finder_model import FinderModel
 from femupdate.discrepancy.held_out import Held, KeptOut, hold
@@ -18,7 +19,9 @@ from femupdate.discrepancy.search import prepared, sought
 from femupdate.discrepancy.thresholds import DiagnosisSettings
 from femupdate.measurement.observation_file import Histories, read_observation_file
 from femupdate.progress import SILENT, Progress
+from femupdate.report.scale import plus_minus
 from femupdate.study import BUILDING_FILE, Study, files_beside, write_text
+from femupdate.tables import table
 from femupdate.workflow.amplitude import level_settings
 from femupdate.workflow.diagnose import finder_model
 from femupdate.workflow.finder_data import Given, read_given, read_held
@@ -107,12 +110,12 @@ class RepairReport:
         if done.refused:
             names = "; ".join(one.in_words for one in done.refused)
             lines.append(f"  not added, for data kept out are predicted worse with it: {names}")
-        columns = zip(self.theta_before.T, self.theta_after.T, strict=True)
-        lines += [
-            f"  theta_{k}  {before.mean():.3f} ± {before.std():.3f}  ->  "
-            f"{after.mean():.3f} ± {after.std():.3f}"
-            for k, (before, after) in enumerate(columns, start=1)
+        titles = factor_titles(self.problem.reduced.structure.building).values()
+        rows = [
+            (title, *(plus_minus(own.mean(), own.std()) for own in both))
+            for title, *both in zip(titles, self.theta_before.T, self.theta_after.T, strict=False)
         ]
+        lines.append(table(("factor of", "before", "after"), rows))
         if held is not None:
             lines += [f"  {line}" for line in held.lines()]
         if self.building_path is not None:

@@ -81,3 +81,12 @@ def test_where_nothing_was_added():
     assert len(theta.collections) == 1
     legend = [text.get_text() for text in figure.legends[0].get_texts()]
     assert legend == ["Measured", "Model before"]
+
+
+def test_what_is_written_stays_inside_the_picture():
+    figure = drawn(mended=True)
+    figure.canvas.draw()
+    edge = figure.bbox.x1
+    written = [*figure.texts, *(panel.xaxis.label for panel in figure.axes)]
+    assert all(text.get_window_extent().x1 <= edge for text in written)
+    assert any("the upper is before" in text.get_text() for text in figure.texts)

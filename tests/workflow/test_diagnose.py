@@ -323,6 +323,7 @@ def test_the_report_has_the_promised_keys_and_its_file(heavier):
     } <= set(told["effects"][0])
     assert {"floor", "band_hz", "excess", "data"} == set(told["where"][0])
     assert 0.5 < told["effects"][0]["absorbed_by_theta"] < 1.0
+    assert told["effects"][0]["added_mass_kg"] is None  # masses of that building are nominal
     kept = json.loads(heavier.path.read_text())
     assert kept["verdict"] == "named"
     assert kept["effects"][0]["name"] == "added_mass"

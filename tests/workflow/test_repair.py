@@ -350,6 +350,14 @@ def test_pages_of_a_repair_name_it_and_every_file(repaired, home, tmp_path):
     html = report_study(after, tmp_path / "after.html").path.read_text("utf-8")
     assert "This model was repaired. Added to the model: Added mass at" in html
     assert re.search(r"The model holds effects: Added mass at 3F: [\d.]+ \[.*\] % \(share", html)
+    # Data kept out made no artefact of the repaired study itself.
+    assert file_hash(home / "kept.csv")[:16] in html
+
+
+def test_a_repair_tells_stories_by_their_names(repaired):
+    text = "\n".join(repaired[0].lines())
+    assert re.search(r"^  story S1 +0\.\d+ ± 0\.\d+ +0\.\d+ ± 0\.\d+$", text, re.MULTILINE)
+    assert "theta_" not in text
 
 
 def test_what_comes_after_a_repair_is_said(repaired, home):
