@@ -115,8 +115,9 @@ def command(
         progress=bars,
     )
     written = tables.write(study, prediction_tables(report))
+    files = [study.result("member_forces.csv")] if report.members else []
     if not pictures:
-        return Answer(report, (), tables=written)
+        return Answer(report, (), files=files, tables=written)
     from femupdate.workflow.pictures_prediction import draw_prediction
 
-    return Answer(report, draw_prediction(study, report, bars), tables=written)
+    return Answer(report, draw_prediction(study, report, bars), files=files, tables=written)

@@ -98,12 +98,6 @@ class MemberForces:
         """Values (k,) by the names of the forces."""
         return dict(zip(self.member.forces, values.tolist(), strict=True))
 
-    def lines(self, number: int) -> tuple[str, str]:
-        """Largest forces in a table, for people; members are numbered."""
-        names = [name.replace("_", " ") for name in self.member.forces]
-        head = f"{self.member.kind} {number}, {self.member.name}: largest forces, N and N m"
-        return head, self.peak.table("", names, ".4g")
-
 
 def choose_members(building: Building, wanted: Sequence[Place | str]) -> ChosenMembers:
     """Find members in a building's mesh.

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from femupdate.arrays import Floats
-from femupdate.report.figure import add_head, checked, new_figure
+from femupdate.report.figure import add_head, checked, nearly_all, new_figure, thin_band_note
 from femupdate.report.plot_history import strong_part
 from femupdate.report.scale import Scale, force_scale
 from femupdate.report.style import BAND, BLUE, styled
@@ -18,7 +18,11 @@ MemberHistories = tuple[str, Sequence[str], ArrayLike, ArrayLike]
 
 @styled
 def member_force_bands(
-    time: ArrayLike, members: Sequence[MemberHistories], *, title: str = "Forces of members"
+    time: ArrayLike,
+    members: Sequence[MemberHistories],
+    *,
+    title: str = "Forces of members",
+    note: str = "",
 ) -> Figure:
     """Draw a row of panels for every member, in the strong part of the motion.
 
@@ -26,6 +30,7 @@ def member_force_bands(
         time: (n,) s.
         members: of each its name, the names of its three forces (normal force, shear, moment), and
             their mean and standard deviation (3, n), N and N m; the band is two sd either way.
+        note: under the title.
 
     Raises:
         ReportError: an array has another shape.
@@ -33,7 +38,7 @@ def member_force_bands(
     instants = checked("time", time, None)
     start, end = strong_part(instants, checked("mean", members[0][2], 3, len(instants))[1])
     shown = (instants >= start) & (instants <= end)
-    scales = _scales(members)
+    scales, shares = _scales(members), []
     figure = new_figure(11.5, 0.5 + 2.0 * len(members))
     axes = figure.subplots(len(members), 3, sharex=True, squeeze=False)
     for row, (name, forces, mean, sd) in zip(axes, members, strict=True):
@@ -42,10 +47,13 @@ def member_force_bands(
         for panel, force, one, two in zip(row, forces, middle, spread, strict=True):
             scale = scales[force.startswith("M")]
             _draw(panel, instants[shown], one[shown], 2.0 * two[shown], force, scale)
+            low, high = panel.get_ylim()
+            shares.append(4.0 * two[shown] / scale.factor / (high - low))
         row[0].set_title(name, loc="left")
     for panel in axes[-1]:
         panel.set_xlabel("Time, s")
-    add_head(figure, title)
+    thin = thin_band_note(nearly_all(shares))
+    add_head(figure, title, note="\n".join(one for one in (note, thin) if one))
     return figure
 
 

@@ -11,6 +11,7 @@ from femupdate.report.plot_history import floor_history_bands
 from femupdate.report.plot_members import member_force_bands
 from femupdate.report.plot_spectra import floor_spectra_bands
 from femupdate.study import Study
+from femupdate.workflow.member_tables import ALONE
 from femupdate.workflow.predict import PredictionReport
 
 
@@ -57,6 +58,7 @@ def draw_prediction(
             summary.time,
             [(f"{m.member.kind} {m.member.name}", *_main_forces(m)) for m in report.members],
             title=f"Forces of members, mean ± 2 sd: {motion.title}",
+            note=ALONE,
         )
         paths.append(save_figure(figure, study.result("pictures", "member_forces.png")))
     return tuple(paths)

@@ -34,6 +34,7 @@ from femupdate.units import percent
 from femupdate.workflow.amplitude import UNFOLLOWED, changing_note, mean_level
 from femupdate.workflow.effect_surrogate import open_system
 from femupdate.workflow.kept_posterior import kept_posterior
+from femupdate.workflow.member_tables import ALONE, member_lines
 from femupdate.workflow.model import StudyModel, on_kept_finer
 from femupdate.workflow.predict_draws import (
     PredictionDraws,
@@ -137,8 +138,7 @@ class PredictionReport:
             *tables(self.quantities.values()),
             "  mean, and 5 to 95 % in brackets",
         ]
-        for number, member in enumerate(self.members, start=1):
-            lines += member.lines(number)
+        lines += member_lines(self.members)
         if self.floor_spectra is not None:
             lines.append(self.floor_spectra.table(self.summary.floors))
         if self.comparison is not None:
@@ -194,7 +194,12 @@ def predict_study(
         alone=alone,
         path=path,
         damping=draws.damping,
-        notes=(*_notes(model, posterior, motion, settings), *at_level, *posterior.warnings),
+        notes=(
+            *_notes(model, posterior, motion, settings),
+            *([ALONE] if members else []),
+            *at_level,
+            *posterior.warnings,
+        ),
         seconds=time.monotonic() - started,
         quantities=quantities(
             model.building,

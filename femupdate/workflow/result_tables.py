@@ -13,6 +13,7 @@ from femupdate.workflow.calibrate_draws import predictive_log_frf
 from femupdate.workflow.calibration_report import CalibrationReport
 from femupdate.workflow.diagnose import DiagnosisReport
 from femupdate.workflow.effect_surrogate import open_system
+from femupdate.workflow.member_tables import member_rows
 from femupdate.workflow.parameter_titles import parameter_titles
 from femupdate.workflow.predict import PredictionReport
 from femupdate.workflow.prediction_quantities import TIDY, Quantity
@@ -93,11 +94,13 @@ def _responses(study: Study, report: CalibrationReport) -> Iterator[tuple[Any, .
 
 
 def prediction_tables(report: PredictionReport) -> tuple[Sheet, ...]:
-    """Peaks and histories of a prediction."""
+    """Peaks, also of members, and histories of a prediction; floor spectra where asked for."""
     summary = report.summary
     rows = [row for one in report.quantities.values() for row in one.tidy()]
+    rows += member_rows(report.members)
     return (
         Sheet.of("predicted_peaks", TIDY, rows),
+        *_floor_spectra(report),
         Sheet.of(
             "floor_histories",
             ("floor", "time_s", "acceleration_mean_m_s2", "acceleration_sd_m_s2"),
@@ -113,6 +116,34 @@ def prediction_tables(report: PredictionReport) -> tuple[Sheet, ...]:
             ),
         ),
     )
+
+
+_SPECTRA = (
+    "floor",
+    "frequency_hz",
+    "damping_ratio",
+    "acceleration_mean_m_s2",
+    "acceleration_sd_m_s2",
+    "acceleration_q05_m_s2",
+    "acceleration_q95_m_s2",
+)
+
+
+def _floor_spectra(report: PredictionReport) -> tuple[Sheet, ...]:
+    """Response spectra of the ground and of every floor."""
+    found = report.floor_spectra
+    if found is None:
+        return ()
+    own, frequency = found.acceleration, found.frequency_hz.tolist()
+    ground = [("base", f, found.damping, a) for f, a in zip(frequency, found.base, strict=True)]
+    rows = [(*row[:3], float(row[3]), 0.0, float(row[3]), float(row[3])) for row in ground]
+    for k, floor in enumerate(report.summary.floors):
+        columns = (part[k].tolist() for part in (own.mean, own.sd, own.q05, own.q95))
+        rows += [
+            (floor, f, found.damping, *values)
+            for f, *values in zip(frequency, *columns, strict=True)
+        ]
+    return (Sheet.of("floor_spectra", _SPECTRA, rows),)
 
 
 _EFFECTS = (

@@ -52,6 +52,17 @@ def test_members_share_a_unit_for_forces_and_one_for_moments():
     assert units == ["kN", "kN", "kN m"] * 2
 
 
+def test_forces_whose_bands_cannot_be_seen_say_so():
+    time = np.linspace(0, 10, 500)
+    wave = np.outer([1e3, 1e4, 1e5], np.sin(2 * np.pi * time))
+    for share, thin in ((0.001, True), (0.2, False)):
+        rows = [("wall", ("N", "V", "M"), wave, share * np.abs(wave))]
+        figure = member_force_bands(time, rows, note="Alone.")
+        texts = " ".join(text.get_text() for text in figure.texts)
+        assert ("thinner than the lines" in texts) == thin
+        assert "Alone." in texts
+
+
 def test_bands_that_cannot_be_seen_are_told():
     assert "0.4 % of the axis" in thin_band_note(0.004)
     assert thin_band_note(0.1) == ""

@@ -9,10 +9,13 @@ from femupdate.cli.main import group
 
 from femupdate.building.files import load_building
 from femupdate.building.parameters import factor_titles
+from femupdate.dynamics.member_histories import Member, MemberForces
+from femupdate.dynamics.summary import Statistics
 from femupdate.inference.posterior import load_posterior
 from femupdate.report.scale import interval_text
+from femupdate.workflow.member_tables import member_lines, member_rows
 from femupdate.workflow.parameter_titles import effect_title
-from femupdate.workflow.prediction_quantities import PeakDraws, Quantity, quantities, tables
+from femupdate.workflow.prediction_quantities import TIDY, PeakDraws, Quantity, quantities, tables
 
 
 def rows_of(path):
@@ -33,6 +36,7 @@ def folder(tower_study, tower_observation, tmp_path_factory, write_record):
     motion = GroundMotion(histories.acceleration[0][:1000], histories.time_step)
     record = write_record(study.parent / "record.csv", motion)
     words = ["predict", "--record", record, "--samples", 20, "--no-pictures", "--json"]
+    words.append("--floor-spectra")
     done = CliRunner().invoke(group, [*map(str, words), "--study", str(study)])
     answer = json.loads(done.stdout)
     assert answer["tables"] == [str(study / "tables" / name) for name in PREDICTED]
@@ -49,7 +53,7 @@ def test_units_suit_bench_top_models_and_buildings(tower_file, shear, units):
     assert found["stiffness"].values[0, 0] * newton * 1e3 == pytest.approx(shear)
 
 
-PREDICTED = ("predicted_peaks.csv", "floor_histories.csv")
+PREDICTED = ("predicted_peaks.csv", "floor_spectra.csv", "floor_histories.csv")
 
 
 def test_predicted_peaks(folder):
@@ -80,6 +84,47 @@ def test_histories_have_a_row_for_every_instant(folder):
     roof = [float(row["acceleration_mean_m_s2"]) for row in rows if row["floor"] == "RF"]
     peak = answer["peak_acceleration_m_s2"]["RF"]["mean"]
     assert np.abs(roof).max() == pytest.approx(peak, rel=0.1)
+
+
+def test_floor_spectra_have_a_row_for_every_oscillator(folder):
+    study, answer = folder
+    rows = rows_of(study / "tables" / "floor_spectra.csv")
+    assert {row["floor"] for row in rows} == {"base", "2F", "RF"}
+    assert {row["damping_ratio"] for row in rows} == {"0.05"}
+    roof = [float(row["acceleration_mean_m_s2"]) for row in rows if row["floor"] == "RF"]
+    assert roof == pytest.approx(answer["floor_spectra"]["floors_m_s2"]["RF"]["mean"])
+
+
+@pytest.fixture
+def members():
+    """A wall and a beam whose forces are known."""
+    wall = Member("wall", "X2:S1", np.zeros((2, 3)), ("N", "V", "M"), 0)
+    beam = Member("beam", "(1, 0, 2.7) to (1.2, 0, 2.7) m", np.zeros((2, 3)), ("N_start",), 0)
+    found = []
+    for member, size in ((wall, [5514.0, 32320.0, 40940.0]), (beam, [80.69])):
+        mean = np.array(size)
+        peak = Statistics(mean, 0.01 * mean, 0.98 * mean, 1.02 * mean)
+        found.append(MemberForces(member, mean[:, None], 0.0 * mean[:, None], peak))
+    return found
+
+
+def test_largest_forces_of_members_have_one_unit_each(members):
+    rows = list(member_rows(members))
+    assert [row[:3] for row in rows] == [
+        ("largest N", "kN", "wall 1, X2:S1"),
+        ("largest V", "kN", "wall 1, X2:S1"),
+        ("largest M", "kN m", "wall 1, X2:S1"),
+        ("largest N start", "kN", "beam 2, (1, 0, 2.7) to (1.2, 0, 2.7) m"),
+    ]
+    assert rows[1][3:] == pytest.approx((32.32, 0.3232, 31.6736, 32.9664))
+    assert len(rows[0]) == len(TIDY)
+
+
+def test_largest_forces_of_members_are_told_without_exponents(members):
+    text = "\n".join(member_lines(members))
+    assert "wall 1, X2:S1: largest forces\n" in text
+    assert "  V, kN    32.32 [31.67, 32.97]\n" in text
+    assert "e+0" not in text
 
 
 def test_the_posterior_and_its_responses(calibrated, tower_observation, tower_file):
