@@ -77,10 +77,7 @@ def posterior_options(function: Callable[..., Answer]) -> Callable[..., Answer]:
 
 
 def study_options(
-    needs: str | None = None,
-    writes: bool = True,
-    draws: bool = True,
-    shares: bool = False,
+    needs: str | None = None, writes: bool = True, draws: bool = True, shares: bool = False
 ) -> Callable[[Callable[..., Answer]], Callable[..., None]]:
     """Add --study, --seed, --json and -v, print the answer, turn errors into exit code 1.
 

@@ -17,11 +17,7 @@ from .parameters import BuildingName, InputFile
 @click.command("diagnose", cls=GroupedCommand)
 @click.argument("observations", type=InputFile(), nargs=-1, required=True)
 @click.option("--building", type=BuildingName(), help="Shipped name or TOML file, for a new study.")
-@click.option(
-    "--second",
-    type=InputFile(),
-    help="Second record at another level of motion.",
-)
+@click.option("--second", type=InputFile(), help="Second record at another level of motion.")
 @click.option("--no-phase", is_flag=True, help="Use the amplitude alone.")
 @click.option(
     "--sampled",

@@ -14,10 +14,7 @@ from .lazy import LazyGroup
 _COMMANDS = {
     "inspect": ("inspect_file", "Say what is in measured files and what looks wrong."),
     "identify": ("identify", "Identify modes from floor motions alone (ambient vibration)."),
-    "build-model": (
-        "build_model",
-        "Build and reduce the model of a building, and draw its modes.",
-    ),
+    "build-model": ("build_model", "Build and reduce the model of a building, and draw its modes."),
     "train": ("train", "Train the surrogate of a building; resumes where it stopped."),
     "calibrate": ("calibrate", "Draw the posterior of the stiffness factors from measured files."),
     "predict": ("predict", "Predict floor histories and story shears for a ground motion."),
@@ -37,9 +34,7 @@ _COMMANDS = {
 
 
 @click.group(
-    cls=LazyGroup,
-    commands=_COMMANDS,
-    context_settings={"help_option_names": ["-h", "--help"]},
+    cls=LazyGroup, commands=_COMMANDS, context_settings={"help_option_names": ["-h", "--help"]}
 )
 @click.version_option(__version__, prog_name="femupdate")
 def group() -> None:

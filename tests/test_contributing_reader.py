@@ -8,7 +8,7 @@ import pytest
 
 from femupdate.errors import MeasurementError
 from femupdate.measurement import readers as folder
-from femupdate.measurement.observation_file import read_observation_file
+from femupdate.measurement.kinds import read_observation_file
 from femupdate.measurement.record import read_record
 from femupdate.measurement.registry import readers
 

@@ -10,7 +10,7 @@ from femupdate.building.files import load_building
 from femupdate.errors import BuildingError, FemupdateError, MeasurementError, StudyError
 from femupdate.files import read_file
 from femupdate.measurement import text
-from femupdate.measurement.observation_file import read_observation_file
+from femupdate.measurement.kinds import read_observation_file
 from femupdate.measurement.record import read_record
 
 

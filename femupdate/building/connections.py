@@ -10,13 +10,7 @@ from femupdate.building.lattice import ExtraLines
 from femupdate.building.members import Supports
 from femupdate.building.pieces import piece_of
 from femupdate.fe.joints import EdgeJoint, edge_joints, joint_links
-from femupdate.fe.model import (
-    CONSTANT,
-    DOF_PER_NODE,
-    FiniteElementModel,
-    RigidLinks,
-    Springs,
-)
+from femupdate.fe.model import CONSTANT, DOF_PER_NODE, FiniteElementModel, RigidLinks, Springs
 
 # What slides or is free is held by its base, which `dynamics.released` lets move.
 _HELD = {"fixed": 6, "pinned": 3, "springs": 0, "slides": 6, "free": 6}
@@ -24,10 +18,7 @@ _IN_PLAN = np.array([True, True, False, False, False, True])
 
 
 def connected(
-    model: FiniteElementModel,
-    base: Integers,
-    supports: Supports,
-    diaphragms: Iterable[Integers],
+    model: FiniteElementModel, base: Integers, supports: Supports, diaphragms: Iterable[Integers]
 ) -> FiniteElementModel:
     """Return the model with its supports and rigid links.
 

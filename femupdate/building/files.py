@@ -7,12 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from femupdate.atomic import atomic_path
-from femupdate.building.document import (
-    building_hash,
-    from_document,
-    mechanics_hash,
-    to_document,
-)
+from femupdate.building.document import building_hash, from_document, mechanics_hash, to_document
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.mesh import check_mesh
 from femupdate.building.own_mesh import MeshBuilding
@@ -108,9 +103,4 @@ def save_building(building: Building, path: str | Path) -> Path:
     return target
 
 
-__all__ = [
-    "building_hash",
-    "load_building",
-    "mechanics_hash",
-    "save_building",
-]
+__all__ = ["building_hash", "load_building", "mechanics_hash", "save_building"]

@@ -109,10 +109,7 @@ def _read(path: Path) -> Any:
             return meshio.read(path)
     except (Exception, SystemExit) as error:  # its readers raise whatever a broken file causes
         reason = str(error) if str(error) not in ("", "1") else "its content is not as its ending"
-        raise Complaint(
-            "mesh.file",
-            f"{path.name} cannot be read ({reason}); {_MEND}",
-        ) from None
+        raise Complaint("mesh.file", f"{path.name} cannot be read ({reason}); {_MEND}") from None
 
 
 @contextlib.contextmanager

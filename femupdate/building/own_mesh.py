@@ -6,14 +6,7 @@ from pydantic import Field, model_validator
 
 from femupdate.building.common import MeshedBuilding
 from femupdate.building.entry import Complaint, Entry
-from femupdate.building.quantities import (
-    Coordinate,
-    Label,
-    Length,
-    LengthOrZero,
-    Names,
-    Number,
-)
+from femupdate.building.quantities import Coordinate, Label, Length, LengthOrZero, Names, Number
 from femupdate.building.references import require
 
 

@@ -56,10 +56,7 @@ def _entries(table: Mapping[str, Any], path: tuple[str | int, ...], comment: Com
 
 
 def _tables(
-    table: Mapping[str, Any],
-    header: tuple[str, ...],
-    path: tuple[str | int, ...],
-    comment: Comment,
+    table: Mapping[str, Any], header: tuple[str, ...], path: tuple[str | int, ...], comment: Comment
 ) -> list[str]:
     lines: list[str] = []
     for name, value in table.items():

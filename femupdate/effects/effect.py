@@ -281,12 +281,7 @@ class Effect(ABC):
         return ratio
 
     def at_level(
-        self,
-        theta: Tensor,
-        zeta: Tensor,
-        sizes: Tensor,
-        level: float,
-        constants: tuple[float, ...],
+        self, theta: Tensor, zeta: Tensor, sizes: Tensor, level: float, constants: tuple[float, ...]
     ) -> tuple[Tensor, Tensor]:
         """Stiffness factors (N, p) and damping ratios (N,) at another level of motion.
 

@@ -47,10 +47,7 @@ def infill_lines(building: object) -> dict[str, tuple[int, ...]]:
 
 
 def infills(
-    building: FrameBuilding,
-    mesh: BuildingMesh,
-    operators: AffineOperators,
-    mesh_size: float | None,
+    building: FrameBuilding, mesh: BuildingMesh, operators: AffineOperators, mesh_size: float | None
 ) -> tuple[Infill, ...]:
     """All walls that count as weight alone, one for each line and story.
 

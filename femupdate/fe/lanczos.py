@@ -44,11 +44,7 @@ def most_vectors(size: int, count: int, width: int) -> int:
 
 
 def largest_of_inverse(
-    solve: Callable[[Floats], Floats],
-    mass: csc_matrix,
-    start: Floats,
-    count: int,
-    tolerance: float,
+    solve: Callable[[Floats], Floats], mass: csc_matrix, start: Floats, count: int, tolerance: float
 ) -> tuple[Floats, Floats] | None:
     """Largest eigenvalues of K^-1 M with their vectors.
 

@@ -5,12 +5,7 @@ from scipy.sparse import coo_matrix, csr_matrix, identity
 
 from femupdate.arrays import Floats, Integers
 from femupdate.errors import ModelError
-from femupdate.fe.model import (
-    DOF_NAMES,
-    DOF_PER_NODE,
-    FiniteElementModel,
-    RigidLinks,
-)
+from femupdate.fe.model import DOF_NAMES, DOF_PER_NODE, FiniteElementModel, RigidLinks
 
 _LONGEST_CHAIN = 16  # masters that are slaves of masters; a real building has three at most
 
@@ -51,10 +46,7 @@ def link_expansion(model: FiniteElementModel) -> csr_matrix | None:
     follow = coo_matrix(
         (
             arms[link, row, column],
-            (
-                DOF_PER_NODE * links.slave[link] + row,
-                DOF_PER_NODE * links.master[link] + column,
-            ),
+            (DOF_PER_NODE * links.slave[link] + row, DOF_PER_NODE * links.master[link] + column),
         ),
         shape=(model.dof, model.dof),
     ).tocsr()

@@ -3,13 +3,7 @@
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.fe.quadrilateral import (
-    CENTRE,
-    GAUSS_POINTS,
-    PlaneSamples,
-    sample,
-    shape_functions,
-)
+from femupdate.fe.quadrilateral import CENTRE, GAUSS_POINTS, PlaneSamples, sample, shape_functions
 
 # Weight of the 2 x 2 part of the drilling penalty. The one-point part alone leaves hourglass
 # patterns of the drilling rotations free; a full 2 x 2 penalty locks curved shells.
@@ -107,10 +101,7 @@ def integrate(left: Floats, right: Floats, weight: Floats) -> Floats:
 def _strain(gauss: PlaneSamples, internal: Floats) -> Floats:
     """Strains (eps_x, eps_y, gamma_xy) per unit coordinate at the Gauss points, (n, g, 3, 16)."""
     strain = np.zeros((*gauss.determinant.shape, 3, 16))
-    for u, v, slopes in (
-        (_U, _V, gauss.gradients),
-        (_INTERNAL_U, _INTERNAL_V, internal),
-    ):
+    for u, v, slopes in ((_U, _V, gauss.gradients), (_INTERNAL_U, _INTERNAL_V, internal)):
         strain[:, :, 0, u] = strain[:, :, 2, v] = slopes[:, :, 0]
         strain[:, :, 1, v] = strain[:, :, 2, u] = slopes[:, :, 1]
     return strain
@@ -131,10 +122,7 @@ def _slip(samples: PlaneSamples, points: Floats, internal: Floats) -> Floats:
     """Nodal rotation less the membrane's spin per unit coordinate, (n, g, 1, 16)."""
     slip = np.zeros((*samples.determinant.shape, 1, 16))
     slip[:, :, 0, _SPIN] = shape_functions(points)
-    for u, v, slopes in (
-        (_U, _V, samples.gradients),
-        (_INTERNAL_U, _INTERNAL_V, internal),
-    ):
+    for u, v, slopes in ((_U, _V, samples.gradients), (_INTERNAL_U, _INTERNAL_V, internal)):
         slip[:, :, 0, u] = 0.5 * slopes[:, :, 1]
         slip[:, :, 0, v] = -0.5 * slopes[:, :, 0]
     return slip

@@ -1,7 +1,11 @@
-"""Named arrays, as MATLAB and numpy save them, as the table that they make."""
+"""Named arrays, as MATLAB and numpy save them, as the table that they make.
+
+Simcenter Testlab exports structures to MATLAB files: evenly spaced x, and values of y.
+"""
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,7 +17,6 @@ from femupdate.measurement.mode_arrays import modes_in_arrays
 from femupdate.measurement.quantity import is_unit
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.table import Table
-from femupdate.measurement.testlab_arrays import testlab_recording
 from femupdate.measurement.text import TextFile
 
 _RATE = re.compile(r"^(fs|f_s|fsamp\w*|rate|sampl(e|ing)_?(rate|freq(uency)?))(_?hz)?$", re.I)
@@ -21,12 +24,17 @@ _STEP = re.compile(r"^(dt|delta_?t|ts|time_?step)(_?s)?$", re.IGNORECASE)
 _UNIT = re.compile(r"^units?$", re.IGNORECASE)
 _LABELS = re.compile(r"^(channel|sensor|column)?s?_?(names?|labels?)$|^(channel|sensor)s$", re.I)
 
+# Fields of Testlab's structures.
+_START, _STEP_OF, _COUNT = "x_values.start_value", "x_values.increment", "x_values.number_of_values"
+_X, _Y, _VALUES = "x_values.quantity.label", "y_values.quantity.label", "y_values.values"
+_NAMES = "function_record.name"
+_AXES = {"s": TIME, "": TIME, "hz": FREQUENCY}
+
 
 def table_of_arrays(file: TextFile, arrays: Mapping[str, Any]) -> Recording:
     """Return equally long arrays as a table; its times are an array or follow from a rate.
 
-    Arrays of modes (`modes_in_arrays`) are modes instead, and `testlab_recording` knows the
-    structures of its program.
+    Arrays of modes (`modes_in_arrays`) are modes instead.
 
     A complex array becomes two columns, `name_re` and `name_im`; of an array with two axes the
     shorter one counts the columns, `name_1` and so on.
@@ -40,7 +48,7 @@ def table_of_arrays(file: TextFile, arrays: Mapping[str, Any]) -> Recording:
     modes = modes_in_arrays(file, arrays)
     if modes:
         return Recording(file, modes=modes)
-    exported = testlab_recording(file, arrays)
+    exported = _testlab_recording(file, arrays)
     if exported is not None:
         return exported
     numbers = {name: np.squeeze(a) for name, a in arrays.items() if _is_numeric(a)}
@@ -98,11 +106,14 @@ def _columns(name: str, array: NDArray[Any], labels: Sequence[str] = ()) -> dict
         own = own or [f"{name}_{k}" for k in range(1, len(rows) + 1)]
         found = [_columns(title, row) for title, row in zip(own, rows, strict=True)]
         return {key: column for each in found for key, column in each.items()}
-    if array.ndim != 1 or array.size < 2:
-        return {}
-    if np.iscomplexobj(array):
-        return {f"{name}_re": array.real.astype(float), f"{name}_im": array.imag.astype(float)}
-    return {name: array.astype(np.float64)}
+    return _parts(name, array) if array.ndim == 1 and array.size > 1 else {}
+
+
+def _parts(name: str, column: NDArray[Any]) -> dict[str, Floats]:
+    """A column, or the two of complex numbers."""
+    if np.iscomplexobj(column):
+        return {f"{name}_re": column.real.astype(float), f"{name}_im": column.imag.astype(float)}
+    return {name: column.astype(np.float64)}
 
 
 def _axis(file: TextFile, columns: dict[str, Floats], scalars: Mapping[str, float]) -> str:
@@ -140,3 +151,66 @@ def _require_finite(file: TextFile, columns: Mapping[str, Floats]) -> None:
                 int(wrong[0]) + 1,
                 repr(name),
             )
+
+
+@dataclass(frozen=True)
+class _Signal:
+    """One structure of Testlab.
+
+    Attributes:
+        axis: name of our column, first value, increment and number of values.
+        columns: (n,) each by its name, of complex values two.
+        unit: of all values, or None.
+    """
+
+    axis: tuple[str, float, float, int]
+    columns: Mapping[str, Floats]
+    unit: str | None
+
+
+def _testlab_recording(file: TextFile, arrays: Mapping[str, Any]) -> Recording | None:
+    """The structures of a file as one table; None of a file that holds none."""
+    found = {name.removesuffix(f".{_STEP_OF}") for name in arrays if name.endswith(f".{_STEP_OF}")}
+    owners = sorted(name for name in found if f"{name}.{_VALUES}" in arrays)
+    if not owners:
+        return None
+    signals = {name: _signal(file, name, arrays) for name in owners}
+    axes = {one.axis for one in signals.values()}
+    if len(axes) > 1:
+        raise file.error(
+            f"{', '.join(owners)} are not sampled alike; export them to files of their own"
+        )
+    ((axis, start, step, count),) = axes
+    names, units, values = [axis], [""], [start + step * np.arange(count, dtype=np.float64)]
+    for owner, one in signals.items():
+        for name, column in one.columns.items():
+            alone = sum(name in other.columns for other in signals.values()) == 1
+            names.append(name if alone else f"{owner} {name}")
+            units.append(one.unit or "")
+            values.append(column)
+    stated = tuple(unit or None for unit in units)
+    lines = np.arange(count) + 1
+    return Recording(file, table=Table(file, tuple(names), stated, np.column_stack(values), lines))
+
+
+def _signal(file: TextFile, owner: str, arrays: Mapping[str, Any]) -> _Signal:
+    values = np.asarray(arrays[f"{owner}.{_VALUES}"])
+    count = int(arrays.get(f"{owner}.{_COUNT}", values.shape[0] if values.ndim else 0))
+    values = values[:, None] if values.ndim == 1 else values
+    label = str(arrays.get(f"{owner}.{_X}", "")).strip().lower()
+    step = float(arrays[f"{owner}.{_STEP_OF}"])
+    whole = values.ndim == 2 and values.shape[0] == count and values.dtype.kind in "fiuc"
+    if not whole or label not in _AXES or not step > 0.0 or not np.isfinite(values).all():
+        raise file.error(
+            f"{owner} holds no {count} rows of finite numbers over time or frequency; export it"
+            " again as time data or response functions"
+        )
+    names = [str(one).strip() for one in np.ravel(arrays.get(f"{owner}.{_NAMES}", []))]
+    if len(set(names)) != values.shape[1] or not all(names):
+        numbered = [f"{owner}_{k}" for k in range(1, values.shape[1] + 1)]
+        names = [owner] if values.shape[1] == 1 else numbered
+    columns: dict[str, Floats] = {}
+    for name, column in zip(names, values.T, strict=True):
+        columns |= _parts(name, column)
+    axis = _AXES[label], float(arrays.get(f"{owner}.{_START}", 0.0)), step, count
+    return _Signal(axis, columns, str(arrays.get(f"{owner}.{_Y}", "")).strip() or None)

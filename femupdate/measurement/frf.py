@@ -25,34 +25,22 @@ from femupdate.measurement.base_rotation import rotation_of, said_of_rotation
 from femupdate.measurement.columns import BASE
 from femupdate.measurement.estimated import estimator_of
 from femupdate.measurement.frf_table import FrfTable
-from femupdate.measurement.observation import (
-    Observation,
-    require_floors_of_building,
-    select_floors,
-)
+from femupdate.measurement.observation import Observation, require_floors_of_building, select_floors
 from femupdate.measurement.observation_file import Histories
 from femupdate.measurement.thresholds import ROTATION, SPECTRUM
-from femupdate.measurement.welch import (
-    Segments,
-    Spectra,
-    choose_segments,
-    welch_spectra,
-)
+from femupdate.measurement.welch import Segments, Spectra, choose_segments, welch_spectra
 
 _TINY = float(np.finfo(np.float64).tiny)
 
 
 def estimate_frf(
-    histories: Histories,
-    frequency_hz: Floats,
-    direction: str = "x",
-    segment_s: float | None = None,
-    half: int | None = None,
+    histories: Histories, frequency_hz: Floats, direction: str = "x", half: int | None = None
 ) -> Observation:
     """Estimate the FRFs of all floors in one direction, with their noise from the coherence.
 
-    The sensors of a floor are averaged in time; H1 = S_xy / S_xx with Hann windows and half
-    overlap (Welch 1967), complex H interpolated to the grid. The noise is
+    A segment is as long as the inverse of the grid's step, or shorter where that would leave fewer
+    than five independent ones. The sensors of a floor are averaged in time; H1 = S_xy / S_xx with
+    Hann windows and half overlap (Welch 1967), complex H interpolated to the grid. The noise is
     sd(ln|H|) = sqrt((1 - g2) / (2 g2 n)) (Bendat and Piersol 2010, section 9.2) with the
     effective number n of overlapping segments. In it 1 - g2 is freed of its bias by n / (n - 1)
     and its power averaged over neighbouring frequencies; it is never below `least_noise` of the
@@ -61,8 +49,6 @@ def estimate_frf(
     Args:
         frequency_hz: (m,) the building's grid, increasing.
         direction: of the motion: x, y or z.
-        segment_s: length of a segment, s; by default the inverse of the grid's step, shorter
-            where that would leave fewer than five independent segments.
         half: 0 or 1 for every other segment alone; the noise is that of the whole record, as much
             larger as there are fewer segments.
 
@@ -74,7 +60,7 @@ def estimate_frf(
     base, floors, names = floor_means(histories, direction)
     rotation = rotation_of(histories.channels, histories.acceleration)
     wanted = 1.0 / float(np.median(np.diff(grid))) if grid.size > 1 else 8.0 / float(grid[0])
-    segments = choose_segments(base.size, histories.time_step, wanted, segment_s, histories.source)
+    segments = choose_segments(base.size, histories.time_step, wanted, histories.source)
     spectra = welch_spectra(base, floors, histories.time_step, segments)
     coherence = np.abs(spectra.cross) ** 2 / np.maximum(spectra.base * spectra.floors, _TINY)
     frf = spectra.cross / np.maximum(spectra.base, _TINY)

@@ -7,21 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femupdate.arrays import Complexes, Floats
-from femupdate.measurement.columns import (
-    FREQUENCY,
-    FRF_COLUMNS,
-    FrfColumn,
-    floor_height,
-)
+from femupdate.measurement.columns import FREQUENCY, FRF_COLUMNS, FrfColumn, floor_height
 from femupdate.measurement.force_unit import force_unit
 from femupdate.measurement.quantity import si_factor
 from femupdate.measurement.table import Table
 from femupdate.measurement.thresholds import RESPONSE
 
-UNDER_FORCE = (
-    "these are responses to a force, which calibrate, diagnose and repair explain; give histories"
-    " or FRFs under base motion here"
-)
 _RATIO_UNITS = ("", "-", "–", "1")
 
 
@@ -64,8 +55,6 @@ def frf_table(table: Table, at: int, columns: Mapping[FrfColumn, int]) -> FrfTab
             f"a response in {forced} is one to a force; say at which floor it acts by the force"
             " option, or by the columns' names, such as 2F/RF for 2F under a force at RF"
         )
-    if any(column.force for column in columns):
-        raise table.file.error(UNDER_FORCE)
     return curves_of(without_zero_frequency(table, at), at, columns, _ratio)
 
 

@@ -7,16 +7,16 @@ import numpy as np
 from femupdate.arrays import Floats
 from femupdate.measurement.text import TextFile
 
+_LINES = 60  # of a header
 
-def header_value(
-    file: TextFile, pattern: str, what: str, lines: int = 60
-) -> tuple[int, re.Match[str]]:
+
+def header_value(file: TextFile, pattern: str, what: str) -> tuple[int, re.Match[str]]:
     """Return the index and the match of the first header line that fits a pattern.
 
     Raises:
         MeasurementError: no line does; `what` names what is missing.
     """
-    for index, line in enumerate(file.lines[:lines]):
+    for index, line in enumerate(file.lines[:_LINES]):
         match = re.search(pattern, line, re.IGNORECASE)
         if match:
             return index, match

@@ -16,13 +16,7 @@ from femupdate.measurement.base_rotation import (
 )
 from femupdate.measurement.channel import RecordedChannel, acceleration_unit
 from femupdate.measurement.channel_checks import channel_findings
-from femupdate.measurement.columns import (
-    BASE,
-    FREQUENCY,
-    Channel,
-    parse_channel,
-    parse_frf_column,
-)
+from femupdate.measurement.columns import BASE, FREQUENCY, Channel, parse_channel, parse_frf_column
 from femupdate.measurement.direction import azimuth_of
 from femupdate.measurement.function_table import (
     SOMEWHERE,
@@ -30,15 +24,11 @@ from femupdate.measurement.function_table import (
     under_force,
     unnamed_functions,
 )
+from femupdate.measurement.kinds import base_motion_in
 from femupdate.measurement.mode_checks import mode_findings
 from femupdate.measurement.mode_table import modes_in_table
 from femupdate.measurement.next_step import NextStep, columns_option, next_step
-from femupdate.measurement.observation_file import (
-    layout_of,
-    motions_in,
-    observation_in,
-    with_usual_axis,
-)
+from femupdate.measurement.observation_file import layout_of, motions_in, with_usual_axis
 from femupdate.measurement.pair_checks import pair_findings
 from femupdate.measurement.proposal import proposed_floors
 from femupdate.measurement.quantity import is_acceleration, si_factor
@@ -372,16 +362,12 @@ def _functions_of_table(
         return unnamed_functions(own, axis)
     layout = layout_of(own, columns)
     if not under_force(own, layout):
-        observation_in(recording, unit, columns)  # refuses what cannot be
+        base_motion_in(recording, unit, columns)  # refuses what cannot be
     return response_functions(own, layout)
 
 
 def _inspected(
-    recording: Recording,
-    number: int,
-    channel: RecordedChannel,
-    floor: str | None,
-    unit: str | None,
+    recording: Recording, number: int, channel: RecordedChannel, floor: str | None, unit: str | None
 ) -> InspectedChannel:
     stated = channel.unit or (unit if channel.quantity in ("acceleration", "unknown") else None)
     known = stated is not None and is_acceleration(stated)

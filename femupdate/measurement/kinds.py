@@ -7,14 +7,15 @@ from pathlib import Path
 from femupdate.measurement.columns import FrfColumn
 from femupdate.measurement.force_frf import ForceTest, force_test
 from femupdate.measurement.force_unit import force_unit
-from femupdate.measurement.frf_table import FrfTable
+from femupdate.measurement.frf_table import FrfTable, frf_table
 from femupdate.measurement.function_table import table_of_functions
 from femupdate.measurement.modes import IdentifiedModes, identified_modes
 from femupdate.measurement.observation_file import (
     ForceHistories,
     Histories,
     Layout,
-    any_observation_in,
+    histories_in,
+    histories_in_table,
     layout_of,
 )
 from femupdate.measurement.recording import Recording
@@ -51,34 +52,69 @@ def read_any_kind(path: str | Path, how: Reading) -> AnyKind:
     Raises:
         MeasurementError: the file, a column or a cell cannot be used; the message names it.
     """
-    recording = read_measured(path)
+    return _any_kind(read_measured(path), how)
+
+
+def read_observation_file(
+    path: str | Path, unit: str | None = None, columns: Mapping[str, str] | None = None
+) -> Histories | FrfTable:
+    """Read measured histories or response functions of floors under base motion.
+
+    Args:
+        path: a table with the column time_s (histories) or frequency_hz (FRFs), or any other
+            format that is known, whose channels `columns` gives to floors.
+        unit: of the accelerations, where the file does not give it.
+        columns: our column name to the file's column or channel, such as `{"2F": "a_1F"}`; a
+            channel also by its number. Once it is given, the file's other columns count only
+            where they bear one of our names.
+
+    Raises:
+        MeasurementError: as `read_any_kind`, or the file is of another kind.
+    """
+    return base_motion_in(read_measured(path), unit, columns)
+
+
+def base_motion_in(
+    recording: Recording, unit: str | None = None, columns: Mapping[str, str] | None = None
+) -> Histories | FrfTable:
+    """What `read_observation_file` reads, in a file that was opened."""
+    found = _any_kind(recording, Reading(unit=unit, columns=columns))
+    if isinstance(found, Histories | FrfTable):
+        return found
+    what, who = _OTHERS.get(type(found), _FORCED)
+    raise recording.file.error(f"these are {what}, which {who}; give histories or FRFs here")
+
+
+_EXPLAINED = "calibrate, diagnose and repair explain"
+_FORCED = "responses to a force", _EXPLAINED
+_OTHERS: Mapping[type, tuple[str, str]] = {
+    IdentifiedModes: ("identified modes", _EXPLAINED),
+    StaticTest: ("static load cases", "calibrate and inspect alone take"),
+}
+
+
+def _any_kind(recording: Recording, how: Reading) -> AnyKind:
     if recording.modes or recording.mode_table is not None:
         return identified_modes(recording, how.columns, how.direction)
-    table = recording.table
+    table, columns = recording.table, how.columns
     if table is None and recording.functions and not recording.channels:
-        table = table_of_functions(recording, how.columns or {})
-        return _from_table(Recording(recording.file, table=table), table, how, None)
+        table, columns = table_of_functions(recording, columns or {}), None
     if table is None:
-        return any_observation_in(recording, how.unit, how.columns)
+        return histories_in(recording, how.unit, columns)
     if is_static(table):
         return static_test(table)
-    return _from_table(recording, table, how, how.columns)
-
-
-def _from_table(
-    recording: Recording, table: Table, how: Reading, columns: Mapping[str, str] | None
-) -> Histories | ForceHistories | FrfTable | ForceTest:
     layout = layout_of(table, columns)
-    if not _forced(table, layout, how):
-        own = how.unit if layout.of_histories else None
-        return any_observation_in(recording, own, columns)
+    if layout.of_histories:
+        return histories_in_table(table, layout, how.unit)
+    if not _forced(layout, how):
+        return frf_table(table, layout.at, layout.frfs)
     _check_force(table, layout.frfs, how.force)
     return force_test(table, layout.at, layout.frfs, how.force or "", how.unit)
 
 
-def _forced(table: Table, layout: Layout, how: Reading) -> bool:
-    """Whether a table holds responses to a force."""
-    if layout.of_histories or not layout.frfs:
+def _forced(layout: Layout, how: Reading) -> bool:
+    """Whether a table of response functions holds those to a force."""
+    if not layout.frfs:
         return False
     told = how.force is not None or any(column.force for column in layout.frfs)
     return told or (how.unit is not None and force_unit(how.unit) is not None)

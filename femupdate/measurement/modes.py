@@ -131,10 +131,7 @@ def _check(file: TextFile, mode: RecordedMode) -> None:
 
 
 def _floors_of(
-    file: TextFile,
-    modes: Sequence[RecordedMode],
-    columns: Mapping[str, str] | None,
-    direction: str,
+    file: TextFile, modes: Sequence[RecordedMode], columns: Mapping[str, str] | None, direction: str
 ) -> dict[str, str]:
     """Floor of each sensor that is used, by the file's name of the sensor."""
     sensors = list(dict.fromkeys(name for mode in modes for name in mode.sensors))

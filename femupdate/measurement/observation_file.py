@@ -1,10 +1,9 @@
-"""Observations of a building in files: measured histories or frequency response functions."""
+"""Histories of a building's floors in files, and what the columns of tables stand for."""
 
 import logging
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -33,11 +32,9 @@ from femupdate.measurement.columns import (
     parse_history,
 )
 from femupdate.measurement.force_unit import newtons
-from femupdate.measurement.frf_table import UNDER_FORCE, FrfTable, frf_table
 from femupdate.measurement.quantity import si_factor, split_unit
 from femupdate.measurement.record import LARGEST_PEAK
 from femupdate.measurement.recording import Recording
-from femupdate.measurement.registry import read_measured
 from femupdate.measurement.sampling import check_step, uniform_step
 from femupdate.measurement.table import Table
 from femupdate.measurement.text import TextFile, closest
@@ -47,17 +44,6 @@ from femupdate.units import STANDARD_GRAVITY
 logger = logging.getLogger(__name__)
 
 LARGEST_RESPONSE = RECORD.largest_floor * LARGEST_PEAK  # m/s2
-__all__ = [
-    "ForceHistories",
-    "FrfTable",
-    "Histories",
-    "Layout",
-    "any_observation_in",
-    "layout_of",
-    "observation_in",
-    "read_observation_file",
-    "with_usual_axis",
-]
 _ON_BASE = re.compile(rf"^{BASE}/|/{BASE}\b|/{BASE}_", re.IGNORECASE)
 _COMMON_NAMES = (BASE, "RF", *(f"{n}F" for n in range(2, 13)))
 
@@ -85,32 +71,6 @@ class Histories:
         return tuple(sorted(names, key=floor_height))
 
 
-def read_observation_file(
-    path: str | Path, unit: str | None = None, columns: Mapping[str, str] | None = None
-) -> Histories | FrfTable:
-    """Read measured histories or response functions of a building's floors.
-
-    Args:
-        path: a table with the column time_s (histories) or frequency_hz (FRFs), or any other
-            format that is known, whose channels `columns` gives to floors.
-        unit: of the accelerations, where the file does not give it.
-        columns: our column name to the file's column or channel, such as `{"2F": "a_1F"}`; a
-            channel also by its number. Once it is given, the file's other columns count only
-            where they bear one of our names.
-
-    Raises:
-        MeasurementError: the file, a column or a cell cannot be used; the message names it. So it
-            is of a file of identified modes, or of responses to a force.
-    """
-    recording = read_measured(path)
-    if recording.modes or recording.mode_table is not None:
-        raise recording.file.error(
-            "these are identified modes, which calibrate, diagnose and repair explain;"
-            " give histories or FRFs here"
-        )
-    return observation_in(recording, unit, columns)
-
-
 @dataclass(frozen=True, eq=False)
 class ForceHistories:
     """Accelerations of floors under one force.
@@ -124,24 +84,28 @@ class ForceHistories:
     histories: Histories
 
 
-def observation_in(
+def histories_in(
     recording: Recording, unit: str | None = None, columns: Mapping[str, str] | None = None
-) -> Histories | FrfTable:
-    """What `read_observation_file` reads, in a file that was opened."""
-    found = any_observation_in(recording, unit, columns)
-    if isinstance(found, ForceHistories):
-        raise recording.file.error(UNDER_FORCE)
-    return found
+) -> Histories | ForceHistories:
+    """Histories of a file whose channels are given to floors by the user.
+
+    Args:
+        unit: of the accelerations, where the file does not give it.
+        columns: our column name to the file's channel or its number.
+
+    Raises:
+        MeasurementError: a channel cannot be used; the message names it.
+    """
+    channels = _mapped_channels(recording, unit, columns or {})
+    return _histories(recording.file, channels, unit)
 
 
-def any_observation_in(
-    recording: Recording, unit: str | None = None, columns: Mapping[str, str] | None = None
-) -> Histories | ForceHistories | FrfTable:
-    """Likewise, or histories under a force."""
-    if recording.table is None:
-        channels = _mapped_channels(recording, unit, columns or {})
-        return _histories(recording.file, channels, unit)
-    return _from_table(recording.table, unit, columns)
+def histories_in_table(
+    table: Table, layout: "Layout", unit: str | None = None
+) -> Histories | ForceHistories:
+    """Likewise of a table with times."""
+    channels = _columns_as_channels(table, layout.at, layout.known)
+    return _histories(table.file, channels, unit)
 
 
 def motions_in(
@@ -169,16 +133,6 @@ def motions_in(
     motions = {ours: one for ours, one in channels.items() if isinstance(ours, Channel)}
     _require_same_times(file, motions)
     return motions
-
-
-def _from_table(
-    table: Table, unit: str | None, columns: Mapping[str, str] | None
-) -> Histories | ForceHistories | FrfTable:
-    layout = layout_of(table, columns)
-    if layout.of_histories:
-        channels = _columns_as_channels(table, layout.at, layout.known)
-        return _histories(table.file, channels, unit)
-    return frf_table(table, layout.at, layout.frfs)
 
 
 @dataclass(frozen=True)

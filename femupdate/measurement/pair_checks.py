@@ -46,9 +46,7 @@ class _Response:
 
 
 def pair_findings(
-    channels: Sequence[RecordedChannel],
-    floors: Sequence[str | None],
-    placed: Collection[int] = (),
+    channels: Sequence[RecordedChannel], floors: Sequence[str | None], placed: Collection[int] = ()
 ) -> tuple[str, ...]:
     """Return sentences on channels that are vertical, repeat another, or do not fit the others.
 
@@ -189,10 +187,7 @@ def _runs_against(response: _Response, first: float, based: bool) -> bool:
 
 
 def _out_of_order(
-    reference: _Sensor,
-    others: Sequence[_Sensor],
-    responses: dict[int, _Response],
-    first: float,
+    reference: _Sensor, others: Sequence[_Sensor], responses: dict[int, _Response], first: float
 ) -> Iterator[str]:
     """A sentence where floors do not move the more the higher they are, in the first mode."""
     sizes = {reference.number: 1.0}

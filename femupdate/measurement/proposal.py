@@ -114,10 +114,7 @@ def _right_angled(
 
 
 def _along(
-    axis: str,
-    own: Sequence[int],
-    floors: Sequence[str | None],
-    channels: Sequence[RecordedChannel],
+    axis: str, own: Sequence[int], floors: Sequence[str | None], channels: Sequence[RecordedChannel]
 ) -> dict[str, Proposed]:
     """Channels of one direction; of several bases those inside the building."""
     by_floor: dict[str, list[int]] = defaultdict(list)

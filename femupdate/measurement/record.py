@@ -160,7 +160,6 @@ def read_record(
     path: str | Path,
     unit: str | None = None,
     channel: str | int | None = None,
-    format: str | None = None,
     columns: Mapping[str, str] | None = None,
 ) -> GroundMotion:
     """Read one channel of a ground-motion record.
@@ -173,14 +172,13 @@ def read_record(
         unit: of the accelerations, where the file does not say it.
         channel: its name in the file, or its number from 1; needed where there are several and
             none, or more than one, is called base.
-        format: name of a reader, where the content misleads.
         columns: our name, such as base or base@2.5.z, to the file's name or number of a channel.
 
     Raises:
         MeasurementError: the file cannot be read as a record, the channel is not in it, or its
             peak is one that no earthquake has, which tells of a wrong unit.
     """
-    recording = read_measured(path, format)
+    recording = read_measured(path)
     file, channels = recording.file, recording.histories()
     base = _base_channels(file, channels, columns or {}, unit)
     chosen = _choose(file, channels, channel, unit, base)

@@ -12,7 +12,7 @@ from femupdate.errors import MeasurementError
 from femupdate.measurement import readers as folder
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import Recording
-from femupdate.measurement.text import closest, read_head, read_text
+from femupdate.measurement.text import read_head, read_text
 
 
 @cache
@@ -26,18 +26,17 @@ def readers() -> Mapping[str, Reader]:
     return MappingProxyType({reader.name: reader for reader in found})
 
 
-def read_measured(path: str | Path, format: str | None = None) -> Recording:
+def read_measured(path: str | Path) -> Recording:
     """Read any measured file.
 
     Args:
         path: the file; its format is told from its content.
-        format: name of a reader, where the content misleads.
 
     Raises:
         MeasurementError: the file is in no known format, or cannot be read as what it is.
     """
     path = Path(path)
-    reader = _named(path, format) if format is not None else _recognised(path)
+    reader = _recognised(path)
     try:
         return replace(reader.read(path), format=reader.name)
     except MeasurementError:
@@ -47,15 +46,6 @@ def read_measured(path: str | Path, format: str | None = None) -> Recording:
             f"{path}: it is read as one of {reader.reads}, but is damaged ({error}); write it"
             " again from its source"
         ) from error
-
-
-def _named(path: Path, format: str) -> Reader:
-    known = readers()
-    if format not in known:
-        raise MeasurementError(
-            f"{path}: unknown format {format!r}{closest(format, known)}; use {', '.join(known)}"
-        )
-    return known[format]
 
 
 def _recognised(path: Path) -> Reader:

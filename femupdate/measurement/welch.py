@@ -90,16 +90,12 @@ def effective_averages(length: int, count: int) -> float:
     return float(count / (1.0 + 2.0 * (1.0 - 1.0 / count) * rho))
 
 
-def choose_segments(
-    samples: int, time_step: float, wanted_s: float, asked_s: float | None, source: str
-) -> Segments:
-    """Cut a record: as asked, else as the grid wants, else shorter to leave enough averages.
+def choose_segments(samples: int, time_step: float, wanted_s: float, source: str) -> Segments:
+    """Cut a record as the grid wants, or shorter to leave enough averages.
 
     Raises:
-        MeasurementError: the record is too short, or the length asked for leaves too few averages.
+        MeasurementError: the record is too short.
     """
-    if asked_s is not None:
-        return _asked_segments(samples, time_step, asked_s, source)
     length = round(wanted_s / time_step)
     if length > samples or _cut(samples, time_step, length, wanted_s).effective < SPECTRUM.averages:
         # K half-overlapping segments fill (K + 1) / 2 lengths.
@@ -152,20 +148,6 @@ def _cut(samples: int, time_step: float, length: int, wanted_s: float) -> Segmen
     count = (samples - overlap) // (length - overlap)
     effective = effective_averages(length, count) if count else 0.0
     return Segments(length, count, effective, length * time_step, wanted_s)
-
-
-def _asked_segments(samples: int, time_step: float, asked_s: float, source: str) -> Segments:
-    length = round(asked_s / time_step) if np.isfinite(asked_s) else 0
-    if SPECTRUM.shortest <= length <= samples:
-        cut = _cut(samples, time_step, length, asked_s)
-        if cut.effective >= SPECTRUM.fewest_averages:
-            return cut
-    # Three half-overlapping segments fill two lengths.
-    raise MeasurementError(
-        f"{source}: segments of {asked_s:g} s do not suit a record of"
-        f" {samples * time_step:.4g} s; take {SPECTRUM.shortest * time_step:.3g} to"
-        f" {samples // 2 * time_step:.4g} s"
-    )
 
 
 def window_of(length: int) -> Floats:

@@ -49,9 +49,7 @@ _EXCITED = 0.01  # share of the mass from which a mode is worth naming
 
 
 def simulate_observation(
-    building: Building,
-    settings: SimulationSettings | None = None,
-    progress: Progress = SILENT,
+    building: Building, settings: SimulationSettings | None = None, progress: Progress = SILENT
 ) -> Simulation:
     """Simulate what accelerometers in a building record.
 

@@ -62,11 +62,7 @@ class DatasetPlan:
 
 
 def compute_dataset(
-    system: System,
-    box: Box,
-    plan: DatasetPlan,
-    folder: Path,
-    progress: Progress = SILENT,
+    system: System, box: Box, plan: DatasetPlan, folder: Path, progress: Progress = SILENT
 ) -> ModalDataset:
     """Solve the modes of all samples in shards; valid shards in `folder` are kept.
 

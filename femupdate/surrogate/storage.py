@@ -93,10 +93,7 @@ def save_surrogate(surrogate: TrainedSurrogate, path: Path) -> None:
     if surrogate.mvae.form.placed:
         header["effects"] = _form_entry(surrogate.mvae.form)
     if info.calibration:
-        header |= {
-            "likelihood_power": info.likelihood_power,
-            "calibration": dict(info.calibration),
-        }
+        header |= {"likelihood_power": info.likelihood_power, "calibration": dict(info.calibration)}
     write_bytes(path, save(tensors, metadata={"femupdate": json.dumps(header)}))
 
 

@@ -21,13 +21,7 @@ from femupdate.progress import SILENT, Progress
 from femupdate.study import BUILDING_FILE, Study, atomic_path, write_text
 from femupdate.tables import table
 from femupdate.units import percent
-from femupdate.workflow.model import (
-    KeptReduction,
-    StudyModel,
-    choose_building,
-    keep_model,
-    reduce_building,
-)
+from femupdate.workflow.model import StudyModel, choose_building, keep_reduction, reduce_building
 from femupdate.workflow.modes import full_modes, keep_modes
 from femupdate.workflow.observed import direction_of
 
@@ -149,7 +143,7 @@ def build_study(
     parts = MeshedFrame.of(structure)
     modes = mesh_modes(structure)
     reduction = reduce_building(chosen, structure, progress)
-    model = keep_model(study, chosen, KeptReduction.of(reduction))
+    model = keep_reduction(study, chosen, reduction)
     keep_modes(study, model, modes)
     write_mesh(parts, study.path("mesh.vtu"), modes)
     return BuildReport(
@@ -224,7 +218,7 @@ def _refuse_other(study: Study, building: Building) -> None:
 
 
 def _build_lumped(study: Study, building: Building) -> BuildReport:
-    model = keep_model(study, building, KeptReduction.of(reduce_building(building)))
+    model = keep_reduction(study, building, reduce_building(building))
     return BuildReport(
         model=model,
         modes=full_modes(model),

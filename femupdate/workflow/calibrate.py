@@ -29,7 +29,7 @@ from femupdate.workflow.model import REDUCED, StudyModel
 from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.run_scatter import scatter_of_runs
 from femupdate.workflow.sampling import ChainRunner
-from femupdate.workflow.summary import identified, write_summary
+from femupdate.workflow.summary import identified
 from femupdate.workflow.surrogates import SURROGATE, require_surrogate
 
 
@@ -79,9 +79,7 @@ def calibrate_study(
     made = {**source.files_as_settings(), **settled}
     study.record(POSTERIOR, "posterior.nc", "calibrate", origin, made)
     run.clear()
-    write_summary(
-        study, report.posterior, report.identified, report.misfit, report.notes, report.check
-    )
+    report.write_summary(study)
     return replace(report, seconds=time.monotonic() - started, files=source.paths)
 
 

@@ -176,11 +176,7 @@ class Fitting:
 
 
 def against_data(
-    model: StudyModel,
-    measured: Measured,
-    posterior: Posterior,
-    sampled: Sampled,
-    seed: Seed,
+    model: StudyModel, measured: Measured, posterior: Posterior, sampled: Sampled, seed: Seed
 ) -> Fitting:
     """Some posterior draws against the data."""
     observation = posterior.observation

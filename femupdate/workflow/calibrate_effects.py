@@ -29,7 +29,7 @@ from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.repaired import effect_posterior
 from femupdate.workflow.second_record import level_between
-from femupdate.workflow.summary import identified, write_summary
+from femupdate.workflow.summary import identified
 from femupdate.workflow.thresholds import CALIBRATION
 
 
@@ -74,21 +74,21 @@ def calibrate_with_effects(
         *_notes(problem, fitted, draws.effective, settings.particles),
         *found.sentences(),
     )
-    check = _check(fitted, draws)
-    write_summary(study, posterior, found, misfit, notes, check)
-    return CalibrationReport(
+    report = CalibrationReport(
         model=model,
         posterior=posterior,
         path=path,
         r_hat=None,
         identified=found,
         misfit=misfit,
-        check=check,
+        check=_check(fitted, draws),
         notes=notes,
         seconds=time.monotonic() - started,
         invalid=0,
         files=source.paths,
     )
+    report.write_summary(study)
+    return report
 
 
 def _data(

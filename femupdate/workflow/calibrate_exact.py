@@ -152,10 +152,7 @@ def _by_trajectories(
         drawn = decoded(found[0], problem.model, problem.measured.base, problem.settings, run, 1)
     groups, notes = sample_annealed(problem.prior, problem.target, run, drawn)
     return Sampled(
-        groups,
-        problem.prior,
-        by_runs("exact", "Hamiltonian moves", groups, evidence=True),
-        notes,
+        groups, problem.prior, by_runs("exact", "Hamiltonian moves", groups, evidence=True), notes
     )
 
 

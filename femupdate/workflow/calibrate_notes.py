@@ -130,10 +130,7 @@ def cost_notes(
         )
     if least > 0.0:
         return (f"{text}; {percent(least)} of the importance draws are effective.",)
-    return (
-        f"{text}.",
-        TEMPERED,
-    )
+    return (f"{text}.", TEMPERED)
 
 
 def judgement(posterior: Posterior, fitting: Fitting) -> tuple[str, ...]:

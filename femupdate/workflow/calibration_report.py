@@ -1,5 +1,6 @@
 """What a calibration gives, and what it says of itself."""
 
+import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ from femupdate.arrays import Floats
 from femupdate.inference.identifiability import Identifiability
 from femupdate.inference.posterior import Posterior
 from femupdate.inference.predictive_check import PredictiveCheck
+from femupdate.study import Study, write_text
 from femupdate.tables import table
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.parameter_titles import parameter_titles
@@ -89,6 +91,27 @@ class CalibrationReport:
             content["log_evidence"] = drawn.log_evidence
             content["log_evidence_error"] = drawn.log_evidence_error
         return content
+
+    def write_summary(self, study: Study) -> None:
+        """Write means, standard deviations, quantiles, combinations and modes as JSON."""
+        posterior, draws = self.posterior, self.posterior.samples
+        low, median, high = np.quantile(draws, [0.05, 0.5, 0.95], axis=0)
+        sd = draws.std(axis=0, ddof=1)
+        head = ("name", "mean", "sd", "q05", "median", "q95")
+        columns = (one.tolist() for one in (draws.mean(axis=0), sd, low, median, high))
+        rows = zip(posterior.names, *columns, strict=True)
+        content = {
+            "drawn_by": asdict(posterior.drawn),
+            "floors": posterior.observation.floors,
+            "source": posterior.observation.source,
+            "draws": len(draws),
+            "parameters": [dict(zip(head, row, strict=True)) for row in rows],
+            "misfit": self.misfit,
+            "posterior_predictive_p": None if self.check is None else self.check.as_dict(),
+            "identifiability": identifiability_record(self.identified),
+            "notes": self.notes,
+        }
+        write_text(study.result(SUMMARY), json.dumps(content, indent=1) + "\n")
 
     def lines(self) -> tuple[str, ...]:
         """The posterior in a table, and notes, for people."""

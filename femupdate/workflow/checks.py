@@ -68,11 +68,7 @@ def readable(reading: Mapping[str, Any], path: Path, *further: Path) -> Observat
 
 
 def check_training(
-    study: Study,
-    samples: int,
-    batch: int,
-    start: Path | None = None,
-    building: str | None = None,
+    study: Study, samples: int, batch: int, start: Path | None = None, building: str | None = None
 ) -> None:
     """Tell what can be told of a training before anything is built or written.
 

@@ -71,10 +71,7 @@ def _responses(model: StudyModel, observation: Observation, data: LatentData) ->
 
 
 def sample_annealed(
-    prior: Parameters,
-    target: LogLikelihood,
-    run: ChainRunner,
-    latent: DecodedPosterior | None,
+    prior: Parameters, target: LogLikelihood, run: ChainRunner, latent: DecodedPosterior | None
 ) -> tuple[list[SmcResult], tuple[str, ...]]:
     """Draw the data-space posterior, from the latent one or from the prior: groups, and how.
 

@@ -99,10 +99,7 @@ def run_demo(study: Study, seed: int = 0, progress: Progress = SILENT) -> DemoRe
     examples = files("femupdate.examples")
     progress.say("1/5 The six-story building: mesh, modes, reduced model")
     built = build_study(study, DEFAULT_BUILDING, progress)
-    with (
-        as_file(examples / _OBSERVATION) as observation,
-        as_file(examples / _RECORD) as record,
-    ):
+    with as_file(examples / _OBSERVATION) as observation, as_file(examples / _RECORD) as record:
         progress.say("2/5 Posterior from the roof alone (Case 2)")
         settings = CalibrationSettings(seed=seed)
         source = ObservationSource(observation, sensors=("RF",))

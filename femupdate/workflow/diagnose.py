@@ -2,7 +2,7 @@
 
 import json
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,6 +10,7 @@ from typing import Any
 from femupdate.discrepancy.data import Data
 from femupdate.discrepancy.diagnose import Diagnosis, Finding
 from femupdate.discrepancy.finder_model import FinderModel, finder_structure, plain_structure
+from femupdate.discrepancy.fit import Fit
 from femupdate.discrepancy.frf_data import FrfData
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.screen import screen_channels
@@ -30,7 +31,6 @@ from femupdate.workflow.mesh_error import open_mesh_error, with_finer_mesh
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource
 
-DIAGNOSIS = "diagnosis"
 _SHOWN = 6  # rows of the table of effects
 
 
@@ -137,9 +137,7 @@ def diagnose_study(
     given = read_given(study, model, source, second, progress)
     finder = finder_model(study, model, progress)
     data = given.data(model, finder.mesh, use_phase)
-    problem, base = prepared(finder, data, chosen, progress)
-    progress.start("Looking for what is missing", 4)
-    problem, base, found = sought(finder, problem, base, chosen, progress)
+    problem, _, found = search(finder, data, chosen, progress)
     report = DiagnosisReport(
         diagnosis=found,
         problem=problem,
@@ -150,12 +148,36 @@ def diagnose_study(
         path=study.path("diagnosis.json"),
         seconds=time.monotonic() - started,
     )
-    write_text(report.path, json.dumps(report.as_dict(), indent=2, default=float) + "\n")
-    hashes, beside = files_beside(second=None if second is None else second.path)
-    origin = {**model.made_from(), **source.made_from(), **hashes}
-    files = {**source.files_as_settings(), **beside}
-    study.record(DIAGNOSIS, "diagnosis.json", "diagnose", origin, files)
+    origin = {**model.made_from(), **source.made_from()}
+    keep_found(study, "diagnose", report.path, report.as_dict(), origin, source, second=second)
     return report
+
+
+def search(
+    finder: FinderModel, data: Sequence[Data], settings: DiagnosisSettings, progress: Progress
+) -> tuple[Problem, Fit, Diagnosis]:
+    """Fit the model as it is, and look for what it lacks."""
+    problem, base = prepared(finder, data, settings, progress)
+    progress.start("Looking for what is missing", 4)
+    return sought(finder, problem, base, settings, progress)
+
+
+def keep_found(
+    study: Study,
+    command: str,
+    path: Path,
+    content: dict[str, Any],
+    made_from: Mapping[str, str],
+    source: ObservationSource,
+    **others: ObservationSource | None,
+) -> None:
+    """Write what was found as JSON and record it, with the files that options name beside."""
+    write_text(path, json.dumps(content, indent=2, default=float) + "\n")
+    hashes, beside = files_beside(
+        **{key: None if one is None else one.path for key, one in others.items()}
+    )
+    files = {**source.files_as_settings(), **beside}
+    study.record(path.stem, path.name, command, {**made_from, **hashes}, files)
 
 
 def _parted(data: Sequence[Data]) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.dynamics.reduction import reduce_structure
 from femupdate.dynamics.system import System, changes_in_run, makes_modes_complex
 from femupdate.effects.effect import Placed
-from femupdate.effects.listed import building_effects, check_places
+from femupdate.effects.listed import BuildingEffects, building_effects, check_places
 from femupdate.effects.structure import Structure
 from femupdate.errors import SurrogateError
 from femupdate.inference.parameters import Parameters
@@ -62,11 +62,17 @@ def with_effects(study: Study, model: StudyModel, progress: Progress = SILENT) -
     reduced = _reduced(study, model, structure, (effects.placed, prior), progress)
     mesh = open_mesh_error(study, model, structure, progress)
     reduced = reduced if mesh is None else corrected(reduced, mesh)
+    system = _system(model, reduced, effects)
+    shared = None if mesh is None else mesh_scatter(reduced, system, mesh)
+    return replace(model, system=system, shared=shared, prior=prior)
+
+
+def _system(model: StudyModel, reduced: ReducedStructure, effects: BuildingEffects) -> System:
+    """A reduced structure with the effects that its building lists."""
     terms = tuple(reduced.terms(one) for one in effects.placed)
     system = System(reduced.model, model.law, effects.placed, terms)
     check_sizes(model.building, system, effects.values)
-    shared = None if mesh is None else mesh_scatter(reduced, system, mesh)
-    return replace(model, system=system, shared=shared, prior=prior)
+    return system
 
 
 def open_system(study: Study, model: StudyModel) -> System:
@@ -79,10 +85,7 @@ def open_system(study: Study, model: StudyModel) -> System:
         reduced = corrected(reduced, mesh)
     effects = building_effects(model.building)
     check_places(reduced.structure, effects)
-    terms = tuple(reduced.terms(one) for one in effects.placed)
-    system = System(reduced.model, model.law, effects.placed, terms)
-    check_sizes(model.building, system, effects.values)
-    return system
+    return _system(model, reduced, effects)
 
 
 def kept_structure(

@@ -40,12 +40,7 @@ from femupdate.study import Study
 from femupdate.units import percent
 from femupdate.workflow.force import check_base_level, check_level, open_rest
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.observed import (
-    ObservationSource,
-    as_one,
-    direction_of,
-    runs_of,
-)
+from femupdate.workflow.observed import ObservationSource, as_one, direction_of, runs_of
 
 
 @dataclass(frozen=True)

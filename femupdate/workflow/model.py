@@ -1,17 +1,11 @@
 """The building of a study with its reduced model: made once, then read back."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import torch
 from torch import Tensor
 
-from femupdate.building.files import (
-    load_building,
-    mechanics_hash,
-    save_building,
-)
+from femupdate.building.files import load_building, mechanics_hash, save_building
 from femupdate.building.schema import Building
 from femupdate.dynamics.damping import DampingLaw, damping_law
 from femupdate.dynamics.reduced import ReducedModel
@@ -82,37 +76,6 @@ class StudyModel:
         return {"building": self.hash}
 
 
-@dataclass(frozen=True)
-class KeptReduction:
-    """A reduced model as a study keeps it, with what is known of its error."""
-
-    model: ReducedModel
-    rms_error: float
-    settings: Mapping[str, Any]
-
-    @staticmethod
-    def of(reduction: Reduction) -> "KeptReduction":
-        """As it was certified."""
-        return KeptReduction(
-            reduction.reduced.model,
-            reduction.rms_error,
-            {
-                "size": reduction.reduced.model.size,
-                "rms_error": reduction.rms_error,
-                "largest_error": reduction.largest_error,
-                "checks": reduction.checks,
-                "worst_error": reduction.worst_error,
-                "share_no_worse": reduction.share,
-            },
-        )
-
-    @staticmethod
-    def again(model: StudyModel) -> "KeptReduction":
-        """That of a study's model, for another study of the same structure."""
-        error = model.reduction_error
-        return KeptReduction(model.reduced, error, {"size": model.reduced.size, "rms_error": error})
-
-
 def open_study(
     study: Study, building: str | None = None, progress: Progress = SILENT
 ) -> StudyModel:
@@ -133,8 +96,7 @@ def open_study(
     if kept is not None:
         reduced, error = load_reduced(kept)
         return on_kept_finer(study, _study_model(chosen, reduced, error))
-    reduction = reduce_building(chosen, progress=progress)
-    return keep_model(study, chosen, KeptReduction.of(reduction))
+    return keep_reduction(study, chosen, reduce_building(chosen, progress=progress))
 
 
 def on_kept_finer(study: Study, model: StudyModel) -> StudyModel:
@@ -144,20 +106,30 @@ def on_kept_finer(study: Study, model: StudyModel) -> StudyModel:
         return model
     system = System(finer.corrected, model.law)
     return replace(
-        model,
-        reduced=finer.corrected,
-        system=system,
-        shared=finer.scatter(model.law),
-        finer=finer,
+        model, reduced=finer.corrected, system=system, shared=finer.scatter(model.law), finer=finer
     )
 
 
-def keep_model(study: Study, building: Building, reduced: KeptReduction) -> StudyModel:
-    """Write a building and its reduced model into a study."""
+def keep_reduction(study: Study, building: Building, reduction: Reduction) -> StudyModel:
+    """Write a building and its reduced model into a study, as it was certified."""
+    certified = {
+        "largest_error": reduction.largest_error,
+        "checks": reduction.checks,
+        "worst_error": reduction.worst_error,
+        "share_no_worse": reduction.share,
+    }
+    return keep_model(study, building, reduction.reduced.model, reduction.rms_error, **certified)
+
+
+def keep_model(
+    study: Study, building: Building, reduced: ReducedModel, rms_error: float, **certified: float
+) -> StudyModel:
+    """Write a building and its reduced model into a study, with what is known of its error."""
     save_building(building, study.path(BUILDING_FILE))
-    save_reduced(reduced.model, reduced.rms_error, study.path(_REDUCED_FILE))
-    model = _study_model(building, reduced.model, reduced.rms_error)
-    study.record(REDUCED, _REDUCED_FILE, "build-model", model.made_from(), reduced.settings)
+    save_reduced(reduced, rms_error, study.path(_REDUCED_FILE))
+    model = _study_model(building, reduced, rms_error)
+    settings = {"size": reduced.size, "rms_error": rms_error, **certified}
+    study.record(REDUCED, _REDUCED_FILE, "build-model", model.made_from(), settings)
     return model
 
 

@@ -13,9 +13,8 @@ from femupdate.building.shear import require_heights
 from femupdate.errors import MeasurementError
 from femupdate.measurement.agreement import agreement
 from femupdate.measurement.frf import observation_for
-from femupdate.measurement.kinds import Reading, read_any_kind
+from femupdate.measurement.kinds import Reading, read_any_kind, read_observation_file
 from femupdate.measurement.observation import Observation, select_floors
-from femupdate.measurement.observation_file import read_observation_file
 from femupdate.measurement.pooled import pooled
 from femupdate.study import file_hash
 from femupdate.workflow.thresholds import UNITS

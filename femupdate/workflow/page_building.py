@@ -14,12 +14,7 @@ from femupdate.effects.structure import Structure, structure_of
 from femupdate.report.geometry import Geometry
 from femupdate.report.glyphs import Glyphs, drawn
 from femupdate.report.page import Block, Remarks, Scene, Section, Table, Text
-from femupdate.report.page_scene import (
-    ElementField,
-    MovingShape,
-    scene_content,
-    thinned_geometry,
-)
+from femupdate.report.page_scene import ElementField, MovingShape, scene_content, thinned_geometry
 from femupdate.report.scale import mass_scale
 from femupdate.study import as_written
 from femupdate.units import percent

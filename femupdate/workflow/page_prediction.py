@@ -19,14 +19,7 @@ from femupdate.report.page_charts import (
     thinned,
 )
 from femupdate.workflow.page_parts import PageStudy
-from femupdate.workflow.prediction_quantities import (
-    PeakDraws,
-    Quantity,
-    quantities,
-    side_by_side,
-)
-
-_KNOWN = ("peak_acceleration", "peak_shear", "peak_drift", "story_stiffness")
+from femupdate.workflow.prediction_quantities import PEAKS, Quantity, quantities, side_by_side
 
 
 def prediction_section(page: PageStudy) -> Section:
@@ -70,7 +63,7 @@ def predicted_quantities(page: PageStudy) -> dict[str, Quantity]:
 
 
 def _quantities(page: PageStudy, predictions: Any) -> dict[str, Quantity]:
-    peaks = PeakDraws(*(predictions[name].values for name in (_KNOWN)))
+    peaks = [predictions[name].values for name in PEAKS]
     floors = [str(name) for name in predictions["floor"].values]
     mass = float(page.model.reduced.story_mass[0])
     return dict(quantities(page.model.building, floors, peaks, mass))
@@ -211,7 +204,7 @@ def _others(predictions: Any) -> list[Table]:
     """Anything else that is kept for every draw."""
     tables = []
     for name, values in predictions.data_vars.items():
-        if name in _KNOWN or len(values.dims) != 2 or values.dims[0] != "sample":
+        if name in PEAKS or len(values.dims) != 2 or values.dims[0] != "sample":
             continue
         places = tuple(str(place) for place in values[values.dims[1]].values)
         words = str(name).replace("_", " ")

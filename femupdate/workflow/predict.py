@@ -44,12 +44,8 @@ from femupdate.workflow.predict_draws import (
     prediction_draws,
 )
 from femupdate.workflow.prediction_file import save_prediction
-from femupdate.workflow.prediction_inputs import (
-    PredictionSettings,
-    RecordSource,
-    measured_floors,
-)
-from femupdate.workflow.prediction_quantities import TIDY, PeakDraws, Quantity, quantities, tables
+from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource, measured_floors
+from femupdate.workflow.prediction_quantities import PEAKS, TIDY, Quantity, quantities, tables
 
 PREDICTION = "prediction"
 _EXAMPLES = 100
@@ -204,7 +200,7 @@ def predict_study(
         quantities=quantities(
             model.building,
             summary.floors,
-            PeakDraws.of(summary),
+            [getattr(summary, name) for name in PEAKS],
             float(model.reduced.story_mass[0]),
         ),
         motion=motion,
@@ -330,7 +326,7 @@ def _notes(
 ) -> tuple[str, ...]:
     notes = [
         f"Record {motion.title}: peak "
-        f"{motion.peak:.3g} m/s², {motion.duration:.1f} s at {1 / motion.time_step:.4g} Hz.",
+        f"{motion.peak:.3g} m/s², {motion.duration:.1f} s at {1 / motion.time_step:.4g} Hz."
     ]
     top = float(model.frequency_hz[-1])
     if motion.rotation is not None:

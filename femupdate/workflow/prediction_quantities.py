@@ -8,7 +8,7 @@ import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.building.schema import Building
-from femupdate.dynamics.summary import HistorySummary, Statistics, statistics
+from femupdate.dynamics.summary import Statistics, statistics
 from femupdate.report.scale import interval_text
 from femupdate.tables import table
 from femupdate.units import STANDARD_GRAVITY
@@ -82,61 +82,38 @@ def heights_of(building: Building) -> Floats | None:
     return None if None in heights else np.array(heights, dtype=float)
 
 
-@dataclass(frozen=True, eq=False)
-class PeakDraws:
-    """Peaks of S draws, as a prediction keeps them.
-
-    Attributes:
-        acceleration: (S, f) m/s2.
-        shear: (S, s) N.
-        drift: (S, s) m.
-        stiffness: (S, s) N/m.
-    """
-
-    acceleration: Floats
-    shear: Floats
-    drift: Floats
-    stiffness: Floats
-
-    @classmethod
-    def of(cls, summary: HistorySummary) -> "PeakDraws":
-        """Those of a summary."""
-        return cls(
-            summary.peak_acceleration,
-            summary.peak_shear,
-            summary.peak_drift,
-            summary.story_stiffness,
-        )
+PEAKS = ("peak_acceleration", "peak_shear", "peak_drift", "story_stiffness")
+"""What a prediction keeps of every draw: (S, f) m/s2, (S, s) N, (S, s) m and (S, s) N/m."""
 
 
 def quantities(
-    building: Building, floors: Sequence[str], peaks: PeakDraws, mass: float
+    building: Building, floors: Sequence[str], peaks: Sequence[Floats], mass: float
 ) -> Mapping[str, Quantity]:
     """Return everything worth a table, by key.
 
     Args:
+        peaks: see `PEAKS`.
         mass: above the middle of the first story, kg, for the base shear over the weight.
     """
     stories = tuple(building.story_names)
-    base = peaks.shear[:, :1]
+    acceleration, shear, drift, stiffness = peaks
+    base = shear[:, :1]
     found = {
-        "acceleration": Quantity("peak acceleration", "m/s²", tuple(floors), peaks.acceleration),
-        "drift": Quantity("peak drift", "mm", stories, 1e3 * peaks.drift),
+        "acceleration": Quantity("peak acceleration", "m/s²", tuple(floors), acceleration),
+        "drift": Quantity("peak drift", "mm", stories, 1e3 * drift),
     }
     heights = heights_of(building)
     if heights is not None:
-        ratio = 100.0 * peaks.drift / heights
+        ratio = 100.0 * drift / heights
         found["ratio"] = Quantity("drift ratio", "%", stories, ratio)
     # Figures of a bench-top model would vanish in the units of a building.
-    force = "N" if peaks.shear.max() < _BENCH_TOP else "kN"
+    force = "N" if shear.max() < _BENCH_TOP else "kN"
     newton = 1.0 if force == "N" else 1e-3
-    found["shear"] = Quantity("peak shear", force, stories, newton * peaks.shear)
+    found["shear"] = Quantity("peak shear", force, stories, newton * shear)
     found["base"] = Quantity("peak base shear", force, ("base",), newton * base)
     weight = mass * STANDARD_GRAVITY
     found["coefficient"] = Quantity(
         "peak base shear over weight", "%", ("base",), 100.0 * base / weight
     )
-    found["stiffness"] = Quantity(
-        "stiffness", f"{force}/mm", stories, 1e-3 * newton * peaks.stiffness
-    )
+    found["stiffness"] = Quantity("stiffness", f"{force}/mm", stories, 1e-3 * newton * stiffness)
     return found

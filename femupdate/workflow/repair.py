@@ -1,6 +1,5 @@
 """repair: add what is missing to the model, and show the gap before and after."""
 
-import json
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,15 +14,15 @@ from femupdate.discrepancy.finder_model import FinderModel
 from femupdate.discrepancy.held_out import Held, KeptOut, hold
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.repair import Repair, mend, posteriors
-from femupdate.discrepancy.search import prepared, sought
 from femupdate.discrepancy.thresholds import DiagnosisSettings
-from femupdate.measurement.observation_file import Histories, read_observation_file
+from femupdate.measurement.kinds import read_observation_file
+from femupdate.measurement.observation_file import Histories
 from femupdate.progress import SILENT, Progress
 from femupdate.report.scale import plus_minus
-from femupdate.study import BUILDING_FILE, Study, files_beside, write_text
+from femupdate.study import BUILDING_FILE, Study
 from femupdate.tables import table
 from femupdate.workflow.amplitude import level_settings
-from femupdate.workflow.diagnose import finder_model
+from femupdate.workflow.diagnose import finder_model, keep_found, search
 from femupdate.workflow.finder_data import Given, read_given, read_held
 from femupdate.workflow.model import StudyModel, on_kept_finer
 from femupdate.workflow.observed import ObservationSource, direction_of
@@ -167,9 +166,7 @@ def repair_study(
     finder = finder_model(study, model, progress)
     model = on_kept_finer(study, model)
     data = given.data(model, finder.mesh, use_phase)
-    problem, base = prepared(finder, data, chosen, progress)
-    progress.start("Looking for what is missing", 4)
-    problem, base, found = sought(finder, problem, base, chosen, progress)
+    problem, base, found = search(finder, data, chosen, progress)
     kept_out = None
     if holdout is not None and other is not None:
         level = _level(model, source, second, holdout, other)
@@ -200,14 +197,9 @@ def repair_study(
         path=study.path("repair.json"),
         seconds=time.monotonic() - started,
     )
-    write_text(report.path, json.dumps(report.as_dict(), indent=2, default=float) + "\n")
-    hashes, beside = files_beside(
-        second=None if second is None else second.path,
-        holdout=None if holdout is None else holdout.path,
-    )
-    origin = {**model.made_from(), **source.made_from(), **hashes}
-    files = {**source.files_as_settings(), **beside}
-    study.record("repair", "repair.json", "repair", origin, files)
+    origin, content = {**model.made_from(), **source.made_from()}, report.as_dict()
+    others = {"second": second, "holdout": holdout}
+    keep_found(study, "repair", report.path, content, origin, source, **others)
     return report
 
 

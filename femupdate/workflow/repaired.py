@@ -23,7 +23,7 @@ from femupdate.workflow.calibration_report import POSTERIOR
 from femupdate.workflow.effects import keep_basis
 from femupdate.workflow.finer_mesh import keep_finer
 from femupdate.workflow.mesh_error import keep_mesh_error
-from femupdate.workflow.model import KeptReduction, StudyModel, keep_model, open_study
+from femupdate.workflow.model import StudyModel, keep_model, open_study
 from femupdate.workflow.observed import ObservationSource
 
 
@@ -59,7 +59,7 @@ def keep_repaired(
     kept = Study(study.path(REPAIRED))
     kept.folder.mkdir(parents=True, exist_ok=True)
     save_building(building, kept.path(BUILDING_FILE))
-    keep_model(kept, building, KeptReduction.again(model))
+    keep_model(kept, building, model.reduced, model.reduction_error)
     if reduced.structure.operators is not None:
         keep_basis(kept, reduced, building)
     if mesh is not None:

@@ -107,10 +107,7 @@ def prediction_tables(report: PredictionReport) -> tuple[Sheet, ...]:
             (
                 (floor, *values)
                 for floor, mean, sd in zip(
-                    summary.floors,
-                    summary.acceleration_mean,
-                    summary.acceleration_sd,
-                    strict=True,
+                    summary.floors, summary.acceleration_mean, summary.acceleration_sd, strict=True
                 )
                 for values in zip(_short(summary.time), _short(mean), _short(sd), strict=True)
             ),

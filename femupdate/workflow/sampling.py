@@ -16,13 +16,7 @@ from numpy.typing import NDArray
 from femupdate.array_archive import read_arrays, write_arrays
 from femupdate.inference.bridge import BridgeResult, Start, bridge
 from femupdate.inference.parameters import Parameters
-from femupdate.inference.smc import (
-    Level,
-    SmcResult,
-    SmcSettings,
-    SmcState,
-    TemperedSmc,
-)
+from femupdate.inference.smc import Level, SmcResult, SmcSettings, SmcState, TemperedSmc
 from femupdate.inference.tempering import LogLikelihood, Points
 from femupdate.progress import Percent, Progress
 from femupdate.seeds import Seed, spawn
@@ -88,14 +82,7 @@ class ChainRunner:
         self.show.start("Importance sampling (data-space likelihood)", expected)
         parts = zip(starts, spawn(self.stage(BRIDGE), len(starts)), strict=True)
         return [
-            bridge(
-                prior,
-                target,
-                Start(start, base),
-                seed,
-                settings=settings,
-                progress=self.show,
-            )
+            bridge(prior, target, Start(start, base), seed, settings=settings, progress=self.show)
             for start, seed in parts
         ]
 

@@ -3,7 +3,6 @@
 import json
 from collections.abc import Sequence
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,8 +11,7 @@ from numpy.typing import ArrayLike
 from femupdate.errors import StudyError
 from femupdate.inference.identifiability import Identifiability, identifiability
 from femupdate.inference.posterior import Posterior
-from femupdate.inference.predictive_check import PredictiveCheck
-from femupdate.study import Study, write_text
+from femupdate.study import Study
 
 SUMMARY = "posterior_summary.json"
 
@@ -23,43 +21,6 @@ def identified(posterior: Posterior) -> Identifiability:
     return identifiability(
         posterior.samples, posterior.lower, posterior.upper, names=posterior.names
     )
-
-
-def write_summary(
-    study: Study,
-    posterior: Posterior,
-    found: Identifiability,
-    misfit: float,
-    notes: Sequence[str],
-    check: PredictiveCheck | None = None,
-) -> Path:
-    """Write means, standard deviations, quantiles, combinations and modes as JSON."""
-    draws = posterior.samples
-    low, median, high = np.quantile(draws, [0.05, 0.5, 0.95], axis=0)
-    columns = {
-        "name": posterior.names,
-        "mean": draws.mean(axis=0).tolist(),
-        "sd": draws.std(axis=0, ddof=1).tolist(),
-        "q05": low.tolist(),
-        "median": median.tolist(),
-        "q95": high.tolist(),
-    }
-    content = {
-        "drawn_by": asdict(posterior.drawn),
-        "floors": posterior.observation.floors,
-        "source": posterior.observation.source,
-        "draws": len(draws),
-        "parameters": [
-            dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)
-        ],
-        "misfit": misfit,
-        "posterior_predictive_p": None if check is None else check.as_dict(),
-        "identifiability": identifiability_record(found),
-        "notes": list(notes),
-    }
-    path = study.result(SUMMARY)
-    write_text(path, json.dumps(content, indent=1) + "\n")
-    return path
 
 
 def identifiability_record(found: Identifiability) -> dict[str, Any]:
@@ -87,7 +48,7 @@ def _named(names: Sequence[str], values: ArrayLike) -> dict[str, float]:
 
 
 def kept_summary(study: Study) -> dict[str, Any]:
-    """What `write_summary` wrote; empty where there is none, as after a repair.
+    """What the report of a calibration wrote; empty where there is none, as after a repair.
 
     Raises:
         StudyError: the file cannot be read.

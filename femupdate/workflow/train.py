@@ -20,12 +20,7 @@ from femupdate.surrogate.storage import (
     load_surrogate,
     save_surrogate,
 )
-from femupdate.surrogate.training import (
-    TrainingResult,
-    TrainingSettings,
-    TrainingTask,
-    train_mvae,
-)
+from femupdate.surrogate.training import TrainingResult, TrainingSettings, TrainingTask, train_mvae
 from femupdate.workflow.mesh_error import with_finer_mesh
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.surrogates import SURROGATE, find_surrogate

@@ -5,7 +5,7 @@ import pytest
 from femupdate.building.files import load_building
 from femupdate.building.shipped import shipped_buildings
 from femupdate.effects.registry import CATALOGUE
-from femupdate.measurement.observation_file import read_observation_file
+from femupdate.measurement.kinds import read_observation_file
 from femupdate.measurement.registry import readers
 
 

@@ -8,8 +8,9 @@ from femupdate.measurement.base_rotation import rotation_of
 from femupdate.measurement.columns import parse_channel
 from femupdate.measurement.frf import estimate_frf
 from femupdate.measurement.inspection import inspect_file
+from femupdate.measurement.kinds import read_observation_file
 from femupdate.measurement.mapping_file import read_mapping, write_mapping
-from femupdate.measurement.observation_file import Histories, read_observation_file
+from femupdate.measurement.observation_file import Histories
 from femupdate.measurement.pooled import pooled
 
 STEP, COUNT = 0.02, 3000

@@ -11,7 +11,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.observation_file import Histories, read_observation_file
+from femupdate.measurement.kinds import read_observation_file
+from femupdate.measurement.observation_file import Histories
 from femupdate.measurement.record import read_record
 
 VALUES = np.round(50 * np.sin(0.7 * np.arange(70)) + 0.1 * np.arange(70), 3)

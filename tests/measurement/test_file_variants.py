@@ -6,8 +6,8 @@ from scipy.io import savemat
 
 from femupdate.errors import MeasurementError
 from femupdate.measurement.inspection import inspect_file
+from femupdate.measurement.kinds import read_observation_file
 from femupdate.measurement.modes import identified_modes
-from femupdate.measurement.observation_file import read_observation_file
 from femupdate.measurement.quantity import plain_unit
 from femupdate.measurement.registry import read_measured
 

@@ -13,8 +13,10 @@ from femupdate.measurement.frf import (
     observation_for,
     observation_from_table,
 )
+from femupdate.measurement.frf_table import FrfTable
+from femupdate.measurement.kinds import read_observation_file
 from femupdate.measurement.observation import Observation, select_floors
-from femupdate.measurement.observation_file import FrfTable, Histories, read_observation_file
+from femupdate.measurement.observation_file import Histories
 from femupdate.measurement.thresholds import SPECTRUM
 from femupdate.measurement.welch import effective_averages
 
@@ -217,17 +219,6 @@ def test_short_record_gets_shorter_segments_and_says_so():
     assert first == pytest.approx(0.15)  # the first grid point above 1 / 8.57 s
     # Between its bins H is interpolated as a complex number: a constant stays one.
     np.testing.assert_allclose(observation.log_frf[0][observation.valid[0]], np.log(1.5), atol=1e-9)
-
-
-@pytest.mark.parametrize(("segment", "works"), [(40, True), (41, False), (0.07, False), (5, True)])
-def test_segment_length_can_be_chosen(segment, works):
-    base = noise(80, 14)
-    data = histories(base=base, RF=base)
-    if works:
-        assert f"segments of {segment} s" in estimate_frf(data, GRID, segment_s=segment).notes[0]
-    else:
-        with pytest.raises(MeasurementError, match=r"take 0\.08 to 40 s"):
-            estimate_frf(data, GRID, segment_s=segment)
 
 
 def test_too_short_for_a_spectrum():

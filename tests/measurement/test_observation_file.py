@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.observation_file import FrfTable, Histories, read_observation_file
+from femupdate.measurement.frf_table import FrfTable
+from femupdate.measurement.kinds import read_observation_file
+from femupdate.measurement.observation_file import Histories
 
 N = 100
 NAMES = ("base", "2F:1", "2F:2", "RF", "RF.y")

@@ -211,17 +211,6 @@ def test_wide_table_lists_peaks_without_a_unit(write):
         read_record(path)
 
 
-def test_unknown_format(write):
-    with pytest.raises(MeasurementError, match=r"'pear' \(did you mean 'peer'\?\)"):
-        read_record(write(plain(rows())), format="pear")
-
-
-@pytest.mark.parametrize("kind", ["jma", "knet", "peer", "csmip"])
-def test_forced_format_that_does_not_fit(write, kind):
-    with pytest.raises(MeasurementError):
-        read_record(write(plain(rows())), format=kind)
-
-
 @pytest.mark.parametrize("step", [1e-9, 1e6])
 def test_a_time_step_with_which_nothing_is_measured(write, texts, step):
     text = texts["peer"](VALUES / 981.0, step=f"{step:g}")

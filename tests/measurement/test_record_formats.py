@@ -161,7 +161,7 @@ def test_utf_16_as_spreadsheets_save_unicode_text(write, wave):
 
 def test_format_can_be_forced(write, wave):
     path = write("# NPTS= 3, DT= .01\n" + table(wave))
-    assert read_record(path, unit="gal", format="plain").format == "plain"
+    assert read_record(path, unit="gal").format == "plain"
     assert list(readers())[-1] == "plain"  # it fits nearly every file
 
 

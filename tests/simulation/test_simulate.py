@@ -18,7 +18,8 @@ from femupdate.errors import BuildingError, MeasurementError, ModelError
 from femupdate.fe.assembly import assemble
 from femupdate.fe.solve import lowest_modes, modes_below
 from femupdate.measurement.frf import estimate_frf
-from femupdate.measurement.observation_file import Histories, read_observation_file
+from femupdate.measurement.kinds import read_observation_file
+from femupdate.measurement.observation_file import Histories
 from femupdate.measurement.record import GroundMotion
 from femupdate.simulation.simulate import (
     SimulationSettings,
@@ -172,7 +173,7 @@ def test_welch_frf_of_a_chain_matches_the_closed_form():
         chain(*THREE), SimulationSettings(theta=tuple(theta), zeta=zeta, duration_s=120.0, seed=4)
     )
     # Segments of 20 s: at 3 Hz and 5 % zeta f T = 3, so the smearing of the peaks stays below 4 %.
-    seen = estimate_frf(found.histories, np.arange(1.0, 45.0, 0.25), segment_s=20.0)
+    seen = estimate_frf(found.histories, np.arange(1.0, 45.0, 0.05))
     exact = chain_frf(masses, theta * springs, zeta, seen.frequency_hz)
     assert seen.floors == ("2F", "3F", "RF")
     used = seen.valid

@@ -9,7 +9,7 @@ from femupdate.building.document import from_document
 from femupdate.building.files import save_building
 from femupdate.errors import BuildingError, MeasurementError
 from femupdate.inference.posterior import load_posterior
-from femupdate.measurement.observation_file import read_observation_file
+from femupdate.measurement.kinds import read_observation_file
 from femupdate.measurement.record import read_record
 from femupdate.measurement.write import write_observation_histories
 from femupdate.simulation.simulate import SimulationSettings, simulate_observation

@@ -12,7 +12,7 @@ from matplotlib.image import imread
 
 from femupdate.building.files import load_building
 from femupdate.errors import FemupdateError
-from femupdate.measurement.observation_file import read_observation_file
+from femupdate.measurement.kinds import read_observation_file
 from femupdate.measurement.record import GroundMotion, read_record
 from femupdate.study import Study
 from femupdate.surrogate.training import TrainingSettings

@@ -90,7 +90,7 @@ def test_records_that_cannot_be_used(record, tower_file, tmp_path, old, new, wor
 
 
 def test_diagnose_says_what_it_needs(record):
-    from femupdate.measurement.observation_file import read_observation_file
+    from femupdate.measurement.kinds import read_observation_file
 
     with pytest.raises(
         MeasurementError, match="responses to a force, which calibrate, diagnose and repair explain"

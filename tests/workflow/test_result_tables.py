@@ -15,7 +15,7 @@ from femupdate.inference.posterior import load_posterior
 from femupdate.report.scale import interval_text
 from femupdate.workflow.member_tables import member_lines, member_rows
 from femupdate.workflow.parameter_titles import effect_title
-from femupdate.workflow.prediction_quantities import TIDY, PeakDraws, Quantity, quantities, tables
+from femupdate.workflow.prediction_quantities import TIDY, Quantity, quantities, tables
 
 
 def rows_of(path):
@@ -46,7 +46,7 @@ def folder(tower_study, tower_observation, tmp_path_factory, write_record):
 @pytest.mark.parametrize(("shear", "units"), [(0.6, ["N", "N/mm"]), (6e4, ["kN", "kN/mm"])])
 def test_units_suit_bench_top_models_and_buildings(tower_file, shear, units):
     one = np.full((4, 2), shear)
-    found = quantities(load_building(tower_file), ("low", "high"), PeakDraws(one, one, one, one), 9)
+    found = quantities(load_building(tower_file), ("low", "high"), [one] * 4, 9)
     assert [found[key].unit for key in ("base", "stiffness")] == units
     newton = {"N": 1.0, "kN": 1e3}[units[0]]
     assert found["base"].values[0, 0] * newton == pytest.approx(shear)

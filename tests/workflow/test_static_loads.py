@@ -71,7 +71,7 @@ def test_inspect_says_what_it_is(load_file):
 
 
 def test_other_commands_say_what_it_is(load_file):
-    from femupdate.measurement.observation_file import read_observation_file
+    from femupdate.measurement.kinds import read_observation_file
 
     with pytest.raises(MeasurementError, match="static load cases, which calibrate and inspect"):
         read_observation_file(load_file(HEAD + rows([5.0, 10.0], ROOF)))

@@ -42,12 +42,7 @@ class AmplitudeSoftening(Softening):
         return Terms(constants=(float(names.index(place) if place in names else ALL_STORIES),))
 
     def at_level(
-        self,
-        theta: Tensor,
-        zeta: Tensor,
-        sizes: Tensor,
-        level: float,
-        constants: tuple[float, ...],
+        self, theta: Tensor, zeta: Tensor, sizes: Tensor, level: float, constants: tuple[float, ...]
     ) -> tuple[Tensor, Tensor]:
         """Both times (1 + size)^level, level the number of doublings above the reference."""
         softer, story = (1.0 + sizes[:, :1]) ** level, int(constants[0])

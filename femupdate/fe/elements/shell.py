@@ -196,10 +196,7 @@ class ShellForces:
 
 
 def shell_forces(
-    model: FiniteElementModel,
-    displacement: Floats,
-    theta: Floats,
-    chosen: Integers | None = None,
+    model: FiniteElementModel, displacement: Floats, theta: Floats, chosen: Integers | None = None
 ) -> ShellForces:
     """Forces of a model's four-node shells; arguments and errors as for `element_forces`."""
     shells = model.elements_of(Shells)
