@@ -54,11 +54,9 @@ class FrameBuilding(MeshedBuilding):
         """Raise Complaint for the first entry that does not fit the others."""
         super().check()
         _check_grid(self.grid)
+        _check_members(self)
         _check_columns(self)
-        _check_beams(self)
-        _check_braces(self)
-        _check_walls(self)
-        _check_slabs(self)
+        _check_stretches(self)
         _check_sensors(self)
         _check_standing(self)
         if self.by_kind and self.effects:
@@ -86,11 +84,26 @@ def _check_lines(lines: Mapping[str, float], key: str) -> None:
             raise Complaint(f"{key}.{name}", 'a line\'s name has no "-" and is not "*"; rename it')
 
 
+def _check_members(building: FrameBuilding) -> None:
+    """What members of all kinds name: stories or floors, and a section or a material."""
+    lists = {name: getattr(building, name) for name in ("columns", "beams", "braces")}
+    for name, members in {**lists, "walls": building.walls, "slabs": building.slabs}.items():
+        for n, member in enumerate(members):
+            key = f"{name}[{n}]"
+            if name in lists:
+                require(member.section, building.sections, "section", f"{key}.section")
+            else:
+                building.check_material(member.material, key)
+            if name in ("beams", "slabs"):
+                resolve(member.floors, building.floors, "floor", f"{key}.floors")
+            else:
+                resolve(member.stories, building.story_names, "story", f"{key}.stories")
+
+
 def _check_columns(building: FrameBuilding) -> None:
     grid = building.grid
     for n, columns in enumerate(building.columns):
         key = f"columns[{n}]"
-        require(columns.section, building.sections, "section", f"{key}.section")
         intersections(grid, columns.at, f"{key}.at")
         for m, point in enumerate(columns.points):
             for value, lines, axis in zip(point, (grid.x, grid.y), "xy", strict=True):
@@ -99,38 +112,27 @@ def _check_columns(building: FrameBuilding) -> None:
                     text = f"{axis} = {value:g} m lies outside the grid ({low:g} to {high:g} m)"
                     mend = "add a grid line there or correct it"
                     raise Complaint(f"{key}.points[{m}]", f"{text}; {mend}")
-        resolve(columns.stories, building.story_names, "story", f"{key}.stories")
 
 
-def _check_beams(building: FrameBuilding) -> None:
+def _check_stretches(building: FrameBuilding) -> None:
+    """Where beams, braces, walls and slabs begin and end."""
+    grid = building.grid
     for n, beams in enumerate(building.beams):
-        key = f"beams[{n}]"
-        require(beams.section, building.sections, "section", f"{key}.section")
-        rigid = sum(beams.rigid_ends or ())
-        for stretch in beam_stretches(building.grid, beams, key):
-            for start, end, length in spans(building.grid, stretch):
+        key, rigid = f"beams[{n}]", sum(beams.rigid_ends or ())
+        for stretch in beam_stretches(grid, beams, key):
+            for start, end, length in spans(grid, stretch):
                 if beams.rigid_ends is not None and rigid >= length - CLOSEST_LINES:
                     text = f"they leave nothing of the span {start} to {end} on {stretch.line}"
                     raise Complaint(f"{key}.rigid_ends", f"{text}, {length:g} m; shorten them")
-        resolve(beams.floors, building.floors, "floor", f"{key}.floors")
-
-
-def _check_braces(building: FrameBuilding) -> None:
     for n, braces in enumerate(building.braces):
-        key = f"braces[{n}]"
-        require(braces.section, building.sections, "section", f"{key}.section")
-        wall_stretch(building.grid, braces, key)
-        resolve(braces.stories, building.story_names, "story", f"{key}.stories")
-
-
-def _check_walls(building: FrameBuilding) -> None:
+        wall_stretch(grid, braces, f"braces[{n}]")
     for n, wall in enumerate(building.walls):
-        key = f"walls[{n}]"
-        wall_stretch(building.grid, wall, key)
-        resolve(wall.stories, building.story_names, "story", f"{key}.stories")
-        building.check_material(wall.material, key)
+        wall_stretch(grid, wall, f"walls[{n}]")
         for m, opening in enumerate(wall.openings):
-            _check_opening(building, wall, opening, f"{key}.openings[{m}]")
+            _check_opening(building, wall, opening, f"walls[{n}].openings[{m}]")
+    for n, slab in enumerate(building.slabs):
+        slab_lines(slab.x, grid.x, f"slabs[{n}].x")
+        slab_lines(slab.y, grid.y, f"slabs[{n}].y")
 
 
 def _check_opening(building: FrameBuilding, wall: Wall, opening: Opening, key: str) -> None:
@@ -145,15 +147,6 @@ def _check_opening(building: FrameBuilding, wall: Wall, opening: Opening, key: s
         if opening.bottom + opening.height > height + CLOSEST_LINES:
             text = f"the opening ends {opening.bottom + opening.height:g} m above the floor, story"
             raise Complaint(f"{key}.height", f"{text} {story} at {height:g} m; make it lower")
-
-
-def _check_slabs(building: FrameBuilding) -> None:
-    for n, slab in enumerate(building.slabs):
-        key = f"slabs[{n}]"
-        slab_lines(slab.x, building.grid.x, f"{key}.x")
-        slab_lines(slab.y, building.grid.y, f"{key}.y")
-        resolve(slab.floors, building.floors, "floor", f"{key}.floors")
-        building.check_material(slab.material, key)
 
 
 def _check_sensors(building: FrameBuilding) -> None:

@@ -47,6 +47,10 @@ _FRF_COLUMNS = (
 _FORCE = "Put in the floor at which the force acts."
 _POINT_MODES = "Put in which component of the shapes is which floor's."
 
+# What JSON holds of them, by the names that they have themselves.
+_OF_CHANNEL = ("name", "location", "direction", "azimuth_deg", "vertical", "quantity", "unit")
+_OF_FUNCTION = ("kind", "name", "unit", "response", "reference")
+_OF_MODE = ("name", "frequency_hz", "frequency_sd_hz", "damping", "damping_sd", "sensors")
 _POINTS = "It holds measuring points only; the histories or modes are in another file."
 
 
@@ -103,13 +107,7 @@ class InspectedChannel:
         one = self.channel
         return {
             "number": self.number,
-            "name": one.name,
-            "location": one.location,
-            "direction": one.direction,
-            "azimuth_deg": one.azimuth_deg,
-            "vertical": one.vertical,
-            "quantity": one.quantity,
-            "unit": one.unit,
+            **{name: getattr(one, name) for name in _OF_CHANNEL},
             "rate_hz": 1.0 / one.time_step,
             "samples": one.values.size,
             "duration_s": self.duration_s,
@@ -188,27 +186,13 @@ class Inspection:
             "channels": [each.as_dict() for each in self.channels],
             "functions": [
                 {
-                    "kind": one.kind,
-                    "name": one.name,
-                    "unit": one.unit,
-                    "response": one.response,
-                    "reference": one.reference,
+                    **{name: getattr(one, name) for name in _OF_FUNCTION},
                     "points": one.frequency_hz.size,
                     "band_hz": (float(one.frequency_hz[0]), float(one.frequency_hz[-1])),
                 }
                 for one in self.functions
             ],
-            "modes": [
-                {
-                    "name": one.name,
-                    "frequency_hz": one.frequency_hz,
-                    "frequency_sd_hz": one.frequency_sd_hz,
-                    "damping": one.damping,
-                    "damping_sd": one.damping_sd,
-                    "sensors": one.sensors,
-                }
-                for one in self.modes
-            ],
+            "modes": [{name: getattr(one, name) for name in _OF_MODE} for one in self.modes],
             "points": len(self.recording.points),
             "notes": (*self.recording.notes, *self.rotation),
             "findings": self.all_findings,

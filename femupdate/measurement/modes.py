@@ -14,6 +14,7 @@ from femupdate.measurement.text import TextFile, closest
 from femupdate.measurement.thresholds import RECORDED_MODE
 
 _SHOWN = 12
+_OF_MODES = ("frequency_hz", "frequency_sd_hz", "damping", "damping_sd", "shape", "shape_sd")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -47,16 +48,8 @@ class IdentifiedModes:
     def some(self, rows: Sequence[int]) -> "IdentifiedModes":
         """Some of the modes."""
         own = list(rows)
-        return replace(
-            self,
-            names=tuple(self.names[k] for k in own),
-            frequency_hz=self.frequency_hz[own],
-            frequency_sd_hz=self.frequency_sd_hz[own],
-            damping=self.damping[own],
-            damping_sd=self.damping_sd[own],
-            shape=self.shape[own],
-            shape_sd=self.shape_sd[own],
-        )
+        arrays = {name: getattr(self, name)[own] for name in _OF_MODES}
+        return replace(self, names=tuple(self.names[k] for k in own), **arrays)
 
     def of_floors(self, floors: Sequence[str]) -> "IdentifiedModes":
         """Shapes at some of the floors."""
