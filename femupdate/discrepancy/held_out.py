@@ -181,11 +181,7 @@ def _channels(data: Histories, floors: tuple[str, ...], direction: str) -> tuple
     """Motion of the base (1, n), or (2, n) where it turns, and floors (f, n), sensors averaged."""
 
     def mean(floor: str) -> Floats:
-        own = [
-            row
-            for row, channel in enumerate(data.channels)
-            if channel.floor == floor and channel.direction == direction
-        ]
+        own = data.rows(floor, direction)
         if not own:
             raise MeasurementError(f"{data.source}: there is no channel {floor} along {direction}")
         return np.asarray(data.acceleration[own].mean(axis=0))

@@ -280,25 +280,17 @@ def _checked_grid(frequency_hz: Floats) -> Floats:
 
 def floor_means(histories: Histories, direction: str) -> tuple[Floats, Floats, tuple[str, ...]]:
     """Mean over the sensors of the base (n,) and of each floor (f, n), and the floors' names."""
-    rows = _rows_by_floor(histories, direction)
-    floors = tuple(floor for floor in histories.floors if floor in rows)
-    if BASE not in rows or not floors:
-        missing = "floor" if BASE in rows else "base"
+    rows = {floor: histories.rows(floor, direction) for floor in (BASE, *histories.floors)}
+    floors = tuple(floor for floor in histories.floors if rows[floor])
+    if not rows[BASE] or not floors:
+        missing = "floor" if rows[BASE] else "base"
         there = ", ".join(channel.name for channel in histories.channels)
         raise MeasurementError(
             f"{histories.source}: there is no {missing} channel in direction {direction}; the file"
             f" has {there}"
         )
-    means = {floor: histories.acceleration[at].mean(axis=0) for floor, at in rows.items()}
-    return means[BASE], np.array([means[floor] for floor in floors]), floors
-
-
-def _rows_by_floor(histories: Histories, direction: str) -> dict[str, list[int]]:
-    rows: dict[str, list[int]] = {}
-    for row, channel in enumerate(histories.channels):
-        if channel.direction == direction:
-            rows.setdefault(channel.floor, []).append(row)
-    return rows
+    base, *means = (histories.acceleration[rows[one]].mean(axis=0) for one in (BASE, *floors))
+    return base, np.array(means), floors
 
 
 def _resolved(grid: Floats, segments: Segments, time_step: float) -> Flags:
@@ -357,7 +349,8 @@ def _require_points(valid: Flags, source: str) -> None:
 
 
 def _sensor_notes(histories: Histories, direction: str) -> tuple[str, ...]:
-    counts = {floor: len(at) for floor, at in _rows_by_floor(histories, direction).items()}
+    places = dict.fromkeys(channel.floor for channel in histories.channels)
+    counts = {floor: len(histories.rows(floor, direction)) for floor in places}
     several = [f"{floor} ({count})" for floor, count in counts.items() if count > 1]
     return (f"Sensors averaged in time: {', '.join(several)}.",) if several else ()
 

@@ -70,6 +70,11 @@ class Histories:
         names = {channel.floor for channel in self.channels} - {BASE}
         return tuple(sorted(names, key=floor_height))
 
+    def rows(self, floor: str, direction: str) -> list[int]:
+        """Rows of the sensors of a floor, or of the base, in one direction."""
+        here = floor, direction
+        return [k for k, one in enumerate(self.channels) if (one.floor, one.direction) == here]
+
 
 @dataclass(frozen=True, eq=False)
 class ForceHistories:

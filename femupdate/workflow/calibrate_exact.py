@@ -22,7 +22,6 @@ from femupdate.study import Study
 from femupdate.surrogate.gauss_newton import Descent
 from femupdate.surrogate.storage import TrainedSurrogate
 from femupdate.units import percent
-from femupdate.workflow.calibrate_latent import decoded
 from femupdate.workflow.calibrate_notes import cost_notes, reduction_notes, require_own_building
 from femupdate.workflow.calibrate_settings import (
     CalibrationSettings,
@@ -30,7 +29,7 @@ from femupdate.workflow.calibrate_settings import (
     by_importance,
     by_runs,
 )
-from femupdate.workflow.decoded import sample_annealed
+from femupdate.workflow.decoded import sample_annealed, sample_decoded
 from femupdate.workflow.kinds import Measured, likelihoods_of_others
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.sampling import BRIDGE, FIRST, ChainRunner
@@ -149,7 +148,8 @@ def _by_trajectories(
     """From the latent posterior, or from the prior, by Hamiltonian moves."""
     drawn = None
     if found is not None:
-        drawn = decoded(found[0], problem.model, problem.measured.base, problem.settings, run, 1)
+        base, settings = problem.measured.base, problem.settings
+        drawn = sample_decoded(found[0], problem.model, base, settings, run, 1)
     groups, notes = sample_annealed(problem.prior, problem.target, run, drawn)
     return Sampled(
         groups, problem.prior, by_runs("exact", "Hamiltonian moves", groups, evidence=True), notes

@@ -4,7 +4,6 @@ from functools import partial
 
 import numpy as np
 
-from femupdate.inference.decoded_chains import DecodedPosterior, in_groups
 from femupdate.inference.latent_likelihood import LatentLikelihood, Learning, usual_misfit
 from femupdate.inference.smc import SmcResult, TemperedSmc
 from femupdate.measurement.observation import Observation
@@ -21,7 +20,7 @@ from femupdate.workflow.calibrate_notes import (
 from femupdate.workflow.calibrate_settings import CalibrationSettings, Sampled, by_runs
 from femupdate.workflow.decoded import sample_decoded, sampled_groups
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.sampling import FIRST, ChainRunner
+from femupdate.workflow.sampling import ChainRunner
 from femupdate.workflow.surrogates import require_surrogate
 from femupdate.workflow.thresholds import CALIBRATION
 
@@ -72,31 +71,8 @@ def _sample_decoded(
     run: ChainRunner,
 ) -> tuple[list[SmcResult], tuple[str, ...]]:
     """Many parameters: draws on the decoder, with zeta as one more where it is a nuisance."""
-    found = decoded(surrogate, model, observation, settings, run, run.particles)
+    found = sample_decoded(surrogate, model, observation, settings, run, run.particles)
     usual = usual_misfit(observation)
     noise = max(float(np.median(observation.noise_sd[observation.valid])), surrogate.info.noise_sd)
     notes = (*decoded_notes(found, noise), *misfit_notes(found.misfit, usual))
     return sampled_groups(found.draws, found.responses), notes
-
-
-def decoded(
-    surrogate: TrainedSurrogate,
-    model: StudyModel,
-    observation: Observation,
-    settings: CalibrationSettings,
-    run: ChainRunner,
-    draws: int,
-) -> DecodedPosterior:
-    """So many draws along the decoder, with zeta as one more parameter where it is unknown."""
-    chosen = in_groups(run.chains)
-    run.show.start("Sampling (latent likelihood)", 100 * chosen.stages)
-    return sample_decoded(
-        surrogate,
-        model,
-        observation,
-        draws,
-        run.stage(FIRST),
-        chosen,
-        device=settings.device,
-        progress=run.show,
-    )

@@ -8,8 +8,6 @@ from torch import Tensor
 from femupdate.inference.decoded import DecodedLikelihood
 from femupdate.inference.decoded_chains import (
     DecodedPosterior,
-    DecodedSettings,
-    Respond,
     StageProgress,
     decoded_posterior,
     in_groups,
@@ -19,13 +17,11 @@ from femupdate.inference.parameters import Parameters
 from femupdate.inference.smc import TRAJECTORIES, KeptDraws, SmcResult, SmcState, TemperedSmc
 from femupdate.inference.tempering import LogLikelihood
 from femupdate.measurement.observation import Observation
-from femupdate.progress import SILENT, Progress
-from femupdate.seeds import Seed
-from femupdate.surrogate.gauss_newton import LatentData
 from femupdate.surrogate.storage import TrainedSurrogate
 from femupdate.units import percent
+from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.sampling import BRIDGE, ChainRunner
+from femupdate.workflow.sampling import BRIDGE, FIRST, ChainRunner
 
 # Responses of a building do not go faster by the hundred on a processor.
 _ROWS = 8
@@ -35,39 +31,29 @@ def sample_decoded(
     surrogate: TrainedSurrogate,
     model: StudyModel,
     observation: Observation,
+    settings: CalibrationSettings,
+    run: ChainRunner,
     draws: int,
-    seed: Seed,
-    settings: DecodedSettings | None = None,
-    *,
-    device: str = "cpu",
-    progress: Progress = SILENT,
 ) -> DecodedPosterior:
-    """Draw theta, and the damping ratio behind it where it is unknown.
+    """Draw theta, and the damping ratio behind it where it is unknown, along the decoder.
 
     Args:
         observation: on the building's grid.
         draws: states to keep, at least.
-        progress: advances by 100 a stage.
     """
-    info = surrogate.info
+    info, device, chosen = surrogate.info, settings.device, in_groups(run.chains)
     data = latent_data(observation, info.floors, info.noise_sd, device)
     mvae = copy.deepcopy(surrogate.mvae).to(device).requires_grad_(False)
     likelihood = DecodedLikelihood(mvae, data, power=info.likelihood_power)
-    respond = _responses(model, observation, data)
-    return decoded_posterior(
-        model.parameters.to(device), likelihood, respond, draws, seed, settings, progress
-    )
-
-
-def _responses(model: StudyModel, observation: Observation, data: LatentData) -> Respond:
-    """The building's own, at parameters with the damping ratio last where it is unknown."""
     respond = floor_responses(model.system, observation, data.log_frf)
 
     def answer(parameters: Tensor) -> Tensor:
         values = model.parameters.split(parameters)
         return respond(values.theta, values.zeta)
 
-    return answer
+    run.show.start("Sampling (latent likelihood)", 100 * chosen.stages)
+    prior, seed = model.parameters.to(device), run.stage(FIRST)
+    return decoded_posterior(prior, likelihood, answer, draws, seed, chosen, run.show)
 
 
 def sample_annealed(

@@ -98,12 +98,7 @@ def measured_floors(
     direction = direction_of(model.building)
     rows = np.full((len(model.reduced.floors), count), np.nan)
     for place, floor in enumerate(model.reduced.floors):
-        own = [
-            row
-            for row, channel in enumerate(data.channels)
-            if channel.floor == floor and channel.direction == direction
-        ]
-        if own:
+        if own := data.rows(floor, direction):
             rows[place] = data.acceleration[own].mean(axis=0) * record.scale
     if np.isnan(rows).all():
         raise MeasurementError(
