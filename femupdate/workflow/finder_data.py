@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 from femupdate.building.schema import Building
 from femupdate.discrepancy.data import Data
@@ -130,13 +129,7 @@ def read_held(
 def _given(building: Building, source: ObservationSource) -> Given:
     """The files of one source, with halves of their FRFs under base motion."""
     measured = measured_of(building, source)
-    return Given(measured, _halves(building, source, measured.base_paths))
-
-
-def _halves(
-    building: Building, source: ObservationSource, base: tuple[Path, ...]
-) -> tuple[Observation, ...]:
-    """Of the FRFs under base motion, where there are any and they can be parted."""
-    if not base:
-        return ()
-    return halves_of(building, replace(source, path=base[0], further=base[1:]))
+    if not measured.base_paths:
+        return Given(measured)
+    first, *further = measured.base_paths
+    return Given(measured, halves_of(building, replace(source, path=first, further=tuple(further))))

@@ -22,7 +22,6 @@ from femupdate.dynamics.member_histories import (
 from femupdate.dynamics.spectra import FloorSpectra, floor_spectra
 from femupdate.dynamics.summary import HistorySummary, Statistics, statistics, summarise
 from femupdate.dynamics.superposition import BaseMotion
-from femupdate.dynamics.system import System
 from femupdate.inference.next_event import EventErrors
 from femupdate.inference.posterior import Posterior
 from femupdate.inference.thresholds import EVENT
@@ -38,6 +37,7 @@ from femupdate.workflow.member_tables import ALONE, member_lines
 from femupdate.workflow.model import StudyModel, on_kept_finer
 from femupdate.workflow.predict_draws import (
     PredictionDraws,
+    PredictionTask,
     at_reached_level,
     chosen_scatter,
     in_another_event,
@@ -176,13 +176,13 @@ def predict_study(
     study.check_fresh("posterior", model.made_from(), "calibrate")
     posterior = kept_posterior(study, model.building)
     system = open_system(study, model)
-    task = _Task(system, posterior, motion, settings, progress)
+    task = PredictionTask(system, posterior, motion, settings, progress)
     draws = prediction_draws(model, posterior, settings)
     alone, at_level = _as_calibrated(task, draws)
     # A stiffness is the building's own: errors of shear and drift are none of it.
     summary = replace(_in_another_event(task, draws), story_stiffness=alone.story_stiffness)
     spectra = _spectra(summary, motion, settings.spectrum_damping)
-    members = _members(study, model, draws, motion, settings, progress)
+    members = _members(study, model, draws, task)
     path = study.result("prediction.nc")
     save_prediction(summary, alone, motion, path, draws.damping, spectra, reference)
     report = PredictionReport(
@@ -212,28 +212,19 @@ def predict_study(
     return report
 
 
-@dataclass(frozen=True)
-class _Task:
-    """What histories are computed of."""
-
-    system: System
-    posterior: Posterior
-    motion: GroundMotion
-    settings: PredictionSettings
-    show: Progress
-
-
-def _as_calibrated(task: _Task, draws: PredictionDraws) -> tuple[HistorySummary, tuple[str, ...]]:
+def _as_calibrated(
+    task: PredictionTask, draws: PredictionDraws
+) -> tuple[HistorySummary, tuple[str, ...]]:
     """Bands of the parameters alone, as they were when they were measured."""
     task.show.start("Integrating the response", len(draws.zeta))
     histories, told = _histories(task, draws)
     return summarise(histories, _EXAMPLES), told
 
 
-def _in_another_event(task: _Task, draws: PredictionDraws) -> HistorySummary:
+def _in_another_event(task: PredictionTask, draws: PredictionDraws) -> HistorySummary:
     """Bands of the next measurement."""
     moving, erring = spawn(task.settings.seed, 2)
-    moved = in_another_event(task.system, task.posterior, draws, task.settings, moving)
+    moved = in_another_event(task, draws, moving)
     task.show.start("Integrating the response of another event", len(draws.zeta))
     histories, _ = _histories(task, moved)
     lowest = float(task.system.modes(*task.system.split(draws.parameters[:1])).omega.min())
@@ -241,16 +232,10 @@ def _in_another_event(task: _Task, draws: PredictionDraws) -> HistorySummary:
     return summarise(errors.applied(histories), _EXAMPLES)
 
 
-def _histories(task: _Task, draws: PredictionDraws) -> tuple[Iterator[Histories], tuple[str, ...]]:
-    theta, zeta, told = at_reached_level(
-        task.system,
-        task.posterior,
-        draws.parameters,
-        draws.zeta,
-        task.motion,
-        task.settings,
-        task.show,
-    )
+def _histories(
+    task: PredictionTask, draws: PredictionDraws
+) -> tuple[Iterator[Histories], tuple[str, ...]]:
+    theta, zeta, told = at_reached_level(task, draws)
     record = task.motion.inputs, task.motion.time_step
     if not task.system.changes_in_run or task.system.complex_modes:
         batches = history_batches(task.system, theta, zeta, *record, progress=task.show)
@@ -294,14 +279,10 @@ def _record(
 
 
 def _members(
-    study: Study,
-    model: StudyModel,
-    draws: PredictionDraws,
-    motion: GroundMotion,
-    settings: PredictionSettings,
-    show: Progress,
+    study: Study, model: StudyModel, draws: PredictionDraws, task: PredictionTask
 ) -> tuple[MemberForces, ...]:
     """Forces of the members asked for, written into the study."""
+    motion, settings, show = task.motion, task.settings, task.show
     if not settings.members:
         return ()
     chosen = choose_members(model.building, settings.members)

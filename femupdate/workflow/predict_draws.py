@@ -64,15 +64,21 @@ def prediction_draws(
     return PredictionDraws(rows, torch.from_numpy(theta), torch.from_numpy(ratio), text)
 
 
-def in_another_event(
-    system: System,
-    posterior: Posterior,
-    draws: PredictionDraws,
-    settings: PredictionSettings,
-    seed: Seed,
-) -> PredictionDraws:
+@dataclass(frozen=True)
+class PredictionTask:
+    """What histories are computed of."""
+
+    system: System
+    posterior: Posterior
+    motion: GroundMotion
+    settings: PredictionSettings
+    show: Progress
+
+
+def in_another_event(task: PredictionTask, draws: PredictionDraws, seed: Seed) -> PredictionDraws:
     """The draws as the building may be in another event."""
-    theta, sizes = system.split(draws.parameters)
+    posterior, settings = task.posterior, task.settings
+    theta, sizes = task.system.split(draws.parameters)
     box = [torch.from_numpy(end[: theta.shape[1]]) for end in (posterior.lower, posterior.upper)]
     scatter = chosen_scatter(posterior, settings, draws.rows)
     if settings.damping is not None or draws.damping == LAW:
@@ -94,28 +100,22 @@ def chosen_scatter(
 
 
 def at_reached_level(
-    system: System,
-    posterior: Posterior,
-    parameters: torch.Tensor,
-    zeta: torch.Tensor,
-    motion: GroundMotion,
-    settings: PredictionSettings,
-    show: Progress,
+    task: PredictionTask, draws: PredictionDraws
 ) -> tuple[torch.Tensor, torch.Tensor, tuple[str, ...]]:
     """Draws at the level of motion that they reach, and what is to be said of it."""
     from femupdate.workflow.amplitude import at_own_level, changes_with_level
 
-    if not changes_with_level(system.placed):
-        return parameters, zeta, ()
-    theta, sizes = system.split(parameters)
-    show.start("Finding the level of the motion", len(parameters))
+    if not changes_with_level(task.system.placed):
+        return draws.parameters, draws.zeta, ()
+    theta, sizes = task.system.split(draws.parameters)
+    task.show.start("Finding the level of the motion", len(theta))
     found = at_own_level(
-        system,
-        (theta.numpy(), zeta.numpy(), sizes.numpy()),
-        motion,
-        posterior.settings,
-        keep_damping=settings.damping is not None,
-        progress=show,
+        task.system,
+        (theta.numpy(), draws.zeta.numpy(), sizes.numpy()),
+        task.motion,
+        task.posterior.settings,
+        keep_damping=task.settings.damping is not None,
+        progress=task.show,
     )
     moved = torch.cat([torch.from_numpy(found.theta), sizes], dim=1)
     return moved, torch.from_numpy(found.zeta), (found.note,)

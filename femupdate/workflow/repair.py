@@ -86,12 +86,11 @@ class RepairReport:
             "theta_after": self.theta_after.mean(axis=0).tolist(),
             "theta_sd_before": self.theta_before.std(axis=0).tolist(),
             "theta_sd_after": self.theta_after.std(axis=0).tolist(),
-            "holdout_error_before": None if held is None else _number(held.error_before),
-            "holdout_error_after": None if held is None else _number(held.error_after),
-            "holdout_own_error_before": None if held is None else _number(held.own_before),
-            "holdout_own_error_after": None if held is None else _number(held.own_after),
-            "holdout_chi2_before": None if held is None else held.chi2_before,
-            "holdout_chi2_after": None if held is None else held.chi2_after,
+            **{
+                f"holdout_{key}_{when}": _number(getattr(held, f"{name}_{when}", None))
+                for key, name in (("error", "error"), ("own_error", "own"), ("chi2", "chi2"))
+                for when in ("before", "after")
+            },
             "building": None if self.building_path is None else str(self.building_path),
             "study": None if self.study is None else str(self.study.folder),
             "seconds": self.seconds,
@@ -130,9 +129,9 @@ class RepairReport:
         )
 
 
-def _number(value: float) -> float | None:
+def _number(value: float | None) -> float | None:
     """JSON knows no NaN."""
-    return None if np.isnan(value) else value
+    return None if value is None or np.isnan(value) else value
 
 
 def repair_study(
@@ -169,7 +168,9 @@ def repair_study(
     problem, base, found = search(finder, data, chosen, progress)
     kept_out = None
     if holdout is not None and other is not None:
-        level = _level(model, source, second, holdout, other)
+        # Of modes it is taken to be the first's.
+        compared = second is not None and not other.measured.modes
+        level = level_between(model, source, holdout) if compared else 0.0
         kept_out = _kept_out(model, finder, holdout, other, use_phase, level)
     elsewhere = None if kept_out is None else kept_out.gain
     mended, done = mend(finder, problem, base, found, chosen, progress, elsewhere)
@@ -201,19 +202,6 @@ def repair_study(
     others = {"second": second, "holdout": holdout}
     keep_found(study, "repair", report.path, content, origin, source, **others)
     return report
-
-
-def _level(
-    model: StudyModel,
-    source: ObservationSource,
-    second: ObservationSource | None,
-    holdout: ObservationSource,
-    held: Given,
-) -> float:
-    """Of data kept out above the first, in doublings; of modes taken to be the first's."""
-    if second is None or held.measured.modes:
-        return 0.0
-    return level_between(model, source, holdout)
 
 
 def _kept_out(
