@@ -20,7 +20,7 @@ from femupdate.effects.structure import structure_of
 from femupdate.inference.posterior import Posterior
 from femupdate.measurement.observation import on_all_floors
 from femupdate.study import Study, damaged
-from femupdate.units import ordinal
+from femupdate.units import ordinal, percent
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import direction_of
 
@@ -64,6 +64,18 @@ class StudyMode:
     def name(self) -> str:
         """Such as "mode 3 (X)"."""
         return f"mode {self.label}" + (f" ({self.direction})" if self.direction else "")
+
+    @property
+    def cells(self) -> tuple[str, ...]:
+        """Number, frequency and its sd, Hz, direction, effective mass and influence, for tables."""
+        return (
+            str(self.number or "-"),
+            f"{self.tracked.frequency_mean:.3f}",
+            f"{self.tracked.frequency_sd:.2g}",
+            self.direction,
+            percent(self.effective_mass, 1),
+            "-" if self.influence is None else f"{self.influence:.3g}",
+        )
 
     @property
     def label(self) -> str:

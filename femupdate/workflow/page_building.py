@@ -17,7 +17,6 @@ from femupdate.report.page import Block, Remarks, Scene, Section, Table, Text
 from femupdate.report.page_scene import ElementField, MovingShape, scene_content, thinned_geometry
 from femupdate.report.scale import mass_scale
 from femupdate.study import as_written
-from femupdate.units import percent
 from femupdate.workflow.modes import StudyMode
 from femupdate.workflow.page_done import read_json
 from femupdate.workflow.page_parts import PageStudy
@@ -68,23 +67,12 @@ def _stories(page: PageStudy) -> Table:
 
 
 def _mode_table(modes: tuple[StudyMode, ...]) -> Table:
-    rows = tuple(
-        (
-            str(one.number or "-"),
-            f"{one.tracked.frequency_mean:.3f}",
-            f"{one.tracked.frequency_sd:.2g}",
-            one.direction,
-            percent(one.effective_mass, 1),
-            "-" if one.influence is None else f"{one.influence:.3g}",
-        )
-        for one in modes
-    )
     order = "" if all(one.influence is None for one in modes) else _ORDER
     return Table(
         name="modes",
         caption="Modes that the base motion excites, at the posterior",
         head=("mode", "frequency, Hz", "sd, Hz", "direction", "effective mass", "influence"),
-        rows=rows,
+        rows=tuple(one.cells for one in modes),
         note=" ".join(one for one in (_NUMBERS, order) if one),
     )
 

@@ -55,26 +55,15 @@ class RenderReport:
 
     def lines(self) -> tuple[str, ...]:
         """A table and the pictures, for people."""
-        rows = [
-            (
-                str(one.number or "-"),
-                f"{one.tracked.frequency_mean:.3f}",
-                f"{one.tracked.frequency_sd:.2g}",
-                one.direction,
-                percent(one.effective_mass, 1),
-                percent(one.tracked.found),
-                "-" if one.influence is None else f"{one.influence:.3g}",
-            )
-            for one in self.modes
-        ]
+        rows = [(*one.cells, percent(one.tracked.found)) for one in self.modes]
         head = (
             "mode",
             "Hz",
             "sd",
             "direction",
             "effective mass",
-            "recognised in draws",
             "influence",
+            "recognised in draws",
         )
         tables = (table(head, rows),) if rows else ()
         said = (_ORDER,) if any(one.influence is not None for one in self.modes) else ()
