@@ -9,7 +9,7 @@ from femupdate.study import MAIN_POSTERIOR, Study
 
 from .answer import Answer
 from .bars import Bars
-from .common import Tables, kind_options, reading_options, study_options, table_options
+from .common import Tables, reading_options, study_options, table_options
 from .help import GroupedCommand
 from .parameters import BuildingName, InputFile
 
@@ -43,24 +43,18 @@ from .parameters import BuildingName, InputFile
     "--anyway", is_flag=True, help="Keep a posterior even where the file is unlike the building."
 )
 @reading_options
-@kind_options
 @study_options(shares=True)
 @table_options("posterior")
 def command(
     observations: tuple[Path, ...],
     building: str | None,
-    exact: bool,
     name: str,
-    particles: int,
-    chains: int,
-    device: str,
-    anyway: bool,
     reading: dict[str, Any],
     tables: Tables,
     study: Study,
-    seed: int,
     bars: Bars,
     pictures: bool,
+    **settings: Any,
 ) -> Answer:
     """Draw the posterior of the stiffness factors from the measured files OBSERVATIONS.
 
@@ -86,10 +80,10 @@ def command(
     study = Study(study.folder, name)
     first, *further = observations
     source = ObservationSource(first, further=tuple(further), **reading)
-    settings = CalibrationSettings(particles, exact, chains, seed, device, anyway)
-    check_calibration(study, source, settings, building)
+    chosen = CalibrationSettings(**settings)
+    check_calibration(study, source, chosen, building)
     model = open_study(study, building, bars)
-    report = calibrate_study(study, model, source, settings, bars)
+    report = calibrate_study(study, model, source, chosen, bars)
     written = tables.write(study, posterior_tables(study, report))
     if not pictures:
         return Answer(report, (), tables=written)

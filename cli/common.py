@@ -168,17 +168,6 @@ def reading_options(function: F) -> F:
     @click.option("--band", type=Band(), help="Frequency range, such as 0.5,18 (Hz).")
     @click.option("--unit", help="Unit of the accelerations, where the file gives none.")
     @columns_options
-    @functools.wraps(function)
-    def wrapper(*args: Any, sensors: Any, band: Any, unit: Any, columns: Any, **kwargs: Any) -> Any:
-        reading = {"sensors": sensors, "band_hz": band, "unit": unit, "columns": columns}
-        return function(*args, reading=reading, **kwargs)
-
-    return wrapper  # type: ignore[return-value]
-
-
-def kind_options(function: F) -> F:
-    """Add the options for responses to forces and identified modes to those for reading."""
-
     @click.option(
         "--mode-error",
         type=click.FloatRange(min=0.0, max=0.5, min_open=True),
@@ -186,10 +175,10 @@ def kind_options(function: F) -> F:
     )
     @click.option("--force", help="Floor that was hit or shaken, where column names do not say it.")
     @functools.wraps(function)
-    def wrapper(*args: Any, mode_error: Any, force: Any, reading: Any, **kwargs: Any) -> Any:
-        return function(
-            *args, reading={**reading, "mode_error": mode_error, "force": force}, **kwargs
-        )
+    def wrapper(*args: Any, **kwargs: Any) -> Any:
+        names = ("sensors", "unit", "columns", "mode_error", "force")
+        reading = {name: kwargs.pop(name) for name in names}
+        return function(*args, reading={**reading, "band_hz": kwargs.pop("band")}, **kwargs)
 
     return wrapper  # type: ignore[return-value]
 

@@ -9,7 +9,7 @@ from femupdate.study import Study
 
 from .answer import Answer
 from .bars import Bars
-from .common import Tables, kind_options, reading_options, study_options, table_options
+from .common import Tables, reading_options, study_options, table_options
 from .help import GroupedCommand
 from .parameters import BuildingName, InputFile
 
@@ -27,7 +27,6 @@ from .parameters import BuildingName, InputFile
     help="Leading effects whose evidence is sampled instead of approximated.",
 )
 @reading_options
-@kind_options
 @study_options(shares=True)
 @table_options("diagnosis")
 def command(

@@ -9,7 +9,7 @@ from femupdate.study import Study
 
 from .answer import Answer
 from .bars import Bars
-from .common import kind_options, reading_options, study_options
+from .common import reading_options, study_options
 from .help import GroupedCommand
 from .parameters import BuildingName, InputFile
 
@@ -21,7 +21,6 @@ from .parameters import BuildingName, InputFile
 @click.option("--second", type=InputFile(), help="Second record at another level of motion.")
 @click.option("--no-phase", is_flag=True, help="Use the amplitude alone.")
 @reading_options
-@kind_options
 @study_options(shares=True)
 def command(
     observations: tuple[Path, ...],
