@@ -477,8 +477,8 @@ def many(learned, monkeypatch):
     for likelihood in ("latent", "exact"):
         monkeypatch.setattr(f"femupdate.workflow.calibrate_{likelihood}.CALIBRATION", MANY)
     monkeypatch.setattr(
-        "femupdate.workflow.calibrate_latent.in_groups",
-        lambda groups: replace(in_groups(groups), corrections=1),
+        "femupdate.workflow.decoded.in_groups",
+        lambda *groups: replace(in_groups(*groups), corrections=1),
     )
     return learned
 
