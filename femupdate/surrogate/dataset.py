@@ -15,7 +15,6 @@ from torch import Tensor
 from femupdate.array_archive import check_shapes, read_arrays, write_arrays
 from femupdate.dynamics.modal import ModalData, joined
 from femupdate.dynamics.system import System
-from femupdate.errors import SurrogateError
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import Seed, torch_generator
 from femupdate.surrogate.places import Box
@@ -90,7 +89,7 @@ def compute_dataset(
     kept = modes_kept(system, plan.modes)
     shards: dict[int, ModalDataset] = {}
     for k, (path, own) in enumerate(zip(paths, rows, strict=True)):
-        if (shard := _kept_shard(path, own, kept)) is not None:
+        if (shard := kept_shard(path, own, kept)) is not None:
             shards[k] = shard
             progress.advance(len(own))
     missing = [k for k in range(len(rows)) if k not in shards]
@@ -103,23 +102,17 @@ def compute_dataset(
     return _join([shards[k] for k in range(len(rows))])
 
 
-def save_dataset(dataset: ModalDataset, path: Path) -> None:
-    """Write a data set as one npz file."""
-    _write_shard(path, dataset.theta, dataset.modal)
-
-
-def load_dataset(path: Path) -> ModalDataset:
-    """Read a data set that `save_dataset` wrote.
-
-    Raises:
-        SurrogateError: the file is missing or damaged.
-    """
+def kept_shard(path: Path, theta: Tensor, modes: int) -> ModalDataset | None:
+    """Return a valid shard of these samples, or None where it is to be computed."""
+    if not path.exists():
+        return None
     try:
-        return _read_shard(path)
+        shard = _read_shard(path)
     except _UNREADABLE as error:
-        raise SurrogateError(
-            f"{path} is not a data set of femupdate ({error}); run `femupdate train` again"
-        ) from error
+        logger.warning("%s is damaged (%s) and is computed again", path, error)
+        return None
+    fits = torch.equal(shard.theta, theta) and shard.modal.omega.shape == (len(theta), modes)
+    return shard if fits else None
 
 
 def sample_zeta(count: int, bounds: tuple[float, float], generator: torch.Generator) -> Tensor:
@@ -150,19 +143,6 @@ def _solve_shard(system: System, theta: Tensor, plan: DatasetPlan) -> ModalData:
     count = modes_kept(system, plan.modes)
     solved = system.modal_data(theta, modes=count, top_frequency_hz=plan.top_frequency_hz)
     return solved.to("cpu", torch.float32)
-
-
-def _kept_shard(path: Path, theta: Tensor, modes: int) -> ModalDataset | None:
-    """Return a valid shard of these samples, or None."""
-    if not path.exists():
-        return None
-    try:
-        shard = _read_shard(path)
-    except _UNREADABLE as error:
-        logger.warning("%s is damaged (%s) and is computed again", path, error)
-        return None
-    fits = torch.equal(shard.theta, theta) and shard.modal.omega.shape == (len(theta), modes)
-    return shard if fits else None
 
 
 def _write_shard(path: Path, theta: Tensor, modal: ModalData) -> None:

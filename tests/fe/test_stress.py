@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from femupdate.benchmarks.solver.shell_forces import shell_forces
 
 from femupdate.errors import ModelError
-from femupdate.fe.elements.shell import shell_forces
 from femupdate.fe.elements.triangle import Triangles
 from femupdate.fe.model import FiniteElementModel
 from femupdate.fe.stress import element_forces

@@ -9,7 +9,6 @@ import numpy as np
 from femupdate.arrays import Floats, Integers
 from femupdate.fe.element import ElementMatrices, repeated, rows, symmetric
 from femupdate.fe.membrane import membrane_stiffness, membrane_strain, plane_stress
-from femupdate.fe.model import FiniteElementModel
 from femupdate.fe.plate import plate_curvature, plate_mass, plate_stiffness
 from femupdate.fe.quadrilateral import (
     CENTRE,
@@ -19,7 +18,6 @@ from femupdate.fe.quadrilateral import (
     jacobians,
     shape_functions,
 )
-from femupdate.fe.stress import element_forces
 from femupdate.fe.surface import SHELL_FORCES, Surface
 
 _FLAT = 1e-9  # area over the square of the longest diagonal below which an element has no area
@@ -167,43 +165,6 @@ class Shells(Surface):
 
 _IN_PLANE = Shells.directions(0, 1, 5)
 _OUT_OF_PLANE = Shells.directions(2, 3, 4)
-
-
-@dataclass(frozen=True)
-class ShellForces:
-    """Resultants at the corners of shells, in the axes of each; see `Shells`.
-
-    Attributes:
-        membrane: (n, 4, 3) forces per length n_x, n_y, n_xy, N/m.
-        moment: (n, 4, 3) moments per length m_x, m_y, m_xy, N.
-        axes: (n, 3, 3) rows are the local x, y and z axes.
-        thickness: (n,) m.
-    """
-
-    membrane: Floats
-    moment: Floats
-    axes: Floats
-    thickness: Floats
-
-    def stress(self, face: float = 0.0) -> Floats:
-        """Stresses (n, 4, 3) sigma_x, sigma_y, tau_xy, Pa.
-
-        Args:
-            face: +1 for the upper face, -1 for the lower, 0 for the middle.
-        """
-        thickness = self.thickness[:, None, None]
-        return self.membrane / thickness + 6.0 * face * self.moment / thickness**2
-
-
-def shell_forces(
-    model: FiniteElementModel, displacement: Floats, theta: Floats, chosen: Integers | None = None
-) -> ShellForces:
-    """Forces of a model's four-node shells; arguments and errors as for `element_forces`."""
-    shells = model.elements_of(Shells)
-    forces = element_forces(model, shells, displacement, theta, chosen).reshape(-1, 4, 6)
-    own = shells if chosen is None else shells.taken(chosen)
-    axes = mean_planes(own.corners(model.nodes)).axes
-    return ShellForces(forces[..., :3], forces[..., 3:], axes, own.thickness)
 
 
 def _alike(coordinates: Floats, properties: tuple[Floats, ...]) -> tuple[Integers, Integers]:

@@ -11,10 +11,10 @@ import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.fe.assembly import assemble
-from femupdate.fe.elements.shell import shell_forces
 from femupdate.fe.solve import lowest_modes
 
 from .meshes import UZ, area_shares
+from .shell_forces import shell_forces
 from .vibrations import square_plate
 
 MODES, ZETA = 16, 0.02

@@ -5,10 +5,10 @@ After "The standard NAFEMS benchmarks" (1990), as quoted in the benchmarks manua
 
 import numpy as np
 
-from femupdate.fe.elements.shell import shell_forces
 from femupdate.fe.model import FiniteElementModel
 
 from .meshes import ALL, UY, displacement, hold, model, shells, zeros
+from .shell_forces import shell_forces
 
 LENGTH, FLANGE, WEB, THICKNESS = 10.0, 1.0, 2.0, 0.1
 _AT = 2.5  # m from the clamped end
