@@ -62,7 +62,9 @@ def theta_intervals(
     panel.spines["left"].set_visible(False)
     panel.set_xlabel("Stiffness over that in the building file")
     short = short_note(panel, [case.samples for case in cases])
-    add_head(figure, title, note=f"{short}: read the figures at the right" if short else "")
+    order = "Lines of a row are in the order of the legend" if len(cases) > 1 else ""
+    read = f"{short}: read the figures at the right" if short else ""
+    add_head(figure, title, note="\n".join(one for one in (order, read) if one))
     return figure
 
 

@@ -55,7 +55,8 @@ def plus_minus(mean: float, sd: float) -> str:
     if not sd > 0.0:
         return f"{mean:.4g}"
     decimals = max(0, 1 - int(np.floor(np.log10(sd))))
-    return f"{mean:.{decimals}f} ± {sd:.{decimals}f}"
+    shown = round(mean, decimals) + 0.0  # no minus before a zero
+    return f"{shown:.{decimals}f} ± {sd:.{decimals}f}"
 
 
 def with_unit(mean: float, sd: float, unit: str) -> str:

@@ -11,6 +11,7 @@ from femupdate.arrays import Floats
 from femupdate.inference.identifiability import Identifiability
 from femupdate.inference.posterior import Posterior
 from femupdate.inference.predictive_check import PredictiveCheck
+from femupdate.report.scale import plus_minus
 from femupdate.study import Study, write_text
 from femupdate.tables import table
 from femupdate.workflow.model import StudyModel
@@ -137,7 +138,7 @@ class CalibrationReport:
         ]
         zeta = posterior.zeta_samples
         if zeta is not None:
-            lines.append(f"  damping ratio {zeta.mean():.4f} ± {zeta.std():.4f}")
+            lines.append(f"  damping ratio {plus_minus(zeta.mean(), zeta.std())}")
         lines += [f"  {sentence}" for sentence in posterior.drawn.sentences()]
         if self.check is not None:
             lines.append(f"  {self.check.sentence()}")

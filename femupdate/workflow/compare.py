@@ -15,6 +15,7 @@ from femupdate.errors import InferenceError, StudyError
 from femupdate.inference.change import Changes, changes
 from femupdate.inference.posterior import Posterior, load_posterior
 from femupdate.inference.thresholds import CHANGE
+from femupdate.report.scale import plus_minus, with_unit
 from femupdate.study import BUILDING_FILE, Study
 from femupdate.tables import table
 from femupdate.workflow.summary import kept_summary
@@ -145,8 +146,8 @@ class CompareReport:
         rows = [
             (
                 title,
-                _mean_sd(before[:, k]),
-                _mean_sd(after[:, k]),
+                plus_minus(before[:, k].mean(), before[:, k].std()),
+                plus_minus(after[:, k].mean(), after[:, k].std()),
                 _change(found.size[k], found.size_sd[k]),
                 _share(found.probability[k]),
             )
@@ -292,8 +293,8 @@ def _share(value: float) -> str:
 
 def _change(log: float, sd: float) -> str:
     """A change of ln theta as a percentage with its standard deviation."""
-    percent = round(100.0 * float(np.expm1(log)), 1) + 0.0  # no minus before a zero
-    return f"{percent:+.1f} % ± {100.0 * np.exp(log) * sd:.1f} %"
+    percent, spread = 100.0 * float(np.expm1(log)), 100.0 * float(np.exp(log)) * sd
+    return f"{'+' if percent > 0.0 else ''}{with_unit(percent, spread, '%')}"
 
 
 def _range(visible: Floats) -> str:
@@ -301,7 +302,3 @@ def _range(visible: Floats) -> str:
     low, high = (100.0 * np.expm1(value) for value in (visible.min(), visible.max()))
     shown = f"{low:.2g} %" if high < 1.2 * low else f"{low:.2g} to {high:.2g} % (by story)"
     return f"{shown} or more"
-
-
-def _mean_sd(draws: Floats) -> str:
-    return f"{draws.mean():.3f} ± {draws.std():.3f}"

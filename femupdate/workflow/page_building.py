@@ -153,7 +153,8 @@ def _moving(page: PageStudy, drawing: DrawnBuilding, one: StudyMode) -> MovingSh
     mean = shapes.mean(axis=0)
     largest = np.linalg.norm(mean, axis=-1).max() or 1.0
     spread = 100.0 * np.sqrt(((shapes - mean) ** 2).sum(axis=-1).mean(axis=0)) / largest
-    title = f"{one.name}, {mode.frequency_mean:.2f} Hz"
+    frequency = "" if one.number is None else f", {mode.frequency_mean:.2f} Hz"
+    title = f"{one.name}{frequency}"
     return MovingShape(name=title, shape=mean, spread=spread)
 
 

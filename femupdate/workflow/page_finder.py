@@ -76,7 +76,7 @@ def _ranking(effects: list[dict[str, Any]]) -> Chart:
     values = np.array([one["log_evidence_over_none"] for one in effects], dtype=float)
     figure = bar_figure(names, values, "log evidence", True)
     return Chart(
-        name="effects",
+        name="evidence",
         caption="How well each effect explains the data: its log evidence over the model as it was",
         panels=(("effects", figure),),
         note="A difference of 5 is strong evidence; one of 1 says little.",

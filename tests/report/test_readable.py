@@ -19,6 +19,7 @@ from femupdate.report.plot_members import member_force_bands
 from femupdate.report.plot_poles import stabilisation
 from femupdate.report.plot_posterior import SampleSet, posterior_pairs
 from femupdate.report.plot_sticks import stick_mode_shapes
+from femupdate.report.scale import plus_minus
 from femupdate.workflow.identify import Identified
 
 
@@ -116,6 +117,18 @@ def luminance(color):
 
     linear = [(c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4) for c in to_rgb(color)]
     return float(np.dot([0.2126, 0.7152, 0.0722], linear))
+
+
+def test_which_interval_is_whose_is_said_where_there_are_several():
+    draws = 1.0 + 0.3 * np.random.default_rng(0).standard_normal((2, 500, 2))
+    sets = [SampleSet("before", draws[0]), SampleSet("after", draws[1])]
+    figure = theta_intervals(["story S1", "story S2"], sets, np.array([[0.3, 3.0]] * 2))
+    assert any("order of the legend" in text.get_text() for text in figure.texts)
+
+
+def test_no_minus_stands_before_a_zero():
+    assert plus_minus(-0.0004, 0.05) == "0.000 ± 0.050"
+    assert plus_minus(-0.04, 0.05) == "-0.040 ± 0.050"
 
 
 def test_series_stay_apart_in_grey_print():
