@@ -166,6 +166,7 @@ def forced_estimate(
         halves = tuple(estimate_frf(own, grid, direction, half=number) for number in (0, 1))
     except MeasurementError:
         halves = ()
+    seen = replace(seen, notes=(*seen.notes, *measured.notes))
     order = [name for name in building_floors if name in seen.floors]
     return ForcedObservation(measured.force, "accelerance", seen, halves).of_floors(order)
 

@@ -39,7 +39,7 @@ from femupdate.measurement.sampling import check_step, uniform_step
 from femupdate.measurement.table import Table
 from femupdate.measurement.text import TextFile, closest
 from femupdate.measurement.thresholds import RECORD
-from femupdate.units import STANDARD_GRAVITY
+from femupdate.units import STANDARD_GRAVITY, percent
 
 logger = logging.getLogger(__name__)
 
@@ -83,10 +83,12 @@ class ForceHistories:
     Attributes:
         force: floor at which it acts.
         histories: where the base would be stands the force, N.
+        notes: for people.
     """
 
     force: str
     histories: Histories
+    notes: tuple[str, ...] = ()
 
 
 def histories_in(
@@ -340,11 +342,28 @@ def _under_force(
             f"every value is {excitation.values[0]:g}: the force was not recorded",
             column=repr(excitation.name),
         )
-    rows = [pushed]
-    rows += [_acceleration(file, each, ours, unit) for ours, each in floors.items()]
+    moved = [_acceleration(file, each, ours, unit) for ours, each in floors.items()]
     names = (Channel(BASE, BASE, direction=force.direction), *floors)
-    histories = Histories(excitation.time_step, names, np.array(rows), file.path.name)
-    return ForceHistories(force.floor, histories)
+    rows = np.array([pushed, *moved])
+    histories = Histories(excitation.time_step, names, rows, file.path.name)
+    base = [
+        _acceleration(file, each, ours, unit)
+        for ours, each in motions.items()
+        if ours.floor == BASE and ours.direction == force.direction
+    ]
+    return ForceHistories(force.floor, histories, _base_beside(force.floor, base, moved))
+
+
+def _base_beside(forced: str, base: Sequence[Floats], floors: Sequence[Floats]) -> tuple[str, ...]:
+    """What is told of motion of the base that was measured beside a force."""
+    if not base:
+        return ()
+    largest, own = (max(float(np.std(one)) for one in rows) for rows in (floors, base))
+    share = f" ({percent(own / largest)} of the largest floor's, rms)" if largest > 0.0 else ""
+    return (
+        f"The base's motion{share} is not used beside the force at {forced}: the force is taken"
+        " for all that moves the building.",
+    )
 
 
 def _require_same_times(file: TextFile, channels: Mapping[Any, RecordedChannel]) -> None:

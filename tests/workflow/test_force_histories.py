@@ -7,6 +7,7 @@ from femupdate.errors import MeasurementError
 from femupdate.study import Study
 from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.calibrate_settings import CalibrationSettings
+from femupdate.workflow.kinds import measured_of
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
 
@@ -96,3 +97,17 @@ def test_diagnose_says_what_it_needs(record):
         MeasurementError, match="responses to a force, which calibrate, diagnose and repair explain"
     ):
         read_observation_file(record(shaker))
+
+
+def test_motion_of_the_base_beside_a_force_is_told(record, tower_file, tmp_path):
+    """It is no part of the response to a force: whoever measured it must know what became of it."""
+    path = record(shaker)
+    table = np.loadtxt(path, delimiter=",", skiprows=1)
+    base = 0.1 * table[:, 2:].std(axis=0).max() * np.random.default_rng(2).normal(size=len(table))
+    head = path.read_text().splitlines()[0] + ",base (m/s2)"
+    rows = np.column_stack([table, base])
+    np.savetxt(path, rows, fmt="%.8g", delimiter=",", header=head, comments="")
+    model = open_study(Study(tmp_path / "study"), str(tower_file))
+    measured = measured_of(model.building, ObservationSource(path))
+    (told,) = (note for note in measured.notes if "base's motion" in note)
+    assert "(10 % of the largest floor's, rms) is not used beside the force at RF" in told
