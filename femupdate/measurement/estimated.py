@@ -125,15 +125,8 @@ def estimator_of(
         apart = (2.0 * np.pi * bin_hz[some, None] - omega) * time_step
         seen = _window_spectrum(apart, length)
         weight = np.where(inside, together * spectrum[near] * seen, 0.0)
-        total = weight.sum(axis=1, keepdims=True)
-        # They add up to the power of the segments, but where what leaks in from beyond the reach
-        # rules, as near zero frequency: there phases say nothing.
         power = padded * np.square(np.abs(of_segments[:, some])).sum(axis=0)[:, None]
-        size = np.abs(weight)
-        believed = np.abs(total - power) < SPECTRUM.leaked * power
-        weight = np.where(believed, weight, size)
-        whole = weight.sum(axis=1, keepdims=True)
-        weight /= whole
+        weight, whole, believed = _of_power(weight, power)
         if turning is not None:
             own = np.where(inside, together * turning[near] * seen, 0.0) / whole
             turned.append(np.where(believed, own, weight * share[some, None]).ravel())
@@ -148,6 +141,19 @@ def estimator_of(
         if own
     ]
     return Estimator(dense, *means)
+
+
+def _of_power(weight: Complexes, power: Floats) -> tuple[Complexes, Complexes, Flags]:
+    """Weights (b, j) that add up to one, what they added up to, and whether phases count (b, 1).
+
+    They add up to the power of the segments, but where what leaks in from beyond the reach rules,
+    as near zero frequency: there phases say nothing.
+    """
+    total = weight.sum(axis=1, keepdims=True)
+    believed = np.abs(total - power) < SPECTRUM.leaked * power
+    weight = np.where(believed, weight, np.abs(weight))
+    whole = weight.sum(axis=1, keepdims=True)
+    return weight / whole, whole, believed
 
 
 def _rotation_share(

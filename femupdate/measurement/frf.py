@@ -42,9 +42,7 @@ def estimate_frf(
     than five independent ones. The sensors of a floor are averaged in time; H1 = S_xy / S_xx with
     Hann windows and half overlap (Welch 1967), complex H interpolated to the grid. The noise is
     sd(ln|H|) = sqrt((1 - g2) / (2 g2 n)) (Bendat and Piersol 2010, section 9.2) with the
-    effective number n of overlapping segments. In it 1 - g2 is freed of its bias by n / (n - 1)
-    and its power averaged over neighbouring frequencies; it is never below `least_noise` of the
-    table of thresholds.
+    effective number n of overlapping segments, but never below `least_noise` of the thresholds.
 
     Args:
         frequency_hz: (m,) the building's grid, increasing.
@@ -58,13 +56,12 @@ def estimate_frf(
     """
     grid = _checked_grid(frequency_hz)
     base, floors, names = floor_means(histories, direction)
+    step = histories.time_step
     rotation = rotation_of(histories.channels, histories.acceleration)
-    wanted = 1.0 / float(np.median(np.diff(grid))) if grid.size > 1 else 8.0 / float(grid[0])
-    segments = choose_segments(base.size, histories.time_step, wanted, histories.source)
-    spectra = welch_spectra(base, floors, histories.time_step, segments)
+    segments = choose_segments(base.size, step, _wanted(grid), histories.source)
+    spectra = welch_spectra(base, floors, step, segments)
     coherence = np.abs(spectra.cross) ** 2 / np.maximum(spectra.base * spectra.floors, _TINY)
-    frf = spectra.cross / np.maximum(spectra.base, _TINY)
-    turning = _Turning.of(base, rotation, floors, histories.time_step, segments)
+    turning = _Turning.of(base, rotation, floors, step, segments)
     explained = coherence if turning is None else coherence + turning.more_explained(spectra)
     incoherent = _incoherent(spectra, explained, segments.effective, 1 if turning is None else 2)
     noise = _noise(spectra, coherence, incoherent, segments.effective)
@@ -72,23 +69,15 @@ def estimate_frf(
     if half is not None:
         whole, segments = segments, _half(segments, half, histories.source)
         noise = noise * (whole.effective / segments.effective) ** 0.5
-        spectra = welch_spectra(base, floors, histories.time_step, segments)
-        frf = spectra.cross / np.maximum(spectra.base, _TINY)
-
-    inside = _resolved(grid, segments, histories.time_step)
+        spectra = welch_spectra(base, floors, step, segments)
+    frf = spectra.cross / np.maximum(spectra.base, _TINY)
+    inside = _resolved(grid, segments, step)
     at_grid = _Interpolator(spectra.frequency_hz, grid, inside)
     frf = at_grid(frf.real) + 1j * at_grid(frf.imag)
     valid = (at_grid(trusted.astype(np.float64)) > 0.999) & (np.abs(frf) > 0)
     _require_points(valid, histories.source)
-    estimator = estimator_of(
-        base,
-        histories.time_step,
-        segments,
-        grid,
-        at_grid.matrix(len(spectra.frequency_hz)),
-        rotation,
-    )
-    levels = levels_in_run(base, floors, histories.time_step)
+    estimator = estimator_of(base, step, segments, grid, at_grid.matrix(), rotation)
+    sensors = _of_sensors(histories, direction, base)
     return Observation(
         frequency_hz=grid,
         floors=names,
@@ -100,14 +89,9 @@ def estimate_frf(
         # The equivalent noise bandwidth of the Hann window is 1.5 bins (Harris 1978).
         resolution_hz=1.5 / segments.seconds,
         source=histories.source,
-        estimator=replace(estimator, run_levels=levels.parts),
+        estimator=replace(estimator, run_levels=levels_in_run(base, floors, step).parts),
         rotation=None if turning is None else turning.over_translation(at_grid),
-        notes=(
-            segments.note,
-            *_sensor_notes(histories, direction),
-            *said_of_rotation(histories.channels, histories.acceleration, base),
-            *_gaps(names, valid, inside),
-        ),
+        notes=(segments.note, *sensors, *_gaps(names, valid, inside)),
     )
 
 
@@ -147,6 +131,11 @@ class _Turning:
         """Rotation that goes with unit translation (m,), 1/m."""
         share = self.beside.cross[0] / np.maximum(self.beside.base, _TINY)
         return np.asarray(at_grid(share.real) + 1j * at_grid(share.imag))
+
+
+def _wanted(grid: Floats) -> float:
+    """Length of segments that resolves a grid, s."""
+    return 1.0 / float(np.median(np.diff(grid))) if grid.size > 1 else 8.0 / float(grid[0])
 
 
 def _half(segments: Segments, number: int, source: str) -> Segments:
@@ -252,16 +241,16 @@ class _Interpolator:
 
     def __init__(self, bins: Floats, grid: Floats, inside: Flags) -> None:
         upper = np.clip(np.searchsorted(bins, grid), 1, bins.size - 1)
-        self._upper, self._inside = upper, inside
+        self._bins, self._upper, self._inside = bins.size, upper, inside
         self._share = (grid - bins[upper - 1]) / (bins[upper] - bins[upper - 1])
 
-    def matrix(self, bins: int) -> csr_array:
+    def matrix(self) -> csr_array:
         """(m, b) that does the same to values at the bins; zero where the grid lies outside."""
         share = np.where(self._inside, self._share, 0.0)
         weights = np.concatenate([np.where(self._inside, 1.0 - share, 0.0), share])
         rows = np.tile(np.arange(share.size), 2)
         columns = np.concatenate([self._upper - 1, self._upper])
-        return csr_array((weights, (rows, columns)), shape=(share.size, bins))
+        return csr_array((weights, (rows, columns)), shape=(share.size, self._bins))
 
     def __call__(self, values: Floats) -> Floats:
         """(f, b) at the bins to (f, m) at the grid."""
@@ -309,7 +298,10 @@ def _smooth(density: Floats, spectra: Spectra) -> Floats:
 
 
 def _incoherent(spectra: Spectra, coherence: Floats, averages: float, inputs: int) -> Floats:
-    """Power of each floor (f, b) that does not follow the base, without bias, smoothed."""
+    """Power of each floor (f, b) that does not follow the base.
+
+    It is freed of its bias by n / (n - 1), and averaged over neighbouring frequencies.
+    """
     free = max(averages - inputs, 1.0)
     share = (1.0 - np.minimum(coherence, 1.0)) * averages / free
     return _smooth(share * spectra.floors, spectra)
@@ -348,11 +340,13 @@ def _require_points(valid: Flags, source: str) -> None:
         )
 
 
-def _sensor_notes(histories: Histories, direction: str) -> tuple[str, ...]:
+def _of_sensors(histories: Histories, direction: str, base: Floats) -> tuple[str, ...]:
+    """Sentences on sensors that are averaged, and on those from which a rotation is taken."""
     places = dict.fromkeys(channel.floor for channel in histories.channels)
     counts = {floor: len(histories.rows(floor, direction)) for floor in places}
     several = [f"{floor} ({count})" for floor, count in counts.items() if count > 1]
-    return (f"Sensors averaged in time: {', '.join(several)}.",) if several else ()
+    averaged = [f"Sensors averaged in time: {', '.join(several)}."] if several else []
+    return (*averaged, *said_of_rotation(histories.channels, histories.acceleration, base))
 
 
 def _gaps(floors: tuple[str, ...], valid: Flags, inside: Flags) -> tuple[str, ...]:

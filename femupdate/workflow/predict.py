@@ -190,19 +190,9 @@ def predict_study(
         alone=alone,
         path=path,
         damping=draws.damping,
-        notes=(
-            *_notes(model, posterior, motion, settings),
-            *([ALONE] if members else []),
-            *at_level,
-            *posterior.warnings,
-        ),
+        notes=(*_notes(model, posterior, motion, settings), *at_level, *posterior.warnings),
         seconds=time.monotonic() - started,
-        quantities=quantities(
-            model.building,
-            summary.floors,
-            [getattr(summary, name) for name in PEAKS],
-            float(model.reduced.story_mass[0]),
-        ),
+        quantities=_quantities(model, summary),
         motion=motion,
         measured=reference,
         floor_spectra=spectra,
@@ -245,6 +235,11 @@ def _histories(
     motion = RunMotion(*record, level, keep)
     batches = changing_histories(task.system, theta, zeta, motion, task.show)
     return batches, (*told, changing_note(level is not None))
+
+
+def _quantities(model: StudyModel, summary: HistorySummary) -> Mapping[str, Quantity]:
+    peaks = [getattr(summary, name) for name in PEAKS]
+    return quantities(model.building, summary.floors, peaks, float(model.reduced.story_mass[0]))
 
 
 def _spectra(
@@ -332,6 +327,8 @@ def _notes(
         f"Intervals are those of the next measurement: between events {between}, and the model "
         "errs as it did in the calibration."
     )
+    if settings.members:
+        notes.append(ALONE)
     return tuple(notes)
 
 

@@ -38,8 +38,7 @@ class RepairReport:
         repair: before and after.
         problem: the data.
         building: the repaired building.
-        building_path: its file; None where nothing was added.
-        study: the study of the repaired building; None likewise.
+        study: the study of the repaired building; None where nothing was added.
         theta_before, theta_after: (n, p) draws of the stiffness factors.
         held: on data kept out, if any.
         path: of the JSON file.
@@ -49,13 +48,17 @@ class RepairReport:
     repair: Repair
     problem: Problem
     building: Building
-    building_path: Path | None
     study: Study | None
     theta_before: Floats
     theta_after: Floats
     held: Held | None
     path: Path
     seconds: float
+
+    @property
+    def building_path(self) -> Path | None:
+        """File of the repaired building; None where nothing was added."""
+        return None if self.study is None else self.study.path(BUILDING_FILE)
 
     def as_dict(self) -> dict[str, Any]:
         """What the JSON file and `--json` hold."""
@@ -146,8 +149,7 @@ def repair_study(
 ) -> RepairReport:
     """Diagnose, add what the evidence carries, update, and compare.
 
-    The repaired building becomes a study of its own, the folder `repaired` inside this one, which
-    every command takes; the study itself stays as it is.
+    The repaired building becomes a study of its own, in the folder `repaired` of this one.
 
     Args:
         source: the data to explain.
@@ -159,27 +161,21 @@ def repair_study(
         MeasurementError: an observation cannot be used.
     """
     started = time.monotonic()
-    chosen = settings or DiagnosisSettings()
+    settings = settings or DiagnosisSettings()
     given = read_given(study, model, source, second, progress)
     other = None if holdout is None else read_held(study, model, holdout, progress)
     finder = finder_model(study, model, progress)
     model = on_kept_finer(study, model)
     data = given.data(model, finder.mesh, use_phase)
-    problem, base, found = search(finder, data, chosen, progress)
+    problem, base, found = search(finder, data, settings, progress)
     kept_out = None
     if holdout is not None and other is not None:
-        # Of modes it is taken to be the first's.
-        compared = second is not None and not other.measured.modes
-        level = level_between(model, source, holdout) if compared else 0.0
-        kept_out = _kept_out(model, finder, holdout, other, use_phase, level)
+        first = None if second is None else source
+        kept_out = _kept_out(model, finder, holdout, other, use_phase, first)
     elsewhere = None if kept_out is None else kept_out.gain
-    mended, done = mend(finder, problem, base, found, chosen, progress, elsewhere)
-    before, after = posteriors(problem, mended, done, chosen.seed, progress)
-    held = None
-    if kept_out is not None:
-        progress.start("Predicting the data kept out", 1)
-        held = hold(kept_out, problem, done)
-        progress.advance()
+    mended, done = mend(finder, problem, base, found, settings, progress, elsewhere)
+    before, after = posteriors(problem, mended, done, settings.seed, progress)
+    held = None if kept_out is None else _held(kept_out, problem, done, progress)
     building, kept = model.building, None
     if done.rounds:
         building = repaired_building(model.building, done)
@@ -190,7 +186,6 @@ def repair_study(
         repair=done,
         problem=problem,
         building=building,
-        building_path=None if kept is None else kept.path(BUILDING_FILE),
         study=kept,
         theta_before=before.theta,
         theta_after=after.theta,
@@ -204,15 +199,28 @@ def repair_study(
     return report
 
 
+def _held(kept_out: KeptOut, problem: Problem, done: Repair, progress: Progress) -> Held:
+    progress.start("Predicting the data kept out", 1)
+    held = hold(kept_out, problem, done)
+    progress.advance()
+    return held
+
+
 def _kept_out(
     model: StudyModel,
     finder: FinderModel,
     source: ObservationSource,
     held: Given,
     use_phase: bool,
-    level: float,
+    first: ObservationSource | None,
 ) -> KeptOut:
-    """Data kept out, with their histories where they are histories under base motion."""
+    """Data kept out, with their histories where they are histories under base motion.
+
+    Args:
+        first: of two records at their own levels, to place that of the data kept out by.
+    """
+    # The level of modes is taken to be the first's.
+    level = 0.0 if first is None or held.measured.modes else level_between(model, first, source)
     read = None
     if held.measured.has_base:
         read = read_observation_file(source.path, source.unit, source.columns)
