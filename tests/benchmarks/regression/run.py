@@ -57,7 +57,7 @@ def run_regression(job: Job, reference: Path, quick: bool, only: str = "*") -> t
             runs[run.name] = record(run, folders)
             write_text(kept, json.dumps(runs, indent=1) + "\n")
         job.progress.advance(1, run.name)
-    names = {run.name for run in chosen}
+    names = [run.name for run in chosen]
     known = {name: one for name, one in _read(reference).items() if name in names}
     rows = list(compare_records(known, {name: runs[name] for name in names}))
     fallen = sum(row.broken for row in rows)
