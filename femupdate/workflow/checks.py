@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from femupdate.building.files import mechanics_hash
-from femupdate.errors import InferenceError
+from femupdate.errors import InferenceError, StudyError
 from femupdate.inference.encoder_input import encoder_input
 from femupdate.progress import SILENT, Progress
 from femupdate.study import BUILDING_FILE, Study
@@ -79,9 +79,16 @@ def check_training(
         SurrogateError: too few samples, no weights to start from, or the building lists an effect
             that no surrogate can know.
         BuildingError: the building cannot be read.
-        StudyError: the study is of another building, or cannot be written.
+        StudyError: the study has no building and none is named, is of another one, or cannot be
+            written.
     """
     study.check_writable()
+    if building is None and not study.path(BUILDING_FILE).exists():
+        # The default building has a shipped surrogate: to train one is never what was meant.
+        raise StudyError(
+            f"the study {study.folder} has no building yet; name one with --building, or run "
+            "`femupdate build-model NAME` first"
+        )
     check_samples(samples, TrainingSettings(batch=batch))
     check_amortisable(choose_building(study, building))
     if start is not None:

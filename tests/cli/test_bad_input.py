@@ -555,3 +555,10 @@ def test_through_the_script(script, bench, tmp_path, make, words):
     done = script(*make(bench), "--json", cwd=tmp_path)
     assert words in done.complaint
     assert not (tmp_path / "study").exists()
+
+
+def test_nothing_is_trained_where_no_building_was_named(femupdate, tmp_path):
+    """As after a `build-model` that failed: the default building would take its place."""
+    complaint = femupdate("train", "--study", tmp_path / "mine").complaint
+    assert "has no building yet; name one with --building" in complaint
+    assert not (tmp_path / "mine").exists()
