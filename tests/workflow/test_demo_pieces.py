@@ -43,6 +43,7 @@ def shipped(tmp_path_factory, tower_observation, write_record):
     (folder / demo._TRUTH).write_text(json.dumps({"theta": tower_observation.theta}))
     time = np.arange(500) * 0.02
     motion = GroundMotion(3.0 * np.exp(-0.5 * time) * np.sin(20.0 * time), 0.02)
+    (folder / demo._RECORD).parent.mkdir()
     write_record(folder / demo._RECORD, motion)
     return folder
 
