@@ -18,7 +18,7 @@ from femupdate.measurement.kinds import read_observation_file
 from femupdate.measurement.observation import Observation, select_floors
 from femupdate.measurement.observation_file import Histories
 from femupdate.measurement.thresholds import SPECTRUM
-from femupdate.measurement.welch import effective_averages
+from femupdate.measurement.welch import Segments, effective_averages
 
 RATE = 200.0
 GRID = np.arange(1, 1025) * 0.05  # the wall-frame's: to 51.2 Hz
@@ -208,6 +208,19 @@ def test_unrelated_floor_and_powerless_base_are_flagged():
     assert sum(note.startswith(left_out) for note in silent.notes) == 1
     with pytest.raises(MeasurementError, match="no point of the frequency grid can be used"):
         estimate_frf(histories(base=base, RF=noise(100, 12)), GRID[100:110])
+
+
+def test_effective_averages_by_hand():
+    """Hann windows 4096 long: neighbours correlate by 1/6, so 9 segments are 9 / (1 + 16/324)."""
+    assert effective_averages(4096, 1) == 1.0
+    assert effective_averages(4096, 9) == pytest.approx(9 / (1 + 2 * 8 / 9 / 36), rel=1e-4)
+
+
+@pytest.mark.parametrize("count", [6, 7])
+def test_halves_share_out_the_segments(count):
+    whole = Segments(length=100, count=count, effective=5.0, seconds=1.0, wanted=1.0)
+    starts = [whole.half(number).starts.tolist() for number in (0, 1)]
+    assert starts == [whole.starts[number::2].tolist() for number in (0, 1)]
 
 
 def test_short_record_gets_shorter_segments_and_says_so():
