@@ -7,6 +7,7 @@ lines, instruments) is added to the response on those shapes, which is exact.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.sparse import csc_matrix
@@ -16,9 +17,9 @@ from femupdate.dynamics.damping import DampingLaw
 from femupdate.dynamics.reduced import BaseRotation, ReducedModel
 from femupdate.dynamics.reduced_terms import reduce_terms
 from femupdate.dynamics.system import System
-from femupdate.effects.effect import UNSCALED, Hinges, Placed, Terms
+from femupdate.effects.effect import UNSCALED, Hinges, Placed, Springs, Terms
 from femupdate.effects.structure import ROTATION, TRANSLATION, Structure
-from femupdate.fe.driven import driven_shapes
+from femupdate.fe.driven import Factored, driven_shapes
 from femupdate.fe.factorization import factorize
 from femupdate.fe.mechanism import factorize_held
 
@@ -28,18 +29,53 @@ class Equations:
     """M u'' + K u = -force y'', y = (translation, rotation) of the base.
 
     Attributes:
-        stiffness, mass: (n, n).
+        stiffness, mass: (n, n); the stiffness without the springs.
+        springs: between sums over many degrees of freedom.
         force: (n, 2).
         rigid_mass: (2, 2).
         story_inertia: (s, n) and story_rigid (s, 2), as those of a `Structure`.
     """
 
     stiffness: csc_matrix
+    springs: Springs
     mass: csc_matrix
     force: Floats
     rigid_mass: Floats
     story_inertia: Floats
     story_rigid: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class WithSprings:
+    """A factorised stiffness with springs, which fill no matrix (Woodbury's formula, 1950).
+
+    Attributes:
+        without: the stiffness without them.
+        springs: c of them.
+    """
+
+    without: Factored
+    springs: Springs
+
+    def apply(self, rhs: Floats) -> Floats:
+        """Displacement (n, m) under forces (n, m)."""
+        free, rows = self.without.apply(rhs), self.springs.rows
+        if not len(rows):
+            return free
+        given = rows @ self._moved
+        held = np.linalg.solve(np.diag(1.0 / self.springs.stiffness) + given, rows @ free)
+        return np.asarray(free - self._moved @ held)
+
+    def times(self, shapes: Floats) -> Floats:
+        """Forces (n, m) that hold shapes (n, m)."""
+        rows = self.springs.rows
+        pulled = rows.T @ (self.springs.stiffness[:, None] * (rows @ shapes))
+        return np.asarray(self.without.times(shapes) + pulled)
+
+    @cached_property
+    def _moved(self) -> Floats:
+        """(n, c) displacement under unit forces along the springs."""
+        return self.without.apply(np.ascontiguousarray(self.springs.rows.T))
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +127,11 @@ def equations_at(
     stiffness, mass = structure.stiffness(theta), structure.mass
     force, rigid = structure.rigid_force, structure.rigid_mass
     inertia, story_rigid = structure.story_inertia, structure.story_rigid
+    rows, springs = [np.zeros((0, mass.shape[0]))], [np.zeros(0)]
     for terms, size in added:
+        if terms.springs is not None and size != 0.0:
+            rows.append(terms.springs.rows)
+            springs.append(size * terms.springs.stiffness)
         for story, matrix, series in terms.stiffness:
             factor = size / (1.0 + series * size)
             stiffness = stiffness + factor * (1.0 if story == UNSCALED else theta[story]) * matrix
@@ -103,7 +143,9 @@ def equations_at(
             rigid = rigid + size * terms.mass.rigid
             inertia = inertia + size * terms.mass.above
             story_rigid = story_rigid + size * terms.mass.above_rigid
-    return Equations(csc_matrix(stiffness), csc_matrix(mass), force, rigid, inertia, story_rigid)
+    between = Springs(np.concatenate(rows), np.concatenate(springs))
+    known = csc_matrix(stiffness), between, csc_matrix(mass)
+    return Equations(*known, force, rigid, inertia, story_rigid)
 
 
 def _softening(hinges: Hinges, theta: Floats, size: float) -> Floats:
@@ -146,10 +188,14 @@ def driven_system(
     forces = np.column_stack([translated, *ports])
     held = structure.operators
     factors = factorize(whole.stiffness) if held is None else factorize_held(held, whole.stiffness)
-    found = driven_shapes(factors, whole.mass, forces, structure.floor_rows, top_hz)
+    sprung = WithSprings(factors, whole.springs)
+    found = driven_shapes(sprung, whole.mass, forces, structure.floor_rows, top_hz)
     seen = sensors or Sensors(structure.floors, structure.floor_rows, structure.levels)
     model = _on_shapes(structure, whole, seen, found.frequency_hz, found.shapes)
-    rest = tuple(reduce_terms(found.shapes, replace(own, stiffness=(), mass=None)) for own in terms)
+    rest = tuple(
+        reduce_terms(found.shapes, replace(own, stiffness=(), springs=None, mass=None))
+        for own in terms
+    )
     return DrivenSystem(
         System(model, law, tuple(placed), rest), whole, found.frequency_hz, found.shapes
     )

@@ -16,7 +16,7 @@ from scipy.sparse import csc_matrix
 from scipy.stats import qmc
 
 from femupdate.arrays import Floats
-from femupdate.dynamics.equations import Equations, equations_at
+from femupdate.dynamics.equations import Equations, WithSprings, equations_at
 from femupdate.dynamics.projection import lumped, reduced_on
 from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.dynamics.snapshots import STATIC_WEIGHT, FeltModes, ReductionTarget, compressed
@@ -94,8 +94,9 @@ def _along_ports(structure: Structure, equations: Equations, sets: Sequence[Size
     rows = [own.port.row for own in terms if own.port is not None]
     if not rows:
         return []
-    factors, force = factorize(equations.stiffness), structure.rigid_mass[TRANSLATION, TRANSLATION]
-    return [STATIC_WEIGHT * factors.apply(force * row)[:, None] for row in rows]
+    factors = WithSprings(factorize(equations.stiffness), equations.springs)
+    force = structure.rigid_mass[TRANSLATION, TRANSLATION]
+    return [STATIC_WEIGHT * factors.apply(force * row[:, None]) for row in rows]
 
 
 def _alone(operators: AffineOperators, equations: Equations) -> AffineOperators:
@@ -164,16 +165,16 @@ def nearby_shapes(
         rows: (f, n) where its floors are observed.
         known: (n, m) modes of the model that it differs little from.
     """
-    factorization = factorize(equations.stiffness)
+    factors = WithSprings(factorize(equations.stiffness), equations.springs)
     force = equations.force[:, TRANSLATION]
-    static = factorization.apply(force)
+    static = factors.apply(force[:, None])[:, 0]
     image = _times(equations.mass, known)
-    stiffness = known.T @ _times(factorization.matrix, known)
+    stiffness = known.T @ factors.times(known)
     seen = _Seen(rows, force, static)
     first = seen.responses(stiffness, known.T @ image, known, target)
     # What the stiffness makes of the new shapes are the right-hand sides that they solve.
     right = np.column_stack([image @ first, force])
-    fresh = np.column_stack([factorization.apply(right[:, :-1]), static])
+    fresh = np.column_stack([factors.apply(right[:, :-1]), static])
     moved = _times(equations.mass, fresh)
     stiffness = _symmetric(stiffness, known.T @ right, fresh.T @ right)
     mass = _symmetric(known.T @ image, known.T @ moved, fresh.T @ moved)

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from femupdate.arrays import Floats
 from femupdate.dynamics.reduced import ReducedModel
-from femupdate.effects.effect import AddedMass, Hinges, Placed, Terms
+from femupdate.effects.effect import UNSCALED, AddedMass, Hinges, Placed, Terms
 from femupdate.effects.structure import Structure
 
 
@@ -157,10 +157,15 @@ def reduce_terms(basis: Floats, terms: Terms) -> ReducedTerms:
     port = None
     if terms.port is not None:
         port = (torch.from_numpy(terms.port.row @ basis), torch.from_numpy(terms.port.rigid))
+    stiffness = [(one.story, projected(basis, one.matrix), one.series) for one in terms.stiffness]
+    if terms.springs is not None:
+        stretch = terms.springs.rows @ basis  # (c, r)
+        own = stretch.T @ (terms.springs.stiffness[:, None] * stretch)
+        stiffness.append((UNSCALED, 0.5 * (own + own.T), 0.0))
     return ReducedTerms(
         stiffness=tuple(
-            ReducedStiffness(one.story, torch.from_numpy(projected(basis, one.matrix)), one.series)
-            for one in terms.stiffness
+            ReducedStiffness(story, torch.from_numpy(matrix), series)
+            for story, matrix, series in stiffness
         ),
         hinges=None if terms.hinges is None else _reduced_hinges(basis, terms.hinges),
         mass=None if terms.mass is None else _reduced_mass(basis, terms.mass),

@@ -127,6 +127,22 @@ class Stiffness(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
+class Springs:
+    """Springs that an effect puts between sums over many degrees of freedom, c of them.
+
+    As a matrix a spring between the means of two floors would join every point of both, millions
+    of numbers on a fine mesh. No factor scales them.
+
+    Attributes:
+        rows: (c, n) stretch per unit of each degree of freedom.
+        stiffness: (c,) N/m at unit size; negative where they push.
+    """
+
+    rows: Floats
+    stiffness: Floats
+
+
+@dataclass(frozen=True, eq=False)
 class Hinges:
     """Rotations that springs hold, condensed: j of them without mass.
 
@@ -150,6 +166,7 @@ class Terms:
 
     Attributes:
         stiffness: what it adds to that of stories.
+        springs: what it puts between sums over many degrees of freedom, or None.
         hinges: rotations that it sets free, or None.
         mass: mass, or None.
         flexibility: (2,) of the ground under the base, m/N and rad/(N m).
@@ -159,6 +176,7 @@ class Terms:
     """
 
     stiffness: tuple[Stiffness, ...] = ()
+    springs: Springs | None = None
     hinges: Hinges | None = None
     mass: AddedMass | None = None
     flexibility: tuple[float, float] = (0.0, 0.0)
@@ -169,7 +187,8 @@ class Terms:
     @property
     def changes_shapes(self) -> bool:
         """Whether the shapes that a basis must hold change."""
-        return bool(self.stiffness) or self.mass is not None or self.hinges is not None
+        added = self.springs, self.mass, self.hinges
+        return bool(self.stiffness) or any(one is not None for one in added)
 
 
 class RunChange(NamedTuple):

@@ -7,18 +7,30 @@ three hundred modes.
 """
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from scipy.sparse import csc_matrix
 
 from femupdate.arrays import Floats
 from femupdate.errors import ModelError
-from femupdate.fe.factorization import Factorization
 
 _LOOK = 24  # shapes between two checks of the response
 _POINTS = 400  # frequencies at which it is checked
 _DAMPING = 0.01
 _NOTHING = 1e-12  # share of a block's energy; a direction with less adds nothing new
+
+
+class Factored(Protocol):
+    """A symmetric matrix (n, n), and linear systems with it."""
+
+    def apply(self, rhs: Floats) -> Floats:
+        """Solve for (n, m)."""
+        ...
+
+    def times(self, shapes: Floats) -> Floats:
+        """The matrix times (n, m)."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +47,7 @@ class DrivenShapes:
 
 
 def driven_shapes(
-    factorization: Factorization,
+    factorization: Factored,
     mass: csc_matrix,
     forces: Floats,
     rows: Floats,
@@ -50,7 +62,7 @@ def driven_shapes(
     tolerance.
 
     Args:
-        factorization: of the stiffness (n, n).
+        factorization: of the stiffness (n, n), which is symmetric.
         mass: (n, n).
         forces: (n, c).
         rows: (o, n) that observe the motion.
@@ -70,7 +82,7 @@ def driven_shapes(
         own = slice(count, count + block.shape[1])
         basis[:, own] = block
         count = own.stop
-        small[:count, own] = basis[:, :count].T @ (factorization.matrix @ block)
+        small[:count, own] = basis[:, :count].T @ factorization.times(block)
         small[own, :count] = small[:count, own].T
         exhausted = block.shape[1] == 0
         if exhausted or count >= looked + _LOOK:

@@ -5,9 +5,10 @@ import pytest
 from scipy.linalg import eigh
 
 from femupdate.building.document import from_document
-from femupdate.dynamics.equations import equations_at
+from femupdate.dynamics.equations import WithSprings, equations_at
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import structure_of
+from femupdate.fe.factorization import factorize
 
 ZETA = 0.03
 HEIGHTS, MASSES = np.array([3.5, 3.0, 3.0]), np.array([40e3, 35e3, 30e3])
@@ -41,8 +42,11 @@ def test_gravity_takes_weight_over_height_from_every_story():
     k = np.append(theta * SPRINGS - weight / HEIGHTS, 0.0)
     exact = np.diag(k[:-1] + k[1:]) - np.diag(k[1:-1], 1) - np.diag(k[1:-1], -1)
     terms = CATALOGUE["p_delta"].terms(structure, "all")
-    found = equations_at(structure, theta, [(terms, 1.0)]).stiffness.toarray()
+    equations = equations_at(structure, theta, [(terms, 1.0)])
+    sprung = WithSprings(factorize(equations.stiffness), equations.springs)
+    found = sprung.times(np.eye(3))
     np.testing.assert_allclose(found, exact, rtol=1e-12)
+    np.testing.assert_allclose(sprung.apply(np.eye(3)), np.linalg.inv(exact), rtol=1e-12)
     plain = structure.stiffness(theta).toarray()
     squared = [eigh(one, np.diag(MASSES), eigvals_only=True) for one in (plain, found)]
     lost = 1.0 - np.sqrt(squared[1] / squared[0])
@@ -84,6 +88,18 @@ def test_a_brace_is_a_spring_between_floors(case):
         changed = case.equations.but(K=case.equations.K + size * unit * np.outer(stretch, stretch))
         ours = case.frf(f"brace@{names[low]}-{names[high]}", sizes=[size], zeta=ZETA)
         agree(ours, changed.frf(case.frequency_hz, ZETA))
+
+
+@pytest.mark.parametrize(("effect", "place"), [("brace", "2F-RF"), ("p_delta", "all")])
+def test_springs_between_floors_fill_no_matrix(frame, effect, place):
+    """Else a floor of thousands of points would be one full block, too large to be factorised."""
+    structure = frame.structure
+    place = f"{structure.floors[0]}-{structure.floors[-1]}" if effect == "brace" else place
+    terms = CATALOGUE[effect].terms(structure, place)
+    assert not terms.stiffness
+    assert terms.changes_shapes
+    without = equations_at(structure, frame.theta).stiffness
+    assert equations_at(structure, frame.theta, [(terms, 0.5)]).stiffness.nnz == without.nnz
 
 
 def test_a_single_story_of_a_stick_has_no_brace(stick):

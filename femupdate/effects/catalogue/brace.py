@@ -3,10 +3,9 @@
 from itertools import pairwise
 
 import numpy as np
-from scipy.sparse import csc_matrix
 
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import UNSCALED, Effect, Parameter, Stiffness, Terms
+from femupdate.effects.effect import Effect, Parameter, Springs, Terms
 from femupdate.effects.structure import TRANSLATION, Structure
 
 _GROUND = "ground"
@@ -64,10 +63,9 @@ class Brace(Effect):
         """
         low, high = _levels(structure, place)
         rows = np.vstack([np.zeros(structure.floor_means.shape[1]), structure.floor_means])
-        stretch = csc_matrix((rows[high] - rows[low])[None])
         shear = float(structure.rigid_mass[TRANSLATION, TRANSLATION])
         spring = shear / float(structure.floor_rows[-1] @ structure.static)
-        return Terms(stiffness=(Stiffness(UNSCALED, csc_matrix(spring * (stretch.T @ stretch))),))
+        return Terms(springs=Springs((rows[high] - rows[low])[None], np.array([spring])))
 
 
 def _levels(structure: Structure, place: str) -> tuple[int, int]:

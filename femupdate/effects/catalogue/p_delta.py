@@ -1,11 +1,10 @@
 """The weight above a story, which pushes it further the way it leans."""
 
 import numpy as np
-from scipy.sparse import csc_matrix
 
 from femupdate.building.shear import ShearBuilding
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import UNSCALED, Effect, Stiffness, Terms
+from femupdate.effects.effect import Effect, Springs, Terms
 from femupdate.effects.structure import TRANSLATION, Structure
 from femupdate.units import STANDARD_GRAVITY
 
@@ -51,5 +50,4 @@ class PDelta(Effect):
         heights = np.diff(structure.levels, prepend=0.0)
         weight = STANDARD_GRAVITY * structure.story_rigid[:, TRANSLATION]
         drift = np.diff(structure.floor_means, axis=0, prepend=0.0)
-        root = csc_matrix(np.sqrt(weight / heights)[:, None] * drift)
-        return Terms(stiffness=(Stiffness(UNSCALED, csc_matrix(-(root.T @ root))),))
+        return Terms(springs=Springs(drift, -weight / heights))
