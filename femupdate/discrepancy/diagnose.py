@@ -215,18 +215,7 @@ def diagnose(
         *unobservable_effects(problem, base, scores, chosen.least_strength),
         *without_phase(problem, base.placed),
     )
-    progress.advance(note="fitting the leading effects")
-    leading = _chosen(scores, chosen.fitted, distant, among)
-    fits = _fit_candidates(problem, base, leading, distant, progress)
-    if among is None and _worth_all(problem, base, fits, chosen):
-        progress.advance(note="fitting every effect")
-        fits += _others(problem, base, scores, fits, chosen, distant)
-    if _much_left(problem, [base, *fits], chosen):
-        base, *fits = _sharper(problem, [base, *fits])
-    if _much_left(problem, [base, *fits], chosen):
-        progress.advance(note="trying exchanged channels")
-        fits = _with_exchanges(problem, base, scores, fits, chosen.seed)
-    base = _as_good(problem, base, fits)
+    base, fits = _fitted(problem, base, scores, chosen, progress, distant, among)
     weighed = _weigh(problem, base, fits, scores, chosen)
     findings = tuple(one for one in weighed if one.large_enough)
     progress.advance(note="testing half of the data against the other")
@@ -254,6 +243,30 @@ def diagnose(
         _worth(problem, findings, twins),
         sentence,
     )
+
+
+def _fitted(
+    problem: Problem,
+    base: Fit,
+    scores: list[Score],
+    settings: DiagnosisSettings,
+    progress: Progress,
+    distant: Fit | None,
+    among: frozenset[str] | None,
+) -> tuple[Fit, list[Fit]]:
+    """The model as it is, and those with one effect more, each where it explains most."""
+    progress.advance(note="fitting the leading effects")
+    leading = _chosen(scores, settings.fitted, distant, among)
+    fits = _fit_candidates(problem, base, leading, distant, progress)
+    if among is None and _worth_all(problem, base, fits, settings):
+        progress.advance(note="fitting every effect")
+        fits += _others(problem, base, scores, fits, settings, distant)
+    if _much_left(problem, [base, *fits], settings):
+        base, *fits = _sharper(problem, [base, *fits])
+    if _much_left(problem, [base, *fits], settings):
+        progress.advance(note="trying exchanged channels")
+        fits = _with_exchanges(problem, base, scores, fits, settings.seed)
+    return _as_good(problem, base, fits), fits
 
 
 def unseen(

@@ -59,6 +59,13 @@ def screen_channels(observation: Observation, system: System, theta: Floats) -> 
         delay = -slope / (2.0 * np.pi)
         if abs(slope) > SCREEN.clear * error and abs(delay) > SCREEN.least_delay_s:
             late.append(f"{floor} {1e3 * delay:+.1f} ms")
+    return _sentences(gains, foreign, turned, late)
+
+
+def _sentences(
+    gains: list[str], foreign: list[str], turned: list[str], late: list[str]
+) -> tuple[str, ...]:
+    """What is told of floors with another gain, another unit, the other sign or a delay."""
     notes = []
     if gains:
         notes.append(f"At low frequency, where floors follow the base, {', '.join(gains)}.")

@@ -158,8 +158,7 @@ def _softening(hinges: Hinges, theta: Floats, size: float) -> Floats:
 
 def driven_system(
     structure: Structure,
-    placed: Sequence[Placed],
-    terms: Sequence[Terms],
+    added: Sequence[tuple[Placed, Terms]],
     theta: Floats,
     sizes: Floats,
     top_hz: float,
@@ -170,6 +169,7 @@ def driven_system(
     """Solve the full model at one sample.
 
     Args:
+        added: effects, each with its terms.
         theta: (p,) stiffness factors.
         sizes: (q,) parameters of the effects.
         top_hz: up to where the response to every force must be right.
@@ -179,6 +179,7 @@ def driven_system(
     Raises:
         ModelError: the structure is a mechanism, or too many shapes would be needed.
     """
+    placed, terms = tuple(one for one, _ in added), [own for _, own in added]
     whole = equations_at(
         structure, theta, list(zip(terms, first_sizes(placed, sizes), strict=True))
     )
@@ -196,9 +197,7 @@ def driven_system(
         reduce_terms(found.shapes, replace(own, stiffness=(), springs=None, mass=None))
         for own in terms
     )
-    return DrivenSystem(
-        System(model, law, tuple(placed), rest), whole, found.frequency_hz, found.shapes
-    )
+    return DrivenSystem(System(model, law, placed, rest), whole, found.frequency_hz, found.shapes)
 
 
 def _on_shapes(

@@ -173,9 +173,8 @@ def _solve(asked: _Question, target: ReductionTarget, sample: Floats) -> _Sample
     """Shapes and response of the full model at one sample (p + q,)."""
     structure = asked.structure
     theta, sizes = np.split(sample, [len(structure.stiffness_terms)])
-    found = driven_system(
-        structure, asked.placed, asked.terms, theta, sizes, target.top_hz, ConstantDamping()
-    )
+    added = list(zip(asked.placed, asked.terms, strict=True))
+    found = driven_system(structure, added, theta, sizes, target.top_hz, ConstantDamping())
     omega, shapes = 2.0 * np.pi * found.frequency_hz, found.shapes
     floors, driven = structure.floor_rows @ shapes, shapes.T @ found.equations.force
     turns = any(any(terms.flexibility) or terms.pitch for terms in asked.terms)

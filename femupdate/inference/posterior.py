@@ -130,22 +130,7 @@ def save_posterior(posterior: Posterior, path: Path) -> None:
     if posterior.zeta is not None:
         draws["zeta"] = (chain_draw, posterior.zeta)
     stats: dict[str, Any] = {"lp": (chain_draw, posterior.log_likelihood)}
-    floor_frequency = ("floor", "frequency_hz")
     grid = {"floor": list(observation.floors), "frequency_hz": observation.frequency_hz}
-    measured: dict[str, Any] = {
-        "log_frf": (floor_frequency, observation.log_frf),
-        "noise_sd": (floor_frequency, observation.noise_sd),
-        "valid": (floor_frequency, observation.valid.astype(np.int8)),
-    }
-    if observation.phase is not None:
-        measured["phase"] = (floor_frequency, observation.phase)
-    if observation.coherence is not None:
-        measured["coherence"] = (floor_frequency, observation.coherence)
-    if observation.scatter is not None:
-        measured["scatter"] = (floor_frequency, observation.scatter)
-    if observation.rotation is not None:
-        parts = np.stack([observation.rotation.real, observation.rotation.imag])
-        measured["rotation"] = (("part", "frequency_hz"), parts)
     tree = xr.DataTree.from_dict(
         {
             **errors_as_groups(posterior.model_error, coordinates, grid),
@@ -155,7 +140,7 @@ def save_posterior(posterior: Posterior, path: Path) -> None:
             ),
             "/sample_stats": xr.Dataset(stats, coords=coordinates),
             "/observed_data": xr.Dataset(
-                measured,
+                _measured(observation),
                 coords=grid,
                 attrs={
                     "source": observation.source,
@@ -178,6 +163,26 @@ def save_posterior(posterior: Posterior, path: Path) -> None:
         "warnings": json.dumps(list(posterior.warnings)),
     }
     write_tree(tree, path)
+
+
+def _measured(observation: Observation) -> dict[str, Any]:
+    """The variables of an observation, with their dimensions."""
+    each = "floor", "frequency_hz"
+    known = {
+        "log_frf": observation.log_frf,
+        "noise_sd": observation.noise_sd,
+        "valid": observation.valid.astype(np.int8),
+        "phase": observation.phase,
+        "coherence": observation.coherence,
+        "scatter": observation.scatter,
+    }
+    measured: dict[str, Any] = {
+        name: (each, values) for name, values in known.items() if values is not None
+    }
+    if observation.rotation is not None:
+        parts = np.stack([observation.rotation.real, observation.rotation.imag])
+        measured["rotation"] = (("part", "frequency_hz"), parts)
+    return measured
 
 
 def load_posterior(path: Path) -> Posterior:

@@ -160,8 +160,7 @@ def truth_of(
         return Truth(fine, system, theta, values, frequency, share / share.sum())
     found = driven_system(
         structure,
-        placed,
-        tuple(one.effect.terms(structure, one.place) for one in placed),
+        [(one, one.effect.terms(structure, one.place)) for one in placed],
         theta,
         np.array(values),
         top_hz,

@@ -280,7 +280,7 @@ def test_the_full_model_at_one_theta_is_that_of_all_its_modes(frame, zeta):
     """What a reduced model is judged by, up to the top of the grid."""
     theta = np.array([0.4, 2.0])
     found = driven_system(
-        frame.structure, (), (), theta, np.zeros(0), TOP * GRID[-1], ConstantDamping()
+        frame.structure, (), theta, np.zeros(0), TOP * GRID[-1], ConstantDamping()
     )
     ratio, none = torch.tensor([zeta], dtype=torch.float64), torch.zeros((1, 0)).double()
     frf = found.system.frf(none, ratio, none, torch.from_numpy(GRID))[0]
