@@ -19,7 +19,7 @@ _TINY = 1e-30
 # What modes far from a band of frequencies add varies smoothly there: it is summed at a few
 # Chebyshev points and interpolated. A pole at 1.5 half widths from the middle leaves an error of
 # 2.6^-20 of it (Trefethen, Approximation Theory and Approximation Practice, theorem 8.2).
-_WIDE = 512
+_WIDE = 512  # frequencies
 _POINTS = 20
 _REACH = 1.5  # half widths
 

@@ -64,7 +64,9 @@ def measured_histories(
         if over_force:
             response.set(ylabel=f"|H|, {over_force}", title="Response to the force")
     left_out = len(lines) - len(drawn)
-    add_head(figure, title, note=f"{left_out} more channels are not drawn." if left_out else "")
+    note = f"{left_out} more channels are not drawn." if left_out else ""
+    handles = [Line2D([], [], label=each.label, **look(k)) for k, each in enumerate(drawn)]
+    add_head(figure, title, handles, columns=8, note=note)
     return figure
 
 
@@ -80,11 +82,10 @@ def measured_functions(curves: Sequence[tuple[str, Floats, Any]], title: str, un
     for k, (_, frequency, values) in enumerate(curves[:MOST_LINES]):
         size = np.abs(values)
         # A zero, as a spectrum may have at 0 Hz, is no value to draw to.
-        axes.semilogy(frequency, np.where(size > 0.0, size, np.nan), color=hue(k))
+        axes.semilogy(frequency, np.where(size > 0.0, size, np.nan), **look(k))
     axes.set(xlabel="Frequency, Hz", ylabel=unit)
     handles = [
-        Line2D([], [], color=hue(k), label=label)
-        for k, (label, *_) in enumerate(curves[:MOST_LINES])
+        Line2D([], [], label=label, **look(k)) for k, (label, *_) in enumerate(curves[:MOST_LINES])
     ]
     add_head(figure, title, handles, columns=4)
     return figure
@@ -177,7 +178,7 @@ def _draw_spectra(axes: Axes, lines: Sequence[MeasuredLine], unit: str) -> None:
     top = 1e-300
     for k, each in enumerate(lines):
         frequency, power = welch(each.values, 1.0 / each.time_step, nperseg=_segment(each))
-        axes.loglog(frequency[1:], np.sqrt(power[1:]) + 1e-300, color=hue(k), linewidth=0.8)
+        axes.loglog(frequency[1:], np.sqrt(power[1:]) + 1e-300, **look(k), linewidth=0.9)
         top = max(top, float(np.sqrt(power[1:].max(initial=0.0))))
     axes.set_ylim(top * 1e-5, top * 2.0)
     longest = max(each.time_step * _segment(each) for each in lines)
@@ -197,9 +198,9 @@ def _draw_response(
     for k, each in floors.items():
         cross = csd(base.values, each.values, **options)[1]
         size = np.abs(cross[shown]) / power[shown]
-        response.loglog(frequency[shown], size + 1e-300, color=hue(k), linewidth=0.9)
+        response.loglog(frequency[shown], size + 1e-300, **look(k), linewidth=0.9)
         seen = coherence(base.values, each.values, **options)[1]
-        share.semilogx(frequency[shown], seen[shown], color=hue(k), linewidth=0.9)
+        share.semilogx(frequency[shown], seen[shown], **look(k), linewidth=0.9)
     for axes in (response, share):
         frequency_ticks(axes, float(frequency[1]), float(frequency[-1]), _FEW_TICKS)
     response.set(xlabel="Frequency, Hz")

@@ -175,3 +175,13 @@ def test_a_basis_holds_what_gives_at_the_point_of_a_damper(structure, exact, tar
     rms = [float(np.sqrt((error**2).mean())) for error in errors]
     assert rms[0] < 0.005
     assert rms[0] < 0.5 * rms[1]
+
+
+@pytest.mark.parametrize("size", [0.3, 1.0])
+def test_a_basis_about_a_brace_serves_it(structure, exact, target, size):
+    """Also one as stiff as the building, whose modes the basis does not start from."""
+    placed = Placed(CATALOGUE["brace"], "ground-2F")
+    near = local_structure(structure, HERE, target, present=[((placed, size),)])
+    value = np.array([size])
+    error = log_frf(near, placed, value, HERE) - log_frf(exact, placed, value, HERE)
+    assert np.sqrt((error**2).mean()) < 0.005

@@ -15,6 +15,7 @@ from femupdate.report.plot_diagnosis import Ranked, ranking
 from femupdate.report.plot_frf import MeasuredFrf, Prediction, frf_fit
 from femupdate.report.plot_history import strong_part
 from femupdate.report.plot_intervals import theta_intervals
+from femupdate.report.plot_measured import MeasuredLine, measured_histories
 from femupdate.report.plot_members import member_force_bands
 from femupdate.report.plot_poles import stabilisation
 from femupdate.report.plot_posterior import SampleSet, posterior_pairs
@@ -231,3 +232,21 @@ def test_identified_modes_have_as_many_figures_as_their_deviations(two_identifie
     lines = Identified(two_identified, "a.csv", Path("m.csv"), ()).lines()[1]
     assert "1.6720 ± 0.0026 Hz" in lines
     assert "1.42 ± 0.11 %" in lines
+
+
+def test_channels_of_a_measured_file_stay_apart_in_grey_print():
+    """Spectra, responses and coherence lie over one another: colour alone does not name them."""
+    rng = np.random.default_rng(1)
+    base = rng.standard_normal(4000)
+    values = {"base": base, "2F": 2.0 * base, "RF": base + rng.standard_normal(4000)}
+    lines = [MeasuredLine(name, own, 0.01, name == "base") for name, own in values.items()]
+    figure = measured_histories(lines, "A file", "m/s²")
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == list(values)
+    looks = [(line.get_color(), str(line._unscaled_dash_pattern)) for line in legend.get_lines()]
+    assert len({dashes for _, dashes in looks}) == 3
+    shown = {axes.get_title(loc="left") or axes.get_title(): axes for axes in figure.axes}
+    for title, first in (("Spectra", 0), ("Floor over base", 1), ("Coherence", 1)):
+        lines = shown[title].lines
+        found = [(line.get_color(), str(line._unscaled_dash_pattern)) for line in lines]
+        assert found == looks[first:]
