@@ -1,4 +1,4 @@
-"""Tables in words."""
+"""Tables and notes in words."""
 
 from collections.abc import Iterable, Sequence
 
@@ -23,6 +23,20 @@ def table(
         ]
         lines.append("  " + "  ".join(cells).rstrip())
     return "\n".join(lines)
+
+
+def first_notes(notes: Sequence[str], rest: str, most: int = 6) -> list[str]:
+    """Return the first notes, a line each, and how many more there are.
+
+    Args:
+        notes: sentences, the decisive first.
+        rest: where the others are.
+        most: that are shown.
+    """
+    lines = [f"  - {note}" for note in notes[:most]]
+    if (more := len(notes) - most) > 0:
+        lines.append(f"  - {more} more {'note' if more == 1 else 'notes'}: {rest}")
+    return lines
 
 
 def csv_text(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:

@@ -136,15 +136,6 @@ class Diagnosis:
         return self.findings[0] if self.findings else None
 
     @property
-    def shares(self) -> tuple[float, ...]:
-        """Probability (c,) of each finding were nothing missing but one of them, or nothing."""
-        evidence = np.array([0.0, *(one.evidence.log_evidence for one in self.findings)])
-        weight = np.exp(evidence - evidence.max())
-        # Half of the prior probability is for nothing; the rest is shared evenly.
-        weight[1:] /= max(len(self.scores), 1)
-        return tuple((weight / weight.sum())[1:].tolist())
-
-    @property
     def close(self) -> tuple[Finding, ...]:
         """The leading findings between which the error of a basis for all effects may decide."""
         if self.leading is None or self.verdict in (NONE, UNKNOWN):

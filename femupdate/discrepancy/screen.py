@@ -58,7 +58,8 @@ def screen_channels(observation: Observation, system: System, theta: Floats) -> 
         error = float((weight**2 * frequency**2).sum() ** -0.5)
         delay = -slope / (2.0 * np.pi)
         if abs(slope) > SCREEN.clear * error and abs(delay) > SCREEN.least_delay_s:
-            late.append(f"{floor} {1e3 * delay:+.1f} ms")
+            sd = error / (2.0 * np.pi)
+            late.append(f"{floor} {1e3 * delay:+.1f} ± {1e3 * sd:.1f} ms")
     return _sentences(gains, foreign, turned, late)
 
 

@@ -57,6 +57,7 @@ class VerdictThresholds:
     fewest_points: float = entry(
         3.0, "points", "independent, for each unknown, below which the data cannot tell"
     )
+    at_limit: float = entry(1e-3, "ln", "from a limit of its prior, where a factor ends at it")
     better_exchange: float = entry(
         0.8, "share", "of the best sum of squares that an exchange of channels must stay below"
     )

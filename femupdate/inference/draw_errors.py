@@ -1,5 +1,8 @@
 """The error of a model at posterior draws: how large, and on average where."""
 
+from collections.abc import Sequence
+
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -35,6 +38,34 @@ def draw_errors(
     )
 
 
+def errors_in_parts(
+    error: LearnedError,
+    residuals: Tensor,
+    floors: Sequence[str],
+    observation: Observation,
+    draws: int,
+    seed: Seed,
+) -> ErrorDraws:
+    """Errors at posterior draws, of amplitudes and of phases from one table of what they may be.
+
+    Args:
+        error: the table, of one part for ln|H| and one for phases where these were compared.
+        residuals: (n, p f k) at some of the draws.
+        floors: the f of them, the observation's among them.
+        observation: for its floors and frequencies.
+        draws: how many there are.
+        seed: of everything random.
+    """
+    both = _drawn(error, residuals, observation, seed, (1, draws))
+    parts = np.split(both.mean, len(both.mean) // error.floors)
+    rows = [floors.index(name) for name in observation.floors]
+    amplitude, *phase = (SizeDraws(both.levels, mean[rows]) for mean in parts)
+    harmonics = error.harmonics
+    return ErrorDraws(
+        amplitude, phase[0] if phase else None, harmonics.first_hz, harmonics.width_hz
+    )
+
+
 def _that_counts(whole: LearnedError, residuals: Tensor) -> LearnedError:
     """The rows that count at residuals (n, f k), of a finer table where there is an error."""
     densities = whole.log_densities(residuals)
@@ -58,10 +89,8 @@ def _drawn(
     levels = torch.tensor([_numbers(level) for level in error.levels], dtype=torch.float64)[drawn]
     rows = torch.multinomial(shares, 1, generator=generator)[:, 0]
     values = error.harmonics.at(torch.from_numpy(observation.frequency_hz))
-    mean = torch.zeros(error.floors, values.shape[1], dtype=torch.float64)
-    for row in rows.unique().tolist():
-        mean -= error.likeliest(residuals[rows == row], row).sum(0)
-    mean = mean @ values.T / len(residuals)
+    found = [error.likeliest(residuals[rows == row], row).sum(0) for row in rows.unique().tolist()]
+    mean = -torch.stack(found).sum(0) @ values.T / len(residuals)
     return SizeDraws(levels.reshape(*shape, -1).numpy(), mean.numpy())
 
 

@@ -102,7 +102,7 @@ def _drawn(
     latent = None if model.shared is None else sampled.latent
     posterior = posterior_of(model, observation, settings, sampled, latent, damping)
     fitting = against_data(model, measured, posterior, sampled, checking)
-    warnings = judgement(posterior, fitting)
+    warnings = (*sampled.warnings, *judgement(posterior, fitting))
     scatter = scatter_of_runs(model, measured.runs, posterior, between)
     posterior = replace(posterior, warnings=warnings, scatter=scatter)
     posterior = with_error_of_all(posterior, model, alike)

@@ -4,21 +4,18 @@ import time
 from dataclasses import replace
 
 import numpy as np
-import torch
 
 from femupdate.discrepancy.data import Data
-from femupdate.discrepancy.fit import Fit, raw_residuals
 from femupdate.discrepancy.mesh_error import MeshError
-from femupdate.discrepancy.posterior import Draws, draw
-from femupdate.discrepancy.problem import Problem
+from femupdate.discrepancy.posterior import draw
 from femupdate.discrepancy.records import SecondRecord, base_data
 from femupdate.discrepancy.search import prepared, refined
 from femupdate.effects.listed import building_effects
 from femupdate.inference.posterior import save_posterior
-from femupdate.inference.predictive_check import PredictiveCheck, predictive_check
 from femupdate.progress import SILENT, Progress
 from femupdate.study import Study
 from femupdate.workflow.amplitude import changes_with_level, level_settings
+from femupdate.workflow.calibrate_notes import error_notes
 from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.calibration_report import POSTERIOR, CalibrationReport
 from femupdate.workflow.diagnose import finder_model
@@ -27,10 +24,9 @@ from femupdate.workflow.finder_data import Given
 from femupdate.workflow.kinds import Measured
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource
-from femupdate.workflow.repaired import effect_posterior
+from femupdate.workflow.repaired import check_of, effect_posterior, misfit_of
 from femupdate.workflow.second_record import level_between
 from femupdate.workflow.summary import identified
-from femupdate.workflow.thresholds import CALIBRATION
 
 
 def calibrate_with_effects(
@@ -62,17 +58,20 @@ def calibrate_with_effects(
     draws = draw(problem, fitted, settings.particles, settings.seed)
     progress.advance()
     kept = level_settings(model, fitted.placed, source)
-    posterior = effect_posterior(model, observation, draws, kept)
+    posterior = effect_posterior(model, observation, fitted, draws, kept)
     path = study.result("posterior.nc")
     save_posterior(posterior, path)
     origin = {**model.made_from(), **source.made_from()}
     study.record(POSTERIOR, "posterior.nc", "calibrate", origin, source.files_as_settings())
-    misfit = fitted.chi2 / max(problem.effective, 1.0)
     found = identified(posterior)
+    # The decisive come first.
     notes = (
-        *measured.notes,
-        *_notes(problem, fitted, draws.effective, settings.particles),
+        *posterior.warnings,
+        *error_notes(posterior),
         *found.sentences(),
+        *measured.notes,
+        f"{draws.effective:.0f} of {settings.particles} proposals count (importance sampling about "
+        "the best fit).",
     )
     report = CalibrationReport(
         model=model,
@@ -80,8 +79,8 @@ def calibrate_with_effects(
         path=path,
         r_hat=None,
         identified=found,
-        misfit=misfit,
-        check=_check(fitted, draws),
+        misfit=misfit_of(fitted),
+        check=check_of(fitted, draws),
         notes=notes,
         seconds=time.monotonic() - started,
         invalid=0,
@@ -94,14 +93,15 @@ def calibrate_with_effects(
 def _data(
     model: StudyModel, source: ObservationSource, measured: Measured, mesh: MeshError | None
 ) -> tuple[Data, ...]:
-    """All that was measured, as the finder judges it, by amplitudes."""
+    """All that was measured, as the finder judges it; phases where |H| does not show an effect."""
+    phase = any(one.effect.needs_phase for one in building_effects(model.building).placed)
     nothing = replace(measured.base, valid=np.zeros_like(measured.base.valid))
     others = replace(measured, base=nothing)
-    parts = Given(others).data(model, mesh, use_phase=False)
+    parts = Given(others).data(model, mesh, use_phase=phase)
     if not measured.has_base:
         return parts
     first, *further = _records(model, source, measured)
-    base = base_data(model.building, mesh, first.observation, False, (), further)
+    base = base_data(model.building, mesh, first.observation, phase, (), further)
     return (base, *parts)
 
 
@@ -118,36 +118,3 @@ def _records(
         )
         for run, one in zip(measured.runs, sources, strict=True)
     ]
-
-
-def _check(fitted: Fit, draws: Draws) -> PredictiveCheck:
-    """Posterior predictive check with the noise as stated; errors that points share are part of it,
-    as they are of the likelihood."""
-    some = slice(None, None, max(1, len(draws.theta) // CALIBRATION.checked))
-    known = (torch.from_numpy(values[some]) for values in (draws.theta, draws.zeta, draws.sizes))
-    raw = raw_residuals(fitted, fitted.coordinates.joined(*known))
-    problem = fitted.problem
-    parts = zip(
-        problem.data, problem.error.parts, problem.error.apart(raw), problem.row, strict=True
-    )
-    found: list[tuple[str, torch.Tensor, float]] = []
-    for data, error, own, row in parts:
-        rows = torch.full((len(own),), row)
-        found += data.checked(error.floor_squares(error.tame(own, row), rows))
-    names, left, counts = zip(*found, strict=True)
-    return predictive_check(torch.stack(left, dim=1).numpy(), counts, names)
-
-
-def _notes(problem: Problem, fitted: Fit, effective: float, count: int) -> tuple[str, ...]:
-    notes = [
-        f"{effective:.0f} of {count} proposals count (importance sampling about the best fit)."
-    ]
-    misfit = fitted.chi2 / max(problem.effective, 1.0)
-    if misfit > 2.0:
-        notes.append(
-            f"The model misses the data by {misfit**0.5:.1f} times their noise, which is taken as "
-            "that much larger; `femupdate diagnose` looks for what is missing."
-        )
-    if effective < 100:
-        notes.append("Few proposals count: the posterior is not of one piece; trust it little.")
-    return tuple(notes)

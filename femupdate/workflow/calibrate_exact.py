@@ -22,7 +22,7 @@ from femupdate.study import Study
 from femupdate.surrogate.gauss_newton import Descent
 from femupdate.surrogate.storage import TrainedSurrogate
 from femupdate.units import percent
-from femupdate.workflow.calibrate_notes import cost_notes, reduction_notes, require_own_building
+from femupdate.workflow.calibrate_notes import cost_notes, reduction_warnings, require_own_building
 from femupdate.workflow.calibrate_settings import (
     CalibrationSettings,
     Sampled,
@@ -126,7 +126,7 @@ def sample_exact(
     return replace(
         sampled,
         learned=problem.learned,
-        notes=(*sampled.notes, *reduction_notes(model, observation)),
+        warnings=reduction_warnings(model, observation),
     )
 
 

@@ -5,15 +5,15 @@ from functools import partial
 import numpy as np
 
 from femupdate.inference.latent_likelihood import LatentLikelihood, Learning, usual_misfit
-from femupdate.inference.smc import SmcResult, TemperedSmc
+from femupdate.inference.smc import TemperedSmc
 from femupdate.measurement.observation import Observation
 from femupdate.study import Study
-from femupdate.surrogate.storage import TrainedSurrogate
 from femupdate.workflow.calibrate_notes import (
     calibration_notes,
     decoded_notes,
+    decoder_warnings,
     latent_notes,
-    misfit_notes,
+    misfit_warnings,
     noise_notes,
     require_own_building,
 )
@@ -38,10 +38,16 @@ def sample_latent(
     calibration = calibration_notes(surrogate.info, observation)
     # Draws on the decoder know no effects.
     if model.prior.size > CALIBRATION.few and not model.system.placed:
-        results, notes = _sample_decoded(surrogate, model, observation, settings, run)
+        found = sample_decoded(surrogate, model, observation, settings, run, run.particles)
+        results = sampled_groups(found.draws, found.responses)
         drawn = by_runs("latent", "Hamiltonian moves judged by the reduced model", results)
-        told = (*noise_notes(surrogate.info, observation), *notes, *calibration)
-        return Sampled(results, model.parameters, drawn, told, None, least)
+        told = (*noise_notes(surrogate.info, observation), *decoded_notes(found), *calibration)
+        noise = max(float(np.median(observation.noise_sd[observation.valid])), least)
+        warnings = (
+            *misfit_warnings(found.misfit, usual_misfit(observation)),
+            *decoder_warnings(found.error, noise),
+        )
+        return Sampled(results, model.parameters, drawn, told, least_noise=least, warnings=warnings)
     likelihood = LatentLikelihood(
         surrogate,
         model.system,
@@ -59,20 +65,11 @@ def sample_latent(
     notes = (*likelihood.input.notes, *latent_notes(likelihood), *calibration)
     drawn = by_runs("latent", "tempered particles", results)
     return Sampled(
-        results, model.prior, drawn, notes, likelihood.found, 0.0, likelihood.settled.likelihood
+        results,
+        model.prior,
+        drawn,
+        notes,
+        latent=likelihood.found,
+        learned=likelihood.settled.likelihood,
+        warnings=misfit_warnings(likelihood.found.misfit, likelihood.usual_misfit),
     )
-
-
-def _sample_decoded(
-    surrogate: TrainedSurrogate,
-    model: StudyModel,
-    observation: Observation,
-    settings: CalibrationSettings,
-    run: ChainRunner,
-) -> tuple[list[SmcResult], tuple[str, ...]]:
-    """Many parameters: draws on the decoder, with zeta as one more where it is a nuisance."""
-    found = sample_decoded(surrogate, model, observation, settings, run, run.particles)
-    usual = usual_misfit(observation)
-    noise = max(float(np.median(observation.noise_sd[observation.valid])), surrogate.info.noise_sd)
-    notes = (*decoded_notes(found, noise), *misfit_notes(found.misfit, usual))
-    return sampled_groups(found.draws, found.responses), notes

@@ -20,23 +20,27 @@ from femupdate.workflow.model import StudyModel
 from femupdate.workflow.thresholds import CALIBRATION
 
 
-def decoded_notes(found: DecodedPosterior, noise: float) -> tuple[str, ...]:
-    """How draws along the decoder have gone, for a noise on ln|H|."""
-    notes = [
+def decoded_notes(found: DecodedPosterior) -> tuple[str, ...]:
+    """How draws along the decoder have gone."""
+    return (
         f"{tempered_words(found.population, len(found.draws.theta))} followed the decoder; "
         f"{found.responses:,} responses of the reduced model corrected it, from "
         f"{found.decoder_error:.2g} to {found.error:.2g} in ln|H| (rms), and judged the moves "
-        f"({percent(found.draws.acceptance)} accepted)."
-    ]
-    if found.error > CALIBRATION.decoder_may_miss * noise:
-        notes.append(
-            f"That is too much beside a noise of {noise:.2g}: do not trust this posterior; train "
-            "on more samples, or use --exact."
-        )
-    return tuple(notes)
+        f"({percent(found.draws.acceptance)} accepted).",
+    )
 
 
-def reduction_notes(model: StudyModel, observation: Observation) -> tuple[str, ...]:
+def decoder_warnings(error: float, noise: float) -> tuple[str, ...]:
+    """Where the decoder misses ln|H| by too much (rms) beside the noise on it."""
+    if error <= CALIBRATION.decoder_may_miss * noise:
+        return ()
+    return (
+        f"The decoder misses the reduced model by {error:.2g} in ln|H|, too much beside a noise of "
+        f"{noise:.2g}: do not trust this posterior; train on more samples, or use --exact.",
+    )
+
+
+def reduction_warnings(model: StudyModel, observation: Observation) -> tuple[str, ...]:
     """Where the data are better than the reduced model."""
     typical = float(np.median(observation.noise_sd[observation.valid]))
     if model.reduction_error <= typical:
@@ -67,11 +71,10 @@ def latent_notes(likelihood: LatentLikelihood) -> tuple[str, ...]:
     return (
         f"{found.responses:,} responses of the reduced model refined the surrogate's proposal to "
         + ("one Gaussian." if count == 1 else f"a mixture of {count} Gaussians."),
-        *misfit_notes(found.misfit, likelihood.usual_misfit),
     )
 
 
-def misfit_notes(misfit: float, usual: float) -> tuple[str, ...]:
+def misfit_warnings(misfit: float, usual: float) -> tuple[str, ...]:
     """Where the best response does not explain the data."""
     if misfit <= usual:
         return ()

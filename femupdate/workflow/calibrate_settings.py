@@ -56,6 +56,7 @@ class Sampled:
         least_noise: standard deviation of ln|H| below which the likelihood does not believe the
             file's noise.
         learned: likelihood of the data with the error of the model that they show.
+        warnings: what whoever uses the draws should know, in sentences.
     """
 
     results: list[SmcResult]
@@ -65,6 +66,7 @@ class Sampled:
     latent: FoundLatent | None = None
     least_noise: float = 0.0
     learned: LearnedLikelihood | None = None
+    warnings: tuple[str, ...] = ()
 
 
 def by_runs(

@@ -13,13 +13,12 @@ from femupdate.inference.posterior import Posterior
 from femupdate.inference.predictive_check import PredictiveCheck
 from femupdate.report.scale import plus_minus
 from femupdate.study import Study, write_text
-from femupdate.tables import table
+from femupdate.tables import first_notes, table
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.parameter_titles import parameter_titles
 from femupdate.workflow.summary import SUMMARY, identifiability_record
 
 POSTERIOR = "posterior"
-_MOST_NOTES = 6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,9 +141,5 @@ class CalibrationReport:
         lines += [f"  {sentence}" for sentence in posterior.drawn.sentences()]
         if self.check is not None:
             lines.append(f"  {self.check.sentence()}")
-        lines += [f"  - {note}" for note in self.notes[:_MOST_NOTES]]
-        if len(self.notes) > _MOST_NOTES:
-            more = len(self.notes) - _MOST_NOTES
-            notes = "note" if more == 1 else "notes"
-            lines.append(f"  - {more} more {notes}: {SUMMARY} in the study")
+        lines += first_notes(self.notes, f"{SUMMARY} in the study")
         return (*lines, f"  {self.path}")

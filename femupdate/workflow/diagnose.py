@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import torch
+
 from femupdate.discrepancy.data import Data
 from femupdate.discrepancy.diagnose import Diagnosis, Finding
 from femupdate.discrepancy.finder_model import FinderModel, finder_structure, plain_structure
@@ -15,7 +17,7 @@ from femupdate.discrepancy.frf_data import FrfData
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.screen import screen_channels
 from femupdate.discrepancy.search import prepared, sought
-from femupdate.discrepancy.thresholds import DiagnosisSettings
+from femupdate.discrepancy.thresholds import VERDICT, DiagnosisSettings
 from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.effects.registry import CATALOGUE
 from femupdate.measurement.observation import Observation
@@ -69,10 +71,7 @@ class DiagnosisReport:
         return {
             "verdict": found.verdict,
             "sentence": found.sentence,
-            "effects": [
-                {**_finding(one), "probability": share}
-                for one, share in zip(found.findings, found.shares, strict=True)
-            ],
+            "effects": [_finding(one) for one in found.findings],
             "remaining": found.left.as_dict(),
             "cannot_be_seen": list(found.unobservable),
             "cannot_be_told_from_the_first": list(found.twins),
@@ -143,7 +142,13 @@ def diagnose_study(
         problem=problem,
         reduced=problem.reduced,
         observation=given.measured.as_observation,
-        screen=(*given.notes, *_parted(data), *_turns(data), *_screen(given.measured, found)),
+        screen=(
+            *_at_limits(model, found.base),
+            *given.notes,
+            *_parted(data),
+            *_turns(data),
+            *_screen(given.measured, found),
+        ),
         settings=chosen,
         path=study.path("diagnosis.json"),
         seconds=time.monotonic() - started,
@@ -178,6 +183,20 @@ def keep_found(
     )
     files = {**source.files_as_settings(), **beside}
     study.record(path.stem, path.name, command, {**made_from, **hashes}, files)
+
+
+def _at_limits(model: StudyModel, base: Fit) -> tuple[str, ...]:
+    """Factors of the model as it is that end at a limit of their prior."""
+    where, count = base.coordinates, base.coordinates.stories
+    room = torch.minimum(base.z - where.lower, where.upper - base.z)[:count]
+    ended = (room < VERDICT.at_limit).nonzero()[:, 0].tolist()
+    names = ", ".join(f"{model.prior.names[k]} ({base.theta()[0][k]:.3g})" for k in ended)
+    if not names:
+        return ()
+    return (
+        f"Without effects {names} end{'s' if len(ended) == 1 else ''} at the prior's limit: widen "
+        "the prior first, or what is named may only make up for it.",
+    )
 
 
 def _parted(data: Sequence[Data]) -> tuple[str, ...]:

@@ -33,10 +33,10 @@ def draw_diagnosis(study: Study, report: DiagnosisReport) -> tuple[Path, ...]:
     if found.findings:
         shown = [
             Ranked(
-                f"{one.placed.effect.title}, {one.placed.place}",
+                one.placed.in_words,
                 one.evidence.log_evidence,
                 shown_size(one),
-                number == 0 and found.verdict in ("named", "indistinguishable"),
+                number == 0 and found.verdict in ("named", "partly", "indistinguishable"),
             )
             for number, one in enumerate(found.findings[:_SHOWN])
         ]
@@ -55,8 +55,8 @@ def draw_repair(study: Study, report: RepairReport) -> tuple[Path, ...]:
     placed = [one.finding.placed for one in done.rounds]
     headline = "Nothing was added"
     if placed:
-        words = "; ".join(one.in_words for one in placed)
-        headline = f"Added: {words[0].lower()}{words[1:]}"
+        words = (one.in_words for one in placed)
+        headline = f"Added: {'; '.join(one[0].lower() + one[1:] for one in words)}"
     curves = next((one for one in problem.data if isinstance(one, FrfData)), None)
     story = gap_story(
         GapStory(
@@ -102,7 +102,7 @@ def _scene(report: RepairReport, maps: list[tuple[str, tuple[Cell, ...]]]) -> Sc
     placed = [one.finding.placed for one in report.repair.rounds]
     glyphs = drawn(sign for one in placed for sign in one.effect.glyphs(building, one.place))
     levels = list(zip(structure.floors, structure.levels.tolist(), strict=True))
-    caption = "\n".join(f"{one.effect.title}, {one.place}" for one in placed)
+    caption = "\n".join(one.in_words for one in placed)
     kind = maps[0][1][0].data
     (rows, columns, before), (_, _, after) = (_map_of(cells, kind) for _, cells in maps)
     return Scene(

@@ -29,6 +29,7 @@ from femupdate.measurement.record import GroundMotion
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import spawn
 from femupdate.study import Study, file_hash, files_beside
+from femupdate.tables import first_notes
 from femupdate.units import percent
 from femupdate.workflow.amplitude import UNFOLLOWED, changing_note, mean_level
 from femupdate.workflow.effect_surrogate import open_system
@@ -139,7 +140,7 @@ class PredictionReport:
             lines.append(self.floor_spectra.table(self.summary.floors))
         if self.comparison is not None:
             lines.append(self.comparison.table())
-        return (*lines, *(f"  - {note}" for note in self.notes), f"  {self.path}")
+        return (*lines, *first_notes(self.notes, "--json has them"), f"  {self.path}")
 
 
 def predict_study(
@@ -190,7 +191,8 @@ def predict_study(
         alone=alone,
         path=path,
         damping=draws.damping,
-        notes=(*_notes(model, posterior, motion, settings), *at_level, *posterior.warnings),
+        # The decisive come first.
+        notes=(*posterior.warnings, *at_level, *_notes(model, posterior, motion, settings)),
         seconds=time.monotonic() - started,
         quantities=_quantities(model, summary),
         motion=motion,
@@ -300,9 +302,12 @@ def _members(
 def _notes(
     model: StudyModel, posterior: Posterior, motion: GroundMotion, settings: PredictionSettings
 ) -> tuple[str, ...]:
+    between = _scatter(posterior, settings)
+    errs = ", and the model errs as it did in the calibration" * (posterior.model_error is not None)
     notes = [
+        f"Intervals are those of the next measurement: between events {between}{errs}.",
         f"Record {motion.title}: peak "
-        f"{motion.peak:.3g} m/s², {motion.duration:.1f} s at {1 / motion.time_step:.4g} Hz."
+        f"{motion.peak:.3g} m/s², {motion.duration:.1f} s at {1 / motion.time_step:.4g} Hz.",
     ]
     top = float(model.frequency_hz[-1])
     if motion.rotation is not None:
@@ -322,11 +327,6 @@ def _notes(
         notes.append(
             "The masses of this building are nominal: story shears and stiffnesses are relative."
         )
-    between = _scatter(posterior, settings)
-    notes.append(
-        f"Intervals are those of the next measurement: between events {between}, and the model "
-        "errs as it did in the calibration."
-    )
     if settings.members:
         notes.append(ALONE)
     return tuple(notes)

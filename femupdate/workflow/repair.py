@@ -181,7 +181,8 @@ def repair_study(
         building = repaired_building(model.building, done)
         kept = keep_repaired(study, model, building, mended.reduced, finder.mesh)
         levels = level_settings(model, done.after.placed, source, problem.levels)
-        keep_effect_posterior(kept, given.measured.as_observation, source, after, levels)
+        fitted = done.after, after
+        keep_effect_posterior(kept, given.measured.as_observation, source, fitted, levels)
     report = RepairReport(
         repair=done,
         problem=problem,

@@ -18,6 +18,9 @@ class CalibrationThresholds:
     zeta_grid: int = entry(25, "ratios", "at which a free damping ratio is looked at")
     zeta_samples: int = entry(48, "draws", "of theta at which it is")
     predictive: int = entry(200, "draws", "whose responses are compared with the measured ones")
+    few_draws: float = entry(
+        100.0, "draws", "that count, below which an importance sample is doubted"
+    )
     checked: int = entry(100, "draws", "at which the errors of the approximations are looked at")
     decoder_may_miss: float = entry(
         0.25, "noise sd", "by which a corrected decoder may miss the building at its draws"

@@ -25,7 +25,7 @@ from femupdate.surrogate.storage import TrainedSurrogate
 from femupdate.surrogate.training import TrainingSettings
 from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.calibrate_draws import predictive_log_frf
-from femupdate.workflow.calibrate_notes import reduction_notes
+from femupdate.workflow.calibrate_notes import reduction_warnings
 from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource, observation_of
@@ -589,7 +589,9 @@ def test_an_observation_unlike_the_training_is_told(marked, tmp_path, frf_table)
 def test_data_better_than_the_reduced_model_are_told_of(tower_model, frf_table):
     observation = observation_of(tower_model.building, ObservationSource(frf_table[0]))
     typical = float(np.median(observation.noise_sd))
-    assert reduction_notes(replace(tower_model, reduction_error=0.9 * typical), observation) == ()
-    (note,) = reduction_notes(replace(tower_model, reduction_error=0.34), observation)
+    assert (
+        reduction_warnings(replace(tower_model, reduction_error=0.9 * typical), observation) == ()
+    )
+    (note,) = reduction_warnings(replace(tower_model, reduction_error=0.34), observation)
     assert "misses the full one by 0.34" in note
     assert f"a noise of {typical:.2g}" in note

@@ -3,8 +3,16 @@
 import numpy as np
 import pytest
 
+from femupdate.inference.posterior import DrawnBy, Posterior
+from femupdate.measurement.observation import Observation
+from femupdate.tables import first_notes
 from femupdate.workflow.calibrate_draws import Fitting
-from femupdate.workflow.calibrate_notes import overstated_noise
+from femupdate.workflow.calibrate_notes import (
+    decoder_warnings,
+    judgement,
+    misfit_warnings,
+    overstated_noise,
+)
 
 
 @pytest.mark.parametrize("rms", [0.1, 0.27, 0.49])
@@ -17,3 +25,53 @@ def test_residuals_far_below_the_noise_are_told_with_their_size(rms):
 @pytest.mark.parametrize("rms", [0.5, 1.0, 6.7, np.nan])
 def test_residuals_like_the_noise_are_not(rms):
     assert overstated_noise(Fitting(misfit=rms**2, check=None)) == ()
+
+
+@pytest.fixture
+def pressed():
+    """A posterior whose second factor lies at the upper limit of its prior."""
+    rng = np.random.default_rng(0)
+    theta = np.stack([rng.uniform(0.9, 1.1, 500), 3.0 - 0.001 * rng.random(500)], axis=1)
+    seen = np.ones((1, 4))
+    return Posterior(
+        names=("theta_1", "theta_2"),
+        theta=theta[None],
+        zeta=None,
+        log_likelihood=np.zeros((1, 500)),
+        lower=np.full(2, 1.0 / 3.0),
+        upper=np.full(2, 3.0),
+        drawn=DrawnBy(likelihood="exact", way="drawing", chains=1, evaluations=500),
+        observation=Observation(
+            frequency_hz=np.arange(1.0, 5.0),
+            floors=("RF",),
+            log_frf=seen,
+            noise_sd=0.1 * seen,
+            valid=seen > 0.0,
+        ),
+        settings={},
+    )
+
+
+def test_a_factor_at_the_limit_of_its_prior_is_told(pressed):
+    (note,) = judgement(pressed, Fitting(misfit=1.0, check=None))
+    assert note.startswith("theta_2 (3) presses against the prior's upper limit")
+
+
+def test_what_decides_comes_before_a_limit(pressed):
+    first, second = judgement(pressed, Fitting(misfit=49.0, check=None))
+    assert "misses the measured ln|H| by 7.0 times its noise" in first
+    assert "theta_2" in second
+
+
+def test_a_posterior_not_to_be_trusted_says_so():
+    assert misfit_warnings(1.0, 1.2) == ()
+    assert decoder_warnings(0.001, 0.2) == ()
+    for (note,) in (misfit_warnings(9.0, 1.2), decoder_warnings(0.4, 0.2)):
+        assert "do not trust this posterior" in note.lower()
+
+
+def test_six_notes_are_shown_and_the_rest_counted():
+    notes = [f"note {k}" for k in range(8)]
+    assert first_notes(notes[:6], "elsewhere") == [f"  - {one}" for one in notes[:6]]
+    assert first_notes(notes[:7], "elsewhere")[-1] == "  - 1 more note: elsewhere"
+    assert first_notes(notes, "elsewhere")[-1] == "  - 2 more notes: elsewhere"

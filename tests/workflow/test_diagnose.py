@@ -7,6 +7,7 @@ of a fifth of the benchmark's points keeps each diagnosis below a second.
 
 import importlib.util
 import json
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -321,6 +322,8 @@ def test_the_report_has_the_promised_keys_and_its_file(heavier):
         "size_sd",
         "absorbed_by_theta",
     } <= set(told["effects"][0])
+    # As if the catalogue were complete.
+    assert "probability" not in told["effects"][0]
     assert {"floor", "band_hz", "excess", "data"} == set(told["where"][0])
     assert 0.5 < told["effects"][0]["absorbed_by_theta"] < 1.0
     assert told["effects"][0]["added_mass_kg"] is None  # masses of that building are nominal
@@ -328,6 +331,16 @@ def test_the_report_has_the_promised_keys_and_its_file(heavier):
     assert kept["verdict"] == "named"
     assert kept["effects"][0]["name"] == "added_mass"
     assert heavier.path.name == "diagnosis.json"
+
+
+def test_a_factor_that_ends_at_its_limit_is_told(diagnosed, study, heavier, tmp_path):
+    """theta_2 is 1.3, which a narrow prior leaves out."""
+    narrow = tmp_path / "narrow.toml"
+    text = study.path("building.toml").read_text()
+    narrow.write_text(re.sub(r"(\[prior.theta\][^\[]*upper = )[\d.]+", r"\g<1>1.2", text))
+    told = diagnosed(CHAIN.frf(GRID), str(narrow)).screen[0]
+    assert told.startswith("Without effects theta_2 (1.2) ends at the prior's limit")
+    assert not any("prior's limit" in one for one in heavier.screen)
 
 
 def test_pictures_of_a_diagnosis(heavier, tmp_path):

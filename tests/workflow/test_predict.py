@@ -227,14 +227,14 @@ def test_one_motion_in_four_formats(
     found = predicted(tower, tower_model, path, **options)
     # The coarsest of the files has six decimals of g: 5e-6 m/s2, some times amplified.
     np.testing.assert_allclose(found.summary.acceleration_mean, expected, atol=1e-4)
-    assert said in found.notes[0]
+    assert any(said in note for note in found.notes)
 
 
 def test_the_shipped_record(tower, tower_model):
     report = predicted(tower, tower_model, SHIPPED, PredictionSettings(samples=3))
-    assert "peak 3.38 m/s², 90.0 s at 100 Hz" in report.notes[0]
+    assert any("peak 3.38 m/s², 90.0 s at 100 Hz" in note for note in report.notes)
     # It holds motion up to 50 Hz, the tower's grid ends at 12 Hz.
-    assert "checked up to 12 Hz" in report.notes[1]
+    assert any("checked up to 12 Hz" in note for note in report.notes)
     assert report.summary.acceleration_mean.shape == (2, 9001)
 
 

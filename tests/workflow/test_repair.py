@@ -238,6 +238,53 @@ def test_calibrate_exact_takes_the_repaired_building(repaired, home, tmp_path):
     np.testing.assert_allclose(draws.mean(axis=0), [*THETA, 0.12], atol=0.015)
 
 
+@pytest.fixture(scope="module")
+def listed(home):
+    """Calibrated with a late roof listed and more mass on 3F not, of data that have both."""
+    rows = (home / "heavy.csv").read_text().splitlines()
+    head, values = rows[:2], np.array([row.split(",") for row in rows[2:]])
+    values[:, 4] = np.roll(values[:, 4], 1)
+    lines = [*head, *(",".join(row) for row in values)]
+    (home / "late.csv").write_text("\n".join(lines) + "\n")
+    effect = '[[effects]]\nname = "channel_delay"\nplace = "RF"\n'
+    (home / "late.toml").write_text((home / "three.toml").read_text() + effect)
+    study = Study(home / "listed")
+    model = open_study(study, str(home / "late.toml"))
+    settings = CalibrationSettings(particles=400, exact=True)
+    return study, calibrate_study(study, model, ObservationSource(home / "late.csv"), settings)
+
+
+def test_a_listed_delay_is_found_by_the_phase(listed):
+    """Late by a sample; amplitudes say nothing of it."""
+    delay = load_posterior(listed[1].path).samples[:, 3]
+    assert delay.mean() == pytest.approx(STEP, rel=0.15)
+    assert delay.std() < 0.1 * STEP
+
+
+def test_what_such_a_model_errs_by_goes_with_its_posterior(listed, tmp_path, write_record):
+    posterior = load_posterior(listed[1].path)
+    assert posterior.model_error.amplitude.size > 0.02
+    assert posterior.model_error.amplitude.mean.shape == posterior.observation.log_frf.shape
+    assert posterior.model_error.phase.mean.shape == posterior.observation.log_frf.shape
+    assert any("something is missing in the model" in one for one in posterior.warnings)
+    assert listed[1].notes[: len(posterior.warnings)] == posterior.warnings
+    time = np.arange(1500) * STEP
+    wave = np.exp(-(((time - 4.0) / 1.2) ** 2)) * np.sin(2 * np.pi * 3.0 * time)
+    record = write_record(tmp_path / "wave.csv", GroundMotion(wave, STEP))
+    settings = PredictionSettings(samples=40, scatter=0.0, damping_scatter=0.0)
+    study = listed[0]
+    report = predict_study(study, open_study(study), RecordSource(record), settings)
+    wide, narrow = (one.acceleration_sd.max() for one in (report.summary, report.alone))
+    assert wide > 1.5 * narrow
+    assert set(posterior.warnings) < set(report.notes)
+
+
+def test_a_right_repair_has_no_error_to_tell(repaired):
+    posterior = load_posterior(repaired[0].study.path("posterior.nc"))
+    assert posterior.model_error.amplitude.present < 0.5
+    assert posterior.warnings == ()
+
+
 def test_a_repaired_building_without_a_surrogate_is_told_what_to_do(repaired):
     with pytest.raises(SurrogateError) as refused:
         require_surrogate(repaired[0].study, load_building(repaired[0].building_path))
