@@ -159,7 +159,7 @@ def ranking(effects: Sequence[Ranked], needed: float, verdict: str) -> Figure:
     for row, one in enumerate(shown):
         length = _scaled(one.gain)
         panel.barh(row, length, color=ORANGE if one.leading else BLUE, height=0.62)
-        text = f"{one.gain:,.0f}   {one.size}" if one.size else f"{one.gain:,.0f}"
+        text = f"{round(one.gain):,}   {one.size}".rstrip()
         panel.annotate(
             text,
             (max(length, 0.0), row),
