@@ -84,7 +84,6 @@ def floor_histories(
     time_step: float,
     *,
     settings: HistorySettings | None = None,
-    progress: Progress = SILENT,
 ) -> Histories:
     """Return the response of every sample, from rest, to one record of base acceleration.
 
@@ -100,15 +99,12 @@ def floor_histories(
         acceleration: (n,) base acceleration, m/s2, or (2, n) with its rotation, rad/s2, below.
         time_step: s.
         settings: accuracy, batch and device.
-        progress: advances by one a sample.
 
     Raises:
         MeasurementError: the record is too short, not finite or has no positive time step.
         ModelError: parameters or zeta do not fit, or a stiffness is not positive definite.
     """
-    batches = history_batches(
-        system, parameters, zeta, acceleration, time_step, settings=settings, progress=progress
-    )
+    batches = history_batches(system, parameters, zeta, acceleration, time_step, settings=settings)
     return join_histories(list(batches))
 
 
@@ -135,7 +131,7 @@ def history_batches(
 ) -> Iterator[Histories]:
     """Check the input, then yield the histories of `settings.batch` samples at a time.
 
-    Arguments and errors as for `floor_histories`.
+    Arguments and errors as for `floor_histories`; `progress` advances by one a sample.
     """
     chosen = settings or HistorySettings()
     samples = _check_parameters(parameters, system)

@@ -47,23 +47,15 @@ class Superposition:
     """The modes of a structure under a base motion in one direction.
 
     Attributes:
-        direction: (3,) unit vector.
-        influence: (n_free,) motion of the independent degrees of freedom with the base.
         omega: (m,) rad/s.
         shapes: (n_free, m) mode shapes, scaled to a participation of one.
         missed: (n_free,) what these lack of the static displacement under a unit of base
             acceleration against the direction, s2.
-        effective_mass: (m,) kg, of each mode in the direction.
-        total_mass: kg, of the structure, its supports included.
     """
 
-    direction: Floats
-    influence: Floats
     omega: Floats
     shapes: Floats
     missed: Floats
-    effective_mass: Floats
-    total_mass: float
 
 
 def superpose(
@@ -79,8 +71,7 @@ def superpose(
     Raises:
         ModelError: the structure is a mechanism, or the direction is unknown.
     """
-    unit = base_direction(direction)
-    parts = zip(unit, range(3), strict=True)
+    parts = zip(base_direction(direction), range(3), strict=True)
     everything = sum(share * operators.rigid_translation(axis) for share, axis in parts)
     force = operators.gather(operators.mass_full @ everything)
     factorization = factorize_held(operators, operators.stiffness(theta))
@@ -90,13 +81,9 @@ def superpose(
     shapes, omega = modes.shapes * participation, 2.0 * np.pi * modes.frequency_hz
     static = factorization.solve(force)
     return Superposition(
-        direction=unit,
-        influence=operators.restrict(np.asarray(everything)),
         omega=omega,
         shapes=shapes,
         missed=static - shapes @ omega**-2.0,
-        effective_mass=participation**2,
-        total_mass=float(everything @ (operators.mass_full @ everything)),
     )
 
 

@@ -90,15 +90,15 @@ def node_displacements(model: ReducedModel, vector: Floats) -> Floats:
     return np.einsum("ndr,...r->...nd", model.node_shapes, vector)
 
 
-def modes_at_one(model: ReducedModel, theta: Floats, steps: int = 40) -> Integers:
+def modes_at_one(model: ReducedModel, theta: Floats) -> Integers:
     """For every mode at theta (p,) the mode at factors 1 that it comes from, (r,).
 
-    The factors go from 1 to theta in even steps of their logarithms; at each the modes are paired,
-    one to one, with those that they resemble most.
+    The factors go from 1 to theta in 40 even steps of their logarithms; at each the modes are
+    paired, one to one, with those that they resemble most.
     """
     from scipy.optimize import linear_sum_assignment
 
-    path = np.exp(np.linspace(0.0, 1.0, steps + 1)[:, None] * np.log(theta))
+    path = np.exp(np.linspace(0.0, 1.0, 41)[:, None] * np.log(theta))
     vectors = reduced_modes(model, path).vectors
     origin = np.arange(vectors.shape[-1])
     for before, after in pairwise(vectors):

@@ -35,7 +35,6 @@ class BridgeResult:
         effective_share: of the importance draws; 0 where they were not used.
         effective: effective sample size of the importance draws; 0 likewise.
         evaluations: of the target, all in all.
-        tempered: whether the particles had to be tempered first.
     """
 
     theta: Tensor
@@ -45,7 +44,6 @@ class BridgeResult:
     effective_share: float
     effective: float
     evaluations: int
-    tempered: bool
 
 
 @dataclass(frozen=True)
@@ -67,7 +65,6 @@ def bridge(
     start: Start,
     seed: Seed,
     *,
-    draws: int | None = None,
     settings: SmcSettings | None = None,
     importance: ImportanceSettings | None = None,
     progress: Progress = SILENT,
@@ -79,7 +76,6 @@ def bridge(
         target: log likelihood wanted.
         start: see `Start`; every mode of the target must hold some of its particles.
         seed: of everything random.
-        draws: importance draws that the result is resampled from; default four a particle.
         settings: of the tempering, where it is needed.
         importance: how the proposal is fitted.
         progress: advances by one an evaluation of the target's likelihood.
@@ -90,18 +86,18 @@ def bridge(
     counted = Counted(target, progress)
     first, between, second, chosen = spawn(seed, 4)
     count = len(start.result.theta)
-    wanted = draws or 4 * count
+    wanted = 4 * count  # importance draws
     weighted = _tried(prior, counted, start.result.theta, wanted, first, importance)
     if weighted is not None:
-        return _resampled(weighted, count, chosen, counted.count, tempered=False)
+        return _resampled(weighted, count, chosen, counted.count)
     if start.base is None:
-        return _unrefined(start.result, 0.0, counted.count, tempered=False)
+        return _unrefined(start.result, 0.0, counted.count)
     tempering = TemperedSmc(prior, counted, base=start.base, settings=settings)
     result = tempering.run(count, between, start=start.result.theta)
     weighted = _tried(prior, counted, result.theta, wanted, second, importance)
     if weighted is not None:
-        return _resampled(weighted, count, chosen, counted.count, tempered=True)
-    return _unrefined(result, start.result.log_evidence, counted.count, tempered=True)
+        return _resampled(weighted, count, chosen, counted.count)
+    return _unrefined(result, start.result.log_evidence, counted.count)
 
 
 def _tried(
@@ -120,9 +116,7 @@ def _tried(
     return weighted if weighted.effective > DRAWS.least_share * draws else None
 
 
-def _resampled(
-    weighted: WeightedDraws, count: int, seed: Seed, evaluations: int, *, tempered: bool
-) -> BridgeResult:
+def _resampled(weighted: WeightedDraws, count: int, seed: Seed, evaluations: int) -> BridgeResult:
     theta, value = weighted.resample(count, seed)
     return BridgeResult(
         theta,
@@ -132,17 +126,14 @@ def _resampled(
         weighted.effective / len(weighted.points),
         weighted.effective,
         evaluations,
-        tempered,
     )
 
 
-def _unrefined(
-    result: SmcResult, base_log_evidence: float, evaluations: int, *, tempered: bool
-) -> BridgeResult:
+def _unrefined(result: SmcResult, base_log_evidence: float, evaluations: int) -> BridgeResult:
     """The tempered particles as they are."""
     evidence = result.log_evidence + base_log_evidence
     return BridgeResult(
-        result.theta, result.log_likelihood, evidence, math.nan, 0.0, 0.0, evaluations, tempered
+        result.theta, result.log_likelihood, evidence, math.nan, 0.0, 0.0, evaluations
     )
 
 

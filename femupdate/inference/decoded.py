@@ -11,7 +11,6 @@ put right for each observation: the difference between the building's own respon
 decoder's, at draws of the posterior, is fitted to the second order in z and added.
 """
 
-import copy
 from dataclasses import dataclass
 
 import torch
@@ -184,8 +183,3 @@ class DecodedLikelihood:
     def by_responses(self, log_frf: Tensor) -> Tensor:
         """Log likelihood (n,) of the building's responses, which the decoder has no part in."""
         return -0.5 * self._power * self.misfit(log_frf) * len(self._target)
-
-    def precise(self) -> "DecodedLikelihood":
-        """The same in double precision, for differences."""
-        mvae = copy.deepcopy(self._mvae).double()
-        return DecodedLikelihood(mvae, self._data, self._correction, self._power)

@@ -17,14 +17,13 @@ from femupdate.inference.thresholds import DRAWS, MODES
 from femupdate.seeds import torch_generator
 
 
-def separate_modes(x: Tensor, seed: int = 0) -> Tensor:
+def separate_modes(x: Tensor) -> Tensor:
     """Return the mode (n,) of every draw of x (n, p), 0 for the heaviest.
 
     Args:
         x: in coordinates of comparable size, float64.
-        seed: of the mixture's start.
     """
-    generator = torch_generator(seed, x.device)
+    generator = torch_generator(0, x.device)
     some = x[torch.randperm(len(x), generator=generator, device=x.device)[: MODES.fitted]]
     distinct = len(torch.unique(some[:, 0]))
     components = max(1, min(MODES.components, distinct // (DRAWS.distinct * (x.shape[1] + 1))))

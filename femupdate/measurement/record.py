@@ -42,9 +42,6 @@ class GroundMotion:
         time_step: s.
         name: of the record, the file's name without its ending.
         channel: the component's name in the file.
-        format: name of the reader of its file, or "array".
-        unit: that the file's numbers were in.
-        channels: names of all channels of that file.
         rotation: (n,) of the base, rad/s2, that leans a building forward; None where it was not
             measured.
         scale: by which the values of the file were multiplied.
@@ -54,9 +51,6 @@ class GroundMotion:
     time_step: float
     name: str = "motion"
     channel: str = ""
-    format: str = "array"
-    unit: str = "m/s2"
-    channels: tuple[str, ...] = ()
     rotation: Floats | None = None
     scale: float = 1.0
 
@@ -188,12 +182,9 @@ def read_record(
         time_step=chosen.time_step,
         name=file.path.stem,
         channel=chosen.name,
-        format=recording.format,
-        unit=plain_unit(stated).lower(),
-        channels=tuple(each.name for each in channels),
         rotation=_rotation(file, chosen, base, unit),
     )
-    _check_plausible(file, motion)
+    _check_plausible(file, motion, plain_unit(stated).lower())
     return motion
 
 
@@ -267,7 +258,7 @@ def _choose(
     )
 
 
-def _check_plausible(file: TextFile, motion: GroundMotion) -> None:
+def _check_plausible(file: TextFile, motion: GroundMotion, unit: str) -> None:
     where = repr(motion.channel)
     check_step(file, motion.time_step, where)
     if motion.acceleration.size < RECORD.fewest:
@@ -284,7 +275,7 @@ def _check_plausible(file: TextFile, motion: GroundMotion) -> None:
         peak = motion.peak if motion.peak > LARGEST_PEAK else swing
         raise file.error(
             f"the peak is {peak / STANDARD_GRAVITY:.3g} g when the values are read in"
-            f" {motion.unit}, which no strong-motion record has ({RECORD.smallest_g:g} to"
+            f" {unit}, which no strong-motion record has ({RECORD.smallest_g:g} to"
             f" {RECORD.largest_g:g} g); is the unit wrong?",
             column=where,
         )

@@ -8,7 +8,6 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from femupdate.arrays import Floats
-from femupdate.errors import ReportError
 from femupdate.report.figure import (
     add_head,
     checked,
@@ -31,7 +30,6 @@ def floor_history_bands(
     floors: Sequence[str],
     *,
     measured: ArrayLike | None = None,
-    window: tuple[float, float] | None = None,
     title: str = "Floor acceleration",
 ) -> Figure:
     """Draw the floor accelerations, the top floor first: the whole record and its strong part.
@@ -41,21 +39,15 @@ def floor_history_bands(
         mean, sd: (f, n) over the posterior samples, m/s2; the band is two sd either way.
         floors: f names, bottom to top.
         measured: (f, n) m/s2 with rows of NaN where a floor has no sensor, or None.
-        window: start and end of the strong part, s; default where the top floor shakes most.
 
     Raises:
-        ReportError: an array has another shape, or the window lies outside the record.
+        ReportError: an array has another shape.
     """
     instants = checked("time", time, None)
     shape = (len(floors), len(instants))
     middle, spread = checked("mean", mean, *shape), checked("sd", sd, *shape)
     seen = None if measured is None else checked("measured", measured, *shape)
-    strong = strong_part(instants, middle[-1]) if window is None else window
-    if not instants[0] <= strong[0] < strong[1] <= instants[-1]:
-        raise ReportError(
-            f"the window {strong[0]} to {strong[1]} s lies outside the record, "
-            f"{instants[0]} to {instants[-1]} s"
-        )
+    strong = strong_part(instants, middle[-1])
     figure = new_figure(11.5, 0.6 + 1.25 * len(floors))
     axes = figure.subplots(
         len(floors), 2, sharex="col", sharey=True, squeeze=False, width_ratios=(1.0, 1.15)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from femupdate.arrays import Floats
 from femupdate.report.figure import add_head, checked, new_figure
 from femupdate.report.plot_posterior import SampleSet, checked_cases
-from femupdate.report.style import FAINT, KNOWN, styled
+from femupdate.report.style import FAINT, styled
 
 ROW_HEIGHT = 0.26  # inches for each interval
 BETWEEN_ROWS = 0.2
@@ -23,7 +23,6 @@ def theta_intervals(
     names: Sequence[str],
     sets: Sequence[SampleSet],
     bounds: ArrayLike,
-    truth: ArrayLike | None = None,
     *,
     title: str = "Stiffness factors, from prior to posterior",
 ) -> Figure:
@@ -33,7 +32,6 @@ def theta_intervals(
         names: p names; the first is drawn lowest, as the first story is.
         sets: one to six posteriors.
         bounds: (p, 2) prior bounds.
-        truth: (p,) true values, where they are known.
 
     Raises:
         ReportError: an array has another shape, or there are no samples or too many sets.
@@ -53,9 +51,6 @@ def theta_intervals(
         label = f"{case.label or 'Posterior'}: mean, 5 to 95 %"
         heights = rows + ((len(cases) - 1) / 2 - place) * ROW_HEIGHT / band
         _draw_intervals(panel, case.samples, heights, case.color, label)
-    if truth is not None:
-        true = checked("truth", truth, len(names))
-        panel.vlines(true, rows - 0.36, rows + 0.36, label="Truth", **KNOWN)
     panel.set(yticks=rows, yticklabels=names, ylim=(-0.6, len(names) - 0.4))
     panel.tick_params(axis="y", length=0, labelsize=10.0)
     panel.grid(visible=False, axis="y")

@@ -8,7 +8,12 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from femupdate.dynamics.damping import ConstantDamping, RayleighDamping
-from femupdate.dynamics.history import HistorySettings, floor_histories, history_batches
+from femupdate.dynamics.history import (
+    HistorySettings,
+    floor_histories,
+    history_batches,
+    join_histories,
+)
 from femupdate.dynamics.recurrence import interpolate_record, step_matrices
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.dynamics.story import story_stiffness
@@ -242,9 +247,9 @@ def test_batches_and_single_samples_agree(recorder):
     model = shear_building(MASS, SPRING)
     whole = floor_histories(model, theta, zeta, record, 0.02)
     told = recorder()
-    parts = floor_histories(
-        model, theta, zeta, record, 0.02, settings=HistorySettings(batch=3), progress=told
-    )
+    chosen = HistorySettings(batch=3)
+    batches = history_batches(model, theta, zeta, record, 0.02, settings=chosen, progress=told)
+    parts = join_histories(list(batches))
     assert told.counts == [3, 3, 1]
     one = floor_histories(model, theta[4:5], zeta[4:5], record, 0.02)
     # Only the order of sums in the matrix products differs.

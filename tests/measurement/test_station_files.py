@@ -72,9 +72,11 @@ def test_smc_says_where_its_sensor_is(shared_file):
 
 
 def test_esm(write, texts, wave):
-    motion = read_record(write(texts["esm"](wave), "a.asc"))
+    path = write(texts["esm"](wave), "a.asc")
+    motion = read_record(path)
     np.testing.assert_allclose(motion.acceleration, wave * 1e-2, **EXACT)
-    assert (motion.format, motion.time_step, motion.channel) == ("esm", 0.005, "HNE")
+    assert read_measured(path).format == "esm"
+    assert (motion.time_step, motion.channel) == (0.005, "HNE")
     (channel,) = read_measured(write(texts["esm"](wave, stream="HNZ"))).channels
     assert channel.vertical
     assert channel.location == "TESTVILLE"

@@ -21,7 +21,6 @@ class ObservationResult:
         evidence_error: log evidence of the bridge less the exact one.
         evidence_sd: the standard error that the bridge gives.
         effective_share: of the bridge's importance draws.
-        tempered: whether the bridge had to temper.
         latent_evaluations: of the latent likelihood.
         latent_responses: of the building that the latent likelihood took.
         responses: of the bridge.
@@ -34,7 +33,6 @@ class ObservationResult:
     evidence_error: float
     evidence_sd: float
     effective_share: float
-    tempered: bool
     latent_evaluations: int
     latent_responses: int
     responses: int
@@ -63,7 +61,6 @@ def observation_result(
         evidence_error=found.log_evidence - exact.weighted.log_evidence,
         evidence_sd=found.log_evidence_error,
         effective_share=found.effective_share,
-        tempered=found.tempered,
         latent_evaluations=start.evaluations,
         latent_responses=latent.found.responses,
         responses=found.evaluations,
