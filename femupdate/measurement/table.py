@@ -1,7 +1,9 @@
 """Tables of numbers in text: delimiter, header row, units row, and the cell that is wrong."""
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -72,7 +74,12 @@ def read_table(file: TextFile) -> Table:
     delimiter = find_delimiter(rows[0][1])
     rows = in_seconds(rows, delimiter)
     rows = drop_trailing_blanks(rows, delimiter)
-    names, units, data = _head(file, rows, delimiter)
+    names, units, data = read_head_rows(file, rows, delimiter)
+    for position, name in enumerate(names or ()):
+        if not name:
+            raise file.error(
+                f"column {position + 1} has no name; give every column one or remove it", rows[0][0]
+            )
     values, lines = parse_rows(file, data, delimiter, names)
     return Table(file, names, units or (None,) * values.shape[1], values, lines)
 
@@ -107,9 +114,16 @@ def drop_trailing_blanks(rows: list[Row], delimiter: str | None) -> list[Row]:
 
 
 def parse_rows(
-    file: TextFile, rows: list[Row], delimiter: str | None, names: tuple[str, ...] | None
+    file: TextFile,
+    rows: list[Row],
+    delimiter: str | None,
+    names: tuple[str, ...] | None,
+    missing: bool = False,
 ) -> tuple[Floats, Integers]:
     """Return the values (r, c) of numeric rows and their line numbers (r,).
+
+    Args:
+        missing: a cell may be `nan`.
 
     Raises:
         MeasurementError: there is no row, or a cell is blank, text or not finite, or a row has
@@ -126,22 +140,36 @@ def parse_rows(
         values = np.loadtxt(texts, delimiter=delimiter, comments=None, ndmin=2, quotechar='"')
     except ValueError:
         values = None
-    if values is None or values.shape[1] != width or not np.isfinite(values).all():
-        _blame(file, list(zip(lines.tolist(), texts, strict=True)), delimiter, width, names)
+    refused = np.isinf if missing else lambda found: ~np.isfinite(found)
+    if values is None or values.shape[1] != width or refused(values).any():
+        _blame(
+            file, list(zip(lines.tolist(), texts, strict=True)), delimiter, width, names, refused
+        )
         raise file.error("the table cannot be read as numbers; write plain decimal numbers")
     return values, lines
 
 
-def _head(
-    file: TextFile, rows: list[Row], delimiter: str | None
+def read_head_rows(
+    file: TextFile,
+    rows: list[Row],
+    delimiter: str | None,
+    split: Callable[[str], tuple[str, str | None]] = split_unit,
 ) -> tuple[tuple[str, ...] | None, tuple[str | None, ...] | None, list[Row]]:
+    """Names and units of the columns, None where the first row has numbers, and the other rows.
+
+    Args:
+        split: a title into name and unit.
+
+    Raises:
+        MeasurementError: two columns have one name, or the units row has another width.
+    """
     line, text = rows[0]
     if delimiter is None:  # "time (s) RF (g)": the unit stays with its name
         text = re.sub(r"\s+([(\[])", r"\1", text)
     first = cells_of(text, delimiter)
     if is_number(first[0]):
         return None, None, rows
-    titles = [split_unit(cell) for cell in first]
+    titles = [split(cell) for cell in first]
     names = tuple(name for name, _ in titles)
     _refuse_repeats(file, names, line)
     units: tuple[str | None, ...] = tuple(unit for _, unit in titles)
@@ -170,11 +198,7 @@ def _drop_blank_tail(text: str, delimiter: str, count: int) -> str:
 
 def _refuse_repeats(file: TextFile, names: tuple[str, ...], line: int) -> None:
     for position, name in enumerate(names):
-        if not name:
-            raise file.error(
-                f"column {position + 1} has no name; give every column one or remove it", line
-            )
-        if name in names[:position]:
+        if name and name in names[:position]:
             raise file.error(
                 f"two columns are called {name!r}; rename or remove one (several sensors of a"
                 f" floor are {name}:1, {name}:2)",
@@ -188,8 +212,9 @@ def _blame(
     delimiter: str | None,
     width: int,
     names: tuple[str, ...] | None,
+    refused: Callable[[Any], Any],
 ) -> None:
-    """Raise the error of the first cell that is no finite number."""
+    """Raise the error of the first cell that is no number or a refused one."""
     for line, text in rows:
         cells = cells_of(text, delimiter)
         if len(cells) != width:
@@ -199,7 +224,7 @@ def _blame(
                 line,
             )
         for position, cell in enumerate(cells):
-            if is_number(cell) and np.isfinite(float(cell.replace(",", "."))):
+            if is_number(cell) and not refused(float(cell.replace(",", "."))):
                 continue
             what = f"{cell!r} is not a number" if cell else "the cell is blank"
             if is_number(cell):

@@ -36,13 +36,13 @@ def edited(old, new):
 
 SPOILED = {
     # identified modes
-    "modes, head alone": ("a.csv", MODES, "has a header but no modes"),
+    "modes, head alone": ("a.csv", MODES, "has a header but no data"),
     "modes, no frequency": ("a.csv", edited("frequency_hz", "period_s"), "unknown column"),
     "modes, blank frequency": ("a.csv", edited("3.2", ""), "the mode has no frequency"),
     "modes, frequency of zero": ("a.csv", edited("3.2", "0"), "it must be above 0"),
     "modes, negative frequency": ("a.csv", edited("3.2", "-3.2"), "it must be above 0"),
     "modes, frequency in words": ("a.csv", edited("3.2", "three"), "'three' is not a number"),
-    "modes, infinite frequency": ("a.csv", edited("3.2", "inf"), "'inf' is not a number"),
+    "modes, infinite frequency": ("a.csv", edited("3.2", "inf"), "the value is inf"),
     "modes, damping in percent": ("a.csv", edited("0.02,", "2.0,"), "behind the column's name"),
     "modes, damping in metres": ("a.csv", edited("damping,", "damping (m),"), "cannot be in 'm'"),
     "modes, no spread": ("a.csv", edited("0.01", "0"), "standard deviation of the frequency"),

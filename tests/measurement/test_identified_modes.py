@@ -120,7 +120,7 @@ HEAD = "mode,frequency_hz,damping,2F,RF\n"
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (HEAD, r"has a header but no modes"),
+        (HEAD, r"has a header but no data"),
         (HEAD + "1,1.7,0.02,1\n", r"line 2: the row has 4 cells where 5 are expected"),
         (HEAD + "1,,0.02,1,2\n", r"line 2, column frequency_hz: the mode has no frequency"),
         (HEAD + "1,-2,0.02,1,2\n", r"the frequency of mode 1 is -2 Hz; it must be above 0"),
@@ -128,7 +128,11 @@ HEAD = "mode,frequency_hz,damping,2F,RF\n"
         (HEAD + "1,1.7,2.1,1,2\n", r"damping ratio of mode 1 is 2.1, .* damping \(%\)"),
         (HEAD + "1,1.7,-0.02,1,2\n", r"damping ratio of mode 1 is -0.02"),
         (HEAD + "1,1.7,low,1,2\n", r"line 2, column 'damping': 'low' is not a number"),
-        (HEAD + "1,1.7,inf,1,2\n", r"'inf' is not a number"),
+        (HEAD + "1,1.7,inf,1,2\n", r"line 2, column 'damping': the value is inf"),
+        (
+            "3,frequency_hz,damping\n1,1.7,0.02\n",
+            r"line 1: the first cell of the header is a number",
+        ),
         ("mode,frequency_hz,7X\n1,2,3\n", r"unknown column '7X'.*identified modes are mode,"),
         ("mode,freqency_hz\n1,2\n", r"unknown column 'freqency_hz' \(did you mean 'frequency_hz'"),
         ("mode,2F\n1,2\n", r"there is no column frequency_hz; columns of identified modes"),

@@ -252,7 +252,6 @@ def test_intervals_of_stiffness_factors():
     assert legend(figure) == [
         "Case 1: all floors: mean, 5 to 95 %",
         "Case 2: roof alone: mean, 5 to 95 %",
-        "Truth",
         "Prior",
     ]
 
@@ -264,7 +263,7 @@ def test_histories_and_the_strong_part():
     assert whole.get_xlim() == (TIME[0], TIME[-1])
     start, end = zoomed.get_xlim()
     assert TIME[0] < start < 6.0 < end < TIME[-1]
-    assert zoomed.get_title(loc="left") == f"{start:.2f} to {end:.2f} s"
+    assert zoomed.get_title(loc="left") == f"{start:.1f} to {end:.1f} s"
     np.testing.assert_array_equal(whole.lines[1].get_ydata(), measured[5])
     assert np.isnan(line(figure.axes[5], "Measured")[:, 1]).all(), "no sensor on 4F"
     assert (whole.get_ylabel(), figure.axes[-1].get_xlabel()) == ("m/s²", "Time, s")
