@@ -16,7 +16,7 @@ from femupdate.building.schema import Building
 from femupdate.building.shipped import building_text
 from femupdate.building.toml_writer import to_toml
 from femupdate.errors import BuildingError
-from femupdate.toml_text import toml_content
+from femupdate.files import toml_content
 
 _log = logging.getLogger(__name__)
 

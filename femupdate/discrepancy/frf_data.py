@@ -19,9 +19,8 @@ from femupdate.dynamics.force_response import RestFlexibility, accelerance
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import Effect, Placed
 from femupdate.inference.model_error import NOISE_ALONE, ErrorTable, LearnedError
-from femupdate.measurement.bands import band_edges
 from femupdate.measurement.estimated import HANN, Estimator
-from femupdate.measurement.observation import Observation
+from femupdate.measurement.observation import Observation, band_edges
 from femupdate.units import percent
 
 # Coarser than that of a calibration: a hundred fits share it, and only their differences count.

@@ -7,8 +7,12 @@ from itertools import pairwise
 import numpy as np
 from scipy.stats import chi2
 
-from femupdate.measurement.bands import band_edges
-from femupdate.measurement.observation import Observation, independent_share, on_all_floors
+from femupdate.measurement.observation import (
+    Observation,
+    band_edges,
+    independent_share,
+    on_all_floors,
+)
 from femupdate.measurement.pooled import pooled
 from femupdate.measurement.thresholds import AGREEMENT
 

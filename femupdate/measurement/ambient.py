@@ -12,8 +12,7 @@ import numpy as np
 
 from femupdate.arrays import Floats, Integers
 from femupdate.errors import MeasurementError
-from femupdate.measurement.mode_checks import alike
-from femupdate.measurement.modes import in_phase, phase_collinearity
+from femupdate.measurement.modes import alike, in_phase, phase_collinearity
 from femupdate.measurement.recording import RecordedMode
 from femupdate.measurement.subspace import Pole, Spread, Subspace
 from femupdate.measurement.thresholds import AMBIENT

@@ -8,12 +8,11 @@ import numpy as np
 from femupdate.arrays import Floats
 from femupdate.errors import MeasurementError
 from femupdate.measurement.columns import FrfColumn, floor_height
-from femupdate.measurement.force_unit import ForceUnit, force_unit
 from femupdate.measurement.frf import estimate_frf
 from femupdate.measurement.frf_table import FrfTable, curves_of, without_zero_frequency
 from femupdate.measurement.observation import Observation, require_floors_of_building, select_floors
 from femupdate.measurement.observation_file import ForceHistories
-from femupdate.measurement.quantity import si_factor
+from femupdate.measurement.quantity import ForceUnit, force_unit, si_factor
 from femupdate.measurement.table import Table
 from femupdate.measurement.thresholds import RESPONSE
 

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from femupdate.arrays import Complexes, Floats
 from femupdate.measurement.columns import FREQUENCY, FRF_COLUMNS, FrfColumn, floor_height
-from femupdate.measurement.force_unit import force_unit
-from femupdate.measurement.quantity import si_factor
+from femupdate.measurement.quantity import force_unit, si_factor
 from femupdate.measurement.table import Table
 from femupdate.measurement.thresholds import RESPONSE
 

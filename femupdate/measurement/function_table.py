@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from femupdate.measurement.columns import BASE, FREQUENCY, FrfColumn
-from femupdate.measurement.force_unit import force_unit
 from femupdate.measurement.frf_table import without_zero_frequency
 from femupdate.measurement.observation_file import Layout
+from femupdate.measurement.quantity import force_unit
 from femupdate.measurement.recording import RecordedFunction, Recording
 from femupdate.measurement.table import Table
 from femupdate.measurement.text import TextFile

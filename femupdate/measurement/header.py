@@ -1,6 +1,7 @@
-"""Headers of records that announce values, and the values that follow."""
+"""Headers of records that announce values, and the values that follow, in fixed columns."""
 
 import re
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -88,3 +89,89 @@ def check_count(
         " fetch it again or correct the header",
         announced_at + 1,
     )
+
+
+_END = re.compile(r"^/&|^End-of-data|points of (accel|veloc|displ) data", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class Block:
+    """Where numbers stand and how they are laid out.
+
+    Attributes:
+        at: index of the line that announces them; they begin on the next.
+        count: how many it announces.
+        per_line: how many fill a line.
+        width: characters of a column.
+        channel: what messages call them.
+        whole: whether they are counts, without a decimal point.
+    """
+
+    at: int
+    count: int
+    per_line: int
+    width: int
+    channel: str
+    whole: bool = False
+
+    @property
+    def lines(self) -> range:
+        """Indices of the lines that hold them."""
+        return range(self.at + 1, self.at + 1 - (-self.count // self.per_line))
+
+
+def block_values(file: TextFile, block: Block) -> Floats:
+    """Return the numbers of a block.
+
+    Raises:
+        MeasurementError: a field is not a number with its decimal point, or there are fewer or
+            more of them than announced.
+    """
+    fields: list[str] = []
+    for index in block.lines:
+        row = file.lines[index].rstrip() if index < len(file.lines) else ""
+        row = "" if _END.search(row) else row
+        found = _fields(row, block.width)
+        found = _by_blanks(row, found, block)
+        fields += _checked(file, index, found, block)
+        if len(found) < block.per_line:
+            break
+    check_count(file, len(fields), block.count, block.at, block.channel)
+    after = block.lines.stop
+    if after < len(file.lines) and _holds_numbers(file.lines[after].rstrip(), block):
+        check_count(file, block.count + 1, block.count, block.at, block.channel)
+    return np.array(fields, dtype=np.float64)
+
+
+def _by_blanks(row: str, found: list[str], block: Block) -> list[str]:
+    """Fields of a row; by its blanks where editors or mailers have moved the columns."""
+    words = row.split()
+    moved = not all(_is_value(field, block.whole) for field in found)
+    fits = len(words) <= block.per_line and all(_is_value(word, block.whole) for word in words)
+    return words if moved and fits else found
+
+
+def _fields(row: str, width: int) -> list[str]:
+    return [row[start : start + width] for start in range(0, len(row), width)]
+
+
+def _checked(file: TextFile, index: int, fields: list[str], block: Block) -> list[str]:
+    for position, field in enumerate(fields):
+        # A field without its point means that the columns are not where the format says.
+        if not _is_value(field, block.whole):
+            raise file.error(
+                f"{field.strip()!r} is not a number in columns of {block.width} characters, as"
+                " the format says; fetch the record again",
+                index + 1,
+                str(position + 1),
+            )
+    return fields
+
+
+def _holds_numbers(row: str, block: Block) -> bool:
+    fields = _fields(row, block.width)
+    return bool(fields) and all(_is_value(field, block.whole) for field in fields)
+
+
+def _is_value(field: str, whole: bool = False) -> bool:
+    return (whole or "." in field) and finite(field) is not None

@@ -14,10 +14,9 @@ from femupdate.measurement.base_rotation import (
     said_of_rotation,
     vertical_pair,
 )
-from femupdate.measurement.channel import RecordedChannel, acceleration_unit
+from femupdate.measurement.channel import RecordedChannel, acceleration_unit, azimuth_of
 from femupdate.measurement.channel_checks import channel_findings
 from femupdate.measurement.columns import BASE, FREQUENCY, Channel, parse_channel, parse_frf_column
-from femupdate.measurement.direction import azimuth_of
 from femupdate.measurement.function_table import (
     SOMEWHERE,
     response_functions,
@@ -25,8 +24,8 @@ from femupdate.measurement.function_table import (
     unnamed_functions,
 )
 from femupdate.measurement.kinds import base_motion_in
-from femupdate.measurement.mode_checks import mode_findings
 from femupdate.measurement.mode_table import modes_in_table
+from femupdate.measurement.modes import mode_findings
 from femupdate.measurement.next_step import NextStep, columns_option, next_step
 from femupdate.measurement.observation_file import layout_of, motions_in, with_usual_axis
 from femupdate.measurement.pair_checks import pair_findings

@@ -6,7 +6,6 @@ from pathlib import Path
 
 from femupdate.measurement.columns import FrfColumn
 from femupdate.measurement.force_frf import ForceTest, force_test
-from femupdate.measurement.force_unit import force_unit
 from femupdate.measurement.frf_table import FrfTable, frf_table
 from femupdate.measurement.function_table import table_of_functions
 from femupdate.measurement.modes import IdentifiedModes, identified_modes
@@ -18,6 +17,7 @@ from femupdate.measurement.observation_file import (
     histories_in_table,
     layout_of,
 )
+from femupdate.measurement.quantity import force_unit
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.registry import read_measured
 from femupdate.measurement.static_test import StaticTest, is_static, static_test

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from femupdate.atomic import atomic_path
 from femupdate.errors import MeasurementError
+from femupdate.files import toml_content
 from femupdate.measurement.channel import RecordedChannel
 from femupdate.measurement.text import closest, read_text
-from femupdate.toml_text import toml_content
 
 _KEYS = ("columns", "unit")
 _HEAD = """\

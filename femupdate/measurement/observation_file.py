@@ -31,8 +31,7 @@ from femupdate.measurement.columns import (
     parse_frf_column,
     parse_history,
 )
-from femupdate.measurement.force_unit import newtons
-from femupdate.measurement.quantity import si_factor, split_unit
+from femupdate.measurement.quantity import newtons, si_factor, split_unit
 from femupdate.measurement.record import LARGEST_PEAK
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.sampling import check_step, uniform_step

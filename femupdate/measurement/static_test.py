@@ -14,9 +14,8 @@ import numpy as np
 from femupdate.arrays import Floats
 from femupdate.measurement.columns import BASE, parse_channel
 from femupdate.measurement.force_frf import ForcedObservation
-from femupdate.measurement.force_unit import newtons
 from femupdate.measurement.observation import Observation, require_floors_of_building
-from femupdate.measurement.quantity import si_factor
+from femupdate.measurement.quantity import newtons, si_factor
 from femupdate.measurement.table import Table
 from femupdate.measurement.thresholds import STATIC
 from femupdate.units import percent

@@ -8,13 +8,17 @@ from typing import Any
 import numpy as np
 
 from femupdate.arrays import Floats, Integers
-from femupdate.measurement.cells import Row, cells_of, find_delimiter, is_number
+from femupdate.measurement.cells import (
+    Row,
+    cells_of,
+    find_delimiter,
+    in_seconds,
+    is_number,
+    split_complex,
+)
 from femupdate.measurement.channel import RecordedChannel
-from femupdate.measurement.complex_text import split_complex
-from femupdate.measurement.force_unit import FORCES
-from femupdate.measurement.quantity import split_unit
+from femupdate.measurement.quantity import FORCES, split_unit
 from femupdate.measurement.text import TextFile
-from femupdate.measurement.time_of_day import in_seconds
 
 _MOST_ABOVE, _LEAST_ROWS, _LEAST_COLUMNS = 60, 10, 2
 

@@ -1,4 +1,4 @@
-"""Floor acceleration histories with their bands."""
+"""Bands over time or frequency: floor accelerations, floor spectra, forces of members."""
 
 from collections.abc import Sequence
 
@@ -11,12 +11,15 @@ from femupdate.arrays import Floats
 from femupdate.report.figure import (
     add_head,
     checked,
+    frequency_ticks,
     label_edges,
     nearly_all,
     new_figure,
+    panel_grid,
     thin_band_note,
 )
-from femupdate.report.style import BAND, BLUE, FAINT, MEASURED, styled
+from femupdate.report.scale import Scale, force_scale
+from femupdate.report.style import BAND, BLUE, FAINT, MEASURED, QUIET, styled
 
 ZOOM_SHARE = 0.12  # of the record, at most, in the panels on the right
 ZOOM_CYCLES = 20  # there, at most
@@ -115,3 +118,106 @@ def symmetric_limits(*values: Floats) -> tuple[float, float]:
     tops = [np.nanmax(np.abs(v)) for v in values if np.isfinite(v).any()]
     top = 1.08 * (max(tops, default=0.0) or 1.0)
     return -top, top
+
+
+@styled
+def floor_spectra_bands(
+    frequency_hz: ArrayLike,
+    mean: ArrayLike,
+    sd: ArrayLike,
+    floors: Sequence[str],
+    *,
+    base: ArrayLike,
+    title: str = "Floor response spectra",
+) -> Figure:
+    """Draw the spectrum of every floor over that of the ground motion, the top floor first.
+
+    Args:
+        frequency_hz: (k,) of the oscillators, ascending.
+        mean, sd: (f, k) over the posterior samples, m/s2; the band is two sd either way.
+        floors: f names, bottom to top.
+        base: (k,) spectrum of the ground motion, m/s2.
+
+    Raises:
+        ReportError: an array has another shape.
+    """
+    frequency = checked("frequency_hz", frequency_hz, None)
+    shape = (len(floors), len(frequency))
+    middle, spread = checked("mean", mean, *shape), checked("sd", sd, *shape)
+    ground = checked("base", base, len(frequency))
+    size, columns = (3.6, 2.5), min(3, len(floors))
+    figure, panels = panel_grid(len(floors), columns, size, "Oscillator, Hz", "Acceleration, m/s²")
+    for panel, floor in zip(panels, reversed(range(len(floors))), strict=True):
+        low, high = middle[floor] - 2 * spread[floor], middle[floor] + 2 * spread[floor]
+        panel.plot(frequency, middle[floor], color=BLUE, label="Floor, mean")
+        panel.fill_between(frequency, low, high, label="Mean ± 2 sd", **BAND)
+        panel.plot(frequency, ground, color=QUIET, linestyle="--", label="Ground")
+        panel.set_title(floors[floor])
+    frequency_ticks(panels[0], frequency[0], frequency[-1])
+    panels[0].set_ylim(0.0, 1.08 * max((middle + 2 * spread).max(), ground.max()))
+    add_head(figure, title)
+    return figure
+
+
+MemberHistories = tuple[str, Sequence[str], ArrayLike, ArrayLike]
+
+
+@styled
+def member_force_bands(
+    time: ArrayLike,
+    members: Sequence[MemberHistories],
+    *,
+    title: str = "Forces of members",
+    note: str = "",
+) -> Figure:
+    """Draw a row of panels for every member, in the strong part of the motion.
+
+    Args:
+        time: (n,) s.
+        members: of each its name, the names of its three forces (normal force, shear, moment), and
+            their mean and standard deviation (3, n), N and N m; the band is two sd either way.
+        note: under the title.
+
+    Raises:
+        ReportError: an array has another shape.
+    """
+    instants = checked("time", time, None)
+    start, end = strong_part(instants, checked("mean", members[0][2], 3, len(instants))[1])
+    shown = (instants >= start) & (instants <= end)
+    scales, shares = _scales(members), []
+    figure = new_figure(11.5, 0.5 + 2.0 * len(members))
+    axes = figure.subplots(len(members), 3, sharex=True, squeeze=False)
+    for row, (name, forces, mean, sd) in zip(axes, members, strict=True):
+        middle = checked("mean", mean, 3, len(instants))
+        spread = checked("sd", sd, 3, len(instants))
+        for panel, force, one, two in zip(row, forces, middle, spread, strict=True):
+            scale = scales[force.startswith("M")]
+            _draw(panel, instants[shown], one[shown], 2.0 * two[shown], force, scale)
+            low, high = panel.get_ylim()
+            shares.append(4.0 * two[shown] / scale.factor / (high - low))
+        row[0].set_title(name, loc="left")
+    for panel in axes[-1]:
+        panel.set_xlabel("Time, s")
+    thin = thin_band_note(nearly_all(shares))
+    add_head(figure, title, note="\n".join(one for one in (note, thin) if one))
+    return figure
+
+
+def _scales(members: Sequence[MemberHistories]) -> tuple[Scale, Scale]:
+    """One unit for the forces and one for the moments of all members."""
+    largest = [0.0, 0.0]
+    for _, forces, mean, sd in members:
+        tops = (np.abs(np.asarray(mean)) + 2.0 * np.asarray(sd)).max(axis=1)
+        for force, top in zip(forces, tops, strict=True):
+            moment = force.startswith("M")
+            largest[moment] = max(largest[moment], float(top))
+    return force_scale(largest[0]), force_scale(largest[1])
+
+
+def _draw(panel: Axes, time: Floats, mean: Floats, band: Floats, force: str, scale: Scale) -> None:
+    low, high = (mean - band) / scale.factor, (mean + band) / scale.factor
+    panel.plot(time, mean / scale.factor, color=BLUE, linewidth=1.0, label="Mean")
+    panel.fill_between(time, low, high, label="Mean ± 2 sd", **BAND)
+    unit = f"{scale.unit} m" if force.startswith("M") else scale.unit
+    panel.set_ylabel(f"{force.replace('_', ' ')}, {unit}")
+    panel.set_xlim(time[0], time[-1])

@@ -15,11 +15,14 @@ import numpy as np
 from femupdate import __version__
 from femupdate.arrays import Floats
 from femupdate.building.files import mechanics_hash
+from femupdate.building.frame import FrameBuilding
 from femupdate.building.parameters import factor_ranges
 from femupdate.building.schema import Building
 from femupdate.building.shear import require_heights
 from femupdate.dynamics.damping import damping_law
 from femupdate.effects.effect import Placed
+from femupdate.effects.registry import effect_named
+from femupdate.effects.structure import require_story_factors, structure_of
 from femupdate.errors import BuildingError, MeasurementError, ModelError
 from femupdate.measurement.base_rotation import fault_of
 from femupdate.measurement.columns import BASE, Channel, channel_name, vertical_channel
@@ -27,7 +30,6 @@ from femupdate.measurement.observation_file import Histories
 from femupdate.measurement.record import GroundMotion
 from femupdate.measurement.write import write_observation_histories
 from femupdate.progress import SILENT, Progress
-from femupdate.simulation.hidden_effect import parse_effect
 from femupdate.simulation.synthetic import (
     Simulation,
     SimulationSettings,
@@ -36,7 +38,6 @@ from femupdate.simulation.synthetic import (
     label,
 )
 from femupdate.simulation.truth import Truth, fine_model, truth_of
-from femupdate.simulation.white_noise import white_noise
 from femupdate.study import file_hash, write_text
 
 logger = logging.getLogger(__name__)
@@ -261,3 +262,85 @@ def _truth(
         mesh_size=truth.fine.mesh_size,
         seed=seed,
     )
+
+
+_RAMP_S = 1.0  # a table starts and stops smoothly
+
+
+def white_noise(
+    duration_s: float,
+    sampling_hz: float,
+    rms: float,
+    band_hz: tuple[float, float],
+    rng: np.random.Generator,
+) -> GroundMotion:
+    """Return Gaussian noise of an even spectrum within a band and nothing outside it.
+
+    The noise has just the given rms (m/s2) before its first and last second rise from and fall to
+    zero by half a cosine.
+
+    Raises:
+        MeasurementError: the record is too short for the band.
+    """
+    count = round(duration_s * sampling_hz)
+    frequency = np.fft.rfftfreq(count, 1.0 / sampling_hz)
+    inside = (frequency >= band_hz[0]) & (frequency <= band_hz[1])
+    ramp = round(_RAMP_S * sampling_hz)
+    if np.count_nonzero(inside) < 2 or count < 4 * ramp:
+        raise MeasurementError(
+            f"{duration_s:g} s are too short for white noise from {band_hz[0]:g} to "
+            f"{band_hz[1]:g} Hz; take {4 * _RAMP_S:g} s or more"
+        )
+    noise = np.fft.irfft(np.where(inside, np.fft.rfft(rng.standard_normal(count)), 0.0), count)
+    noise *= rms / np.sqrt(np.mean(noise**2))
+    rise = 0.5 - 0.5 * np.cos(np.pi * np.arange(ramp) / ramp)
+    noise[:ramp] *= rise
+    noise[-ramp:] *= rise[::-1]
+    return GroundMotion(noise, 1.0 / sampling_hz, "white noise")
+
+
+def parse_effect(
+    building: Building, label: str, values: tuple[float, ...]
+) -> tuple[Placed, tuple[float, ...]]:
+    """An effect and its parameters from its label, such as "added_mass@3F".
+
+    Args:
+        values: its first parameters; the others are neutral.
+
+    Raises:
+        BuildingError: no such effect or place, or too few, too many or impossible parameters.
+    """
+    name, _, place = label.partition("@")
+    effect = effect_named(name)
+    if effect.needs_levels:
+        raise BuildingError(
+            f"{building.name}: {name} shows between two levels of motion; simulate each with its "
+            "own --theta, --zeta and --rms"
+        )
+    require_story_factors(building)
+    structure = structure_of(building, _coarse(building))
+    places = effect.places(structure)
+    if place not in (*places, *effect.points(structure)):
+        raise BuildingError(
+            f"{building.name}: {name} cannot sit at {place!r}; it can at "
+            f"{', '.join(places) or 'no place here'}"
+        )
+    own = effect.parameters
+    if len(values) > len(own):
+        raise BuildingError(
+            f"{label}: {len(values)} numbers were given; it takes "
+            f"{', '.join(p.name for p in own) or 'none'}"
+        )
+    if own and not values:
+        raise BuildingError(f"{label}: give its {own[0].name}, such as {label}={own[0].scale:g}")
+    for one, value in zip(own, values, strict=False):
+        if not one.lower <= value <= one.upper:
+            raise BuildingError(
+                f"{label}: {one.name} {value:g} must lie from {one.lower:g} to {one.upper:g}"
+            )
+    return Placed(effect, place), (*values, *(p.neutral for p in own[len(values) :]))
+
+
+def _coarse(building: Building) -> float | None:
+    """A mesh size that is enough to know the places of effects."""
+    return 2.0 * building.mesh.size if isinstance(building, FrameBuilding) else None

@@ -15,8 +15,7 @@ from femupdate.report.scale import plus_minus
 from femupdate.study import Study, write_text
 from femupdate.tables import first_notes, table
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.parameter_titles import parameter_titles
-from femupdate.workflow.summary import SUMMARY, identifiability_record
+from femupdate.workflow.summary import SUMMARY, identifiability_record, parameter_titles
 
 POSTERIOR = "posterior"
 

@@ -16,8 +16,8 @@ from femupdate.study import REPAIRED, Artefact, Study
 from femupdate.workflow.effect_surrogate import open_system
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.modes import StudyMode, find_modes, posterior_modes
-from femupdate.workflow.parameter_titles import parameter_titles
 from femupdate.workflow.status import StatusReport
+from femupdate.workflow.summary import parameter_titles
 
 _MODES = 6
 

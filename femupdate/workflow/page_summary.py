@@ -9,8 +9,8 @@ from femupdate.workflow.page_done import bad_items, posterior_notes, read_json
 from femupdate.workflow.page_finder import added
 from femupdate.workflow.page_parts import PageStudy, searched
 from femupdate.workflow.page_prediction import predicted_quantities
-from femupdate.workflow.parameter_titles import effect_parameter
 from femupdate.workflow.prediction_quantities import Quantity
+from femupdate.workflow.summary import effect_parameter
 
 _WARNS = ("is missing", "too small", "too narrow", "unlike", "misses", "not enough", "beyond")
 

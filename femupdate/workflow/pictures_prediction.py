@@ -7,12 +7,14 @@ from femupdate.dynamics.member_histories import MemberForces
 from femupdate.progress import SILENT, Progress
 from femupdate.report.figure import save_figure
 from femupdate.report.plot_drift import story_shear_drift
-from femupdate.report.plot_history import floor_history_bands
-from femupdate.report.plot_members import member_force_bands
-from femupdate.report.plot_spectra import floor_spectra_bands
+from femupdate.report.plot_history import (
+    floor_history_bands,
+    floor_spectra_bands,
+    member_force_bands,
+)
 from femupdate.study import Study
-from femupdate.workflow.member_tables import ALONE
 from femupdate.workflow.predict import PredictionReport
+from femupdate.workflow.prediction_quantities import ALONE
 
 
 def draw_prediction(

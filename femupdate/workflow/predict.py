@@ -33,8 +33,6 @@ from femupdate.tables import first_notes
 from femupdate.units import percent
 from femupdate.workflow.amplitude import UNFOLLOWED, changing_note, mean_level
 from femupdate.workflow.effect_surrogate import open_system
-from femupdate.workflow.kept_posterior import kept_posterior
-from femupdate.workflow.member_tables import ALONE, member_lines
 from femupdate.workflow.model import StudyModel, on_kept_finer
 from femupdate.workflow.predict_draws import (
     PredictionDraws,
@@ -46,7 +44,16 @@ from femupdate.workflow.predict_draws import (
 )
 from femupdate.workflow.prediction_file import save_prediction
 from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource, measured_floors
-from femupdate.workflow.prediction_quantities import PEAKS, TIDY, Quantity, quantities, tables
+from femupdate.workflow.prediction_quantities import (
+    ALONE,
+    PEAKS,
+    TIDY,
+    Quantity,
+    member_lines,
+    quantities,
+    tables,
+)
+from femupdate.workflow.summary import kept_posterior
 
 PREDICTION = "prediction"
 _EXAMPLES = 100

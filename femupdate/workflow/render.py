@@ -10,10 +10,10 @@ from femupdate.progress import SILENT, Progress
 from femupdate.study import Study
 from femupdate.tables import table
 from femupdate.units import percent
-from femupdate.workflow.kept_posterior import kept_posterior
 from femupdate.workflow.model import StudyModel, on_kept_finer
 from femupdate.workflow.modes import StudyMode, find_modes, posterior_modes
 from femupdate.workflow.pictures_modes import animate_modes, draw_at_one, draw_modes
+from femupdate.workflow.summary import kept_posterior
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,6 @@ from femupdate.inference.posterior import Posterior
 from femupdate.progress import SILENT, Progress
 from femupdate.report.page import Page, Section, write_page
 from femupdate.study import BUILDING_FILE, Study
-from femupdate.workflow.kept_posterior import kept_posterior
 from femupdate.workflow.model import open_study
 from femupdate.workflow.page_building import building_section
 from femupdate.workflow.page_done import done_section, warnings_section
@@ -23,6 +22,7 @@ from femupdate.workflow.page_posterior import data_section, fit_section, posteri
 from femupdate.workflow.page_prediction import prediction_section
 from femupdate.workflow.page_summary import summary_section
 from femupdate.workflow.status import DAMAGED, MISSING, STALE, StatusReport, study_status
+from femupdate.workflow.summary import kept_posterior
 
 PAGE = "report.html"
 _SECTIONS = (

@@ -13,11 +13,10 @@ from femupdate.workflow.calibrate_draws import predictive_log_frf
 from femupdate.workflow.calibration_report import CalibrationReport
 from femupdate.workflow.diagnose import DiagnosisReport
 from femupdate.workflow.effect_surrogate import open_system
-from femupdate.workflow.member_tables import member_rows
-from femupdate.workflow.parameter_titles import parameter_titles
 from femupdate.workflow.predict import PredictionReport
-from femupdate.workflow.prediction_quantities import TIDY, Quantity
+from femupdate.workflow.prediction_quantities import TIDY, Quantity, member_rows
 from femupdate.workflow.render import RenderReport
+from femupdate.workflow.summary import parameter_titles
 
 TABLES = "tables"
 """Folder of them in a study."""

@@ -1,16 +1,20 @@
-"""The posterior in figures and sentences, as a file beside its draws."""
+"""The posterior that a study keeps: its draws, what they tell, and titles of its parameters."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from femupdate.building.parameters import factor_ranges, factor_titles
+from femupdate.building.schema import Building
+from femupdate.effects.effect import Parameter, Placed
+from femupdate.effects.registry import CATALOGUE
 from femupdate.errors import StudyError
 from femupdate.inference.identifiability import Identifiability, identifiability
-from femupdate.inference.posterior import Posterior
+from femupdate.inference.posterior import Posterior, load_posterior
 from femupdate.study import Study
 
 SUMMARY = "posterior_summary.json"
@@ -62,3 +66,50 @@ def kept_summary(study: Study) -> dict[str, Any]:
         raise StudyError(
             f"{path} cannot be read ({error}); run `femupdate calibrate` again"
         ) from error
+
+
+def kept_posterior(study: Study, building: Building) -> Posterior:
+    """Read the posterior of a study.
+
+    The study's record says of which building it is; here the draws themselves are looked at, for a
+    record can be wrong.
+
+    Raises:
+        StudyError: there is none, it is damaged, or its factors or floors are not the building's.
+    """
+    posterior = load_posterior(study.require("posterior", "calibrate"))
+    factors = tuple(factor_ranges(building))
+    own = posterior.names[: len(factors)] == factors
+    if not own or not set(posterior.observation.floors) <= set(building.floors):
+        raise StudyError(
+            f"the {study.key('posterior')} in {study.folder} is not of {building.name}: its factors"
+            f" are {', '.join(posterior.names)}, measured at"
+            f" {', '.join(posterior.observation.floors)}; run `femupdate calibrate` again"
+        )
+    return posterior
+
+
+def parameter_titles(building: Building, names: Sequence[str]) -> Mapping[str, str]:
+    """Titles by name, such as "story S3" or "Added mass at 3F: share of the floor's mass"."""
+    known = factor_titles(building)
+    return {name: known.get(name) or effect_title(name) for name in names}
+
+
+def effect_parameter(name: str) -> Parameter | None:
+    """The parameter of the catalogue that one such as "added_mass@3F.size" is."""
+    effect_name, _, rest = name.partition("@")
+    effect = CATALOGUE.get(effect_name)
+    known = () if effect is None else effect.parameters
+    return next((one for one in known if one.name == rest.rpartition(".")[2]), None)
+
+
+def effect_title(name: str) -> str:
+    """What a parameter such as "added_mass@3F.size" is of; the name itself where it is another."""
+    effect_name, _, rest = name.partition("@")
+    place, effect = rest.rpartition(".")[0], CATALOGUE.get(effect_name)
+    if effect is None:
+        return name
+    own = effect_parameter(name)
+    text = "" if own is None else f": {own.text or own.name}"
+    unit = "" if own is None or own.unit == "1" else f" ({own.unit})"
+    return f"{Placed(effect, place).in_words}{text}{unit}"

@@ -5,10 +5,10 @@ import pytest
 
 from femupdate.errors import MeasurementError
 from femupdate.measurement.force_frf import ForceTest, forced_observations
-from femupdate.measurement.force_unit import force_unit
 from femupdate.measurement.frf_table import FrfTable
 from femupdate.measurement.inspection import inspect_file
 from femupdate.measurement.kinds import Reading, read_any_kind, read_observation_file
+from femupdate.measurement.quantity import force_unit
 
 G = 9.80665
 

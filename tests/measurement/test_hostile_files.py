@@ -9,12 +9,12 @@ import pytest
 from scipy.io import savemat
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.complex_text import split_complex
-from femupdate.measurement.gse import gse_samples
+from femupdate.measurement.cells import split_complex
 from femupdate.measurement.inspection import inspect_file
 from femupdate.measurement.kinds import Reading, read_any_kind
 from femupdate.measurement.quantity import bracketed
 from femupdate.measurement.readers import uff
+from femupdate.measurement.readers.seismic import gse_samples
 from femupdate.measurement.registry import read_measured
 from femupdate.measurement.text import TextFile
 from femupdate.workflow.identify import identify

@@ -6,8 +6,7 @@ import pytest
 from femupdate.errors import MeasurementError
 from femupdate.measurement.inspection import inspect_file
 from femupdate.measurement.kinds import Reading, read_any_kind, read_observation_file
-from femupdate.measurement.mode_checks import mac, mode_findings
-from femupdate.measurement.modes import in_phase, phase_collinearity
+from femupdate.measurement.modes import in_phase, mac, mode_findings, phase_collinearity
 from femupdate.measurement.recording import RecordedMode
 
 

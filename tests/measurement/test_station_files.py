@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.direction import azimuth_of, is_vertical
+from femupdate.measurement.channel import azimuth_of, is_vertical
 from femupdate.measurement.kinds import read_observation_file
 from femupdate.measurement.record import read_record
 from femupdate.measurement.registry import read_measured

@@ -18,11 +18,14 @@ from femupdate.report.figure import new_figure, save_figure
 from femupdate.report.plot_diagnosis import Columns, Ranked, ranking, residual_map
 from femupdate.report.plot_drift import story_shear_drift
 from femupdate.report.plot_frf import MeasuredFrf, Prediction, frf_fit
-from femupdate.report.plot_history import floor_history_bands, strong_part
+from femupdate.report.plot_history import (
+    floor_history_bands,
+    floor_spectra_bands,
+    member_force_bands,
+    strong_part,
+)
 from femupdate.report.plot_intervals import theta_intervals
-from femupdate.report.plot_members import member_force_bands
 from femupdate.report.plot_posterior import SampleSet, correlation, most_correlated, posterior_pairs
-from femupdate.report.plot_spectra import floor_spectra_bands
 from femupdate.report.plot_sticks import stick_mode_shapes
 
 FLOORS = ("2F", "3F", "4F", "5F", "6F", "RF")

@@ -13,10 +13,9 @@ from femupdate.report import plot_repair
 from femupdate.report.figure import add_head, new_figure, thin_band_note
 from femupdate.report.plot_diagnosis import Ranked, ranking
 from femupdate.report.plot_frf import MeasuredFrf, Prediction, frf_fit
-from femupdate.report.plot_history import strong_part
+from femupdate.report.plot_history import member_force_bands, strong_part
 from femupdate.report.plot_intervals import theta_intervals
 from femupdate.report.plot_measured import MeasuredLine, measured_histories
-from femupdate.report.plot_members import member_force_bands
 from femupdate.report.plot_poles import stabilisation
 from femupdate.report.plot_posterior import SampleSet, posterior_pairs
 from femupdate.report.plot_sticks import stick_mode_shapes

@@ -25,10 +25,10 @@ from femupdate.simulation.simulate import (
     SimulationSettings,
     simulate_observation,
     truth_path,
+    white_noise,
     write_simulation,
 )
 from femupdate.simulation.truth import fine_model, truth_of
-from femupdate.simulation.white_noise import white_noise
 from femupdate.study import file_hash
 
 ROOT = Path(__file__).parents[2]

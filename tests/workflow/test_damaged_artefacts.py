@@ -16,7 +16,6 @@ from femupdate.errors import StudyError
 from femupdate.inference.posterior import load_posterior, save_posterior
 from femupdate.study import MANIFEST, file_hash, write_text
 from femupdate.workflow.effects import BASIS, finder_origin, read_basis
-from femupdate.workflow.kept_posterior import kept_posterior
 from femupdate.workflow.mesh_error import MESH_ERROR, kept_mesh_error
 from femupdate.workflow.model import REDUCED, open_study
 from femupdate.workflow.predict import predict_study
@@ -24,6 +23,7 @@ from femupdate.workflow.prediction_inputs import RecordSource
 from femupdate.workflow.reduced_file import load_reduced
 from femupdate.workflow.render import render_study
 from femupdate.workflow.report import report_study
+from femupdate.workflow.summary import kept_posterior
 
 SHIPPED = Path(__file__).parents[2] / "examples" / "records" / "ridgecrest_2019_clc_90.csv"
 

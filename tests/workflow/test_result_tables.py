@@ -13,9 +13,15 @@ from femupdate.dynamics.member_histories import Member, MemberForces
 from femupdate.dynamics.summary import Statistics
 from femupdate.inference.posterior import load_posterior
 from femupdate.report.scale import interval_text
-from femupdate.workflow.member_tables import member_lines, member_rows
-from femupdate.workflow.parameter_titles import effect_title
-from femupdate.workflow.prediction_quantities import TIDY, Quantity, quantities, tables
+from femupdate.workflow.prediction_quantities import (
+    TIDY,
+    Quantity,
+    member_lines,
+    member_rows,
+    quantities,
+    tables,
+)
+from femupdate.workflow.summary import effect_title
 
 
 def rows_of(path):

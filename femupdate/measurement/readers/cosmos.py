@@ -9,10 +9,8 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from femupdate.measurement.channel import RecordedChannel
-from femupdate.measurement.direction import azimuth_of
-from femupdate.measurement.fixed_width import Block, block_values
-from femupdate.measurement.header import finite, positive
+from femupdate.measurement.channel import RecordedChannel, azimuth_of
+from femupdate.measurement.header import Block, block_values, finite, positive
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.text import TextFile, read_text

@@ -2,8 +2,7 @@
 
 from pathlib import Path
 
-from femupdate.measurement.channel import RecordedChannel
-from femupdate.measurement.direction import azimuth_of
+from femupdate.measurement.channel import RecordedChannel, azimuth_of
 from femupdate.measurement.header import finite, positive, wrapped_numbers
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import Recording

@@ -3,8 +3,7 @@
 import re
 from pathlib import Path
 
-from femupdate.measurement.channel import RecordedChannel
-from femupdate.measurement.direction import azimuth_of
+from femupdate.measurement.channel import RecordedChannel, azimuth_of
 from femupdate.measurement.header import header_value, positive, wrapped_numbers
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import Recording

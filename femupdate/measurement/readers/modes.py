@@ -3,9 +3,8 @@
 import re
 from pathlib import Path
 
-from femupdate.measurement.cells import Row, cells_of, find_delimiter, is_number
+from femupdate.measurement.cells import Row, cells_of, find_delimiter, is_number, split_complex
 from femupdate.measurement.columns import FREQUENCY
-from femupdate.measurement.complex_text import split_complex
 from femupdate.measurement.mode_table import DAMPING, DAMPING_SD, FREQUENCY_SD, MODE, figure_of
 from femupdate.measurement.quantity import bracketed
 from femupdate.measurement.reader import Reader

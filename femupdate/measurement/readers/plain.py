@@ -2,9 +2,8 @@
 
 from pathlib import Path
 
-from femupdate.measurement.cells import cells_of, find_delimiter, is_number
+from femupdate.measurement.cells import cells_of, find_delimiter, is_number, split_complex
 from femupdate.measurement.columns import TIME_NAME
-from femupdate.measurement.complex_text import split_complex
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.table import read_table, rows_of_table

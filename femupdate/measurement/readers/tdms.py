@@ -7,8 +7,7 @@ import numpy as np
 
 from femupdate.measurement.channel import RecordedChannel
 from femupdate.measurement.columns import TIME_NAME
-from femupdate.measurement.force_unit import FORCES
-from femupdate.measurement.quantity import is_acceleration
+from femupdate.measurement.quantity import FORCES, is_acceleration
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.sampling import uniform_step

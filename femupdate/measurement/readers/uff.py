@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from femupdate.arrays import Floats
 from femupdate.errors import MeasurementError
 from femupdate.measurement.channel import RecordedChannel
-from femupdate.measurement.force_unit import force_unit
-from femupdate.measurement.quantity import is_acceleration
+from femupdate.measurement.quantity import force_unit, is_acceleration
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import RecordedFunction, RecordedMode, Recording
 from femupdate.measurement.text import TextFile, reading_package

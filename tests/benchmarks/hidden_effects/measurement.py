@@ -14,8 +14,8 @@ from femupdate.measurement.frf import estimate_frf
 from femupdate.measurement.observation import Observation
 from femupdate.measurement.observation_file import Histories
 from femupdate.measurement.record import GroundMotion, read_record
+from femupdate.simulation.simulate import white_noise
 from femupdate.simulation.truth import FineModel, Truth, truth_of
-from femupdate.simulation.white_noise import white_noise
 
 # Shaking of the base: half of the trials white, a quarter each an earthquake simulated or recorded.
 WHITE, SIMULATED, RECORDED = "white", "simulated", "recorded"

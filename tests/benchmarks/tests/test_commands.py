@@ -11,7 +11,7 @@ from femupdate.benchmarks.solver.score import ElementTest
 from femupdate.cli.main import group
 
 from femupdate.building.files import load_building
-from femupdate.simulation.hidden_effect import parse_effect
+from femupdate.simulation.simulate import parse_effect
 
 
 @pytest.fixture
