@@ -1,6 +1,7 @@
 """A prediction against floors that were measured in the same motion."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
 
 import numpy as np
 from scipy.stats import norm
@@ -36,32 +37,32 @@ class Comparison:
 
     def as_dict(self) -> dict[str, dict[str, float]]:
         """The figures of every floor."""
+        names = [field.name for field in fields(self) if field.name != "floors"]
         return {
-            floor: {
-                "relative_error": float(self.relative_error[k]),
-                "correlation": float(self.correlation[k]),
-                "peak_ratio": float(self.peak_ratio[k]),
-                "within_band": float(self.within_band[k]),
-                "score": float(self.score[k]),
-                "peak_within": bool(self.peak_within[k]),
-            }
+            floor: {name: getattr(self, name)[k].item() for name in names}
             for k, floor in enumerate(self.floors)
         }
 
     def table(self) -> str:
         """The figures of every floor, a line each."""
-        rows = [
-            (
-                floor,
-                *(f"{own[name]:.3f}" for name in ("relative_error", "correlation", "peak_ratio")),
-                percent(own["within_band"], 1),
-                f"{own['score']:.3f}",
-                "yes" if own["peak_within"] else "no",
-            )
-            for floor, own in self.as_dict().items()
-        ]
-        head = ("error rms", "correlation", "peak ratio", "within 2 sd", "CRPS/rms", "peak in 90 %")
-        return table(("against measured", *head), rows)
+        return table(("against measured", *SCORES), score_rows(self.as_dict()))
+
+
+SCORES = ("error rms", "correlation", "peak ratio", "within 2 sd", "CRPS/rms", "peak in 90 %")
+
+
+def score_rows(kept: Mapping[str, Mapping[str, float]]) -> list[tuple[str, ...]]:
+    """Rows of a table from `Comparison.as_dict`: the floor, and its figures under `SCORES`."""
+    return [
+        (
+            floor,
+            *(f"{own[name]:.3f}" for name in ("relative_error", "correlation", "peak_ratio")),
+            percent(own["within_band"], 1),
+            f"{own['score']:.3f}",
+            "yes" if own["peak_within"] else "no",
+        )
+        for floor, own in kept.items()
+    ]
 
 
 def compare(summary: HistorySummary, alone: HistorySummary, measured: Floats) -> Comparison:

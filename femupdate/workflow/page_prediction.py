@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from femupdate.arrays import Floats
+from femupdate.dynamics.comparison import SCORES, score_rows
 from femupdate.report.page import Block, Chart, Section, Table, Text
 from femupdate.report.page_charts import (
     POINTS,
@@ -73,25 +74,13 @@ def _scores(kept: Mapping[str, Mapping[str, float]] | None) -> tuple[Table, ...]
     """How well measured floors were met, where the prediction was compared with any."""
     if not kept:
         return ()
-    rows = tuple(
-        (
-            floor,
-            f"{own['relative_error']:.3f}",
-            f"{own['correlation']:.3f}",
-            f"{own['peak_ratio']:.3f}",
-            f"{100.0 * own['within_band']:.1f} %",
-            f"{own['score']:.3f}",
-            "yes" if own["peak_within"] else "no",
-        )
-        for floor, own in kept.items()
-    )
-    head = ("error rms", "correlation", "peak ratio", "within 2 sd", "CRPS/rms", "peak in 90 %")
     note = (
         "Error rms: of the best estimate, over the rms of the measurement. CRPS/rms: score of the "
         "whole band, the lower the better. A good band holds some 95 % of the samples."
     )
     caption = "Against floors measured in the same motion"
-    return (Table(name="scores", caption=caption, head=("floor", *head), rows=rows, note=note),)
+    rows = tuple(score_rows(kept))
+    return (Table(name="scores", caption=caption, head=("floor", *SCORES), rows=rows, note=note),)
 
 
 def _histories(predictions: Any, known: Any) -> Chart:

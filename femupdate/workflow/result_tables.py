@@ -1,10 +1,12 @@
 """Tables for spreadsheets: one observation a row, a heading for every column, units in it."""
 
-from collections.abc import Iterator
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from femupdate.arrays import Floats
 from femupdate.discrepancy.diagnose import Finding
 from femupdate.measurement.observation import on_all_floors
 from femupdate.sheets import Sheet
@@ -26,26 +28,39 @@ def posterior_tables(study: Study, report: CalibrationReport) -> tuple[Sheet, ..
     """The parameters, and the frequency responses measured and predicted."""
     posterior = report.posterior
     titles = parameter_titles(report.model.building, posterior.names)
-    draws = [*posterior.samples.T]
-    names = [*posterior.names]
+    draws, names = posterior.samples.T, posterior.names
     if posterior.zeta_samples is not None:
-        draws, names = [*draws, posterior.zeta_samples], [*names, "zeta"]
-    rows = [
-        (
-            name,
-            titles.get(name, "damping ratio"),
-            float(own.mean()),
-            float(own.std()),
-            *_quantiles(own),
-        )
-        for name, own in zip(names, draws, strict=True)
-    ]
-    head = ("parameter", "of", "mean", "sd", "q05", "median", "q95")
+        draws, names = np.vstack([draws, posterior.zeta_samples]), (*names, "zeta")
+    q05, median, q95 = np.quantile(draws, [0.05, 0.5, 0.95], axis=1)
+    parameters = {
+        "parameter": names,
+        "of": [titles.get(name, "damping ratio") for name in names],
+        "mean": [own.mean() for own in draws],
+        "sd": [own.std() for own in draws],
+        "q05": q05,
+        "median": median,
+        "q95": q95,
+    }
     return (
-        Sheet.of("posterior", head, rows),
+        _sheet("posterior", parameters),
         *_stiffness(report),
-        Sheet.of("frf_fit", _FRF, _responses(study, report)),
+        _responses(study, report),
     )
+
+
+def _sheet(name: str, columns: Mapping[str, Any]) -> Sheet:
+    """A table by the values of its columns, of any shape; a cell without a number stays blank."""
+    cells = [["" if v != v else v for v in np.ravel(own).tolist()] for own in columns.values()]
+    return Sheet.of(name, tuple(columns), zip(*cells, strict=True))
+
+
+def _by_floor(
+    name: str, floors: Sequence[str], axis: str, points: ArrayLike, columns: Mapping[str, Floats]
+) -> Sheet:
+    """A table with a row for every floor and point of an axis, from columns (f, n)."""
+    count = np.size(points)
+    places = {"floor": np.repeat(np.array(floors), count), axis: np.tile(points, len(floors))}
+    return _sheet(name, {**places, **columns})
 
 
 def _stiffness(report: CalibrationReport) -> tuple[Sheet, ...]:
@@ -60,69 +75,36 @@ def _stiffness(report: CalibrationReport) -> tuple[Sheet, ...]:
     return (Sheet.of("story_stiffness", TIDY, one.tidy()),)
 
 
-_FRF = (
-    "floor",
-    "frequency_hz",
-    "measured_abs_h",
-    "noise_sd_of_log",
-    "used",
-    "predicted_abs_h",
-    "predicted_q05",
-    "predicted_q95",
-)
-
-
-def _responses(study: Study, report: CalibrationReport) -> Iterator[tuple[Any, ...]]:
-    """Rows of every floor and frequency; nothing where nothing was measured."""
+def _responses(study: Study, report: CalibrationReport) -> Sheet:
+    """Measured and predicted |H| of every floor and frequency, blank where nothing was measured."""
     posterior, floors = report.posterior, report.model.building.floors
     log = predictive_log_frf(open_system(study, report.model), report.model, posterior)
     low, high = np.quantile(log, [0.05, 0.95], axis=0)
     seen = on_all_floors(posterior.observation, floors)
-    frequency = seen.frequency_hz.tolist()
-    for row, floor in enumerate(floors):
-        columns = (
-            np.exp(seen.log_frf[row]),
-            seen.noise_sd[row],
-            seen.valid[row].astype(int),
-            np.exp(log[:, row].mean(axis=0)),
-            np.exp(low[row]),
-            np.exp(high[row]),
-        )
-        for values in zip(frequency, *(column.tolist() for column in columns), strict=True):
-            yield (floor, *("" if value != value else value for value in values))
+    columns = {
+        "measured_abs_h": np.exp(seen.log_frf),
+        "noise_sd_of_log": seen.noise_sd,
+        "used": seen.valid.astype(int),
+        "predicted_abs_h": np.exp(log.mean(axis=0)),
+        "predicted_q05": np.exp(low),
+        "predicted_q95": np.exp(high),
+    }
+    return _by_floor("frf_fit", floors, "frequency_hz", seen.frequency_hz, columns)
 
 
 def prediction_tables(report: PredictionReport) -> tuple[Sheet, ...]:
     """Peaks, also of members, and histories of a prediction; floor spectra where asked for."""
     summary = report.summary
     rows = [row for one in report.quantities.values() for row in one.tidy()]
-    rows += member_rows(report.members)
+    histories = {
+        "acceleration_mean_m_s2": _short(summary.acceleration_mean),
+        "acceleration_sd_m_s2": _short(summary.acceleration_sd),
+    }
     return (
-        Sheet.of("predicted_peaks", TIDY, rows),
+        Sheet.of("predicted_peaks", TIDY, [*rows, *member_rows(report.members)]),
         *_floor_spectra(report),
-        Sheet.of(
-            "floor_histories",
-            ("floor", "time_s", "acceleration_mean_m_s2", "acceleration_sd_m_s2"),
-            (
-                (floor, *values)
-                for floor, mean, sd in zip(
-                    summary.floors, summary.acceleration_mean, summary.acceleration_sd, strict=True
-                )
-                for values in zip(_short(summary.time), _short(mean), _short(sd), strict=True)
-            ),
-        ),
+        _by_floor("floor_histories", summary.floors, "time_s", _short(summary.time), histories),
     )
-
-
-_SPECTRA = (
-    "floor",
-    "frequency_hz",
-    "damping_ratio",
-    "acceleration_mean_m_s2",
-    "acceleration_sd_m_s2",
-    "acceleration_q05_m_s2",
-    "acceleration_q95_m_s2",
-)
 
 
 def _floor_spectra(report: PredictionReport) -> tuple[Sheet, ...]:
@@ -130,16 +112,30 @@ def _floor_spectra(report: PredictionReport) -> tuple[Sheet, ...]:
     found = report.floor_spectra
     if found is None:
         return ()
-    own, frequency = found.acceleration, found.frequency_hz.tolist()
-    ground = [("base", f, found.damping, a) for f, a in zip(frequency, found.base, strict=True)]
-    rows = [(*row[:3], float(row[3]), 0.0, float(row[3]), float(row[3])) for row in ground]
-    for k, floor in enumerate(report.summary.floors):
-        columns = (part[k].tolist() for part in (own.mean, own.sd, own.q05, own.q95))
-        rows += [
-            (floor, f, found.damping, *values)
-            for f, *values in zip(frequency, *columns, strict=True)
-        ]
-    return (Sheet.of("floor_spectra", _SPECTRA, rows),)
+    own, floors = found.acceleration, ("base", *report.summary.floors)
+    columns = {
+        "damping_ratio": np.full((len(floors), len(found.base)), found.damping),
+        "acceleration_mean_m_s2": np.vstack([found.base, own.mean]),
+        "acceleration_sd_m_s2": np.vstack([0.0 * found.base, own.sd]),
+        "acceleration_q05_m_s2": np.vstack([found.base, own.q05]),
+        "acceleration_q95_m_s2": np.vstack([found.base, own.q95]),
+    }
+    return (_by_floor("floor_spectra", floors, "frequency_hz", found.frequency_hz, columns),)
+
+
+def diagnosis_tables(report: DiagnosisReport) -> tuple[Sheet, ...]:
+    """The effects that were fitted, and the residuals by floor and band."""
+    cells = report.diagnosis.residuals
+    residuals = {
+        "floor": [cell.floor for cell in cells],
+        "from_hz": [cell.band_hz[0] for cell in cells],
+        "to_hz": [cell.band_hz[1] for cell in cells],
+        "excess": [cell.excess for cell in cells],
+        "p_value": [cell.p_value for cell in cells],
+        "data": [cell.data for cell in cells],
+    }
+    effects = [_effect(one) for one in report.diagnosis.findings]
+    return (Sheet.of("effects", _EFFECTS, effects), _sheet("residual_map", residuals))
 
 
 _EFFECTS = (
@@ -158,21 +154,6 @@ _EFFECTS = (
     "added_mass_t",
     "hidden_by_stiffness_factors",
 )
-
-
-_CELLS = ("floor", "from_hz", "to_hz", "excess", "p_value", "data")
-
-
-def diagnosis_tables(report: DiagnosisReport) -> tuple[Sheet, ...]:
-    """The effects that were fitted, and the residuals by floor and band."""
-    cells = [
-        (cell.floor, *cell.band_hz, cell.excess, cell.p_value, cell.data)
-        for cell in report.diagnosis.residuals
-    ]
-    return (
-        Sheet.of("effects", _EFFECTS, (_effect(one) for one in report.diagnosis.findings)),
-        Sheet.of("residual_map", _CELLS, cells),
-    )
 
 
 def _effect(one: Finding) -> tuple[Any, ...]:
@@ -212,10 +193,6 @@ def mode_tables(report: RenderReport) -> tuple[Sheet, ...]:
     return (Sheet.of("modes", tuple(columns), rows),)
 
 
-def _quantiles(values: np.ndarray) -> list[float]:
-    return [float(value) for value in np.quantile(values, [0.05, 0.5, 0.95])]
-
-
-def _short(values: np.ndarray) -> list[float]:
+def _short(values: Floats) -> Floats:
     """Six significant figures: histories are long."""
-    return [float(f"{value:.6g}") for value in values]
+    return np.array([float(f"{value:.6g}") for value in np.ravel(values)])
