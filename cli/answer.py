@@ -46,18 +46,15 @@ class Answer:
         if self.tables is not None:
             drawn["tables"] = self.tables
         if as_json:
-            print_json({**self.result.as_dict(), **drawn, **self.more})
+            content = _plain({**self.result.as_dict(), **drawn, **self.more})
+            click.echo(json.dumps(content, indent=2))
             return
         click.echo("\n".join(self.result.lines()))
         print_pictures((*(self.pictures or ()), *self.files, *(self.tables or ())))
 
 
-def print_json(content: dict[str, Any]) -> None:
-    """Print one JSON object; numbers that are not finite become null."""
-    click.echo(json.dumps(_plain(content), indent=2))
-
-
 def _plain(value: Any) -> Any:
+    """What JSON holds of a value; numbers that are not finite become null."""
     if isinstance(value, dict):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, Path):

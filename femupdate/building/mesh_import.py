@@ -79,13 +79,11 @@ def _import(building: MeshBuilding) -> BuildingMesh:
         direction="xy".index(building.sensors.direction),
         story_names=building.story_names,
         factors=stiffness_factors(building),
-        parts=tuple(_owners(own) for own in by_element(blocks).values()),
+        parts=tuple(
+            np.concatenate([np.full(len(block.nodes), block.part) for block in own])
+            for own in by_element(blocks).values()
+        ),
     )
-
-
-def _owners(blocks: Sequence[ElementBlock]) -> Integers:
-    """Part of every element of one kind."""
-    return np.concatenate([np.full(len(block.nodes), block.part) for block in blocks])
 
 
 def _merged(building: MeshBuilding, raw: RawMesh, nodes: Floats) -> RawMesh:

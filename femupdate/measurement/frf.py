@@ -58,7 +58,9 @@ def estimate_frf(
     base, floors, names = floor_means(histories, direction)
     step = histories.time_step
     rotation = rotation_of(histories.channels, histories.acceleration)
-    segments = choose_segments(base.size, step, _wanted(grid), histories.source)
+    # Long enough to resolve the grid, s.
+    wanted = 1.0 / float(np.median(np.diff(grid))) if grid.size > 1 else 8.0 / float(grid[0])
+    segments = choose_segments(base.size, step, wanted, histories.source)
     spectra = welch_spectra(base, floors, step, segments)
     coherence = np.abs(spectra.cross) ** 2 / np.maximum(spectra.base * spectra.floors, _TINY)
     turning = _Turning.of(base, rotation, floors, step, segments)
@@ -131,11 +133,6 @@ class _Turning:
         """Rotation that goes with unit translation (m,), 1/m."""
         share = self.beside.cross[0] / np.maximum(self.beside.base, _TINY)
         return np.asarray(at_grid(share.real) + 1j * at_grid(share.imag))
-
-
-def _wanted(grid: Floats) -> float:
-    """Length of segments that resolves a grid, s."""
-    return 1.0 / float(np.median(np.diff(grid))) if grid.size > 1 else 8.0 / float(grid[0])
 
 
 def _half(segments: Segments, number: int, source: str) -> Segments:

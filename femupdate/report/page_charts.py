@@ -71,43 +71,25 @@ def curve_figure(curve: Curve, across: Axis, up: Axis) -> Figure:
     """A mean line over its bands, under measured points."""
     traces: list[dict[str, Any]] = []
     for band in curve.bands:
-        color = _OUTER if band.outer else _BAND
-        line = {"width": 0.0}
-        shared = {"x": curve.x, "type": "scatter", "mode": "lines", "line": line}
-        traces.append(
-            {
-                **shared,
-                "y": band.low,
-                "name": f"{band.name}, low",
-                "showlegend": False,
-                "hoverinfo": "skip",
-            }
-        )
-        traces.append(
-            {
-                **shared,
-                "y": band.high,
-                "name": band.name,
-                "fill": "tonexty",
-                "fillcolor": color,
-                "hoverinfo": "skip",
-            }
-        )
+        quiet = {"line": {"width": 0.0}, "hoverinfo": "skip"}
+        filled = {"fill": "tonexty", "fillcolor": _OUTER if band.outer else _BAND}
+        low, high = f"{band.name}, low", band.name
+        traces.append(_line(curve.x, band.low, low, **quiet, showlegend=False))
+        traces.append(_line(curve.x, band.high, high, **quiet, **filled))
     if curve.ignored is not None and np.isfinite(curve.ignored).any():
         traces.append(_points(curve.x, curve.ignored, "measured, not used", FAINT))
     if curve.measured is not None and np.isfinite(curve.measured).any():
         traces.append(_points(curve.x, curve.measured, "measured", _MEASURED, curve.measured_sd))
-    traces.append(
-        {
-            "x": curve.x,
-            "y": curve.mean,
-            "type": "scatter",
-            "mode": "lines",
-            "name": curve.name,
-            "line": {"color": BLUE, "width": 1.6},
-        }
-    )
+    traces.append(_line(curve.x, curve.mean, curve.name, line={"color": BLUE, "width": 1.6}))
     return {"data": traces, "layout": layout(across, up)}
+
+
+def _line(x: Floats, y: Floats, name: str, **more: Any) -> dict[str, Any]:
+    return {"type": "scatter", "mode": "lines", "x": x, "y": y, "name": name, **more}
+
+
+def _markers(x: Floats, y: Floats, name: str, **more: Any) -> dict[str, Any]:
+    return {"type": "scatter", "mode": "markers", "x": x, "y": y, "name": name, **more}
 
 
 def _points(
@@ -115,24 +97,11 @@ def _points(
 ) -> dict[str, Any]:
     shown = np.isfinite(y)
     if sd is None and name == "measured":
-        line = {"color": color, "width": 3.2}
-        return {"x": x, "y": y, "type": "scatter", "mode": "lines", "name": name, "line": line}
-    points: dict[str, Any] = {
-        "x": x[shown],
-        "y": y[shown],
-        "type": "scatter",
-        "mode": "markers",
-        "name": name,
-        "marker": {"color": color, "size": 5},
-    }
+        return _line(x, y, name, line={"color": color, "width": 3.2})
+    points = _markers(x[shown], y[shown], name, marker={"color": color, "size": 5})
     if sd is not None:
-        points["error_y"] = {
-            "type": "data",
-            "array": sd[shown],
-            "color": "rgba(34,38,43,0.25)",
-            "thickness": 0.8,
-            "width": 0,
-        }
+        look = {"color": "rgba(34,38,43,0.25)", "thickness": 0.8, "width": 0}
+        points["error_y"] = {"type": "data", "array": sd[shown], **look}
     return points
 
 
@@ -164,60 +133,38 @@ def interval_figure(
     traces: list[dict[str, Any]] = []
     if ranges is not None:
         low, high = ranges
-        traces.append(
-            {
-                "type": "bar",
-                "orientation": "h",
-                "x": high - low,
-                "base": low,
-                "y": places,
-                "width": 0.7,
-                "name": "prior range",
-                "marker": {"color": FAINT},
-                "hovertemplate": "%{base:.3g} to %{x:.3g}<extra>prior</extra>",
-            }
-        )
+        said = {"hovertemplate": "%{base:.3g} to %{x:.3g}<extra>prior</extra>"}
+        bars = _bars(high - low, places, "prior range", FAINT)
+        traces.append({**bars, "base": low, "width": 0.7, **said})
     for number, one in enumerate(intervals):
         shift = 0.22 * ((len(intervals) - 1) / 2 - number)
-        traces.append(
-            {
-                "type": "scatter",
-                "mode": "markers",
-                "x": one.mean,
-                "y": places + shift,
-                "name": one.name,
-                # A stroke covers less of a short interval than a dot does.
-                "marker": {
-                    "symbol": "line-ns-open",
-                    "color": one.color,
-                    "size": 13,
-                    "line": {"color": one.color, "width": 2},
-                },
-                "error_x": {
-                    "type": "data",
-                    "symmetric": False,
-                    "array": one.high - one.mean,
-                    "arrayminus": one.mean - one.low,
-                    "color": one.color,
-                    "thickness": 2.4,
-                    "width": 5,
-                },
-            }
-        )
+        # A stroke covers less of a short interval than a dot does.
+        stroke = {"symbol": "line-ns-open", "size": 13, "line": {"color": one.color, "width": 2}}
+        traces.append(_markers(one.mean, places + shift, one.name, marker=stroke))
+        traces[-1]["marker"]["color"] = one.color
+        traces[-1]["error_x"] = {
+            "type": "data",
+            "symmetric": False,
+            "array": one.high - one.mean,
+            "arrayminus": one.mean - one.low,
+            "color": one.color,
+            "thickness": 2.4,
+            "width": 5,
+        }
     figure_layout = layout(Axis(title=across), Axis(title="", names=tuple(rows)))
     return {"data": traces, "layout": figure_layout}
 
 
-def bar_figure(rows: Sequence[str], values: Floats, across: str, first: bool) -> Figure:
-    """Horizontal bars, the first row on top; the first in a colour of its own where asked."""
-    colors = [ORANGE if first and k == 0 else QUIET for k in range(len(rows))]
+def _bars(x: Floats, y: Floats, name: str, color: str | list[str]) -> dict[str, Any]:
+    bars = {"type": "bar", "orientation": "h", "marker": {"color": color}}
+    return {**bars, "x": x, "y": y, "name": name}
+
+
+def bar_figure(rows: Sequence[str], values: Floats, across: str) -> Figure:
+    """Horizontal bars, the first row on top and in a colour of its own."""
+    colors = [ORANGE, *[QUIET] * (len(rows) - 1)]
     trace = {
-        "type": "bar",
-        "orientation": "h",
-        "x": values,
-        "y": np.arange(len(rows)),
-        "marker": {"color": colors},
-        "name": across,
+        **_bars(values, np.arange(len(rows), dtype=float), across, colors),
         "showlegend": False,
     }
     figure_layout = layout(Axis(title=across), Axis(title="", names=tuple(rows)))
@@ -255,19 +202,10 @@ def pairs_figure(names: Sequence[str], draws: Floats) -> Figure:
         for column in range(row):
             number += 1
             key = "" if number == 1 else str(number)
-            traces.append(
-                {
-                    "type": "scatter",
-                    "mode": "markers",
-                    "x": draws[:, column],
-                    "y": draws[:, row],
-                    "xaxis": f"x{key}",
-                    "yaxis": f"y{key}",
-                    "name": escaped(f"{names[row]} over {names[column]}"),
-                    "marker": {"color": BLUE, "size": 2.5, "opacity": 0.45},
-                    "showlegend": False,
-                }
-            )
+            over = escaped(f"{names[row]} over {names[column]}")
+            look = {"color": BLUE, "size": 2.5, "opacity": 0.45}
+            points = _markers(draws[:, column], draws[:, row], over, marker=look, showlegend=False)
+            traces.append({**points, "xaxis": f"x{key}", "yaxis": f"y{key}"})
             side = 1.0 / (count - 1)
             span = (column * side + 0.03, (column + 1) * side - 0.01)
             rise = (1.0 - row * side + 0.03, 1.0 - (row - 1) * side - 0.01)

@@ -65,7 +65,10 @@ def _channels(building: Meshed) -> tuple[tuple[Channel, ...], tuple[str, ...]]:
 
 def _sensed(building: FrameBuilding, sensors: SensorPoints | None) -> FrameBuilding:
     """Return the building with the points of every floor listed one by one."""
-    own = {floor: _own_points(building, floor) for floor in building.floors}
+    own = {
+        floor: _listed(building, building.sensors.floors.get(floor) or building.sensors.points)
+        for floor in building.floors
+    }
     if sensors is None:
         with_corners = {floor: _add(points, _corners(building)) for floor, points in own.items()}
         return _try_points(building, with_corners) or _with_points(building, own)
@@ -79,10 +82,6 @@ def _sensed(building: FrameBuilding, sensors: SensorPoints | None) -> FrameBuild
             )
     asked = {floor: _listed(building, tuple(points)) for floor, points in sensors.items()}
     return _with_points(building, {**own, **asked})
-
-
-def _own_points(building: FrameBuilding, floor: str) -> tuple[str, ...]:
-    return _listed(building, building.sensors.floors.get(floor) or building.sensors.points)
 
 
 def _listed(building: FrameBuilding, points: tuple[str, ...]) -> tuple[str, ...]:

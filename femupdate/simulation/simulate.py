@@ -318,7 +318,9 @@ def parse_effect(
             "own --theta, --zeta and --rms"
         )
     require_story_factors(building)
-    structure = structure_of(building, _coarse(building))
+    # A coarse mesh is enough to know the places of effects.
+    size = 2.0 * building.mesh.size if isinstance(building, FrameBuilding) else None
+    structure = structure_of(building, size)
     places = effect.places(structure)
     if place not in (*places, *effect.points(structure)):
         raise BuildingError(
@@ -339,8 +341,3 @@ def parse_effect(
                 f"{label}: {one.name} {value:g} must lie from {one.lower:g} to {one.upper:g}"
             )
     return Placed(effect, place), (*values, *(p.neutral for p in own[len(values) :]))
-
-
-def _coarse(building: Building) -> float | None:
-    """A mesh size that is enough to know the places of effects."""
-    return 2.0 * building.mesh.size if isinstance(building, FrameBuilding) else None

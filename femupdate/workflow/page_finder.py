@@ -74,7 +74,7 @@ def _words(name: str, place: str) -> str:
 def _ranking(effects: list[dict[str, Any]]) -> Chart:
     names = [_words(one["name"], one["place"]) for one in effects]
     values = np.array([one["log_evidence_over_none"] for one in effects], dtype=float)
-    figure = bar_figure(names, values, "log evidence", True)
+    figure = bar_figure(names, values, "log evidence")
     return Chart(
         name="evidence",
         caption="How well each effect explains the data: its log evidence over the model as it was",

@@ -74,11 +74,6 @@ class PageStudy:
         names = () if self.posterior is None else self.posterior.names
         return parameter_titles(self.model.building, names)
 
-    @cached_property
-    def short_titles(self) -> Mapping[str, str]:
-        """The same without the meaning of an effect's parameter."""
-        return {name: title.partition(": ")[0] for name, title in self.titles.items()}
-
     def state(self, name: str) -> str | None:
         """State of a thing that the study may hold, of the posterior that the page shows."""
         return self.status.state(self.study.key(name))

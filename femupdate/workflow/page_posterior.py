@@ -233,7 +233,8 @@ def _intervals(page: PageStudy, posterior: Posterior) -> Chart:
 
 def _relations(page: PageStudy, posterior: Posterior) -> tuple[Chart, ...]:
     """Correlations, and draws by pairs where there are not too many."""
-    names = [page.short_titles[name] for name in posterior.names]
+    # Without the meaning of an effect's parameter.
+    names = [page.titles[name].partition(": ")[0] for name in posterior.names]
     if len(names) < 2:
         return ()
     matrix = np.atleast_2d(np.corrcoef(posterior.samples.T))
