@@ -11,6 +11,7 @@ from matplotlib.lines import Line2D
 
 from femupdate.arrays import Floats
 from femupdate.report.figure import add_head, frequency_ticks, new_figure
+from femupdate.report.page_charts import thinned
 from femupdate.report.style import hue, look, styled
 
 MOST_LINES = 24
@@ -153,23 +154,14 @@ def _draw_histories(axes: Axes, lines: Sequence[MeasuredLine]) -> None:
     spacing = 2.0 * max(float(np.abs(each.values - each.values.mean()).max()) for each in lines)
     spacing = spacing or 1.0
     for k, each in enumerate(lines):
-        time, values = _thinned(each)
-        axes.plot(time, values - each.values.mean() - k * spacing, color=hue(k), linewidth=0.6)
+        kept = thinned(each.values, POINTS)
+        height = each.values[kept] - each.values.mean() - k * spacing
+        axes.plot(kept * each.time_step, height, color=hue(k), linewidth=0.6)
     axes.set_yticks([-k * spacing for k in range(len(lines))], [each.label for each in lines])
     for k, label in enumerate(axes.get_yticklabels()):
         label.set_color(hue(k))
     axes.set(xlabel="Time, s", title="Histories, to one scale, about their means")
     axes.grid(axis="y", visible=False)
-
-
-def _thinned(line: MeasuredLine) -> tuple[Floats, Floats]:
-    """Smallest and largest value of every stretch, so that no peak is lost."""
-    length = -(-line.values.size // (POINTS // 2))
-    if length <= 1:
-        return np.arange(line.values.size, dtype=np.float64) * line.time_step, line.values
-    whole = line.values[: line.values.size // length * length].reshape(-1, length)
-    pairs: Floats = np.stack([whole.min(axis=1), whole.max(axis=1)], axis=1).reshape(-1)
-    return np.arange(pairs.size, dtype=np.float64) * (length / 2.0 * line.time_step), pairs
 
 
 def _draw_spectra(axes: Axes, lines: Sequence[MeasuredLine], unit: str) -> None:
