@@ -118,14 +118,6 @@ def _check_settings(artefact: Artefact) -> None:
             raise ValueError(f"{key} of {artefact.file} is {value!r}, which no command wrote")
 
 
-def damaged(path: Path, reason: object) -> StudyError:
-    """The error of an artefact that cannot be used although it is the recorded one."""
-    text = (str(reason).splitlines() or [type(reason).__name__])[0]
-    return StudyError(
-        f"{path} is not what femupdate writes there ({text}); remove it and run the command again"
-    )
-
-
 @contextmanager
 def as_written(path: Path) -> Iterator[None]:
     """Use of what an artefact holds.
@@ -136,7 +128,11 @@ def as_written(path: Path) -> Iterator[None]:
     try:
         yield
     except (LookupError, TypeError, ValueError, AttributeError, RecursionError) as error:
-        raise damaged(path, error) from error
+        text = (str(error).splitlines() or [type(error).__name__])[0]
+        raise StudyError(
+            f"{path} is not what femupdate writes there ({text}); remove it and run the command "
+            "again"
+        ) from error
 
 
 class Study:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from femupdate.array_archive import ArchiveError, check_shapes, read_arrays, write_arrays
+from femupdate.array_archive import check_shapes, read_arrays, write_arrays
 from femupdate.arrays import Floats
 from femupdate.building.document import without_effects
 from femupdate.building.files import mechanics_hash
@@ -22,7 +22,7 @@ from femupdate.effects.listed import building_effects
 from femupdate.effects.structure import Structure
 from femupdate.inference.priors import reduction_target
 from femupdate.progress import SILENT, Progress
-from femupdate.study import Study, damaged
+from femupdate.study import Study, as_written
 
 BASIS, NEAR_BASIS = "effect basis", "finder's basis"
 _FILE, _NEAR_FILE = "effect_basis.npz", "finder_basis.npz"
@@ -80,14 +80,12 @@ def read_basis(path: Path, structure: Structure) -> Floats:
     Raises:
         StudyError: the file holds no such basis.
     """
-    try:
+    with as_written(path):
         data = read_arrays(path)
         check_shapes(data, {"basis": "nr"})
-    except ArchiveError as error:
-        raise damaged(path, error) from error
-    if len(data["basis"]) != len(structure.axis):
-        raise damaged(path, f"basis of {len(data['basis'])} degrees of freedom")
-    return data["basis"]
+        if len(data["basis"]) != len(structure.axis):
+            raise ValueError(f"basis of {len(data['basis'])} degrees of freedom")
+        return data["basis"]
 
 
 @dataclass(frozen=True)

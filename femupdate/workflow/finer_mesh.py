@@ -23,7 +23,7 @@ from femupdate.dynamics.damping import DampingLaw
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.dynamics.reduced_terms import ReducedStiffness, ReducedTerms
 from femupdate.dynamics.system import System
-from femupdate.study import Study, damaged
+from femupdate.study import Study, as_written
 from femupdate.workflow.reduced_file import reduced_arrays, reduced_from
 
 FINER = "finer mesh"
@@ -98,7 +98,7 @@ def _origin(building: FrameBuilding) -> dict[str, str]:
 
 
 def _read(path: Path) -> FinerMesh:
-    try:
+    with as_written(path):
         data = read_arrays(path)
         header = json.loads(str(data["header"]))
         model = reduced_from(data, header["floors"])
@@ -106,8 +106,6 @@ def _read(path: Path) -> FinerMesh:
             return FinerMesh(model)
         error = MeshError.of(header["error"])
         return FinerMesh(model, error, _terms(data, len(error.labels)))
-    except (ValueError, KeyError, TypeError, RecursionError, AttributeError) as error:
-        raise damaged(path, error) from error
 
 
 def _term_arrays(finer: FinerMesh) -> dict[str, NDArray[Any]]:

@@ -1,12 +1,11 @@
 """Responses to forces: what a reduced model lacks for them, and the check of their unit."""
 
 import math
-from pathlib import Path
 
 import torch
 from torch import Tensor
 
-from femupdate.array_archive import ArchiveError, check_shapes, read_arrays, write_arrays
+from femupdate.array_archive import check_shapes, read_arrays, write_arrays
 from femupdate.building.frame import FrameBuilding
 from femupdate.dynamics.force_response import RestFlexibility, rest_flexibility
 from femupdate.dynamics.reduced import ReducedModel
@@ -17,7 +16,7 @@ from femupdate.inference.likelihood import DataLikelihood
 from femupdate.measurement.force_frf import ForcedObservation
 from femupdate.measurement.observation import Observation
 from femupdate.progress import Progress
-from femupdate.study import Study, damaged
+from femupdate.study import Study, as_written
 from femupdate.units import STANDARD_GRAVITY
 from femupdate.workflow.finer_mesh import FINER, half_mesh_size
 from femupdate.workflow.model import REDUCED, StudyModel
@@ -42,7 +41,10 @@ def open_rest(study: Study, model: StudyModel, progress: Progress) -> RestFlexib
     origin = {**model.made_from(), **_reduced_by(study)}
     kept = study.find(REST, origin)
     if kept is not None:
-        return _read(kept)
+        with as_written(kept):
+            data = read_arrays(kept)
+            check_shapes(data, {"terms": "pff", "numbers": "n"})
+            return RestFlexibility(data["terms"], *data["numbers"].tolist())
     structure, reduced = _full_and_reduced(model)
     lower, upper = model.prior.lower.numpy(), model.prior.upper.numpy()
     found = rest_flexibility(structure, reduced, lower, upper, progress)
@@ -67,15 +69,6 @@ def _reduced_by(study: Study) -> dict[str, str]:
     """Hashes of the reduced models that something was learned for."""
     kept = study.artefacts()
     return {name: kept[name].sha256 for name in (REDUCED, FINER) if name in kept}
-
-
-def _read(path: Path) -> RestFlexibility:
-    try:
-        data = read_arrays(path)
-        check_shapes(data, {"terms": "pff", "numbers": "n"})
-    except ArchiveError as error:
-        raise damaged(path, error) from error
-    return RestFlexibility(data["terms"], *data["numbers"].tolist())
 
 
 def check_level(model: StudyModel, likelihood: ForceLikelihood, one: ForcedObservation) -> None:

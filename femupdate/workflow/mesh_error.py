@@ -17,7 +17,7 @@ from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.effects.structure import Structure, structure_of
 from femupdate.inference.priors import reduction_target, theta_prior
 from femupdate.progress import SILENT, Progress
-from femupdate.study import Study, damaged, write_text
+from femupdate.study import Study, as_written, write_text
 from femupdate.workflow.effects import finder_origin
 from femupdate.workflow.finer_mesh import FinerMesh, half_mesh_size, keep_finer
 from femupdate.workflow.model import StudyModel, on_kept_finer
@@ -84,11 +84,9 @@ def kept_mesh_error(study: Study, building: Building) -> MeshError | None:
     kept = study.find(MESH_ERROR, finder_origin(building))
     if kept is None:
         return None
-    try:
+    with as_written(kept):
         content = json.loads(kept.read_text(encoding="utf-8"))
         return MeshError.of(content) if "share_sd" in content else None  # of an earlier version
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise damaged(kept, error) from error
 
 
 def keep_mesh_error(study: Study, building: Building, mesh: MeshError) -> None:

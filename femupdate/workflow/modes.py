@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from femupdate.array_archive import ArchiveError, read_arrays, write_arrays
+from femupdate.array_archive import read_arrays, write_arrays
 from femupdate.arrays import Floats
 from femupdate.dynamics.full_modes import FullModes, mesh_modes, stick_modes
 from femupdate.dynamics.tracking import (
@@ -19,7 +19,7 @@ from femupdate.dynamics.tracking import (
 from femupdate.effects.structure import structure_of
 from femupdate.inference.posterior import Posterior
 from femupdate.measurement.observation import on_all_floors
-from femupdate.study import Study, damaged
+from femupdate.study import Study, as_written
 from femupdate.units import ordinal, percent
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import direction_of
@@ -95,16 +95,10 @@ def find_modes(study: Study, model: StudyModel) -> FullModes:
     kept = study.find(MODES, model.made_from())
     if kept is None:
         return full_modes(model)
-    try:
+    with as_written(kept):
         data = read_arrays(kept, _LARGEST)
-        return FullModes(
-            data["frequency_hz"],
-            data["shapes"],
-            data["effective_mass"],
-            tuple(str(name) for name in data["direction"]),
-        )
-    except (ArchiveError, KeyError) as error:
-        raise damaged(kept, error) from error
+        names = tuple(str(name) for name in data["direction"])
+        return FullModes(data["frequency_hz"], data["shapes"], data["effective_mass"], names)
 
 
 def keep_modes(study: Study, model: StudyModel, modes: FullModes) -> None:

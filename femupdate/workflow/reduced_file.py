@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from femupdate.array_archive import check_shapes, read_arrays, write_arrays
 from femupdate.dynamics.reduced import BaseRotation, ReducedModel, ReleasedBase
-from femupdate.study import damaged
+from femupdate.study import as_written
 
 _ARRAYS = {
     "stiffness_terms": "prr",
@@ -37,12 +37,10 @@ def load_reduced(path: Path) -> tuple[ReducedModel, float]:
     Raises:
         StudyError: the file is not what `save_reduced` writes.
     """
-    try:
+    with as_written(path):
         data = read_arrays(path)
         header = json.loads(str(data["header"]))
         return reduced_from(data, header["floors"]), float(header["rms_error"])
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise damaged(path, error) from error
 
 
 def reduced_arrays(model: ReducedModel) -> dict[str, NDArray[Any]]:
