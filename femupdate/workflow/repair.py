@@ -10,6 +10,7 @@ import numpy as np
 from femupdate.arrays import Floats
 from femupdate.building.parameters import factor_titles
 from femupdate.building.schema import Building
+from femupdate.discrepancy.diagnose import STANDS_IN
 from femupdate.discrepancy.finder_model import FinderModel
 from femupdate.discrepancy.held_out import Held, KeptOut, hold
 from femupdate.discrepancy.problem import Problem
@@ -125,10 +126,12 @@ class RepairReport:
 
     def _round(self, number: int) -> str:
         """What one round added."""
-        one = self.repair.rounds[number]
+        one, points = self.repair.rounds[number], self.problem.effective
+        # What predicts data kept out better stands for itself.
+        doubt = f"\n  {STANDS_IN}" if self.held is None and one.stands_in(points) else ""
         return (
             f"{number + 1}. {one.finding.in_words}\n  residuals {one.chi2_before:.0f} -> "
-            f"{one.chi2_after:.0f} over {self.problem.effective:.0f} independent points"
+            f"{one.chi2_after:.0f} over {points:.0f} independent points{doubt}"
         )
 
 

@@ -160,6 +160,18 @@ def test_the_study_itself_stays_as_it_was(repaired, calibrated_before):
     assert load_building(calibrated_before.path("building.toml")).effects == ()
 
 
+def test_a_name_that_leaves_most_of_the_misfit_is_told_with_doubt(repaired):
+    """Unless data kept out carry it."""
+    report, told = repaired[0], "this name may stand in"
+    points, first = report.problem.effective, report.repair.rounds[0]
+    before = first.chi2_before
+    weak = replace(first, chi2_after=before - 0.4 * (before - points))
+    doubtful = replace(report, repair=replace(report.repair, rounds=(weak,)))
+    assert told not in "\n".join(doubtful.lines())
+    assert told in "\n".join(replace(doubtful, held=None).lines())
+    assert told not in "\n".join(replace(report, held=None).lines())
+
+
 def test_the_repaired_building_is_an_ordinary_file(repaired):
     path = repaired[0].building_path
     assert path.name == "building.toml"
