@@ -1,6 +1,7 @@
 """Bands over time or frequency: floor accelerations, floor spectra, forces of members."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -24,6 +25,22 @@ from femupdate.report.style import BAND, BLUE, FAINT, MEASURED, QUIET, styled
 ZOOM_SHARE = 0.12  # of the record, at most, in the panels on the right
 ZOOM_CYCLES = 20  # there, at most
 
+_LABELS = (
+    "Predicted, mean",
+    "Predicted, mean ± 2 sd",
+    "Of the parameters alone",
+    "Measured",
+)
+
+
+class History(NamedTuple):
+    """What is drawn of one floor, (n,) each: in a band, and the parameters' own mean and sd."""
+
+    mean: Floats
+    sd: Floats
+    measured: Floats | None
+    alone: tuple[Floats, Floats] | None
+
 
 @styled
 def floor_history_bands(
@@ -32,6 +49,7 @@ def floor_history_bands(
     sd: ArrayLike,
     floors: Sequence[str],
     *,
+    alone: tuple[ArrayLike, ArrayLike] | None = None,
     measured: ArrayLike | None = None,
     title: str = "Floor acceleration",
 ) -> Figure:
@@ -41,6 +59,7 @@ def floor_history_bands(
         time: (n,) s.
         mean, sd: (f, n) over the posterior samples, m/s2; the band is two sd either way.
         floors: f names, bottom to top.
+        alone: mean and sd (f, n) of the parameters alone, m/s2, drawn as a band inside.
         measured: (f, n) m/s2 with rows of NaN where a floor has no sensor, or None.
 
     Raises:
@@ -50,13 +69,19 @@ def floor_history_bands(
     shape = (len(floors), len(instants))
     middle, spread = checked("mean", mean, *shape), checked("sd", sd, *shape)
     seen = None if measured is None else checked("measured", measured, *shape)
+    inner = None if alone is None else [checked("alone", values, *shape) for values in alone]
     strong = strong_part(instants, middle[-1])
     figure = new_figure(11.5, 0.6 + 1.25 * len(floors))
     axes = figure.subplots(
         len(floors), 2, sharex="col", sharey=True, squeeze=False, width_ratios=(1.0, 1.15)
     )
     for (whole, zoomed), floor in zip(axes, reversed(range(len(floors))), strict=True):
-        data = (middle[floor], spread[floor], None if seen is None else seen[floor])
+        data = History(
+            middle[floor],
+            spread[floor],
+            None if seen is None else seen[floor],
+            None if inner is None else (inner[0][floor], inner[1][floor]),
+        )
         _draw_history(whole, instants, data, (instants[0], instants[-1]), zoomed=False)
         _draw_history(zoomed, instants, data, strong, zoomed=True)
         whole.axvspan(*strong, color=FAINT, alpha=0.55, linewidth=0.0, zorder=0)
@@ -95,21 +120,24 @@ def strongest(power: Floats, length: int) -> slice:
 def _draw_history(
     panel: Axes,
     time: Floats,
-    data: tuple[Floats, Floats, Floats | None],
+    data: History,
     limits: tuple[float, float],
     *,
     zoomed: bool,
 ) -> None:
     """Draw one floor; what is zoomed is drawn thicker, and its labels go into the legend."""
-    mean, sd, measured = data
     inside = (time >= limits[0]) & (time <= limits[1])
-    t, middle, twice = time[inside], mean[inside], 2.0 * sd[inside]
-    labels = ("Predicted, mean", "Predicted, mean ± 2 sd", "Measured") if zoomed else ("",) * 3
+    t, middle, twice = time[inside], data.mean[inside], 2.0 * data.sd[inside]
+    labels = _LABELS if zoomed else ("",) * len(_LABELS)
     panel.plot(t, middle, color=BLUE, linewidth=1.2 if zoomed else 0.6, label=labels[0])
     panel.fill_between(t, middle - twice, middle + twice, label=labels[1], **BAND)
-    if measured is not None:
+    if data.alone is not None:
+        centre, narrow = data.alone[0][inside], 2.0 * data.alone[1][inside]
+        look = {**BAND, "alpha": 0.5}
+        panel.fill_between(t, centre - narrow, centre + narrow, label=labels[2], **look)
+    if data.measured is not None:
         look = {**MEASURED, "linewidth": 2.6 if zoomed else 1.2}
-        panel.plot(t, measured[inside], label=labels[2], **look)
+        panel.plot(t, data.measured[inside], label=labels[3], **look)
     panel.set_xlim(*limits)
 
 

@@ -30,6 +30,7 @@ def draw_prediction(
         summary.acceleration_mean,
         summary.acceleration_sd,
         summary.floors,
+        alone=(report.alone.acceleration_mean, report.alone.acceleration_sd),
         measured=report.measured,
         title=title,
     )

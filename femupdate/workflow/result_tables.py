@@ -99,6 +99,8 @@ def prediction_tables(report: PredictionReport) -> tuple[Sheet, ...]:
     histories = {
         "acceleration_mean_m_s2": _short(summary.acceleration_mean),
         "acceleration_sd_m_s2": _short(summary.acceleration_sd),
+        "parameters_mean_m_s2": _short(report.alone.acceleration_mean),
+        "parameters_sd_m_s2": _short(report.alone.acceleration_sd),
     }
     return (
         Sheet.of("predicted_peaks", TIDY, [*rows, *member_rows(report.members)]),

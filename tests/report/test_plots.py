@@ -93,6 +93,19 @@ def shear_drift(stories: int, count: int) -> Figure:
     return story_shear_drift(drift * stiffness[..., None], drift, stiffness, "123456"[:stories])
 
 
+def test_the_band_of_the_parameters_lies_inside_the_other() -> None:
+    values = motion()
+    figure = floor_history_bands(
+        TIME, values, 0.4 + 0.0 * values, FLOORS, alone=(values, 0.1 + 0.0 * values)
+    )
+    wide, narrow = (
+        np.ptp(one.get_paths()[0].vertices[:, 1]) for one in figure.axes[1].collections[:2]
+    )
+    assert wide - narrow == pytest.approx(4.0 * 0.3)
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert labels == ["Predicted, mean", "Predicted, mean ± 2 sd", "Of the parameters alone"]
+
+
 def spectra() -> Figure:
     grid = np.geomspace(0.2, 20.0, 40)
     mean = np.arange(1.0, 3.0)[:, None] * np.ones(40)
@@ -131,6 +144,7 @@ FIGURES = {
     "intervals": lambda: theta_intervals(names(6), cases(6), bounds(6)),
     "intervals of one": lambda: theta_intervals(names(4), cases(4)[:1], bounds(4)),
     "history": lambda: bands(measured=gappy_motion()),
+    "history of parameters": lambda: bands(alone=(motion(), 0.05 * np.abs(motion()))),
     "shear drift 6": lambda: shear_drift(6, 100),
     "shear drift 3": lambda: shear_drift(3, 1),
     "shear drift 1": lambda: shear_drift(1, 5),

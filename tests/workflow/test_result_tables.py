@@ -90,6 +90,9 @@ def test_histories_have_a_row_for_every_instant(folder):
     roof = [float(row["acceleration_mean_m_s2"]) for row in rows if row["floor"] == "RF"]
     peak = answer["peak_acceleration_m_s2"]["RF"]["mean"]
     assert np.abs(roof).max() == pytest.approx(peak, rel=0.1)
+    both = ("acceleration_sd_m_s2", "parameters_sd_m_s2")
+    wide, narrow = (max(float(row[name]) for row in rows) for name in both)
+    assert 0.0 < narrow < wide
 
 
 def test_floor_spectra_have_a_row_for_every_oscillator(folder):
