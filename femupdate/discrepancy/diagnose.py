@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -36,6 +36,8 @@ from femupdate.effects.effect import Placed
 from femupdate.progress import SILENT, Progress, counted
 from femupdate.units import percent
 from femupdate.workers import in_threads
+
+T = TypeVar("T")
 
 NONE, NAMED, PARTLY, AMBIGUOUS = "none", "named", "partly", "ambiguous"
 INDISTINGUISHABLE, UNKNOWN = "indistinguishable", "unknown"
@@ -349,17 +351,19 @@ def _fit_candidates(
 ) -> list[Fit]:
     """Fits with one effect more each; those that fall far behind are not followed."""
     small = problem.on_fewer()
+    froms = _froms(small, fit(small, base.placed, base.z, 0), distant)
+    known = base.jacobian if distant is None else None
 
-    def settled(one: Fit) -> Fit:
+    def settled(one: Begun | Fit) -> Fit:
         steps = 0 if one.misfit > enough else FIT.steps
-        return settle(problem, fit(problem, one.placed, one.z, steps), steps)
+        return settle(problem, fit(problem, one.placed, one.z, steps, near=known), steps)
 
-    def each(task: Callable[[Any], Fit], those: Sequence[Any], what: str) -> list[Fit]:
+    def each(task: Callable[[Any], T], those: Sequence[Any], what: str) -> list[T]:
         return in_threads(counted(task, progress, what, len(those)), those)
 
-    begun = each(lambda one: _begun(small, base, one, distant), tests, "fitting effects")
+    begun = each(partial(_glanced, froms, FIT.first_steps, distant), tests, "fitting effects")
     near = _enough(begun)
-    followed = each(
+    followed: list[Begun | Fit] = each(
         lambda one: one if one.misfit > near else _further(small, one),
         begun,
         "fitting them further",
@@ -384,12 +388,9 @@ def _others(
     known = {one.placed[-1].label for one in fits}
     small = problem.on_fewer().at_row(problem.error.first)
     without = fit(small, base.placed, base.z, FIT.first_steps)
-    froms = [without]
-    if distant is not None:
-        there = distant.z[: len(base.z)]
-        froms.append(fit(small, base.placed, there, 0, without.system))
+    froms = _froms(small, without, distant)
     tests = [one for one in scores if one.placed.label not in known]
-    begun = in_threads(partial(_glanced, froms), tests)
+    begun = in_threads(partial(_glanced, froms, FIT.glance, None), tests)
     near = sorted(begun, key=lambda one: one.misfit)[: FIT.ahead]
     ahead = sorted(
         in_threads(lambda one: _further(small, one, FIT.first_steps), near),
@@ -414,28 +415,31 @@ def _worth_all(problem: Problem, base: Fit, fits: list[Fit], settings: Diagnosis
     return gain > settings.over_none or base.problem.row != problem.error.first
 
 
-def _enough(fits: list[Fit]) -> float:
+def _enough(fits: Sequence[Begun | Fit]) -> float:
     """The misfit from which a candidate is out of the race."""
     return FIT.far_behind * min((one.misfit for one in fits), default=0.0) + FIT.behind
 
 
-def _begun(problem: Problem, base: Fit, one: Score, distant: Fit | None) -> Fit:
-    """The first steps of a fit with an effect, from the base or from that distant fit."""
-    placed = (*base.placed, one.placed)
-    own = np.concatenate([base.known, _start(problem, base, one)])
-    near = fit(problem, placed, extended(problem, base, placed, own), FIT.first_steps)
+def _froms(problem: Problem, without: Fit, distant: Fit | None) -> list[Fit]:
+    """The fits without an effect from which those with one begin: the base, and far from it."""
     if distant is None:
-        return near
-    if distant.placed[-1].label == one.placed.label:
-        own = distant.known
-    other = fit(problem, placed, extended(problem, distant, placed, own), FIT.first_steps)
-    return min(near, other, key=lambda fitted: fitted.misfit)
+        return [without]
+    there = distant.z[: len(without.z)]
+    return [without, fit(problem, without.placed, there, 0, without.system)]
 
 
-def _glanced(froms: list[Fit], one: Score) -> Begun:
-    """The best of some steps with an effect, from fits without it."""
-    start = _start(froms[0].problem, froms[0], one)
-    tried = (glance(without, one.placed, start, FIT.glance) for without in froms)
+def _glanced(froms: list[Fit], steps: int, distant: Fit | None, one: Score) -> Begun:
+    """The best of some steps with an effect, from fits without it.
+
+    The distant fit tells the size of its own effect.
+    """
+    starts = [_start(froms[0].problem, froms[0], one)] * len(froms)
+    if distant is not None and distant.placed[-1].label == one.placed.label:
+        starts[-1] = distant.known[len(froms[-1].known) :]
+    tried = (
+        glance(without, one.placed, start, steps)
+        for without, start in zip(froms, starts, strict=True)
+    )
     return min(tried, key=lambda begun: begun.misfit)
 
 
@@ -452,8 +456,9 @@ def _start(problem: Problem, base: Fit, one: Score) -> Floats:
     return nearest(problem, base, one.placed, (told, tested))
 
 
-def _further(problem: Problem, begun: Fit | Begun, steps: int = FIT.steps) -> Fit:
-    return fit(problem, begun.placed, begun.z, steps)
+def _further(problem: Problem, begun: Begun | Fit, steps: int = FIT.steps) -> Fit:
+    near = begun.jacobian if isinstance(begun, Fit) else begun.near
+    return fit(problem, begun.placed, begun.z, steps, near=near)
 
 
 def _as_good(problem: Problem, base: Fit, fits: list[Fit]) -> Fit:

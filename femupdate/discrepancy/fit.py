@@ -250,8 +250,11 @@ def fit(
     iterations: int = 15,
     system: System | None = None,
     unknowns: Coordinates | None = None,
+    near: Tensor | None = None,
 ) -> Fit:
     """Fit a model with effects from a starting point z (d,).
+
+    Between the first step and the last the Jacobian is mended by what every step has shown.
 
     Args:
         problem: structure and data, with the row of the table of errors that is taken for true.
@@ -260,17 +263,29 @@ def fit(
         iterations: steps, at most.
         system: the model, where it is at hand.
         unknowns: with their priors; by default all that the effects and the problem have.
+        near: Jacobian (m, k) by the first unknowns at a point near the start, if known.
     """
     model = system or problem.system(placed)
     where = unknowns or coordinates(problem, placed)
     z = torch.minimum(torch.maximum(start.clone(), where.lower), where.upper)
 
-    def anew(z: Tensor, *_: object) -> _Linear:
-        return _linearise(problem, model, where, z)
+    def anew(point: _Point) -> _Linear:
+        return _Linear(point, _jacobian(problem, model, where, point))
 
-    found = _search(problem, model, where, anew(z), iterations, anew)
-    raw = problem.missed(model, where.split(found.z[None], problem.fixed_zeta))[0]
-    return Fit(placed, where, found.z, found.residual, found.jacobian, raw, model, problem)
+    here = _points(problem, model, where, z[None])[0]
+    begun = anew(here) if near is None else _continued(problem, model, where, here, near)
+    found = _search(problem, model, where, begun, iterations, _mended, anew)
+    reached = found.at
+    return Fit(
+        placed,
+        where,
+        reached.z,
+        reached.residual,
+        found.jacobian,
+        reached.raw,
+        model,
+        problem,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -281,11 +296,13 @@ class Begun:
         placed: its effects.
         z: (d,) the unknowns.
         misfit: what the search lessens (see `Fit.misfit`).
+        near: (m, k) Jacobian of the model without the last effect, near z.
     """
 
     placed: tuple[Placed, ...]
     z: Tensor
     misfit: float
+    near: Tensor
 
 
 def glance(without: Fit, one: Placed, start: Floats, steps: int) -> Begun:
@@ -305,20 +322,18 @@ def glance(without: Fit, one: Placed, start: Floats, steps: int) -> Begun:
     z = extended(problem, without, placed, np.concatenate([without.known, start]))
     z = torch.minimum(torch.maximum(z, where.lower), where.upper)
     first = len(without.z)
-    begun = _linearise(problem, model, where, z, first)
-    if not bool(begun.residual.isfinite().all()):  # or no structure is left
-        return Begun(placed, z, np.inf)
-    begun = replace(begun, jacobian=torch.cat([without.jacobian, begun.jacobian], dim=1))
+    here = _points(problem, model, where, z[None])[0]
+    if not bool(here.residual.isfinite().all()):  # or no structure is left
+        return Begun(placed, z, np.inf, without.jacobian)
+    begun = _continued(problem, model, where, here, without.jacobian)
 
-    def mended(z: Tensor, residual: Tensor, before: _Linear) -> _Linear:
-        moved = z - before.z
-        beside = (before.residual - residual - before.jacobian @ moved) / (moved @ moved)
-        jacobian = before.jacobian + torch.outer(beside, moved)
-        jacobian[:, first:] = _linearise(problem, model, where, z, first).jacobian
-        return _Linear(z, residual, jacobian)
+    def followed(point: _Point, before: _Linear) -> _Linear:
+        mended = _mended(point, before)
+        mended.jacobian[:, first:] = _jacobian(problem, model, where, point, first)
+        return mended
 
-    found = _search(problem, model, where, begun, steps, mended, linear=False)
-    return Begun(placed, found.z, _objective(where, found.z, found.residual))
+    found = _search(problem, model, where, begun, steps, followed).at
+    return Begun(placed, found.z, _objective(where, found), without.jacobian)
 
 
 def nearest(problem: Problem, base: Fit, one: Placed, starts: Sequence[Floats]) -> Floats:
@@ -383,17 +398,48 @@ def densities(problem: Problem, fitted: Fit) -> tuple[Tensor, ...]:
     return tuple(own[0] for own in problem.error.log_densities(fitted.raw[None]))
 
 
-def _objective(where: Coordinates, z: Tensor, residual: Tensor) -> float:
-    return float(residual @ residual + where.distance(z))
+@dataclass(frozen=True, eq=False)
+class _Point:
+    """Unknowns z (d,) and the residuals there: in the unit of the noise (n,), and whitened (m,)."""
+
+    z: Tensor
+    raw: Tensor
+    residual: Tensor
 
 
 @dataclass(frozen=True, eq=False)
 class _Linear:
-    """Residuals (n,) at z (d,), and the Jacobian of the prediction there (n, d)."""
+    """A point, and the Jacobian (m, d) of the prediction there."""
 
-    z: Tensor
-    residual: Tensor
+    at: _Point
     jacobian: Tensor
+    mended: bool = False
+
+
+def _points(problem: Problem, system: System, where: Coordinates, z: Tensor) -> list[_Point]:
+    """The residuals at unknowns z (N, d)."""
+    raw = problem.missed(system, where.split(z, problem.fixed_zeta))
+    return [_Point(*own) for own in zip(z, raw, problem.whitened(raw), strict=True)]
+
+
+def _objective(where: Coordinates, point: _Point) -> float:
+    return float(point.residual @ point.residual + where.distance(point.z))
+
+
+def _continued(
+    problem: Problem, system: System, where: Coordinates, point: _Point, near: Tensor
+) -> _Linear:
+    """A Jacobian of which the first columns (m, k) are known from near by."""
+    others = _jacobian(problem, system, where, point, near.shape[1])
+    return _Linear(point, torch.cat([near, others], dim=1), mended=True)
+
+
+def _mended(point: _Point, before: _Linear) -> _Linear:
+    """A Jacobian by what a step has shown (Broyden, 1965)."""
+    moved = point.z - before.at.z
+    missed = before.at.residual - point.residual - before.jacobian @ moved
+    jacobian = before.jacobian + torch.outer(missed / (moved @ moved), moved)
+    return _Linear(point, jacobian, mended=True)
 
 
 def _search(
@@ -402,21 +448,26 @@ def _search(
     where: Coordinates,
     begun: _Linear,
     iterations: int,
-    followed: "Callable[[Tensor, Tensor, _Linear], _Linear]",
-    *,
-    linear: bool = True,
+    followed: Callable[[_Point, _Linear], _Linear],
+    anew: Callable[[_Point], _Linear] | None = None,
 ) -> _Linear:
     """Levenberg and Marquardt's steps from a point.
 
-    `followed` gives the Jacobian at unknowns and residuals reached, from that before. After the
-    last and smallest step that from before it serves; after the last of all, where none is needed
-    beyond the search (`linear`), too.
+    Args:
+        problem, system, where: what is fitted.
+        begun: the point.
+        iterations: steps, at most.
+        followed: the Jacobian at a point reached, from that before.
+        anew: it without that before: far off, where no step helps and at the end; never if None.
     """
     damping, most = FIT.damping
-    now, objective = begun, _objective(where, begun.z, begun.residual)
+    now, objective = begun, _objective(where, begun.at)
     for left in reversed(range(iterations)):
         step = _tried(problem, system, where, now, (damping,), objective)
         step = step or _tried(problem, system, where, now, (10 * damping, 100 * damping), objective)
+        if step is None and now.mended and anew is not None:
+            now = anew(now.at)
+            continue
         if step is None:
             damping *= 1000.0
             if damping > most:
@@ -424,18 +475,21 @@ def _search(
             continue
         gain = (objective - step.objective) / max(objective, 1.0)
         objective, damping = step.objective, max(step.damping / 10.0, 1e-6)
-        if gain < FIT.smallest_decrease or not (left or linear):
-            return replace(now, z=step.z, residual=step.residual)
-        now = followed(step.z, step.residual, now)
-    return now
+        small = gain < FIT.smallest_decrease
+        if (small and not now.mended) or (anew is None and (small or not left)):
+            return replace(now, at=step.to)
+        if anew is not None and (small or gain > FIT.large_decrease):
+            now = anew(step.to)
+        else:
+            now = followed(step.to, now)
+    return anew(now.at) if now.mended and anew is not None else now
 
 
 @dataclass(frozen=True, eq=False)
 class _Step:
-    """A step that lessens the objective: unknowns (d,), residuals (n,) and its damping."""
+    """A step that lessens the objective: where it leads, and its damping."""
 
-    z: Tensor
-    residual: Tensor
+    to: _Point
     objective: float
     damping: float
 
@@ -449,30 +503,38 @@ def _tried(
     objective: float,
 ) -> _Step | None:
     """The best of steps of several lengths, where one lessens the objective."""
-    trials = torch.stack([now.z + _step(where, now, d) for d in dampings])
+    trials = torch.stack([now.at.z + _step(where, now, d) for d in dampings])
     trials = torch.minimum(torch.maximum(trials, where.lower), where.upper)
-    found = evaluate(problem, system, where, trials)
-    values = [_objective(where, t, r) for t, r in zip(trials, found, strict=True)]
+    found = _points(problem, system, where, trials)
+    values = [_objective(where, one) for one in found]
     best = int(np.argmin(values))
     if not values[best] < objective:
         return None
-    return _Step(trials[best], found[best], values[best], dampings[best])
+    return _Step(found[best], values[best], dampings[best])
 
 
-def _linearise(
-    problem: Problem, system: System, where: Coordinates, z: Tensor, first: int = 0
-) -> _Linear:
-    """Residuals and Jacobian at z (d,), by differences into the box; from the first unknown on."""
+def _jacobian(
+    problem: Problem, system: System, where: Coordinates, point: _Point, first: int = 0
+) -> Tensor:
+    """Change (m, d) of the prediction by the unknowns, by differences into the box.
+
+    Args:
+        point: where.
+        first: the first of the unknowns.
+    """
+    z = point.z
     steps = torch.where(z + FIT.difference <= where.upper, FIT.difference, -FIT.difference)[first:]
-    points = z.repeat(1 + len(steps), 1)
-    points[1:, first:] += torch.diag(steps)
+    if not len(steps):  # an exchange has no size
+        return point.residual.new_zeros(len(point.residual), 0)
+    points = z.repeat(len(steps), 1)
+    points[:, first:] += torch.diag(steps)
     residuals = evaluate(problem, system, where, points)
-    return _Linear(z, residuals[0], (-(residuals[1:] - residuals[0]) / steps[:, None]).T)
+    return ((point.residual - residuals) / steps[:, None]).T
 
 
 def _step(where: Coordinates, now: _Linear, damping: float) -> Tensor:
     """Damped Gauss-Newton step that leaves alone what is held at its limit."""
-    z, residual, jacobian = now.z, now.residual, now.jacobian
+    z, residual, jacobian = now.at.z, now.at.residual, now.jacobian
     gradient = jacobian.T @ residual - where.precision @ (z - where.mean)
     held = ((z <= where.lower) & (gradient < 0)) | ((z >= where.upper) & (gradient > 0))
     free = (~held).nonzero()[:, 0]

@@ -5,6 +5,8 @@ factors could follow it exactly (a soft base under a shear building is a soft fi
 model without the effect is fitted to what the model with it predicts.
 """
 
+from functools import partial
+
 import numpy as np
 import torch
 from torch import Tensor
@@ -13,6 +15,7 @@ from femupdate.discrepancy.fit import Fit, coordinates, evaluate, extended
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.score import Score, alike
 from femupdate.discrepancy.thresholds import FOLLOW
+from femupdate.workers import in_threads
 
 
 def unobservable_effects(
@@ -66,7 +69,7 @@ def _left(problem: Problem, base: Fit, tests: list[Score]) -> list[float]:
 
 def _follow(problem: Problem, base: Fit, tests: list[Score]) -> tuple[Tensor, Tensor]:
     """What each effect changes, and what of it the refitted model does not follow, (t, n)."""
-    target = torch.stack([_change(problem, base, one) for one in tests])  # (t, n)
+    target = torch.stack(in_threads(partial(_change, problem, base), tests))  # (t, n)
     where = base.coordinates
     normal = base.jacobian.T @ base.jacobian
     ridge = 1e-9 * torch.diag(normal.diagonal().clamp_min(1e-12))

@@ -108,6 +108,12 @@ class FitThresholds:
         0.3, "ln|H|", "noise in the first steps, so that peaks that do not meet show a distance"
     )
     smallest_decrease: float = entry(1e-4, "share", "of the objective, below which a search ends")
+    large_decrease: float = entry(
+        0.3,
+        "share",
+        "of the objective, above which a step does not tell how the next one changes it",
+        "with .05 to 1 the six-story example takes 3,811 to 3,568 responses, and 5,088 with 0",
+    )
     fewer_shapes: int = entry(
         140, "shapes", "of a basis in searches", "ln|H| errs by .01 rms, in a third of the time"
     )

@@ -18,6 +18,7 @@ from scipy.sparse import csc_matrix
 from scipy.stats import qmc
 
 from femupdate.arrays import Floats
+from femupdate.dynamics.thresholds import REDUCTION
 
 TOP = 1.3  # times the top of the grid: up to where responses are right that shapes are taken from
 STATIC_WEIGHT = 1e-2  # of the static response among the shapes
@@ -36,7 +37,7 @@ class ReductionTarget:
         frequency_hz: (k,) grid.
         zeta: lowest damping ratio of interest, the hardest.
         tolerance: rms difference of ln|H| allowed, over floors, grid and unseen parameters.
-        samples: parameter samples that the basis is taken from.
+        samples: parameter samples that the basis is taken from; None for the usual number.
         seed: of samples and checks.
     """
 
@@ -45,7 +46,7 @@ class ReductionTarget:
     frequency_hz: Floats
     zeta: float
     tolerance: float
-    samples: int = 48
+    samples: int | None = None
     seed: int = 0
 
     @property
@@ -137,10 +138,11 @@ def log_even_samples(target: ReductionTarget, stories: int | None = None) -> Flo
         target: box and number.
         stories: p; all parameters are factors where None.
     """
-    sobol = qmc.Sobol(len(target.lower), seed=np.random.default_rng(target.seed))
+    size = len(target.lower)
+    sobol = qmc.Sobol(size, seed=np.random.default_rng(target.seed))
+    count = target.samples or max(REDUCTION.samples, REDUCTION.samples_each * size)
     # The sequence is balanced over powers of two only.
-    power = max(target.samples - 1, 0).bit_length()
-    unit = sobol.random_base2(power)[: target.samples]
+    unit = sobol.random_base2((count - 1).bit_length())[:count]
     even = target.lower + (target.upper - target.lower) * unit
     low, high = np.log(target.lower[:stories]), np.log(target.upper[:stories])
     even[:, :stories] = np.exp(low + (high - low) * unit[:, :stories])

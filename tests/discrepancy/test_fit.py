@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import torch
-from scipy.optimize import lsq_linear
+from scipy.optimize import least_squares, lsq_linear
 from scipy.stats import chi2
 
 from femupdate.discrepancy.fit import coordinates, extended, fit, fit_baseline, glance
@@ -30,7 +30,10 @@ class Linear:
         return torch.zeros(1, dtype=torch.float64)
 
     def residuals(self, system, theta, zeta, sizes):
-        return self.compared(self.predicted(system, theta, zeta, sizes))
+        return self.whitened(self.missed(system, (theta, zeta, sizes)))
+
+    def whitened(self, residuals):
+        return residuals
 
     def predicted(self, system, theta, zeta, sizes):
         both = torch.cat([theta.log(), sizes], dim=1)
@@ -172,3 +175,39 @@ def test_a_glance_at_a_linear_model_is_its_fit():
     assert seen.misfit == pytest.approx(whole.misfit, rel=1e-6)
     torch.testing.assert_close(seen.z, whole.z, rtol=0.0, atol=1e-4)
     assert whole.misfit < 0.5 * without.misfit
+
+
+class Curved(Linear):
+    """Predictions that bend with the unknowns."""
+
+    def predicted(self, system, theta, zeta, sizes):
+        straight = super().predicted(system, theta, zeta, sizes)
+        return straight + 0.1 * straight.square()
+
+
+@pytest.mark.parametrize("known", [False, True], ids=["from nothing", "from a Jacobian near by"])
+def test_the_jacobian_of_a_fit_is_that_where_it_ends(known):
+    """However it was mended on the way; where it ends is where scipy's search does."""
+    rng = np.random.default_rng(8)
+    design = rng.normal(size=(40, STORIES + 1))
+    truth = torch.tensor([[0.3, -0.4, 0.2, 0.5]], dtype=torch.float64)
+    problem = Curved(design, np.zeros(40), parameter())
+
+    def predicted(z):
+        own = torch.as_tensor(z)[None]
+        return problem.predicted(None, own[:, :STORIES].exp(), None, 0.2 * own[:, STORIES:])[0]
+
+    problem.data = predicted(truth[0]) + 0.05 * torch.from_numpy(rng.normal(size=40))
+    start = torch.zeros(STORIES + 1, dtype=torch.float64)
+    near = torch.from_numpy(design[:, :STORIES]) if known else None
+    found = fit(problem, problem.placed, start, 30, near=near)
+
+    def missed(z):
+        return np.append((problem.data - predicted(z)).numpy(), z[STORIES])
+
+    reference = least_squares(missed, np.zeros(STORIES + 1), xtol=1e-12, ftol=1e-12)
+    # The search ends where a step gains less than 1e-4 of the objective.
+    assert found.misfit == pytest.approx(2.0 * reference.cost, rel=1e-4)
+    torch.testing.assert_close(found.z, torch.from_numpy(reference.x), rtol=0.0, atol=0.01)
+    straight = torch.autograd.functional.jacobian(predicted, found.z)
+    torch.testing.assert_close(found.jacobian, straight, rtol=0.0, atol=0.02)
