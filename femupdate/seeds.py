@@ -8,6 +8,8 @@ import numpy as np
 import torch
 from numpy.random import SeedSequence
 
+from femupdate.arrays import Floats
+
 Seed = int | SeedSequence
 """A seed as the user gives it, or a stream spawned from one."""
 
@@ -26,6 +28,16 @@ DATA_SET, TRAINING = 0, 1
 def stream(seed: int, *number: int) -> SeedSequence:
     """The stream of a number, or of a number below another one, without those before it."""
     return SeedSequence(seed, spawn_key=number)
+
+
+def even_points(count: int, size: int, seed: int) -> Floats:
+    """Points (count, size) spread evenly over the unit cube: the first of a Sobol sequence."""
+    # The statistics of scipy take a second to be imported, which few commands need.
+    from scipy.stats import qmc
+
+    sobol = qmc.Sobol(size, seed=np.random.default_rng(seed))
+    # The sequence is balanced over powers of two only.
+    return np.asarray(sobol.random_base2((count - 1).bit_length())[:count])
 
 
 def torch_generator(seed: Seed, device: torch.device | str = "cpu") -> torch.Generator:

@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 import torch
-from scipy.stats import chi2
+from scipy.special import chdtrc
 from torch import Tensor
 
 from femupdate.arrays import Floats
@@ -328,7 +328,7 @@ class FrfData:
                 # nothing.
                 enough = freedom >= SCREEN.cell_points
                 total = float(row[inside].sum())
-                tail = float(chi2.sf(total, freedom)) if enough else 1.0
+                tail = float(chdtrc(freedom, total)) if enough else 1.0
                 mean = total / freedom if enough else 1.0
                 cells.append(Cell(floor, (float(low), float(high)), mean - 1.0, tail, self.name))
         return tuple(cells)

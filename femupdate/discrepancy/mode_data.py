@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from scipy.stats import chi2
+from scipy.special import chdtrc
 from torch import Tensor
 
 from femupdate.discrepancy.data import Cell, Remains
@@ -184,7 +184,7 @@ class ModeData:
             for hertz, value, there in zip(self.frequency_hz, own, root > 0.0, strict=True):
                 band = (float(hertz), float(hertz))
                 excess = float(value) - 1.0 if there else 0.0
-                tail = float(chi2.sf(float(value), 1)) if there else 1.0
+                tail = float(chdtrc(1, float(value))) if there else 1.0
                 cells.append(Cell(name, band, excess, tail, self.name))
         return tuple(cells)
 

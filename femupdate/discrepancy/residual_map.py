@@ -1,6 +1,6 @@
 """Where model and measurement disagree: parts of the data whose residuals exceed the noise."""
 
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from femupdate.discrepancy.data import Cell
 from femupdate.discrepancy.fit import Fit
@@ -21,7 +21,7 @@ def residual_cells(problem: Problem, fitted: Fit) -> tuple[Cell, ...]:
 def p_value(problem: Problem, fitted: Fit) -> float:
     """Probability that noise alone leaves residuals as large as these."""
     freedom = max(problem.effective - fitted.coordinates.size, 1.0)
-    return float(chi2.sf(fitted.chi2, freedom))
+    return float(chdtrc(freedom, fitted.chi2))
 
 
 __all__ = ["Cell", "p_value", "residual_cells"]

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtr
 
 from femupdate.arrays import Flags, Floats
 from femupdate.dynamics.summary import HistorySummary
@@ -93,7 +93,8 @@ def _score(mean: Floats, sd: Floats, truth: Floats) -> Floats:
     """Mean score of normal bands (Gneiting and Raftery 2007, JASA 102, 359, eq. 21), over rms."""
     wide = np.maximum(sd, 1e-12 * np.abs(truth).max())
     away = (truth - mean) / wide
-    each = wide * (away * (2.0 * norm.cdf(away) - 1.0) + 2.0 * norm.pdf(away) - np.pi**-0.5)
+    density = np.exp(-0.5 * away**2) / np.sqrt(2.0 * np.pi)
+    each = wide * (away * (2.0 * ndtr(away) - 1.0) + 2.0 * density - np.pi**-0.5)
     return np.asarray(each.mean(axis=1) / np.sqrt((truth**2).mean(axis=1)))
 
 

@@ -12,7 +12,6 @@ from functools import partial
 
 import numpy as np
 import torch
-from scipy.stats import qmc
 from torch import Tensor
 
 from femupdate.arrays import Floats
@@ -22,6 +21,7 @@ from femupdate.dynamics.system import System
 from femupdate.effects.structure import Structure
 from femupdate.fe.factorization import factorize
 from femupdate.progress import SILENT, Progress
+from femupdate.seeds import even_points
 from femupdate.workers import everywhere
 
 _BATCH = 16
@@ -89,9 +89,7 @@ def rest_flexibility(
         progress: advances by one a full solution.
     """
     count = _SAMPLES_A_FACTOR * len(lower)
-    # The sequence is balanced over powers of two only.
-    sobol = qmc.Sobol(len(lower), seed=np.random.default_rng(0))
-    unit = sobol.random_base2((count - 1).bit_length())[:count]
+    unit = even_points(count, len(lower), 0)
     theta = np.exp(np.log(lower) + (np.log(upper) - np.log(lower)) * unit)
     progress.start("Solving the full model under forces at the floors", count)
     full = []

@@ -13,7 +13,6 @@ from functools import partial
 import numpy as np
 from scipy.linalg import eigh
 from scipy.sparse import csc_matrix
-from scipy.stats import qmc
 
 from femupdate.arrays import Floats
 from femupdate.dynamics.equations import Equations, WithSprings, equations_at
@@ -28,6 +27,7 @@ from femupdate.fe.assembly import AffineOperators, with_terms
 from femupdate.fe.factorization import factorize
 from femupdate.fe.solve import modes_below
 from femupdate.progress import SILENT, Progress
+from femupdate.seeds import even_points
 from femupdate.workers import everywhere
 
 _NOTHING = 1e-10  # of the largest energy among shapes: it adds nothing new
@@ -139,8 +139,8 @@ def _changes(structure: Structure, present: Sized) -> list[tuple[tuple[Terms, fl
 
 def _neighbours(theta: Floats, spread: float) -> Floats:
     """Some theta (n, p) around one, evenly within the half width in ln theta."""
-    sobol = qmc.Sobol(len(theta), seed=np.random.default_rng(3)).random(LOCAL_BASIS.neighbours)
-    return np.asarray(theta * np.exp(spread * (2.0 * sobol - 1.0)))
+    unit = even_points(LOCAL_BASIS.neighbours, len(theta), 3)
+    return np.asarray(theta * np.exp(spread * (2.0 * unit - 1.0)))
 
 
 def _answer(

@@ -15,10 +15,10 @@ from itertools import accumulate, pairwise
 import numpy as np
 from scipy.linalg import eigh, solve_triangular
 from scipy.sparse import csc_matrix
-from scipy.stats import qmc
 
 from femupdate.arrays import Floats
 from femupdate.dynamics.thresholds import REDUCTION
+from femupdate.seeds import even_points
 
 TOP = 1.3  # times the top of the grid: up to where responses are right that shapes are taken from
 STATIC_WEIGHT = 1e-2  # of the static response among the shapes
@@ -139,10 +139,8 @@ def log_even_samples(target: ReductionTarget, stories: int | None = None) -> Flo
         stories: p; all parameters are factors where None.
     """
     size = len(target.lower)
-    sobol = qmc.Sobol(size, seed=np.random.default_rng(target.seed))
     count = target.samples or max(REDUCTION.samples, REDUCTION.samples_each * size)
-    # The sequence is balanced over powers of two only.
-    unit = sobol.random_base2((count - 1).bit_length())[:count]
+    unit = even_points(count, size, target.seed)
     even = target.lower + (target.upper - target.lower) * unit
     low, high = np.log(target.lower[:stories]), np.log(target.upper[:stories])
     even[:, :stories] = np.exp(low + (high - low) * unit[:, :stories])

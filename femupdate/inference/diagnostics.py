@@ -3,7 +3,6 @@
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import ndtri
-from scipy.stats import rankdata
 
 from femupdate.arrays import Floats
 
@@ -37,6 +36,9 @@ def _folded(chains: Floats) -> Floats:
 
 def _scores(chains: Floats) -> Floats:
     """Normal scores of the ranks over all chains (Blom 1958)."""
+    # The statistics of scipy take a second to be imported.
+    from scipy.stats import rankdata
+
     rank = rankdata(chains).reshape(chains.shape)
     return np.asarray(ndtri((rank - 0.375) / (chains.size + 0.25)))
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
-from scipy.stats import chi2
+from scipy.special import chdtri
 from torch import Tensor
 from torch.nn.functional import pad
 
@@ -187,7 +187,7 @@ def latent_data(
 def usual_misfit(observation: Observation) -> float:
     """What 199 in 200 observations stay below: the chi-square's quantile, a valid point."""
     free = max(1.0, int(observation.valid.sum()) * independent_share(observation))
-    return float(chi2.ppf(DECODER.usual, free) / free)
+    return float(chdtri(free, 1.0 - DECODER.usual) / free)
 
 
 def _with_decoder_error(data: LatentData, mvae: Mvae) -> LatentData:

@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from femupdate.arrays import Floats
 from femupdate.measurement.observation import Observation, independent_share
@@ -66,9 +66,9 @@ def predictive_check(
     """
     left, points = np.asarray(squares, dtype=float), np.asarray(freedom, dtype=float)
     seen = points > 0.0
-    tails = chi2.sf(left, np.where(seen, points, 1.0)).mean(axis=0)
+    tails = chdtrc(np.where(seen, points, 1.0), left).mean(axis=0)
     floors = np.where(seen, tails, np.nan)
-    whole = chi2.sf(left.sum(axis=1), points.sum()).mean()
+    whole = chdtrc(points.sum(), left.sum(axis=1)).mean()
     return PredictiveCheck(float(whole), tuple(floors.tolist()), names)
 
 

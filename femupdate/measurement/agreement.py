@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from femupdate.measurement.observation import (
     Observation,
@@ -127,7 +127,7 @@ def _differences(run: Observation, others: Observation, floors: Sequence[str]) -
                     float((weight * difference[row, seen]).sum() / weight.sum()),
                     square**0.5,
                     independent,
-                    float(chi2.sf(independent * square, independent)),
+                    float(chdtrc(independent, independent * square)),
                 )
             )
     return found

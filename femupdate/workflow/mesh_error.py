@@ -4,7 +4,6 @@ import json
 from dataclasses import asdict, replace
 
 import numpy as np
-from scipy.stats import qmc
 
 from femupdate.arrays import Floats
 from femupdate.building.document import without_effects
@@ -17,6 +16,7 @@ from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.effects.structure import Structure, structure_of
 from femupdate.inference.priors import reduction_target, theta_prior
 from femupdate.progress import SILENT, Progress
+from femupdate.seeds import even_points
 from femupdate.study import Study, as_written, write_text
 from femupdate.workflow.effects import finder_origin
 from femupdate.workflow.finer_mesh import FinerMesh, half_mesh_size, keep_finer
@@ -105,5 +105,5 @@ def _thetas(building: Building) -> Floats:
         np.log(prior.lower.numpy() * THRESHOLDS.inner),
         np.log(prior.upper.numpy() / THRESHOLDS.inner),
     )
-    unit = qmc.Sobol(len(low), seed=np.random.default_rng(4)).random(THRESHOLDS.thetas)
+    unit = even_points(THRESHOLDS.thetas, len(low), 4)
     return np.asarray(np.exp(low + (high - low) * unit))
