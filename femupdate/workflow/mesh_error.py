@@ -13,6 +13,7 @@ from femupdate.discrepancy.mesh_error import MeshError, learn_mesh_error
 from femupdate.discrepancy.thresholds import MESH_ERROR as THRESHOLDS
 from femupdate.dynamics.finer_mesh import on_finer_mesh, on_nodes_of
 from femupdate.dynamics.reduced_terms import ReducedStructure
+from femupdate.dynamics.snapshots import log_even_samples
 from femupdate.effects.structure import Structure, structure_of
 from femupdate.inference.priors import reduction_target, theta_prior
 from femupdate.progress import SILENT, Progress
@@ -35,7 +36,11 @@ def with_finer_mesh(study: Study, model: StudyModel, progress: Progress = SILENT
     if not isinstance(plain, FrameBuilding) or model.finer is not None:
         return model
     coarse, fine = structure_of(plain), structure_of(plain, half_mesh_size(plain))
-    found = on_finer_mesh(coarse, model.reduced, fine, reduction_target(plain), progress)
+    target = reduction_target(plain)
+    # Where meshes are compared, nothing but the mesh may differ.
+    everywhere = log_even_samples(replace(target, samples=THRESHOLDS.carried))
+    thetas = np.vstack([everywhere, _thetas(plain)])
+    found = on_finer_mesh(coarse, model.reduced, fine, target, thetas, progress)
     own = on_nodes_of(coarse, found)
     keep_finer(study, plain, _learned(model, plain, replace(found, model=own)))
     return on_kept_finer(study, model)
@@ -70,11 +75,10 @@ def open_mesh_error(
     assert finer.error is not None
     known = dict(zip(finer.error.labels, finer.terms, strict=True))
     fine = ReducedStructure(structure, finer.model, np.zeros((len(structure.axis), 0)), known)
-    own = on_finer_mesh(
-        structure_of(plain), model.reduced, structure, reduction_target(plain), progress
-    )
+    coarse, target, thetas = structure_of(plain), reduction_target(plain), _thetas(plain)
+    own = on_finer_mesh(coarse, model.reduced, structure, target, thetas, progress)
     grid = plain.frequency_grid.frequencies_hz()
-    found = learn_mesh_error(own.model, fine, _thetas(plain), grid).of_mesh(THRESHOLDS.finer)
+    found = learn_mesh_error(own.model, fine, thetas, grid).of_mesh(THRESHOLDS.finer)
     keep_mesh_error(study, plain, found)
     return found
 

@@ -1,12 +1,14 @@
 """A reduced model on a finer mesh, against the full equations of that mesh."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import eigh
 
 from femupdate.dynamics.finer_mesh import interpolation, on_finer_mesh, on_nodes_of
 from femupdate.dynamics.reduction import reduce_structure
-from femupdate.dynamics.snapshots import ReductionTarget
+from femupdate.dynamics.snapshots import ReductionTarget, log_even_samples
 from femupdate.effects.structure import structure_of
 
 GRID = 0.2 * np.arange(1, 151)
@@ -25,7 +27,8 @@ def fine(coarse):
 
 @pytest.fixture(scope="module")
 def carried(coarse, fine):
-    return on_finer_mesh(coarse, reduce_structure(coarse, TARGET).model, fine, TARGET)
+    thetas = log_even_samples(replace(TARGET, samples=20))
+    return on_finer_mesh(coarse, reduce_structure(coarse, TARGET).model, fine, TARGET, thetas)
 
 
 def driven(squared, modes, floors, force):
