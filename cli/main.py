@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import click
 
 from femupdate import __version__
+from femupdate.ranks import launched
 
 from .lazy import LazyGroup
 
@@ -56,13 +57,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
     Errors meant for the user are one sentence and exit code 1.
     """
+    launch = launched()
+    first = launch is None or launch.number == 0  # the others would say the same
     try:
         group.main(arguments, prog_name="femupdate", standalone_mode=False)
     except click.exceptions.Exit as request:
         sys.exit(request.exit_code)
     except click.ClickException as error:
-        error.show()
+        if first or not isinstance(error, click.UsageError):
+            error.show()
         sys.exit(error.exit_code)
     except (click.Abort, KeyboardInterrupt):
-        click.echo("Interrupted; run the same command again to go on.", err=True)
+        if first:
+            click.echo("Interrupted; run the same command again to go on.", err=True)
         sys.exit(130)

@@ -89,10 +89,9 @@ class ObservationEncoder(nn.Module):
         features = nn.functional.silu(self.floors(x)) * visibility.floors[:, :, None]
         joined = torch.cat([features.flatten(1), visibility.features()], dim=1)
         hidden = self.norm(self.blocks(self.join(joined)))
-        parts = self.head(hidden).float().view(len(x), self.sizes.components, -1)
-        log_weight, mean, log_variance = parts.split(
-            [1, self.sizes.coordinates, self.sizes.coordinates], dim=-1
-        )
+        widths = [1, self.sizes.coordinates, self.sizes.coordinates]
+        parts = self.head(hidden).float().view(len(x), self.sizes.components, sum(widths))
+        log_weight, mean, log_variance = parts.split(widths, dim=-1)
         return LatentMixture(
             log_weight[..., 0].log_softmax(dim=1),
             mean,

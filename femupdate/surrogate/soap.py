@@ -57,9 +57,10 @@ class Soap:
 
     def load_state_dict(self, state: Mapping[int, Mapping[str, Tensor]]) -> None:
         """Go on from what another one of the same groups remembered."""
+        devices = {number: weight.device for number, _, weight in self._weights()}
         self._state = {
-            number: {name: value.clone() for name, value in of_weight.items()}
-            for number, of_weight in state.items()
+            number: {name: value.to(devices[number], copy=True) for name, value in parts.items()}
+            for number, parts in state.items()
         }
 
     def _weights(self) -> Iterator[tuple[int, dict[str, Any], Tensor]]:

@@ -27,6 +27,10 @@ class Visibility:
     def __getitem__(self, rows: Tensor | slice) -> "Visibility":
         return Visibility(self.floors[rows], self.band[rows])
 
+    def to(self, device: torch.device) -> "Visibility":
+        """The same on a device."""
+        return Visibility(self.floors.to(device), self.band.to(device))
+
     def features(self) -> Tensor:
         """Features (B, f + 2) for the observation encoder."""
         return torch.cat([self.floors, 2.0 * self.band - 1.0], dim=1)
