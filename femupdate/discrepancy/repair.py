@@ -17,6 +17,7 @@ from femupdate.discrepancy.diagnose import (
 )
 from femupdate.discrepancy.finder_model import FinderModel
 from femupdate.discrepancy.fit import Fit
+from femupdate.discrepancy.pairs import led_by_a_pair
 from femupdate.discrepancy.posterior import Draws, draw
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.residual_map import p_value
@@ -107,6 +108,7 @@ def repair(
     now, current = problem, base
     while True:
         found = found or diagnose(now, settings, current, progress)
+        found = _paired(now, found, settings or DiagnosisSettings(), progress)
         enough = p_value(now, current) > VERDICT.repaired or len(rounds) == VERDICT.most_rounds
         rivals = found.verdict in (AMBIGUOUS, INDISTINGUISHABLE) and elsewhere is not None
         certain = found.verdict in (NAMED, PARTLY)
@@ -124,6 +126,23 @@ def repair(
             now, current = renewed(now, current)
     before, after = p_value(problem, base), p_value(now, current)
     return Repair(base, current, tuple(rounds), found, before, after, now, tuple(refused.values()))
+
+
+def _paired(
+    problem: Problem, found: Diagnosis, settings: DiagnosisSettings, progress: Progress
+) -> Diagnosis:
+    """The diagnosis, led by one of two effects where the first alone leaves most of the misfit."""
+    first = found.leading
+    if first is None or found.verdict != PARTLY:
+        return found
+    alone = Round(found, first, found.base.chi2, first.fitted.chi2)
+    if not alone.stands_in(problem.effective):
+        return found
+    progress.advance(0, "fitting two effects at once")
+    findings = led_by_a_pair(found, settings)
+    if findings[0] is first or _denied(problem, found, findings[0], settings):
+        return found
+    return replace(found, findings=findings)
 
 
 def _chosen(

@@ -72,6 +72,9 @@ class VerdictThresholds:
         0.05, "p-value", "from which nothing is left to repair", "the usual level of a test"
     )
     most_rounds: int = entry(4, "effects", "added by one repair, at most")
+    paired: int = entry(
+        10, "effects", "tried with every other, where the first leaves most of the misfit"
+    )
     repair_draws: int = entry(1000, "draws", "of the posterior before and after a repair")
     clearly: float = entry(
         6.0, "log density", "of the data by which a fit must exceed another to take its place"

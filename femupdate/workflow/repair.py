@@ -127,8 +127,9 @@ class RepairReport:
     def _round(self, number: int) -> str:
         """What one round added."""
         one, points = self.repair.rounds[number], self.problem.effective
-        # What predicts data kept out better stands for itself.
-        doubt = f"\n  {STANDS_IN}" if self.held is None and one.stands_in(points) else ""
+        # What predicts data kept out better stands for itself, and what others complete.
+        open_end = self.held is None and self.repair.last.left.size > 0.0
+        doubt = f"\n  {STANDS_IN}" if open_end and one.stands_in(points) else ""
         return (
             f"{number + 1}. {one.finding.in_words}\n  residuals {one.chi2_before:.0f} -> "
             f"{one.chi2_after:.0f} over {points:.0f} independent points{doubt}"

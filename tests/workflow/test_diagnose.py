@@ -23,6 +23,7 @@ from femupdate.workflow.diagnose import diagnose_study
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.pictures_discrepancy import draw_diagnosis
+from femupdate.workflow.repair import repair_study
 
 SHARED = Path(__file__).parents[3] / "shared" / "data"
 GRID = np.arange(0.1, 20.5, 0.1)
@@ -331,6 +332,19 @@ def test_the_report_has_the_promised_keys_and_its_file(heavier):
     assert kept["verdict"] == "named"
     assert kept["effects"][0]["name"] == "added_mass"
     assert heavier.path.name == "diagnosis.json"
+
+
+def test_two_effects_that_a_third_imitates_are_repaired(study, tmp_path):
+    """Mass and rocking together: by themselves each explains less than what is not there."""
+    both = with_mass(0.1, chain=on_soft_ground(rocking=0.1))
+    path = write(tmp_path / "both.csv", both.frf(GRID), sd=0.01)
+    home = Study(shutil.copytree(study.folder, tmp_path / "both"))
+    done = repair_study(home, open_study(home), ObservationSource(path)).repair
+    sizes = {one.finding.placed.label: one.finding.size for one in done.rounds}
+    assert sizes == {
+        "foundation_rocking@base": pytest.approx(0.1, rel=0.1),
+        "added_mass@3F": pytest.approx(0.1, rel=0.1),
+    }
 
 
 def test_a_factor_that_ends_at_its_limit_is_told(diagnosed, study, heavier, tmp_path):
