@@ -161,14 +161,18 @@ def test_the_study_itself_stays_as_it_was(repaired, calibrated_before):
 
 
 def test_a_name_that_leaves_most_of_the_misfit_is_told_with_doubt(repaired):
-    """Unless data kept out carry it."""
+    """Unless data kept out carry it, or nothing is left in the end."""
     report, told = repaired[0], "this name may stand in"
     points, first = report.problem.effective, report.repair.rounds[0]
     before = first.chi2_before
     weak = replace(first, chi2_after=before - 0.4 * (before - points))
-    doubtful = replace(report, repair=replace(report.repair, rounds=(weak,)))
+    last = report.repair.last
+    erring = replace(last, left=replace(last.left, size=0.05))
+    doubtful = replace(report, repair=replace(report.repair, rounds=(weak,), last=erring))
     assert told not in "\n".join(doubtful.lines())
     assert told in "\n".join(replace(doubtful, held=None).lines())
+    ended = replace(doubtful, held=None, repair=replace(doubtful.repair, last=last))
+    assert told not in "\n".join(ended.lines())
     assert told not in "\n".join(replace(report, held=None).lines())
 
 
