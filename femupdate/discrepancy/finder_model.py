@@ -79,8 +79,13 @@ def problem_of(reduced: ReducedStructure, building: Building, data: Sequence[Dat
         (prior.lower, prior.upper),
         (damping.lower, damping.upper) if damping.free else damping.lower,
         data,
-        0.0 if building.kind == "shear" else MODEL_ERROR.size,
+        error_of_sizes(building),
     )
+
+
+def error_of_sizes(building: Building) -> float:
+    """Share of its size by which the model of any effect may err on a building."""
+    return 0.0 if building.kind == "shear" else MODEL_ERROR.size
 
 
 def check_sizes(building: Building, system: System, values: Sequence[float]) -> None:

@@ -7,49 +7,38 @@ them.
 
 from dataclasses import dataclass
 
-import torch
 from torch import Tensor
 
 from femupdate.arrays import Floats
-from femupdate.discrepancy.evidence import log_target, student_about
 from femupdate.discrepancy.fit import Fit
+from femupdate.discrepancy.likelihood import EffectLikelihood, likelihood_about
 from femupdate.discrepancy.problem import Problem
-from femupdate.discrepancy.thresholds import EVIDENCE
-from femupdate.inference.importance import ImportanceSettings, sampled
-from femupdate.seeds import Seed, spawn, torch_generator
-
-_SETTINGS = ImportanceSettings(
-    components=1,
-    rounds=EVIDENCE.rounds,
-    enough=EVIDENCE.enough,
-    widen=EVIDENCE.posterior_widen,
-    freedom=EVIDENCE.posterior_freedom,
-)
+from femupdate.errors import InferenceError
+from femupdate.inference.importance import WeightedDraws
+from femupdate.inference.maxima import draws_about, found_from
+from femupdate.seeds import Seed, spawn
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class Draws:
-    """Equally weighted posterior draws.
+    """Draws of a fitted model's posterior.
 
     Attributes:
-        theta: (n, p) stiffness factors.
-        zeta: (n,) damping ratios.
-        sizes: (n, q) parameters of the effects.
-        log_likelihood: (n,).
-        log_evidence: of the model, up to a constant of the data.
-        log_evidence_error: its standard error.
-        effective: effective number of the weighted draws behind these.
-        evaluations: likelihoods that it took.
+        likelihood: of its parameters, and their prior.
+        weighted: the draws with their weights.
+        parameters: (n, p) equally weighted ones.
+        log_likelihood: (n,) of these.
     """
 
-    theta: Floats
-    zeta: Floats
-    sizes: Floats
-    log_likelihood: Floats
-    log_evidence: float
-    log_evidence_error: float
-    effective: float
-    evaluations: int
+    likelihood: EffectLikelihood
+    weighted: WeightedDraws
+    parameters: Tensor
+    log_likelihood: Tensor
+
+    @property
+    def theta(self) -> Floats:
+        """(n, q) stiffness factors."""
+        return self.likelihood.prior.split(self.parameters).theta.numpy()
 
 
 def draw(problem: Problem, fitted: Fit, count: int, seed: Seed = 0) -> Draws:
@@ -64,31 +53,11 @@ def draw(problem: Problem, fitted: Fit, count: int, seed: Seed = 0) -> Draws:
     Raises:
         InferenceError: no draw about the fit is possible.
     """
-    weighing, choosing, erring = spawn(seed, 3)
-    proposal = student_about(fitted, _SETTINGS.widen, _SETTINGS.freedom)
-    target = log_target(problem, fitted)
-    found = sampled(target, proposal, count, weighing, _SETTINGS)
-    z, log_likelihood = found.resample(count, choosing)
-    theta, zeta, sizes = fitted.coordinates.split(
-        _errant(problem, fitted, z, torch_generator(erring)), problem.fixed_zeta
-    )
-    return Draws(
-        theta=theta.numpy(),
-        zeta=zeta.numpy(),
-        sizes=sizes.numpy(),
-        log_likelihood=log_likelihood.numpy(),
-        log_evidence=found.log_evidence,
-        log_evidence_error=found.log_evidence_error,
-        effective=found.effective,
-        evaluations=found.evaluations,
-    )
-
-
-def _errant(problem: Problem, fitted: Fit, z: Tensor, generator: torch.Generator) -> Tensor:
-    """Draws (n, d) with sizes off by as much as the model of an effect may err, within limits."""
-    where, moved = fitted.coordinates, z.clone()
-    sizes = moved[:, where.first_size :]
-    sizes *= 1.0 + problem.own_errors(fitted.placed) * torch.randn(
-        sizes.shape, generator=generator, dtype=torch.float64
-    )
-    return torch.minimum(torch.maximum(moved, where.lower), where.upper)
+    weighing, choosing = spawn(seed, 2)
+    likelihood = likelihood_about(problem, fitted)
+    prior, start = likelihood.prior, likelihood.parameters_of(fitted)
+    found = found_from(prior, likelihood.residuals, start)
+    weighted = draws_about(prior, likelihood, found, count, weighing, least=0.0)
+    if weighted is None:
+        raise InferenceError("no draw about the fit is possible; the data say too little")
+    return Draws(likelihood, weighted, *weighted.resample(count, choosing))

@@ -172,8 +172,7 @@ class Problem:
 
     def own_errors(self, placed: Sequence[Placed]) -> Tensor:
         """(q,) share of every parameter of effects by which the effects themselves may err."""
-        own = [one.effect.own_error for one in placed for _ in one.effect.parameters]
-        return (torch.tensor(own, dtype=torch.float64) ** 2 + self.own_error**2).sqrt()
+        return own_errors(placed, self.own_error)
 
     def residuals(self, system: System, theta: Tensor, zeta: Tensor, sizes: Tensor) -> Tensor:
         """Residuals (N, m), observed less predicted, of unit covariance by the problem's row.
@@ -191,6 +190,17 @@ class Problem:
     def whitened(self, residuals: Tensor) -> Tensor:
         """Residuals (N, m) of unit covariance by the problem's row, of those by the noise alone."""
         return self.error.whiten(self.error.tame(residuals, self.row), self.row)
+
+
+def own_errors(placed: Sequence[Placed], of_all: float) -> Tensor:
+    """(q,) share of every parameter of effects by which the effects themselves may err.
+
+    Args:
+        placed: the effects.
+        of_all: share by which any effect may err on a building's model.
+    """
+    own = [one.effect.own_error for one in placed for _ in one.effect.parameters]
+    return (torch.tensor(own, dtype=torch.float64) ** 2 + of_all**2).sqrt()
 
 
 def make_problem(

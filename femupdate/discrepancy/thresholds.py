@@ -160,14 +160,10 @@ class FitThresholds:
 
 @dataclass(frozen=True, kw_only=True)
 class EvidenceThresholds:
-    """How evidence is sampled, and draws of a fitted model."""
+    """How evidence is sampled."""
 
     freedom: int = entry(5, "degrees", "of freedom of the Student that evidence is drawn from")
     widen: float = entry(1.2, "factor", "on the covariance of the fit, for that Student")
-    posterior_freedom: int = entry(6, "degrees", "of freedom of the first one for draws")
-    posterior_widen: float = entry(1.3, "factor", "on the covariance of the fit, for that one")
-    rounds: int = entry(3, "rounds", "of fitting it to its draws, at most")
-    enough: float = entry(0.3, "share", "of effective draws that ends them")
     ridge: float = entry(
         1e-12, "of the mean variance", "so that rounding cannot make a covariance indefinite"
     )

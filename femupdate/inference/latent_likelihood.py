@@ -19,7 +19,7 @@ from femupdate.inference.parameters import Parameters
 from femupdate.inference.thresholds import DECODER
 from femupdate.measurement.observation import Observation, independent_share
 from femupdate.seeds import torch_generator
-from femupdate.surrogate.gauss_newton import LatentData
+from femupdate.surrogate.gauss_newton import Descent, LatentData
 from femupdate.surrogate.latent import LatentQuadratics
 from femupdate.surrogate.network import Mvae
 from femupdate.surrogate.storage import TrainedSurrogate
@@ -36,12 +36,13 @@ class Learning:
     Attributes:
         parameters: priors, the damping ratio last.
         shared: errors of the model that all points share.
-        check: told of the maxima before anything is made of them; may refuse them by an error.
+        check: told of the data and of the maxima before anything is made of them; may refuse them
+            by an error.
     """
 
     parameters: Parameters
     shared: SharedErrors | None
-    check: Callable[[Settled], None]
+    check: Callable[[DataLikelihood, Descent], None]
 
     def settled(
         self,
@@ -55,7 +56,7 @@ class Learning:
         found = settled(
             self.parameters, system, observation, seed, starts=starts, device=device, shared=shared
         )
-        self.check(found)
+        self.check(found.likelihood.data, found.found)
         return found
 
 

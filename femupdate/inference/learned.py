@@ -56,6 +56,15 @@ class LearnedLikelihood:
         value = (value - scatter).to(parameters.device)
         return value + self._of_others(parameters)
 
+    @property
+    def floors(self) -> None:
+        """Those of the observation."""
+        return None
+
+    def missed(self, parameters: Tensor) -> Tensor:
+        """Residuals (n, f k) of ln|H| of parameters (n, p), by the noise alone."""
+        return self.data.residuals(parameters)
+
     def residuals(self, parameters: Tensor) -> Tensor:
         """Whitened residuals (n, m) by the likeliest error, the first of the table."""
         return self.at_row(0)(parameters)

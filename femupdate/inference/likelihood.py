@@ -1,7 +1,7 @@
 """The likelihood of the parameters by the data themselves, as if the model were right."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -89,10 +89,12 @@ class DataLikelihood:
         precision: torch.dtype = torch.float64,
         modes: int | None = DRAWS.modes,
     ) -> None:
+        seen = observation.estimator
+        if system.changes_in_run and seen is not None and seen.run_levels:
+            system = replace(system, run_levels=seen.run_levels)
         self._system = system
         self._zeta = zeta
         self._device = device
-        seen = observation.estimator
         asked = observation.frequency_hz if seen is None else seen.frequency_hz
         self._frequency = torch.from_numpy(asked).to(device)
         self.terms = data_terms(observation, system.floors)

@@ -68,6 +68,7 @@ def draws_about(
     found: Descent,
     count: int,
     seed: Seed,
+    least: float = MAXIMA.trusted,
 ) -> WeightedDraws | None:
     """Weighted parameters (count, p) about maxima, or None where too few of them would count.
 
@@ -77,6 +78,7 @@ def draws_about(
         found: the maxima, see `found_from`.
         count: draws.
         seed: of everything random.
+        least: share of the draws that must be effective.
     """
     settings = ImportanceSettings()
     target = normal_target(prior, log_likelihood)
@@ -84,7 +86,7 @@ def draws_about(
         drawn = sampled(target, student_about(found, settings), count, seed, settings)
     except InferenceError:
         return None
-    if drawn.effective < MAXIMA.trusted * count:
+    if drawn.effective < least * count:
         return None
     return replace(drawn, points=prior.from_normal(drawn.points))
 

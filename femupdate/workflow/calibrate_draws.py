@@ -8,13 +8,17 @@ from scipy.special import ndtr
 from torch import Tensor
 
 from femupdate.arrays import Floats
+from femupdate.discrepancy.finder_model import error_of_sizes
+from femupdate.discrepancy.likelihood import EffectLikelihood
+from femupdate.discrepancy.problem import own_errors
 from femupdate.discrepancy.thresholds import MESH_ERROR
 from femupdate.dynamics.system import System
-from femupdate.inference.draw_errors import draw_errors
+from femupdate.inference.draw_errors import Erring, draw_errors
 from femupdate.inference.error_draws import ErrorDraws
 from femupdate.inference.latent_search import FoundLatent
 from femupdate.inference.learned import LearnedLikelihood
 from femupdate.inference.likelihood import DataLikelihood
+from femupdate.inference.model_error import LearnedError
 from femupdate.inference.parameters import Parameter
 from femupdate.inference.posterior import Posterior
 from femupdate.inference.predictive_check import (
@@ -33,7 +37,7 @@ from femupdate.workflow.thresholds import CALIBRATION
 
 def posterior_of(
     model: StudyModel,
-    observation: Observation,
+    measured: Measured,
     settings: CalibrationSettings,
     sampled: Sampled,
     latent: FoundLatent | None,
@@ -44,6 +48,7 @@ def posterior_of(
     Where theta carries errors of the model no draw of it meets the data, and the damping ratio
     cannot be found from there: then it is the latent posterior's, `latent`.
     """
+    observation = measured.as_observation
     shape = len(sampled.results), len(sampled.results[0].theta)
     values = sampled.parameters.split(torch.cat([result.theta for result in sampled.results]))
     theta = _numpy(torch.cat([values.theta, values.sizes], dim=1))
@@ -66,7 +71,7 @@ def posterior_of(
         drawn=sampled.drawn,
         observation=observation,
         settings=plain_settings(settings),
-        model_error=_errors(model, observation, sampled, (theta, zeta, shape), erring),
+        model_error=_errors(model, measured, sampled, (theta, zeta, shape), erring),
     )
 
 
@@ -84,20 +89,64 @@ def with_error_of_all(posterior: Posterior, model: StudyModel, seed: Seed) -> Po
     return replace(posterior, theta=np.clip(moved, posterior.lower, posterior.upper))
 
 
+@dataclass(frozen=True)
+class _EffectErrors:
+    """What a model with effects errs by in FRFs under base motion, the first of its data."""
+
+    likelihood: EffectLikelihood
+    data: DataLikelihood
+
+    @property
+    def error(self) -> LearnedError:
+        """The rows that count."""
+        return self.likelihood.error.parts[0]
+
+    @property
+    def floors(self) -> tuple[str, ...]:
+        """Names of those that were judged."""
+        first = self.likelihood.problem.data[0]
+        return tuple(self.likelihood.system.floors[row] for row in first.rows)
+
+    def missed(self, parameters: Tensor) -> Tensor:
+        """Residuals (n, m) of parameters (n, p), predicted less observed."""
+        return -self.likelihood.error.apart(self.likelihood.raw(parameters))[0]
+
+
 def _errors(
     model: StudyModel,
-    observation: Observation,
+    measured: Measured,
     sampled: Sampled,
     draws: tuple[Floats, Floats | None, tuple[int, int]],
     seed: Seed,
 ) -> ErrorDraws | None:
     """The error of the model at the draws theta (n, p) and zeta (n,), by runs."""
-    if sampled.learned is None:
+    erring: Erring | None = sampled.learned
+    observation = measured.reference
+    if sampled.effects is not None and measured.has_base:
+        data = DataLikelihood(model.system, observation, modes=None)
+        erring = _EffectErrors(sampled.effects, data)
+    if erring is None:
         return None
     theta, zeta, shape = draws
     ratio = np.full(len(theta), model.building.damping.ratio) if zeta is None else zeta
     both = torch.from_numpy(np.column_stack([theta, ratio]))
-    return draw_errors(sampled.learned, both.unflatten(0, shape), observation, seed)
+    return draw_errors(erring, both.unflatten(0, shape), observation, seed)
+
+
+def with_own_errors(posterior: Posterior, model: StudyModel, seed: Seed) -> Posterior:
+    """With parameters of effects off by as much as the models of these effects may err.
+
+    No data tell that from the parameters, so it moves the draws and not the likelihood.
+    """
+    own = own_errors(model.system.placed, error_of_sizes(model.building)).numpy()
+    if not own.any():
+        return posterior
+    rng, count = np.random.default_rng(seed), model.system.factors
+    neutral = np.array([one.neutral for one in model.prior.of("effect").entries])
+    moved = posterior.theta.copy()
+    off = 1.0 + own * rng.standard_normal((*moved.shape[:2], len(own)))
+    moved[..., count:] = neutral + (moved[..., count:] - neutral) * off
+    return replace(posterior, theta=np.clip(moved, posterior.lower, posterior.upper))
 
 
 def draw_zeta(
@@ -168,11 +217,13 @@ class Fitting:
         check: posterior predictive p-values, with the noise and the errors that are allowed for.
         explained: share of the measured variation of ln|H| over frequency that the best draw has;
             None where no FRF was measured.
+        learned: whether the likelihood allows for larger errors than the stated noise.
     """
 
     misfit: float
     check: PredictiveCheck | None
     explained: float | None = None
+    learned: bool = False
 
 
 def against_data(
@@ -182,8 +233,10 @@ def against_data(
     observation = posterior.observation
     drawing, choosing = spawn(seed, 2)
     drawn = _some_draws(model, posterior, drawing)
+    if sampled.effects is not None:
+        return _against_all(model, measured, sampled.effects, drawn, choosing)
     if measured.others:
-        return Fitting(*check_measured(model, measured, drawn))
+        return Fitting(*check_measured(model, measured, drawn), learned=sampled.learned is not None)
     likelihood = DataLikelihood(model.system, observation)
     residuals = likelihood.residuals(drawn)
     points = independent_share(observation) * observation.valid.sum(axis=1)
@@ -198,7 +251,20 @@ def against_data(
         rows = torch.multinomial(shares, 1, generator=torch_generator(choosing))[:, 0]
         squares = error.floor_squares(residuals, rows).numpy()
         check = predictive_check(squares, points, observation.floors)
-    return Fitting(float(left.min() / points.sum()), check, likelihood.explained(drawn))
+    explained, learned = likelihood.explained(drawn), sampled.learned is not None
+    return Fitting(float(left.min() / points.sum()), check, explained, learned)
+
+
+def _against_all(
+    model: StudyModel, measured: Measured, likelihood: EffectLikelihood, drawn: Tensor, seed: Seed
+) -> Fitting:
+    """Some draws (n, p) of a building with effects against all that was measured."""
+    names, squares, counts = zip(*likelihood.checked(drawn, seed), strict=True)
+    check = predictive_check(torch.stack(squares, dim=1).numpy(), counts, names)
+    explained = None
+    if measured.has_base:
+        explained = DataLikelihood(model.system, measured.reference).explained(drawn)
+    return Fitting(float(likelihood.misfit(drawn).min()), check, explained, learned=True)
 
 
 def against_modes(

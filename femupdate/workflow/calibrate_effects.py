@@ -1,98 +1,110 @@
-"""calibrate --exact for a building whose file lists effects, and what its posterior predicts."""
+"""A building whose file lists effects, as the data ask for it, and its likelihood."""
 
-import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+import torch
+from torch import Tensor
 
 from femupdate.discrepancy.data import Data
+from femupdate.discrepancy.fit import Fit
+from femupdate.discrepancy.likelihood import EffectLikelihood, likelihood_about
 from femupdate.discrepancy.mesh_error import MeshError
-from femupdate.discrepancy.posterior import draw
+from femupdate.discrepancy.mesh_scatter import mesh_scatter
+from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.records import SecondRecord, base_data
 from femupdate.discrepancy.search import prepared, refined
 from femupdate.effects.listed import building_effects
-from femupdate.inference.posterior import save_posterior
-from femupdate.progress import SILENT, Progress
+from femupdate.inference.maxima import found_from
+from femupdate.inference.prior_search import best_of_prior
+from femupdate.inference.priors import effect_parameters
+from femupdate.progress import Progress
+from femupdate.seeds import Seed
 from femupdate.study import Study
-from femupdate.workflow.amplitude import changes_with_level, level_settings
-from femupdate.workflow.calibrate_notes import error_notes
-from femupdate.workflow.calibrate_settings import CalibrationSettings
-from femupdate.workflow.calibration_report import POSTERIOR, CalibrationReport
+from femupdate.surrogate.gauss_newton import Descent
+from femupdate.workflow.amplitude import changes_with_level
 from femupdate.workflow.diagnose import finder_model
 from femupdate.workflow.effects import keep_basis
 from femupdate.workflow.finder_data import Given
 from femupdate.workflow.kinds import Measured
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource
-from femupdate.workflow.repaired import check_of, effect_posterior, misfit_of
 from femupdate.workflow.second_record import level_between
-from femupdate.workflow.summary import identified
 
 
-def calibrate_with_effects(
+@dataclass(frozen=True, eq=False)
+class FittedEffects:
+    """A model with effects, fitted to what was measured.
+
+    Attributes:
+        model: with its effects; of a frame on a basis about the fit.
+        likelihood: of all that was measured.
+        start: (1, p) parameters at the fit.
+    """
+
+    model: StudyModel
+    likelihood: EffectLikelihood
+    start: Tensor
+
+    def maxima(self, seed: Seed) -> Descent:
+        """Of the posterior, in standard normal coordinates.
+
+        Where the model serves the whole prior, its likely points lead to other solutions.
+        """
+        likelihood, starts = self.likelihood, self.start
+        prior = likelihood.prior
+        if not self.local:
+            coarse = likelihood.coarse()
+            likely, _ = best_of_prior(prior, coarse.log_density, seed)
+            ended = found_from(prior, coarse.residuals, likely[: prior.size])
+            starts = torch.cat([starts, prior.from_normal(ended.z)])
+        return found_from(prior, likelihood.residuals, starts)
+
+    @property
+    def local(self) -> bool:
+        """Whether the model serves about the fit alone."""
+        return self.likelihood.problem.reduced.structure.operators is not None
+
+
+def fitted_effects(
     study: Study,
     model: StudyModel,
-    given: tuple[ObservationSource, Measured],
-    settings: CalibrationSettings,
-    progress: Progress = SILENT,
-) -> CalibrationReport:
-    """Draw the posterior of stiffness factors and effects of a building that lists effects.
-
-    Args:
-        given: the files, and what they hold.
+    measured: Measured,
+    progress: Progress,
+) -> FittedEffects:
+    """Fit the effects that a building lists; the basis that serves there is kept.
 
     Raises:
-        MeasurementError: the observation cannot be used.
         BuildingError: an effect cannot be.
     """
-    started = time.monotonic()
-    source, measured = given
-    observation = measured.as_observation
     finder = finder_model(study, model, progress)
-    data = _data(model, source, measured, finder.mesh)
+    data = _data(model, measured, finder.mesh)
     problem, fitted = prepared(finder, data, None, progress)
     problem, fitted = refined(finder, problem, fitted, progress, alone=True)
     if problem.reduced.structure.operators is not None:
         keep_basis(study, problem.reduced, model.building)
-    progress.start("Drawing the posterior", 1)
-    draws = draw(problem, fitted, settings.particles, settings.seed)
-    progress.advance()
-    kept = level_settings(model, fitted.placed, source)
-    posterior = effect_posterior(model, observation, fitted, draws, kept)
-    path = study.result("posterior.nc")
-    save_posterior(posterior, path)
-    origin = {**model.made_from(), **source.made_from()}
-    study.record(POSTERIOR, "posterior.nc", "calibrate", origin, source.files_as_settings())
-    found = identified(posterior)
-    # The decisive come first.
-    notes = (
-        *posterior.warnings,
-        *error_notes(posterior),
-        *found.sentences(),
-        *measured.notes,
-        f"{draws.effective:.0f} of {settings.particles} proposals count (importance sampling about "
-        "the best fit).",
-    )
-    report = CalibrationReport(
-        model=model,
-        posterior=posterior,
-        path=path,
-        r_hat=None,
-        identified=found,
-        misfit=misfit_of(fitted),
-        check=check_of(fitted, draws),
-        notes=notes,
-        seconds=time.monotonic() - started,
-        invalid=0,
-        files=source.paths,
-    )
-    report.write_summary(study)
-    return report
+    likelihood = likelihood_about(problem, fitted)
+    start = likelihood.parameters_of(fitted)
+    return FittedEffects(with_fitted(model, problem, fitted, finder.mesh), likelihood, start)
 
 
-def _data(
-    model: StudyModel, source: ObservationSource, measured: Measured, mesh: MeshError | None
-) -> tuple[Data, ...]:
+def with_fitted(
+    model: StudyModel, problem: Problem, fitted: Fit, mesh: MeshError | None
+) -> StudyModel:
+    """A study's model with the effects of a fit, on the basis that serves it.
+
+    Args:
+        mesh: error of the basis' mesh, where it is known.
+    """
+    return replace(
+        model,
+        system=fitted.system,
+        prior=model.prior.of("stiffness") + effect_parameters(fitted.placed),
+        shared=None if mesh is None else mesh_scatter(problem.reduced, fitted.system, mesh),
+    )
+
+
+def _data(model: StudyModel, measured: Measured, mesh: MeshError | None) -> tuple[Data, ...]:
     """All that was measured, as the finder judges it; phases where |H| does not show an effect."""
     phase = any(one.effect.needs_phase for one in building_effects(model.building).placed)
     nothing = replace(measured.base, valid=np.zeros_like(measured.base.valid))
@@ -100,21 +112,30 @@ def _data(
     parts = Given(others).data(model, mesh, use_phase=phase)
     if not measured.has_base:
         return parts
-    first, *further = _records(model, source, measured)
+    levels = measured.levels or (0.0,) * len(measured.runs)
+    first, *further = map(SecondRecord, measured.runs, levels)
     base = base_data(model.building, mesh, first.observation, phase, (), further)
     return (base, *parts)
 
 
-def _records(
-    model: StudyModel, source: ObservationSource, measured: Measured
-) -> list[SecondRecord]:
-    """Every run, with its level above the first where an effect of the building depends on it."""
+def with_levels(model: StudyModel, source: ObservationSource, measured: Measured) -> Measured:
+    """What was measured, with every run's level where effects of the building depend on it.
+
+    Raises:
+        MeasurementError: a file says no level.
+    """
     changes = changes_with_level(building_effects(model.building).placed)
+    if not changes or len(measured.runs) < 2:
+        return measured
     first, *further = measured.base_paths
-    sources = replace(source, path=first, further=tuple(further)).runs
-    return [
-        SecondRecord(
-            run, level_between(model, sources[0], one) if changes and one != sources[0] else 0.0
-        )
-        for run, one in zip(measured.runs, sources, strict=True)
-    ]
+    own, *others = replace(source, path=first, further=tuple(further)).runs
+    levels = (0.0, *(level_between(model, own, other) for other in others))
+    others_of = zip(measured.runs[1:], levels[1:], strict=True)
+    each = ", ".join(f"{run.source} at {2.0**level:.2g} times" for run, level in others_of)
+    said = (
+        f"{len(levels)} runs are explained together, each at its own level: {each} that of "
+        f"{measured.runs[0].source}."
+    )
+    # Whether they agree with one another is no question where the level changes the building.
+    base = replace(measured.base, notes=(said, *measured.base.notes[1:]))
+    return replace(measured, levels=levels, base=base)

@@ -7,11 +7,12 @@ from femupdate.inference.bridge import BridgeResult
 from femupdate.inference.decoded_chains import DecodedPosterior
 from femupdate.inference.diagnostics import r_hat
 from femupdate.inference.latent_likelihood import LatentLikelihood
-from femupdate.inference.learned import Settled
+from femupdate.inference.likelihood import DataLikelihood
 from femupdate.inference.posterior import Posterior
 from femupdate.inference.smc import SmcResult
 from femupdate.inference.thresholds import DRAWS
 from femupdate.measurement.observation import Observation
+from femupdate.surrogate.gauss_newton import Descent
 from femupdate.surrogate.storage import ANY_FLOORS, SurrogateInfo
 from femupdate.units import percent
 from femupdate.workflow.calibrate_draws import Fitting
@@ -164,16 +165,22 @@ def overstated_noise(fitting: Fitting) -> tuple[str, ...]:
     )
 
 
-def require_own_building(model: StudyModel, settled: Settled, *, anyway: bool) -> None:
+def require_own_building(
+    model: StudyModel, data: DataLikelihood, found: Descent, *, anyway: bool
+) -> None:
     """Refuse an observation that says nothing of its building, before anything is drawn.
+
+    Args:
+        data: FRFs under base motion.
+        found: maxima of the posterior.
+        anyway: refuse nothing.
 
     Raises:
         MeasurementError: the best response has next to nothing of what was measured.
     """
     if anyway:
         return
-    maxima = model.parameters.from_normal(settled.found.z)
-    explained = settled.likelihood.data.explained(maxima)
+    explained = data.explained(model.parameters.from_normal(found.z))
     if not explained >= CALIBRATION.explained:  # which no number is not
         best = max(float(np.nan_to_num(explained)), 0.0)
         raise MeasurementError(
@@ -200,7 +207,7 @@ def _missed(posterior: Posterior, fitting: Fitting) -> list[str]:
     if fitting.misfit > 2.0:
         allowed = (
             "the intervals allow for it"
-            if posterior.model_error is not None
+            if fitting.learned
             else "the standard deviations are too small by about that factor"
         )
         notes.append(

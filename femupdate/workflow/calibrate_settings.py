@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import logsumexp
 
+from femupdate.discrepancy.likelihood import EffectLikelihood
 from femupdate.inference.bridge import BridgeResult
 from femupdate.inference.importance import WeightedDraws
 from femupdate.inference.latent_search import FoundLatent
@@ -14,10 +14,12 @@ from femupdate.inference.learned import LearnedLikelihood
 from femupdate.inference.parameters import Parameters
 from femupdate.inference.posterior import DrawnBy
 from femupdate.inference.smc import SmcResult, SmcSettings
+from femupdate.inference.thresholds import MAXIMA
+from femupdate.seeds import Seed
 from femupdate.workflow.thresholds import CALIBRATION
 
-if TYPE_CHECKING:
-    from femupdate.discrepancy.posterior import Draws
+ABOUT_MAXIMA = "importance sampling about the maxima"
+_FEW_COUNT = "Few importance draws count: the posterior may be wider, or of several pieces."
 
 
 @dataclass(frozen=True)
@@ -56,6 +58,8 @@ class Sampled:
         least_noise: standard deviation of ln|H| below which the likelihood does not believe the
             file's noise.
         learned: likelihood of the data with the error of the model that they show.
+        effects: likelihood of all that was measured by a model with effects; None where it was
+            that of `learned`.
         warnings: what whoever uses the draws should know, in sentences.
     """
 
@@ -66,6 +70,7 @@ class Sampled:
     latent: FoundLatent | None = None
     least_noise: float = 0.0
     learned: LearnedLikelihood | None = None
+    effects: EffectLikelihood | None = None
     warnings: tuple[str, ...] = ()
 
 
@@ -86,7 +91,18 @@ def by_runs(
     )
 
 
-def by_importance(way: str, results: "Sequence[BridgeResult | WeightedDraws | Draws]") -> DrawnBy:
+def about_maxima(
+    prior: Parameters, found: WeightedDraws, count: int, seed: Seed, *notes: str
+) -> Sampled:
+    """Equally weighted draws, `count` of them, of weighted ones about the maxima."""
+    theta, value = found.resample(count, seed)
+    result = SmcResult(theta, value, found.log_evidence, (), found.evaluations, 0)
+    few = found.effective < MAXIMA.trusted * len(found.points)
+    drawn = by_importance(ABOUT_MAXIMA, [found])
+    return Sampled([result], prior, drawn, notes, warnings=(_FEW_COUNT,) * few)
+
+
+def by_importance(way: str, results: Sequence[BridgeResult | WeightedDraws]) -> DrawnBy:
     """What importance samples say that are independent of each other, one at least."""
     known = np.array([result.log_evidence for result in results])
     errors = np.array([result.log_evidence_error for result in results])

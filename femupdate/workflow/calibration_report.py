@@ -1,7 +1,8 @@
 """What a calibration gives, and what it says of itself."""
 
 import json
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -51,6 +52,11 @@ class CalibrationReport:
     seconds: float
     invalid: int
     files: tuple[Path, ...]
+
+    def with_settings(self, more: Mapping[str, Any]) -> "CalibrationReport":
+        """The same, whose posterior keeps more settings."""
+        settings = {**self.posterior.settings, **more}
+        return replace(self, posterior=replace(self.posterior, settings=settings))
 
     @property
     def quantiles(self) -> tuple[Floats, Floats]:

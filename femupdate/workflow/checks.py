@@ -15,7 +15,7 @@ from femupdate.surrogate.training import TrainingSettings
 from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.calibration_report import POSTERIOR
 from femupdate.workflow.effect_surrogate import check_amortisable
-from femupdate.workflow.kinds import check_explicable, measured_of
+from femupdate.workflow.kinds import measured_of
 from femupdate.workflow.model import StudyModel, choose_building, open_study
 from femupdate.workflow.observed import ObservationSource, check_readable
 from femupdate.workflow.surrogates import require_surrogate
@@ -45,7 +45,6 @@ def check_calibration(
     check_readable(source)
     chosen = choose_building(study, building)
     measured = measured_of(chosen, source)
-    check_explicable(chosen, source, measured, settings.exact)
     if not settings.exact and not measured.beyond_surrogates:
         check_amortisable(chosen)
         known = study.path(BUILDING_FILE).exists()

@@ -54,6 +54,7 @@ class Measured:
         rest: static displacement under forces that the reduced model lacks; None of a stick.
         errors: of the modes.
         runs: under base motion, an observation each; `base` is all of them together.
+        levels: of the runs, in doublings above the first; none where all count as alike.
         doubts: sentences on channels of a run that do not fit together.
         base_paths: files of the FRFs under base motion.
         moving_base: what the base does under forces and in modes; empty where it is held.
@@ -66,6 +67,7 @@ class Measured:
     rest: RestFlexibility | None = None
     errors: ModalErrors = field(default_factory=ModalErrors)
     runs: tuple[Observation, ...] = ()
+    levels: tuple[float, ...] = ()
     doubts: tuple[str, ...] = ()
     base_paths: tuple[Path, ...] = ()
     moving_base: str = ""
@@ -85,6 +87,12 @@ class Measured:
     def beyond_surrogates(self) -> bool:
         """Whether there is anything that no surrogate knows."""
         return self.others or self.base.rotation is not None
+
+    @property
+    def reference(self) -> Observation:
+        """FRFs under base motion at the level of the first run, where that has all floors."""
+        apart = any(self.levels) and self.runs[0].floors == self.base.floors
+        return self.runs[0] if apart else self.base
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -181,7 +189,6 @@ def read_measured_of(
     model: StudyModel,
     source: ObservationSource,
     progress: Progress,
-    exact: bool = False,
 ) -> Measured:
     """Read the files of a source, of any kind.
 
@@ -190,27 +197,8 @@ def read_measured_of(
             unit or quantity than it says.
     """
     measured = measured_of(model.building, source)
-    check_explicable(model.building, source, measured, exact)
     check_base_level(model, measured.base)
     return with_rest(study, model, measured, progress)
-
-
-def check_explicable(
-    building: Building, source: ObservationSource, measured: Measured, exact: bool = False
-) -> None:
-    """Refuse to calibrate a building that lists effects by what no surrogate knows.
-
-    Args:
-        exact: whether the data-space likelihood is asked for.
-
-    Raises:
-        MeasurementError: the base was measured to turn.
-    """
-    if measured.base.rotation is not None and building.effects and not exact:
-        raise MeasurementError(
-            f"{source.path}: it measures how the base turns, which surrogates of buildings that"
-            " list effects do not know; calibrate with --exact"
-        )
 
 
 def with_rest(study: Study, model: StudyModel, measured: Measured, progress: Progress) -> Measured:

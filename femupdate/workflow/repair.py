@@ -22,12 +22,12 @@ from femupdate.progress import SILENT, Progress
 from femupdate.report.scale import plus_minus
 from femupdate.study import BUILDING_FILE, Study
 from femupdate.tables import table
-from femupdate.workflow.amplitude import level_settings
+from femupdate.workflow.calibrate_effects import with_fitted
 from femupdate.workflow.diagnose import finder_model, keep_found, search
 from femupdate.workflow.finder_data import Given, read_given, read_held
-from femupdate.workflow.model import StudyModel, on_kept_finer
+from femupdate.workflow.model import StudyModel, on_kept_finer, open_study
 from femupdate.workflow.observed import ObservationSource, direction_of
-from femupdate.workflow.repaired import keep_effect_posterior, keep_repaired, repaired_building
+from femupdate.workflow.repaired import keep_repaired, keep_repaired_posterior, repaired_building
 from femupdate.workflow.second_record import level_between
 
 
@@ -184,9 +184,10 @@ def repair_study(
     if done.rounds:
         building = repaired_building(model.building, done)
         kept = keep_repaired(study, model, building, mended.reduced, finder.mesh)
-        levels = level_settings(model, done.after.placed, source, problem.levels)
-        fitted = done.after, after
-        keep_effect_posterior(kept, given.measured.as_observation, source, fitted, levels)
+        own = with_fitted(open_study(kept), mended, done.after, finder.mesh)
+        keep_repaired_posterior(
+            kept, own, given.measured, source, after, settings.seed, problem.levels
+        )
     report = RepairReport(
         repair=done,
         problem=problem,

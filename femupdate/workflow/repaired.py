@@ -1,45 +1,29 @@
 """The repaired building: its file, and the study that every command takes."""
 
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
-
-import numpy as np
-import torch
 
 from femupdate.building.document import without_effects
 from femupdate.building.files import save_building
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.schema import Building
-from femupdate.discrepancy.data import Data
-from femupdate.discrepancy.fit import Fit, raw_residuals
-from femupdate.discrepancy.frf_data import FrfData
 from femupdate.discrepancy.mesh_error import MeshError
 from femupdate.discrepancy.posterior import Draws
 from femupdate.discrepancy.repair import Repair
 from femupdate.dynamics.reduced_terms import ReducedStructure
-from femupdate.effects.listed import building_effects, with_effect
-from femupdate.inference.draw_errors import errors_in_parts
-from femupdate.inference.error_draws import ErrorDraws
-from femupdate.inference.model_error import LearnedError
-from femupdate.inference.posterior import Posterior, save_posterior
-from femupdate.inference.predictive_check import PredictiveCheck, predictive_check
-from femupdate.inference.priors import effect_parameters
-from femupdate.measurement.observation import Observation
+from femupdate.effects.listed import with_effect
+from femupdate.inference.posterior import save_posterior
+from femupdate.seeds import Seed, spawn
 from femupdate.study import BUILDING_FILE, REPAIRED, Study
-from femupdate.workflow.calibrate_draws import Fitting
-from femupdate.workflow.calibrate_notes import judgement
-from femupdate.workflow.calibrate_settings import by_importance
+from femupdate.workflow.amplitude import level_settings
+from femupdate.workflow.calibrate_settings import CalibrationSettings, about_maxima
 from femupdate.workflow.calibration_report import POSTERIOR
+from femupdate.workflow.conclusion import concluded
 from femupdate.workflow.effects import keep_basis
 from femupdate.workflow.finer_mesh import keep_finer
+from femupdate.workflow.kinds import Measured
 from femupdate.workflow.mesh_error import keep_mesh_error
-from femupdate.workflow.model import StudyModel, keep_model, open_study
+from femupdate.workflow.model import StudyModel, keep_model
 from femupdate.workflow.observed import ObservationSource
-from femupdate.workflow.thresholds import CALIBRATION
-
-_ERRING = 0  # seed of the errors' sizes
-FEW_COUNT = "Few proposals count: the posterior is not of one piece; trust it little."
 
 
 def repaired_building(building: Building, done: Repair) -> Building:
@@ -84,89 +68,35 @@ def keep_repaired(
     return kept
 
 
-def keep_effect_posterior(
+def keep_repaired_posterior(
     study: Study,
-    observation: Observation,
+    model: StudyModel,
+    measured: Measured,
     source: ObservationSource,
-    fitted: tuple[Fit, Draws],
-    settings: Mapping[str, Any],
+    draws: Draws,
+    seed: Seed,
+    levels: tuple[float, ...],
 ) -> None:
     """Keep draws of a repaired building as the posterior of its study.
 
     Args:
         study: of the repaired building.
-        observation: what it was fitted to.
-        fitted: the last fit, and draws about it.
+        model: with all that was added, as it was fitted.
+        measured: what it was fitted to.
+        draws: of the fitted model's posterior.
+        seed: of what is drawn beside them.
+        levels: of the records, in doublings above the first.
     """
-    model = open_study(study)
-    posterior = effect_posterior(model, observation, *fitted, settings)
-    save_posterior(posterior, study.result("posterior.nc"))
+    choosing, *drawing = spawn(seed, 5)
+    count = len(draws.parameters)
+    sampled = about_maxima(draws.likelihood.prior, draws.weighted, count, choosing)
+    sampled = replace(sampled, effects=draws.likelihood)
+    settings = CalibrationSettings(particles=count, exact=True, chains=1)
+    path = study.result("posterior.nc")
+    report = concluded(model, measured, settings, sampled, drawing, path).with_settings(
+        level_settings(model, model.system.placed, source, levels)
+    )
+    save_posterior(report.posterior, path)
     origin = {**model.made_from(), **source.made_from()}
     study.record(POSTERIOR, "posterior.nc", "repair", origin, source.files_as_settings())
-
-
-def effect_posterior(
-    model: StudyModel,
-    observation: Observation,
-    fitted: Fit,
-    draws: Draws,
-    settings: Mapping[str, Any],
-) -> Posterior:
-    """Draws of a building with effects as a posterior whose last columns are their parameters.
-
-    With what the model errs by, and what whoever uses the draws should know.
-    """
-    effects = building_effects(model.building)
-    prior = model.prior + effect_parameters(effects.placed)
-    both = np.column_stack([draws.theta, draws.sizes])
-    posterior = Posterior(
-        names=prior.names,
-        theta=both[None],
-        zeta=draws.zeta[None] if model.damping.free else None,
-        log_likelihood=draws.log_likelihood[None],
-        lower=prior.lower.numpy(),
-        upper=prior.upper.numpy(),
-        drawn=by_importance("importance sampling about the best fit", [draws]),
-        observation=observation,
-        settings={"particles": len(both), "exact": True, **settings},
-        model_error=_errors(observation, fitted, draws),
-    )
-    few = () if draws.effective >= CALIBRATION.few_draws else (FEW_COUNT,)
-    fitting = Fitting(misfit_of(fitted), check_of(fitted, draws))
-    return replace(posterior, warnings=(*few, *judgement(posterior, fitting)))
-
-
-def misfit_of(fitted: Fit) -> float:
-    """Mean squared residual of independent points, by the noise alone."""
-    return fitted.chi2 / max(fitted.problem.effective, 1.0)
-
-
-def check_of(fitted: Fit, draws: Draws) -> PredictiveCheck:
-    """Posterior predictive check; what the model errs by is part of what is allowed for."""
-    parts = _residuals(fitted, draws)
-    found: list[tuple[str, torch.Tensor, float]] = []
-    for data, error, own, row in zip(*parts, fitted.problem.row, strict=True):
-        rows = torch.full((len(own),), row)
-        found += data.checked(error.floor_squares(error.tame(own, row), rows))
-    names, left, counts = zip(*found, strict=True)
-    return predictive_check(torch.stack(left, dim=1).numpy(), counts, names)
-
-
-def _errors(observation: Observation, fitted: Fit, draws: Draws) -> ErrorDraws | None:
-    """What the model errs by in FRFs under base motion; None where there are none."""
-    for data, error, own in zip(*_residuals(fitted, draws), strict=True):
-        if isinstance(data, FrfData) and not data.forced:
-            count = len(draws.theta)
-            return errors_in_parts(error, own, data.names, observation, count, _ERRING)
-    return None
-
-
-def _residuals(
-    fitted: Fit, draws: Draws
-) -> tuple[tuple[Data, ...], tuple[LearnedError, ...], tuple[torch.Tensor, ...]]:
-    """Every kind of data with its table of errors, and residuals (n, m) at some of the draws."""
-    some = slice(None, None, max(1, len(draws.theta) // CALIBRATION.checked))
-    known = (torch.from_numpy(values[some]) for values in (draws.theta, draws.zeta, draws.sizes))
-    raw = raw_residuals(fitted, fitted.coordinates.joined(*known))
-    problem = fitted.problem
-    return problem.data, problem.error.parts, problem.error.apart(raw)
+    report.write_summary(study)

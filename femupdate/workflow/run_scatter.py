@@ -18,7 +18,11 @@ from femupdate.workflow.thresholds import RUNS
 
 
 def scatter_of_runs(
-    model: StudyModel, runs: Sequence[Observation], posterior: Posterior, seed: Seed
+    model: StudyModel,
+    runs: Sequence[Observation],
+    posterior: Posterior,
+    seed: Seed,
+    levels: Sequence[float] = (),
 ) -> LearnedScatter | None:
     """How much stiffness and damping differ between runs; None of a single one.
 
@@ -28,27 +32,37 @@ def scatter_of_runs(
     Args:
         runs: FRFs under base motion, a run each.
         posterior: of all together.
+        levels: of the runs, in doublings above the first; all alike by default.
     """
     if len(runs) < 2:
         return None
-    found = np.array([_moments(model, run, posterior) for run in runs])
+    both = zip(runs, levels or [0.0] * len(runs), strict=True)
+    found = np.array([_moments(model, run, level, posterior) for run, level in both])
     return learned_scatter(found[:, 0], found[:, 1], posterior.theta.shape[:2], seed)
 
 
-def _moments(model: StudyModel, run: Observation, posterior: Posterior) -> Floats:
-    """Mean and standard deviation (2, 2) of ln stiffness and ln damping over the posterior's."""
+def _moments(model: StudyModel, run: Observation, level: float, posterior: Posterior) -> Floats:
+    """Mean and standard deviation (2, 2) of ln stiffness and ln damping over the posterior's.
+
+    Those are what the posterior has at the level of the run.
+    """
     data, ratios = DataLikelihood(model.system, run), posterior.zeta_samples
     # Errors of the model that all runs share, such as a mesh's, do not move one from another.
     error = learned_error(data, run)
     middle = posterior.samples.mean(axis=0)
     theta, sizes = model.system.split(torch.from_numpy(middle[None]))
-    zeta = model.building.damping.ratio if ratios is None else float(ratios.mean())
+    mean = model.building.damping.ratio if ratios is None else float(ratios.mean())
+    theta, zeta = model.system.at_level(theta, theta.new_tensor([mean]), sizes, level)
 
     def judge(moved: Tensor) -> Tensor:
         own = theta * moved[:, :1].exp()
         damped = (zeta * moved[:, 1:].exp()).clamp_max(0.99)
         parameters = torch.cat([own, sizes.expand(len(moved), -1), damped], dim=1)
-        return error.log_density(data.residuals(parameters))
+        left = data.residuals(parameters)
+        # A row that is unlikely where least is left is so everywhere.
+        best = left.square().sum(1).argsort()[: RUNS.best]
+        rows = error.counting(error.log_densities(left[best]))
+        return error.kept(rows).log_density(left)
 
     return moments_on_grid(judge, ratios is not None)
 

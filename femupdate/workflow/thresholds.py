@@ -18,9 +18,6 @@ class CalibrationThresholds:
     zeta_grid: int = entry(25, "ratios", "at which a free damping ratio is looked at")
     zeta_samples: int = entry(48, "draws", "of theta at which it is")
     predictive: int = entry(200, "draws", "whose responses are compared with the measured ones")
-    few_draws: float = entry(
-        100.0, "draws", "that count, below which an importance sample is doubted"
-    )
     checked: int = entry(100, "draws", "at which the errors of the approximations are looked at")
     decoder_may_miss: float = entry(
         0.25, "noise sd", "by which a corrected decoder may miss the building at its draws"
@@ -51,6 +48,7 @@ class RunThresholds:
     stiffness: float = entry(0.4, "ln", "to either side of the posterior's mean that is tried")
     damping: float = entry(1.5, "ln", "likewise, of the damping ratio")
     points: int = entry(17, "points", "of a grid between them, of each")
+    best: int = entry(9, "points", "of a grid, the best, that tell which errors of a model count")
     rounds: int = entry(4, "grids", "each about what the one before found")
     reach: float = entry(4.0, "sd", "to either side that the next one reaches")
 

@@ -64,3 +64,18 @@ def test_nothing_where_no_draw_counts(box):
         draws_about(prior, lambda t: t[:, 0] * torch.nan, found_from(prior, flat, starts), 500, 0)
         is None
     )
+
+
+def test_few_draws_count_where_a_model_serves_nowhere_else(box):
+    """Weights that scatter by a factor of e^4 from place to place, whatever the proposal."""
+    prior = box([0.0] * 2, [1.0] * 2)
+    found = found_from(
+        prior, lambda t: 10.0 * (t - 0.5), prior.from_unit(torch.rand(1, 2).double())
+    )
+
+    def rough(theta):
+        return 4.0 * torch.sin(1e6 * theta[:, 0]) - 50.0 * (theta - 0.5).square().sum(1)
+
+    assert draws_about(prior, rough, found, 1000, 0) is None
+    drawn = draws_about(prior, rough, found, 1000, 0, least=0.0)
+    assert 0.0 < drawn.effective < 500.0

@@ -197,16 +197,15 @@ def test_heights_are_asked_for_before_anything_is_written(home, tmp_path):
     assert not study.folder.exists()
 
 
-def test_surrogates_of_listed_effects_know_of_no_base_that_turns(home, tmp_path):
+def test_a_base_that_turns_makes_it_exact_with_listed_effects_as_without(home, tmp_path):
     effects = [{"name": "added_mass", "place": "RF", "parameters": {"size": 0.001}}]
     path = tmp_path / "with_effects.toml"
     save_building(from_document(document(effects=effects)), path)
     source, study = ObservationSource(home / "both.csv"), Study(tmp_path / "study")
-    with pytest.raises(MeasurementError, match="calibrate with --exact"):
-        check_calibration(study, source, CalibrationSettings(), str(path))
-    settings = CalibrationSettings(exact=True, particles=200, chains=1)
+    settings = CalibrationSettings(particles=200, chains=1)
     check_calibration(study, source, settings, str(path))
     done = calibrate_study(study, open_study(study, str(path)), source, settings)
+    assert done.posterior.drawn.exact
     theta = done.posterior.samples[:, :3]
     assert np.abs((theta.mean(axis=0) - THETA) / theta.std(axis=0)).max() < 3.0
     assert json.loads((study.folder / "posterior_summary.json").read_text())

@@ -6,8 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from femupdate.discrepancy.thresholds import MESH_ERROR
-from femupdate.workflow.calibrate_draws import with_error_of_all
+from femupdate.discrepancy.thresholds import MESH_ERROR, MODEL_ERROR
+from femupdate.inference.parameters import Parameter, Parameters
+from femupdate.workflow.calibrate_draws import with_error_of_all, with_own_errors
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,34 @@ def test_all_factors_of_a_frame_move_together_and_nothing_else_moves():
     assert by[..., 0].std() == pytest.approx(MESH_ERROR.of_all, rel=0.032)
     assert abs(by.mean()) < 4.0 * MESH_ERROR.of_all / np.sqrt(8000)
     assert (moved[..., 2] == -0.1).all()
+
+
+@pytest.mark.parametrize(
+    ("kind", "errs"), [("frame", np.hypot(0.12, MODEL_ERROR.size)), ("shear", 0.12)]
+)
+def test_sizes_err_by_what_the_models_of_effects_err_by_about_their_neutral_values(kind, errs):
+    """A ratio of 1.5 whose neutral value is one: the half of it is what errs."""
+    rough = SimpleNamespace(own_error=0.12, parameters=(None,))
+    ratio = Parameter(name="ratio", kind="effect", lower=0.0, upper=9.0, neutral=1.0)
+    of_effect = SimpleNamespace(
+        building=SimpleNamespace(kind=kind),
+        system=SimpleNamespace(factors=2, placed=(SimpleNamespace(effect=rough),)),
+        prior=Parameters((ratio,)),
+    )
+    there = np.broadcast_to([0.8, 1.2, 1.5], (2, 4000, 3))
+    draws = Draws(there, np.array([0.3, 0.3, 0.0]), np.array([3.0, 3.0, 9.0]))
+    moved = with_own_errors(draws, of_effect, 1).theta
+    assert (moved[..., :2] == there[..., :2]).all()
+    assert moved[..., 2].std() == pytest.approx(0.5 * errs, rel=0.032)
+    assert moved[..., 2].mean() == pytest.approx(1.5, abs=4.0 * 0.5 * errs / np.sqrt(8000))
+
+
+def test_an_effect_without_an_error_of_its_own_stays():
+    exact = SimpleNamespace(effect=SimpleNamespace(own_error=0.0, parameters=(None,)))
+    stick = SimpleNamespace(
+        building=SimpleNamespace(kind="shear"), system=SimpleNamespace(placed=(exact,))
+    )
+    assert with_own_errors(POSTERIOR, stick, 1) is POSTERIOR
 
 
 def test_factors_stay_within_their_prior():
