@@ -16,13 +16,13 @@ from femupdate.discrepancy.diagnose import (
     diagnose,
 )
 from femupdate.discrepancy.finder_model import FinderModel
-from femupdate.discrepancy.fit import Fit
+from femupdate.discrepancy.fit import Fit, extended, fit, settle
 from femupdate.discrepancy.pairs import led_by_a_pair
 from femupdate.discrepancy.posterior import Draws, draw
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.residual_map import p_value
 from femupdate.discrepancy.search import refined
-from femupdate.discrepancy.thresholds import VERDICT, DiagnosisSettings
+from femupdate.discrepancy.thresholds import FIT, VERDICT, DiagnosisSettings
 from femupdate.progress import SILENT, Progress
 
 Elsewhere = Callable[[Problem, Fit, Fit], float]
@@ -124,8 +124,34 @@ def repair(
         current, found = leading.fitted, None
         if renewed is not None and leading.placed.exchange:
             now, current = renewed(now, current)
+    current, rounds = _needed(base, current, rounds)
     before, after = p_value(problem, base), p_value(now, current)
     return Repair(base, current, tuple(rounds), found, before, after, now, tuple(refused.values()))
+
+
+def _needed(base: Fit, current: Fit, rounds: list[Round]) -> tuple[Fit, list[Round]]:
+    """The model without what others have made needless, and the rounds that stay.
+
+    Where a third effect imitates two, it may be the first that is added. Beside the two, nothing
+    of it is left.
+    """
+    first, squares = len(base.known), base.chi2
+    values, sd = current.sizes()
+    sizes, kept = list(values[:first]), list[Round]()
+    for one in rounds:
+        own = one.finding.placed.effect.parameters
+        size, error = values[first : first + len(own)], sd[first : first + len(own)]
+        first += len(own)
+        if own and abs(size[0] - own[0].neutral) < VERDICT.needless * error[0]:
+            continue
+        sizes += list(size)
+        kept.append(replace(one, chi2_before=squares))
+        squares = one.chi2_after
+    if len(kept) == len(rounds):
+        return current, rounds
+    problem, placed = current.problem, (*base.placed, *(one.finding.placed for one in kept))
+    start = extended(problem, current, placed, np.array(sizes))
+    return settle(problem, fit(problem, placed, start, FIT.steps)), kept
 
 
 def _paired(

@@ -71,6 +71,9 @@ class VerdictThresholds:
     repaired: float = entry(
         0.05, "p-value", "from which nothing is left to repair", "the usual level of a test"
     )
+    needless: float = entry(
+        2.0, "sd", "of an effect's size, within which it goes out again beside what was added later"
+    )
     most_rounds: int = entry(4, "effects", "added by one repair, at most")
     paired: int = entry(
         10, "effects", "tried with every other, where the first leaves most of the misfit"
