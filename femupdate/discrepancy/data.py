@@ -112,11 +112,12 @@ class Data(Protocol):
         """The data in two parts that err independently; none where they cannot be parted."""
         ...
 
-    def checked(self, squares: Tensor) -> list[tuple[str, Tensor, float]]:
-        """Name, squares (n,), and independent numbers, of each that is checked apart.
+    def checked(self, squares: Tensor, wild: Tensor) -> list[tuple[str, Tensor, Tensor]]:
+        """Name, squares (n,), and independent numbers (n,), of each that is checked apart.
 
         Args:
             squares: (n, f) of `LearnedError.floor_squares`.
+            wild: (n, m) residuals that are not in them, likewise.
         """
         ...
 

@@ -177,11 +177,12 @@ class FrfData:
         """Of the observed floors."""
         return tuple(self.floors[row] for row in self.rows)
 
-    def checked(self, squares: Tensor) -> list[tuple[str, Tensor, float]]:
-        """Name, squares (n,), and independent numbers, of every floor."""
+    def checked(self, squares: Tensor, wild: Tensor) -> list[tuple[str, Tensor, Tensor]]:
+        """Name, squares (n,), and independent numbers (n,), of every floor."""
         force = f"/{self.excitation.floor}" if isinstance(self.excitation, FloorForce) else ""
-        counts = (self._parts * (self.valid * self.independent).sum(1)).tolist()
-        own = zip(self.names, squares.unbind(1), counts, strict=True)
+        counted = self.valid & ~wild.unflatten(1, (self._parts, *self.sd.shape))
+        counts = (counted * self.independent).sum((1, 3))
+        own = zip(self.names, squares.unbind(1), counts.unbind(1), strict=True)
         return [(f"{name}{force}", square, count) for name, square, count in own]
 
     @property

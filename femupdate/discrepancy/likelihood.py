@@ -69,21 +69,19 @@ class EffectLikelihood:
         left = error.whiten(error.tame(self.raw(parameters), error.first), error.first)
         return left.square().sum(1) / max(self.problem.effective, 1.0)
 
-    def checked(self, parameters: Tensor, seed: Seed) -> list[tuple[str, Tensor, float]]:
-        """Name, squares (n,) and independent numbers of each part of the data that is checked.
+    def checked(self, parameters: Tensor, seed: Seed) -> list[tuple[str, Tensor, Tensor]]:
+        """Name, squares (n,) and independent numbers (n,) of each part that is checked.
 
-        Squares hold what the model may err by; of every draw by one row of its own.
+        Squares hold what the model may err by; of every draw by one row of its own. What is wilder
+        than counts in the likelihood is in neither.
         """
         raw, generator = self.raw(parameters), torch_generator(seed)
         shares = [own.softmax(1) for own in self.error.log_densities(raw)]
         parts = zip(self.problem.data, self.error.parts, self.error.apart(raw), shares, strict=True)
-        found: list[tuple[str, Tensor, float]] = []
+        found: list[tuple[str, Tensor, Tensor]] = []
         for data, error, own, share in parts:
             rows = torch.multinomial(share, 1, generator=generator)[:, 0]
-            tamed = own.clone()
-            for row in rows.unique().tolist():
-                tamed[rows == row] = error.tame(own[rows == row], row)
-            found += data.checked(error.floor_squares(tamed, rows))
+            found += data.checked(*error.floor_squares(own, rows))
         return found
 
 

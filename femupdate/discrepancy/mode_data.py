@@ -79,12 +79,15 @@ class ModeData:
         """Of frequencies, damping ratios and components of shapes beyond their scales."""
         return float(sum(self.terms.freedom)) if self.points else 0.0
 
-    def checked(self, squares: Tensor) -> list[tuple[str, Tensor, float]]:
+    def checked(self, squares: Tensor, wild: Tensor) -> list[tuple[str, Tensor, Tensor]]:
         """The same of frequencies, damping ratios and shapes."""
         count = len(self.terms.log_frequency)
-        parts = squares.split([count, count, squares.shape[1] - 2 * count], dim=1)
-        own = zip(ModalLikelihood.names, parts, self.terms.freedom, strict=True)
-        return [(name, part.sum(1), float(free)) for name, part, free in own if free]
+        sizes = [count, count, squares.shape[1] - 2 * count]
+        parts = squares.split(sizes, dim=1), wild.split(sizes, dim=1)
+        own = zip(ModalLikelihood.names, *parts, self.terms.freedom, strict=True)
+        return [
+            (name, part.sum(1), float(free) - out.sum(1)) for name, part, out, free in own if free
+        ]
 
     @property
     def frequency_hz(self) -> Tensor:

@@ -20,6 +20,7 @@ from femupdate.discrepancy.fit import Fit, extended, fit, settle
 from femupdate.discrepancy.pairs import led_by_a_pair
 from femupdate.discrepancy.posterior import Draws, draw
 from femupdate.discrepancy.problem import Problem
+from femupdate.discrepancy.remains import Remains, remains
 from femupdate.discrepancy.residual_map import p_value
 from femupdate.discrepancy.search import refined
 from femupdate.discrepancy.thresholds import FIT, VERDICT, DiagnosisSettings
@@ -58,7 +59,7 @@ class Repair:
         after: the model with all that was added, fitted; the same as before where nothing was.
         rounds: what was added.
         last: the diagnosis that ended it.
-        p_before, p_after: of noise alone leaving the residuals.
+        left: what the model after still misses.
         problem: as the model after was fitted to it.
         refused: what the evidence carries, but data kept out do not, in the order it was tried.
     """
@@ -67,8 +68,7 @@ class Repair:
     after: Fit
     rounds: tuple[Round, ...]
     last: Diagnosis
-    p_before: float
-    p_after: float
+    left: Remains
     problem: Problem
     refused: tuple[Finding, ...] = ()
 
@@ -125,8 +125,8 @@ def repair(
         if renewed is not None and leading.placed.exchange:
             now, current = renewed(now, current)
     current, rounds = _needed(base, current, rounds)
-    before, after = p_value(problem, base), p_value(now, current)
-    return Repair(base, current, tuple(rounds), found, before, after, now, tuple(refused.values()))
+    left = remains(now, current)
+    return Repair(base, current, tuple(rounds), found, left, now, tuple(refused.values()))
 
 
 def _needed(base: Fit, current: Fit, rounds: list[Round]) -> tuple[Fit, list[Round]]:
@@ -292,7 +292,7 @@ def mend(
     if not done.rounds or done.rounds[-1].finding.placed.exchange:
         return done.problem, done
     mended, last = refined(model, done.problem, done.after, show, alone=True)
-    return mended, as_fitted(replace(done, after=last, p_after=p_value(mended, last)))
+    return mended, as_fitted(replace(done, after=last, left=remains(mended, last)))
 
 
 def posteriors(

@@ -387,17 +387,24 @@ class LearnedError:
         """Of all floors alone, and of what they share."""
         return self._parts * (self.floors + 1) * self._wide.shape[2] + len(self._known)
 
-    def floor_squares(self, residuals: Tensor, rows: Tensor) -> Tensor:
-        """Squares (n, f) of residuals (n, p f k), each of unit covariance by its own row (n,)."""
+    def floor_squares(self, residuals: Tensor, rows: Tensor) -> tuple[Tensor, Tensor]:
+        """Squares (n, f) of residuals (n, p f k), each of unit covariance by its own row (n,).
+
+        With them which residuals (n, p f k) are left out, for they are wilder than counts.
+        """
         parts = residuals.new_zeros(len(residuals), self.floors, dtype=torch.float64)
+        wild = torch.zeros_like(residuals, dtype=torch.bool)
         points, inner = residuals.shape[1], self._parts * self.floors * self._wide.shape[2]
         for row in rows.unique().tolist():
             chosen = (rows == row).nonzero()[:, 0]
-            white = self.whiten(residuals[chosen], row).square()
+            tamed = self.tame(residuals[chosen], row)
+            wild[chosen] = tamed != residuals[chosen]
+            white = self.whiten(tamed, row).square()
+            white[:, :points] *= ~wild[chosen]
             for part in (white[:, :points], white[:, points : points + inner]):
                 parts[chosen] += part.unflatten(1, (self._parts, self.floors, -1)).sum((1, 3))
             parts[chosen] += white[:, points + inner :].sum(1, True) / self.floors
-        return parts
+        return parts, wild
 
     def likeliest(self, residuals: Tensor, row: int) -> Tensor:
         """Coefficients (n, p f, j) of the likeliest error, were a row of the table true.

@@ -61,14 +61,15 @@ def predictive_check(
     Args:
         squares: (n, f) sum of squared whitened residuals of every floor at every draw, counted so
             that each independent point has the expectation of one.
-        freedom: (f,) independent points of every floor.
+        freedom: (f,) independent points of every floor, or (n, f) where draws differ in them.
         names: of the floors.
     """
-    left, points = np.asarray(squares, dtype=float), np.asarray(freedom, dtype=float)
+    left = np.asarray(squares, dtype=float)
+    points = np.broadcast_to(np.asarray(freedom, dtype=float), left.shape)
     seen = points > 0.0
     tails = chdtrc(np.where(seen, points, 1.0), left).mean(axis=0)
-    floors = np.where(seen, tails, np.nan)
-    whole = chdtrc(points.sum(), left.sum(axis=1)).mean()
+    floors = np.where(seen.all(axis=0), tails, np.nan)
+    whole = chdtrc(points.sum(axis=1), left.sum(axis=1)).mean()
     return PredictiveCheck(float(whole), tuple(floors.tolist()), names)
 
 

@@ -218,12 +218,14 @@ class Fitting:
         explained: share of the measured variation of ln|H| over frequency that the best draw has;
             None where no FRF was measured.
         learned: whether the likelihood allows for larger errors than the stated noise.
+        wild: share of the independent points that are too far off to count.
     """
 
     misfit: float
     check: PredictiveCheck | None
     explained: float | None = None
     learned: bool = False
+    wild: float = 0.0
 
 
 def against_data(
@@ -249,7 +251,7 @@ def against_data(
         error = sampled.learned.error
         shares = torch.softmax(error.log_densities(residuals), dim=1)
         rows = torch.multinomial(shares, 1, generator=torch_generator(choosing))[:, 0]
-        squares = error.floor_squares(residuals, rows).numpy()
+        squares = error.floor_squares(residuals, rows)[0].numpy()
         check = predictive_check(squares, points, observation.floors)
     explained, learned = likelihood.explained(drawn), sampled.learned is not None
     return Fitting(float(left.min() / points.sum()), check, explained, learned)
@@ -260,11 +262,14 @@ def _against_all(
 ) -> Fitting:
     """Some draws (n, p) of a building with effects against all that was measured."""
     names, squares, counts = zip(*likelihood.checked(drawn, seed), strict=True)
-    check = predictive_check(torch.stack(squares, dim=1).numpy(), counts, names)
+    points = torch.stack(counts, dim=1).numpy()
+    check = predictive_check(torch.stack(squares, dim=1).numpy(), points, names)
+    wild = 1.0 - float(points.sum(axis=1).mean()) / max(likelihood.problem.effective, 1.0)
     explained = None
     if measured.has_base:
         explained = DataLikelihood(model.system, measured.reference).explained(drawn)
-    return Fitting(float(likelihood.misfit(drawn).min()), check, explained, learned=True)
+    misfit = float(likelihood.misfit(drawn).min())
+    return Fitting(misfit, check, explained, learned=True, wild=wild)
 
 
 def against_modes(

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from femupdate.discrepancy.thresholds import MODEL_ERROR
 from femupdate.errors import MeasurementError
 from femupdate.inference.bridge import BridgeResult
 from femupdate.inference.decoded_chains import DecodedPosterior
@@ -214,6 +215,12 @@ def _missed(posterior: Posterior, fitting: Fitting) -> list[str]:
             f"The model misses {_compared(posterior)} by {fitting.misfit**0.5:.1f} times its noise "
             f"(rms, best draw): something is missing in the model; {allowed}, and `femupdate "
             "diagnose` looks for it."
+        )
+    if fitting.wild > CALIBRATION.few_wild:
+        notes.append(
+            f"{percent(fitting.wild, 1)} of the points are farther off than {MODEL_ERROR.wild:g} "
+            "standard deviations of noise and model error together: they count no more, neither "
+            "for the parameters nor in the p-value."
         )
     if check is not None and check.whole < CALIBRATION.unusual:
         share = percent(check.whole, 1) if check.whole >= 1e-3 else "Less than 0.1 %"

@@ -24,7 +24,7 @@ from femupdate.measurement.observation import Observation
 from femupdate.progress import SILENT, Progress
 from femupdate.report.scale import with_unit
 from femupdate.study import Study, files_beside, write_text
-from femupdate.tables import table
+from femupdate.tables import first_notes, table
 from femupdate.units import percent
 from femupdate.workflow.effects import StudyBases
 from femupdate.workflow.finder_data import read_given
@@ -45,7 +45,8 @@ class DiagnosisReport:
         problem: what it was found from.
         reduced: the structure with its basis.
         observation: the data.
-        screen: what the channels themselves say, in sentences.
+        limits: factors that end at a limit of their prior, in a sentence.
+        screen: what else is to be said of the data and their channels, in sentences.
         settings: of the diagnosis.
         path: of the JSON file.
         seconds: all the time taken.
@@ -55,6 +56,7 @@ class DiagnosisReport:
     problem: Problem
     reduced: ReducedStructure
     observation: Observation
+    limits: tuple[str, ...]
     screen: tuple[str, ...]
     settings: DiagnosisSettings
     path: Path
@@ -64,6 +66,11 @@ class DiagnosisReport:
     def would_decide(self) -> tuple[str, ...]:
         """Sentences on what would tell the first effect from others, where the data do not."""
         return self.diagnosis.would_decide(self.settings)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the user should know, the decisive first."""
+        return (*self.limits, *self.would_decide, *self.screen)
 
     def as_dict(self) -> dict[str, Any]:
         """What the JSON file and `--json` hold."""
@@ -90,7 +97,7 @@ class DiagnosisReport:
             "independent_points": self.problem.effective,
             "p_value": found.p_value,
             "theta": found.base.theta()[0].tolist(),
-            "screen": list(self.screen),
+            "screen": [*self.limits, *self.screen],
             "seconds": self.seconds,
         }
 
@@ -107,8 +114,8 @@ class DiagnosisReport:
             lines.append(table(head, [_row(one) for one in found.findings[:_SHOWN]]))
         if found.unobservable:
             lines.append(f"  cannot be seen with these sensors: {', '.join(found.unobservable)}")
-        notes = (f"  - {note}" for note in (*self.would_decide, *self.screen))
-        return (*lines, *notes, f"  {self.path}")
+        lines += first_notes(self.notes, f"{self.path.name} in the study")
+        return (*lines, f"  {self.path}")
 
 
 def diagnose_study(
@@ -142,8 +149,8 @@ def diagnose_study(
         problem=problem,
         reduced=problem.reduced,
         observation=given.measured.as_observation,
+        limits=_at_limits(model, found.base),
         screen=(
-            *_at_limits(model, found.base),
             *given.notes,
             *_parted(data),
             *_turns(data),

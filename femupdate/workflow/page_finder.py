@@ -146,9 +146,7 @@ def _band(low: float, high: float) -> str:
 def _repair(page: PageStudy, done: dict[str, Any]) -> list[Block]:
     if not done["rounds"]:
         return [Text((f"A repair added nothing ({done['verdict']}). {done['sentence']}",))]
-    after = float(done["p_value_after"])
-    left = "no more than noise" if after > 0.05 else str(done["verdict"])
-    text = (added(done), f"What remains: {left}{p_text(after)}. {done['sentence']}")
+    text = (added(done), f"What remains: {done['remaining']['sentence']}")
     return [Text(text), *_held(done), _before_after(page, done)]
 
 

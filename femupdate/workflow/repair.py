@@ -84,8 +84,7 @@ class RepairReport:
             "chi2_before": done.before.chi2,
             "chi2_after": done.after.chi2,
             "independent_points": self.problem.effective,
-            "p_value_before": done.p_before,
-            "p_value_after": done.p_after,
+            "remaining": {**done.left.as_dict(), "sentence": self._left},
             "theta_before": self.theta_before.mean(axis=0).tolist(),
             "theta_after": self.theta_after.mean(axis=0).tolist(),
             "theta_sd_before": self.theta_before.std(axis=0).tolist(),
@@ -107,8 +106,7 @@ class RepairReport:
         if not done.rounds:
             lines.append(f"Nothing was added ({done.last.verdict}). {done.last.sentence}")
         else:
-            left = done.last.left.sentence or "No error of the model shows beside the noise."
-            lines.append(f"  what is left: {left}")
+            lines.append(f"  what is left: {self._left}")
         if done.refused:
             names = "; ".join(one.in_words for one in done.refused)
             lines.append(f"  not added, for data kept out are predicted worse with it: {names}")
@@ -124,11 +122,15 @@ class RepairReport:
             lines.append(f"  repaired building {self.building_path}")
         return (*lines, f"  {self.path}")
 
+    @property
+    def _left(self) -> str:
+        return self.repair.left.sentence or "No error of the model shows beside the noise."
+
     def _round(self, number: int) -> str:
         """What one round added."""
         one, points = self.repair.rounds[number], self.problem.effective
         # What predicts data kept out better stands for itself, and what others complete.
-        open_end = self.held is None and self.repair.last.left.size > 0.0
+        open_end = self.held is None and self.repair.left.size > 0.0
         doubt = f"\n  {STANDS_IN}" if open_end and one.stands_in(points) else ""
         return (
             f"{number + 1}. {one.finding.in_words}\n  residuals {one.chi2_before:.0f} -> "

@@ -101,8 +101,24 @@ def test_whitened_residuals_have_the_square_of_the_dense_covariance():
         expected = np.einsum("ni,ij,nj->n", flat, np.linalg.inv(dense), flat)
         white = error.whiten(whitened, row)
         np.testing.assert_allclose(white.square().sum(1).numpy(), expected, rtol=1e-8)
-        floors = error.floor_squares(whitened, torch.full((len(flat),), row))
+        floors, wild = error.floor_squares(whitened, torch.full((len(flat),), row))
+        assert not wild.any()
         np.testing.assert_allclose(floors.sum(1).numpy(), expected, rtol=1e-8)
+
+
+def test_points_too_wild_to_count_are_in_no_check():
+    """Five points that are hundreds of standard deviations off leave the squares of noise."""
+    error = LearnedError(weight(), FREQUENCY, table=FEW, wild=8.0)
+    noise = np.random.default_rng(3).standard_normal((1, weight().numel()))
+    left = torch.from_numpy(noise) * (weight() > 0).flatten()
+    far, spoiled = torch.arange(20, 45, 5), left.clone()
+    spoiled[0, far] = 500.0
+    row = torch.tensor([0])
+    clean, none = error.floor_squares(left, row)
+    found, wild = error.floor_squares(spoiled, row)
+    assert not none.any()
+    assert wild.nonzero()[:, 1].tolist() == far.tolist()
+    np.testing.assert_allclose(found.sum(), clean.sum() - left[0, far].square().sum(), rtol=1e-6)
 
 
 def test_the_likeliest_error_is_the_conditional_mean():

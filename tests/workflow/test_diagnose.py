@@ -352,9 +352,21 @@ def test_a_factor_that_ends_at_its_limit_is_told(diagnosed, study, heavier, tmp_
     narrow = tmp_path / "narrow.toml"
     text = study.path("building.toml").read_text()
     narrow.write_text(re.sub(r"(\[prior.theta\][^\[]*upper = )[\d.]+", r"\g<1>1.2", text))
-    told = diagnosed(CHAIN.frf(GRID), str(narrow)).screen[0]
+    report = diagnosed(CHAIN.frf(GRID), str(narrow))
+    (told,) = report.limits
     assert told.startswith("Without effects theta_2 (1.2) ends at the prior's limit")
-    assert not any("prior's limit" in one for one in heavier.screen)
+    assert report.as_dict()["screen"][0] == told
+    assert heavier.limits == ()
+
+
+def test_six_notes_of_a_diagnosis_are_printed_the_decisive_first(heavier):
+    many = replace(heavier, limits=("at its limit",), screen=tuple(f"note {k}" for k in range(8)))
+    printed = [line for line in many.lines() if line.startswith("  - ")]
+    assert len(many.notes) > 8
+    assert printed[0] == "  - at its limit"
+    assert printed[1:6] == [f"  - {note}" for note in many.notes[1:6]]
+    assert printed[6:] == [f"  - {len(many.notes) - 6} more notes: diagnosis.json in the study"]
+    assert many.as_dict()["screen"] == list(many.limits + many.screen)
 
 
 def test_pictures_of_a_diagnosis(heavier, tmp_path):
