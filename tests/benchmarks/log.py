@@ -95,6 +95,7 @@ def restored(kind: Any, content: Any) -> Any:
         return restored(some, content)
     if origin is tuple:
         return tuple(restored(arguments[0], item) for item in content)
-    if origin is np.ndarray:
+    # From numpy 2.5 on, NDArray is an alias.
+    if np.ndarray in (origin, get_origin(getattr(origin, "__value__", None))):
         return np.array(content, dtype=float)
     return content

@@ -1,12 +1,16 @@
 """Parts of a benchmark on disk: read back as they were, and made again where they are not whole."""
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 import pytest
-from femupdate.benchmarks.log import ResumableLog
+from femupdate.benchmarks.log import ResumableLog, restored
+from typing_extensions import TypeAliasType
 
 from femupdate.arrays import Floats
+
+Scalar = TypeVar("Scalar", bound=np.generic)
 
 
 @dataclass(frozen=True)
@@ -43,6 +47,7 @@ def same(one, other):
         if isinstance(value, Inner):
             same(value, getattr(other, name))
         else:
+            assert type(value) is type(getattr(other, name))
             np.testing.assert_array_equal(value, getattr(other, name))
 
 
@@ -60,6 +65,13 @@ def test_parts_come_back_as_they_were(path):
     log = ResumableLog(path, ["a plan", np.nan])
     same(log.get_or_make("first", Part, refuse), FIRST)
     same(log.get_or_make("second", Part, refuse), SECOND)
+
+
+def test_arrays_come_back_where_their_name_is_an_alias():
+    """NDArray of numpy 2.5 is one."""
+    alias = TypeAliasType("alias", np.ndarray[object, np.dtype[Scalar]], type_params=(Scalar,))
+    found = restored(alias[np.float64], [1.0, 2.0])
+    assert isinstance(found, np.ndarray)
 
 
 def test_half_a_line_and_another_plan_are_made_again(path):

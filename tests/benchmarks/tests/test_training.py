@@ -2,6 +2,7 @@
 
 import math
 import time
+from importlib.metadata import version
 
 import numpy as np
 import pytest
@@ -232,7 +233,7 @@ def written(tmp_path_factory):
 def test_the_files_hold_what_was_measured(written):
     found = written.content()
     assert found["seed"] == 3
-    assert found["machine"]["packages"]["torch"] == torch.__version__
+    assert found["machine"]["packages"]["torch"] == version("torch")
     assert found["plan"] == {"samples": 700, "minutes": 0.015, "turn": 1.0}
     assert found["threads"] == torch.get_num_threads()
     assert found["parameters"][PUBLISHED] == PUBLISHED_PARAMETERS
