@@ -62,6 +62,11 @@ class JointError:
         fewer = [part.kept(own) for part, own in zip(self.parts, rows, strict=True)]
         return JointError(fewer, self._sizes)
 
+    def finer(self, row: Row) -> "JointError":
+        """With finer tables about a row."""
+        finer = [part.finer(at) for part, at in zip(self.parts, row, strict=True)]
+        return JointError(finer, self._sizes)
+
     def counting(self, densities: Sequence[Tensor]) -> Rows:
         """Rows that count at one at least of some points, from log densities (n, g)."""
         parts = zip(self.parts, densities, strict=True)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from femupdate.discrepancy.fit import Fit, densities, likeliest_row
+from femupdate.discrepancy.fit import Fit, likeliest_row
 from femupdate.discrepancy.joint_error import JointError
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.thresholds import FIT
@@ -87,13 +87,12 @@ class EffectLikelihood:
 
 def likelihood_about(problem: Problem, fitted: Fit) -> EffectLikelihood:
     """The likelihood of a fitted model's parameters, with the errors that count at the fit."""
-    rows = problem.error.counting([own[None] for own in densities(problem, fitted)])
-    return EffectLikelihood(
-        problem.at_row(likeliest_row(problem, fitted)),
-        fitted.system,
-        parameters_of(problem, fitted.placed),
-        problem.error.kept(rows),
-    )
+    row = likeliest_row(problem, fitted)
+    # The tables by which a hundred fits are compared are too coarse for intervals.
+    error = problem.error.finer(row)
+    rows = error.counting(error.log_densities(fitted.raw[None]))
+    parameters = parameters_of(problem, fitted.placed)
+    return EffectLikelihood(problem.at_row(row), fitted.system, parameters, error.kept(rows))
 
 
 def parameters_of(problem: Problem, placed: tuple[Placed, ...]) -> Parameters:

@@ -61,11 +61,7 @@ def draw_errors(
 
 def _that_counts(whole: LearnedError, residuals: Tensor) -> LearnedError:
     """The rows that count at residuals (n, f k), of a finer table where there is an error."""
-    densities = whole.log_densities(residuals)
-    row = int(densities.logsumexp(0).argmax())
-    if row == 0:
-        return whole.kept(whole.counting(densities))
-    finer = whole.finer(row)
+    finer = whole.finer(int(whole.log_densities(residuals).logsumexp(0).argmax()))
     return finer.kept(finer.counting(finer.log_densities(residuals)))
 
 

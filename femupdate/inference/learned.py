@@ -201,10 +201,11 @@ def settle(
     fits = _Fits(prior, likelihood)
     fits.follow(starts, likelihood.error.start)
     row, points = fits.best
-    if row > 0:
-        finer = replace(likelihood, error=likelihood.error.finer(row))
-        fits = _Fits(prior, finer)
-        fits.follow(points, fits.likeliest(points))
+    finer = replace(likelihood, error=likelihood.error.finer(row))
+    if row == 0:
+        return fits.by_more_rows(finer).settled()
+    fits = _Fits(prior, finer)
+    fits.follow(points, fits.likeliest(points))
     return fits.settled()
 
 
@@ -226,6 +227,16 @@ class _Fits:
                 break
         if 0 not in self._found:
             self._fit(starts, 0)
+
+    def by_more_rows(self, likelihood: LearnedLikelihood) -> "_Fits":
+        """The same maxima judged by a table that has further rows behind its own."""
+        more = _Fits(self._prior, likelihood)
+        more._found = self._found
+        more._densities = {
+            row: more._log_posterior(self._prior.from_normal(found.z))
+            for row, found in self._found.items()
+        }
+        return more
 
     @property
     def best(self) -> tuple[int, Tensor]:

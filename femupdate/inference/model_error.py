@@ -16,7 +16,7 @@ Comput. 30, 419), so that a density costs some small matrix products.
 import copy
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -127,6 +127,19 @@ def finer_levels(
     free = sum(value > 0.0 for value in (about.common, about.own)) + 2
     weight = about.log_weight - free * math.log(table.finer)
     return (none, *(ErrorLevel(*row, weight) for row in rows))
+
+
+def noisier_levels(none: ErrorLevel, table: ErrorTable = MODEL_ERROR) -> tuple[ErrorLevel, ...]:
+    """Rows without an error and with more noise than stated, but less than the next row has.
+
+    A thousand points tell noise to a fiftieth: between the rows of a table nothing would fit.
+    """
+    steps = 2 * round(table.finer)
+    weight = error_levels(1.0, table)[1].log_weight - math.log(steps)
+    ratio = (table.noise[1] / table.noise[0]) ** (1.0 / steps)
+    return tuple(
+        replace(none, noise=none.noise * ratio**step, log_weight=weight) for step in range(1, steps)
+    )
 
 
 @dataclass(frozen=True)
@@ -296,11 +309,19 @@ class LearnedError:
         return fewer
 
     def finer(self, row: int) -> "LearnedError":
-        """With a finer table about a row of this one."""
-        fewer = copy.copy(self)
-        fewer.levels = finer_levels(self.levels[row], self.levels[0], self._table)
-        fewer._factors = {}
-        return fewer
+        """With a finer table about a row of the whole one.
+
+        About that of no error, this one with rows of a little more noise behind it.
+        """
+        if not self._table.sizes:
+            return self
+        changed = copy.copy(self)
+        changed._factors = {}
+        if row == 0:
+            changed.levels = (*self.levels, *noisier_levels(self.levels[0], self._table))
+        else:
+            changed.levels = finer_levels(self.levels[row], self.levels[0], self._table)
+        return changed
 
     def with_known_of(self, other: "LearnedError") -> "LearnedError":
         """With the errors that another of the same data knows beforehand."""

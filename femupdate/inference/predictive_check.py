@@ -35,22 +35,29 @@ class PredictiveCheck:
         whole: of all floors together.
         floors: of each floor alone; NaN where it has no valid point.
         names: of the floors.
+        ratio: of the squares to those of replicates, in the mean of the draws. A thousand points
+            make a p-value small where it is hardly above one.
     """
 
     whole: float
     floors: tuple[float, ...]
     names: tuple[str, ...]
+    ratio: float = 1.0
 
     def sentence(self) -> str:
         """For the user."""
         floors = ", ".join(
             f"{name} {value:.2g}" for name, value in zip(self.names, self.floors, strict=True)
         )
-        return f"posterior predictive p-value {self.whole:.2g} ({floors})"
+        return (
+            f"posterior predictive p-value {self.whole:.2g} ({floors}): the data miss the model "
+            f"by {self.ratio**0.5:.2f} times what is allowed for"
+        )
 
     def as_dict(self) -> dict[str, object]:
         """Plain numbers for JSON."""
-        return {"whole": self.whole, "floors": dict(zip(self.names, self.floors, strict=True))}
+        floors = dict(zip(self.names, self.floors, strict=True))
+        return {"whole": self.whole, "floors": floors, "over_allowed": self.ratio**0.5}
 
 
 def predictive_check(
@@ -70,7 +77,8 @@ def predictive_check(
     tails = chdtrc(np.where(seen, points, 1.0), left).mean(axis=0)
     floors = np.where(seen.all(axis=0), tails, np.nan)
     whole = chdtrc(points.sum(axis=1), left.sum(axis=1)).mean()
-    return PredictiveCheck(float(whole), tuple(floors.tolist()), names)
+    ratio = float((left.sum(axis=1) / points.sum(axis=1).clip(min=1.0)).mean())
+    return PredictiveCheck(float(whole), tuple(floors.tolist()), names, ratio)
 
 
 def check_predictions(observation: Observation, predicted: Floats) -> PredictiveCheck:

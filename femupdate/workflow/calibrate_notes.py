@@ -222,11 +222,14 @@ def _missed(posterior: Posterior, fitting: Fitting) -> list[str]:
             "standard deviations of noise and model error together: they count no more, neither "
             "for the parameters nor in the p-value."
         )
-    if check is not None and check.whole < CALIBRATION.unusual:
-        share = percent(check.whole, 1) if check.whole >= 1e-3 else "Less than 0.1 %"
+    if (
+        check is not None
+        and check.whole < CALIBRATION.unusual
+        and check.ratio**0.5 > CALIBRATION.beyond
+    ):
         notes.append(
-            f"{share} of data drawn from the posterior miss the model as much as the measured "
-            "data: they err more than is allowed for."
+            f"The data miss the model by {check.ratio**0.5:.2g} times what is allowed for (noise "
+            "and error of the model, rms): intervals are too narrow by about that factor."
         )
     return notes
 

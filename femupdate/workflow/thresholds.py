@@ -39,6 +39,9 @@ class CalibrationThresholds:
     unusual: float = entry(
         0.01, "p-value", "posterior predictive, below which something is missing"
     )
+    beyond: float = entry(
+        1.2, "of what is allowed for", "that data miss, above which that is worth a word"
+    )
     few_wild: float = entry(
         0.005, "share", "of points too far off to count, above which that is worth a word"
     )

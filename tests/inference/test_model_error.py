@@ -191,3 +191,15 @@ def test_without_an_error_the_row_of_none_takes_over():
     ).double()
     p = torch.softmax(error.log_densities(noise), 1)[:, 0]
     assert float(p.quantile(0.1)) > 0.7
+
+
+def test_a_finer_table_about_no_error_adds_noise_between_its_rows():
+    error = LearnedError(weight(), FREQUENCY, table=FEW)
+    finer = error.finer(0)
+    count = len(error.levels)
+    assert finer.levels[:count] == error.levels
+    added = finer.levels[count:]
+    assert {one.common + one.own for one in added} == {0.0}
+    assert all(FEW.noise[0] < one.noise < FEW.noise[1] for one in added)
+    found = finer.log_densities(residuals()[1])
+    np.testing.assert_allclose(found[:, :count], error.log_densities(residuals()[1]), rtol=1e-12)

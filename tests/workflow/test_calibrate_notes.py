@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from femupdate.inference.posterior import DrawnBy, Posterior
+from femupdate.inference.predictive_check import PredictiveCheck
 from femupdate.measurement.observation import Observation
 from femupdate.tables import first_notes
 from femupdate.workflow.calibrate_draws import Fitting
@@ -55,6 +56,19 @@ def pressed():
 def test_a_factor_at_the_limit_of_its_prior_is_told(pressed):
     (note,) = judgement(pressed, Fitting(misfit=1.0, check=None))
     assert note.startswith("theta_2 (3) presses against the prior's upper limit")
+
+
+@pytest.mark.parametrize(("ratio", "told"), [(1.2, 0), (2.25, 1)])
+def test_a_small_p_value_is_no_warning_where_hardly_more_is_missed(pressed, ratio, told):
+    check = PredictiveCheck(1e-5, (1e-5,), ("RF",), ratio)
+    notes = judgement(pressed, Fitting(misfit=1.0, check=check))
+    assert sum("1.5 times what is allowed for" in one for one in notes) == told
+    assert sum("allowed for" in one for one in notes) == told
+
+
+def test_points_that_do_not_count_are_told(pressed):
+    first, _ = judgement(pressed, Fitting(misfit=1.0, check=None, wild=0.013))
+    assert first.startswith("1.3 % of the points are farther off than 8 standard deviations")
 
 
 def test_what_decides_comes_before_a_limit(pressed):
