@@ -69,6 +69,27 @@ def certify(
     }
 
 
+def missed_in_turn(fitted: Fit) -> float:
+    """Mean squared residual, by the noise alone, of each half of the data by a fit to the other.
+
+    NaN where the data cannot be parted. Unlike in `certify`, stiffness and damping too are those of
+    the other half.
+    """
+    problem = fitted.problem
+    if not problem.divisible:
+        return float("nan")
+    halves = [_Half.of(problem, fitted, number) for number in (0, 1)]
+    pairs = ((halves[1].problem, halves[0].base), (halves[0].problem, halves[1].base))
+    return float(np.mean([mean_square(other, own) for other, own in pairs]))
+
+
+def mean_square(problem: Problem, fitted: Fit) -> float:
+    """Mean squared residual of other data, by the noise alone, at the parameters of a fit."""
+    error = problem.error
+    residual = error.tame(problem.missed(fitted.system, fitted.split), error.first)
+    return float((residual**2).sum()) / max(problem.effective, 1.0)
+
+
 def gain_elsewhere(elsewhere: Problem, before: Fit, after: Fit) -> float:
     """Log density of another event's data by a fit with one effect more over that without it.
 

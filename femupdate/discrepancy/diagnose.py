@@ -41,7 +41,7 @@ T = TypeVar("T")
 
 NONE, NAMED, PARTLY, AMBIGUOUS = "none", "named", "partly", "ambiguous"
 INDISTINGUISHABLE, UNKNOWN = "indistinguishable", "unknown"
-STANDS_IN = "Most of the misfit stays: this name may stand in for what else is missing."
+STANDS_IN = "Most of the misfit stays: what is named may stand in for what else is missing."
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,9 +115,11 @@ class Diagnosis:
         unobservable: labels of effects that these sensors could not show.
         residuals: of the model as it is, by floor and band.
         twins: labels that the leading finding cannot be told from.
-        left: what the model misses, with the effect where one is named.
+        left: what the model misses, with the effect where one is named, or with both of a pair.
         worth: of further measurements, the best first, where the first is not told from its twins.
         sentence: the verdict for an engineer.
+        pair: two that explain together what the best alone does not, the stronger first, with the
+            sizes that they have together; empty where none was sought or found.
     """
 
     base: Fit
@@ -131,6 +133,7 @@ class Diagnosis:
     left: Remains
     worth: tuple[MeasurementValue, ...]
     sentence: str
+    pair: tuple[Finding, ...] = ()
 
     @property
     def leading(self) -> Finding | None:
@@ -218,8 +221,7 @@ def diagnose(
     verdict, twins = _verdict(problem, base, findings, chosen)
     best = findings[0].fitted if verdict in (NAMED, PARTLY) else base
     left = remains(problem, best)
-    removed = _removed(problem, base, best)
-    sentence = _sentence(verdict, findings, twins, left, removed)
+    sentence = _sentence(verdict, findings, twins, left, removed(base, best))
     problem.error.forget()
     if verdict == NONE and problem.effective < VERDICT.fewest_points * base.coordinates.size:
         sentence = _few_points(problem, base)
@@ -500,7 +502,7 @@ def _weigh(
                 evidence[k] = replace(evidence[k], log_evidence=gain)
     order = sorted(evidence, key=lambda k: -evidence[k].log_evidence)
     return tuple(
-        _finding(problem, base, fits[k], by_label[fits[k].placed[-1].label], evidence[k])
+        as_finding(problem, base, fits[k], by_label[fits[k].placed[-1].label], evidence[k])
         for k in order
     )
 
@@ -527,7 +529,10 @@ def _about_the_first(problem: Problem, base: Fit, fits: list[Fit]) -> list[float
     return [one.log_evidence - values[0].log_evidence for one in values[1:]]
 
 
-def _finding(problem: Problem, base: Fit, fitted: Fit, test: Score, evidence: Evidence) -> Finding:
+def as_finding(
+    problem: Problem, base: Fit, fitted: Fit, test: Score, evidence: Evidence
+) -> Finding:
+    """The last effect of a fit, beside the model without it as it is fitted; not yet tested."""
     size, sd = _first_size(fitted)
     changes = consequence(problem, base, fitted)
     return Finding(fitted.placed[-1], test, fitted, evidence, changes, None, size, sd)
@@ -679,9 +684,9 @@ def _few_points(problem: Problem, base: Fit) -> str:
     )
 
 
-def _removed(problem: Problem, base: Fit, best: Fit) -> float:
+def removed(base: Fit, best: Fit) -> float:
     """Share of the squared residuals beyond the noise that a better fit does without."""
-    return (base.chi2 - best.chi2) / max(base.chi2 - problem.effective, 1.0)
+    return (base.chi2 - best.chi2) / max(base.chi2 - base.problem.effective, 1.0)
 
 
 def mass_in_words(mass: float) -> str:
@@ -689,7 +694,8 @@ def mass_in_words(mass: float) -> str:
     return f"{mass:.3g} kg" if abs(mass) < VERDICT.in_tonnes else f"{1e-3 * mass:.3g} t"
 
 
-def _percent(share: float) -> str:
+def share_in_words(share: float) -> str:
+    """A share in per cent, or "none" and "all" where it is no less."""
     return "none" if share < 0.005 else percent(share) if share < 1.0 else "all"
 
 
@@ -698,7 +704,7 @@ def _sentence(
     findings: tuple[Finding, ...],
     twins: tuple[str, ...],
     left: Remains,
-    removed: float,
+    share: float,
 ) -> str:
     if verdict == NONE:
         text = "The model explains the data; nothing needs to be added."
@@ -715,10 +721,10 @@ def _sentence(
     if verdict == NAMED:
         return f"{first.in_words}. {first.placed.effect.sentence} {left.sentence}".rstrip()
     if verdict == PARTLY:
-        share = f"It removes {_percent(removed)} of the misfit beyond the noise;"
-        doubt = "" if removed >= VERDICT.most else f" {STANDS_IN}"
+        told = f"It removes {share_in_words(share)} of the misfit beyond the noise;"
+        doubt = "" if share >= VERDICT.most else f" {STANDS_IN}"
         return (
-            f"{first.in_words}. {first.placed.effect.sentence} {share} something else is missing "
+            f"{first.in_words}. {first.placed.effect.sentence} {told} something else is missing "
             f"as well.{doubt} {left.sentence}"
         )
     how = "cannot be told from" if verdict == INDISTINGUISHABLE else "competes with"

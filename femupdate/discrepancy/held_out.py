@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.discrepancy.certify import as_event, gain_elsewhere
+from femupdate.discrepancy.certify import as_event, gain_elsewhere, mean_square
 from femupdate.discrepancy.data import Data
 from femupdate.discrepancy.finder_model import FinderModel, problem_of, with_rest_about
 from femupdate.discrepancy.fit import Fit, about, settle
@@ -97,7 +97,7 @@ class KeptOut:
 
     def chi2(self, problem: Problem, fitted: Fit) -> float:
         """Mean squared whitened residual at the parameters of a fit."""
-        return _mean_square(self._seen_by(problem, fitted), fitted)
+        return mean_square(self._seen_by(problem, fitted), fitted)
 
     def fitted(self, problem: Problem, fitted: Fit) -> Fit:
         """The model as of the event that the data show."""
@@ -168,13 +168,6 @@ def _predicted(fitted: Fit, base: Floats, time_step: float, level: float) -> Flo
     theta, zeta, sizes = fitted.split
     theta, zeta = fitted.system.at_level(theta, zeta, sizes, level)
     return transformed_sensors(fitted.system, (theta, zeta, sizes), base, time_step)
-
-
-def _mean_square(problem: Problem, fitted: Fit) -> float:
-    """Mean squared whitened residual of other data at the fitted parameters."""
-    error = problem.error
-    residual = error.tame(problem.missed(fitted.system, fitted.split), error.first)
-    return float((residual**2).sum()) / max(problem.effective, 1.0)
 
 
 def _channels(data: Histories, floors: tuple[str, ...], direction: str) -> tuple[Floats, Floats]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from femupdate.discrepancy.certify import certify
+from femupdate.discrepancy.certify import missed_in_turn
 from femupdate.discrepancy.diagnose import (
     AMBIGUOUS,
     INDISTINGUISHABLE,
@@ -17,7 +17,7 @@ from femupdate.discrepancy.diagnose import (
 )
 from femupdate.discrepancy.finder_model import FinderModel
 from femupdate.discrepancy.fit import Fit, extended, fit, settle
-from femupdate.discrepancy.pairs import led_by_a_pair
+from femupdate.discrepancy.pairs import denied, with_pair
 from femupdate.discrepancy.posterior import Draws, draw
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.remains import Remains, remains
@@ -99,22 +99,23 @@ def repair(
         progress: see `diagnose`.
         renewed: makes the problem and the fit anew where an exchange of channels was added, which
             moves theta far; by default they stay.
-        found: of the model as it is, where it was diagnosed already.
+        found: of the model as it is, with its pair, where it was diagnosed already.
         elsewhere: log density of data kept out by the second of two fits over that by the first; by
-            default the halves of the data decide alone, by which names are certified.
+            default each half of the data is kept out in turn.
     """
+    settings = settings or DiagnosisSettings()
     rounds: list[Round] = []
     refused: dict[str, Finding] = {}
     now, current = problem, base
     while True:
-        found = found or diagnose(now, settings, current, progress)
-        found = _paired(now, found, settings or DiagnosisSettings(), progress)
+        if found is None:
+            found = with_pair(diagnose(now, settings, current, progress), settings, progress)
         enough = p_value(now, current) > VERDICT.repaired or len(rounds) == VERDICT.most_rounds
         rivals = found.verdict in (AMBIGUOUS, INDISTINGUISHABLE) and elsewhere is not None
         certain = found.verdict in (NAMED, PARTLY)
         if not (certain or rivals) or (rounds and enough):
             break
-        leading, worse = _chosen(now, found, settings or DiagnosisSettings(), elsewhere)
+        leading, worse = _chosen(now, found, settings, elsewhere)
         refused |= {one.placed.label: one for one in worse}
         if leading is None:
             break
@@ -154,23 +155,6 @@ def _needed(base: Fit, current: Fit, rounds: list[Round]) -> tuple[Fit, list[Rou
     return settle(problem, fit(problem, placed, start, FIT.steps)), kept
 
 
-def _paired(
-    problem: Problem, found: Diagnosis, settings: DiagnosisSettings, progress: Progress
-) -> Diagnosis:
-    """The diagnosis, led by one of two effects where the first alone leaves most of the misfit."""
-    first = found.leading
-    if first is None or found.verdict != PARTLY:
-        return found
-    alone = Round(found, first, found.base.chi2, first.fitted.chi2)
-    if not alone.stands_in(problem.effective):
-        return found
-    progress.advance(0, "fitting two effects at once")
-    findings = led_by_a_pair(found, settings)
-    if findings[0] is first or _denied(problem, found, findings[0], settings):
-        return found
-    return replace(found, findings=findings)
-
-
 def _chosen(
     problem: Problem,
     found: Diagnosis,
@@ -183,7 +167,7 @@ def _chosen(
     carry goes first; of what they only hint at, that which all data together hold likeliest.
     """
     if elsewhere is None:
-        return found.leading, ()
+        return _kept_in_turn(found)
     rivals = _rivals(found)
     if rivals and (one := _decided(problem, found.base, rivals, settings, elsewhere)):
         return one, ()
@@ -191,11 +175,7 @@ def _chosen(
     hinted: list[tuple[float, Finding]] = []
     for one in found.findings[len(rivals) :]:
         value = one.evidence.log_evidence
-        if (
-            _denied(problem, found, one, settings)
-            or value < VERDICT.positive
-            or not one.matters(settings)
-        ):
+        if denied(found, one, settings) or value < VERDICT.positive or not one.matters(settings):
             continue
         gain = elsewhere(problem, found.base, one.fitted)
         certain = value >= settings.over_none
@@ -213,13 +193,14 @@ def _chosen(
     return (None if best is None else best[1]), tuple(refused)
 
 
-def _denied(problem: Problem, found: Diagnosis, one: Finding, settings: DiagnosisSettings) -> bool:
-    """Whether the halves of the data do not certify what their sum carries."""
-    tested = one.tested
-    if tested is None and one.evidence.log_evidence >= settings.over_none:
-        tests = certify(problem, found.base, [one.fitted], len(found.scores), settings.false_share)
-        tested = tests.get(one.placed.label)
-    return tested is not None and not tested.certified
+def _kept_in_turn(found: Diagnosis) -> tuple[Finding | None, tuple[Finding, ...]]:
+    """What leads, unless a half of the data is predicted worse with it by a fit to the other.
+
+    Its log density there is certified already; see `certify`. Two at once are judged together.
+    """
+    first, last = found.findings[0], [*found.findings[:1], *found.pair][-1]
+    worse = missed_in_turn(last.fitted) >= missed_in_turn(found.base)
+    return (None, (first,)) if worse else (first, ())
 
 
 def _rivals(found: Diagnosis) -> tuple[Finding, ...]:

@@ -10,10 +10,11 @@ from typing import Any
 import torch
 
 from femupdate.discrepancy.data import Data
-from femupdate.discrepancy.diagnose import Diagnosis, Finding
+from femupdate.discrepancy.diagnose import PARTLY, Diagnosis, Finding
 from femupdate.discrepancy.finder_model import FinderModel, finder_structure, plain_structure
 from femupdate.discrepancy.fit import Fit
 from femupdate.discrepancy.frf_data import FrfData
+from femupdate.discrepancy.pairs import with_pair
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.screen import screen_channels
 from femupdate.discrepancy.search import prepared, sought
@@ -79,6 +80,11 @@ class DiagnosisReport:
             "verdict": found.verdict,
             "sentence": found.sentence,
             "effects": [_finding(one) for one in found.findings],
+            "together": [
+                {"name": one.placed.effect.name, "place": one.placed.place}
+                | {"size": one.size, "size_sd": one.size_sd}
+                for one in found.pair
+            ],
             "remaining": found.left.as_dict(),
             "cannot_be_seen": list(found.unobservable),
             "cannot_be_told_from_the_first": list(found.twins),
@@ -155,6 +161,7 @@ def diagnose_study(
             *_parted(data),
             *_turns(data),
             *_screen(given.measured, found),
+            *_looks_on(found),
         ),
         settings=chosen,
         path=study.path("diagnosis.json"),
@@ -171,7 +178,8 @@ def search(
     """Fit the model as it is, and look for what it lacks."""
     problem, base = prepared(finder, data, settings, progress)
     progress.start("Looking for what is missing", 4)
-    return sought(finder, problem, base, settings, progress)
+    problem, base, found = sought(finder, problem, base, settings, progress)
+    return problem, base, with_pair(found, settings, progress)
 
 
 def keep_found(
@@ -235,6 +243,13 @@ def finder_model(study: Study, model: StudyModel, progress: Progress = SILENT) -
     structure = finder_structure(building)
     mesh = open_mesh_error(study, model, structure, progress)
     return FinderModel(building, plain, structure, mesh, StudyBases(study, building))
+
+
+def _looks_on(found: Diagnosis) -> tuple[str, ...]:
+    """What looks for the rest, where one effect explains a part."""
+    if found.verdict != PARTLY or found.pair:
+        return ()
+    return ("The effect explains only a part: `repair` adds it and looks for what is beside it.",)
 
 
 def _screen(measured: Measured, found: Diagnosis) -> tuple[str, ...]:

@@ -174,6 +174,14 @@ def p_text(value: float) -> str:
 def _held(done: dict[str, Any]) -> list[Block]:
     """On data that were kept out."""
     before, after = done["holdout_error_before"], done["holdout_error_after"]
+    # What an older femupdate wrote has no halves.
+    halves = [done.get(f"halves_chi2_{when}") for when in ("before", "after")]
+    if None not in halves:
+        text = (
+            "Each half of the data was kept out in turn: by a fit to the other, its mean squared "
+            f"residual was {halves[0]:.1f} before the repair and is {halves[1]:.1f} after it."
+        )
+        return [Text((text,))]
     if before is None or after is None:
         return []
     own = [done[f"holdout_own_error_{when}"] for when in ("before", "after")]

@@ -10,6 +10,7 @@ import numpy as np
 from femupdate.arrays import Floats
 from femupdate.building.parameters import factor_titles
 from femupdate.building.schema import Building
+from femupdate.discrepancy.certify import missed_in_turn
 from femupdate.discrepancy.diagnose import STANDS_IN
 from femupdate.discrepancy.finder_model import FinderModel
 from femupdate.discrepancy.held_out import Held, KeptOut, hold
@@ -42,6 +43,8 @@ class RepairReport:
         study: the study of the repaired building; None where nothing was added.
         theta_before, theta_after: (n, p) draws of the stiffness factors.
         held: on data kept out, if any.
+        in_turn: mean squared residual of each half of the data by a fit to the other, before and
+            after; None where other data were kept out, NaN where the data have no halves.
         path: of the JSON file.
         seconds: all the time taken.
     """
@@ -53,6 +56,7 @@ class RepairReport:
     theta_before: Floats
     theta_after: Floats
     held: Held | None
+    in_turn: tuple[float, float] | None
     path: Path
     seconds: float
 
@@ -63,8 +67,8 @@ class RepairReport:
 
     def as_dict(self) -> dict[str, Any]:
         """What the JSON file and `--json` hold."""
-        done = self.repair
-        held = self.held
+        done, held = self.repair, self.held
+        halves = (None, None) if self.in_turn is None else map(_number, self.in_turn)
         return {
             "verdict": done.verdict,
             "sentence": done.last.sentence,
@@ -94,6 +98,7 @@ class RepairReport:
                 for key, name in (("error", "error"), ("own_error", "own"), ("chi2", "chi2"))
                 for when in ("before", "after")
             },
+            **dict(zip(("halves_chi2_before", "halves_chi2_after"), halves, strict=True)),
             "building": None if self.building_path is None else str(self.building_path),
             "study": None if self.study is None else str(self.study.folder),
             "seconds": self.seconds,
@@ -116,8 +121,8 @@ class RepairReport:
             for title, *both in zip(titles, self.theta_before.T, self.theta_after.T, strict=False)
         ]
         lines.append(table(("factor of", "before", "after"), rows))
-        if held is not None:
-            lines += [f"  {line}" for line in held.lines()]
+        kept_out = self._in_turn() if held is None else held.lines()
+        lines += [f"  {line}" for line in kept_out]
         if self.building_path is not None:
             lines.append(f"  repaired building {self.building_path}")
         return (*lines, f"  {self.path}")
@@ -125,6 +130,18 @@ class RepairReport:
     @property
     def _left(self) -> str:
         return self.repair.left.sentence or "No error of the model shows beside the noise."
+
+    def _in_turn(self) -> tuple[str, ...]:
+        """What the data say of both models where no others were kept out."""
+        if not self.repair.rounds or self.in_turn is None:
+            return ()
+        before, after = self.in_turn
+        if np.isnan(before):
+            return ("No part of the data could be kept out: test this with another, --holdout.",)
+        return (
+            f"each half of the data, kept out in turn: error (chi2 a point) {before:.1f} -> "
+            f"{after:.1f}; another measurement tests more, --holdout",
+        )
 
     def _round(self, number: int) -> str:
         """What one round added."""
@@ -198,6 +215,7 @@ def repair_study(
         theta_before=before.theta,
         theta_after=after.theta,
         held=held,
+        in_turn=_in_turn(done) if held is None else None,
         path=study.path("repair.json"),
         seconds=time.monotonic() - started,
     )
@@ -205,6 +223,12 @@ def repair_study(
     others = {"second": second, "holdout": holdout}
     keep_found(study, "repair", report.path, content, origin, source, **others)
     return report
+
+
+def _in_turn(done: Repair) -> tuple[float, float]:
+    """How far each half of the data is missed by a fit to the other, before and after."""
+    before = missed_in_turn(done.before)
+    return before, missed_in_turn(done.after) if done.rounds else before
 
 
 def _held(kept_out: KeptOut, problem: Problem, done: Repair, progress: Progress) -> Held:

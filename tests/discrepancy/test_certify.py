@@ -14,6 +14,7 @@ from femupdate.discrepancy.certify import (
     certify,
     gain_elsewhere,
     least_log_e_value,
+    missed_in_turn,
 )
 from femupdate.discrepancy.evidence import student_about
 from femupdate.discrepancy.fit import extended, fit, fit_baseline
@@ -130,3 +131,22 @@ def test_another_event_is_predicted_by_posterior_and_scatter_of_events(
         densities.append(float(values.logsumexp(0)) - np.log(1000))
     expected = densities[1] - densities[0]
     assert gain_elsewhere(other, base, fitted) == pytest.approx(expected, rel=0.05)
+
+
+def test_halves_kept_out_in_turn_are_missed_less_with_an_effect_that_is_there(posed, place):
+    base, fitted, _ = weighed(posed(0.25, 1), place("added_mass@RF"))
+    before, after = missed_in_turn(base), missed_in_turn(fitted)
+    assert 0.6 < after < 1.6
+    assert before > 2.0 * after
+
+
+def test_each_half_is_missed_by_no_less_than_a_fit_to_all_data_leaves(posed, place):
+    """The error is that of a prediction: the half was not fitted to."""
+    fits = [weighed(posed(0.0, seed), place("added_mass@RF"))[1] for seed in range(6)]
+    left = [one.chi2 / one.problem.effective for one in fits]
+    assert np.mean([missed_in_turn(one) for one in fits]) > np.mean(left)
+
+
+def test_data_without_halves_are_not_kept_out_in_turn(posed, place):
+    base = weighed(in_parts(posed(0.25, 1), ()), place("added_mass@RF"))[0]
+    assert np.isnan(missed_in_turn(base))

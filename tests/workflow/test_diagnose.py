@@ -334,17 +334,23 @@ def test_the_report_has_the_promised_keys_and_its_file(heavier):
     assert heavier.path.name == "diagnosis.json"
 
 
-def test_two_effects_that_a_third_imitates_are_repaired(study, tmp_path):
-    """Mass and rocking together: by themselves each explains less than what is not there."""
+def test_two_effects_that_others_imitate_are_repaired(study, tmp_path):
+    """Mass and rocking together: by themselves each explains less than half."""
     both = with_mass(0.1, chain=on_soft_ground(rocking=0.1))
     path = write(tmp_path / "both.csv", both.frf(GRID), sd=0.01)
     home = Study(shutil.copytree(study.folder, tmp_path / "both"))
-    done = repair_study(home, open_study(home), ObservationSource(path)).repair
+    report = repair_study(home, open_study(home), ObservationSource(path))
+    done = report.repair
     sizes = {one.finding.placed.label: one.finding.size for one in done.rounds}
     assert sizes == {
         "foundation_rocking@base": pytest.approx(0.1, rel=0.1),
         "added_mass@3F": pytest.approx(0.1, rel=0.1),
     }
+    before, after = report.in_turn
+    assert before > 10.0 > 1.5 > after
+    told = report.as_dict()
+    assert [told[f"halves_chi2_{when}"] for when in ("before", "after")] == [before, after]
+    assert f"kept out in turn: error (chi2 a point) {before:.1f} -> " in "\n".join(report.lines())
 
 
 def test_a_factor_that_ends_at_its_limit_is_told(diagnosed, study, heavier, tmp_path):

@@ -166,7 +166,7 @@ def test_the_study_itself_stays_as_it_was(repaired, calibrated_before):
 
 def test_a_name_that_leaves_most_of_the_misfit_is_told_with_doubt(repaired):
     """Unless data kept out carry it, or nothing is left in the end."""
-    report, told = repaired[0], "this name may stand in"
+    report, told = repaired[0], "may stand in for what else"
     points, first = report.problem.effective, report.repair.rounds[0]
     before = first.chi2_before
     weak = replace(first, chi2_after=before - 0.4 * (before - points))
@@ -347,6 +347,35 @@ def test_nothing_is_added_where_nothing_is_missing(home, tmp_path):
     assert told["chi2_before"] == told["chi2_after"]
     assert told["holdout_error_before"] is None
     np.testing.assert_allclose(report.theta_after.mean(axis=0), THETA, rtol=0.01)
+
+
+def test_what_predicts_a_half_worse_by_the_other_is_not_added(home, tmp_path, monkeypatch):
+    def worse(fitted):
+        return 1.0 + len(fitted.placed)
+
+    monkeypatch.setattr("femupdate.discrepancy.repair.missed_in_turn", worse)
+    study = Study(tmp_path / "refused")
+    model = open_study(study, str(home / "three.toml"))
+    report = repair_study(study, model, ObservationSource(home / "heavy.csv"))
+    assert report.repair.rounds == ()
+    assert report.as_dict()["refused"] == ["added_mass@3F"]
+    assert report.building_path is None
+    told = "\n".join(report.lines())
+    assert "not added, for data kept out are predicted worse with it: 3F carries" in told
+    assert "in turn" not in told
+
+
+def test_data_of_which_no_part_can_be_kept_out_are_told(repaired):
+    report = replace(repaired[0], held=None, in_turn=(np.nan, np.nan))
+    assert "No part of the data could be kept out" in "\n".join(report.lines())
+    assert report.as_dict()["halves_chi2_after"] is None
+
+
+def test_the_halves_are_not_asked_where_other_data_were_kept_out(repaired):
+    report = repaired[0]
+    assert report.in_turn is None
+    assert report.as_dict()["halves_chi2_before"] is None
+    assert "in turn" not in "\n".join(report.lines())
 
 
 def test_two_effects_are_added_one_after_the_other(home, tmp_path):

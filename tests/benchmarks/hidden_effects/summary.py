@@ -36,7 +36,13 @@ def summary(outcomes: Sequence[Outcome]) -> list[Row]:
     clear = [o for o in outcomes if _visible(o) and o.strength >= 6.0]
     right = [o for o in clear if o.verdict == "named" and o.named_right]
     seconds = _median("seconds a case (median)", [o.seconds for o in outcomes], "<= 60", "<= 10")
-    return [*_detections(outcomes), *_names(outcomes, clear), *_repairs(right), seconds]
+    return [
+        *_detections(outcomes),
+        *_names(outcomes, clear),
+        *_of_two(outcomes),
+        *_repairs(right),
+        seconds,
+    ]
 
 
 def _visible(outcome: Outcome) -> bool:
@@ -61,7 +67,6 @@ def _names(outcomes: Sequence[Outcome], clear: Sequence[Outcome]) -> list[Row]:
     strong = [o for o in outcomes if _visible(o) and o.strength >= 5.0]
     absorbed = [o for o in outcomes if o.kind == ONE and o.absorbed >= _SEEN]
     foreign = [o for o in outcomes if o.kind == OUTSIDE and o.strength >= 10.0]
-    two = [o for o in outcomes if o.kind == TWO]
     first_right = attrgetter("named_right")
     together = "right, or named together with what these sensors cannot tell from it, D >= 6"
     return [
@@ -113,7 +118,25 @@ def _names(outcomes: Sequence[Outcome], clear: Sequence[Outcome]) -> list[Row]:
             ">= 70 %",
             ">= 90 %",
         ),
+    ]
+
+
+def _of_two(outcomes: Sequence[Outcome]) -> list[Row]:
+    """What is told of two hidden effects, and what a repair adds."""
+    two = [o for o in outcomes if o.kind == TWO]
+    return [
         _share("two effects: the first name is one of them", two, lambda o: o.named in o.hidden),
+        _share("two effects: the repair adds both", two, lambda o: set(o.hidden) <= set(o.added)),
+        _share(
+            "two effects: the repair adds nothing else",
+            two,
+            lambda o: set(o.added) <= set(o.hidden),
+        ),
+        _share(
+            "two told together: both are right",
+            [o for o in outcomes if o.pair],
+            lambda o: set(o.pair) == set(o.hidden),
+        ),
     ]
 
 

@@ -12,21 +12,22 @@ from femupdate.discrepancy.diagnose import NAMED, PARTLY, Diagnosis, DiagnosisSe
 from femupdate.discrepancy.finder_model import FinderModel
 from femupdate.discrepancy.fit import Fit, extended, fit
 from femupdate.discrepancy.problem import Problem
+from femupdate.discrepancy.repair import mend
 from femupdate.discrepancy.score import score, starts
-from femupdate.discrepancy.search import prepared, refined, sought
+from femupdate.discrepancy.search import refined
 from femupdate.dynamics.transformed import transformed_sensors
 from femupdate.effects.effect import Effect
 from femupdate.errors import ReportError
 from femupdate.progress import SILENT, Progress
 from femupdate.simulation.truth import FineModel, Truth, fine_model
 from femupdate.study import Study
-from femupdate.workflow.diagnose import finder_model
+from femupdate.workflow.diagnose import finder_model, search
 from femupdate.workflow.finder_data import Given
 from femupdate.workflow.kinds import Measured
 from femupdate.workflow.model import StudyModel
 
 from .by_opensees import MESH, made_by_opensees, opensees_truth, possible, shell_of
-from .draw import KINDS, draw_effects, draw_parameters
+from .draw import KINDS, TWO, draw_effects, draw_parameters
 from .kinds import BASE, given, shown
 from .measurement import (
     OPENSEES,
@@ -130,6 +131,8 @@ class Outcome:
         strength: root of the chi2 that the first hidden effect explains beyond theta and zeta (D).
         absorbed: share of it that theta and zeta absorb.
         verdict, named: of the finder; `named` is its first label.
+        pair: labels of two that it tells together, the stronger first.
+        added: labels that a repair adds, of two hidden effects alone.
         ranking: labels of its findings, best first.
         twins: labels that it cannot tell the first from.
         log_evidence: of the first finding over the model without it.
@@ -151,6 +154,8 @@ class Outcome:
     absorbed: float
     verdict: str
     named: str
+    pair: tuple[str, ...]
+    added: tuple[str, ...]
     ranking: tuple[str, ...]
     twins: tuple[str, ...]
     log_evidence: float
@@ -191,6 +196,7 @@ class _Found:
     problem: Problem
     before: Fit
     after: Fit
+    added: tuple[str, ...]
     diagnosis: Diagnosis
     seconds: float
 
@@ -229,6 +235,8 @@ def run_trial(trial: Trial, models: TrialModels) -> Outcome:
         absorbed=absorbed,
         verdict=diagnosis.verdict,
         named=named,
+        pair=tuple(one.placed.label for one in diagnosis.pair),
+        added=found.added,
         ranking=tuple(one.placed.label for one in diagnosis.findings[:5]),
         twins=diagnosis.twins,
         log_evidence=leading.evidence.log_evidence if leading else -np.inf,
@@ -258,12 +266,15 @@ def _find(
     started = time.monotonic()
     chosen = DiagnosisSettings(seed=trial.number)
     data = seen.data(model, finder.mesh, models.settings.use_phase)
-    problem, base = prepared(finder, data, chosen)
-    problem, base, diagnosis = sought(finder, problem, base, chosen)
+    problem, base, diagnosis = search(finder, data, chosen, SILENT)
+    if trial.kind == TWO:
+        done = mend(finder, problem, base, diagnosis, chosen, SILENT)[1]
+        added = tuple(one.finding.placed.label for one in done.rounds)
+        return _Found(problem, base, done.after, added, diagnosis, time.monotonic() - started)
     after = base
     if diagnosis.leading and diagnosis.verdict in (NAMED, PARTLY):
         after = refined(finder, problem, diagnosis.leading.fitted, alone=True)[1]
-    return _Found(problem, base, after, diagnosis, time.monotonic() - started)
+    return _Found(problem, base, after, (), diagnosis, time.monotonic() - started)
 
 
 def _true_strength(
