@@ -9,6 +9,7 @@ from femupdate.inference.smc import TemperedSmc
 from femupdate.measurement.observation import Observation
 from femupdate.study import Study
 from femupdate.workflow.calibrate_notes import (
+    LEARNS_NO_ERROR,
     calibration_notes,
     decoded_notes,
     decoder_warnings,
@@ -41,7 +42,12 @@ def sample_latent(
         found = sample_decoded(surrogate, model, observation, settings, run, run.particles)
         results = sampled_groups(found.draws, found.responses)
         drawn = by_runs("latent", "Hamiltonian moves judged by the reduced model", results)
-        told = (*noise_notes(surrogate.info, observation), *decoded_notes(found), *calibration)
+        told = (
+            LEARNS_NO_ERROR,
+            *noise_notes(surrogate.info, observation),
+            *decoded_notes(found),
+            *calibration,
+        )
         noise = max(float(np.median(observation.noise_sd[observation.valid])), least)
         warnings = (
             *misfit_warnings(found.misfit, usual_misfit(observation)),

@@ -66,6 +66,12 @@ def noise_notes(info: SurrogateInfo, observation: Observation) -> tuple[str, ...
     )
 
 
+LEARNS_NO_ERROR = (
+    "The latent likelihood of so many parameters learns no error of the model: where the model is "
+    "wrong, these intervals and the bands of predictions are too narrow; --exact learns it."
+)
+
+
 def latent_notes(likelihood: LatentLikelihood) -> tuple[str, ...]:
     """How the latent likelihood was found."""
     found = likelihood.found

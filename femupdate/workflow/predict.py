@@ -310,7 +310,11 @@ def _notes(
     model: StudyModel, posterior: Posterior, motion: GroundMotion, settings: PredictionSettings
 ) -> tuple[str, ...]:
     between = _scatter(posterior, settings)
-    errs = ", and the model errs as it did in the calibration" * (posterior.model_error is not None)
+    errs = (
+        "; the calibration learned no error of the model, so none is in them"
+        if posterior.model_error is None
+        else ", and the model errs as it did in the calibration"
+    )
     notes = [
         f"Intervals are those of the next measurement: between events {between}{errs}.",
         f"Record {motion.title}: peak "

@@ -17,19 +17,25 @@ import torch
 from femupdate.arrays import Floats
 from femupdate.inference.event_scatter import EventScatter
 from femupdate.inference.posterior import Posterior
+from femupdate.measurement.kinds import read_observation_file
+from femupdate.measurement.observation_file import Histories
 from femupdate.measurement.record import read_record
 from femupdate.study import Study
 from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.model import StudyModel, open_study
-from femupdate.workflow.observed import ObservationSource
+from femupdate.workflow.observed import ObservationSource, direction_of
 from femupdate.workflow.predict import predict_study
 from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource
 
 from ..result import Job, Report, markdown_table
+from .free_fit import FreeFit, fit_free
 
 # Events whose base peaks differ by less than this factor are of like strength.
 _LIKE = 2.0
+# Of the model's band, where free modes begin.
+_LOWEST = 0.02
+_FREE = "of free modes"
 
 
 @dataclass(frozen=True)
@@ -65,6 +71,7 @@ class Event:
     study: Study
     model: StudyModel
     posterior: Posterior
+    free: FreeFit
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,6 +85,7 @@ class Prediction:
     peak_within: bool
     score: float
     error: float
+    free: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,7 +141,22 @@ def _calibrated(plan: MeasuredPlan, paths: tuple[Path, ...], folder: Path, seed:
     settings = CalibrationSettings(particles=plan.particles, exact=True, chains=2, seed=seed)
     report = calibrate_study(study, model, source, settings)
     peak = read_record(path, None, _channel(plan)).peak
-    return Event(folder.name, path, peak, study, model, report.posterior)
+    free = free_of(plan, paths, model)
+    return Event(folder.name, path, peak, study, model, report.posterior, free)
+
+
+def free_of(plan: MeasuredPlan, paths: tuple[Path, ...], model: StudyModel) -> FreeFit:
+    """As many free modes as there are floors, in the band of the model."""
+    events = [_histories(plan, path) for path in paths]
+    top = float(model.frequency_hz[-1])
+    band = max(float(model.frequency_hz[0]), _LOWEST * top), top
+    return fit_free(events, direction_of(model.building), band, len(events[0].floors))
+
+
+def _histories(plan: MeasuredPlan, path: Path) -> Histories:
+    read = read_observation_file(path, None, plan.columns)
+    assert isinstance(read, Histories)
+    return read
 
 
 def _channel(plan: MeasuredPlan) -> str:
@@ -150,6 +173,14 @@ def _predicted(plan: MeasuredPlan, event: Event, other: Event) -> list[Predictio
         columns=plan.columns,
     ).comparison
     assert found is not None
+    measured = _histories(plan, other.path)
+    free = dict(
+        zip(
+            measured.floors,
+            event.free.error(measured, direction_of(event.model.building)),
+            strict=True,
+        )
+    )
     return [
         Prediction(
             calibrated=event.name,
@@ -159,6 +190,7 @@ def _predicted(plan: MeasuredPlan, event: Event, other: Event) -> list[Predictio
             peak_within=bool(found.peak_within[k]),
             score=float(found.score[k]),
             error=float(found.relative_error[k]),
+            free=float(free[floor]),
         )
         for k, floor in enumerate(found.floors)
     ]
@@ -200,6 +232,7 @@ def _answer(predictions: list[Prediction], pairs: list[Pair]) -> dict[str, float
         "peaks_within_90": float(np.mean([one.peak_within for one in predictions])),
         "crps_over_rms": float(np.mean([one.score for one in predictions])),
         "error_rms": float(np.mean([one.error for one in predictions])),
+        "error_rms_of_free_modes": float(np.mean([one.free for one in predictions])),
         "factors_of_others_within_90": float(np.mean([one.factors for one in pairs])),
         "frequency_of_others_within_90": float(np.mean([one.frequency for one in pairs])),
         "frequency_of_like_within_90": float(np.mean([one.frequency for one in like or pairs])),
@@ -207,7 +240,7 @@ def _answer(predictions: list[Prediction], pairs: list[Pair]) -> dict[str, float
 
 
 def _text(predictions: list[Prediction], pairs: list[Pair]) -> str:
-    head = ("floor", "within 2 sd", "least", "peaks in 90 %", "CRPS / rms", "error rms")
+    head = ("floor", "within 2 sd", "least", "peaks in 90 %", "CRPS / rms", "error rms", _FREE)
     rows = []
     for floor in dict.fromkeys(one.floor for one in predictions):
         some = [one for one in predictions if one.floor == floor]
@@ -220,6 +253,7 @@ def _text(predictions: list[Prediction], pairs: list[Pair]) -> str:
                 f"{np.mean([one.peak_within for one in some]):.0%}",
                 f"{np.mean([one.score for one in some]):.3f}",
                 f"{np.mean([one.error for one in some]):.3f}",
+                f"{np.mean([one.free for one in some]):.3f}",
             )
         )
     answer = _answer(predictions, pairs)
