@@ -186,6 +186,29 @@ def reading_options(function: F) -> F:
     return wrapper  # type: ignore[return-value]
 
 
+def noticed_options(function: F) -> F:
+    """Add what an engineer would notice, passed on as `noticed`; what is left out is not in it."""
+    share = click.FloatRange(min=0.0, max=1.0)
+
+    @click.option(
+        "--least-frequency",
+        type=share,
+        help="Change of a frequency that is of consequence, as a ratio; default 0.01.",
+    )
+    @click.option(
+        "--least-response",
+        type=share,
+        help="Change or error of a response that is, as a ratio; default 0.02.",
+    )
+    @functools.wraps(function)
+    def wrapper(*args: Any, **kwargs: Any) -> Any:
+        given = {name: kwargs.pop(name) for name in ("least_frequency", "least_response")}
+        noticed = {name: value for name, value in given.items() if value is not None}
+        return function(*args, noticed=noticed, **kwargs)
+
+    return wrapper  # type: ignore[return-value]
+
+
 def columns_options(function: F) -> F:
     """Add --columns and --mapping, passed on as `columns`, and fill a `unit` that is missing."""
 

@@ -9,7 +9,7 @@ from femupdate.study import Study
 
 from .answer import Answer
 from .bars import Bars
-from .common import Tables, reading_options, study_options, table_options
+from .common import Tables, noticed_options, reading_options, study_options, table_options
 from .help import GroupedCommand
 from .parameters import BuildingName, InputFile
 
@@ -26,6 +26,7 @@ from .parameters import BuildingName, InputFile
     show_default=True,
     help="Leading effects whose evidence is sampled instead of approximated.",
 )
+@noticed_options
 @reading_options
 @study_options(shares=True)
 @table_options("diagnosis")
@@ -35,6 +36,7 @@ def command(
     second: Path | None,
     no_phase: bool,
     sampled: int,
+    noticed: dict[str, Any],
     reading: dict[str, Any],
     tables: Tables,
     study: Study,
@@ -64,7 +66,7 @@ def command(
     source = readable(reading, *observations)
     other = None if second is None else readable(reading, second)
     model = open_study(study, building, bars)
-    settings = DiagnosisSettings(seed=seed, sampled=sampled)
+    settings = DiagnosisSettings(seed=seed, sampled=sampled, **noticed)
     report = diagnose_study(study, model, source, settings, bars, not no_phase, other)
     more, written = {"diagnosis": report.path}, tables.write(study, diagnosis_tables(report))
     if not pictures:

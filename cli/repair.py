@@ -9,7 +9,7 @@ from femupdate.study import Study
 
 from .answer import Answer
 from .bars import Bars
-from .common import reading_options, study_options
+from .common import noticed_options, reading_options, study_options
 from .help import GroupedCommand
 from .parameters import BuildingName, InputFile
 
@@ -20,6 +20,7 @@ from .parameters import BuildingName, InputFile
 @click.option("--holdout", type=InputFile(), help="Data that are only predicted, before and after.")
 @click.option("--second", type=InputFile(), help="Second record at another level of motion.")
 @click.option("--no-phase", is_flag=True, help="Use the amplitude alone.")
+@noticed_options
 @reading_options
 @study_options(shares=True)
 def command(
@@ -28,6 +29,7 @@ def command(
     holdout: Path | None,
     second: Path | None,
     no_phase: bool,
+    noticed: dict[str, Any],
     reading: dict[str, Any],
     study: Study,
     seed: int,
@@ -54,7 +56,7 @@ def command(
     other = None if holdout is None else readable(reading, holdout)
     more = None if second is None else readable(reading, second)
     model = open_study(study, building, bars)
-    settings = DiagnosisSettings(seed=seed)
+    settings = DiagnosisSettings(seed=seed, **noticed)
     report = repair_study(study, model, source, other, settings, bars, not no_phase, more)
     if not pictures:
         return Answer(report, (), {"repair": report.path})

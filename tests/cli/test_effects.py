@@ -78,6 +78,16 @@ def test_the_effect_is_named_added_and_helps(repaired):
     assert done["building"] == str(repaired["study"] / "repaired" / "building.toml")
 
 
+def test_from_which_change_on_an_effect_matters_is_the_user_s_choice(femupdate, repaired, hidden):
+    study = repaired["study"]
+    least = ("--least-frequency", "0.9", "--least-response", "0.9")
+    found = femupdate("diagnose", hidden["heavy"], "--study", study, *least, "--json").answer
+    assert found["verdict"] == "none"
+    assert "of no consequence" in found["sentence"]
+    done = femupdate("repair", hidden["heavy"], "--study", study, *least, "--json").answer
+    assert (done["verdict"], done["rounds"]) == ("none", [])
+
+
 def test_words_for_people(femupdate, repaired, hidden):
     """Without --json: the verdict first, a table, the pictures."""
     study = repaired["study"]

@@ -126,7 +126,11 @@ def _of_two(outcomes: Sequence[Outcome]) -> list[Row]:
     two = [o for o in outcomes if o.kind == TWO]
     return [
         _share("two effects: the first name is one of them", two, lambda o: o.named in o.hidden),
-        _share("two effects: the repair adds both", two, lambda o: set(o.hidden) <= set(o.added)),
+        _share(
+            "two effects, D >= 6 of each beside the other: the repair adds both",
+            [o for o in two if min(o.beside) >= 6.0],
+            lambda o: set(o.hidden) <= set(o.added),
+        ),
         _share(
             "two effects: the repair adds nothing else",
             two,

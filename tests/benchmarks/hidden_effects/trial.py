@@ -10,7 +10,7 @@ from femupdate.arrays import Floats
 from femupdate.building.frame import FrameBuilding
 from femupdate.discrepancy.diagnose import NAMED, PARTLY, Diagnosis, DiagnosisSettings
 from femupdate.discrepancy.finder_model import FinderModel
-from femupdate.discrepancy.fit import Fit, extended, fit
+from femupdate.discrepancy.fit import Fit, extended, fit, settle
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.repair import mend
 from femupdate.discrepancy.score import score, starts
@@ -133,6 +133,7 @@ class Outcome:
         verdict, named: of the finder; `named` is its first label.
         pair: labels of two that it tells together, the stronger first.
         added: labels that a repair adds, of two hidden effects alone.
+        beside: D of each of two hidden effects beside the other.
         ranking: labels of its findings, best first.
         twins: labels that it cannot tell the first from.
         log_evidence: of the first finding over the model without it.
@@ -156,6 +157,7 @@ class Outcome:
     named: str
     pair: tuple[str, ...]
     added: tuple[str, ...]
+    beside: tuple[float, ...]
     ranking: tuple[str, ...]
     twins: tuple[str, ...]
     log_evidence: float
@@ -237,6 +239,7 @@ def run_trial(trial: Trial, models: TrialModels) -> Outcome:
         named=named,
         pair=tuple(one.placed.label for one in diagnosis.pair),
         added=found.added,
+        beside=_beside(found, effects),
         ranking=tuple(one.placed.label for one in diagnosis.findings[:5]),
         twins=diagnosis.twins,
         log_evidence=leading.evidence.log_evidence if leading else -np.inf,
@@ -293,6 +296,21 @@ def _true_strength(
     together = (*found.base.placed, placed)
     fitted = fit(problem, together, extended(problem, found.base, together, known))
     return _root(found.base.chi2 - fitted.chi2), test.absorbed
+
+
+def _beside(found: _Found, effects: tuple[HiddenEffect, ...]) -> tuple[float, ...]:
+    """D of each of two hidden effects beside the other, by fitting both and each alone."""
+    if len(effects) < 2:
+        return ()
+
+    def squares(hidden: tuple[HiddenEffect, ...]) -> float:
+        placed = tuple(one for one, _ in hidden)
+        known = np.concatenate([np.asarray(values, dtype=float) for _, values in hidden])
+        start = extended(found.problem, found.after, placed, known)
+        return settle(found.problem, fit(found.problem, placed, start)).chi2
+
+    both = squares(effects)
+    return tuple(_root(squares((one,)) - both) for one in reversed(effects))
 
 
 def _root(gain: float) -> float:
