@@ -10,6 +10,7 @@ from femupdate.inference.diagnostics import r_hat
 from femupdate.inference.latent_likelihood import LatentLikelihood
 from femupdate.inference.likelihood import DataLikelihood
 from femupdate.inference.posterior import Posterior
+from femupdate.inference.predictive_check import PredictiveCheck
 from femupdate.inference.smc import SmcResult
 from femupdate.inference.thresholds import DRAWS
 from femupdate.measurement.observation import Observation
@@ -228,16 +229,19 @@ def _missed(posterior: Posterior, fitting: Fitting) -> list[str]:
             "standard deviations of noise and model error together: they count no more, neither "
             "for the parameters nor in the p-value."
         )
-    if (
-        check is not None
-        and check.whole < CALIBRATION.unusual
-        and check.ratio**0.5 > CALIBRATION.beyond
-    ):
+    # Where no error was learned, the first note says so already.
+    new = fitting.learned or not notes
+    if new and check is not None and _exceeds(check):
         notes.append(
             f"The data miss the model by {check.ratio**0.5:.2g} times what is allowed for (noise "
             "and error of the model, rms): intervals are too narrow by about that factor."
         )
     return notes
+
+
+def _exceeds(check: PredictiveCheck) -> bool:
+    """Whether data miss the model by more than is allowed for, surely and by a noticeable factor."""
+    return check.whole < CALIBRATION.unusual and check.ratio**0.5 > CALIBRATION.beyond
 
 
 def _at_limits(posterior: Posterior) -> list[str]:

@@ -66,6 +66,13 @@ def test_a_small_p_value_is_no_warning_where_hardly_more_is_missed(pressed, rati
     assert sum("allowed for" in one for one in notes) == told
 
 
+def test_a_misfit_is_told_once(pressed):
+    check = PredictiveCheck(1e-5, (1e-5,), ("RF",), 4.0)
+    for learned, count in ((False, 1), (True, 2)):
+        notes = judgement(pressed, Fitting(misfit=4.1, check=check, learned=learned))
+        assert sum(" times " in one for one in notes) == count
+
+
 def test_points_that_do_not_count_are_told(pressed):
     first, _ = judgement(pressed, Fitting(misfit=1.0, check=None, wild=0.013))
     assert first.startswith("1.3 % of the points are farther off than 8 standard deviations")
