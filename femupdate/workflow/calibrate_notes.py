@@ -240,7 +240,7 @@ def _missed(posterior: Posterior, fitting: Fitting) -> list[str]:
 
 
 def _exceeds(check: PredictiveCheck) -> bool:
-    """Whether data miss the model by more than is allowed for, surely and by a noticeable factor."""
+    """Whether data surely miss the model by noticeably more than is allowed for."""
     return check.whole < CALIBRATION.unusual and check.ratio**0.5 > CALIBRATION.beyond
 
 
