@@ -25,7 +25,9 @@ from femupdate.linear import least_squares
 from femupdate.seeds import Seed, torch_generator
 from femupdate.workers import in_threads
 
-_DRAWS = 32  # responses of one piece of work
+# Responses of one piece of work, among draws and in a Jacobian.
+_DRAWS = 32
+_COLUMNS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,6 +237,14 @@ def misfits(problem: Problem, system: System, where: Coordinates, z: Tensor) -> 
         return evaluate(problem, system, where, rows).square().sum(dim=1)
 
     return torch.cat(in_threads(of_some, z.split(_DRAWS)))
+
+
+def error_left(problem: Problem, fitted: Fit) -> float:
+    """Root mean square of what the factors of a fit leave as if noise were coarse, in ln|H|."""
+    rough = coarse(problem)
+    split = fitted.coordinates.split(fitted.z[None], problem.fixed_zeta)
+    missed = rough.missed(rough.system(fitted.placed), split)
+    return FIT.coarse_noise * float(missed.square().mean().sqrt())
 
 
 def raw_residuals(fitted: Fit, z: Tensor) -> Tensor:
@@ -528,7 +538,8 @@ def _jacobian(
         return point.residual.new_zeros(len(point.residual), 0)
     points = z.repeat(len(steps), 1)
     points[:, first:] += torch.diag(steps)
-    residuals = evaluate(problem, system, where, points)
+    some = partial(evaluate, problem, system, where)
+    residuals = torch.cat(in_threads(some, points.split(_COLUMNS)))
     return ((point.residual - residuals) / steps[:, None]).T
 
 

@@ -29,6 +29,7 @@ from femupdate.effects.effect import UNSCALED, Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import Structure
 from femupdate.errors import ModelError
+from femupdate.workers import in_threads
 
 _MEMBERS = (
     "wall_stiffness",
@@ -193,7 +194,7 @@ def learn_mesh_error(
 
 def corrected(reduced: ReducedStructure, mesh: MeshError) -> ReducedStructure:
     """The reduced structure with the stiffness that a fine mesh would give it."""
-    terms = [reduced.terms(placed) for placed in mesh.placed]
+    terms = in_threads(reduced.terms, mesh.placed)
     return replace(reduced, model=corrected_model(reduced.model, mesh, terms))
 
 

@@ -62,13 +62,15 @@ class Problem:
 
     def on_fewer(self) -> "Problem":
         """The same on the shapes that count most: for searches, which the whole basis ends."""
-        fewer = self.reduced.first(FIT.fewer_shapes)
-        return replace(self, reduced=fewer, left_open=None, known=None)
+        fewer = replace(self, reduced=self.reduced.first(FIT.fewer_shapes), left_open=None)
+        fewer.__dict__["error"] = self.error  # as in `at_row`
+        return fewer
 
     def coarse(self, noise: float) -> "Problem":
         """For searches, as if there were so much more noise and every point erred alone."""
         data = tuple(one.coarse(noise) for one in self.data)
-        return replace(self.on_fewer(), data=data, chosen=None)
+        fewer = self.reduced.first(FIT.fewer_shapes)
+        return replace(self, reduced=fewer, data=data, left_open=None, known=None, chosen=None)
 
     @property
     def divisible(self) -> bool:

@@ -18,6 +18,7 @@ from femupdate.discrepancy.finder_model import (
 from femupdate.discrepancy.fit import (
     Fit,
     about,
+    error_left,
     extended,
     fit,
     fit_baseline,
@@ -30,7 +31,7 @@ from femupdate.discrepancy.mesh_scatter import with_mesh_error
 from femupdate.discrepancy.near_basis import structure_near
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.score import candidates
-from femupdate.discrepancy.thresholds import FIT, VERDICT, DiagnosisSettings
+from femupdate.discrepancy.thresholds import FIT, SEARCH, VERDICT, DiagnosisSettings
 from femupdate.dynamics.local_basis import Sized
 from femupdate.dynamics.thresholds import LOCAL_BASIS
 from femupdate.effects.effect import Placed
@@ -179,6 +180,8 @@ def _rightly_named(problem: Problem, rough: Fit, seed: int) -> Fit:
     Under a wrong name theta is drawn to where nothing found in its neighbourhood would be right.
     """
     searched = problem.for_search()
+    if error_left(searched, rough) < SEARCH.right:
+        return rough
     exchanges = [one for one in candidates(searched) if one.exchange]
     found = promising(problem, rough, exchanges, seed)
     if not found or found[0].share > VERDICT.obvious:

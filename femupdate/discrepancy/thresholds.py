@@ -202,6 +202,11 @@ class SearchThresholds:
     better: float = entry(
         0.5, "share", "of the coarse sum of squares that an effect must stay below"
     )
+    right: float = entry(
+        0.1,
+        "ln|H| rms",
+        "left by factors alone, below which a basis is made about them as they are",
+    )
     exchange_draws: int = entry(384, "draws", "of the prior for exchanged channels")
     exchanges: int = entry(3, "exchanges", "that are fitted coarsely")
 

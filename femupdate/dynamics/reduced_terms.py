@@ -101,6 +101,10 @@ class ReducedTerms:
         )
 
 
+# The matrix is kept with its projection, so that no other takes its identity.
+Projections = dict[int, tuple[csc_matrix, Tensor]]
+
+
 @dataclass(frozen=True, eq=False)
 class ReducedStructure:
     """A structure seen through a mass-orthonormal basis of r shapes.
@@ -110,6 +114,7 @@ class ReducedStructure:
         model: its reduced model.
         basis: (n, r) the shapes.
         known: what effects add, by label, once it was asked for.
+        matrices: what `projected` makes of those that several effects share, by their identity.
         whole: the structure on more shapes whose first these are, or None.
     """
 
@@ -117,6 +122,7 @@ class ReducedStructure:
     model: ReducedModel
     basis: Floats
     known: dict[str, ReducedTerms] = field(default_factory=dict, repr=False)
+    matrices: Projections = field(default_factory=dict, repr=False)
     whole: "ReducedStructure | None" = None
 
     def terms(self, placed: Placed) -> ReducedTerms:
@@ -125,7 +131,8 @@ class ReducedStructure:
             if self.whole is not None:
                 added = self.whole.terms(placed).first(self.model.size)
             else:
-                added = reduce_terms(self.basis, placed.effect.terms(self.structure, placed.place))
+                whole = placed.effect.terms(self.structure, placed.place)
+                added = reduce_terms(self.basis, whole, self.matrices)
             self.known[placed.label] = added
         return self.known[placed.label]
 
@@ -138,6 +145,7 @@ class ReducedStructure:
             model=self.model.first(count),
             basis=self.basis[:, :count],
             known={},
+            matrices={},
             whole=self,
         )
 
@@ -152,21 +160,38 @@ def projected(basis: Floats, matrix: csc_matrix) -> Floats:
     return 0.5 * (result + result.T)
 
 
-def reduce_terms(basis: Floats, terms: Terms) -> ReducedTerms:
-    """Project what an effect adds onto a basis (n, r)."""
+def along(rows: Floats, basis: Floats) -> Floats:
+    """rows basis (c, r), by the columns of the rows (c, n) in which there are numbers."""
+    used = np.flatnonzero(rows.any(axis=0))
+    return np.asarray(rows[:, used] @ basis[used])
+
+
+def reduce_terms(basis: Floats, terms: Terms, matrices: Projections | None = None) -> ReducedTerms:
+    """Project what an effect adds onto a basis (n, r).
+
+    Args:
+        matrices: those that were projected already; gets the new ones.
+    """
+    done = {} if matrices is None else matrices
+
+    def once(matrix: csc_matrix) -> Tensor:
+        if id(matrix) not in done:
+            done[id(matrix)] = matrix, torch.from_numpy(projected(basis, matrix))
+        return done[id(matrix)][1]
+
     port = None
     if terms.port is not None:
-        port = (torch.from_numpy(terms.port.row @ basis), torch.from_numpy(terms.port.rigid))
-    stiffness = [(one.story, projected(basis, one.matrix), one.series) for one in terms.stiffness]
+        line = along(terms.port.row[None], basis)[0]
+        port = (torch.from_numpy(line), torch.from_numpy(terms.port.rigid))
+    stiffness = [
+        ReducedStiffness(one.story, once(one.matrix), one.series) for one in terms.stiffness
+    ]
     if terms.springs is not None:
-        stretch = terms.springs.rows @ basis  # (c, r)
+        stretch = along(terms.springs.rows, basis)  # (c, r)
         own = stretch.T @ (terms.springs.stiffness[:, None] * stretch)
-        stiffness.append((UNSCALED, 0.5 * (own + own.T), 0.0))
+        stiffness.append(ReducedStiffness(UNSCALED, torch.from_numpy(0.5 * (own + own.T))))
     return ReducedTerms(
-        stiffness=tuple(
-            ReducedStiffness(story, torch.from_numpy(matrix), series)
-            for story, matrix, series in stiffness
-        ),
+        stiffness=tuple(stiffness),
         hinges=None if terms.hinges is None else _reduced_hinges(basis, terms.hinges),
         mass=None if terms.mass is None else _reduced_mass(basis, terms.mass),
         flexibility=terms.flexibility,
@@ -177,7 +202,7 @@ def reduce_terms(basis: Floats, terms: Terms) -> ReducedTerms:
 
 
 def _reduced_hinges(basis: Floats, hinges: Hinges) -> ReducedHinges:
-    coupling = np.stack([basis.T @ own for own in hinges.coupling])
+    coupling = np.stack([along(own.T, basis).T for own in hinges.coupling])
     parts = coupling, np.stack(hinges.inner), hinges.spring
     return ReducedHinges(*(torch.from_numpy(part) for part in parts))
 
@@ -185,9 +210,9 @@ def _reduced_hinges(basis: Floats, hinges: Hinges) -> ReducedHinges:
 def _reduced_mass(basis: Floats, mass: AddedMass) -> ReducedMass:
     parts = (
         projected(basis, mass.matrix),
-        basis.T @ mass.force,
+        along(mass.force.T, basis).T,
         mass.rigid,
-        mass.above @ basis,
+        along(mass.above, basis),
         mass.above_rigid,
     )
     return ReducedMass(*(torch.from_numpy(np.asarray(part)) for part in parts))

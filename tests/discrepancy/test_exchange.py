@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from femupdate.discrepancy.exchange import exchange_fits, promising
-from femupdate.discrepancy.fit import extended, fit, fit_baseline
+from femupdate.discrepancy.fit import error_left, extended, fit, fit_baseline
 from femupdate.discrepancy.repair import repair
 from femupdate.discrepancy.residual_map import p_value
 from femupdate.discrepancy.score import candidates
+from femupdate.discrepancy.thresholds import SEARCH
 from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.dynamics.system import System
 
@@ -99,6 +100,16 @@ def test_the_structure_answers_once_for_all_exchanges(hidden, monkeypatch):
     # Three of them are fitted, whichever they are; fits of at most ten steps of ten responses.
     assert sum(rows) < three + 3 * 2 * 10 * 10
     assert sum(rows) < 384 + 7 * 10 * 10 + 10
+
+
+def test_only_wrong_names_leave_enough_to_look_for_an_exchange_first(hidden):
+    """A basis is made about the factors as they are where these leave little."""
+    for wrong in WRONG.values():
+        problem, base = hidden(**wrong)
+        assert error_left(problem, base) > SEARCH.right
+    problem, base = hidden()
+    assert error_left(problem, base) == pytest.approx(SD, rel=0.1)
+    assert error_left(problem, base) < SEARCH.right
 
 
 def test_what_cannot_act_on_the_basis_for_searching_is_kept_as_it_was(hidden, place):

@@ -57,6 +57,22 @@ def log_frf(reduced, placed, values, theta):
     return system.frf(tensors[0], zeta, sizes, torch.from_numpy(GRID)).abs().log().numpy()
 
 
+def test_what_several_effects_share_is_projected_once(structure, local):
+    """Walls of a story, alone and with those of all stories, against the whole matrix."""
+    effect = CATALOGUE["wall_stiffness"]
+    together = local.terms(Placed(effect, "all")).stiffness
+    names = structure.building.story_names
+    alone = [local.terms(Placed(effect, story)).stiffness[0] for story in names]
+    for own, other in zip(together, alone, strict=True):
+        assert own.matrix is other.matrix
+        whole = effect.terms(structure, names[own.story]).stiffness[0].matrix.toarray()
+        np.testing.assert_allclose(
+            own.matrix,
+            local.basis.T @ whole @ local.basis,
+            atol=1e-9 * float(own.matrix.abs().max()),
+        )
+
+
 def nearby(exact, name):
     """Story factors (3, p) beside HERE, and an effect of some size at each of its places."""
     effect = CATALOGUE[name]

@@ -92,6 +92,25 @@ def test_densities_are_those_of_dense_normal_distributions(with_known):
         )
 
 
+def test_errors_known_beforehand_that_are_lost_in_the_noise_are_left_out():
+    """Of sixty errors most are like the first few: densities are those of all of them."""
+    there = (weight() > 0).flatten()
+    few = np.random.default_rng(3).normal(0.0, 1.0, (60, 8)) * 0.3 ** np.arange(8)
+    steps = torch.from_numpy(few @ np.random.default_rng(4).normal(0.0, 1.0, (8, len(there))))
+    steps = steps * there
+    error = LearnedError(weight(), FREQUENCY, known=steps, table=FEW)
+    white = residuals()[1]
+    none = LearnedError(weight(), FREQUENCY, table=FEW)
+    more = error.whiten(white, 0).shape[1] - none.whiten(white, 0).shape[1]
+    assert 3 <= more <= 8
+    seen = there.numpy()
+    cover = (torch.eye(len(there)).double() + steps.T @ steps)[seen][:, seen].numpy()
+    expected = multivariate_normal(cov=cover).logpdf(white.numpy()[:, seen])
+    stated = 0.5 * seen.sum() * np.log(2.0 * np.pi)
+    # Half of the variances left out, each below .001 of the noise.
+    np.testing.assert_allclose(error.log_densities(white)[:, 0] - stated, expected, atol=0.01)
+
+
 def test_whitened_residuals_have_the_square_of_the_dense_covariance():
     error = LearnedError(weight(), FREQUENCY, table=FEW)
     plain, whitened = residuals()
