@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
 Complexes = NDArray[np.complex128]
 Integers = NDArray[np.int64]
 Indices = NDArray[np.int32]  # sparse matrices: half the memory to move; 3e8 nodes are enough

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags
 
-from femupdate.arrays import Floats
+from femupdate.arrays import Floats, Singles
 from femupdate.dynamics.projection import reduced_on
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.dynamics.reduced_terms import ReducedStructure
@@ -131,7 +131,7 @@ def _loads(coarse: Structure, shapes: NDArray[np.float32], fine: Structure) -> F
 
 def _moved(
     fine: Structure, reduced: ReducedModel, loads: Floats, target: ReductionTarget, theta: Floats
-) -> Floats:
+) -> Singles:
     """Weighted shapes (n, c) of the finer mesh at a theta (p,), to take a basis from."""
     squared, vectors = np.linalg.eigh(reduced.stiffness(theta))
     felt = FeltModes(
@@ -142,4 +142,5 @@ def _moved(
     )
     forces = loads @ ((vectors * squared) @ felt.combinations(target, _LEAST))
     static = STATIC_WEIGHT * fine.rigid_force[:, [TRANSLATION]]
-    return factorize(fine.stiffness(theta)).apply(np.column_stack([forces, static]))
+    moved = factorize(fine.stiffness(theta)).apply(np.column_stack([forces, static]))
+    return moved.astype(np.float32)

@@ -67,13 +67,11 @@ class HistorySettings:
             acceleration by more than this share of the base acceleration (likewise a shear, a
             drift); 0 integrates all modes.
         batch: samples at a time.
-        device: where to compute; it must know float64.
     """
 
     oversampling: int = 8
     tolerance: float = 1e-4
     batch: int = 50
-    device: torch.device | str = "cpu"
 
 
 def floor_histories(
@@ -98,7 +96,7 @@ def floor_histories(
         zeta: damping ratio, (S,) or one for all.
         acceleration: (n,) base acceleration, m/s2, or (2, n) with its rotation, rad/s2, below.
         time_step: s.
-        settings: accuracy, batch and device.
+        settings: accuracy and batch.
 
     Raises:
         MeasurementError: the record is too short, not finite or has no positive time step.
@@ -158,7 +156,7 @@ class _Task:
     def fine(self) -> Tensor:
         """The record with `settings.oversampling` points a step."""
         fine = interpolate_record(self.record, self.settings.oversampling)
-        return torch.as_tensor(fine, device=self.settings.device)
+        return torch.as_tensor(fine)
 
     @property
     def by_transform(self) -> bool:
@@ -192,8 +190,7 @@ def _recur(task: _Task, parameters: Tensor, zeta: Tensor, first: int) -> Floats:
     settings = task.settings
     modes, ratio = dynamic_modes(task.system, (parameters, zeta), task.time_step, settings, first)
     states = modal_states(modes.omega, ratio, task.fine, task.time_step, settings.oversampling)
-    record = torch.as_tensor(task.record, device=settings.device)
-    return project(states, modes, ratio, record).cpu().numpy()
+    return project(states, modes, ratio, torch.as_tensor(task.record)).numpy()
 
 
 def dynamic_modes(
@@ -214,9 +211,8 @@ def dynamic_modes(
     Raises:
         ModelError: a stiffness is not positive definite.
     """
-    theta, sizes = system.split(samples[0])
+    (theta, sizes), zeta = system.split(samples[0]), samples[1]
     rows = story_rows(system, sizes)
-    theta, sizes, zeta = (part.to(settings.device) for part in (theta, sizes, samples[1]))
     found = system.modes(theta, sizes, rows)
     _check_stable(found.omega, first)
     modes = see_modes(found, len(system.floors), len(system.model.story_mass))

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import eigh
 from scipy.sparse import csc_matrix
 
-from femupdate.arrays import Floats
+from femupdate.arrays import Floats, Singles
 from femupdate.dynamics.equations import Equations, WithSprings, equations_at
 from femupdate.dynamics.projection import lumped, reduced_on
 from femupdate.dynamics.reduced_terms import ReducedStructure
@@ -74,7 +74,9 @@ def local_structure(
     questions += [_Question(sets[0], near) for near in _neighbours(theta, spread)]
     middle = equations_at(structure, theta, sets[0])
     known = modes_below(_alone(structure.operators, middle), np.zeros(0), target.top_hz)
-    shapes = [] if present is None else _along_ports(structure, middle, present)
+    shapes: list[Floats | Singles] = []
+    if present is not None:
+        shapes += _along_ports(structure, middle, present)
     progress.start("Reducing the model for effects", len(questions))
     task = partial(_answer, structure, known.shapes, target)
     for one in everywhere(task, questions):
@@ -145,9 +147,9 @@ def _neighbours(theta: Floats, spread: float) -> Floats:
 
 def _answer(
     structure: Structure, known: Floats, target: ReductionTarget, question: _Question
-) -> Floats:
+) -> Singles:
     equations = equations_at(structure, question.theta, question.added)
-    return nearby_shapes(equations, structure.floor_rows, known, target)
+    return nearby_shapes(equations, structure.floor_rows, known, target).astype(np.float32)
 
 
 def nearby_shapes(

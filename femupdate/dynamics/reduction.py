@@ -11,7 +11,7 @@ from functools import partial
 import numpy as np
 import torch
 
-from femupdate.arrays import Floats
+from femupdate.arrays import Floats, Singles
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.equations import driven_system
 from femupdate.dynamics.projection import lumped, reduced_on
@@ -113,11 +113,11 @@ class _Sample:
     """The full model at one sample.
 
     Attributes:
-        shapes: (n, c) weighted, to take a basis from.
+        shapes: (n, c) weighted, to take a basis from; in single precision, for they are many.
         log_frf: (f, k) at the lowest damping.
     """
 
-    shapes: Floats
+    shapes: Singles
     log_frf: Floats
 
 
@@ -185,7 +185,7 @@ def _solve(asked: _Question, target: ReductionTarget, sample: Floats) -> _Sample
         static = shapes @ (scale * own / omega**2)
         parts += [shapes @ felt.combinations(target), STATIC_WEIGHT * static[:, None]]
     log_frf = _log_frf(found.system, sizes[None], target)[0]
-    return _Sample(np.concatenate(parts, axis=1), log_frf)
+    return _Sample(np.concatenate(parts, axis=1, dtype=np.float32, casting="same_kind"), log_frf)
 
 
 def _log_frf(system: System, samples: Floats, target: ReductionTarget) -> Floats:

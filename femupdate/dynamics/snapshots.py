@@ -8,15 +8,15 @@ since it is the logarithm that must be right. The responses are compressed by th
 matrix (proper orthogonal decomposition).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import accumulate, pairwise
+from itertools import accumulate
 
 import numpy as np
 from scipy.linalg import eigh, solve_triangular
 from scipy.sparse import csc_matrix
 
-from femupdate.arrays import Floats
+from femupdate.arrays import Floats, Singles
 from femupdate.dynamics.thresholds import REDUCTION
 from femupdate.seeds import even_points
 
@@ -25,6 +25,7 @@ STATIC_WEIGHT = 1e-2  # of the static response among the shapes
 # Duals matter less than the motion itself: a twentieth of its weight was best of those tried.
 _DUAL = 0.05
 _SMALLEST = 1e-3  # |H| below which a frequency weighs no more
+_TOGETHER = 8  # parts that are multiplied at once
 _LEAST_NEW = 1e-14  # energy of a shape, of the largest, that is kept
 
 
@@ -92,40 +93,50 @@ class FeltModes:
         return directions[:, kept] * np.sqrt(energy[kept] / energy[-1])
 
 
-def compressed(mass: csc_matrix, shapes: Sequence[Floats], size: int) -> Floats:
+def compressed(mass: csc_matrix, shapes: Sequence[Floats | Singles], size: int) -> Floats:
     """Mass-orthonormal basis (n, r) of weighted shapes, most energetic first.
 
     Args:
         mass: (n, n).
-        shapes: parts (n, c) each, which are never copied into one array: they may fill GB.
+        shapes: parts (n, c) each, which are never copied into one array: they may fill GB. Single
+            precision does: energies go down to 1e-14 of the largest with it.
         size: r at most.
     """
     energy, directions = eigh(_lower_gram(mass, shapes), lower=True)
     kept = np.flatnonzero(energy > _LEAST_NEW * energy[-1])[::-1][:size]
     weights = directions[:, kept] / np.sqrt(energy[kept])
     basis = np.zeros((mass.shape[0], len(kept)))
-    for one, own in zip(shapes, _rows_of(shapes), strict=True):
-        basis += one @ weights[own]
+    for block, own in _blocks(shapes):
+        basis += block @ weights[own]
     # Once more: the energies span many decades and the first pass loses orthogonality with them.
     factor = np.linalg.cholesky(basis.T @ (mass @ basis))
     return np.asarray(solve_triangular(factor, basis.T, lower=True).T)
 
 
-def _lower_gram(mass: csc_matrix, shapes: Sequence[Floats]) -> Floats:
-    """(c, c) products of all shapes with the mass, those below the diagonal alone."""
-    rows = _rows_of(shapes)
-    gram = np.zeros((rows[-1].stop, rows[-1].stop))
-    for k, one in enumerate(shapes):
-        forces = mass @ one
-        for m in range(k, len(shapes)):
-            gram[rows[m], rows[k]] = shapes[m].T @ forces
+def _lower_gram(mass: csc_matrix, shapes: Sequence[Floats | Singles]) -> Floats:
+    """(c, c) products of all shapes with the mass; those above the diagonal need not be there."""
+    count = sum(one.shape[1] for one in shapes)
+    gram = np.zeros((count, count))
+    for number, (block, own) in enumerate(_blocks(shapes)):
+        forces = mass @ block
+        for later, rows in _blocks(shapes, number):
+            gram[rows, own] = later.T @ forces
     return gram
 
 
-def _rows_of(shapes: Sequence[Floats]) -> list[slice]:
-    """Where the shapes of every part are among all."""
-    ends = accumulate((one.shape[1] for one in shapes), initial=0)
-    return [slice(*pair) for pair in pairwise(ends)]
+def _blocks(shapes: Sequence[Floats | Singles], first: int = 0) -> Iterator[tuple[Floats, slice]]:
+    """Some parts side by side (n, b), in double precision, and where they are among all shapes.
+
+    Args:
+        first: block from which on they are given.
+    """
+    ends = [0, *accumulate(one.shape[1] for one in shapes)]
+    for start in range(first * _TOGETHER, len(shapes), _TOGETHER):
+        some = shapes[start : start + _TOGETHER]
+        yield (
+            np.concatenate(some, axis=1, dtype=np.float64),
+            slice(ends[start], ends[start + len(some)]),
+        )
 
 
 def log_even_samples(target: ReductionTarget, stories: int | None = None) -> Floats:
