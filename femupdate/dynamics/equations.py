@@ -69,6 +69,8 @@ class WithSprings:
     def times(self, shapes: Floats) -> Floats:
         """Forces (n, m) that hold shapes (n, m)."""
         rows = self.springs.rows
+        if not len(rows):
+            return self.without.times(shapes)
         pulled = rows.T @ (self.springs.stiffness[:, None] * (rows @ shapes))
         return np.asarray(self.without.times(shapes) + pulled)
 

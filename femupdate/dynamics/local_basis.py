@@ -78,7 +78,8 @@ def local_structure(
     if present is not None:
         shapes += _along_ports(structure, middle, present)
     progress.start("Reducing the model for effects", len(questions))
-    task = partial(_answer, structure, known.shapes, target)
+    modes = known.shapes, _times(structure.mass, known.shapes)
+    task = partial(_answer, structure, modes, target)
     for one in everywhere(task, questions):
         shapes.append(one)
         progress.advance()
@@ -146,14 +147,23 @@ def _neighbours(theta: Floats, spread: float) -> Floats:
 
 
 def _answer(
-    structure: Structure, known: Floats, target: ReductionTarget, question: _Question
+    structure: Structure, known: Sequence[Floats], target: ReductionTarget, question: _Question
 ) -> Singles:
+    """See `nearby_shapes`; known are modes (n, m), and their forces of inertia without effects."""
     equations = equations_at(structure, question.theta, question.added)
-    return nearby_shapes(equations, structure.floor_rows, known, target).astype(np.float32)
+    modes, image = known
+    heavier = any(terms.mass is not None for terms, _ in question.added)
+    own = None if heavier else image
+    shapes = nearby_shapes(equations, structure.floor_rows, modes, target, own)
+    return shapes.astype(np.float32)
 
 
 def nearby_shapes(
-    equations: Equations, rows: Floats, known: Floats, target: ReductionTarget
+    equations: Equations,
+    rows: Floats,
+    known: Floats,
+    target: ReductionTarget,
+    image: Floats | None = None,
 ) -> Floats:
     """Weighted shapes (n, c) that span the responses of a changed model over the grid.
 
@@ -166,52 +176,62 @@ def nearby_shapes(
         equations: of the changed model.
         rows: (f, n) where its floors are observed.
         known: (n, m) modes of the model that it differs little from.
+        image: (n, m) the mass of the changed model times these, where it is at hand.
     """
     factors = WithSprings(factorize(equations.stiffness), equations.springs)
-    force = equations.force[:, TRANSLATION]
+    force, count = equations.force[:, TRANSLATION], known.shape[1]
     static = factors.apply(force[:, None])[:, 0]
-    image = _times(equations.mass, known)
-    stiffness = known.T @ factors.times(known)
-    seen = _Seen(rows, force, static)
-    first = seen.responses(stiffness, known.T @ image, known, target)
+    image = _times(equations.mass, known) if image is None else image
+    own = _Projected(known.T @ factors.times(known), known.T @ image, rows @ known, force @ known)
+    first = own.responses(rows @ static, target)
     # What the stiffness makes of the new shapes are the right-hand sides that they solve.
-    right = np.column_stack([image @ first, force])
-    fresh = np.column_stack([factors.apply(right[:, :-1]), static])
+    right = image @ first
+    fresh = np.column_stack([factors.apply(right), static])
     moved = _times(equations.mass, fresh)
-    stiffness = _symmetric(stiffness, known.T @ right, fresh.T @ right)
-    mass = _symmetric(known.T @ image, known.T @ moved, fresh.T @ moved)
-    both = np.column_stack([known, fresh])
-    combined = seen.responses(stiffness, mass, both, target)
-    return np.column_stack([both @ combined, STATIC_WEIGHT * static])
+    driven = force @ fresh
+    across = np.column_stack([known.T @ right, own.driven])
+    within = np.column_stack([fresh.T @ right, driven])
+    both = _Projected(
+        _symmetric(own.stiffness, across, within),
+        _symmetric(own.mass, image.T @ fresh, fresh.T @ moved),
+        np.column_stack([own.floors, rows @ fresh]),
+        np.append(own.driven, driven),
+    )
+    combined = both.responses(rows @ static, target)
+    shapes = known @ combined[:count] + fresh @ combined[count:]
+    return np.column_stack([shapes, STATIC_WEIGHT * static])
 
 
 @dataclass(frozen=True, eq=False)
-class _Seen:
-    """Where the floors are observed (f, n), what drives the model (n,), and the displacement (n,)
-    that it does so statically."""
+class _Projected:
+    """A model on a basis of b shapes.
 
-    rows: Floats
-    force: Floats
-    static: Floats
+    Attributes:
+        stiffness, mass: (b, b).
+        floors: (f, b) what the floors show of the shapes.
+        driven: (b,) what drives them.
+    """
 
-    def responses(
-        self, stiffness: Floats, mass: Floats, basis: Floats, target: ReductionTarget
-    ) -> Floats:
-        """Combinations (b, c) of a basis (n, b) that span the responses of the model on it.
+    stiffness: Floats
+    mass: Floats
+    floors: Floats
+    driven: Floats
+
+    def responses(self, static: Floats, target: ReductionTarget) -> Floats:
+        """Combinations (b, c) of the basis that span the responses of the model on it.
 
         Args:
-            stiffness, mass: (b, b) of the model on the basis.
+            static: (f,) displacement of the floors under the force that drives the model.
         """
-        scale = np.sqrt(mass.diagonal())
+        scale = np.sqrt(self.mass.diagonal())
         # Not NumPy's: the method of divide and conquer has failed on such matrices.
-        energy, directions = eigh(mass / np.outer(scale, scale))
+        energy, directions = eigh(self.mass / np.outer(scale, scale))
         kept = energy > _NOTHING * energy[-1]
         onto = (directions[:, kept] / np.sqrt(energy[kept])) / scale[:, None]
-        squared, vectors = eigh(onto.T @ stiffness @ onto)
+        squared, vectors = eigh(onto.T @ self.stiffness @ onto)
         modes = onto @ vectors
-        participation = modes.T @ (basis.T @ self.force)
-        floors = (self.rows @ basis) @ modes
-        missed = self.rows @ self.static - (floors * participation) @ (1.0 / squared)
+        participation, floors = self.driven @ modes, self.floors @ modes
+        missed = static - (floors * participation) @ (1.0 / squared)
         felt = FeltModes(np.sqrt(squared), participation, floors, missed)
         return modes @ felt.combinations(target, LOCAL_BASIS.least)
 
