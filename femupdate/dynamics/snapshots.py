@@ -25,7 +25,7 @@ STATIC_WEIGHT = 1e-2  # of the static response among the shapes
 # Duals matter less than the motion itself: a twentieth of its weight was best of those tried.
 _DUAL = 0.05
 _SMALLEST = 1e-3  # |H| below which a frequency weighs no more
-_TOGETHER = 8  # parts that are multiplied at once
+_TOGETHER = 4  # parts that are multiplied at once
 _LEAST_NEW = 1e-14  # energy of a shape, of the largest, that is kept
 
 
