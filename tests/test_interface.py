@@ -49,3 +49,8 @@ def test_what_is_wrong_is_said_at_once(tmp_path):
     assert not (tmp_path / "new").exists()
     with pytest.raises(AttributeError, match="no attribute 'calibrated'"):
         _ = femupdate.calibrated
+
+
+def test_the_page_shows_every_public_name():
+    text = PAGE.read_text(encoding="utf-8")
+    assert [name for name in femupdate._INTERFACE if f"femupdate.{name}" not in text] == []
