@@ -90,7 +90,7 @@ def read_table(file: TextFile) -> Table:
 
 def rows_of_table(file: TextFile) -> list[Row]:
     """Rows of a table without what loggers write above it: lines of other numbers of cells."""
-    rows = file.rows
+    rows = file.rows()
     delimiter = find_delimiter(rows[-1][1])
     width = len(cells_of(rows[-1][1], delimiter))
     if len(cells_of(rows[0][1], delimiter)) == width or width < _LEAST_COLUMNS:

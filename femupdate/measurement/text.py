@@ -5,7 +5,6 @@ import difflib
 import importlib
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -46,9 +45,8 @@ class TextFile:
             where += f", column {column}"
         return MeasurementError(f"{where}: {message}")
 
-    @cached_property
     def rows(self) -> list[tuple[int, str]]:
-        """(Line number, text) of the lines that are neither blank nor comments (#, %)."""
+        """Return (line number, text) of the lines that are neither blank nor comments (#, %)."""
         numbered = enumerate(self.lines, start=1)
         return [(n, line) for n, line in numbered if (s := line.strip()) and s[0] not in "#%"]
 
@@ -93,7 +91,7 @@ def text_of(path: Path, data: bytes) -> TextFile:
     if b"\0" in data and not data.startswith(_UTF16_MARKS):
         raise MeasurementError(f"{path}: this is not a text file; export the record as text")
     file = TextFile(path, tuple(_lines(_decode(data))))
-    if not file.rows:
+    if not file.rows():
         raise file.error("the file holds no data; write it again from its source")
     return file
 

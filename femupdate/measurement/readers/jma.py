@@ -48,7 +48,7 @@ def _read(path: Path) -> Recording:
 
 
 def _channels_and_rows(file: TextFile) -> tuple[tuple[str, ...], list[Row]]:
-    rows = file.rows
+    rows = file.rows()
     for position, (_, text) in enumerate(rows):
         if is_number(cells_of(text, ",")[0]):
             break

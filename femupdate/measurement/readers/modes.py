@@ -22,7 +22,7 @@ def _recognises(head: str, suffix: str) -> bool:
     """Whether a row above the numbers names columns that only identified modes have."""
     if "\0" in head:
         return False
-    return _header_at(TextFile(Path(), tuple(head.split("\n"))).rows) is not None
+    return _header_at(TextFile(Path(), tuple(head.split("\n"))).rows()) is not None
 
 
 def _header_at(rows: list[Row]) -> int | None:
@@ -45,7 +45,7 @@ def _read(path: Path) -> Recording:
         MeasurementError: a row has another number of cells, or a cell is text.
     """
     file = read_text(path)
-    rows = file.rows
+    rows = file.rows()
     above = _header_at(rows) or 0
     rows = split_complex(rows[above:], _BLANK)
     delimiter = find_delimiter(rows[0][1])

@@ -14,7 +14,7 @@ _LOOKED_AT = 50
 
 def _recognises(head: str, suffix: str) -> bool:
     """Whether a file begins like a table: with a column of times or rows of numbers."""
-    rows = TextFile(Path(), tuple(head.split("\n"))).rows[:_LOOKED_AT]
+    rows = TextFile(Path(), tuple(head.split("\n"))).rows()[:_LOOKED_AT]
     rows = split_complex(rows) if rows else rows
     cells = [cells_of(text, find_delimiter(text)) for _, text in rows]
     named = bool(cells) and TIME_NAME.match(cells[0][0]) is not None
@@ -23,7 +23,7 @@ def _recognises(head: str, suffix: str) -> bool:
 
 def _read(path: Path) -> Recording:
     file = read_text(path)
-    above = len(file.rows) - len(rows_of_table(file))
+    above = len(file.rows()) - len(rows_of_table(file))
     notes = (f"Lines above the table that are passed over: {above}.",)
     return Recording(file, table=read_table(file), notes=notes if above else ())
 
