@@ -62,15 +62,23 @@ class Problem:
 
     def on_fewer(self) -> "Problem":
         """The same on the shapes that count most: for searches, which the whole basis ends."""
-        fewer = replace(self, reduced=self.reduced.first(FIT.fewer_shapes), left_open=None)
-        fewer.__dict__["error"] = self.error  # as in `at_row`
-        return fewer
+        return self._with_tables(replace(self, reduced=self._fewer, left_open=None))
 
     def coarse(self, noise: float) -> "Problem":
         """For searches, as if there were so much more noise and every point erred alone."""
         data = tuple(one.coarse(noise) for one in self.data)
-        fewer = self.reduced.first(FIT.fewer_shapes)
-        return replace(self, reduced=fewer, data=data, left_open=None, known=None, chosen=None)
+        return replace(
+            self, reduced=self._fewer, data=data, left_open=None, known=None, chosen=None
+        )
+
+    @property
+    def _fewer(self) -> ReducedStructure:
+        return self.reduced.first(FIT.fewer_shapes)
+
+    def _with_tables(self, other: "Problem") -> "Problem":
+        """Another of the same data, with the same tables of errors, whose factors are dear."""
+        other.__dict__["error"] = self.error
+        return other
 
     @property
     def divisible(self) -> bool:
@@ -100,10 +108,7 @@ class Problem:
         """The same, residuals whitened by other rows of the tables of errors."""
         if row == self.row:
             return self
-        other = replace(self, chosen=row)
-        # The tables stay; their factors are dear.
-        other.__dict__["error"] = self.error
-        return other
+        return self._with_tables(replace(self, chosen=row))
 
     def same_errors(self, other: "Problem") -> bool:
         """Whether both have one table of errors, and one set of those known beforehand."""
