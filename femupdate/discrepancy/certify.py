@@ -17,7 +17,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from femupdate.discrepancy.fit import Fit, about, fit, log_posterior
+from femupdate.discrepancy.fit import Fit, about, fit, log_posterior, settle
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.thresholds import FIT
 from femupdate.inference.event_scatter import DEFAULT
@@ -102,8 +102,9 @@ def gain_elsewhere(elsewhere: Problem, before: Fit, after: Fit) -> float:
     alike = elsewhere.same_tables(after.problem)
     own = about(replace(elsewhere, rows_kept=after.problem.rows_kept if alike else None), before)
     row = before.problem.row if alike else own.error.start
-    without = as_event(own.at_row(row), before)
-    with_it = as_event(own.at_row((after if alike else without).problem.row), after)
+    without = settle(own, as_event(own.at_row(row), before))
+    row = after.problem.row if alike else without.problem.row
+    with_it = settle(own, as_event(own.at_row(row), after))
     return _log_predictive(own, with_it) - _log_predictive(own, without)
 
 

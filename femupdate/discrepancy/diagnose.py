@@ -77,9 +77,19 @@ class Finding:
         own = self.placed.effect.parameters
         return not own or abs(self.size - own[0].neutral) >= own[0].least
 
+    def needed(self, settings: DiagnosisSettings) -> float:
+        """Log evidence that a name needs.
+
+        An instrument's effect that the halves of the data certify needs little more: where the
+        model itself errs, its error may take the place of a delay or a gain.
+        """
+        certified = self.tested is not None and self.tested.certified
+        instrument = self.placed.effect.instrument
+        return VERDICT.positive if instrument and certified else settings.over_none
+
     def carried(self, settings: DiagnosisSettings) -> bool:
         """Whether the evidence carries it, on data to which it was not fitted too."""
-        enough = self.evidence.log_evidence >= settings.over_none
+        enough = self.evidence.log_evidence >= self.needed(settings)
         return enough and (self.tested is None or self.tested.certified)
 
     @property
@@ -565,12 +575,21 @@ def _certified(
 ) -> tuple[Finding, ...]:
     """The findings, the leading ones tested on data to which they were not fitted."""
     carried = [one for one in findings if one.evidence.log_evidence >= settings.over_none]
-    if not carried:
+    worthy = [*carried[:1], *_others_than(carried[0], carried[1:])] if carried else []
+    worthy = worthy[: VERDICT.compared]
+    if problem.row != problem.error.first:
+        worthy += [one for one in _instruments(findings) if one not in worthy]
+    if not worthy:
         return findings
-    worthy = [carried[0], *_others_than(carried[0], carried[1:])]
-    fits = [one.fitted for one in worthy[: VERDICT.compared]]
+    fits = [one.fitted for one in worthy]
     tests = certify(problem, base, fits, tried, settings.false_share)
     return tuple(replace(one, tested=tests.get(one.placed.label)) for one in findings)
+
+
+def _instruments(findings: tuple[Finding, ...]) -> list[Finding]:
+    """Instruments' effects that an error of the model may hide, the most probable first."""
+    hinted = [one for one in findings if one.evidence.log_evidence >= VERDICT.positive]
+    return [one for one in hinted if one.placed.effect.instrument][: VERDICT.compared]
 
 
 def _simplest_first(
@@ -597,17 +616,19 @@ def _instrument_first(
 ) -> tuple[Finding, ...]:
     """The findings, led by an instrument's effect that is missing beside the first and is close.
 
-    An instrument is mended before the structure is judged by it.
+    An instrument is mended before the structure is judged by it. One that the other half of the
+    data holds far likelier than the first need not be close by its own.
     """
     if not findings or findings[0].placed.effect.instrument:
         return findings
     first = findings[0]
     least = first.evidence.log_evidence - settings.margin(first.evidence.log_evidence)
     for one in findings[1:]:
-        close = one.evidence.log_evidence > least and one.carried(settings)
+        close = one.evidence.log_evidence > least or _far_behind(first, one, settings)
         if (
             one.placed.effect.instrument
             and close
+            and one.carried(settings)
             and one.matters(settings)
             and _beside(problem, first, one, settings)
         ):
@@ -622,7 +643,7 @@ def _beside(problem: Problem, first: Finding, other: Finding, settings: Diagnosi
     start = extended(problem, first.fitted, placed, np.concatenate([first.fitted.known, own]))
     both = settle(problem, fit(problem, placed, start, FIT.steps))
     gain = laplace(problem, both).log_evidence - laplace(problem, first.fitted).log_evidence
-    return gain >= max(settings.over_none, VERDICT.beside * other.evidence.log_evidence)
+    return gain >= max(other.needed(settings), VERDICT.beside * other.evidence.log_evidence)
 
 
 def _others_than(first: Finding, others: Sequence[Finding]) -> list[Finding]:

@@ -83,7 +83,7 @@ def _best_pair(found: Diagnosis, settings: DiagnosisSettings, progress: Progress
     """
     # One of two may show by itself as nothing.
     able = [one for one in found.findings if not one.placed.exchange]
-    strong = [one for one in able if one.evidence.log_evidence >= settings.over_none]
+    strong = [one for one in able if one.evidence.log_evidence >= one.needed(settings)]
     names = {one.placed.label for one in strong[: VERDICT.paired]}
     pairs = [pair for pair in combinations(able, 2) if pair[0].placed.label in names]
     if not pairs:

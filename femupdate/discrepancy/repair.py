@@ -163,16 +163,16 @@ def _chosen(
 ) -> tuple[Finding | None, tuple[Finding, ...]]:
     """What is added, and what leads but predicts data kept out worse.
 
-    Such data certify by themselves, also what the data alone would give no name. What those alone
-    carry goes first; of what they only hint at, that which all data together hold likeliest.
+    Such data certify by themselves, also what the data alone would give no name. What all data
+    together hold likeliest goes first.
     """
     if elsewhere is None:
         return _kept_in_turn(found)
     rivals = _rivals(found)
     if rivals and (one := _decided(problem, found.base, rivals, settings, elsewhere)):
         return one, ()
+    accepted: list[tuple[float, Finding]] = []
     refused: list[Finding] = []
-    hinted: list[tuple[float, Finding]] = []
     for one in found.findings[len(rivals) :]:
         value = one.evidence.log_evidence
         if denied(found, one, settings) or value < VERDICT.positive or not one.matters(settings):
@@ -183,13 +183,11 @@ def _chosen(
         if certain:
             # What differs between events alone hides in their scatter.
             least = 0.0 if one.placed.effect.needs_levels else VERDICT.clearly
-        if gain > least and certain:
-            return one, tuple(refused)
         if gain > least and value + gain >= settings.over_none:
-            hinted.append((value + gain, one))
+            accepted.append((value + gain, one))
         elif certain:
             refused.append(one)
-    best = max(hinted, key=lambda each: each[0], default=None)
+    best = max(accepted, key=lambda each: each[0], default=None)
     return (None if best is None else best[1]), tuple(refused)
 
 

@@ -62,6 +62,9 @@ class Finding:
     def in_words(self):
         return f"There is {self.label}"
 
+    def needed(self, settings):
+        return settings.over_none
+
     def carried(self, settings):
         return self.holds
 

@@ -11,11 +11,13 @@ import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from femupdate.building.files import load_building
+from femupdate.discrepancy import search
 from femupdate.discrepancy.diagnose import STANDS_IN, diagnose
 from femupdate.discrepancy.thresholds import DiagnosisSettings
 from femupdate.study import Study
@@ -190,30 +192,36 @@ def hidden_from_tests(monkeypatch):
     monkeypatch.setattr("femupdate.discrepancy.diagnose._worth_all", lambda *_: False)
 
 
-def test_where_something_else_is_missing_an_effect_is_looked_for_from_afar(
-    diagnosed, monkeypatch, hidden_from_tests
-):
-    seen = []
-
-    def paired(*given, **options):
-        found = diagnose(*given, **options)
-        seen.append(found)
-        return found if len(seen) > 1 else replace(found, verdict="partly")
-
-    monkeypatch.setattr("femupdate.discrepancy.search.diagnose", paired)
-    found = diagnosed(FAR_OFF.frf(GRID)).diagnosis
-    assert len(seen) == 2
-    assert (found.verdict, found.leading.placed.label) == ("named", "added_mass@3F")
+@pytest.mark.parametrize("verdict", ["partly", "ambiguous", "unknown"])
+def test_where_the_answer_is_open_an_effect_is_looked_for_from_afar(monkeypatch, verdict):
+    """An answer that is certain, and leaves nothing, is kept."""
+    first = SimpleNamespace(verdict="named", findings=(), scores=(), close=())
+    asked = []
+    monkeypatch.setattr(search, "diagnose", lambda *_: first)
+    monkeypatch.setattr(search, "_run_off", lambda model, problem, base, found, *_: (0, 0, found))
+    monkeypatch.setattr(search, "global_fit", lambda *_: asked.append(first.verdict))
+    assert search.sought(None, None, None)[2] is first
+    assert asked == []
+    first.verdict = verdict
+    assert search.sought(None, None, None)[2] is first
+    assert asked == [verdict]
 
 
 def test_an_effect_that_draws_theta_far_off_is_looked_for_from_afar(
     diagnosed, monkeypatch, hidden_from_tests
 ):
+    near = []
+
+    def seen(*given, **options):
+        found = diagnose(*given, **options)
+        near.append(found.verdict)
+        return found
+
+    monkeypatch.setattr(search, "diagnose", seen)
     found = diagnosed(FAR_OFF.frf(GRID)).diagnosis
     assert (found.verdict, found.leading.placed.label) == ("named", "added_mass@3F")
     assert abs(found.leading.size + 0.41) < 4.0 * found.leading.size_sd
-    monkeypatch.setattr("femupdate.discrepancy.search.global_fit", lambda *_: None)
-    assert diagnosed(FAR_OFF.frf(GRID)).diagnosis.verdict in ("unknown", "partly")
+    assert near[0] in ("unknown", "partly")
 
 
 def test_the_damping_law_is_named_where_the_model_has_another(diagnosed, tmp_path):
