@@ -575,7 +575,7 @@ def _certified(
 ) -> tuple[Finding, ...]:
     """The findings, the leading ones tested on data to which they were not fitted."""
     carried = [one for one in findings if one.evidence.log_evidence >= settings.over_none]
-    worthy = [*carried[:1], *_others_than(carried[0], carried[1:])] if carried else []
+    worthy = [*carried[:1], *others_than(carried[0], carried[1:])] if carried else []
     worthy = worthy[: VERDICT.compared]
     if problem.row != problem.error.first:
         worthy += [one for one in _instruments(findings) if one not in worthy]
@@ -646,7 +646,7 @@ def _beside(problem: Problem, first: Finding, other: Finding, settings: Diagnosi
     return gain >= max(other.needed(settings), VERDICT.beside * other.evidence.log_evidence)
 
 
-def _others_than(first: Finding, others: Sequence[Finding]) -> list[Finding]:
+def others_than(first: Finding, others: Sequence[Finding]) -> list[Finding]:
     """Others than the same effect at one place, where it leads in all: that does not say where."""
     if first.placed.place != "all":
         return list(others)
@@ -670,7 +670,7 @@ def _verdict(
     # with a parameter more, nor what is missing as well.
     near = [
         other
-        for other in _others_than(first, near)
+        for other in others_than(first, near)
         if other.carried(settings)
         and not _far_behind(other, first, settings)
         and not _contains(other, first)

@@ -14,6 +14,7 @@ from femupdate.discrepancy.diagnose import (
     Diagnosis,
     Finding,
     diagnose,
+    others_than,
 )
 from femupdate.discrepancy.finder_model import FinderModel
 from femupdate.discrepancy.fit import Fit, extended, fit, settle
@@ -164,7 +165,7 @@ def _chosen(
     """What is added, and what leads but predicts data kept out worse.
 
     Such data certify by themselves, also what the data alone would give no name. What all data
-    together hold likeliest goes first.
+    together hold clearly likelier than the first goes before it.
     """
     if elsewhere is None:
         return _kept_in_turn(found)
@@ -187,8 +188,20 @@ def _chosen(
             accepted.append((value + gain, one))
         elif certain:
             refused.append(one)
-    best = max(accepted, key=lambda each: each[0], default=None)
-    return (None if best is None else best[1]), tuple(refused)
+    return _likeliest(accepted, settings), tuple(refused)
+
+
+def _likeliest(
+    accepted: list[tuple[float, Finding]], settings: DiagnosisSettings
+) -> Finding | None:
+    """The first of what is accepted, or what all data together hold clearly likelier, if any."""
+    if not accepted:
+        return None
+    totals = {id(one): total for total, one in accepted}
+    first, *others = [one for _, one in accepted]
+    best = max([first, *others_than(first, others)], key=lambda one: totals[id(one)])
+    lead = totals[id(best)] - totals[id(first)]
+    return best if lead > settings.margin(totals[id(best)]) else first
 
 
 def _kept_in_turn(found: Diagnosis) -> tuple[Finding | None, tuple[Finding, ...]]:

@@ -114,10 +114,19 @@ def added(monkeypatch):
     return run
 
 
-def test_what_all_data_hold_likeliest_is_added_first(added):
+def test_what_all_data_hold_clearly_likelier_is_added_first(added):
     some = finding(MASS, 12.0), finding(DAMPING, 1.5), finding(LATE, 5.0)
     assert added((7.0, 184.0, 11.0), *some) == (DAMPING.label, [])
     assert added((7.0, 9.0, 11.0), *some) == (MASS.label, [])
+    assert added((7.0, 9.0, 16.0), *some) == (MASS.label, [])
+    assert added((7.0, 9.0, 20.0), *some) == (LATE.label, [])
+
+
+def test_an_effect_in_all_places_stays_before_itself_at_one(added):
+    everywhere, at_one = (Placed(CATALOGUE["amplitude_softening"], at) for at in ("all", "S2"))
+    some = finding(everywhere, 38.0), finding(at_one, 39.0)
+    assert added((1.1, 14.5), *some) == (everywhere.label, [])
+    assert added((-1.0, 14.5), *some) == (at_one.label, [everywhere.label])
 
 
 def test_what_data_kept_out_predict_worse_is_refused(added):
