@@ -290,10 +290,10 @@ class System:
         return observed(self.placed, self.floors, frf, omega, sizes, self.moved[0] != 0.0)
 
     def at_level(
-        self, theta: Tensor, zeta: Tensor, sizes: Tensor, level: float
+        self, theta: Tensor, zeta: Tensor, sizes: Tensor, level: float | Tensor
     ) -> tuple[Tensor, Tensor]:
         """Stiffness factors and damping ratios at a level of motion (see `Effect`)."""
-        if level == 0.0:
+        if isinstance(level, float) and level == 0.0:
             return theta, zeta
         own = split_sizes(self.placed, sizes)
         for one, terms, size in zip(self.placed, self.terms, own, strict=True):

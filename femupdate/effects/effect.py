@@ -300,14 +300,19 @@ class Effect(ABC):
         return ratio
 
     def at_level(
-        self, theta: Tensor, zeta: Tensor, sizes: Tensor, level: float, constants: tuple[float, ...]
+        self,
+        theta: Tensor,
+        zeta: Tensor,
+        sizes: Tensor,
+        level: float | Tensor,
+        constants: tuple[float, ...],
     ) -> tuple[Tensor, Tensor]:
         """Stiffness factors (N, p) and damping ratios (N,) at another level of motion.
 
         Args:
             theta, zeta: at the reference level.
             sizes: (N, q) of the effect.
-            level: doublings of the amplitude above the reference.
+            level: doublings of the amplitude above the reference, one or (N,).
             constants: of the effect's terms.
         """
         return theta, zeta

@@ -6,17 +6,16 @@ stiffness in turn: each draw is put at the level at which its own response has t
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from functools import cache, partial
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 import torch
-from scipy.optimize import brentq
 
-from femupdate.arrays import Floats
+from femupdate.arrays import Floats, Integers
 from femupdate.discrepancy.thresholds import LEVEL
-from femupdate.dynamics.history import floor_histories
+from femupdate.dynamics.history import HistorySettings, floor_histories
 from femupdate.dynamics.level import motion_level
 from femupdate.dynamics.system import System, changes_in_run
 from femupdate.effects.effect import Placed
@@ -121,7 +120,7 @@ def at_own_level(
         keep_damping: leave the damping ratios as they are.
         progress: advances by one a draw.
     """
-    theta, zeta, sizes = draws
+    theta, zeta, _ = draws
     reference = settings.get(_LEVELS)
     if not reference:
         note = (
@@ -129,70 +128,89 @@ def at_own_level(
             "known: they are used as they are."
         )
         return AtOwnLevel(theta, zeta, np.zeros(len(theta)), note)
-    found, start = [], 0.0
-    softer, damped = theta.copy(), zeta.copy()
-    for row in range(len(theta)):
-        one = _Draw(system, theta[row], float(zeta[row]), sizes[row], keep_damping)
-        start = own_level(partial(one.reached, motion, reference), start)
-        softer[row], damped[row] = one.at(start)
-        found.append(start)
-        progress.advance()
-    level = np.array(found)
+    all_draws = _Draws(system, *draws, keep_damping)
+    found, start, batch = [], 0.0, HistorySettings().batch
+    for first in range(0, len(theta), batch):
+        some = all_draws.rows(slice(first, first + batch))
+        found.append(own_level(partial(some.reached, motion, reference), len(some.theta), start))
+        # Draws of one posterior have about the same level.
+        start = float(np.median(found[-1]))
+        progress.advance(len(some.theta))
+    level = np.concatenate(found)
+    softer, damped = all_draws.at(level)
     note = _note(level, softer / theta, damped / zeta, settings.get(_SPAN))
     return AtOwnLevel(softer, damped, level, note)
 
 
 @dataclass(frozen=True, eq=False)
-class _Draw:
-    """One posterior draw: theta (p,), zeta and sizes (q,)."""
+class _Draws:
+    """Posterior draws: theta (S, p), zeta (S,) and sizes (S, q)."""
 
     system: System
     theta: Floats
-    zeta: float
+    zeta: Floats
     sizes: Floats
     keep_damping: bool
 
-    def at(self, level: float) -> tuple[Floats, float]:
-        """Stiffness factors (p,) and damping ratio at a level."""
+    def rows(self, rows: slice | Integers) -> "_Draws":
+        """Some of them."""
+        theta, zeta, sizes = self.theta[rows], self.zeta[rows], self.sizes[rows]
+        return replace(self, theta=theta, zeta=zeta, sizes=sizes)
+
+    def at(self, level: Floats) -> tuple[Floats, Floats]:
+        """Stiffness factors (S, p) and damping ratios (S,), each draw at its level of (S,)."""
         theta, zeta = self.system.at_level(
-            torch.from_numpy(self.theta[None].copy()),
-            torch.tensor([self.zeta], dtype=torch.float64),
-            torch.from_numpy(self.sizes[None].copy()),
-            level,
+            torch.from_numpy(self.theta.copy()),
+            torch.from_numpy(self.zeta.copy()),
+            torch.from_numpy(self.sizes.copy()),
+            torch.from_numpy(level),
         )
-        return theta.numpy()[0], self.zeta if self.keep_damping else float(zeta[0])
+        return theta.numpy(), self.zeta if self.keep_damping else zeta.numpy()
 
-    def reached(self, motion: GroundMotion, reference: Mapping[str, float], level: float) -> float:
-        """Level of the response with the stiffness of a level."""
-        theta, zeta = self.at(level)
-        both = np.concatenate([theta, self.sizes])[None]
+    def reached(
+        self, motion: GroundMotion, reference: Mapping[str, float], rows: Integers, level: Floats
+    ) -> Floats:
+        """Levels (n,) of the responses of some draws, with the stiffness of levels (n,)."""
+        some = self.rows(rows)
+        theta, zeta = some.at(level)
+        both = np.concatenate([theta, some.sizes], axis=1)
         response = floor_histories(self.system, both, zeta, motion.inputs, motion.time_step)
-        levels = motion_level(response.floor_acceleration[0])
-        return doublings(reference, dict(zip(response.floors, levels.tolist(), strict=True)))
+        floors, levels = response.floors, motion_level(response.floor_acceleration)
+        each = (dict(zip(floors, one, strict=True)) for one in levels.tolist())
+        return np.array([doublings(reference, one) for one in each])
 
 
-def own_level(reached: Callable[[float], float], start: float) -> float:
-    """The level (doublings) at which the response has that level.
+def own_level(reached: Callable[[Integers, Floats], Floats], count: int, start: float) -> Floats:
+    """The level (doublings) at which the response of each draw (count,) has that level.
 
     Args:
-        reached: level of the response with the stiffness of a level.
+        reached: levels of the responses of some draws with the stiffness of levels.
+        count: number of draws.
         start: where the search begins.
 
     Stiffness changes the level of the response little, so that taking each answer for the next
-    question leads there; two questions that err to opposite sides have it between them.
+    question leads there. Once two questions err to opposite sides, the next lies between them:
+    where the straight line has it, by the Illinois rule (Dowell and Jarratt, BIT 11, 1971, 168).
     """
-    ask = cache(reached)
-    level, gap = start, ask(start) - start
+    level, answer = np.full(count, start), np.full(count, start)
+    ends, gaps = np.full((2, count), np.nan), np.full((2, count), np.nan)
+    before, open_ = np.full(count, -1), np.arange(count)
     for _ in range(LEVEL.steps):
-        if abs(gap) < LEVEL.exact:
+        answer[open_] = reached(open_, level[open_])
+        gap = answer[open_] - level[open_]
+        side = (gap < 0.0).astype(np.intp)
+        # An end that stays for the second time counts half, or steps would creep.
+        stays = before[open_] == side
+        gaps[1 - side[stays], open_[stays]] *= 0.5
+        ends[side, open_], gaps[side, open_], before[open_] = level[open_], gap, side
+        open_ = open_[np.abs(gap) >= LEVEL.exact]
+        if not open_.size:
             break
-        following = level + gap
-        after = ask(following) - following
-        if abs(after) >= LEVEL.exact and gap * after < 0.0:
-            ends = sorted((level, following))
-            return float(brentq(lambda x: ask(x) - x, *ends, xtol=LEVEL.exact))
-        level, gap = following, after
-    return level + gap
+        low, high = ends[:, open_]
+        share = gaps[0, open_] / (gaps[0, open_] - gaps[1, open_])
+        between = low + share * (high - low)
+        level[open_] = np.where(np.isnan(between), answer[open_], between)
+    return answer
 
 
 def _note(level: Floats, stiffness: Floats, damping: Floats, span: list[float] | None) -> str:

@@ -144,10 +144,31 @@ def test_the_note_says_how_far_the_motion_is_from_the_records(house, motion):
     assert "beyond" not in note(1.5 * inside)
 
 
-def test_a_level_is_found_where_repeating_would_run_away():
-    """The answer falls twice as fast as the question rises."""
-    assert own_level(lambda level: 1.8 - 2.0 * level, 0.0) == pytest.approx(0.6, abs=0.01)
-    assert own_level(lambda level: 1.5 - 0.1 * level, 0.0) == pytest.approx(1.5 / 1.1, abs=0.01)
+def test_levels_are_found_also_where_repeating_would_run_away():
+    """Of the first draw the answer falls twice as fast as the question rises."""
+    at_rest, slope, asked = np.array([1.8, 1.5, 0.7, 0.0]), np.array([-2.0, -0.1, 0.3, 0.0]), []
+
+    def reached(rows, level):
+        asked.extend(rows)
+        return at_rest[rows] + slope[rows] * level
+
+    found = own_level(reached, 4, 0.0)
+    np.testing.assert_allclose(found, at_rest / (1.0 - slope), atol=0.01)
+    # What is found is not asked again.
+    assert [asked.count(row) for row in range(4)] == [3, 3, 6, 1]
+
+
+def test_a_level_where_the_answer_bends_takes_few_questions():
+    """scipy's bisection tells the crossing of a steep and bent answer."""
+
+    def reached(rows, level):
+        return 3.0 - np.exp(0.5 * (level + rows))
+
+    asked = []
+    found = own_level(lambda rows, level: asked.append(rows) or reached(rows, level), 3, 0.0)
+    right = [bisect(lambda x, row=row: reached(row, x) - x, -5.0, 5.0) for row in range(3)]
+    np.testing.assert_allclose(found, right, atol=0.02)
+    assert len(asked) < 12
 
 
 def test_only_what_depends_on_the_level_asks_for_it(house):

@@ -42,12 +42,17 @@ class AmplitudeSoftening(Softening):
         return Terms(constants=(float(names.index(place) if place in names else ALL_STORIES),))
 
     def at_level(
-        self, theta: Tensor, zeta: Tensor, sizes: Tensor, level: float, constants: tuple[float, ...]
+        self,
+        theta: Tensor,
+        zeta: Tensor,
+        sizes: Tensor,
+        level: float | Tensor,
+        constants: tuple[float, ...],
     ) -> tuple[Tensor, Tensor]:
         """Both times (1 + size)^level, level the number of doublings above the reference."""
-        softer, story = (1.0 + sizes[:, :1]) ** level, int(constants[0])
-        changed = theta * softer
+        softer, story = (1.0 + sizes[:, 0]) ** level, int(constants[0])
+        changed = theta * softer[:, None]
         if story != ALL_STORIES:
             changed = theta.clone()
-            changed[:, story] = theta[:, story] * softer[:, 0]
+            changed[:, story] = theta[:, story] * softer
         return changed, zeta * (1.0 + sizes[:, 1]) ** level
