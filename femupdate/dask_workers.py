@@ -9,6 +9,7 @@ import logging
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Generic, TypeVar
 
 from femupdate import __version__
@@ -84,10 +85,28 @@ def _silence() -> None:
 
 @dataclass(frozen=True)
 class _Work(Generic[A, T]):
-    """What is done with every argument; sent once, and again to workers that come later."""
+    """What is done with every argument; sent once, and again to workers that come later.
 
-    task: Callable[[A], T]
+    A worker unpacks it for itself, and passes the bytes on. An object that was used may hold what
+    cannot be sent, such as a factorization, and Dask then waits for ever (dask/distributed#6705).
+
+    Attributes:
+        packed: the task.
+        version: of femupdate.
+    """
+
+    packed: bytes
     version: str
+
+    @cached_property
+    def task(self) -> Callable[[A], T]:
+        from distributed.protocol import deserialize_bytes
+
+        task: Callable[[A], T] = deserialize_bytes(self.packed)
+        return task
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _Work, (self.packed, self.version)
 
 
 @dataclass(frozen=True)
@@ -120,10 +139,12 @@ class DaskWorkers:
             WorkersError: the scheduler is lost, or workers die again and again over one piece.
         """
         from distributed import as_completed
+        from distributed.protocol import serialize_bytes
 
         # The scheduler keeps the work itself: a worker that dies takes no copy of it along that
         # could not be made again.
-        work = self._client.submit(_kept, _Work(task, __version__), pure=False)
+        packed = serialize_bytes(task, on_error="raise")
+        work = self._client.submit(_kept, _Work(packed, __version__), pure=False)
         places = {
             self._client.submit(_done, work, _Piece(one), pure=False): k
             for k, one in enumerate(arguments)
