@@ -17,12 +17,17 @@ from scipy.linalg import eigh
 from femupdate.building.files import load_building
 from femupdate.building.shear import shear_operators
 from femupdate.dask_workers import dask_workers
+from femupdate.dynamics.local_basis import local_structure
+from femupdate.dynamics.snapshots import ReductionTarget
 from femupdate.dynamics.system import System
+from femupdate.effects.effect import Placed
+from femupdate.effects.registry import CATALOGUE
+from femupdate.effects.structure import structure_of
 from femupdate.errors import WorkersError
 from femupdate.inference.priors import theta_prior
 from femupdate.surrogate import dataset as room
 from femupdate.surrogate.dataset import DatasetPlan, compute_dataset
-from femupdate.workers import completed, everywhere, working_on
+from femupdate.workers import OneByOne, completed, everywhere, working_on
 from femupdate.workflow.model import reduce_building
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "how-to" / "several-machines.md"
@@ -97,6 +102,21 @@ def test_a_reduction_is_the_same(processes, cabin_file):
     np.testing.assert_array_equal(
         shared.reduced.model.stiffness_terms, serial.reduced.model.stiffness_terms
     )
+
+
+def test_a_basis_about_an_effect_is_the_same(processes, cabin_file):
+    """Its size comes from the static shape: a structure is sent that was used here before."""
+    target = ReductionTarget(
+        np.full(2, 1 / 3), np.full(2, 3.0), np.linspace(0.2, 30.0, 150), 0.02, 0.01, samples=16
+    )
+    brace = Placed(CATALOGUE["brace"], "ground-RF")
+    bases = []
+    for workers in (OneByOne(), processes):
+        structure = structure_of(load_building(str(cabin_file)))
+        with working_on(workers):
+            local = local_structure(structure, np.ones(2), target, present=[((brace, 0.5),)])
+        bases.append(local.basis)
+    np.testing.assert_array_equal(*bases)
 
 
 def test_the_script_of_the_page_runs_and_resumes(processes, tmp_path, monkeypatch):
