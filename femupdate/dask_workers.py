@@ -87,26 +87,29 @@ def _silence() -> None:
 class _Work(Generic[A, T]):
     """What is done with every argument; sent once, and again to workers that come later.
 
-    A worker unpacks it for itself, and passes the bytes on. An object that was used may hold what
-    cannot be sent, such as a factorization, and Dask then waits for ever (dask/distributed#6705).
-
     Attributes:
-        packed: the task.
+        task: as it was sent, for workers that come later.
         version: of femupdate.
     """
 
-    packed: bytes
+    task: Callable[[A], T]
     version: str
 
     @cached_property
-    def task(self) -> Callable[[A], T]:
-        from distributed.protocol import deserialize_bytes
+    def used(self) -> Callable[[A], T]:
+        """A copy of the task for the pieces on this worker; it shares the arrays of numpy.
 
-        task: Callable[[A], T] = deserialize_bytes(self.packed)
-        return task
+        Pieces may leave in it what cannot be sent, such as a factorization. Were it passed on to
+        another worker, Dask would wait for ever (dask/distributed#6705).
+        """
+        from distributed.protocol import deserialize, serialize
+
+        copy: Callable[[A], T] = deserialize(*serialize(self.task, on_error="raise"))
+        return copy
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _Work, (self.packed, self.version)
+        """Without the copy."""
+        return _Work, (self.task, self.version)
 
 
 @dataclass(frozen=True)
@@ -139,12 +142,10 @@ class DaskWorkers:
             WorkersError: the scheduler is lost, or workers die again and again over one piece.
         """
         from distributed import as_completed
-        from distributed.protocol import serialize_bytes
 
         # The scheduler keeps the work itself: a worker that dies takes no copy of it along that
         # could not be made again.
-        packed = serialize_bytes(task, on_error="raise")
-        work = self._client.submit(_kept, _Work(packed, __version__), pure=False)
+        work = self._client.submit(_kept, _Work(task, __version__), pure=False)
         places = {
             self._client.submit(_done, work, _Piece(one), pure=False): k
             for k, one in enumerate(arguments)
@@ -195,4 +196,4 @@ def _done(work: _Work[A, T], piece: _Piece[A]) -> T:
     torch.set_num_threads(1)
     threadpool_limits(1)
     with working_on(OneByOne()):
-        return work.task(piece.argument)
+        return work.used(piece.argument)
