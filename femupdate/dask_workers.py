@@ -9,6 +9,7 @@ import logging
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Generic, TypeVar
 
 from femupdate import __version__
@@ -84,10 +85,31 @@ def _silence() -> None:
 
 @dataclass(frozen=True)
 class _Work(Generic[A, T]):
-    """What is done with every argument; sent once, and again to workers that come later."""
+    """What is done with every argument; sent once, and again to workers that come later.
+
+    Attributes:
+        task: as it was sent, for workers that come later.
+        version: of femupdate.
+    """
 
     task: Callable[[A], T]
     version: str
+
+    @cached_property
+    def used(self) -> Callable[[A], T]:
+        """A copy of the task for the pieces on this worker; it shares the arrays of numpy.
+
+        Pieces may leave in it what cannot be sent, such as a factorization. Were it passed on to
+        another worker, Dask would wait for ever (dask/distributed#6705).
+        """
+        from distributed.protocol import deserialize, serialize
+
+        copy: Callable[[A], T] = deserialize(*serialize(self.task, on_error="raise"))
+        return copy
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Without the copy."""
+        return _Work, (self.task, self.version)
 
 
 @dataclass(frozen=True)
@@ -174,4 +196,4 @@ def _done(work: _Work[A, T], piece: _Piece[A]) -> T:
     torch.set_num_threads(1)
     threadpool_limits(1)
     with working_on(OneByOne()):
-        return work.task(piece.argument)
+        return work.used(piece.argument)

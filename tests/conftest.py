@@ -1,8 +1,10 @@
 """Two buildings small enough to be calibrated in seconds, and a study of one of them."""
 
 import hashlib
+import multiprocessing
 import os
 import shutil
+import signal
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -46,6 +48,34 @@ class Recorded:
 @pytest.fixture(scope="session")
 def recorder():
     return Recorded
+
+
+class Killer(Recorded):
+    """Kills a worker process of Dask when the first piece is done."""
+
+    def __init__(self):
+        super().__init__()
+        self.killed = []
+
+    def advance(self, count=1, note=""):
+        super().advance(count, note)
+        if not self.killed:
+            self.killed.append(multiprocessing.active_children()[0].pid)
+            os.kill(self.killed[0], signal.SIGKILL)
+
+
+@pytest.fixture
+def killer():
+    """Progress for work on processes of Dask; a test that then waits two minutes for them fails."""
+
+    def late(number, frame):
+        raise TimeoutError("the work has not ended within two minutes")
+
+    before = signal.signal(signal.SIGALRM, late)
+    signal.alarm(120)
+    yield Killer()
+    signal.alarm(0)
+    signal.signal(signal.SIGALRM, before)
 
 
 @pytest.fixture(scope="session")

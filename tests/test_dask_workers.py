@@ -2,11 +2,11 @@
 
 import contextlib
 import math
-import multiprocessing
 import os
 import re
-import signal
 import socket
+import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -17,13 +17,17 @@ from scipy.linalg import eigh
 from femupdate.building.files import load_building
 from femupdate.building.shear import shear_operators
 from femupdate.dask_workers import dask_workers
+from femupdate.dynamics.local_basis import local_structure
+from femupdate.dynamics.snapshots import ReductionTarget
 from femupdate.dynamics.system import System
+from femupdate.effects.effect import Placed
+from femupdate.effects.registry import CATALOGUE
+from femupdate.effects.structure import structure_of
 from femupdate.errors import WorkersError
 from femupdate.inference.priors import theta_prior
-from femupdate.progress import Silent
 from femupdate.surrogate import dataset as room
 from femupdate.surrogate.dataset import DatasetPlan, compute_dataset
-from femupdate.workers import everywhere, working_on
+from femupdate.workers import OneByOne, completed, everywhere, working_on
 from femupdate.workflow.model import reduce_building
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "how-to" / "several-machines.md"
@@ -47,22 +51,36 @@ def tower():
     return load_building("shear_3dof")
 
 
-class Killer(Silent):
-    """Kills a worker process when the first piece is done."""
+class Spoiled:
+    """Work that cannot be sent once it was done."""
 
     def __init__(self):
-        self.killed = []
+        self.kept = None
 
-    def advance(self, steps=1, note=""):
-        if not self.killed:
-            victim = multiprocessing.active_children()[0].pid
-            os.kill(victim, signal.SIGKILL)
-            self.killed.append(victim)
+    def __call__(self, seconds):
+        self.kept = threading.Lock()
+        time.sleep(seconds)
+        return os.getpid()
 
 
-def test_a_data_set_is_the_same_when_a_worker_is_killed(processes, tower, tmp_path, monkeypatch):
+def test_a_worker_that_comes_later_gets_work_that_was_used(processes, killer):
+    """The process that replaces one that was killed asks the other for it."""
+    seen = set()
+    with working_on(processes):
+        # Until the new process has done a piece; a hundred seconds of work at most.
+        for _, process in completed(Spoiled(), [0.1] * 1000):
+            killer.advance()
+            seen.add(process)
+            if len(seen - set(killer.killed)) == 2:
+                break
+    assert len(seen - set(killer.killed)) == 2
+
+
+def test_a_data_set_is_the_same_when_a_worker_is_killed(
+    processes, tower, tmp_path, monkeypatch, killer
+):
     monkeypatch.setattr(room, "SHARD", 6)
-    system, prior, killer = System(reduce_building(tower).model), theta_prior(tower), Killer()
+    system, prior = System(reduce_building(tower).model), theta_prior(tower)
     serial = compute_dataset(system, prior, PLAN, tmp_path / "here")
     with working_on(processes):
         shared = compute_dataset(system, prior, PLAN, tmp_path / "there", killer)
@@ -84,6 +102,21 @@ def test_a_reduction_is_the_same(processes, cabin_file):
     np.testing.assert_array_equal(
         shared.reduced.model.stiffness_terms, serial.reduced.model.stiffness_terms
     )
+
+
+def test_a_basis_about_an_effect_is_the_same(processes, cabin_file):
+    """Its size comes from the static shape: a structure is sent that was used here before."""
+    target = ReductionTarget(
+        np.full(2, 1 / 3), np.full(2, 3.0), np.linspace(0.2, 30.0, 150), 0.02, 0.01, samples=16
+    )
+    brace = Placed(CATALOGUE["brace"], "ground-RF")
+    bases = []
+    for workers in (OneByOne(), processes):
+        structure = structure_of(load_building(str(cabin_file)))
+        with working_on(workers):
+            local = local_structure(structure, np.ones(2), target, present=[((brace, 0.5),)])
+        bases.append(local.basis)
+    np.testing.assert_array_equal(*bases)
 
 
 def test_the_script_of_the_page_runs_and_resumes(processes, tmp_path, monkeypatch):

@@ -3,6 +3,7 @@
 import contextlib
 import io
 import lzma
+import os
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -172,7 +173,8 @@ class _Unpacker:
 
 def _check_file(path: Path) -> None:
     """Refuse what is no file, or one that would fill the memory."""
-    if not path.is_file():
+    # Unlike Path.is_file, this says no where a name is too long or a folder closed.
+    if not os.path.isfile(path):
         raise Complaint("mesh.file", f"there is no file {path}; correct the path")
     size = path.stat().st_size
     if path.suffix == ".med":

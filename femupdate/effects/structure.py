@@ -23,7 +23,7 @@ from femupdate.building.shear import ShearBuilding, shear_operators
 from femupdate.effects.infill import Infill, infills
 from femupdate.errors import BuildingError
 from femupdate.fe.assembly import AffineOperators, assemble
-from femupdate.fe.factorization import Factorization, factorize
+from femupdate.fe.factorization import factorize
 from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel
 
 TRANSLATION, ROTATION = 0, 1
@@ -149,13 +149,21 @@ class Structure:
         return np.asarray((self.points.motion.T @ weighted.T).T), weighted @ self.points.rigid
 
     @cached_property
-    def _factorization(self) -> Factorization:
-        return factorize(self.stiffness(np.ones(len(self.stiffness_terms))))
+    def _shapes(self) -> tuple[Floats, Floats]:
+        """(n,) static displacement, and the same after two inverse iterations, at theta = 1.
 
-    @cached_property
+        The factorization is not kept: it is large, and cannot be sent to other processes.
+        """
+        factors = factorize(self.stiffness(np.ones(len(self.stiffness_terms))))
+        static = shape = factors.solve(self.rigid_force[:, TRANSLATION])
+        for _ in range(2):
+            shape = factors.solve(self.mass @ shape)
+        return static, shape
+
+    @property
     def static(self) -> Floats:
         """(n,) displacement under unit base acceleration at theta = 1, s2."""
-        return self._factorization.solve(self.rigid_force[:, TRANSLATION])
+        return self._shapes[0]
 
     @cached_property
     def fundamental(self) -> tuple[float, Floats]:
@@ -164,9 +172,7 @@ class Structure:
         Rayleigh's quotient after two inverse iterations from the static shape, which is within a
         thousandth of the mode that the base motion drives most; unit modal mass.
         """
-        shape = self.static
-        for _ in range(2):
-            shape = self._factorization.solve(self.mass @ shape)
+        shape = self._shapes[1]
         modal_mass = float(shape @ (self.mass @ shape))
         stiffness = self.stiffness(np.ones(len(self.stiffness_terms)))
         omega = np.sqrt(float(shape @ (stiffness @ shape)) / modal_mass)

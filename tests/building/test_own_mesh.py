@@ -339,6 +339,7 @@ def test_a_mechanism_names_what_moves(tmp_path):
 
 WRONG = {
     "no such file": ("own.vtu", "other.vtu", r"mesh\.file: there is no file .*other\.vtu"),
+    "name too long": ("own.vtu", f"{'o' * 300}.vtu", r"mesh\.file: there is no file .*ooo\.vtu"),
     "no such tags": (
         'tags = "part"',
         'tags = "story"',
