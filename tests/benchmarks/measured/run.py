@@ -15,6 +15,7 @@ import numpy as np
 import torch
 
 from femupdate.arrays import Floats
+from femupdate.dynamics.system import System
 from femupdate.inference.event_scatter import EventScatter
 from femupdate.inference.posterior import Posterior
 from femupdate.measurement.kinds import read_observation_file
@@ -23,6 +24,7 @@ from femupdate.measurement.record import read_record
 from femupdate.study import Study
 from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.calibrate_settings import CalibrationSettings
+from femupdate.workflow.effect_surrogate import open_system
 from femupdate.workflow.model import StudyModel, open_study
 from femupdate.workflow.observed import ObservationSource, direction_of
 from femupdate.workflow.predict import predict_study
@@ -116,7 +118,7 @@ def run_measured(job: Job, plan: MeasuredPlan) -> Report:
         pairs: list[Pair] = []
         for one, other in couples:
             predictions += _predicted(plan, one, other)
-            pairs.append(_pair(one, other, job.seed))
+            pairs.append(pair_of(one, other, job.seed))
             job.progress.advance()
     name = f"measured_{events[0].model.building.name}{'_from_several' if plan.several else ''}"
     # Results are kept with the project: names of files, not where they lie.
@@ -196,32 +198,37 @@ def _predicted(plan: MeasuredPlan, event: Event, other: Event) -> list[Predictio
     ]
 
 
-def _pair(event: Event, other: Event, seed: int) -> Pair:
-    own, others = event.posterior, other.posterior
-    theta = _draws(own)
-    box = torch.from_numpy(np.array(own.lower)), torch.from_numpy(np.array(own.upper))
+def pair_of(event: Event, other: Event, seed: int) -> Pair:
+    """Whether intervals from one event hold the estimates from another; effects stay as found."""
+    own = event.posterior
+    system, theta, sizes = _draws(event)
     scatter = EventScatter() if own.scatter is None else own.scatter.of(own.rows(len(theta), 0))
-    moved, _ = scatter.next_event(theta, torch.full_like(theta[:, 0], 0.05), box, seed)
-    low, high = np.quantile(moved.numpy(), [0.05, 0.95], axis=0)
-    mean = others.samples.mean(axis=0)
-    frequency = np.quantile(_fundamental(event.model, moved), [0.05, 0.95])
-    estimate = _fundamental(other.model, _draws(others)).mean()
+    low, high = (torch.from_numpy(end[: system.factors]) for end in (own.lower, own.upper))
+    zeta = torch.full_like(theta[:, 0], 0.05)
+    moved, _ = scatter.next_event(theta, zeta, (low, high), seed)
+    least, most = np.quantile(moved.numpy(), [0.05, 0.95], axis=0)
+    others, found, apart = _draws(other)
+    mean = found.mean(dim=0).numpy()
+    frequency = np.quantile(_fundamental(system, moved, sizes), [0.05, 0.95])
+    estimate = _fundamental(others, found, apart).mean()
     return Pair(
         calibrated=event.name,
         other=other.name,
         like=max(event.peak, other.peak) < _LIKE * min(event.peak, other.peak),
-        factors=float(((low <= mean) & (mean <= high)).mean()),
+        factors=float(((least <= mean) & (mean <= most)).mean()),
         frequency=bool(frequency[0] <= estimate <= frequency[1]),
     )
 
 
-def _draws(posterior: Posterior, count: int = 400) -> torch.Tensor:
-    return torch.from_numpy(np.ascontiguousarray(posterior.thinned(count, 0)[0]))
+def _draws(event: Event, count: int = 400) -> tuple[System, torch.Tensor, torch.Tensor]:
+    """The building with its effects, and draws of factors and of the sizes of effects."""
+    system = open_system(event.study, event.model)
+    draws = np.ascontiguousarray(event.posterior.thinned(count, 0)[0])
+    return system, *system.split(torch.from_numpy(draws))
 
 
-def _fundamental(model: StudyModel, theta: torch.Tensor) -> Floats:
-    sizes = theta[:, model.system.factors :]
-    omega = model.system.modes(theta[:, : model.system.factors], sizes).omega
+def _fundamental(system: System, theta: torch.Tensor, sizes: torch.Tensor) -> Floats:
+    omega = system.modes(theta, sizes).omega
     return np.asarray(omega.min(dim=1).values.numpy() / (2.0 * np.pi))
 
 
