@@ -23,6 +23,9 @@ _CONNECT_S = 20.0
 _DEATHS = 10  # of workers over one piece, after which the piece is to blame
 _CONFIGURATION = {
     "distributed.scheduler.allowed-failures": _DEATHS,
+    # A process that was killed comes back. On a busy machine its imports outlast Dask's 15 s,
+    # after which it is given up for good.
+    "distributed.deploy.lost-worker-timeout": "1 day",
     # A model of a hundred megabytes is sent on purpose.
     "distributed.admin.large-graph-warning-threshold": "100 GiB",
 }

@@ -17,7 +17,9 @@ from .commands import Interruptible, environment, run
 KINDS = ("killed", "file limit", "disk full")
 # Within which workers follow: one that is only starting sees it when its imports are done.
 _DEATH_S = 20.0
-_PROGRESS = re.compile(r" \.\.\.$|^  .*: \d+ %, about .* left(, .*)?$")
+_PROGRESS = re.compile(
+    r" \.\.\.$|^  .*: (\d+ %, about .* left|\d+ of \d+ steps, about .* so far)(, .*)?$"
+)
 _LEFT = ("*.part*", ".lock", ".lock-owner.json")
 
 

@@ -19,6 +19,7 @@ from pathlib import Path
 study = Path(sys.argv[2]); study.mkdir(exist_ok=True)
 print("Counting ...", "  Counting: 50 %, about 5 s left", sep="\\n", file=sys.stderr)
 print("  Counting: 60 %, about 4 min left, 7 found", file=sys.stderr)
+print("  Counting: 2 of 3 steps, about 25 s so far, 7 found", file=sys.stderr)
 time.sleep(1.0)
 try:
     (study / "new").write_text("7" * 3000); os.replace(study / "new", study / "result")
