@@ -53,16 +53,22 @@ def tower():
     return load_building("shear_3dof")
 
 
-class Spoiled:
-    """Work that cannot be sent once it was done."""
+def spoiled():
+    """Work that cannot be sent once it was done.
 
-    def __init__(self):
-        self.kept = None
+    Its class is of this function, so that it is sent whole: workers cannot import the tests.
+    """
 
-    def __call__(self, seconds):
-        self.kept = threading.Lock()
-        time.sleep(seconds)
-        return os.getpid()
+    class Spoiled:
+        def __init__(self):
+            self.kept = None
+
+        def __call__(self, seconds):
+            self.kept = threading.Lock()
+            time.sleep(seconds)
+            return os.getpid()
+
+    return Spoiled()
 
 
 def test_a_worker_that_comes_later_gets_work_that_was_used(processes, killer):
@@ -70,7 +76,7 @@ def test_a_worker_that_comes_later_gets_work_that_was_used(processes, killer):
     seen = set()
     with working_on(processes):
         # Until the new process has done a piece; a hundred seconds of work at most.
-        for _, process in completed(Spoiled(), [0.1] * 1000):
+        for _, process in completed(spoiled(), [0.1] * 1000):
             seen.add(process)
             if len(seen) == 2:
                 killer.advance()
