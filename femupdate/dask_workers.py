@@ -75,7 +75,7 @@ def dask_workers(address: str) -> Iterator["DaskWorkers"]:
                 "workers with `dask worker ADDRESS`"
             ) from error
         workers = DaskWorkers(stack.enter_context(client), address)
-        workers.tell()
+        workers.check()
         yield workers
 
 
@@ -133,10 +133,23 @@ class DaskWorkers:
     def __init__(self, client: Any, address: str) -> None:
         self._client, self._address = client, address
 
-    def tell(self) -> None:
-        """Say so where there are no workers yet: the work waits for the first."""
+    def check(self) -> None:
+        """Say so where there are no workers yet: the work waits for the first.
+
+        Raises:
+            WorkersError: one has no femupdate, or another. Given work that it cannot read, it would
+                end, and the work wait for ever.
+        """
         if not self._client.scheduler_info(n_workers=-1)["workers"]:
             logger.warning("%s has no workers yet; the work starts with the first", self._address)
+        for worker, answer in self._client.run(_version, on_error="return").items():
+            if answer == __version__ or isinstance(answer, OSError):  # the second has just died
+                continue
+            found = f"none ({answer})" if isinstance(answer, Exception) else answer
+            raise WorkersError(
+                f"here is femupdate {__version__}, and on the worker {worker} {found}; install "
+                "the same everywhere"
+            )
 
     def completed(self, task: Callable[[A], T], arguments: Sequence[A]) -> Iterator[tuple[int, T]]:
         """As `Workers` says.
@@ -180,6 +193,10 @@ class DaskWorkers:
                 f"a worker of {self._address} cannot do the work ({error}); install the same "
                 "femupdate there as here"
             ) from error
+
+
+def _version() -> str:
+    return __version__
 
 
 def _kept(work: _Work[A, T]) -> _Work[A, T]:

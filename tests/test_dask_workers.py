@@ -182,6 +182,30 @@ def test_what_fails_there_is_said_here(processes):
         list(everywhere(math.sqrt, [4.0, -1.0]))
 
 
+@pytest.mark.parametrize("there", ["nothing", "another"])
+def test_workers_that_cannot_do_the_work_are_refused(tmp_path, there):
+    """One that has not the femupdate of here would end with the work, which then waits."""
+    distributed = pytest.importorskip("distributed")
+    lines = ["import sys", "sys.modules['femupdate'] = None"]
+    if there == "another":
+        lines = ["from femupdate import dask_workers", "dask_workers.__version__ = '0.0.9'"]
+    (tmp_path / "there.py").write_text("\n".join(lines))
+    with distributed.LocalCluster(
+        n_workers=1,
+        threads_per_worker=1,
+        memory_limit=0,
+        dashboard_address=None,
+        scheduler_kwargs={"dashboard_address": ":0"},
+        preload=[str(tmp_path / "there.py")],
+    ) as cluster:
+        found = "none" if there == "nothing" else "0.0.9"
+        with (
+            pytest.raises(WorkersError, match=f"on the worker tcp.* {found}.*the same everywhere"),
+            dask_workers(cluster.scheduler_address),
+        ):
+            pass
+
+
 def test_a_scheduler_that_is_not_there(monkeypatch):
     pytest.importorskip("distributed", reason="the extra `distributed` is not installed")
     monkeypatch.setattr("femupdate.dask_workers._CONNECT_S", 0.5)
