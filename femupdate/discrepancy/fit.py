@@ -18,11 +18,11 @@ from torch import Tensor
 from femupdate.arrays import Floats
 from femupdate.discrepancy.joint_error import Row, summed
 from femupdate.discrepancy.problem import Problem
-from femupdate.discrepancy.thresholds import EVIDENCE, FIT
+from femupdate.discrepancy.thresholds import EVIDENCE, FIT, SEARCH
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed
 from femupdate.linear import least_squares
-from femupdate.seeds import Seed, torch_generator
+from femupdate.seeds import Seed, spawn, torch_generator
 from femupdate.workers import in_threads
 
 # Responses of one piece of work, among draws and in a Jacobian.
@@ -567,6 +567,9 @@ def fit_baseline(
 ) -> list[Fit]:
     """Fit a model from the best of many draws of its prior, best first.
 
+    Where much is left, either the model lacks something or the search ended beside the highest
+    maximum. Further draws tell: it goes on until two searches end at the same place.
+
     Args:
         problem: structure and data.
         placed: effects that the model has already.
@@ -577,11 +580,30 @@ def fit_baseline(
     """
     where, system = coordinates(problem, placed), problem.system(placed)
     known = (torch.tensor(sizes, dtype=torch.float64) - where.neutral) / where.scales
-    z = prior_draws(problem, where, known, samples, seed)
+
+    def found(stream: Seed) -> list[Fit]:
+        z = prior_draws(problem, where, known, samples, stream)
+        return _fitted_draws(problem, placed, system, z, starts)
+
+    fits = found(seed)
+    for stream in spawn(seed, FIT.baseline_again):
+        if error_left(problem, fits[0]) < SEARCH.right:
+            break
+        best, further = log_posterior(problem, fits[0]), found(stream)
+        fits = _best_first(problem, [*fits, *further])
+        if abs(log_posterior(problem, further[0]) - best) < FIT.same_maximum:
+            break
+    return fits
+
+
+def _fitted_draws(
+    problem: Problem, placed: tuple[Placed, ...], system: System, z: Tensor, starts: int
+) -> list[Fit]:
+    """Fits from the best of unknowns z (N, d), best first."""
     # Far from the data every point is many times the noise off, whichever way is better: first
     # they are compared as if they were coarse.
     rough = coarse(problem)
-    misfit = misfits(rough, system, where, z)
+    misfit = misfits(rough, system, coordinates(problem, placed), z)
     roughly = partial(fit, rough, placed, iterations=FIT.rough_steps, system=system)
     near = in_threads(roughly, z[misfit.argsort()[:starts]])
     near.sort(key=lambda one: one.misfit)
@@ -591,7 +613,10 @@ def fit_baseline(
     def settled(one: Fit) -> Fit:
         return settle(problem, fit(wide, placed, one.z, FIT.far_steps, system))
 
-    fits = in_threads(settled, near[: max(2, starts // 3)])
+    return _best_first(problem, in_threads(settled, near[: max(2, starts // 3)]))
+
+
+def _best_first(problem: Problem, fits: list[Fit]) -> list[Fit]:
     return sorted(fits, key=lambda one: -log_posterior(problem, one))
 
 

@@ -140,6 +140,13 @@ class FitThresholds:
     behind: float = entry(200.0, "misfit", "beyond that many times the best")
     baseline_draws: int = entry(384, "draws", "of the prior from which a search starts")
     baseline_starts: int = entry(8, "draws", "of these that are fitted")
+    baseline_again: int = entry(
+        3,
+        "searches",
+        "more, at most, where factors alone leave much",
+        "sticks, earthquakes: 1 of 48 searches ended beside the maximum, 2 of 5 at worst; now none",
+    )
+    same_maximum: float = entry(1.0, "nats", "by which two searches that end alike differ")
     listed_draws: int = entry(192, "draws", "of theta with the effects that a building lists")
     listed_starts: int = entry(4, "draws", "of these that are fitted")
     rough_shapes: int = entry(100, "shapes", "with which stiffness factors are searched for")
