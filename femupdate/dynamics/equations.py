@@ -88,11 +88,13 @@ class Sensors:
         names: of the floor that each sensor stands on.
         rows: (c, n) displacement of each sensor.
         levels: (c,) heights above the base, m.
+        watched: groups of further rows (w, n) whose response must be right (see `driven_shapes`).
     """
 
     names: tuple[str, ...]
     rows: Floats
     levels: Floats
+    watched: tuple[Floats, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,8 +194,10 @@ def driven_system(
     held = structure.operators
     factors = factorize(whole.stiffness) if held is None else factorize_held(held, whole.stiffness)
     sprung = WithSprings(factors, whole.springs)
-    found = driven_shapes(sprung, whole.mass, forces, structure.floor_rows, top_hz)
     seen = sensors or Sensors(structure.floors, structure.floor_rows, structure.levels)
+    found = driven_shapes(
+        sprung, whole.mass, forces, structure.floor_rows, top_hz, watched=seen.watched
+    )
     model = _on_shapes(structure, whole, seen, found.frequency_hz, found.shapes)
     rest = tuple(
         reduce_terms(found.shapes, replace(own, stiffness=(), springs=None, mass=None))
