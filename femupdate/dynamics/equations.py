@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import torch
 from scipy.sparse import csc_matrix
 
 from femupdate.arrays import Floats
@@ -154,10 +155,8 @@ def equations_at(
 
 def _softening(hinges: Hinges, theta: Floats, size: float) -> Floats:
     """Stiffness (n, n) that hinges of a size take away."""
-    parts = list(zip(theta, hinges.coupling, hinges.inner, strict=True))
-    coupling = sum((factor * own for factor, own, _ in parts), np.zeros(()))
-    inner = np.diag(hinges.spring) + size * sum((f * own for f, _, own in parts), np.zeros(()))
-    return np.asarray(size * coupling @ np.linalg.solve(inner, coupling.T))
+    one = torch.from_numpy(theta[None]), torch.tensor([size], dtype=torch.float64)
+    return np.asarray(hinges.softening(*one)[0].numpy())
 
 
 def driven_system(

@@ -1,8 +1,12 @@
-"""What every effect says of itself, and the terms that it adds to a structure."""
+"""What every effect says of itself, and the terms that it adds to a structure.
+
+Terms are of the full model, whose n degrees of freedom have sparse matrices and arrays, or of a
+reduced one, whose n coordinates have tensors.
+"""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 import torch
@@ -15,6 +19,8 @@ from femupdate.effects.structure import Structure
 
 ALL_STORIES = -1
 UNSCALED = -2
+Matrix: TypeAlias = csc_matrix | Tensor
+Array: TypeAlias = Floats | Tensor
 _REACH = 5.0  # standard deviations of the prior, beyond which nothing is looked for
 
 
@@ -84,8 +90,8 @@ class Port:
         rigid: (2,) displacement along it per unit base translation and rotation.
     """
 
-    row: Floats
-    rigid: Floats
+    row: Array
+    rigid: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,11 +107,11 @@ class AddedMass:
         above_rigid: (s, 2) the same per unit acceleration of the base.
     """
 
-    matrix: csc_matrix
-    force: Floats
-    rigid: Floats
-    above: Floats
-    above_rigid: Floats
+    matrix: Matrix
+    force: Array
+    rigid: Array
+    above: Array
+    above_rigid: Array
 
 
 class Stiffness(NamedTuple):
@@ -122,7 +128,7 @@ class Stiffness(NamedTuple):
     """
 
     story: int
-    matrix: csc_matrix
+    matrix: Matrix
     series: float = 0.0
 
 
@@ -150,23 +156,33 @@ class Hinges:
         K = K(theta) - s C (D + s A)^-1 C^T,   C = sum theta_i C_i,   A = sum theta_i A_i.
 
     Attributes:
-        coupling: C_i, one (n, j) a story: forces on the structure per unit rotation.
-        inner: A_i, one (j, j) a story: moments that the stories put against the rotations.
+        coupling: C_i (p, n, j), by story: forces on the structure per unit rotation.
+        inner: A_i (p, j, j), by story: moments that the stories put against the rotations.
         spring: (j,) the diagonal of D, the springs at unit size.
     """
 
-    coupling: tuple[Floats, ...]
-    inner: tuple[Floats, ...]
-    spring: Floats
+    coupling: Array
+    inner: Array
+    spring: Array
+
+    def softening(self, theta: Tensor, size: Tensor) -> Tensor:
+        """Stiffness (N, n, n) that hinges of sizes (N,) take away at theta (N, p)."""
+        parts = self.coupling, self.inner, self.spring
+        coupling, inner, spring = (torch.as_tensor(part).to(theta) for part in parts)
+        coupling = torch.einsum("np,prj->nrj", theta, coupling)
+        inner = torch.einsum("np,pij->nij", theta, inner)
+        held = torch.diag(spring) + size[:, None, None] * inner
+        return size[:, None, None] * (coupling @ torch.linalg.solve(held, coupling.mT))
 
 
 @dataclass(frozen=True, eq=False)
 class Terms:
-    """What an effect of unit size adds to the full model.
+    """What an effect of unit size adds to a model.
 
     Attributes:
         stiffness: what it adds to that of stories.
-        springs: what it puts between sums over many degrees of freedom, or None.
+        springs: what it puts between sums over many degrees of freedom, or None. In a reduced
+            model they are stiffness like any other.
         hinges: rotations that it sets free, or None.
         mass: mass, or None.
         flexibility: (2,) of the ground under the base, m/N and rad/(N m).
@@ -189,6 +205,12 @@ class Terms:
         """Whether the shapes that a basis must hold change."""
         added = self.springs, self.mass, self.hinges
         return bool(self.stiffness) or any(one is not None for one in added)
+
+    @property
+    def shapeless(self) -> bool:
+        """Whether nothing is added to the structure, so that any basis serves the effect."""
+        still = self.port is None and self.flexibility == (0.0, 0.0) and self.pitch == 0.0
+        return still and not self.changes_shapes
 
 
 class RunChange(NamedTuple):
