@@ -5,6 +5,7 @@ reduced one, whose n coordinates have tensors.
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple, TypeAlias
 
@@ -225,6 +226,20 @@ class RunChange(NamedTuple):
     damping: Tensor
 
 
+def _all_and_each(structure: Structure) -> tuple[str, ...]:
+    names = structure.building.story_names
+    return ("all", *names) if len(names) > 1 else ("all",)
+
+
+PLACES: dict[str, Callable[[Structure], tuple[str, ...]]] = {
+    "base": lambda structure: ("base",),
+    "all stories": lambda structure: ("all",),
+    "all stories and each": _all_and_each,
+    "all floors": lambda structure: ("floors",),
+    "each floor": lambda structure: structure.floors,
+}
+
+
 class Effect(ABC):
     """A thing that a model may lack. Its first parameter is its size.
 
@@ -232,6 +247,13 @@ class Effect(ABC):
         name: as in files and options.
         title: a few words for figures.
         sentence: what it is and does, for an engineer.
+        clause: what is there, with its first parameter, no full stop. Filled in are `{place}`,
+            `{where}` (the place with its preposition), `{size}` (with its unit), `{number}` (the
+            size without it), `{lost}` (the size with its sign turned), `{change}` (such as "25 %
+            more"), `{title}`, and `{text}`, what the first parameter is.
+        words: the two of a change, for more and for less.
+        at: the preposition of a place that is a floor or story.
+        sits: where it can be in a building, by a name in `PLACES`.
         confused_with: names of effects that look alike.
         contains: names of effects that are this one at some value of its parameters. Where one of
             them does as well, that one is meant.
@@ -251,6 +273,10 @@ class Effect(ABC):
     name: ClassVar[str]
     title: ClassVar[str]
     sentence: ClassVar[str]
+    clause: ClassVar[str] = "{title} {where}: {text} {size}"
+    words: ClassVar[tuple[str, str]] = ("more", "less")
+    at: ClassVar[str] = "at"
+    sits: ClassVar[str]
     confused_with: ClassVar[tuple[str, ...]] = ()
     contains: ClassVar[tuple[str, ...]] = ()
     settled_by: ClassVar[str]
@@ -265,7 +291,7 @@ class Effect(ABC):
 
     def places(self, structure: Structure) -> tuple[str, ...]:
         """Where it can sit in a building; none where the building has no such thing."""
-        raise NotImplementedError
+        return PLACES[self.sits](structure)
 
     def points(self, structure: Structure) -> tuple[str, ...]:
         """Further places, which building files and simulations may name; they are not searched."""
@@ -278,12 +304,21 @@ class Effect(ABC):
     def where(self, place: str) -> str:
         """A place in words, such as "in all stories" or "in S2"."""
         known = {"all": "in all stories", "floors": "on all floors", "base": "at the base"}
-        return known.get(place, f"at {place}".replace(",", " and "))
+        return known.get(place, f"{self.at} {_in_words(place)}")
 
     def said(self, place: str, size: float) -> str:
         """What is there, with its first parameter; a clause for an engineer, no full stop."""
-        first = self.parameters[0]
-        return f"{self.title} {self.where(place)}: {first.text} {first.shown(size)}"
+        known = {"title": self.title, "place": _in_words(place), "where": self.where(place)}
+        for first in self.parameters[:1]:
+            size_as_read = first.shown(size)
+            known |= {
+                "text": first.text,
+                "size": size_as_read,
+                "number": size_as_read.partition(" ")[0],
+                "lost": first.shown(-size),
+                "change": more_or_less(size, *self.words),
+            }
+        return self.clause.format(**known)
 
     def scatter(self, size: float, sd: float) -> str:
         """The standard deviation of what `said` says."""
@@ -352,6 +387,8 @@ class Effect(ABC):
 
     def place_rows(self, place: str, floors: tuple[str, ...]) -> tuple[int, ...]:
         """Rows that a place names; a floor may have several (one a sensor)."""
+        if place == "floors":
+            return tuple(range(len(floors)))
         named = place.split(",")
         return tuple(k for part in named for k, floor in enumerate(floors) if floor == part)
 
@@ -377,6 +414,11 @@ class Placed:
     def exchange(self) -> bool:
         """Whether it is there or not: channels exchanged or reversed."""
         return not self.effect.parameters and not self.effect.correction
+
+
+def _in_words(place: str) -> str:
+    """A place such as "2F,3F" as it is read."""
+    return place.replace(",", " and ")
 
 
 def more_or_less(size: float, more: str, less: str) -> str:
