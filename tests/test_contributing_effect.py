@@ -59,6 +59,8 @@ def test_it_is_named_with_its_place_and_size(effect, tmp_path):
     assert (found.verdict, found.leading.placed.label) == ("named", "neighbour@RF")
     assert abs(found.leading.size - SIZE) < 3.0 * found.leading.size_sd
     assert found.leading.size_sd < 0.3 * SIZE
+    said = effect.said("RF", 0.15)
+    assert said == "A neighbour at RF has 15 % of the building's stiffness"
 
 
 def test_without_it_its_name_is_refused():

@@ -1,8 +1,9 @@
 """Thresholds, and the page that tells them."""
 
 from collections.abc import Iterator
-from dataclasses import fields
+from dataclasses import FrozenInstanceError, fields, is_dataclass
 from pathlib import Path
+from pickle import dumps, loads
 
 import pytest
 
@@ -27,7 +28,16 @@ SETTINGS = (
     MODEL_ERROR,
     DEFAULT,
 )
-GROUPS = (*model.GROUPS, *data.GROUPS, *steps.GROUPS, *SETTINGS, *sampler.GROUPS, *finder.GROUPS)
+
+
+def tables(module) -> list:
+    """Those of a module, in their order."""
+    found = [one for one in vars(module).values() if is_dataclass(one)]
+    return [one for one in found if not isinstance(one, type)]
+
+
+MODULES = (model, data, steps, sampler, finder)
+GROUPS = (*SETTINGS, *(one for module in MODULES for one in tables(module)))
 
 
 def heading(group) -> str:
@@ -60,6 +70,14 @@ def test_the_page_tells_the_thresholds_of_the_code(group):
     assert len(page) == 2, f"{PAGE.name} lacks or repeats " + "\n".join(["", *lines(group)])
     table = page[1].split("\n\n")[0].strip().splitlines()
     assert table == wanted, f"put into {PAGE.name}:\n" + "\n".join(wanted)
+
+
+@pytest.mark.parametrize("group", tables(data), ids=lambda group: type(group).__name__)
+def test_a_table_is_one_and_stays_as_it_is(group):
+    """Also where it is sent to another process."""
+    assert loads(dumps(group)) is group
+    with pytest.raises(FrozenInstanceError):
+        setattr(group, fields(group)[0].name, 0)
 
 
 @pytest.mark.parametrize("group", GROUPS, ids=lambda group: type(group).__name__)

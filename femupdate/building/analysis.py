@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
 from femupdate.arrays import Floats
@@ -109,14 +108,6 @@ class Damping(Entry):
     def is_rayleigh(self) -> bool:
         """Whether the law fixes the ratio of every mode."""
         return self.law == "rayleigh"
-
-    def modal_ratio(self, frequency_hz: ArrayLike) -> Floats:
-        """Return the damping ratio of modes at these frequencies (same shape)."""
-        frequency = np.asarray(frequency_hz, dtype=np.float64)
-        if self.anchors is None:
-            return np.full(frequency.shape, self.ratio)
-        first, second = self.anchors
-        return self.ratio * (first * second / frequency + frequency) / (first + second)
 
 
 class ObservationSettings(Entry):

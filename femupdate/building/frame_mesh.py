@@ -9,14 +9,12 @@ import numpy as np
 from femupdate.arrays import Integers
 from femupdate.building.bars import beam_blocks, brace_blocks, column_blocks, column_lines
 from femupdate.building.blocks import ElementBlock, by_element, joined
-from femupdate.building.building_mesh import BuildingMesh
-from femupdate.building.connections import connected, face_lines
+from femupdate.building.building_mesh import BuildingMesh, finished
+from femupdate.building.connections import face_lines
 from femupdate.building.entry import Complaint
 from femupdate.building.frame import CLOSEST_LINES, FrameBuilding
 from femupdate.building.lattice import Lattice, lattice_of
-from femupdate.building.masses import place_masses
-from femupdate.building.parameters import stiffness_factors, with_factors
-from femupdate.building.pieces import first_double, piece_of, place
+from femupdate.building.pieces import first_double, loose_pieces, place
 from femupdate.building.references import intersections
 from femupdate.building.walls import DeadWall, dead_walls, opening_lines, slab_blocks, wall_blocks
 from femupdate.errors import BuildingError
@@ -87,26 +85,18 @@ def _mesh_on(building: FrameBuilding, lattice: Lattice) -> BuildingMesh:
     _refuse_floating(parts.model, base)
     _refuse_loose_columns(building, parts)
     _refuse_loose_braces(parts, lattice)
-    masses = place_masses(building, parts.model, list(_on_nodes(dead, used, lattice)))
     rigid = {f"slabs[{n}]" for n, slab in enumerate(building.slabs) if slab.diaphragm == "rigid"}
-    diaphragms = [
-        np.searchsorted(used, np.unique(block.nodes))
-        for block in parts.blocks
-        if block.key in rigid
-    ]
-    model = connected(parts.model, base, building.supports, diaphragms)
-    factors = stiffness_factors(building)
-    if building.by_kind:
-        model = with_factors(model, factors)
-    return BuildingMesh(
-        model=replace(model, masses=masses),
-        floors=building.floors,
-        floor_nodes=_floor_nodes(building, lattice, used),
-        floor_level=building.floor_levels,
-        base_nodes=base,
-        direction="xy".index(building.sensors.direction),
-        story_names=building.story_names,
-        factors=factors,
+    return finished(
+        building,
+        parts.model,
+        base,
+        _floor_nodes(building, lattice, used),
+        diaphragms=[
+            np.searchsorted(used, np.unique(block.nodes))
+            for block in parts.blocks
+            if block.key in rigid
+        ],
+        dead=list(_on_nodes(dead, used, lattice)),
     )
 
 
@@ -123,16 +113,13 @@ def _refuse_doubles(blocks: Sequence[ElementBlock], lattice: Lattice) -> None:
 
 def _refuse_floating(model: FiniteElementModel, base: Integers) -> None:
     """Raise Complaint where a node has no path of elements down to the base."""
-    edges = np.concatenate(
-        [part.nodes[:, [0, k]] for part in model.elements for k in range(1, part.node_count())]
-    )
-    piece = piece_of(len(model.nodes), edges)
-    floating = np.flatnonzero(~np.isin(piece, piece[base]))
-    if len(floating):
+    pieces = loose_pieces(len(model.nodes), [part.nodes for part in model.elements], base)
+    if pieces:
+        where = place(model.nodes[np.concatenate(pieces).min()])
         raise Complaint(
             "columns",
-            f"nothing connects what is at {place(model.nodes[floating[0]])} to the base; add a "
-            "column, wall, beam or slab that does",
+            f"nothing connects what is at {where} to the base; add a column, wall, beam or slab "
+            "that does",
         )
 
 

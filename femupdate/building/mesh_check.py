@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 
 from femupdate.arrays import Floats, Integers
 from femupdate.building.entry import Complaint
-from femupdate.building.pieces import first_double, piece_of, place
+from femupdate.building.pieces import first_double, loose_pieces, piece_of, place
 from femupdate.fe.element import area_vectors
 
 _SAME = 1e-6  # of the structure's size: nodes nearer than this are in the same place
@@ -60,18 +60,14 @@ def check_connected(nodes: Floats, cells: Sequence[Integers], base: Integers) ->
     Raises:
         Complaint: with the number of such pieces and a place in the largest.
     """
-    edges = np.concatenate([c[:, [0, k]] for c in cells for k in range(1, c.shape[1])])
-    part = piece_of(len(nodes), edges)
-    used = np.unique(edges)
-    loose = used[~np.isin(part[used], part[base])]
-    if len(loose):
-        labels, first, count = np.unique(part[loose], return_index=True, return_counts=True)
-        biggest = int(count.argmax())
-        where = place(nodes[loose[first[biggest]]])
-        pieces = "1 piece is" if len(labels) == 1 else f"{len(labels)} pieces are"
+    pieces = loose_pieces(len(nodes), cells, base)
+    if pieces:
+        biggest = pieces[0]
+        told = "1 piece is" if len(pieces) == 1 else f"{len(pieces)} pieces are"
         raise Complaint(
             _KEY,
-            f"{pieces} not connected to the base, such as {count[biggest]} nodes around {where}; "
+            f"{told} not connected to the base, such as {len(biggest)} nodes around "
+            f"{place(nodes[biggest[0]])}; "
             "join the nodes where the parts meet (mesh.merge merges near ones)",
         )
 

@@ -8,15 +8,12 @@ import numpy as np
 
 from femupdate.arrays import Flags, Floats, Integers, Strings
 from femupdate.building.blocks import ElementBlock, by_element, joined
-from femupdate.building.building_mesh import BuildingMesh
-from femupdate.building.connections import connected
+from femupdate.building.building_mesh import BuildingMesh, finished
 from femupdate.building.entry import Complaint, unknown
-from femupdate.building.masses import place_masses
 from femupdate.building.mesh_check import check_connected, check_elements, merge_nodes
 from femupdate.building.mesh_reader import RawMesh, read_mesh
 from femupdate.building.mesh_spans import beam_arms, beam_releases, span_ends
 from femupdate.building.own_mesh import MeshBuilding, Part
-from femupdate.building.parameters import stiffness_factors
 from femupdate.building.pieces import place
 from femupdate.building.quantities import ALL
 from femupdate.errors import BuildingError, ModelError
@@ -65,20 +62,12 @@ def _import(building: MeshBuilding) -> BuildingMesh:
         groups=len(building.stories),
         elements=joined(blocks, used),
     )
-    floors = _floor_nodes(building, model.nodes)
-    masses = place_masses(building, model, [])
-    on_base = np.searchsorted(used, base)
-    diaphragms = list(_diaphragms(building, blocks, nodes, used))
-    model = connected(model, on_base, building.supports, diaphragms)
-    return BuildingMesh(
-        model=replace(model, masses=masses),
-        floors=building.floors,
-        floor_nodes=floors,
-        floor_level=building.floor_levels,
-        base_nodes=on_base,
-        direction="xy".index(building.sensors.direction),
-        story_names=building.story_names,
-        factors=stiffness_factors(building),
+    return finished(
+        building,
+        model,
+        np.searchsorted(used, base),
+        _floor_nodes(building, model.nodes),
+        diaphragms=list(_diaphragms(building, blocks, nodes, used)),
         parts=tuple(
             np.concatenate([np.full(len(block.nodes), block.part) for block in own])
             for own in by_element(blocks).values()

@@ -1,5 +1,7 @@
 """What hangs together in a set of nodes, and which elements lie on each other."""
 
+from collections.abc import Iterable
+
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
@@ -11,6 +13,21 @@ def piece_of(count: int, edges: Integers) -> Integers:
     """Return the number of the piece that each of `count` nodes belongs to, given edges (e, 2)."""
     graph = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(count, count))
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+
+
+def loose_pieces(count: int, cells: Iterable[Integers], base: Integers) -> list[Integers]:
+    """Return the nodes of each piece without a path of elements down to the base, largest first.
+
+    Args:
+        count: number of nodes.
+        cells: nodes of the elements of each type, (n, k).
+        base: (b,) nodes at the base.
+    """
+    edges = np.concatenate([own[:, [0, k]] for own in cells for k in range(1, own.shape[1])])
+    piece, used = piece_of(count, edges), np.unique(edges)
+    loose = used[~np.isin(piece[used], piece[base])]
+    pieces = [loose[piece[loose] == label] for label in np.unique(piece[loose])]
+    return sorted(pieces, key=len, reverse=True)
 
 
 def first_double(nodes: Integers) -> tuple[int, int] | None:

@@ -24,8 +24,8 @@ from femupdate.arrays import Floats
 from femupdate.discrepancy.mesh_points import error_of_points
 from femupdate.discrepancy.thresholds import MESH_ERROR
 from femupdate.dynamics.reduced import ReducedModel
-from femupdate.dynamics.reduced_terms import ReducedStructure, ReducedTerms
-from femupdate.effects.effect import UNSCALED, Placed
+from femupdate.dynamics.reduced_terms import ReducedStructure
+from femupdate.effects.effect import UNSCALED, Placed, Terms
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import Structure
 from femupdate.errors import ModelError
@@ -198,9 +198,7 @@ def corrected(reduced: ReducedStructure, mesh: MeshError) -> ReducedStructure:
     return replace(reduced, model=corrected_model(reduced.model, mesh, terms))
 
 
-def corrected_model(
-    model: ReducedModel, mesh: MeshError, terms: Sequence[ReducedTerms]
-) -> ReducedModel:
+def corrected_model(model: ReducedModel, mesh: MeshError, terms: Sequence[Terms]) -> ReducedModel:
     """The same of a reduced model, from what the effects of the error add to it."""
     stiffness = model.stiffness_terms.copy()
     for value, added in zip(mesh.mean, terms, strict=True):

@@ -8,7 +8,6 @@ response and the response from the level, in a few rounds.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import torch
@@ -17,14 +16,14 @@ from torch import Tensor
 from femupdate.arrays import Floats, Integers
 from femupdate.dynamics.history import Histories, HistorySettings, dynamic_modes, named_rows
 from femupdate.dynamics.level import level_of_moment, motion_level
-from femupdate.dynamics.modal_response import ModalOutputs, state_weights
-from femupdate.dynamics.recurrence import interpolate_record, join_steps, step_matrices
+from femupdate.dynamics.modal_response import ModalOutputs, project
+from femupdate.dynamics.recurrence import Steps, record_points
 from femupdate.dynamics.system import System
 from femupdate.dynamics.thresholds import CHANGING, LEVEL
-from femupdate.effects.effect import RunChange
 from femupdate.progress import SILENT, Progress
 
 _BATCH = 50
+_MOST = round(LEVEL.span / CHANGING.step)  # levels to either side of the mean one
 
 
 @dataclass(frozen=True)
@@ -119,19 +118,15 @@ class _Followed:
 
     Attributes:
         modes: as the outputs see them.
-        ratio: (S, m) damping ratios.
+        steps: of every level told apart, from the lowest.
         record: (n,) of the base.
         points: (n - 1, factor + 1) the record between its samples.
-        time_step: s.
-        changes: of every level told apart, from the lowest.
     """
 
     modes: ModalOutputs
-    ratio: Tensor
+    steps: Steps
     record: Tensor
     points: Tensor
-    time_step: float
-    changes: tuple[RunChange, ...]
 
     @staticmethod
     def of(
@@ -144,55 +139,20 @@ class _Followed:
         """For parameters (S, p + q) and damping ratios (S,); `first` is the number of the first."""
         settings, sizes = HistorySettings(), system.split(samples[0])[1]
         modes, ratio = dynamic_modes(system, samples, motion.time_step, settings, first)
-        fine = torch.from_numpy(interpolate_record(record, settings.oversampling))
-        most = round(LEVEL.span / CHANGING.step)
-        changes = [system.run_change(sizes, k * CHANGING.step) for k in range(-most, most + 1)]
-        if motion.keep_damping:
-            changes = [one._replace(damping=torch.ones_like(one.damping)) for one in changes]
+        omegas, ratios = [], []
+        for k in range(-_MOST, _MOST + 1):
+            change = system.run_change(sizes, k * CHANGING.step)
+            omegas.append(modes.omega * change.stiffness.sqrt()[:, None])
+            ratios.append(ratio if motion.keep_damping else ratio * change.damping[:, None])
+        levels = torch.stack(omegas), torch.stack(ratios)
         return _Followed(
             modes,
-            ratio,
+            Steps.of(*levels, motion.time_step, settings.oversampling),
             torch.from_numpy(np.ascontiguousarray(record)),
-            fine.unfold(0, settings.oversampling + 1, settings.oversampling),
-            motion.time_step,
-            tuple(changes),
+            record_points(record, settings.oversampling),
         )
 
     def outputs(self, level: Integers, steps: int) -> Floats:
         """Outputs (S, o, n) where windows of so many steps have the levels (S, w)."""
-        omega, ratio, transition, load = self.tables
-        chosen = torch.from_numpy(level + len(omega) // 2)
-        modes, samples = self.modes, torch.arange(len(level))
-        result = (modes.base - modes.acceleration.sum(-1))[..., None] * self.record
-        state, before = torch.zeros_like(transition[0, :, 0]), omega[chosen[:, 0], samples]
-        for window, points in enumerate(self.points.split(steps)):
-            own = chosen[:, window], samples
-            # The displacement goes on; the first part of the state is omega times it.
-            state = torch.stack([state[:, 0] * omega[own] / before, state[:, 1]], dim=1)
-            states = torch.einsum("tf,sfim->tsim", points, load[own])
-            from_first, from_second = transition[own].unbind(1)
-            for following in states:
-                following.addcmul_(from_first, state[:, :1]).addcmul_(from_second, state[:, 1:])
-                state = following
-            weights = state_weights(modes, omega[own], ratio[own])
-            start = 1 + window * steps
-            columns = states.flatten(2).permute(1, 2, 0)
-            result[..., start : start + len(states)] += torch.bmm(weights, columns)
-            state, before = torch.where(state.abs() < 1e-200, 0.0, state), omega[own]
-        return np.asarray(result.numpy())
-
-    @cached_property
-    def tables(self) -> tuple[Tensor, ...]:
-        """Of all levels: omega and ratio (l, S, m), what a step does to the state, and the load.
-
-        (l, S, 2, 2, m) and (l, S, factor + 1, 2, m), both by what they come from.
-        """
-        factor = self.points.shape[1] - 1
-        found = []
-        for change in self.changes:
-            omega = self.modes.omega * change.stiffness.sqrt()[:, None]
-            ratio = self.ratio * change.damping[:, None]
-            matrices = step_matrices(omega, ratio, self.time_step / factor)
-            transition, load = (part.permute(0, 3, 2, 1) for part in join_steps(*matrices, factor))
-            found.append((omega, ratio, transition, load))
-        return tuple(torch.stack(part) for part in zip(*found, strict=True))
+        windows = self.steps.windows(self.points, level + _MOST, steps)
+        return np.asarray(project(self.modes, windows, self.record).numpy())

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import torch
 from scipy.sparse import csc_matrix
 
 from femupdate.arrays import Floats
@@ -88,11 +89,13 @@ class Sensors:
         names: of the floor that each sensor stands on.
         rows: (c, n) displacement of each sensor.
         levels: (c,) heights above the base, m.
+        watched: groups of further rows (w, n) whose response must be right (see `driven_shapes`).
     """
 
     names: tuple[str, ...]
     rows: Floats
     levels: Floats
+    watched: tuple[Floats, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,10 +155,8 @@ def equations_at(
 
 def _softening(hinges: Hinges, theta: Floats, size: float) -> Floats:
     """Stiffness (n, n) that hinges of a size take away."""
-    parts = list(zip(theta, hinges.coupling, hinges.inner, strict=True))
-    coupling = sum((factor * own for factor, own, _ in parts), np.zeros(()))
-    inner = np.diag(hinges.spring) + size * sum((f * own for f, _, own in parts), np.zeros(()))
-    return np.asarray(size * coupling @ np.linalg.solve(inner, coupling.T))
+    one = torch.from_numpy(theta[None]), torch.tensor([size], dtype=torch.float64)
+    return np.asarray(hinges.softening(*one)[0].numpy())
 
 
 def driven_system(
@@ -192,8 +193,10 @@ def driven_system(
     held = structure.operators
     factors = factorize(whole.stiffness) if held is None else factorize_held(held, whole.stiffness)
     sprung = WithSprings(factors, whole.springs)
-    found = driven_shapes(sprung, whole.mass, forces, structure.floor_rows, top_hz)
     seen = sensors or Sensors(structure.floors, structure.floor_rows, structure.levels)
+    found = driven_shapes(
+        sprung, whole.mass, forces, structure.floor_rows, top_hz, watched=seen.watched
+    )
     model = _on_shapes(structure, whole, seen, found.frequency_hz, found.shapes)
     rest = tuple(
         reduce_terms(found.shapes, replace(own, stiffness=(), springs=None, mass=None))

@@ -15,9 +15,9 @@ from torch import Tensor
 
 from femupdate.arrays import Floats
 from femupdate.dynamics.modal_response import ModalOutputs, keep_dynamic, project, see_modes
-from femupdate.dynamics.recurrence import interpolate_record, modal_states
+from femupdate.dynamics.recurrence import Steps, record_points
 from femupdate.dynamics.story import story_rows
-from femupdate.dynamics.system import System
+from femupdate.dynamics.system import Rows, System
 from femupdate.dynamics.transformed import transformed_outputs
 from femupdate.errors import MeasurementError, ModelError
 from femupdate.progress import SILENT, Progress
@@ -153,10 +153,9 @@ class _Task:
     settings: HistorySettings
 
     @cached_property
-    def fine(self) -> Tensor:
+    def points(self) -> Tensor:
         """The record with `settings.oversampling` points a step."""
-        fine = interpolate_record(self.record, self.settings.oversampling)
-        return torch.as_tensor(fine)
+        return record_points(self.record, self.settings.oversampling)
 
     @property
     def by_transform(self) -> bool:
@@ -189,8 +188,41 @@ def _recur(task: _Task, parameters: Tensor, zeta: Tensor, first: int) -> Floats:
     """Outputs (S, o, n) of one batch, the first of whose samples is number `first`."""
     settings = task.settings
     modes, ratio = dynamic_modes(task.system, (parameters, zeta), task.time_step, settings, first)
-    states = modal_states(modes.omega, ratio, task.fine, task.time_step, settings.oversampling)
-    return project(states, modes, ratio, torch.as_tensor(task.record)).numpy()
+    steps = Steps.of(modes.omega[None], ratio[None], task.time_step, settings.oversampling)
+    return project(modes, steps.windows(task.points), torch.as_tensor(task.record)).numpy()
+
+
+def displacement_histories(
+    system: System,
+    samples: tuple[Tensor, Tensor],
+    rows: Rows,
+    acceleration: Floats,
+    time_step: float,
+    settings: HistorySettings | None = None,
+) -> Floats:
+    """Displacements along rows (S, o, n) relative to the moving base, from rest.
+
+    Args:
+        system: the structure with its effects, whose modes are real.
+        samples: parameters (S, p + q) and damping ratios (S,).
+        rows: o of them.
+        acceleration: (n,) of the base along what the system's responses are taken to.
+        time_step: s.
+
+    Raises:
+        ModelError: a stiffness is not positive definite.
+    """
+    chosen = settings or HistorySettings()
+    theta, sizes = system.split(samples[0])
+    found = system.modes(theta, sizes, rows)
+    _check_stable(found.omega, 0)
+    nothing = torch.zeros_like(found.effect)
+    modes = ModalOutputs(found.omega, found.effect, nothing, nothing[..., 0])
+    modes = keep_dynamic(modes, 0.5 / time_step, chosen.tolerance)
+    ratio = system.ratio(modes.omega, samples[1], sizes)
+    steps = Steps.of(modes.omega[None], ratio[None], time_step, chosen.oversampling)
+    points = record_points(acceleration, chosen.oversampling)
+    return project(modes, steps.windows(points), torch.from_numpy(acceleration)).numpy()
 
 
 def dynamic_modes(

@@ -1,4 +1,8 @@
-"""Forces of members in a ground motion: the full model at draws of the posterior, mode by mode."""
+"""Forces of members in a ground motion: the full model at draws of the posterior.
+
+The motion is followed on the shapes that it drives, which are as many as the forces of the members
+need up to a frequency; what is stiffer responds statically.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,19 +11,23 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 
 from femupdate.arrays import Floats
-from femupdate.building.frame import FrameBuilding
-from femupdate.building.mesh import mesh_building
-from femupdate.building.own_mesh import MeshBuilding
 from femupdate.building.schema import Building
 from femupdate.building.shear import ShearBuilding
 from femupdate.building.wall_cuts import WallCut, wall_cut
+from femupdate.dynamics.damping import DampingLaw, damping_law
+from femupdate.dynamics.equations import Sensors, driven_system
+from femupdate.dynamics.history import displacement_histories
 from femupdate.dynamics.member_forces import WALL_FORCES, beam_end_rows, wall_rows
 from femupdate.dynamics.summary import Statistics, statistics
-from femupdate.dynamics.superposition import BaseMotion, displacement_history, superpose
+from femupdate.dynamics.system import Rows, changes_in_run
+from femupdate.effects.effect import Placed, Terms
+from femupdate.effects.listed import building_effects
+from femupdate.effects.structure import Structure, structure_of
 from femupdate.errors import BuildingError
-from femupdate.fe.assembly import AffineOperators, assemble
+from femupdate.fe.assembly import AffineOperators
 from femupdate.fe.elements.beam import Beams
 from femupdate.fe.model import FiniteElementModel
 from femupdate.progress import SILENT, Progress
@@ -57,14 +65,40 @@ class Member:
 
 
 @dataclass(frozen=True)
-class ChosenMembers:
-    """Members with the full model that they belong to."""
+class BaseMotion:
+    """An acceleration history of the base.
 
-    building: FrameBuilding | MeshBuilding
-    model: FiniteElementModel
-    operators: AffineOperators
-    direction: str
+    Attributes:
+        acceleration: (n,) m/s2, along the direction of the sensors.
+        time_step: s.
+    """
+
+    acceleration: Floats
+    time_step: float
+
+
+@dataclass(frozen=True, eq=False)
+class ChosenMembers:
+    """Members with the full model that they belong to.
+
+    Attributes:
+        structure: the full model.
+        added: effects on it, each with its terms.
+        law: of its damping.
+        members: those chosen.
+    """
+
+    structure: Structure
+    added: tuple[tuple[Placed, Terms], ...]
+    law: DampingLaw
     members: tuple[Member, ...]
+
+    def rows(self, theta: Floats) -> tuple[Floats, ...]:
+        """Rows (k, n) of every member's forces at stiffness factors theta (p,)."""
+        mesh, operators = self.structure.mesh, self.structure.operators
+        if mesh is None or operators is None:
+            raise ValueError("a shear building has no members")
+        return tuple(one.rows(mesh.model, operators, theta) for one in self.members)
 
 
 @dataclass(frozen=True)
@@ -103,28 +137,40 @@ def choose_members(building: Building, wanted: Sequence[Place | str]) -> ChosenM
     """Find members in a building's mesh.
 
     Args:
-        building: a frame, or one with its own mesh, without effects.
+        building: a frame, or one with its own mesh. Its effects may move it in another way, but
+            leave its members as they are.
         wanted: places, m, that mean the beam element whose middle is nearest, and names of walls
             (see `wall_cut`).
 
     Raises:
-        BuildingError: the building has no such member.
+        BuildingError: the building has no such member, or an effect that changes members, makes
+            modes complex, or changes with the level of the motion.
     """
-    if isinstance(building, ShearBuilding):
+    structure = structure_of(building)
+    if isinstance(building, ShearBuilding) or structure.mesh is None:
         raise BuildingError(f"{building.name}: a shear building has no members; leave them out")
-    if building.effects:
-        raise BuildingError(
-            f"{building.name}: it has [[effects]], and forces of members are found in models "
-            "without any; leave members out"
-        )
-    mesh = mesh_building(building)
+    placed = building_effects(building).placed
+    added = tuple((one, one.effect.terms(structure, one.place)) for one in placed)
+    for one, terms in added:
+        if not _leaves_members(one, terms):
+            raise BuildingError(
+                f"{building.name}: forces of members are not found beside the effect {one.label}, "
+                "which changes members, makes modes complex or changes with the level of the "
+                "motion; leave members out"
+            )
     members = tuple(
-        _wall(wall_cut(building, mesh, one), one)
+        _wall(wall_cut(building, structure.mesh, one), one)
         if isinstance(one, str)
-        else _nearest(building, mesh.model, one)
+        else _nearest(building, structure.mesh.model, one)
         for one in wanted
     )
-    return ChosenMembers(building, mesh.model, assemble(mesh.model), "xy"[mesh.direction], members)
+    return ChosenMembers(structure, added, damping_law(building), members)
+
+
+def _leaves_members(placed: Placed, terms: Terms) -> bool:
+    """Whether forces follow from displacements as without an effect, and modes are real."""
+    changed = bool(terms.stiffness) or terms.hinges is not None or terms.port is not None
+    return not (changed or placed.effect.needs_levels or changes_in_run(placed.effect))
 
 
 def _wall(cut: WallCut, name: str) -> Member:
@@ -146,8 +192,8 @@ def _nearest(building: Building, model: FiniteElementModel, place: Place) -> Mem
 
 def member_forces(
     chosen: ChosenMembers,
-    theta: Floats,
-    zeta: Floats | None,
+    parameters: Floats,
+    zeta: Floats,
     motion: BaseMotion,
     top_hz: float,
     progress: Progress = SILENT,
@@ -158,19 +204,17 @@ def member_forces(
     that is there before.
 
     Args:
-        theta: (S, p) stiffness factors.
-        zeta: (S,) damping ratios of all modes; None for the building's own law.
-        motion: of the base, along the direction of the sensors.
-        top_hz: modes below it are followed in time, the others statically.
+        parameters: (S, p + q) stiffness factors, then sizes of the building's effects.
+        zeta: (S,) damping ratios, for a law that does not fix them.
+        top_hz: up to where the response must be right; what is stiffer follows statically.
         progress: advances by one a draw.
 
     Raises:
         ModelError: the structure is a mechanism.
     """
-    ratios = [None] * len(theta) if zeta is None else [float(z) for z in zeta]
     task = partial(_at_draw, chosen, motion, top_hz)
     found = []
-    for history in everywhere(task, list(zip(theta, ratios, strict=True))):
+    for history in everywhere(task, list(zip(parameters, zeta.tolist(), strict=True))):
         found.append(history)
         progress.advance()
     histories = np.stack(found)
@@ -188,15 +232,20 @@ def _over_draws(member: Member, histories: Floats) -> MemberForces:
 
 
 def _at_draw(
-    chosen: ChosenMembers, motion: BaseMotion, top_hz: float, draw: tuple[Floats, float | None]
+    chosen: ChosenMembers, motion: BaseMotion, top_hz: float, draw: tuple[Floats, float]
 ) -> Floats:
     """Histories of all members' forces at one draw, (k, n)."""
-    theta, zeta = draw
-    structure = superpose(chosen.operators, theta, chosen.direction, top_hz)
-    rows = [member.rows(chosen.model, chosen.operators, theta) for member in chosen.members]
-    own = chosen.building.damping.modal_ratio(structure.omega / (2.0 * np.pi))
-    ratio = own if zeta is None else zeta
-    return displacement_history(structure, np.concatenate(rows), ratio, motion)
+    structure, law = chosen.structure, chosen.law
+    theta, sizes = np.split(draw[0], [len(structure.stiffness_terms)])
+    groups = chosen.rows(theta)
+    seen = Sensors(structure.floors, structure.floor_rows, structure.levels, groups)
+    found = driven_system(structure, chosen.added, theta, sizes, top_hz, law, seen)
+    shapes = torch.from_numpy(np.concatenate(groups) @ found.shapes)
+    # A rigid motion of the base strains no member.
+    rows = Rows(shapes, shapes.new_zeros(len(shapes), 2))
+    sample = torch.from_numpy(sizes[None]), torch.tensor([draw[1]], dtype=torch.float64)
+    record = motion.acceleration, motion.time_step
+    return np.asarray(displacement_histories(found.system, sample, rows, *record)[0])
 
 
 def write_member_forces(members: Sequence[MemberForces], time_step: float, path: Path) -> None:

@@ -1,12 +1,13 @@
 """Which modes matter to the outputs, and the outputs from the motion of the modes."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
 from femupdate.dynamics.modes import Modes
+from femupdate.dynamics.recurrence import Window
 
 IN_BAND = 1.5  # modes below this many Nyquist frequencies can resonate
 _NOTHING = 1e-18
@@ -99,22 +100,19 @@ def state_weights(modes: ModalOutputs, omega: Tensor, ratio: Tensor) -> Tensor:
     return torch.cat([of_first, -2.0 * ratio[:, None, :] * wide * modes.acceleration], dim=-1)
 
 
-def project(states: Iterator[Tensor], modes: ModalOutputs, ratio: Tensor, record: Tensor) -> Tensor:
-    """Return the outputs (S, o, n) from the modal states.
+def project(modes: ModalOutputs, windows: Iterable[Window], record: Tensor) -> Tensor:
+    """Return the outputs (S, o, n) from the states of the modes.
 
     Args:
-        states: blocks (t, S, 2, m) of (omega eta, eta'), from which
-            eta'' = -a_g - 2 zeta omega eta' - omega^2 eta.
         modes: S samples, o outputs, m modes.
-        ratio: (S, m) damping ratios.
+        windows: from rest, from whose states eta'' = -a_g - 2 zeta omega eta' - omega^2 eta.
         record: (n,) base acceleration, m/s2.
     """
-    weights = state_weights(modes, modes.omega, ratio)
     result = (modes.base - modes.acceleration.sum(-1))[..., None] * record
-    start = 0
-    for block in states:
-        stop = start + len(block)
-        columns = block.reshape(*block.shape[:2], -1).permute(1, 2, 0)
-        result[..., start:stop] += torch.bmm(weights, columns)
+    start = 1
+    for omega, ratio, states in windows:
+        stop = start + len(states)
+        columns = states.flatten(2).permute(1, 2, 0)
+        result[..., start:stop] += torch.bmm(state_weights(modes, omega, ratio), columns)
         start = stop
     return result

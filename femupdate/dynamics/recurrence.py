@@ -1,12 +1,14 @@
 """Exact step-by-step response of many modes to one record (Nigam and Jennings 1969)."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from femupdate.arrays import Floats
+from femupdate.arrays import Floats, Integers
 
 STEPS_AT_A_TIME = 256  # keeps the states of 50 samples x 60 modes inside a few ten megabytes
 HALF_LENGTH = 32  # of the interpolation filter, in samples of the record
@@ -82,33 +84,77 @@ def join_steps(transition: Tensor, load: Tensor, factor: int) -> tuple[Tensor, T
     return power, joined
 
 
-def modal_states(
-    omega: Tensor, ratio: Tensor, record: Tensor, time_step: float, factor: int
-) -> Iterator[Tensor]:
-    """Yield the states of all modes, a block of time steps after the other, starting from rest.
+def record_points(acceleration: Floats, factor: int) -> Tensor:
+    """The record between its n samples, band-limited: (n - 1, factor + 1) points step by step."""
+    fine = torch.from_numpy(interpolate_record(acceleration, factor))
+    return fine.unfold(0, factor + 1, factor)
 
-    Args:
+
+class Window(NamedTuple):
+    """Modes during t steps.
+
+    Attributes:
         omega, ratio: (S, m) rad/s and damping ratios.
-        record: ((n - 1) factor + 1,) base acceleration, m/s2, linear between its points.
-        time_step: s, of the states; the record's is time_step / factor.
-        factor: points of the record a step.
-
-    Yields:
-        (t, S, 2, m) states (omega eta, eta') at the first block of instants, the next, ...;
-        n instants in all, the first of them at rest. A block is overwritten by nobody.
+        states: (t, S, 2, m) states (omega eta, eta') after each step.
     """
-    transition, load = join_steps(*step_matrices(omega, ratio, time_step / factor), factor)
-    # (S, m, 2, .) -> (S, 2, m) slices: the loop below then needs two fused operations a step.
-    from_first, from_second = (transition[..., i].transpose(1, 2).contiguous() for i in (0, 1))
-    loads = load.permute(3, 0, 2, 1).reshape(factor + 1, -1)
-    points = record.unfold(0, factor + 1, factor)
-    state = omega.new_zeros(omega.shape[0], 2, omega.shape[1])
-    yield state[None]
-    for block in points.split(STEPS_AT_A_TIME):
-        states = (block @ loads).view(len(block), *state.shape)
-        for following in states:
-            following.addcmul_(from_first, state[:, :1]).addcmul_(from_second, state[:, 1:])
-            state = following
-        yield states
-        # Motion that died away would sink into denormal numbers, a hundred times slower.
-        state = torch.where(state.abs() < 1e-200, 0.0, state)
+
+    omega: Tensor
+    ratio: Tensor
+    states: Tensor
+
+
+@dataclass(frozen=True, eq=False)
+class Steps:
+    """What a step does to modes, at each of the levels of the motion that are told apart.
+
+    Attributes:
+        omega, ratio: (l, S, m) rad/s and damping ratios.
+        transition: (l, S, 2, 2, m) of the state, by what it comes from.
+        load: (l, S, factor + 1, 2, m) by the points of the excitation.
+    """
+
+    omega: Tensor
+    ratio: Tensor
+    transition: Tensor
+    load: Tensor
+
+    @staticmethod
+    def of(omega: Tensor, ratio: Tensor, time_step: float, factor: int) -> "Steps":
+        """For omega and ratio (l, S, m); the excitation is linear between factor + 1 points."""
+        found = []
+        for one in zip(omega, ratio, strict=True):
+            joined = join_steps(*step_matrices(*one, time_step / factor), factor)
+            found.append([part.permute(0, 3, 2, 1) for part in joined])
+        transition, load = (torch.stack(parts) for parts in zip(*found, strict=True))
+        return Steps(omega, ratio, transition, load)
+
+    def windows(
+        self, points: Tensor, level: Integers | None = None, length: int = STEPS_AT_A_TIME
+    ) -> Iterator[Window]:
+        """Yield the states of all modes, a window of steps after the other, starting from rest.
+
+        Args:
+            points: (n - 1, factor + 1) base acceleration, m/s2, linear between its points.
+            level: (S, w) number of the level in each window; the first throughout where None.
+            length: steps of a window.
+        """
+        parts, samples = points.split(length), torch.arange(self.omega.shape[1])
+        same = torch.zeros(len(samples), len(parts), dtype=torch.long)
+        chosen = same if level is None else torch.from_numpy(level)
+        before = self.omega[chosen[:, 0], samples]
+        state = torch.zeros_like(self.transition[0, :, 0])
+        for number, block in enumerate(parts):
+            own = chosen[:, number], samples
+            omega = self.omega[own]
+            # The displacement goes on; the first part of the state is omega times it.
+            state = torch.stack([state[:, 0] * (omega / before), state[:, 1]], dim=1)
+            # (S, 2, m) slices: the loop below then needs two fused operations a step.
+            from_first, from_second = (part.contiguous() for part in self.transition[own].unbind(1))
+            loads = self.load[own].transpose(0, 1).flatten(1)
+            states = (block @ loads).view(len(block), *state.shape)
+            for following in states:
+                following.addcmul_(from_first, state[:, :1]).addcmul_(from_second, state[:, 1:])
+                state = following
+            yield Window(omega, self.ratio[own], states)
+            # Motion that died away would sink into denormal numbers, a hundred times slower.
+            state, before = torch.where(state.abs() < 1e-200, 0.0, state), omega

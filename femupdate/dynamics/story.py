@@ -41,8 +41,8 @@ def story_rows(system: System, sizes: Tensor) -> Rows:
     for terms, values in zip(system.terms, split_sizes(system.placed, sizes), strict=True):
         if terms.mass is not None:
             weight = values[:, 0, None, None]
-            wide[0][:, own] += weight * terms.mass.above
-            wide[1][:, own] += weight * terms.mass.above_rigid
+            wide[0][:, own] += weight * torch.as_tensor(terms.mass.above)
+            wide[1][:, own] += weight * torch.as_tensor(terms.mass.above_rigid)
     return Rows(*wide)
 
 

@@ -20,8 +20,7 @@ from femupdate.dynamics.level import RUN_LEVELS
 from femupdate.dynamics.modal import ModalData, joined, keep_modes
 from femupdate.dynamics.modes import Modes, normal_modes, response
 from femupdate.dynamics.reduced import ReducedModel, ReleasedBase
-from femupdate.dynamics.reduced_terms import ReducedTerms
-from femupdate.effects.effect import UNSCALED, Effect, Parameter, Placed, RunChange
+from femupdate.effects.effect import UNSCALED, Effect, Parameter, Placed, RunChange, Terms
 
 _BATCH = 16  # responses of a hundred shapes at a few hundred frequencies stay in the cache
 _MATRICES = 2**20  # numbers in the matrices of a batch of eigenproblems
@@ -83,7 +82,7 @@ class System:
     model: ReducedModel
     law: DampingLaw = field(default_factory=ConstantDamping)
     placed: tuple[Placed, ...] = ()
-    terms: tuple[ReducedTerms, ...] = ()
+    terms: tuple[Terms, ...] = ()
     moved: tuple[float, float] = (1.0, 0.0)
     run_levels: tuple[float, ...] = RUN_LEVELS
 
@@ -439,8 +438,8 @@ class System:
                 mass = torch.eye(size).to(theta) if mass is None else mass
                 weight = own_size[:, None, None]
                 mass = mass + weight * added.mass.matrix.to(theta)
-                force = force + weight * added.mass.force.to(theta)
-                rigid = rigid + weight * added.mass.rigid.to(theta)
+                force = force + weight * torch.as_tensor(added.mass.force).to(theta)
+                rigid = rigid + weight * torch.as_tensor(added.mass.rigid).to(theta)
         return stiffness, mass, force, rigid
 
     def _base_motion(self, theta: Tensor, own: Sequence[Tensor]) -> Tensor:
@@ -472,7 +471,10 @@ class System:
         shapes, rigid = (part.expand(count, -1, -1) for part in (rows.shapes, rows.rigid))
         for terms in self.terms:
             if terms.port is not None:
-                line, with_base = (part.to(shapes).expand(count, 1, -1) for part in terms.port)
+                parts = terms.port.row, terms.port.rigid
+                line, with_base = (
+                    torch.as_tensor(part).to(shapes).expand(count, 1, -1) for part in parts
+                )
                 shapes, rigid = (
                     torch.cat([shapes, line], dim=1),
                     torch.cat([rigid, with_base], dim=1),

@@ -1,12 +1,10 @@
 """Numbers with a meaning that reduced models and histories are made by."""
 
-from dataclasses import dataclass
-
-from femupdate.thresholds import entry
+from femupdate.thresholds import entry, table
 
 
-@dataclass(frozen=True, kw_only=True)
-class ReductionThresholds:
+@table
+class REDUCTION:
     """How a reduced model is made and judged."""
 
     sizes: tuple[int, ...] = entry(
@@ -31,8 +29,8 @@ class ReductionThresholds:
     confidence: float = entry(0.95, "probability", "with which the judged share of the box is told")
 
 
-@dataclass(frozen=True, kw_only=True)
-class LocalBasisThresholds:
+@table
+class LOCAL_BASIS:
     """How a basis near one theta is made, on which effects are tried."""
 
     spread: float = entry(0.2, "ln theta", "to both sides, that it serves")
@@ -47,8 +45,8 @@ class LocalBasisThresholds:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class LevelThresholds:
+@table
+class LEVEL:
     """How strong a motion is."""
 
     strong: tuple[float, float] = entry(
@@ -67,8 +65,8 @@ class LevelThresholds:
     segment_s: float = entry(20.0, "s", "of the spectrum that tells the strongest mode")
 
 
-@dataclass(frozen=True, kw_only=True)
-class ChangingThresholds:
+@table
+class CHANGING:
     """How a structure that softens in a run is followed."""
 
     step: float = entry(0.05, "doublings", "between the levels that are told apart")
@@ -80,11 +78,3 @@ class ChangingThresholds:
         "a swelling oscillator: off by a tenth with four, by a fourteenth with eight",
     )
     last_rounds: int = entry(2, "rounds", "of every sample, from the level of one of them")
-
-
-REDUCTION = ReductionThresholds()
-LOCAL_BASIS = LocalBasisThresholds()
-LEVEL = LevelThresholds()
-CHANGING = ChangingThresholds()
-
-GROUPS = (REDUCTION, LOCAL_BASIS, LEVEL, CHANGING)

@@ -1,8 +1,13 @@
-"""What every effect says of itself, and the terms that it adds to a structure."""
+"""What every effect says of itself, and the terms that it adds to a structure.
+
+Terms are of the full model, whose n degrees of freedom have sparse matrices and arrays, or of a
+reduced one, whose n coordinates have tensors.
+"""
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 import torch
@@ -15,6 +20,8 @@ from femupdate.effects.structure import Structure
 
 ALL_STORIES = -1
 UNSCALED = -2
+Matrix: TypeAlias = csc_matrix | Tensor
+Array: TypeAlias = Floats | Tensor
 _REACH = 5.0  # standard deviations of the prior, beyond which nothing is looked for
 
 
@@ -84,8 +91,8 @@ class Port:
         rigid: (2,) displacement along it per unit base translation and rotation.
     """
 
-    row: Floats
-    rigid: Floats
+    row: Array
+    rigid: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,11 +108,11 @@ class AddedMass:
         above_rigid: (s, 2) the same per unit acceleration of the base.
     """
 
-    matrix: csc_matrix
-    force: Floats
-    rigid: Floats
-    above: Floats
-    above_rigid: Floats
+    matrix: Matrix
+    force: Array
+    rigid: Array
+    above: Array
+    above_rigid: Array
 
 
 class Stiffness(NamedTuple):
@@ -122,7 +129,7 @@ class Stiffness(NamedTuple):
     """
 
     story: int
-    matrix: csc_matrix
+    matrix: Matrix
     series: float = 0.0
 
 
@@ -150,23 +157,33 @@ class Hinges:
         K = K(theta) - s C (D + s A)^-1 C^T,   C = sum theta_i C_i,   A = sum theta_i A_i.
 
     Attributes:
-        coupling: C_i, one (n, j) a story: forces on the structure per unit rotation.
-        inner: A_i, one (j, j) a story: moments that the stories put against the rotations.
+        coupling: C_i (p, n, j), by story: forces on the structure per unit rotation.
+        inner: A_i (p, j, j), by story: moments that the stories put against the rotations.
         spring: (j,) the diagonal of D, the springs at unit size.
     """
 
-    coupling: tuple[Floats, ...]
-    inner: tuple[Floats, ...]
-    spring: Floats
+    coupling: Array
+    inner: Array
+    spring: Array
+
+    def softening(self, theta: Tensor, size: Tensor) -> Tensor:
+        """Stiffness (N, n, n) that hinges of sizes (N,) take away at theta (N, p)."""
+        parts = self.coupling, self.inner, self.spring
+        coupling, inner, spring = (torch.as_tensor(part).to(theta) for part in parts)
+        coupling = torch.einsum("np,prj->nrj", theta, coupling)
+        inner = torch.einsum("np,pij->nij", theta, inner)
+        held = torch.diag(spring) + size[:, None, None] * inner
+        return size[:, None, None] * (coupling @ torch.linalg.solve(held, coupling.mT))
 
 
 @dataclass(frozen=True, eq=False)
 class Terms:
-    """What an effect of unit size adds to the full model.
+    """What an effect of unit size adds to a model.
 
     Attributes:
         stiffness: what it adds to that of stories.
-        springs: what it puts between sums over many degrees of freedom, or None.
+        springs: what it puts between sums over many degrees of freedom, or None. In a reduced
+            model they are stiffness like any other.
         hinges: rotations that it sets free, or None.
         mass: mass, or None.
         flexibility: (2,) of the ground under the base, m/N and rad/(N m).
@@ -190,6 +207,12 @@ class Terms:
         added = self.springs, self.mass, self.hinges
         return bool(self.stiffness) or any(one is not None for one in added)
 
+    @property
+    def shapeless(self) -> bool:
+        """Whether nothing is added to the structure, so that any basis serves the effect."""
+        still = self.port is None and self.flexibility == (0.0, 0.0) and self.pitch == 0.0
+        return still and not self.changes_shapes
+
 
 class RunChange(NamedTuple):
     """What a structure is multiplied by where motion is at a level of its run.
@@ -203,6 +226,20 @@ class RunChange(NamedTuple):
     damping: Tensor
 
 
+def _all_and_each(structure: Structure) -> tuple[str, ...]:
+    names = structure.building.story_names
+    return ("all", *names) if len(names) > 1 else ("all",)
+
+
+PLACES: dict[str, Callable[[Structure], tuple[str, ...]]] = {
+    "base": lambda structure: ("base",),
+    "all stories": lambda structure: ("all",),
+    "all stories and each": _all_and_each,
+    "all floors": lambda structure: ("floors",),
+    "each floor": lambda structure: structure.floors,
+}
+
+
 class Effect(ABC):
     """A thing that a model may lack. Its first parameter is its size.
 
@@ -210,6 +247,13 @@ class Effect(ABC):
         name: as in files and options.
         title: a few words for figures.
         sentence: what it is and does, for an engineer.
+        clause: what is there, with its first parameter, no full stop. Filled in are `{place}`,
+            `{where}` (the place with its preposition), `{size}` (with its unit), `{number}` (the
+            size without it), `{lost}` (the size with its sign turned), `{change}` (such as "25 %
+            more"), `{title}`, and `{text}`, what the first parameter is.
+        words: the two of a change, for more and for less.
+        at: the preposition of a place that is a floor or story.
+        sits: where it can be in a building, by a name in `PLACES`.
         confused_with: names of effects that look alike.
         contains: names of effects that are this one at some value of its parameters. Where one of
             them does as well, that one is meant.
@@ -229,6 +273,10 @@ class Effect(ABC):
     name: ClassVar[str]
     title: ClassVar[str]
     sentence: ClassVar[str]
+    clause: ClassVar[str] = "{title} {where}: {text} {size}"
+    words: ClassVar[tuple[str, str]] = ("more", "less")
+    at: ClassVar[str] = "at"
+    sits: ClassVar[str]
     confused_with: ClassVar[tuple[str, ...]] = ()
     contains: ClassVar[tuple[str, ...]] = ()
     settled_by: ClassVar[str]
@@ -243,7 +291,7 @@ class Effect(ABC):
 
     def places(self, structure: Structure) -> tuple[str, ...]:
         """Where it can sit in a building; none where the building has no such thing."""
-        raise NotImplementedError
+        return PLACES[self.sits](structure)
 
     def points(self, structure: Structure) -> tuple[str, ...]:
         """Further places, which building files and simulations may name; they are not searched."""
@@ -256,12 +304,21 @@ class Effect(ABC):
     def where(self, place: str) -> str:
         """A place in words, such as "in all stories" or "in S2"."""
         known = {"all": "in all stories", "floors": "on all floors", "base": "at the base"}
-        return known.get(place, f"at {place}".replace(",", " and "))
+        return known.get(place, f"{self.at} {_in_words(place)}")
 
     def said(self, place: str, size: float) -> str:
         """What is there, with its first parameter; a clause for an engineer, no full stop."""
-        first = self.parameters[0]
-        return f"{self.title} {self.where(place)}: {first.text} {first.shown(size)}"
+        known = {"title": self.title, "place": _in_words(place), "where": self.where(place)}
+        for first in self.parameters[:1]:
+            size_as_read = first.shown(size)
+            known |= {
+                "text": first.text,
+                "size": size_as_read,
+                "number": size_as_read.partition(" ")[0],
+                "lost": first.shown(-size),
+                "change": more_or_less(size, *self.words),
+            }
+        return self.clause.format(**known)
 
     def scatter(self, size: float, sd: float) -> str:
         """The standard deviation of what `said` says."""
@@ -330,6 +387,8 @@ class Effect(ABC):
 
     def place_rows(self, place: str, floors: tuple[str, ...]) -> tuple[int, ...]:
         """Rows that a place names; a floor may have several (one a sensor)."""
+        if place == "floors":
+            return tuple(range(len(floors)))
         named = place.split(",")
         return tuple(k for part in named for k, floor in enumerate(floors) if floor == part)
 
@@ -355,6 +414,11 @@ class Placed:
     def exchange(self) -> bool:
         """Whether it is there or not: channels exchanged or reversed."""
         return not self.effect.parameters and not self.effect.correction
+
+
+def _in_words(place: str) -> str:
+    """A place such as "2F,3F" as it is read."""
+    return place.replace(",", " and ")
 
 
 def more_or_less(size: float, more: str, less: str) -> str:

@@ -31,7 +31,7 @@ def turning_floors(structure: Structure) -> Hinges:
         coupling[story, ends, ends] = k * h / 2.0 * np.array([[1.0, 1.0], [-1.0, -1.0]])
         inner[story, ends, ends] = k * h**2 / 6.0 * np.array([[2.0, 1.0], [1.0, 2.0]])
     spring = np.full(count, float((stiffness * height**2).mean()) / 12.0)
-    return Hinges(tuple(coupling[:, 1:, 1:]), tuple(inner[:, 1:, 1:]), spring)
+    return Hinges(coupling[:, 1:, 1:], inner[:, 1:, 1:], spring)
 
 
 def turning_beams(model: FiniteElementModel, operators: AffineOperators) -> tuple[Stiffness, ...]:

@@ -8,7 +8,7 @@ from scipy.sparse import csc_matrix
 
 from femupdate.effects.bars import bending_terms
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, Stiffness, Terms, more_or_less
+from femupdate.effects.effect import Effect, Stiffness, Terms
 from femupdate.effects.structure import Structure
 from femupdate.fe.element import Elements
 
@@ -27,6 +27,8 @@ class MemberStiffness(Effect):
     kinds: ClassVar[tuple[str, ...]]
     elements: ClassVar[type] = Elements
     bending_only: ClassVar[bool] = False
+    at = "in"
+    words = ("stiffer", "softer")
 
     def places(self, structure: Structure) -> tuple[str, ...]:
         """All stories together, and every story, where there are such members."""
@@ -36,19 +38,6 @@ class MemberStiffness(Effect):
         groups = {k for one in parts for k in one.group[np.isin(one.kind, self.kinds)].tolist()}
         own = tuple(structure.building.story_names[k] for k in sorted(groups))
         return (ALL, *own) if len(own) > 1 else own
-
-    def where(self, place: str) -> str:
-        """As `Effect.where`."""
-        return "in all stories" if place == ALL else f"in {place}"
-
-    def said(self, place: str, size: float) -> str:
-        """As `Effect.said`."""
-        members = " and ".join(f"{kind}s" for kind in self.kinds)
-        if self.bending_only:
-            lost = f"{-100.0 * size:.3g} % of their second moments of area"
-            return f"The {members} have lost {lost} {self.where(place)}"
-        change = more_or_less(size, "stiffer", "softer")
-        return f"The {members} are {change} than modelled {self.where(place)}"
 
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """The members themselves."""

@@ -6,6 +6,7 @@ horizontal force drives few of the many modes of a building's slabs: a hundred s
 three hundred modes.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -19,6 +20,7 @@ _LOOK = 16  # shapes between two checks of the response
 _POINTS = 400  # frequencies at which it is checked
 _DAMPING = 0.01
 _NOTHING = 1e-12  # share of a block's energy; a direction with less adds nothing new
+_SMALL = 1e-3  # of the largest of watched rows; nobody looks for a hundredth of what is smaller
 
 
 class Factored(Protocol):
@@ -53,6 +55,7 @@ def driven_shapes(
     rows: Floats,
     top_hz: float,
     *,
+    watched: Sequence[Floats] = (),
     tolerance: float = 1e-2,
     most: int = 1200,
 ) -> DrivenShapes:
@@ -67,7 +70,10 @@ def driven_shapes(
         mass: (n, n).
         forces: (n, c).
         rows: (o, n) that observe the motion.
-        tolerance: rms change of the logarithm of the response.
+        watched: groups of further rows (w, n) whose response must be right, such as the forces of
+            a member each. They start no shapes. What is small beside the largest of its group, as a
+            force that symmetry makes zero, may err by as much as that.
+        tolerance: rms change of the logarithm of the response, of the rows and of every group.
 
     Raises:
         ModelError: `most` shapes are not enough.
@@ -77,7 +83,8 @@ def driven_shapes(
     room = most + fresh.shape[1]
     basis = np.empty((len(forces), room), order="F")
     small = np.zeros((room, room))  # the stiffness on the basis
-    last, count, looked = None, 0, 0
+    last: list[Floats] | None = None
+    count, looked = 0, 0
     while count < most:
         block, moved = _orthonormal(fresh, basis[:, :count], mass)
         basis[:, count : count + block.shape[1]] = block
@@ -89,7 +96,11 @@ def driven_shapes(
             small[:count, own] = basis[:, :count].T @ pulled
             small[own, :count] = small[:count, own].T
             found = _diagonal(small[:count, :count])
-            response = _response(found, basis[:, :count], forces, rows, top_hz)
+            driven = found.shapes.T @ (basis[:, :count].T @ forces)
+            response = [
+                _response(found, (group @ basis[:, :count]) @ found.shapes, driven, top_hz, least)
+                for group, least in ((rows, 0.0), *((own, _SMALL) for own in watched))
+            ]
             if exhausted or (last is not None and _change(response, last) < tolerance):
                 return DrivenShapes(found.frequency_hz, basis[:, :count] @ found.shapes)
             last, looked = response, count
@@ -122,17 +133,23 @@ def _diagonal(stiffness: Floats) -> DrivenShapes:
 
 
 def _response(
-    found: DrivenShapes, basis: Floats, forces: Floats, rows: Floats, top_hz: float
+    found: DrivenShapes, seen: Floats, driven: Floats, top_hz: float, least: float
 ) -> Floats:
-    """ln of the magnitude (c, o, k) of the displacement under every force."""
+    """ln of the magnitude (c, o, k) of the motion of rows under every force.
+
+    Args:
+        seen: (o, r) rows on the shapes.
+        driven: (r, c) forces on the shapes.
+        least: share of the largest magnitude under a force that is added to all.
+    """
     omega = 2.0 * np.pi * found.frequency_hz
     w = 2.0 * np.pi * top_hz * np.arange(1, _POINTS + 1) / _POINTS
     flexible = 1.0 / (omega[:, None] ** 2 - w**2 + 2j * _DAMPING * omega[:, None] * w)
-    seen, driven = (rows @ basis) @ found.shapes, found.shapes.T @ (basis.T @ forces)
-    moved = np.stack([(seen * one) @ flexible for one in driven.T])
-    return np.asarray(np.log(np.abs(moved) + 1e-300))
+    moved = np.abs(np.stack([(seen * one) @ flexible for one in driven.T]))
+    return np.asarray(np.log(moved + least * moved.max(axis=(1, 2), keepdims=True) + 1e-300))
 
 
-def _change(new: Floats, old: Floats) -> float:
-    """Largest rms change of a force's response."""
-    return float(np.sqrt(((new - old) ** 2).mean(axis=(1, 2))).max())
+def _change(new: Sequence[Floats], old: Sequence[Floats]) -> float:
+    """Largest rms change of a force's response, of any group of rows."""
+    squared = [((one - two) ** 2).mean(axis=(1, 2)) for one, two in zip(new, old, strict=True)]
+    return float(np.sqrt(np.max(squared)))

@@ -1,13 +1,10 @@
 """Every number with a meaning that measured files are judged by, in one table."""
 
-from dataclasses import dataclass
-from typing import Any
-
-from femupdate.thresholds import entry
+from femupdate.thresholds import entry, table
 
 
-@dataclass(frozen=True, kw_only=True)
-class FileThresholds:
+@table
+class FILES:
     """How large a file may be, whatever its header says."""
 
     text_mb: int = entry(300, "MB", "of a text", "its table takes some three times that in memory")
@@ -26,8 +23,8 @@ class FileThresholds:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class TimeThresholds:
+@table
+class TIMES:
     """Which times are a record's."""
 
     shortest_s: float = entry(1e-6, "s", "shortest step", "an impact on a model")
@@ -51,8 +48,8 @@ class TimeThresholds:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class RecordThresholds:
+@table
+class RECORD:
     """Which accelerations can be, and how motions of the ground are resampled."""
 
     fewest: int = entry(10, "samples", "of a motion of the ground")
@@ -73,8 +70,8 @@ class RecordThresholds:
     largest_ratio: int = entry(1000, "ratio", "of two rates, in whole numbers")
 
 
-@dataclass(frozen=True, kw_only=True)
-class ChannelThresholds:
+@table
+class CHANNEL:
     """From where on something in one history is worth a word."""
 
     slowest_hz: float = entry(5.0, "Hz", "sampling rate of measurements on buildings, at least")
@@ -100,8 +97,8 @@ class ChannelThresholds:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class PairThresholds:
+@table
+class PAIR:
     """From where on something between channels is worth a word."""
 
     segments: int = entry(12, "segments", "of Welch's method, half overlapping")
@@ -119,8 +116,8 @@ class PairThresholds:
     scatter_rad: float = entry(0.15, "rad", "of the phase that may be left beside a drift")
 
 
-@dataclass(frozen=True, kw_only=True)
-class SpectrumThresholds:
+@table
+class SPECTRUM:
     """How FRFs are estimated, and which of their points are used."""
 
     averages: float = entry(5.0, "segments", "independent, that the default length leaves")
@@ -179,8 +176,8 @@ class SpectrumThresholds:
     bands: int = entry(10, "bands", "in which floors are compared")
 
 
-@dataclass(frozen=True, kw_only=True)
-class ResponseThresholds:
+@table
+class RESPONSE:
     """Which response functions and forces can be."""
 
     fewest: int = entry(3, "frequencies", "of a table")
@@ -194,8 +191,8 @@ class ResponseThresholds:
     largest_force_n: float = entry(1e10, "N", "force", "the weight of a million tonnes")
 
 
-@dataclass(frozen=True, kw_only=True)
-class StaticThresholds:
+@table
+class STATIC:
     """What is taken of deflections under static loads."""
 
     low_hz: float = entry(
@@ -207,8 +204,8 @@ class StaticThresholds:
     doubtful: float = entry(0.5, "share", "standard deviation from which it is no measurement")
 
 
-@dataclass(frozen=True, kw_only=True)
-class RecordedModeThresholds:
+@table
+class RECORDED_MODE:
     """Which tables of modes can be, and what of them is worth a word."""
 
     largest_damping: float = entry(
@@ -225,8 +222,8 @@ class RecordedModeThresholds:
     wide: float = entry(0.1, "of the frequency", "its standard deviation, worth a word")
 
 
-@dataclass(frozen=True, kw_only=True)
-class AmbientThresholds:
+@table
+class AMBIENT:
     """How modes are found in ambient records, and which poles are modes."""
 
     order: int = entry(40, "poles", "of the largest model")
@@ -271,8 +268,8 @@ class AmbientThresholds:
     least_sd: float = entry(1e-4, "of the largest component", "standard deviation of a shape")
 
 
-@dataclass(frozen=True, kw_only=True)
-class AgreementThresholds:
+@table
+class AGREEMENT:
     """When runs on one building differ."""
 
     chance: float = entry(1e-3, "probability", "with which runs that agree are said to differ")
@@ -285,8 +282,8 @@ class AgreementThresholds:
     fewest: float = entry(3.0, "points", "independent, of a comparison")
 
 
-@dataclass(frozen=True, kw_only=True)
-class RotationThresholds:
+@table
+class ROTATION:
     """What vertical sensors tell of a base that turns."""
 
     apart_m: float = entry(0.01, "m", "between sensors, below which they stand at one place")
@@ -305,8 +302,8 @@ class RotationThresholds:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class ProposalThresholds:
+@table
+class PROPOSAL:
     """What is guessed of a file."""
 
     along_deg: float = entry(10.0, "degrees", "by which azimuths of one direction may differ")
@@ -314,34 +311,3 @@ class ProposalThresholds:
     ambient_s: float = entry(
         120.0, "s", "from which a record is ambient", "those of earthquakes end sooner"
     )
-
-
-FILES = FileThresholds()
-TIMES = TimeThresholds()
-RECORD = RecordThresholds()
-CHANNEL = ChannelThresholds()
-PAIR = PairThresholds()
-SPECTRUM = SpectrumThresholds()
-ROTATION = RotationThresholds()
-RESPONSE = ResponseThresholds()
-STATIC = StaticThresholds()
-RECORDED_MODE = RecordedModeThresholds()
-AMBIENT = AmbientThresholds()
-AGREEMENT = AgreementThresholds()
-PROPOSAL = ProposalThresholds()
-
-GROUPS: tuple[Any, ...] = (
-    FILES,
-    TIMES,
-    RECORD,
-    CHANNEL,
-    PAIR,
-    SPECTRUM,
-    ROTATION,
-    RESPONSE,
-    STATIC,
-    RECORDED_MODE,
-    AMBIENT,
-    AGREEMENT,
-    PROPOSAL,
-)

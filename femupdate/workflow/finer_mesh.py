@@ -21,8 +21,8 @@ from femupdate.discrepancy.mesh_scatter import MeshScatter
 from femupdate.discrepancy.thresholds import MESH_ERROR
 from femupdate.dynamics.damping import DampingLaw
 from femupdate.dynamics.reduced import ReducedModel
-from femupdate.dynamics.reduced_terms import ReducedStiffness, ReducedTerms
 from femupdate.dynamics.system import System
+from femupdate.effects.effect import Stiffness, Terms
 from femupdate.study import Study, as_written
 from femupdate.workflow.reduced_file import reduced_arrays, reduced_from
 
@@ -44,7 +44,7 @@ class FinerMesh:
 
     model: ReducedModel
     error: MeshError | None = None
-    terms: tuple[ReducedTerms, ...] = ()
+    terms: tuple[Terms, ...] = ()
 
     @cached_property
     def corrected(self) -> ReducedModel:
@@ -121,11 +121,11 @@ def _term_arrays(finer: FinerMesh) -> dict[str, NDArray[Any]]:
     }
 
 
-def _terms(data: Mapping[str, NDArray[Any]], count: int) -> tuple[ReducedTerms, ...]:
+def _terms(data: Mapping[str, NDArray[Any]], count: int) -> tuple[Terms, ...]:
     check_shapes(data, {**_TERMS, "stiffness_constant": "rr"})
-    parts: list[list[ReducedStiffness]] = [[] for _ in range(count)]
+    parts: list[list[Stiffness]] = [[] for _ in range(count)]
     columns: Sequence[NDArray[Any]] = [data[name] for name in _TERMS]
     for owner, story, series, matrix in zip(*columns, strict=True):
         whole = torch.from_numpy(matrix.astype(np.float64))
-        parts[owner].append(ReducedStiffness(int(story), whole, float(series)))
-    return tuple(ReducedTerms(stiffness=tuple(one)) for one in parts)
+        parts[owner].append(Stiffness(int(story), whole, float(series)))
+    return tuple(Terms(stiffness=tuple(one)) for one in parts)

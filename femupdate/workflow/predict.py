@@ -14,6 +14,7 @@ from femupdate.dynamics.changing_history import RunMotion, changing_histories
 from femupdate.dynamics.comparison import Comparison, compare
 from femupdate.dynamics.history import Histories, history_batches
 from femupdate.dynamics.member_histories import (
+    BaseMotion,
     MemberForces,
     choose_members,
     member_forces,
@@ -21,7 +22,6 @@ from femupdate.dynamics.member_histories import (
 )
 from femupdate.dynamics.spectra import FloorSpectra, floor_spectra
 from femupdate.dynamics.summary import HistorySummary, Statistics, statistics, summarise
-from femupdate.dynamics.superposition import BaseMotion
 from femupdate.inference.next_event import EventErrors
 from femupdate.inference.posterior import Posterior
 from femupdate.inference.thresholds import EVENT
@@ -297,7 +297,7 @@ def _members(
     members = member_forces(
         chosen,
         theta.numpy(),
-        None if model.building.damping.is_rayleigh else zeta.numpy(),
+        zeta.numpy(),
         BaseMotion(motion.acceleration, motion.time_step),
         1.3 * float(model.frequency_hz[-1]),
         show,

@@ -1,13 +1,10 @@
 """Every number with a meaning that the commands decide by, in one table."""
 
-from dataclasses import dataclass
-from typing import Any
-
-from femupdate.thresholds import entry
+from femupdate.thresholds import entry, table
 
 
-@dataclass(frozen=True, kw_only=True)
-class CalibrationThresholds:
+@table
+class CALIBRATION:
     """How a calibration is sampled, and what is said of it."""
 
     chains: int = entry(4, "runs", "apart, so that their agreement can be judged")
@@ -47,8 +44,8 @@ class CalibrationThresholds:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class RunThresholds:
+@table
+class RUNS:
     """How much a building differs between the runs of one calibration."""
 
     stiffness: float = entry(0.4, "ln", "to either side of the posterior's mean that is tried")
@@ -59,8 +56,8 @@ class RunThresholds:
     reach: float = entry(4.0, "sd", "to either side that the next one reaches")
 
 
-@dataclass(frozen=True, kw_only=True)
-class UnitThresholds:
+@table
+class UNITS:
     """When responses look like another unit or quantity."""
 
     probes: int = entry(256, "draws", "of the prior that are held against the level")
@@ -78,10 +75,3 @@ class UnitThresholds:
     )
     largest_motion: float = entry(1e9, "of any unit", "that a channel may hold")
     least_frequencies: int = entry(10, "points", "that an observation needs in the grid")
-
-
-CALIBRATION = CalibrationThresholds()
-RUNS = RunThresholds()
-UNITS = UnitThresholds()
-
-GROUPS: tuple[Any, ...] = (CALIBRATION, RUNS, UNITS)

@@ -6,7 +6,13 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from femupdate.dynamics.damping import ConstantDamping, DampingLaw, RayleighDamping
+from femupdate.building.files import load_building
+from femupdate.dynamics.damping import (
+    ConstantDamping,
+    DampingLaw,
+    RayleighDamping,
+    damping_law,
+)
 
 
 @settings(deadline=None)
@@ -38,6 +44,17 @@ def test_rayleigh_damping_is_that_of_a0_m_plus_a1_k(chain, tensor):
     np.testing.assert_allclose(
         modes.T @ C @ modes, np.diag(2.0 * ratio * squared.sqrt()), atol=1e-10
     )
+
+
+def test_the_law_of_a_building_file():
+    """Equal ratios at both anchors: a0 = 2 zeta w1 w2 / (w1 + w2), a1 = 2 zeta / (w1 + w2)."""
+    law = damping_law(load_building("shear_4dof"))
+    a0, a1 = 0.04 * 2 * np.pi * 20 / 21, 0.04 / (2 * np.pi * 21)
+    omega = 2 * torch.pi * torch.tensor([[4.0, 30.0, 1.0, 20.0]], dtype=torch.float64)
+    found = law.ratio(omega, torch.full((1,), torch.nan))
+    np.testing.assert_allclose(found, a0 / (2 * omega) + a1 * omega / 2, rtol=1e-12)
+    np.testing.assert_allclose(found[0, 2:], 0.02, rtol=1e-12)
+    assert isinstance(damping_law(load_building("six_story_wall_frame")), ConstantDamping)
 
 
 def test_constant_damping_gives_every_mode_the_ratio_of_its_sample():

@@ -9,8 +9,13 @@ from femupdate.benchmarks.mesh_export import export_mesh
 from femupdate.building.document import from_document, to_document
 from femupdate.building.files import load_building
 from femupdate.building.mesh import mesh_building
-from femupdate.dynamics.member_histories import choose_members, member_forces, write_member_forces
-from femupdate.dynamics.superposition import BaseMotion
+from femupdate.dynamics.damping import ConstantDamping
+from femupdate.dynamics.member_histories import (
+    BaseMotion,
+    choose_members,
+    member_forces,
+    write_member_forces,
+)
 from femupdate.errors import BuildingError
 
 MASS, HEIGHT = 40e3, 3.0
@@ -104,10 +109,12 @@ def slow():
 
 
 def forces(building, theta, zeta, wanted, motion=None):
-    """Forces at one draw or more."""
-    theta = np.atleast_2d(theta)
-    ratio = None if zeta is None else np.full(len(theta), zeta)
-    return member_forces(choose_members(building, wanted), theta, ratio, motion or slow(), 30.0)
+    """Forces at one draw or more; with one damping ratio, or by the building's own law."""
+    theta, chosen = np.atleast_2d(theta), choose_members(building, wanted)
+    if zeta is not None:
+        chosen = replace(chosen, law=ConstantDamping())
+    ratio = np.full(len(theta), np.nan if zeta is None else zeta)
+    return member_forces(chosen, theta, ratio, motion or slow(), 30.0)
 
 
 @pytest.mark.parametrize("zeta", [0.05, None])  # one ratio, or the building's own law
@@ -169,9 +176,9 @@ def test_walls_and_columns_share_the_story_shear(wall_frame, story):
     for k in range(len(walls), len(found)):
         assert found[k].member.ends[0, 2] == pytest.approx(0.0 if story == 1 else 3.2)
         shares[k] *= -1.0  # the joint puts it on the column's foot; local y is the global x
-    operators, level = chosen.operators, 0.0 if story == 1 else 3.2
+    operators, level = chosen.structure.operators, 0.0 if story == 1 else 3.2
     inertia = (operators.mass_full @ operators.rigid_translation(0)).reshape(-1, 6)[:, 0]
-    above = inertia[chosen.model.nodes[:, 2] > level + 1e-6].sum()
+    above = inertia[chosen.structure.mesh.model.nodes[:, 2] > level + 1e-6].sum()
     # 6 %: the lower half of the lowest elements. The motion is slow, not still.
     assert above == pytest.approx(180e3 if story == 1 else 90e3, rel=0.06)
     assert -sum(shares) == pytest.approx(above, rel=0.005)
@@ -285,8 +292,36 @@ def test_legs_of_a_core_want_groups_of_their_own(tmp_path):
         choose_members(own, ["wall:S1"])
 
 
-def test_effects_and_members_do_not_go_together(table):
-    entry = {"kind": "added_mass", "place": "2F", "values": {"mass": 1000.0}}
-    with_effect = table.model_copy(update={"effects": (entry,)})
-    with pytest.raises(BuildingError, match=r"it has \[\[effects\]\].*leave members out"):
-        choose_members(with_effect, [(0, 0, 0)])
+def with_effect(building, name, place, **parameters):
+    entry = {"name": name, "place": place, "parameters": parameters}
+    return from_document(to_document(building) | {"effects": [entry]})
+
+
+def test_columns_carry_the_inertia_of_an_added_mass(table):
+    heavier = with_effect(table, "added_mass", table.floors[0], size=0.1)
+    (found,) = forces(heavier, [0.8, 0.25], 0.05, [(0, 0, 0.5)])
+    assert found.named(found.peak.mean)["Vy_start"] == pytest.approx(1.25 * MASS / 4, rel=0.01)
+
+
+def test_a_pitching_base_adds_the_inertia_of_its_turn(table):
+    """The slab at height h goes forward with the base by 1 + h s, s the turn per metre."""
+    pitching = with_effect(table, "table_pitch", "base", size=0.1)
+    (found,) = forces(pitching, [0.8, 0.1], 0.05, [(0, 0, 0.5)])
+    wanted = (1.0 + 0.1 * HEIGHT) * MASS / 4
+    assert found.named(found.peak.mean)["Vy_start"] == pytest.approx(wanted, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("name", "place"),
+    [
+        ("cracked_columns", "S1"),
+        ("joint_flexibility", "all"),
+        ("story_damper", "2F"),
+        ("softening_in_run", "all"),
+        ("amplitude_softening", "all"),
+    ],
+)
+def test_effects_that_change_members_or_do_not_follow_modes_are_refused(wall_frame, name, place):
+    words = rf"not found beside the effect {name}@{place}, which changes members.*leave members out"
+    with pytest.raises(BuildingError, match=words):
+        choose_members(with_effect(wall_frame, name, place), [(0, 0, 0)])

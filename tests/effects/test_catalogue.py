@@ -148,3 +148,64 @@ def test_says_with_figures_what_is_there(effect, case):
         assert not clause.endswith(".")
         assert not {"all", "throughout", "floors"} & {clause.split()[-1]}
     assert len({effect.where(place) for place in effect.places(case.structure)}) == len(said)
+
+
+SAID = {
+    "added_mass": ("RF", -0.04, "RF carries 4 % less mass than modelled"),
+    "amplitude_softening": (
+        "S6",
+        -0.04,
+        "Stiffness falls by 4 % with every doubling of the amplitude in S6",
+    ),
+    "base_gain": ("base", -0.04, "The base sensor reads 4 % too little"),
+    "base_sway": ("base", 0.1, "The base sways by 10 % of the roof's static displacement"),
+    "brace": ("6F-RF", 0.1, "A brace between 6F and RF has 10 % of the building's stiffness"),
+    "channel_delay": ("RF", -0.001, "RF is 1 ms early"),
+    "channel_gain": ("RF", 0.1, "The sensor of RF reads 10 % too much"),
+    "cracked_beams": (
+        "S6",
+        -0.31,
+        "The beams have lost 31 % of their second moments of area in S6",
+    ),
+    "cracked_columns": (
+        "S6",
+        -0.31,
+        "The columns have lost 31 % of their second moments of area in S6",
+    ),
+    "damping_law": ("proportional", 0.1, "Damping follows a law proportional to frequency by 10 %"),
+    "drifting_clock": ("RF", 0.1, "The delay of RF grows by 100 ms during the run"),
+    "eccentricity": ("all", 0.1, "The masses lie 10 % of the plan's depth beside the middle"),
+    "flexible_diaphragm": ("S6", -0.31, "The slabs are 31 % softer in their plane in S6"),
+    "foundation_rocking": (
+        "base",
+        0.1,
+        "The foundation rocks by 10 % of the roof's static displacement",
+    ),
+    "joint_flexibility": ("all", 0.1, "Joints are 10 times as stiff as E I / L of the member"),
+    "noise_floor": ("floors", 0.1, "The floor sensors' noise is 10 % of the base motion"),
+    "non_structural_walls": (
+        "X4/S6",
+        0.1,
+        "The non-structural walls on line X4 in S6 have 10 % of their elastic stiffness",
+    ),
+    "p_delta": ("all", 0.1, "Gravity takes weight over height from the stiffness of every story"),
+    "reversed_channel": ("RF", 0.1, "The sensor of RF points the other way"),
+    "roll_off": ("floors", 0.1, "The floor sensors lose what lies above 31.6 Hz"),
+    "slab_participation": ("S6", 0.1, "The slabs are 10 % stiffer than modelled in S6"),
+    "softening_in_run": (
+        "all",
+        -0.04,
+        "Stiffness falls within the run by 4 % with every doubling of the amplitude",
+    ),
+    "story_damper": ("RF", 0.1, "The story below RF adds 10 % to the first damping ratio"),
+    "swapped_channels": ("6F,RF", 0.1, "The channels of 6F and RF are exchanged"),
+    "table_pitch": ("base", 0.1, "The table turns by 100 mrad for every metre that it moves"),
+    "tuned_appendage": ("RF", 0.1, "Something of 10 % of the mass of RF vibrates by itself"),
+    "wall_stiffness": ("S6", 0.1, "The walls are 10 % stiffer than modelled in S6"),
+}
+
+
+@pytest.mark.parametrize("name", SAID)
+def test_says_the_same_sentence_as_ever(name):
+    place, size, sentence = SAID[name]
+    assert CATALOGUE[name].said(place, size) == sentence

@@ -42,6 +42,22 @@ def test_they_give_the_response_to_every_force(rod):
         np.testing.assert_allclose(ours, exact, rtol=1e-3, atol=1e-5 * np.abs(exact).max())
 
 
+def test_watched_rows_are_right_though_they_start_no_shapes(rod):
+    """The force in a spring next to where the rod is driven, which local shapes make."""
+    K, M = rod
+    force, spring = np.eye(400)[:, [120]], 1e6 * (np.eye(400)[[121]] - np.eye(400)[[120]])
+    nothing = np.zeros((1, 400))  # a force that symmetry makes zero asks for no shape
+    group = np.concatenate([spring, nothing])
+    plain = driven_shapes(factorize(K), M, force, ROWS, 8.0)
+    found = driven_shapes(factorize(K), M, force, ROWS, 8.0, watched=(group,))
+    assert plain.shapes.shape[1] <= found.shapes.shape[1] < 200
+    omega = 2 * np.pi * found.frequency_hz
+    for frequency in (0.3, 2.2, 5.1, 7.9):
+        flexible = (found.shapes.T @ force) / (omega**2 - (2 * np.pi * frequency) ** 2)[:, None]
+        exact = spring @ displacement(rod, force, frequency)
+        np.testing.assert_allclose(spring @ found.shapes @ flexible, exact, rtol=1e-3)
+
+
 def test_they_are_orthonormal_in_the_mass(rod):
     K, M = rod
     shapes = driven_shapes(factorize(K), M, M.diagonal()[:, None], ROWS, 8.0).shapes

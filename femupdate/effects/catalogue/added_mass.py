@@ -4,7 +4,7 @@ import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, Parameter, Terms, mass_terms, more_or_less
+from femupdate.effects.effect import Effect, Parameter, Terms, mass_terms
 from femupdate.effects.structure import Structure
 
 
@@ -17,19 +17,13 @@ class AddedMass(Effect):
         "The floor carries more (or less) mass than the model gives it: equipment, partitions, "
         "a water tank, or a wrong unit weight."
     )
+    clause = "{place} carries {change} mass than modelled"
+    sits = "each floor"
     confused_with = ("tuned_appendage", "base_sway", "foundation_rocking")
     settled_by = "a look at what stands on the floor, and its weight"
     parameters = (
         Parameter("size", "1", 0.1, lower=-0.5, upper=1.0, text="share of the floor's mass"),
     )
-
-    def places(self, structure: Structure) -> tuple[str, ...]:
-        """Every floor."""
-        return structure.floors
-
-    def said(self, place: str, size: float) -> str:
-        """As `Effect.said`."""
-        return f"{place} carries {more_or_less(size, 'more', 'less')} mass than modelled"
 
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """A ball on the floor."""

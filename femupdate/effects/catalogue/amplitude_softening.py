@@ -6,8 +6,6 @@ from femupdate.effects.effect import ALL_STORIES, Terms
 from femupdate.effects.softening import Softening
 from femupdate.effects.structure import Structure
 
-_ALL = "all"
-
 
 class AmplitudeSoftening(Softening):
     """Stiffness factors and damping ratio that change by one share with every doubling of level."""
@@ -18,23 +16,12 @@ class AmplitudeSoftening(Softening):
         "At a higher level of motion the stories are softer and damp more (cracks that open, "
         "joints and partitions that slip); two observations at different levels show it."
     )
+    clause = "Stiffness falls by {lost} with every doubling of the amplitude {where}"
+    sits = "all stories and each"
+    at = "in"
     confused_with = ()
     settled_by = "a third record at another level"
     needs_levels = True
-
-    def places(self, structure: Structure) -> tuple[str, ...]:
-        """All stories together, and every story."""
-        names = structure.building.story_names
-        return (_ALL, *names) if len(names) > 1 else (_ALL,)
-
-    def where(self, place: str) -> str:
-        """As `Effect.where`."""
-        return "in all stories" if place == _ALL else f"in {place}"
-
-    def said(self, place: str, size: float) -> str:
-        """As `Effect.said`."""
-        fall = f"falls by {-100.0 * size:.3g} % with every doubling of the amplitude"
-        return f"Stiffness {fall} {self.where(place)}"
 
     def terms(self, structure: Structure, place: str) -> Terms:
         """Number of the story that softens."""

@@ -3,8 +3,7 @@
 from torch import Tensor
 
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, Parameter, more_or_less
-from femupdate.effects.structure import Structure
+from femupdate.effects.effect import Effect, Parameter
 
 
 class BaseGain(Effect):
@@ -13,20 +12,15 @@ class BaseGain(Effect):
     name = "base_gain"
     title = "Gain of the base channel"
     sentence = "The base sensor is off by a constant factor, which shifts all floors alike."
+    clause = "The base sensor reads {change}"
+    words = ("too much", "too little")
+    sits = "base"
     confused_with = ("base_sway",)
     settled_by = "two sensors side by side on the base in one run: their readings must agree"
     parameters = (
         Parameter("size", "1", 0.05, lower=-0.5, upper=1.0, text="relative error of the gain"),
     )
     instrument = True
-
-    def places(self, structure: Structure) -> tuple[str, ...]:
-        """The base."""
-        return ("base",)
-
-    def said(self, place: str, size: float) -> str:
-        """As `Effect.said`."""
-        return f"The base sensor reads {more_or_less(size, 'too much', 'too little')}"
 
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """A ball at the sensor of the base."""

@@ -14,6 +14,8 @@ class BaseSway(Effect):
         "The base moves horizontally against the ground or the table: soft soil, slipping "
         "anchorage; all floors are amplified by one common factor that grows with frequency."
     )
+    clause = "The base sways by {size} of the roof's static displacement"
+    sits = "base"
     confused_with = ("roll_off", "added_mass", "foundation_rocking")
     settled_by = "a sensor on the foundation beside the one on the ground or the table"
     parameters = (
@@ -21,14 +23,6 @@ class BaseSway(Effect):
             "size", "1", 0.1, lower=0.0, upper=2.0, text="sway over static roof displacement"
         ),
     )
-
-    def places(self, structure: Structure) -> tuple[str, ...]:
-        """The base."""
-        return ("base",)
-
-    def said(self, place: str, size: float) -> str:
-        """As `Effect.said`."""
-        return f"The base sways by {100.0 * size:.3g} % of the roof's static displacement"
 
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """A spring beside the base, along the motion."""

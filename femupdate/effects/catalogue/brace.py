@@ -20,6 +20,7 @@ class Brace(Effect):
         "A brace, a stair flight, a pipe or a tie joins two floors, or a floor and the ground, "
         "and carries force past the walls and columns of the model."
     )
+    clause = "A brace {where} has {size} of the building's stiffness"
     confused_with = ("wall_stiffness", "non_structural_walls")
     settled_by = "a look at the facades, stairs and shafts, and behind the cladding"
     parameters = (
@@ -47,10 +48,6 @@ class Brace(Effect):
     def where(self, place: str) -> str:
         """As `Effect.where`."""
         return "between " + place.replace(_GROUND, "the ground").replace("-", " and ", 1)
-
-    def said(self, place: str, size: float) -> str:
-        """As `Effect.said`."""
-        return f"A brace {self.where(place)} has {100.0 * size:.3g} % of the building's stiffness"
 
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """A spring from corner to corner of the stories."""

@@ -24,9 +24,6 @@ class ChannelDelay(ChannelEffect):
         """As `Effect.said`."""
         return f"{place} is {1000.0 * abs(size):.3g} ms {'late' if size > 0.0 else 'early'}"
 
-    def observe(self, frf: Tensor, omega: Tensor, sizes: Tensor, rows: tuple[int, ...]) -> Tensor:
-        """H exp(-i omega tau) on the floor."""
-        turn = torch.polar(frf.real.new_ones(()), -sizes[:, :1] * omega)
-        shifted = frf.clone()
-        shifted[:, list(rows)] = frf[:, list(rows)] * turn[:, None, :]
-        return shifted
+    def factor(self, omega: Tensor, sizes: Tensor) -> Tensor:
+        """exp(-i omega tau)."""
+        return torch.polar(omega.new_ones(()), -sizes[:, :1] * omega)

@@ -3,7 +3,7 @@
 from torch import Tensor
 
 from femupdate.effects.channel import ChannelEffect
-from femupdate.effects.effect import Parameter, more_or_less
+from femupdate.effects.effect import Parameter
 
 
 class ChannelGain(ChannelEffect):
@@ -15,18 +15,14 @@ class ChannelGain(ChannelEffect):
         "The sensor of one floor is off by a constant factor; where the building moves as a rigid "
         "body it does not read what the base does."
     )
+    clause = "The sensor of {place} reads {change}"
+    words = ("too much", "too little")
     confused_with = ("base_gain",)
     settled_by = "all sensors side by side on the base in one run: their readings must agree"
     parameters = (
         Parameter("size", "1", 0.05, lower=-0.5, upper=1.0, text="relative error of the gain"),
     )
 
-    def said(self, place: str, size: float) -> str:
-        """As `Effect.said`."""
-        return f"The sensor of {place} reads {more_or_less(size, 'too much', 'too little')}"
-
-    def observe(self, frf: Tensor, omega: Tensor, sizes: Tensor, rows: tuple[int, ...]) -> Tensor:
-        """H (1 + s) on the floor."""
-        factor = frf.real.new_ones(len(sizes), frf.shape[1], 1)
-        factor[:, list(rows)] += sizes[:, :1, None]
-        return frf * factor
+    def factor(self, omega: Tensor, sizes: Tensor) -> Tensor:
+        """1 + s."""
+        return 1.0 + sizes[:, :1]

@@ -16,6 +16,7 @@ class CrackedBeams(MemberStiffness):
         "The beams have lost bending stiffness along their length by cracking, while walls "
         "and columns have not."
     )
+    clause = "The beams have lost {lost} of their second moments of area {where}"
     confused_with = ("cracked_columns", "joint_flexibility")
     settled_by = "the beams' cracks, or the rotation of their ends"
     parameters = (

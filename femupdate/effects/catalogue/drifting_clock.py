@@ -20,6 +20,7 @@ class DriftingClock(ChannelEffect):
         "The recorder of one floor runs fast or slow against the base's: its delay grows during "
         "the record, which turns phases and wipes out amplitude at high frequencies."
     )
+    clause = "The delay of {place} grows by {size} during the run"
     confused_with = ("channel_delay", "roll_off")
     contains = ("channel_delay",)
     settled_by = "the delay found in either half of the record alone, or a common trigger"
@@ -38,18 +39,11 @@ class DriftingClock(ChannelEffect):
     )
     needs_phase = True
 
-    def said(self, place: str, size: float) -> str:
-        """As `Effect.said`."""
-        return f"The delay of {place} grows by {1000.0 * size:.3g} ms during the run"
-
-    def observe(self, frf: Tensor, omega: Tensor, sizes: Tensor, rows: tuple[int, ...]) -> Tensor:
-        """H exp(-i omega (start + size / 2)) sin(omega size / 2) / (omega size / 2) on the floor.
+    def factor(self, omega: Tensor, sizes: Tensor) -> Tensor:
+        """exp(-i omega (start + size / 2)) sin(omega size / 2) / (omega size / 2).
 
         The mean of exp(-i omega tau) over delays tau that are even from start to start + size.
         """
         half = 0.5 * sizes[:, :1] * omega
         lost = torch.sinc(half / torch.pi)
-        turn = torch.polar(lost.abs(), -half - sizes[:, 1:2] * omega)
-        changed = frf.clone()
-        changed[:, list(rows)] = frf[:, list(rows)] * (lost.sign() * turn)[:, None, :]
-        return changed
+        return lost.sign() * torch.polar(lost.abs(), -half - sizes[:, 1:2] * omega)

@@ -16,6 +16,7 @@ class Eccentricity(Effect):
         "The floors' masses lie beside the line on which the model puts them, so that motion in "
         "one direction drives torsion and peaks split in two."
     )
+    clause = "The masses lie {size} of the plan's depth beside the middle"
     confused_with = ("tuned_appendage", "table_pitch")
     settled_by = "two sensors on each floor, at opposite sides of the plan"
     parameters = (
@@ -30,10 +31,6 @@ class Eccentricity(Effect):
     def where(self, place: str) -> str:
         """As `Effect.where`."""
         return "on all floors"
-
-    def said(self, place: str, size: float) -> str:
-        """As `Effect.said`."""
-        return f"The masses lie {100.0 * size:.3g} % of the plan's depth beside the middle"
 
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """Balls beside the middle of every floor."""

@@ -24,6 +24,7 @@ class FlexibleDiaphragm(MemberStiffness):
         "The slabs are softer in their plane than modelled (openings, precast joints, cracks), so "
         "that the frames of one floor move apart; best seen with several sensors on a floor."
     )
+    clause = "The slabs are {lost} softer in their plane {where}"
     confused_with = ("slab_participation", "cracked_beams")
     settled_by = "sensors at the ends and in the middle of one floor, kept apart"
     parameters = (
@@ -31,14 +32,6 @@ class FlexibleDiaphragm(MemberStiffness):
     )
     kinds = ("slab",)
     elements = Shells
-
-    def places(self, structure: Structure) -> tuple[str, ...]:
-        """All floors together, and the slab above every story, named after the story."""
-        return super().places(structure)
-
-    def said(self, place: str, size: float) -> str:
-        """As `Effect.said`."""
-        return f"The slabs are {-100.0 * size:.3g} % softer in their plane {self.where(place)}"
 
     def stiffness(self, structure: Structure) -> Sequence[csc_matrix]:
         """That of the slabs as membranes, without their bending."""

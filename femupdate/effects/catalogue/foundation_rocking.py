@@ -16,6 +16,8 @@ class FoundationRocking(Effect):
         "The foundation rotates as a rigid body on flexible soil or anchorage: the floors move "
         "in proportion to their height on top of their own deformation."
     )
+    clause = "The foundation rocks by {size} of the roof's static displacement"
+    sits = "base"
     confused_with = ("wall_stiffness", "added_mass", "table_pitch")
     settled_by = "two vertical sensors at opposite edges of the foundation"
     turns_base = True
@@ -24,14 +26,6 @@ class FoundationRocking(Effect):
             "size", "1", 0.1, lower=0.0, upper=2.0, text="rocking over static roof displacement"
         ),
     )
-
-    def places(self, structure: Structure) -> tuple[str, ...]:
-        """The base."""
-        return ("base",)
-
-    def said(self, place: str, size: float) -> str:
-        """As `Effect.said`."""
-        return f"The foundation rocks by {100.0 * size:.3g} % of the roof's static displacement"
 
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """Upright springs under two opposite edges of the base."""

@@ -4,7 +4,6 @@ from torch import Tensor
 
 from femupdate.effects.channel import ChannelEffect
 from femupdate.effects.effect import Parameter
-from femupdate.effects.structure import Structure
 
 
 class NoiseFloor(ChannelEffect):
@@ -16,20 +15,14 @@ class NoiseFloor(ChannelEffect):
         "|H| was taken as a ratio of amplitudes, in which the noise of the floor sensors fills "
         "the anti-resonances."
     )
+    clause = "The floor sensors' noise is {size} of the base motion"
+    sits = "all floors"
     settled_by = "FRFs estimated from the histories instead of a ratio of amplitudes"
     parameters = (
         Parameter("size", "1", 0.05, lower=0.0, upper=1.0, text="noise over base amplitude"),
     )
     # H1 averages noise of the floors away; a ratio of amplitudes does not.
     tables_only = True
-
-    def places(self, structure: Structure) -> tuple[str, ...]:
-        """All floors together."""
-        return ("floors",)
-
-    def said(self, place: str, size: float) -> str:
-        """As `Effect.said`."""
-        return f"The floor sensors' noise is {100.0 * size:.3g} % of the base motion"
 
     def observe(self, frf: Tensor, omega: Tensor, sizes: Tensor, rows: tuple[int, ...]) -> Tensor:
         """|H|^2 + s^2, the phase kept."""

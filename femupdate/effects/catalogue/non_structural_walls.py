@@ -18,6 +18,7 @@ class NonStructuralWalls(Effect):
         "Walls that the model counts as weight alone (partitions, infill, cladding) are tight to "
         "the frame and stiffen the stories in which they stand."
     )
+    clause = "The non-structural walls {where} have {size} of their elastic stiffness"
     confused_with = ("wall_stiffness", "cracked_beams", "eccentricity")
     settled_by = "the gaps around these walls, or sensors at both sides of the plan"
     parameters = (
@@ -45,13 +46,6 @@ class NonStructuralWalls(Effect):
         line, _, story = place.partition("/")
         line = "" if line == _ALL else f"on line {line} "
         return f"{line}in {story or 'all stories'}"
-
-    def said(self, place: str, size: float) -> str:
-        """As `Effect.said`."""
-        return (
-            f"The non-structural walls {self.where(place)} have {100.0 * size:.3g} % of their "
-            "elastic stiffness"
-        )
 
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """The walls that the mesh does not have, from end to end of their line."""

@@ -22,6 +22,7 @@ class PDelta(Effect):
         "The weight above a leaning story pushes it further; it takes weight over height from the "
         "story's stiffness, most from the lowest ones."
     )
+    clause = "Gravity takes weight over height from the stiffness of every story"
     settled_by = "masses and heights: it is known where they are, so it is listed and not sought"
     parameters = ()
     correction = True
@@ -33,10 +34,6 @@ class PDelta(Effect):
             story.height is not None for story in building.stories
         )
         return ("all",) if known else ()
-
-    def said(self, place: str, size: float) -> str:
-        """As `Effect.said`."""
-        return "Gravity takes weight over height from the stiffness of every story"
 
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """An arrow down on the middle of every floor."""

@@ -4,7 +4,6 @@ from torch import Tensor, pi
 
 from femupdate.effects.channel import ChannelEffect
 from femupdate.effects.effect import Parameter, as_complex
-from femupdate.effects.structure import Structure
 
 _REFERENCE_HZ = 10.0
 
@@ -18,6 +17,7 @@ class RollOff(ChannelEffect):
         "The floor sensors (not the base's) lose high frequencies like a first-order low-pass "
         "filter: a smooth droop, with a phase lag."
     )
+    sits = "all floors"
     confused_with = ("base_sway", "damping_law")
     settled_by = "the sensors' data sheets, or floor and base sensors side by side in one run"
     parameters = (
@@ -26,16 +26,12 @@ class RollOff(ChannelEffect):
         ),
     )
 
-    def places(self, structure: Structure) -> tuple[str, ...]:
-        """All floors together."""
-        return ("floors",)
-
     def said(self, place: str, size: float) -> str:
         """As `Effect.said`."""
         corner = _REFERENCE_HZ / max(size, 1e-12) ** 0.5
         return f"The floor sensors lose what lies above {corner:.3g} Hz"
 
-    def observe(self, frf: Tensor, omega: Tensor, sizes: Tensor, rows: tuple[int, ...]) -> Tensor:
-        """H / (1 + i omega / omega_c)."""
+    def factor(self, omega: Tensor, sizes: Tensor) -> Tensor:
+        """1 / (1 + i omega / omega_c)."""
         ratio = sizes[:, :1].clamp_min(0.0).sqrt() * omega / (2.0 * pi * _REFERENCE_HZ)
-        return frf / as_complex(ratio.new_ones(()), ratio)[:, None, :]
+        return as_complex(ratio.new_ones(()), ratio).reciprocal()

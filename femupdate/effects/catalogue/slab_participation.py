@@ -13,6 +13,7 @@ class SlabParticipation(MemberStiffness):
         "The slabs take part in the frame action more or less than modelled: cracking, or another "
         "effective width."
     )
+    clause = "The slabs are {change} than modelled {where}"
     confused_with = ("cracked_beams",)
     settled_by = "the slab's cracks, or strains of the slab beside a beam"
     parameters = (

@@ -4,7 +4,6 @@ from torch import Tensor
 
 from femupdate.effects.effect import RunChange
 from femupdate.effects.softening import Softening
-from femupdate.effects.structure import Structure
 
 
 class SofteningInRun(Softening):
@@ -21,20 +20,13 @@ class SofteningInRun(Softening):
         "Where the run is strong the stories are softer and damp more than where it is weak, so "
         "that its peaks are smeared; one run shows it, two at different levels prove it."
     )
+    clause = "Stiffness falls within the run by {lost} with every doubling of the amplitude"
+    sits = "all stories"
     confused_with = ("damping_law", "story_damper")
     # Off by 12 to 66 % in four trials of a stick that noise of even strength shook: the levels of a
     # run are told by few parts.
     own_error = 0.4
     settled_by = "the frequency of the first peak in strong and in weak parts of the record"
-
-    def places(self, structure: Structure) -> tuple[str, ...]:
-        """All stories together."""
-        return ("all",)
-
-    def said(self, place: str, size: float) -> str:
-        """As `Effect.said`."""
-        fall = f"{-100.0 * size:.3g} % with every doubling of the amplitude"
-        return f"Stiffness falls within the run by {fall}"
 
     def run_change(self, sizes: Tensor, level: float) -> RunChange:
         """As `Effect.run_change`."""

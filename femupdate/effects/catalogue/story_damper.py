@@ -23,15 +23,13 @@ class StoryDamper(Effect):
         "One story dissipates more than the rest: a damper, rubbing partitions, damage; modes "
         "are damped unequally and become complex."
     )
+    clause = "The story {where} adds {size} to the first damping ratio"
+    sits = "each floor"
     confused_with = ("damping_law",)
     settled_by = "what may rub or slip in the story, or the decay of free vibration in each mode"
     parameters = (
         Parameter("size", "1", 0.02, lower=0.0, upper=0.5, text="damping ratio in the first mode"),
     )
-
-    def places(self, structure: Structure) -> tuple[str, ...]:
-        """Every story, named after the floor above it."""
-        return structure.floors
 
     def points(self, structure: Structure) -> tuple[str, ...]:
         """A point of every story where grid lines meet, as in "3F/X1-Y2"."""
@@ -50,11 +48,6 @@ class StoryDamper(Effect):
         """As `Effect.where`."""
         floor, _, point = place.partition("/")
         return f"below {floor}" + (f" at {point}" if point else "")
-
-    def said(self, place: str, size: float) -> str:
-        """As `Effect.said`."""
-        added = f"adds {100.0 * size:.3g} % to the first damping ratio"
-        return f"The story {self.where(place)} {added}"
 
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """A dashpot from corner to corner of the story."""

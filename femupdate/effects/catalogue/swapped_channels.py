@@ -14,16 +14,13 @@ class SwappedChannels(ChannelEffect):
     name = "swapped_channels"
     title = "Swapped channels"
     sentence = "The channels of two floors are exchanged: cables or column names were mixed up."
+    clause = "The channels of {place} are exchanged"
     settled_by = "the labels of the cables, or a tap beside each sensor"
     parameters = ()
 
     def places(self, structure: Structure) -> tuple[str, ...]:
         """Every pair of floors."""
         return tuple(",".join(pair) for pair in combinations(structure.floors, 2))
-
-    def said(self, place: str, size: float) -> str:
-        """As `Effect.said`."""
-        return f"The channels of {place.replace(',', ' and ')} are exchanged"
 
     def observe(self, frf: Tensor, omega: Tensor, sizes: Tensor, rows: tuple[int, ...]) -> Tensor:
         """The two rows exchanged."""

@@ -16,20 +16,14 @@ class TablePitch(Effect):
         "The table (or the ground) rotates along with its translation, which adds a motion in "
         "proportion to height; natural frequencies stay, anti-resonances move."
     )
+    clause = "The table turns by {number} mrad for every metre that it moves"
+    sits = "base"
     confused_with = ("foundation_rocking",)
     settled_by = "two vertical sensors at opposite ends of the table"
     turns_base = True
     parameters = (
         Parameter("size", "rad/m", 0.02, lower=-0.2, upper=0.2, text="rotation per translation"),
     )
-
-    def places(self, structure: Structure) -> tuple[str, ...]:
-        """The base."""
-        return ("base",)
-
-    def said(self, place: str, size: float) -> str:
-        """As `Effect.said`."""
-        return f"The table turns by {1000.0 * size:.3g} mrad for every metre that it moves"
 
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """A tilted line under the base with arrows down and up at its ends."""

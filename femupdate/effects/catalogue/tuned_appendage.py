@@ -17,6 +17,8 @@ class TunedAppendage(Effect):
         "Something on the floor vibrates on its own near a natural frequency of the building "
         "(a tank, a mast, a machine on springs) and splits a peak in two."
     )
+    clause = "Something of {size} of the mass of {place} vibrates by itself"
+    sits = "each floor"
     confused_with = ("added_mass",)
     settled_by = "a sensor on the thing itself (tank, mast, machine)"
     parameters = (
@@ -38,14 +40,6 @@ class TunedAppendage(Effect):
             "damping", "1", 0.02, neutral=0.02, lower=0.002, upper=0.3, text="damping ratio of it"
         ),
     )
-
-    def places(self, structure: Structure) -> tuple[str, ...]:
-        """Every floor."""
-        return structure.floors
-
-    def said(self, place: str, size: float) -> str:
-        """As `Effect.said`."""
-        return f"Something of {100.0 * size:.3g} % of the mass of {place} vibrates by itself"
 
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """A ball on a spring on the floor."""

@@ -13,6 +13,7 @@ class WallStiffness(MemberStiffness):
         "The shear walls are stiffer or softer than the story factor says, apart from the "
         "frame: cracking, openings, another thickness or effective width."
     )
+    clause = "The walls are {change} than modelled {where}"
     confused_with = ("foundation_rocking",)
     settled_by = "the walls' cracks, or strains at their feet"
     parameters = (

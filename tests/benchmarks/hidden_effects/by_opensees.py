@@ -5,10 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from femupdate.dynamics.damping import damping_law
-from femupdate.dynamics.reduced_terms import ReducedTerms
 from femupdate.dynamics.system import System
 from femupdate.effects.catalogue.added_mass import AddedMass
-from femupdate.effects.effect import Effect
+from femupdate.effects.effect import Effect, Terms
 from femupdate.effects.member import MemberStiffness
 from femupdate.effects.structure import Structure
 from femupdate.fe.element import Elements
@@ -65,7 +64,7 @@ def opensees_truth(fine: FineModel, measured: MeasuredBuilding, shell: str) -> T
     instruments = [(one, values) for one, values in effects if one.effect.instrument]
     placed = tuple(one for one, _ in instruments)
     law = damping_law(measured.building)
-    system = System(reduced, law, placed, (ReducedTerms(),) * len(placed))
+    system = System(reduced, law, placed, (Terms(),) * len(placed))
     frequency = np.sqrt(np.diag(reduced.stiffness_constant)) / (2.0 * np.pi)
     share = reduced.excitation**2 / structure.rigid_mass[0, 0]
     own = tuple(value for _, values in instruments for value in values)

@@ -8,6 +8,7 @@ from torch import Tensor
 
 from femupdate.arrays import Floats
 from femupdate.effects.catalogue.added_mass import AddedMass
+from femupdate.effects.channel import ChannelEffect
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
 from femupdate.effects.effect import UNSCALED, Effect, Parameter, Stiffness, Terms, as_complex
 from femupdate.effects.structure import Structure
@@ -48,36 +49,20 @@ def _spring(structure: Structure, stretch: Floats) -> Terms:
     return Terms(stiffness=(Stiffness(UNSCALED, csc_matrix(spring * (row.T @ row))),))
 
 
-class SensorResonance(Effect):
+class SensorResonance(ChannelEffect):
     """A sensor on a soft mount: a resonance of its own on one channel."""
 
     name = "sensor_resonance"
     title = "Resonance of a sensor's mount"
     sentence = "The sensor of one floor shakes on its own mount."
     parameters = (Parameter("size", "1", 0.3, lower=0.0, upper=1.0),)
-    instrument = True
 
-    def places(self, structure: Structure) -> tuple[str, ...]:
-        """Every floor."""
-        return structure.floors
-
-    def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
-        """The floor's sensors."""
-        return drawn.sensors(place)
-
-    def terms(self, structure: Structure, place: str) -> Terms:
-        """Nothing in the structure."""
-        return Terms()
-
-    def observe(self, frf: Tensor, omega: Tensor, sizes: Tensor, rows: tuple[int, ...]) -> Tensor:
+    def factor(self, omega: Tensor, sizes: Tensor) -> Tensor:
         """A share of the signal comes through a mount of 0.4 times the top frequency."""
         ratio = omega / (0.4 * 2.0 * math.pi * _TOP_HZ)
         carried = as_complex(ratio.new_ones(()), 0.1 * ratio)
         mount = carried / (carried - ratio**2)
-        changed = frf.clone()
-        share = sizes[:, :1, None].to(frf.dtype)
-        changed[:, list(rows)] = frf[:, list(rows)] * (1.0 + share * (mount - 1.0))
-        return changed
+        return 1.0 + sizes[:, :1].to(mount.dtype) * (mount - 1.0)
 
 
 class CornerMass(AddedMass):
