@@ -110,15 +110,6 @@ BESIDE = ("second", "holdout", "measured")
 """Options of commands that take files beside those which they are called with."""
 
 
-def files_beside(**files: Path | None) -> tuple[dict[str, str], dict[str, str]]:
-    """Hashes and names of such files by their option, for what is recorded of an artefact."""
-    given = {option: path for option, path in files.items() if path is not None}
-    return (
-        {option: file_hash(path) for option, path in given.items()},
-        {option: str(path) for option, path in given.items()},
-    )
-
-
 def owner_of(key: str) -> str:
     """Name of the posterior that a recorded artefact belongs to."""
     owner, _, name = key.rpartition(" ")
