@@ -79,7 +79,13 @@ def test_a_band_that_is_wide_at_a_notch_alone_is_told_to_be_thin():
 
 def test_a_stick_says_that_its_bands_are_thin():
     for sd, told in ((1e-4, True), (0.2, False)):
-        figure = stick_mode_shapes([0, 3], [[0, 1]], ["Mode 1"], shapes_sd=[[0, sd]], note="First.")
+        figure = stick_mode_shapes(
+            np.array([0.0, 3.0]),
+            np.array([[0.0, 1.0]]),
+            ["Mode 1"],
+            shapes_sd=np.array([[0.0, sd]]),
+            note="First.",
+        )
         texts = " ".join(text.get_text() for text in figure.texts)
         assert ("thinner than the lines" in texts) == told
         assert "First." in texts
