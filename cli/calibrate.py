@@ -72,14 +72,12 @@ def command(
     """
     from femupdate.workflow.calibrate import calibrate_study
     from femupdate.workflow.calibrate_settings import CalibrationSettings
-    from femupdate.workflow.checks import check_calibration
+    from femupdate.workflow.checks import check_calibration, readable
     from femupdate.workflow.model import open_study
-    from femupdate.workflow.observed import ObservationSource
     from femupdate.workflow.result_tables import posterior_tables
 
     study = Study(study.folder, name)
-    first, *further = observations
-    source = ObservationSource(first, further=tuple(further), **reading)
+    source = readable(reading, *observations)
     chosen = CalibrationSettings(**settings)
     check_calibration(study, source, chosen, building)
     model = open_study(study, building, bars)

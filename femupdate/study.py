@@ -5,8 +5,9 @@ import json
 import os
 import re
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path, PurePath
@@ -28,14 +29,11 @@ MAIN_POSTERIOR = "posterior"
 NAMED = "posteriors"
 """Folder of a study in which every other posterior has a folder of its own."""
 _OF_A_POSTERIOR = ("posterior", "prediction")  # artefacts that every posterior has for itself
-# Settings from which `status` tells the command: kind and number of their values.
-_SETTINGS: dict[str, tuple[type | tuple[type, ...], int | None]] = {
-    "sensors": (str, None),
-    "further": (str, None),
-    "band_hz": ((int, float), 2),
-    "scale": ((int, float), 1),
-}
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,40}")
+
+_RUNNING: ContextVar[tuple[str, ...]] = ContextVar("words of the running command", default=())
+_MOST_TEXT = 100_000  # characters of all words of a command together
+_LONGEST_SHOWN = 80  # characters of a wrong value in a message
 
 
 def write_text(path: Path | str, text: str) -> None:
@@ -50,6 +48,38 @@ def file_hash(path: Path | str) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
+@contextmanager
+def made_by(words: Sequence[str]) -> Iterator[None]:
+    """Note with all that is recorded inside which command makes it.
+
+    Args:
+        words: of the command, without `femupdate`; those that no terminal shows are not noted.
+    """
+    token = _RUNNING.set(tuple(words) if _are_words(list(words)) else ())
+    try:
+        yield
+    finally:
+        _RUNNING.reset(token)
+
+
+def _are_texts(value: Any) -> bool:
+    return isinstance(value, list) and all(isinstance(one, str) for one in value)
+
+
+def _are_words(value: Any) -> bool:
+    """Whether this is a command that can be shown and typed, whoever wrote it."""
+    whole = _are_texts(value) and bool(value) and sum(map(len, value)) <= _MOST_TEXT
+    return whole and all(one.isprintable() for one in value)
+
+
+# Settings that other commands read, each with whether a value can be one.
+_SETTINGS: dict[str, Callable[[Any], bool]] = {
+    "words": _are_words,
+    "further": _are_texts,
+    "scale": lambda value: isinstance(value, int | float),
+}
+
+
 @dataclass(frozen=True)
 class Artefact:
     """What is known of one file of a study.
@@ -59,7 +89,7 @@ class Artefact:
         command: what made it.
         version: of femupdate.
         created: UTC time, ISO 8601.
-        settings: what it was made with.
+        settings: what it was made with; under `words`, the command that made it.
         made_from: hash of each thing it was made from.
         sha256: of the file itself.
     """
@@ -78,15 +108,6 @@ REPAIRED = "repaired"
 
 BESIDE = ("second", "holdout", "measured")
 """Options of commands that take files beside those which they are called with."""
-
-
-def files_beside(**files: Path | None) -> tuple[dict[str, str], dict[str, str]]:
-    """Hashes and names of such files by their option, for what is recorded of an artefact."""
-    given = {option: path for option, path in files.items() if path is not None}
-    return (
-        {option: file_hash(path) for option, path in given.items()},
-        {option: str(path) for option, path in given.items()},
-    )
 
 
 def owner_of(key: str) -> str:
@@ -109,13 +130,12 @@ def _artefact(entry: Mapping[str, Any]) -> Artefact:
 
 
 def _check_settings(artefact: Artefact) -> None:
-    """Refuse settings from which no command can be told."""
-    for key, (kind, length) in _SETTINGS.items():
-        value = artefact.settings.get(key)
-        parts = value if isinstance(value, list) else [value]
-        right = all(isinstance(one, kind) for one in parts) and length in (None, len(parts))
-        if value is not None and not right:
-            raise ValueError(f"{key} of {artefact.file} is {value!r}, which no command wrote")
+    """Refuse settings that no command wrote."""
+    for key, can_be in _SETTINGS.items():
+        if key in artefact.settings and not can_be(artefact.settings[key]):
+            value = repr(artefact.settings[key])
+            value = value if len(value) < _LONGEST_SHOWN else f"{value[:_LONGEST_SHOWN]} ..."
+            raise ValueError(f"{key} of {artefact.file} is {value}, which no command wrote")
 
 
 @contextmanager
@@ -252,15 +272,17 @@ class Study:
 
         Args:
             file: inside the study, or inside the folder of the chosen posterior.
+            command: that makes such a file; the one that is running may be another (`made_by`).
             made_from: hash of each thing it was made from.
         """
+        words = _RUNNING.get()
         written = self.result(file) if name in _OF_A_POSTERIOR else self.path(file)
         artefact = Artefact(
             written.relative_to(self.folder).as_posix(),
             command,
             __version__,
             datetime.now(UTC).isoformat(timespec="seconds"),
-            dict(settings or {}),
+            {**(settings or {}), **({"words": list(words)} if words else {})},
             dict(made_from),
             file_hash(written),
         )

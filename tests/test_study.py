@@ -15,6 +15,7 @@ from femupdate.study import (
     MANIFEST,
     Study,
     file_hash,
+    made_by,
     owner_of,
     write_text,
 )
@@ -180,15 +181,47 @@ def test_a_record_made_from_what_is_no_hash(recorded):
         recorded.artefacts()
 
 
+def test_the_words_of_the_running_command_are_kept(recorded):
+    assert "words" not in recorded.artefacts()["posterior"].settings
+    with made_by(("calibrate", "my run.csv", "--exact")):
+        recorded.record("posterior", "posterior.nc", "calibrate", MADE_FROM, {"particles": 500})
+    kept = recorded.artefacts()["posterior"].settings
+    assert kept == {"particles": 500, "words": ["calibrate", "my run.csv", "--exact"]}
+    recorded.record("posterior", "posterior.nc", "calibrate", MADE_FROM)
+    assert recorded.artefacts()["posterior"].settings == {}
+
+
+@pytest.mark.parametrize("words", [("calibrate", "a\x1b[2J.csv"), ("calibrate", "x" * 200_000), ()])
+def test_words_that_no_terminal_shows_are_not_kept(recorded, words):
+    with made_by(words):
+        recorded.record("posterior", "posterior.nc", "calibrate", MADE_FROM)
+    assert recorded.artefacts()["posterior"].settings == {}
+
+
 @pytest.mark.parametrize(
-    "changed", [{"band_hz": 0.3}, {"band_hz": [0.3]}, {"sensors": [1]}, {"scale": "x"}]
+    "changed",
+    [
+        {"further": "run.csv"},
+        {"further": [1]},
+        {"scale": "x"},
+        {"words": "calibrate run.csv"},
+        {"words": []},
+        {"words": ["calibrate", 1]},
+        {"words": ["calibrate", ["run.csv"]]},
+        {"words": ["calibrate", "\x1b[2J"]},
+        {"words": ["calibrate", "two\nlines"]},
+        {"words": ["calibrate", "x" * 200_000]},
+        {"words": None},
+    ],
 )
 def test_settings_that_no_command_wrote(recorded, changed):
     record = json.loads(recorded.path(MANIFEST).read_text())
     record["artefacts"]["posterior"]["settings"] = changed
     recorded.path(MANIFEST).write_text(json.dumps(record))
-    with pytest.raises(StudyError, match="which no command wrote"):
+    with pytest.raises(StudyError, match="which no command wrote") as told:
         recorded.artefacts()
+    assert len(str(told.value)) < 400 + len(str(recorded.folder))
+    assert str(told.value).isprintable()
 
 
 def test_the_study_of_a_newer_femupdate_is_refused(recorded):

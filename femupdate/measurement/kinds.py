@@ -52,7 +52,7 @@ def read_any_kind(path: str | Path, how: Reading) -> AnyKind:
     Raises:
         MeasurementError: the file, a column or a cell cannot be used; the message names it.
     """
-    return _any_kind(read_measured(path), how)
+    return kind_in(read_measured(path), how)
 
 
 def read_observation_file(
@@ -78,7 +78,7 @@ def base_motion_in(
     recording: Recording, unit: str | None = None, columns: Mapping[str, str] | None = None
 ) -> Histories | FrfTable:
     """What `read_observation_file` reads, in a file that was opened."""
-    found = _any_kind(recording, Reading(unit=unit, columns=columns))
+    found = kind_in(recording, Reading(unit=unit, columns=columns))
     if isinstance(found, Histories | FrfTable):
         return found
     what, who = _OTHERS.get(type(found), _FORCED)
@@ -93,7 +93,8 @@ _OTHERS: Mapping[type, tuple[str, str]] = {
 }
 
 
-def _any_kind(recording: Recording, how: Reading) -> AnyKind:
+def kind_in(recording: Recording, how: Reading) -> AnyKind:
+    """What `read_any_kind` reads, in a file that was opened."""
     if recording.modes or recording.mode_table is not None:
         return identified_modes(recording, how.columns, how.direction)
     table, columns = recording.table, how.columns

@@ -1,7 +1,7 @@
 """What a measured file holds, whatever its format."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,6 +104,15 @@ class Recording:
                     f"{channel.name} holds no finite number at {gaps[0] * channel.time_step:.6g} s"
                     f" ({gaps.size} such samples); cut the record there, or fill the gap"
                 )
+
+    def without_text(self) -> "Recording":
+        """The same without the lines of its file, which are of no use once it is read."""
+        file = replace(self.file, lines=())
+        table, modes = (
+            None if one is None else replace(one, file=file)
+            for one in (self.table, self.mode_table)
+        )
+        return replace(self, file=file, table=table, mode_table=modes)
 
     def histories(self) -> tuple[RecordedChannel, ...]:
         """Channels of the file; of a table, every column beside the one of times.

@@ -7,13 +7,12 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike
 
 from femupdate.arrays import Floats, Pixels
 from femupdate.atomic import write_bytes
 from femupdate.errors import ReportError
 from femupdate.report import drawing_matplotlib, drawing_pyvista
-from femupdate.report.figure import add_head, checked, new_figure, show
+from femupdate.report.figure import add_head, new_figure, show
 from femupdate.report.geometry import Geometry, deformed
 from femupdate.report.plot_sticks import mark_floors, upright
 from femupdate.report.rendering import Renderer, renders
@@ -27,7 +26,7 @@ _DOTS = 80  # an inch: a third of the pixels of a picture
 @styled
 def mode_animation(
     geometry: Geometry,
-    shape: ArrayLike,
+    shape: Floats,
     path: Path,
     *,
     title: str = "Mode shape",
@@ -42,11 +41,10 @@ def mode_animation(
         renderer: as for `mode_shape_figure`.
 
     Raises:
-        ReportError: the array has another shape, or the file cannot be written.
+        ReportError: the file cannot be written.
     """
-    values = checked("shape", shape, len(geometry.nodes), 3)
-    size = np.linalg.norm(values, axis=1)
-    moved = deformed(geometry, values) - geometry.nodes
+    size = np.linalg.norm(shape, axis=1)
+    moved = deformed(geometry, shape) - geometry.nodes
     # The way back shows the same pictures.
     phases = np.cos(2.0 * np.pi * np.arange(FRAMES // 2 + 1) / FRAMES)
     states = [(geometry.nodes + c * moved, size / (size.max() or 1.0)) for c in phases]
@@ -67,8 +65,8 @@ def mode_animation(
 
 @styled
 def stick_animation(
-    levels: ArrayLike,
-    shapes: ArrayLike,
+    levels: Floats,
+    shapes: Floats,
     headings: Sequence[str],
     floors: Sequence[str],
     path: Path,
@@ -82,20 +80,18 @@ def stick_animation(
         floors: f names, the base first.
 
     Raises:
-        ReportError: an array has another shape, or the file cannot be written.
+        ReportError: the file cannot be written.
     """
-    heights = checked("levels", levels, None)
-    each = upright(checked("shapes", shapes, len(headings), len(heights)))
-    frames = []
+    each, frames = upright(shapes), []
     for c in np.cos(2.0 * np.pi * np.arange(FRAMES // 2 + 1) / FRAMES):
         figure = new_figure(max(1.55 * len(headings) + 0.8, 4.6), 4.0)
         panels = figure.subplots(1, len(headings), sharey=True, squeeze=False)[0]
         for panel, shape, heading in zip(panels, each, headings, strict=True):
-            panel.plot(np.zeros_like(heights), heights, color=QUIET, linewidth=0.8)
-            panel.plot(c * shape, heights, "o-", color=BLUE)
+            panel.plot(np.zeros_like(levels), levels, color=QUIET, linewidth=0.8)
+            panel.plot(c * shape, levels, "o-", color=BLUE)
             panel.set(xlim=(-1.15, 1.15), xticks=(-1.0, 0.0, 1.0))
             panel.set_title(heading, fontweight="normal")
-        mark_floors(panels[0], heights, floors)
+        mark_floors(panels[0], levels, floors)
         frames.append(_frame(figure, "Mode shapes, displacement over its largest"))
     return _write(_and_back(frames), path)
 

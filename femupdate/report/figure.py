@@ -1,4 +1,4 @@
-"""Making and saving figures, and checking what they are made from."""
+"""Making and saving figures."""
 
 import textwrap
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import NullLocator
 from numpy.typing import ArrayLike, NDArray
 
-from femupdate.arrays import Floats, Pixels
+from femupdate.arrays import Pixels
 from femupdate.atomic import atomic_path
 from femupdate.errors import ReportError
 from femupdate.report.style import QUIET, styled
@@ -193,31 +193,3 @@ def save_figure(figure: Figure, path: str | Path) -> Path:
     with atomic_path(target, ReportError) as temporary:
         figure.savefig(temporary, format="png", dpi=DOTS_PER_INCH)
     return target
-
-
-def checked(name: str, values: ArrayLike, *shape: int | None) -> Floats:
-    """Return values as floats of the shape asked for; None stands for any length.
-
-    Raises:
-        ReportError: another shape.
-    """
-    array = np.asarray(values, dtype=np.float64)
-    fits = array.ndim == len(shape) and all(
-        wanted is None or wanted == length
-        for wanted, length in zip(shape, array.shape, strict=True)
-    )
-    if not fits:
-        wanted = ", ".join("any" if length is None else str(length) for length in shape)
-        raise ReportError(f"{name} has the shape {array.shape}; the figure needs ({wanted})")
-    return array
-
-
-def checked_names(name: str, values: Sequence[str], count: int) -> tuple[str, ...]:
-    """Return the names, of which there must be `count`.
-
-    Raises:
-        ReportError: more or fewer.
-    """
-    if len(values) != count:
-        raise ReportError(f"{name} holds {len(values)} names; the figure needs {count}")
-    return tuple(values)

@@ -9,7 +9,6 @@ from femupdate.arrays import Floats, Integers
 from femupdate.effects.drawn_building import DrawnBuilding
 from femupdate.errors import ReportError
 from femupdate.fe.model import FiniteElementModel
-from femupdate.report.figure import checked
 
 DEFORMATION = 0.12  # largest displacement as drawn, over the largest side of the building
 VIEW = (-1.0, -1.55, 0.72)  # from the building towards the eye: at a corner, from above
@@ -32,23 +31,16 @@ class Geometry:
 
     @classmethod
     def of(cls, nodes: ArrayLike, shells: ArrayLike, beams: ArrayLike) -> "Geometry":
-        """Check the arrays; either of shells and beams may be empty.
+        """Take lists as well as arrays; either of shells and beams may be empty.
 
         Raises:
-            ReportError: wrong shapes, nothing to draw, or an index without a node.
+            ReportError: there is nothing to draw.
         """
-        points = checked("nodes", nodes, None, 3)
         quads = np.asarray(shells, dtype=np.int64).reshape(-1, 4)
         lines = np.asarray(beams, dtype=np.int64).reshape(-1, 2)
-        used = np.concatenate([quads.ravel(), lines.ravel()])
-        if not len(used):
+        if not len(quads) and not len(lines):
             raise ReportError("there are neither shells nor beams to draw")
-        if used.min() < 0 or used.max() >= len(points):
-            raise ReportError(
-                f"an element uses node {used[(used < 0) | (used >= len(points))][0]}, "
-                f"but there are {len(points)} nodes"
-            )
-        return cls(points, quads, lines)
+        return cls(np.asarray(nodes, dtype=np.float64), quads, lines)
 
     @classmethod
     def of_model(cls, model: FiniteElementModel) -> "Geometry":

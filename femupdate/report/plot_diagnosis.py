@@ -8,11 +8,10 @@ from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike
 
 from femupdate.arrays import Floats
 from femupdate.errors import ReportError
-from femupdate.report.figure import add_head, checked, frequency_ticks, new_figure
+from femupdate.report.figure import add_head, frequency_ticks, new_figure
 from femupdate.report.style import BLUE, FAINT, INK, ORANGE, QUIET, styled
 
 _HIGHEST = 30.0  # times the noise, beyond which a colour says no more
@@ -75,7 +74,7 @@ class Ranked:
 def residual_map(
     floors: Sequence[str],
     columns: Columns,
-    misfits: Sequence[tuple[str, ArrayLike]],
+    misfits: Sequence[tuple[str, Floats]],
     *,
     title: str = "Where model and measurement disagree",
 ) -> Figure:
@@ -88,19 +87,15 @@ def residual_map(
             nothing was measured.
 
     Raises:
-        ReportError: an array has another shape, or there is no model.
+        ReportError: there is no model.
     """
     if not misfits:
         raise ReportError("a residual map needs the misfit of one model at least")
-    grids = [
-        (name, checked(f"misfit of {name}", grid, len(floors), len(columns.edges) - 1))
-        for name, grid in misfits
-    ]
-    figure = new_figure(4.6 * len(grids) + 1.2, 0.9 + 0.38 * len(floors))
-    panels = np.atleast_1d(figure.subplots(1, len(grids), sharey=True))
-    top = largest_misfit([grid for _, grid in grids])
+    figure = new_figure(4.6 * len(misfits) + 1.2, 0.9 + 0.38 * len(floors))
+    panels = np.atleast_1d(figure.subplots(1, len(misfits), sharey=True))
+    top = largest_misfit([grid for _, grid in misfits])
     pictures = []
-    for panel, (name, grid) in zip(panels, grids, strict=True):
+    for panel, (name, grid) in zip(panels, misfits, strict=True):
         pictures.append(draw_misfit(panel, floors, columns, grid, top))
         panel.set_title(name)
     bar = figure.colorbar(pictures[0], ax=list(panels), pad=0.02)

@@ -9,11 +9,10 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import ArrayLike
 
 from femupdate.arrays import Floats
 from femupdate.errors import ReportError
-from femupdate.report.figure import add_head, checked, checked_names, panel_grid
+from femupdate.report.figure import add_head, panel_grid
 from femupdate.report.plot_history import strongest, symmetric_limits
 from femupdate.report.scale import Scale, force_scale, interval_text, length_scale
 from femupdate.report.style import BLUE, INK, styled
@@ -24,9 +23,9 @@ POINTS = 1200  # instants drawn of each
 
 @styled
 def story_shear_drift(
-    shear: ArrayLike,
-    drift: ArrayLike,
-    stiffness: ArrayLike,
+    shear: Floats,
+    drift: Floats,
+    stiffness: Floats,
     stories: Sequence[str],
 ) -> Figure:
     """Draw shear against drift of every story, the top story first, with its mean stiffness.
@@ -40,25 +39,20 @@ def story_shear_drift(
         stories: s names, the lowest first.
 
     Raises:
-        ReportError: an array has another shape.
+        ReportError: there is no sample.
     """
-    forces = checked("shear", shear, None, None, None)
-    count = forces.shape[1]
-    names = checked_names("stories", stories, count)
-    drifts = checked("drift", drift, *forces.shape)
-    slopes = checked("stiffness", stiffness, None, count)
-    if not len(forces) or not len(slopes):
+    if not len(shear) or not len(stiffness):
         raise ReportError("shear and stiffness hold no sample; give one at least")
-    part = _most_drift(drifts)
-    forces, drifts = forces[:LINES, :, part], drifts[:LINES, :, part]
+    count, part = len(stories), _most_drift(drift)
+    forces, drifts = shear[:LINES, :, part], drift[:LINES, :, part]
     force, length = force_scale(forces), length_scale(drifts)
     columns = min(count, 2 if count <= 4 else 3)
     across, up = f"Drift, {length.unit}", f"Shear, {force.unit}"
     figure, panels = panel_grid(count, columns, (3.6, 2.75), across, up)
     for panel, story in zip(panels, reversed(range(count)), strict=True):
         lines = np.stack([drifts[:, story] / length.factor, forces[:, story] / force.factor], -1)
-        _draw_story(panel, lines, slopes[:, story], force, length)
-        panel.set_title(f"Story {names[story]}")
+        _draw_story(panel, lines, stiffness[:, story], force, length)
+        panel.set_title(f"Story {stories[story]}")
     panels[0].set_ylim(symmetric_limits(forces / force.factor))
     panels[0].set_xlim(symmetric_limits(drifts / length.factor))
     panels[0].xaxis.set_major_locator(MaxNLocator(5))

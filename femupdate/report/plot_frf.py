@@ -7,17 +7,9 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike
 
 from femupdate.arrays import Flags, Floats
-from femupdate.report.figure import (
-    add_head,
-    checked,
-    checked_names,
-    nearly_all,
-    panel_grid,
-    thin_band_note,
-)
+from femupdate.report.figure import add_head, nearly_all, panel_grid, thin_band_note
 from femupdate.report.style import BAND, BLUE, MEASURED, QUIET, styled
 
 NOISE: dict[str, Any] = {"color": QUIET, "alpha": 0.28, "linewidth": 0.0}
@@ -34,9 +26,9 @@ class Prediction:
         band: what the band is, for the legend.
     """
 
-    mean: ArrayLike
-    lower: ArrayLike
-    upper: ArrayLike
+    mean: Floats
+    lower: Floats
+    upper: Floats
     band: str = "5 to 95 %"
 
 
@@ -50,14 +42,14 @@ class MeasuredFrf:
         valid: (f, m) False where the likelihood leaves the point out, or None.
     """
 
-    log_frf: ArrayLike
-    noise_sd: ArrayLike | None = None
-    valid: ArrayLike | None = None
+    log_frf: Floats
+    noise_sd: Floats | None = None
+    valid: Flags | None = None
 
 
 @styled
 def frf_fit(
-    frequency_hz: ArrayLike,
+    frequency_hz: Floats,
     floors: Sequence[str],
     prediction: Prediction,
     observation: MeasuredFrf | None = None,
@@ -70,62 +62,32 @@ def frf_fit(
         frequency_hz: (m,).
         floors: f names, bottom to top.
         prediction, observation: ln|H| as they say.
-
-    Raises:
-        ReportError: an array has another shape.
     """
-    frequency = checked("frequency_hz", frequency_hz, None)
-    names = checked_names("floors", floors, len(np.atleast_2d(np.asarray(prediction.mean))))
-    shape = (len(names), len(frequency))
-    mean, lower, upper = (
-        checked(name, getattr(prediction, name), *shape) for name in ("mean", "lower", "upper")
-    )
-    measured = None if observation is None else _Measured.of(observation, shape)
-    columns, width = (1, 10.0) if len(names) == 1 else (2, 5.0)
-    figure, panels = panel_grid(len(names), columns, (width, 1.95), "Frequency, Hz", "|H|")
-    for panel, floor in zip(panels, reversed(range(len(names))), strict=True):
-        panel.plot(
-            frequency, np.exp(mean[floor]), color=BLUE, linewidth=1.0, label="Predicted, mean"
-        )
-        low, high = np.exp(lower[floor]), np.exp(upper[floor])
-        panel.fill_between(frequency, low, high, label=f"Predicted, {prediction.band}", **BAND)
-        if measured is not None:
-            _draw_measured(panel, frequency, measured, floor)
-        panel.set_title(names[floor])
-    start = 0.0 if frequency[0] < 0.05 * frequency[-1] else frequency[0]
-    panels[0].set(yscale="log", xlim=(start, frequency[-1]))
-    low, high = (np.log(limit) for limit in panels[0].get_ylim())
-    note = thin_band_note(nearly_all(upper - lower) / (high - low))
+    columns, width = (1, 10.0) if len(floors) == 1 else (2, 5.0)
+    figure, panels = panel_grid(len(floors), columns, (width, 1.95), "Frequency, Hz", "|H|")
+    label = f"Predicted, {prediction.band}"
+    for panel, floor in zip(panels, reversed(range(len(floors))), strict=True):
+        mean = np.exp(prediction.mean[floor])
+        panel.plot(frequency_hz, mean, color=BLUE, linewidth=1.0, label="Predicted, mean")
+        low, high = np.exp(prediction.lower[floor]), np.exp(prediction.upper[floor])
+        panel.fill_between(frequency_hz, low, high, label=label, **BAND)
+        if observation is not None:
+            _draw_measured(panel, frequency_hz, observation, floor)
+        panel.set_title(floors[floor])
+    start = 0.0 if frequency_hz[0] < 0.05 * frequency_hz[-1] else frequency_hz[0]
+    panels[0].set(yscale="log", xlim=(start, frequency_hz[-1]))
+    bottom, top = (np.log(limit) for limit in panels[0].get_ylim())
+    note = thin_band_note(nearly_all(prediction.upper - prediction.lower) / (top - bottom))
     add_head(figure, title, note=note)
     return figure
 
 
-@dataclass(frozen=True)
-class _Measured:
-    """Checked arrays; `used` and `unused` hold NaN where the other has the value."""
-
-    used: Floats
-    unused: Floats
-    noise_sd: Floats | None
-
-    @classmethod
-    def of(cls, observation: MeasuredFrf, shape: tuple[int, int]) -> "_Measured":
-        values = checked("observed log_frf", observation.log_frf, *shape)
-        noise = observation.noise_sd
-        valid: Flags = np.ones(shape, dtype=bool)
-        if observation.valid is not None:
-            valid = checked("valid", observation.valid, *shape) > 0.5
-        return cls(
-            np.where(valid, values, np.nan),
-            np.where(valid, np.nan, values),
-            None if noise is None else checked("noise_sd", noise, *shape),
-        )
-
-
-def _draw_measured(panel: Axes, frequency: Floats, measured: _Measured, floor: int) -> None:
+def _draw_measured(panel: Axes, frequency: Floats, measured: MeasuredFrf, floor: int) -> None:
     """Draw a floor's measurement below its prediction."""
-    used, unused = measured.used[floor], measured.unused[floor]
-    if not np.isfinite(np.stack([used, unused])).any():
+    values = measured.log_frf[floor]
+    valid = np.isfinite(values) if measured.valid is None else measured.valid[floor]
+    used, unused = np.where(valid, values, np.nan), np.where(valid, np.nan, values)
+    if not np.isfinite(values).any():
         panel.set_title("not measured", loc="right", color=QUIET, fontweight="normal")
         return
     panel.plot(frequency, np.exp(used), label="Measured", **MEASURED)

@@ -6,12 +6,10 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike
 
 from femupdate.arrays import Floats
 from femupdate.report.figure import (
     add_head,
-    checked,
     frequency_ticks,
     label_edges,
     nearly_all,
@@ -44,13 +42,13 @@ class History(NamedTuple):
 
 @styled
 def floor_history_bands(
-    time: ArrayLike,
-    mean: ArrayLike,
-    sd: ArrayLike,
+    time: Floats,
+    mean: Floats,
+    sd: Floats,
     floors: Sequence[str],
     *,
-    alone: tuple[ArrayLike, ArrayLike] | None = None,
-    measured: ArrayLike | None = None,
+    alone: tuple[Floats, Floats] | None = None,
+    measured: Floats | None = None,
     title: str = "Floor acceleration",
 ) -> Figure:
     """Draw the floor accelerations, the top floor first: the whole record and its strong part.
@@ -61,38 +59,30 @@ def floor_history_bands(
         floors: f names, bottom to top.
         alone: mean and sd (f, n) of the parameters alone, m/s2, drawn as a band inside.
         measured: (f, n) m/s2 with rows of NaN where a floor has no sensor, or None.
-
-    Raises:
-        ReportError: an array has another shape.
     """
-    instants = checked("time", time, None)
-    shape = (len(floors), len(instants))
-    middle, spread = checked("mean", mean, *shape), checked("sd", sd, *shape)
-    seen = None if measured is None else checked("measured", measured, *shape)
-    inner = None if alone is None else [checked("alone", values, *shape) for values in alone]
-    strong = strong_part(instants, middle[-1])
+    strong = strong_part(time, mean[-1])
     figure = new_figure(11.5, 0.6 + 1.25 * len(floors))
     axes = figure.subplots(
         len(floors), 2, sharex="col", sharey=True, squeeze=False, width_ratios=(1.0, 1.15)
     )
     for (whole, zoomed), floor in zip(axes, reversed(range(len(floors))), strict=True):
         data = History(
-            middle[floor],
-            spread[floor],
-            None if seen is None else seen[floor],
-            None if inner is None else (inner[0][floor], inner[1][floor]),
+            mean[floor],
+            sd[floor],
+            None if measured is None else measured[floor],
+            None if alone is None else (alone[0][floor], alone[1][floor]),
         )
-        _draw_history(whole, instants, data, (instants[0], instants[-1]), zoomed=False)
-        _draw_history(zoomed, instants, data, strong, zoomed=True)
+        _draw_history(whole, time, data, (time[0], time[-1]), zoomed=False)
+        _draw_history(zoomed, time, data, strong, zoomed=True)
         whole.axvspan(*strong, color=FAINT, alpha=0.55, linewidth=0.0, zorder=0)
         whole.set_title(floors[floor])
     digits = 1 if strong[1] - strong[0] > 2.0 else 2
     axes[0, 1].set_title(f"{strong[0]:.{digits}f} to {strong[1]:.{digits}f} s")
     label_edges(axes, axes.size, "Time, s", "m/s²")
-    edges = np.abs(middle) + 2.0 * spread
-    limits = symmetric_limits(edges, *([] if seen is None else [seen]))
+    edges = np.abs(mean) + 2.0 * sd
+    limits = symmetric_limits(edges, *([] if measured is None else [measured]))
     axes[0, 0].set_ylim(limits)
-    add_head(figure, title, note=thin_band_note(2.0 * nearly_all(spread) / limits[1]))
+    add_head(figure, title, note=thin_band_note(2.0 * nearly_all(sd) / limits[1]))
     return figure
 
 
@@ -150,12 +140,12 @@ def symmetric_limits(*values: Floats) -> tuple[float, float]:
 
 @styled
 def floor_spectra_bands(
-    frequency_hz: ArrayLike,
-    mean: ArrayLike,
-    sd: ArrayLike,
+    frequency_hz: Floats,
+    mean: Floats,
+    sd: Floats,
     floors: Sequence[str],
     *,
-    base: ArrayLike,
+    base: Floats,
     title: str = "Floor response spectra",
 ) -> Figure:
     """Draw the spectrum of every floor over that of the ground motion, the top floor first.
@@ -165,34 +155,27 @@ def floor_spectra_bands(
         mean, sd: (f, k) over the posterior samples, m/s2; the band is two sd either way.
         floors: f names, bottom to top.
         base: (k,) spectrum of the ground motion, m/s2.
-
-    Raises:
-        ReportError: an array has another shape.
     """
-    frequency = checked("frequency_hz", frequency_hz, None)
-    shape = (len(floors), len(frequency))
-    middle, spread = checked("mean", mean, *shape), checked("sd", sd, *shape)
-    ground = checked("base", base, len(frequency))
     size, columns = (3.6, 2.5), min(3, len(floors))
     figure, panels = panel_grid(len(floors), columns, size, "Oscillator, Hz", "Acceleration, m/s²")
     for panel, floor in zip(panels, reversed(range(len(floors))), strict=True):
-        low, high = middle[floor] - 2 * spread[floor], middle[floor] + 2 * spread[floor]
-        panel.plot(frequency, middle[floor], color=BLUE, label="Floor, mean")
-        panel.fill_between(frequency, low, high, label="Mean ± 2 sd", **BAND)
-        panel.plot(frequency, ground, color=QUIET, linestyle="--", label="Ground")
+        low, high = mean[floor] - 2 * sd[floor], mean[floor] + 2 * sd[floor]
+        panel.plot(frequency_hz, mean[floor], color=BLUE, label="Floor, mean")
+        panel.fill_between(frequency_hz, low, high, label="Mean ± 2 sd", **BAND)
+        panel.plot(frequency_hz, base, color=QUIET, linestyle="--", label="Ground")
         panel.set_title(floors[floor])
-    frequency_ticks(panels[0], frequency[0], frequency[-1])
-    panels[0].set_ylim(0.0, 1.08 * max((middle + 2 * spread).max(), ground.max()))
+    frequency_ticks(panels[0], frequency_hz[0], frequency_hz[-1])
+    panels[0].set_ylim(0.0, 1.08 * max((mean + 2 * sd).max(), base.max()))
     add_head(figure, title)
     return figure
 
 
-MemberHistories = tuple[str, Sequence[str], ArrayLike, ArrayLike]
+MemberHistories = tuple[str, Sequence[str], Floats, Floats]
 
 
 @styled
 def member_force_bands(
-    time: ArrayLike,
+    time: Floats,
     members: Sequence[MemberHistories],
     *,
     title: str = "Forces of members",
@@ -205,22 +188,16 @@ def member_force_bands(
         members: of each its name, the names of its three forces (normal force, shear, moment), and
             their mean and standard deviation (3, n), N and N m; the band is two sd either way.
         note: under the title.
-
-    Raises:
-        ReportError: an array has another shape.
     """
-    instants = checked("time", time, None)
-    start, end = strong_part(instants, checked("mean", members[0][2], 3, len(instants))[1])
-    shown = (instants >= start) & (instants <= end)
+    start, end = strong_part(time, members[0][2][1])
+    shown = (time >= start) & (time <= end)
     scales, shares = _scales(members), []
     figure = new_figure(11.5, 0.5 + 2.0 * len(members))
     axes = figure.subplots(len(members), 3, sharex=True, squeeze=False)
     for row, (name, forces, mean, sd) in zip(axes, members, strict=True):
-        middle = checked("mean", mean, 3, len(instants))
-        spread = checked("sd", sd, 3, len(instants))
-        for panel, force, one, two in zip(row, forces, middle, spread, strict=True):
+        for panel, force, one, two in zip(row, forces, mean, sd, strict=True):
             scale = scales[force.startswith("M")]
-            _draw(panel, instants[shown], one[shown], 2.0 * two[shown], force, scale)
+            _draw(panel, time[shown], one[shown], 2.0 * two[shown], force, scale)
             low, high = panel.get_ylim()
             shares.append(4.0 * two[shown] / scale.factor / (high - low))
         row[0].set_title(name, loc="left")
@@ -235,7 +212,7 @@ def _scales(members: Sequence[MemberHistories]) -> tuple[Scale, Scale]:
     """One unit for the forces and one for the moments of all members."""
     largest = [0.0, 0.0]
     for _, forces, mean, sd in members:
-        tops = (np.abs(np.asarray(mean)) + 2.0 * np.asarray(sd)).max(axis=1)
+        tops = (np.abs(mean) + 2.0 * sd).max(axis=1)
         for force, top in zip(forces, tops, strict=True):
             moment = force.startswith("M")
             largest[moment] = max(largest[moment], float(top))

@@ -6,11 +6,10 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike
 
 from femupdate.arrays import Floats
-from femupdate.report.figure import add_head, checked, new_figure
-from femupdate.report.plot_posterior import SampleSet, checked_cases
+from femupdate.report.figure import add_head, new_figure
+from femupdate.report.plot_posterior import SampleSet, looks_of
 from femupdate.report.style import FAINT, styled
 
 ROW_HEIGHT = 0.26  # inches for each interval
@@ -22,7 +21,7 @@ _VISIBLE = 0.006  # of the axis: an interval as long as two strokes are wide
 def theta_intervals(
     names: Sequence[str],
     sets: Sequence[SampleSet],
-    bounds: ArrayLike,
+    bounds: Floats,
     *,
     title: str = "Stiffness factors, from prior to posterior",
 ) -> Figure:
@@ -34,10 +33,9 @@ def theta_intervals(
         bounds: (p, 2) prior bounds.
 
     Raises:
-        ReportError: an array has another shape, or there are no samples or too many sets.
+        ReportError: there are no samples or too many sets.
     """
-    cases = checked_cases(sets, len(names))
-    limits = checked("bounds", bounds, len(names), 2)
+    cases = looks_of(sets)
     rows = np.arange(len(names), dtype=np.float64)
     band = ROW_HEIGHT * len(cases) + BETWEEN_ROWS
     figure = new_figure(8.5, 0.75 + band * len(names))
@@ -45,7 +43,7 @@ def theta_intervals(
     panel.use_sticky_edges = False
     thick = 0.8 * (band - 0.14) / band
     panel.barh(
-        rows, np.ptp(limits, axis=1), thick, limits[:, 0], color=FAINT, label="Prior", zorder=1.0
+        rows, np.ptp(bounds, axis=1), thick, bounds[:, 0], color=FAINT, label="Prior", zorder=1.0
     )
     for place, case in enumerate(cases):
         label = f"{case.label or 'Posterior'}: mean, 5 to 95 %"

@@ -1,8 +1,6 @@
 """What is in a measured file: histories, spectra, response to the base and its coherence."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,6 +8,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from femupdate.arrays import Floats
+from femupdate.errors import ReportError
+from femupdate.measurement.base_rotation import is_vertical_channel
+from femupdate.measurement.columns import BASE
+from femupdate.measurement.inspection import InspectedChannel, Inspection
+from femupdate.measurement.modes import in_phase
+from femupdate.measurement.recording import RecordedFunction, RecordedMode
 from femupdate.report.figure import add_head, frequency_ticks, new_figure
 from femupdate.report.page_charts import thinned
 from femupdate.report.style import hue, look, styled
@@ -21,115 +25,80 @@ _FEW_TICKS = 5  # in a narrow panel
 POINTS = 4000  # of a history drawn, as the extremes of short stretches
 
 
-@dataclass(frozen=True, eq=False)
-class MeasuredLine:
-    """One history to draw.
-
-    Attributes:
-        label: what it is.
-        values: (n,) in any unit.
-        time_step: s.
-        base: whether the others respond to it, or None of those that respond to none. A force
-            stands for the base where there is one.
-    """
-
-    label: str
-    values: Floats
-    time_step: float
-    base: bool | None = None
-
-
 @styled
-def measured_histories(
-    lines: Sequence[MeasuredLine], title: str, unit: str, over_force: str = ""
-) -> Figure:
-    """Draw histories one above the other, their spectra, and the response to the base.
+def inspected(one: Inspection) -> Figure:
+    """Draw the histories of a file, else its functions of frequency, else its modes.
 
-    Args:
-        lines: of the file; the first `MOST_LINES` are drawn.
-        unit: of the histories.
-        over_force: unit of the responses where the others respond to a force.
+    The first `MOST_LINES` of them are drawn.
+
+    Raises:
+        ReportError: the file holds none of them.
     """
-    drawn = lines[:MOST_LINES]
-    base = next((each for each in drawn if each.base), None)
-    floors = [k for k, each in enumerate(drawn) if each.base is False and _beside(base, each)]
-    compared = base is not None and bool(floors)
+    title = one.path.name
+    if one.channels:
+        return _histories(one.channels, title)
+    if one.functions:
+        return _functions(one.functions, title)
+    if one.modes:
+        return _modes(one.modes, title)
+    raise ReportError(f"{one.path}: there is nothing to draw in it but measuring points")
+
+
+def _histories(channels: Sequence[InspectedChannel], title: str) -> Figure:
+    """Histories one above the other, their spectra, and the response to the base or a force."""
+    drawn = channels[:MOST_LINES]
+    driver, responding = _driven(channels)
+    beside = [k for k, each in enumerate(drawn) if each in responding and _beside(driver, each)]
+    compared = driver in drawn and bool(beside)
     figure = new_figure(13.0, 2.6 + 0.3 * len(drawn) + (1.6 if compared else 0.0))
     grid = figure.add_gridspec(2 if compared else 1, 5)
     _draw_histories(figure.add_subplot(grid[:, :3]), drawn)
-    _draw_spectra(figure.add_subplot(grid[0, 3:]), drawn, unit)
-    if base is not None and compared:
+    _draw_spectra(figure.add_subplot(grid[0, 3:]), drawn, _listed({_unit(c) for c in channels}))
+    if driver is not None and compared:
         response, share = figure.add_subplot(grid[1, 3]), figure.add_subplot(grid[1, 4])
-        _draw_response(response, share, base, {k: drawn[k] for k in floors})
+        _draw_response(response, share, driver, {k: drawn[k] for k in beside})
         response.set(ylabel="|H|", title="Floor over base")
-        if over_force:
-            response.set(ylabel=f"|H|, {over_force}", title="Response to the force")
-    left_out = len(lines) - len(drawn)
+        if driver.floor != BASE:
+            units = _listed({_unit(each) for each in responding})
+            response.set(ylabel=f"|H|, {units} per {driver.channel.unit}")
+            response.set(title="Response to the force")
+    left_out = len(channels) - len(drawn)
     note = f"{left_out} more channels are not drawn." if left_out else ""
-    handles = [Line2D([], [], label=each.label, **look(k)) for k, each in enumerate(drawn)]
+    handles = [Line2D([], [], label=_label(each), **look(k)) for k, each in enumerate(drawn)]
     add_head(figure, title, handles, columns=8, note=note)
     return figure
 
 
-@styled
-def measured_functions(curves: Sequence[tuple[str, Floats, Any]], title: str, unit: str) -> Figure:
-    """Draw the size of functions of frequency.
-
-    Args:
-        curves: label, frequencies (m,) in Hz, values (m,).
-    """
-    figure = new_figure(9.0, 4.0)
+def _functions(functions: Sequence[RecordedFunction], title: str) -> Figure:
+    """The size of functions of frequency."""
+    figure, drawn = new_figure(9.0, 4.0), functions[:MOST_LINES]
     axes = figure.add_subplot()
-    for k, (_, frequency, values) in enumerate(curves[:MOST_LINES]):
-        size = np.abs(values)
+    for k, each in enumerate(drawn):
+        size = np.abs(each.values)
         # A zero, as a spectrum may have at 0 Hz, is no value to draw to.
-        axes.semilogy(frequency, np.where(size > 0.0, size, np.nan), **look(k))
-    axes.set(xlabel="Frequency, Hz", ylabel=unit)
-    handles = [
-        Line2D([], [], label=label, **look(k)) for k, (label, *_) in enumerate(curves[:MOST_LINES])
-    ]
+        axes.semilogy(each.frequency_hz, np.where(size > 0.0, size, np.nan), **look(k))
+    axes.set(xlabel="Frequency, Hz", ylabel=_listed({one.unit or one.kind for one in functions}))
+    handles = [Line2D([], [], label=each.name, **look(k)) for k, each in enumerate(drawn)]
     add_head(figure, title, handles, columns=4)
     return figure
 
 
-@dataclass(frozen=True, eq=False)
-class MeasuredMode:
-    """A mode to draw.
-
-    Attributes:
-        frequency_hz: natural frequency.
-        damping: ratio of critical damping, or None.
-        shape: (s,) components, NaN where one is missing.
-        sensors: (s,) their names.
-    """
-
-    frequency_hz: float
-    damping: float | None
-    shape: Any
-    sensors: tuple[str, ...] = ()
-
-
-@styled
-def measured_modes(modes: Sequence[MeasuredMode], title: str) -> Figure:
-    """Draw the shapes of identified modes, the real part of their components point by point.
+def _modes(modes: Sequence[RecordedMode], title: str) -> Figure:
+    """Shapes of identified modes, the real part of their components point by point.
 
     Of modes without shapes the damping ratios over the frequencies.
-
-    Args:
-        modes: of the file; the first `MOST_LINES` are drawn.
     """
-    figure = new_figure(9.0, 4.0)
+    figure, shown = new_figure(9.0, 4.0), modes[:MOST_LINES]
     axes = figure.add_subplot()
-    shown = modes[:MOST_LINES]
     handles = [
         Line2D([], [], label=f"{one.frequency_hz:.4g} Hz", **look(k)) for k, one in enumerate(shown)
     ]
     add_head(figure, title, handles, columns=4)
-    if not any(np.size(one.shape) for one in shown):
+    if not any(one.shape.size for one in shown):
         _draw_ratios(axes, shown)
         return figure
     for k, one in enumerate(shown):
-        values = np.real(one.shape)
+        values = np.real(in_phase(one.shape))
         largest = np.nanmax(np.abs(values), initial=1e-300)
         axes.plot(values / largest, marker="o", ms=3, **look(k))
     axes.set(xlabel="Component, point by point", ylabel="Shape over its largest component")
@@ -141,7 +110,44 @@ def measured_modes(modes: Sequence[MeasuredMode], title: str) -> Figure:
     return figure
 
 
-def _draw_ratios(axes: Axes, modes: Sequence[MeasuredMode]) -> None:
+def _driven(
+    channels: Sequence[InspectedChannel],
+) -> tuple[InspectedChannel | None, list[InspectedChannel]]:
+    """What drives the others, the base or else a force, and the channels that respond to it."""
+    base = [each for each in channels if each.floor == BASE]
+    force = next((each for each in channels if each.channel.quantity == "force"), None)
+    if force is not None and not base:
+        return force, [each for each in channels if each.channel.quantity != "force"]
+    first = next((each for each in base if not is_vertical_channel(each.channel)), None)
+    if first is None:
+        return None, []
+    along = [each for each in channels if each.channel.direction == first.channel.direction]
+    return first, [each for each in along if each.floor not in (None, BASE)]
+
+
+def _values(each: InspectedChannel) -> Floats:
+    """(n,) a history, in m/s2 where its unit is known."""
+    factor = 1.0 if each.peak_m_s2 is None or each.peak == 0.0 else each.peak_m_s2 / each.peak
+    return each.channel.values * factor
+
+
+def _unit(each: InspectedChannel) -> str:
+    """Unit in which a channel is drawn."""
+    return "m/s²" if each.peak_m_s2 is not None else each.channel.unit or "the file's unit"
+
+
+def _label(each: InspectedChannel) -> str:
+    place, direction = each.place, each.direction_text
+    if place.casefold().endswith(direction.casefold()):
+        direction = ""
+    return f"{each.number} {place} {direction}".strip()
+
+
+def _listed(words: set[str]) -> str:
+    return " or ".join(sorted(words))
+
+
+def _draw_ratios(axes: Axes, modes: Sequence[RecordedMode]) -> None:
     for k, one in enumerate(modes):
         ratio = 100.0 * (one.damping or 0.0)
         axes.plot([one.frequency_hz] * 2, [0.0, ratio], "o-", ms=5, color=hue(k))
@@ -149,49 +155,56 @@ def _draw_ratios(axes: Axes, modes: Sequence[MeasuredMode]) -> None:
     axes.set_xlim(0.0, 1.1 * max(one.frequency_hz for one in modes))
 
 
-def _draw_histories(axes: Axes, lines: Sequence[MeasuredLine]) -> None:
+def _draw_histories(axes: Axes, channels: Sequence[InspectedChannel]) -> None:
     # So that neighbours do not overlap, whatever their peaks.
-    spacing = 2.0 * max(float(np.abs(each.values - each.values.mean()).max()) for each in lines)
+    histories = [_values(each) for each in channels]
+    spacing = 2.0 * max(float(np.abs(own - own.mean()).max()) for own in histories)
     spacing = spacing or 1.0
-    for k, each in enumerate(lines):
-        kept = thinned(each.values, POINTS)
-        height = each.values[kept] - each.values.mean() - k * spacing
-        axes.plot(kept * each.time_step, height, color=hue(k), linewidth=0.6)
-    axes.set_yticks([-k * spacing for k in range(len(lines))], [each.label for each in lines])
+    for k, (each, own) in enumerate(zip(channels, histories, strict=True)):
+        kept = thinned(own, POINTS)
+        height = own[kept] - own.mean() - k * spacing
+        axes.plot(kept * each.channel.time_step, height, color=hue(k), linewidth=0.6)
+    axes.set_yticks([-k * spacing for k in range(len(channels))], [_label(c) for c in channels])
     for k, label in enumerate(axes.get_yticklabels()):
         label.set_color(hue(k))
     axes.set(xlabel="Time, s", title="Histories, to one scale, about their means")
     axes.grid(axis="y", visible=False)
 
 
-def _draw_spectra(axes: Axes, lines: Sequence[MeasuredLine], unit: str) -> None:
+def _draw_spectra(axes: Axes, channels: Sequence[InspectedChannel], unit: str) -> None:
     from scipy.signal import welch
 
     top = 1e-300
-    for k, each in enumerate(lines):
-        frequency, power = welch(each.values, 1.0 / each.time_step, nperseg=_segment(each))
+    steps = [each.channel.time_step for each in channels]
+    for k, (each, step) in enumerate(zip(channels, steps, strict=True)):
+        frequency, power = welch(_values(each), 1.0 / step, nperseg=_segment(each))
         axes.loglog(frequency[1:], np.sqrt(power[1:]) + 1e-300, **look(k), linewidth=0.9)
         top = max(top, float(np.sqrt(power[1:].max(initial=0.0))))
     axes.set_ylim(top * 1e-5, top * 2.0)
-    longest = max(each.time_step * _segment(each) for each in lines)
-    frequency_ticks(axes, 1.0 / longest, 0.5 / min(each.time_step for each in lines))
+    longest = max(step * _segment(each) for each, step in zip(channels, steps, strict=True))
+    frequency_ticks(axes, 1.0 / longest, 0.5 / min(steps))
     axes.set(xlabel="Frequency, Hz", ylabel=f"{unit} per √Hz", title="Spectra")
 
 
 def _draw_response(
-    response: Axes, share: Axes, base: MeasuredLine, floors: Mapping[int, MeasuredLine]
+    response: Axes,
+    share: Axes,
+    driver: InspectedChannel,
+    floors: Mapping[int, InspectedChannel],
 ) -> None:
     from scipy.signal import coherence, csd, welch
 
-    options = {"fs": 1.0 / base.time_step, "nperseg": _segment(base)}
-    frequency, power = welch(base.values, **options)
-    # Where the base has no power, leakage alone would make a response.
+    options = {"fs": 1.0 / driver.channel.time_step, "nperseg": _segment(driver)}
+    input_ = _values(driver)
+    frequency, power = welch(input_, **options)
+    # Where the input has no power, leakage alone would make a response.
     shown = (frequency > 0.0) & (power > 1e-5 * power.max())
     for k, each in floors.items():
-        cross = csd(base.values, each.values, **options)[1]
+        output = _values(each)
+        cross = csd(input_, output, **options)[1]
         size = np.abs(cross[shown]) / power[shown]
         response.loglog(frequency[shown], size + 1e-300, **look(k), linewidth=0.9)
-        seen = coherence(base.values, each.values, **options)[1]
+        seen = coherence(input_, output, **options)[1]
         share.semilogx(frequency[shown], seen[shown], **look(k), linewidth=0.9)
     for axes in (response, share):
         frequency_ticks(axes, float(frequency[1]), float(frequency[-1]), _FEW_TICKS)
@@ -199,11 +212,13 @@ def _draw_response(
     share.set(xlabel="Frequency, Hz", ylim=(0.0, 1.02), title="Coherence")
 
 
-def _beside(base: MeasuredLine | None, line: MeasuredLine) -> bool:
-    """Whether a floor was sampled at the times of the base."""
-    same = base is not None and base.values.size == line.values.size
-    return same and base is not None and base.time_step == line.time_step
+def _beside(driver: InspectedChannel | None, each: InspectedChannel) -> bool:
+    """Whether a channel was sampled at the times of what drives it."""
+    if driver is None:
+        return False
+    own, other = driver.channel, each.channel
+    return own.values.size == other.values.size and own.time_step == other.time_step
 
 
-def _segment(line: MeasuredLine) -> int:
-    return max(2 * line.values.size // (SEGMENTS + 1), 2)
+def _segment(each: InspectedChannel) -> int:
+    return max(2 * each.channel.values.size // (SEGMENTS + 1), 2)

@@ -10,12 +10,11 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, MaxNLocator
-from numpy.typing import ArrayLike
 
 from femupdate.arrays import Floats
 from femupdate.errors import ReportError
 from femupdate.report.density import density_1d, density_2d, mass_level
-from femupdate.report.figure import add_head, checked, new_figure
+from femupdate.report.figure import add_head, new_figure
 from femupdate.report.scale import plus_minus
 from femupdate.report.style import DASHES, KNOWN, SERIES, Dashes, styled
 
@@ -30,12 +29,12 @@ class SampleSet:
     """Posterior samples (S, p) and the name of the case they come from."""
 
     label: str
-    samples: ArrayLike
+    samples: Floats
 
 
 @dataclass(frozen=True)
 class CaseSamples:
-    """A checked set of samples and how its lines look."""
+    """A set of samples (S, p) and how its lines look."""
 
     label: str
     samples: Floats
@@ -47,8 +46,8 @@ class CaseSamples:
 def posterior_pairs(
     sets: Sequence[SampleSet],
     names: Sequence[str],
-    bounds: ArrayLike,
-    truth: ArrayLike | None = None,
+    bounds: Floats,
+    truth: Sequence[float] | Floats | None = None,
 ) -> Figure:
     """Draw each parameter on the diagonal, pairs below it, correlations above.
 
@@ -61,18 +60,16 @@ def posterior_pairs(
         truth: (p,) true values, where they are known.
 
     Raises:
-        ReportError: an array has another shape, or there are no samples or too many sets.
+        ReportError: there are no samples or too many sets.
     """
-    cases = checked_cases(sets, len(names))
-    limits = checked("bounds", bounds, len(names), 2)
-    true = None if truth is None else checked("truth", truth, len(names))
-    total = len(names)
+    cases, total = looks_of(sets), len(names)
+    true = None if truth is None else np.asarray(truth, dtype=np.float64)
     if total > MOST:
         shown = most_correlated(cases[0].samples, MOST)
-        names, limits = [names[k] for k in shown], limits[shown]
+        names, bounds = [names[k] for k in shown], bounds[shown]
         cases = [replace(case, samples=case.samples[:, shown]) for case in cases]
         true = None if true is None else true[shown]
-    views = _views(cases, limits, true)
+    views = _views(cases, bounds, true)
     size = len(names)
     side = max(1.25, min(2.1, 9.5 / size))
     figure = new_figure(max(side * size + 0.5, 5.4), side * size + 0.4)
@@ -93,11 +90,11 @@ def posterior_pairs(
     return figure
 
 
-def checked_cases(sets: Sequence[SampleSet], parameters: int) -> list[CaseSamples]:
-    """Check sets of samples and give each its colour and dashes.
+def looks_of(sets: Sequence[SampleSet]) -> list[CaseSamples]:
+    """Give each set of samples its colour and dashes.
 
     Raises:
-        ReportError: no set, too many, or samples of another shape or not finite.
+        ReportError: no set, too many, or samples that are too few or not finite.
     """
     if not 1 <= len(sets) <= len(SERIES):
         raise ReportError(
@@ -105,10 +102,9 @@ def checked_cases(sets: Sequence[SampleSet], parameters: int) -> list[CaseSample
         )
     cases = []
     for given, color, dashes in zip(sets, SERIES, DASHES, strict=False):
-        samples = checked(f"samples of {given.label}", given.samples, None, parameters)
-        if len(samples) < 2 or not np.isfinite(samples).all():
+        if len(given.samples) < 2 or not np.isfinite(given.samples).all():
             raise ReportError(f"{given.label} needs two samples or more, all of them finite")
-        cases.append(CaseSamples(given.label, samples, color, dashes))
+        cases.append(CaseSamples(given.label, given.samples, color, dashes))
     return cases
 
 

@@ -6,27 +6,19 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike
 
 from femupdate.arrays import Floats
-from femupdate.report.figure import (
-    add_head,
-    checked,
-    checked_names,
-    nearly_all,
-    new_figure,
-    thin_band_note,
-)
+from femupdate.report.figure import add_head, nearly_all, new_figure, thin_band_note
 from femupdate.report.style import BAND, BLUE, QUIET, styled
 
 
 @styled
 def stick_mode_shapes(
-    levels: ArrayLike,
-    shapes: ArrayLike,
+    levels: Floats,
+    shapes: Floats,
     headings: Sequence[str],
     *,
-    shapes_sd: ArrayLike | None = None,
+    shapes_sd: Floats | None = None,
     floors: Sequence[str] | None = None,
     title: str = "Mode shapes",
     note: str = "",
@@ -40,26 +32,18 @@ def stick_mode_shapes(
         shapes_sd: (k, f) standard deviations in the scale of the shapes, or None.
         floors: f names, the base first, or None.
         note: under the title.
-
-    Raises:
-        ReportError: an array has another shape.
     """
-    heights = checked("levels", levels, None)
-    means = checked("shapes", shapes, None, len(heights))
-    count = len(means)
-    texts = checked_names("headings", headings, count)
-    sds = None if shapes_sd is None else checked("shapes_sd", shapes_sd, *means.shape)
-    largest = np.maximum(np.abs(means).max(axis=1, keepdims=True), 1e-300)
-    shown = upright(means)
+    count, shown = len(shapes), upright(shapes)
+    largest = np.maximum(np.abs(shapes).max(axis=1, keepdims=True), 1e-300)
     figure = new_figure(max(1.55 * count + 0.8, 4.6), 4.0)
     axes = figure.subplots(1, count, sharey=True, sharex=True, squeeze=False)[0]
     for mode, panel in enumerate(axes):
-        sd = None if sds is None else sds[mode] / largest[mode]
-        _draw_stick(panel, heights, shown[mode], sd)
-        panel.set_title(texts[mode], fontweight="normal")
-    _finish(axes, heights, floors)
+        sd = None if shapes_sd is None else shapes_sd[mode] / largest[mode]
+        _draw_stick(panel, levels, shown[mode], sd)
+        panel.set_title(headings[mode], fontweight="normal")
+    _finish(axes, levels, floors)
     figure.supxlabel("Displacement over its largest", fontsize=10.0)
-    thin = "" if sds is None else thin_band_note(2.0 * nearly_all(sds / largest))
+    thin = "" if shapes_sd is None else thin_band_note(2.0 * nearly_all(shapes_sd / largest))
     add_head(figure, title, note="\n".join(one for one in (note, thin) if one))
     return figure
 
@@ -96,4 +80,4 @@ def _finish(axes: Sequence[Axes], heights: Floats, floors: Sequence[str] | None)
 
 def mark_floors(panel: Axes, heights: Floats, floors: Sequence[str]) -> None:
     """Name the floors, the base first, at their heights."""
-    panel.set(yticks=heights, yticklabels=checked_names("floors", floors, len(heights)))
+    panel.set(yticks=heights, yticklabels=floors)

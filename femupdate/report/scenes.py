@@ -7,11 +7,10 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike
 
 from femupdate.arrays import Floats
 from femupdate.report import drawing_matplotlib, drawing_pyvista
-from femupdate.report.figure import add_head, checked, new_figure, show
+from femupdate.report.figure import add_head, new_figure, show
 from femupdate.report.geometry import Geometry, deformed
 from femupdate.report.rendering import Renderer, renders
 from femupdate.report.style import MAGNITUDE_MAP, SPREAD_MAP, styled
@@ -31,9 +30,9 @@ class _Field:
 @styled
 def mode_shape_figure(
     geometry: Geometry,
-    shape_mean: ArrayLike,
+    shape_mean: Floats,
     *,
-    shape_sd: ArrayLike | None = None,
+    shape_sd: Floats | None = None,
     title: str = "Mode shape",
     note: str = "",
     renderer: Renderer = "auto",
@@ -47,14 +46,8 @@ def mode_shape_figure(
         shape_sd: (N,) standard deviation of the displacement, in the scale of the mean, or None.
         note: under the title, before how displacements are drawn.
         renderer: "auto", or one of the two by name.
-
-    Raises:
-        ReportError: an array has another shape.
     """
-    count = len(geometry.nodes)
-    shape = checked("shape_mean", shape_mean, count, 3)
-    fields = _fields(shape, None if shape_sd is None else checked("shape_sd", shape_sd, count))
-    moved = deformed(geometry, shape)
+    fields, moved = _fields(shape_mean, shape_sd), deformed(geometry, shape_mean)
     figure = new_figure(5.4 * len(fields), 6.3)
     panels = figure.subplots(1, len(fields), squeeze=False)[0]
     looks = [(geometry, moved, field.values, field.color_map, field.top) for field in fields]

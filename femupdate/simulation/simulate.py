@@ -6,9 +6,10 @@ by single accelerometers with their noise.
 
 import json
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -35,7 +36,6 @@ from femupdate.simulation.synthetic import (
     SimulationSettings,
     SimulationTruth,
     WrittenSimulation,
-    label,
 )
 from femupdate.simulation.truth import Truth, fine_model, truth_of
 from femupdate.study import file_hash, write_text
@@ -45,8 +45,22 @@ logger = logging.getLogger(__name__)
 DIGITS = 6  # of the numbers in the file
 _LARGEST_BAND = 0.9  # of the Nyquist frequency; the record is interpolated flat up to 0.92
 _MOST_SAMPLES = 500_000  # a channel: an hour and more at 100 Hz
-_LARGEST_RMS = 100.0  # m/s2
 _EXCITED = 0.01  # share of the mass from which a mode is worth naming
+
+# Settings that are numbers or None: the lowest, the highest, and both in words.
+_ABOVE_ZERO = float(np.nextafter(0.0, 1.0)), np.inf, "a number above zero"
+_LIMITS: Mapping[str, tuple[float, float, str]] = {
+    "duration_s": _ABOVE_ZERO,
+    "sampling_hz": _ABOVE_ZERO,
+    "rms_m_s2": (
+        _ABOVE_ZERO[0],
+        100.0,
+        "above zero and at most 100: no shaking table reaches more",
+    ),
+    "rotation_rms": _ABOVE_ZERO,
+    "sensor_noise_m_s2": (0.0, np.inf, "a number, zero or more"),
+    "quantisation_m_s2": _ABOVE_ZERO,
+}
 
 
 def simulate_observation(
@@ -83,8 +97,13 @@ def simulate_observation(
     told = replace(
         _truth(building, truth, theta, zeta, chosen.seed),
         effects=tuple((placed.label, values) for placed, values in effects),
+        motion=_told_motion(chosen, motion, fine.direction),
+        noise={
+            "sensor_rms_m_s2": chosen.sensor_noise_m_s2,
+            "quantisation_m_s2": chosen.quantisation_m_s2,
+        },
     )
-    return Simulation(histories, told, label(truth, told, chosen, motion))
+    return Simulation(histories, told)
 
 
 def write_simulation(
@@ -94,24 +113,28 @@ def write_simulation(
 
     Args:
         path: of the CSV file.
-        comments: lines to add to the label at its top.
+        comments: lines to add at its top to those that say what it is.
 
     Raises:
         MeasurementError, StudyError: a file cannot be written.
     """
-    written = write_observation_histories(
-        path, simulation.histories, (*simulation.comments, *comments), DIGITS
+    truth, told = truth_path(path), simulation.truth
+    label = (
+        f"synthetic: made by femupdate {__version__} from building {told.building}, seed "
+        f"{told.seed}; not a measurement",
+        *(f"hidden effect: {n}, {', '.join(f'{v:g}' for v in own)}" for n, own in told.effects),
+        f"all settings are in {truth.name}",
     )
+    written = write_observation_histories(path, simulation.histories, (*label, *comments), DIGITS)
     content = {
         "what": "truth behind a synthetic observation; not a measurement",
         "observation": written.name,
         "observation_sha256": file_hash(written),
         "femupdate": __version__,
-        **simulation.truth.as_dict(),
+        **told.as_dict(),
     }
-    truth = truth_path(written)
     write_text(truth, json.dumps(content, indent=2) + "\n")
-    return WrittenSimulation(written, truth, simulation.truth)
+    return WrittenSimulation(written, truth, told)
 
 
 def truth_path(observation: str | Path) -> Path:
@@ -120,33 +143,29 @@ def truth_path(observation: str | Path) -> Path:
 
 
 def _check_settings(settings: SimulationSettings) -> None:
-    for name in ("duration_s", "sampling_hz", "rms_m_s2", "quantisation_m_s2"):
+    for name, (lowest, highest, words) in _LIMITS.items():
         value = getattr(settings, name)
-        if value is not None and not (np.isfinite(value) and value > 0.0):
-            raise MeasurementError(f"{name} is {value}; it must be a number above zero")
-    if settings.rms_m_s2 > _LARGEST_RMS:
-        raise MeasurementError(
-            f"an rms of {settings.rms_m_s2:g} m/s2 is more than any shaking table reaches; give "
-            f"at most {_LARGEST_RMS:g}"
-        )
-    if settings.rotation_rms is not None and not settings.rotation_rms > 0.0:
-        raise MeasurementError(f"rotation_rms is {settings.rotation_rms}; give a number above zero")
+        if value is not None and not (np.isfinite(value) and lowest <= value <= highest):
+            raise MeasurementError(f"{name} is {value}; it must be {words}")
     if fault := fault_of([vertical_channel(place) for place in settings.vertical_at]):
         raise MeasurementError(fault)
-    noise = settings.sensor_noise_m_s2
-    if not (np.isfinite(noise) and noise >= 0.0):
-        raise MeasurementError(f"sensor_noise_m_s2 is {noise}; it must be zero or more")
+    if settings.base_motion is None:
+        _check_noise(settings)
+
+
+def _check_noise(settings: SimulationSettings) -> None:
+    """Refuse white noise that is too long, or of a band that cannot be sampled."""
     samples = settings.sampling_hz * settings.duration_s
-    if settings.base_motion is None and samples > _MOST_SAMPLES:
+    if samples > _MOST_SAMPLES:
         raise MeasurementError(
             f"{samples:.3g} samples a channel are too many to simulate; ask for at most "
             f"{_MOST_SAMPLES:,}, by a shorter duration or a lower sampling rate"
         )
     low, high = settings.band_hz
-    if settings.base_motion is None and not 0.0 < low < high:
+    if not 0.0 < low < high:
         raise MeasurementError(f"the band {low:g} to {high:g} Hz is empty; give the lower first")
     top = _LARGEST_BAND * 0.5 * settings.sampling_hz
-    if settings.base_motion is None and high > top:
+    if high > top:
         raise MeasurementError(
             f"a band up to {high:g} Hz does not fit {settings.sampling_hz:g} samples a second; "
             f"stay below {top:g} Hz or sample at {high / (0.5 * _LARGEST_BAND):.4g} Hz or more"
@@ -260,8 +279,31 @@ def _truth(
         building=building.name,
         building_hash=mechanics_hash(building),
         mesh_size=truth.fine.mesh_size,
+        dof=truth.fine.dof,
+        places={
+            channel.name: place
+            for channel, place in zip(truth.fine.channels, truth.fine.places, strict=True)
+            if place
+        },
         seed=seed,
     )
+
+
+def _told_motion(
+    settings: SimulationSettings, motion: GroundMotion, direction: str
+) -> dict[str, Any]:
+    """What moved the base, as JSON holds it."""
+    noise = settings.base_motion is None
+    return {
+        "title": motion.title,
+        "direction": direction,
+        "duration_s": motion.acceleration.size / settings.sampling_hz,
+        "sampling_hz": settings.sampling_hz,
+        "rms_m_s2": settings.rms_m_s2 if noise else None,
+        "band_hz": list(settings.band_hz) if noise else None,
+        "rotation_rms_rad_s2": settings.rotation_rms,
+        "vertical_sensors_m": [] if motion.rotation is None else list(settings.vertical_at),
+    }
 
 
 _RAMP_S = 1.0  # a table starts and stops smoothly

@@ -1,18 +1,16 @@
-"""What a simulation is asked for, what comes of it, and the label that says so."""
+"""What a simulation is asked for, and what comes of it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from femupdate import __version__
 from femupdate.arrays import Floats
 from femupdate.measurement.observation_file import Histories
 from femupdate.measurement.record import GroundMotion
 from femupdate.simulation.sensors import SensorPoints
-from femupdate.simulation.truth import FineModel, Truth
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,8 +65,12 @@ class SimulationTruth:
         building: name of the building.
         building_hash: of its mechanics.
         mesh_size: m; None for a shear building.
+        dof: degrees of freedom of the full model.
+        places: where each sensor of a frame is, by its name.
         seed: of the simulation.
         effects: what was put into the full model, with all parameters.
+        motion: what moved the base, and how that was sampled.
+        noise: of the sensors and the recorder.
     """
 
     parameters: tuple[str, ...]
@@ -79,7 +81,11 @@ class SimulationTruth:
     building: str
     building_hash: str
     mesh_size: float | None
+    dof: int
+    places: Mapping[str, str]
     seed: int
+    motion: Mapping[str, Any] = field(default_factory=dict)
+    noise: Mapping[str, Any] = field(default_factory=dict)
     effects: tuple[tuple[str, tuple[float, ...]], ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
@@ -88,6 +94,7 @@ class SimulationTruth:
             "building": self.building,
             "building_hash": self.building_hash,
             "mesh_size_m": self.mesh_size,
+            "degrees_of_freedom": self.dof,
             "seed": self.seed,
             "parameters": list(self.parameters),
             "theta": self.theta.tolist(),
@@ -95,6 +102,9 @@ class SimulationTruth:
             "frequencies_hz": np.round(self.frequency_hz, 4).tolist(),
             "effective_mass": np.round(self.effective_mass, 4).tolist(),
             "effects": [{"effect": name, "parameters": list(own)} for name, own in self.effects],
+            "motion": dict(self.motion),
+            "noise": dict(self.noise),
+            "sensors": dict(self.places),
         }
 
 
@@ -105,12 +115,10 @@ class Simulation:
     Attributes:
         histories: as a recorder would have written them.
         truth: what made them.
-        comments: sentences that say so, for the file.
     """
 
     histories: Histories
     truth: SimulationTruth
-    comments: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -136,67 +144,3 @@ class WrittenSimulation:
         """Files and stiffness factors, for people."""
         factors = ", ".join(f"{value:.3f}" for value in self.truth.theta)
         return str(self.observation), str(self.truth_file), f"  stiffness factors {factors}"
-
-
-def label(
-    model: Truth, truth: SimulationTruth, settings: SimulationSettings, motion: GroundMotion
-) -> tuple[str, ...]:
-    """Return the sentences that say what a simulated observation is."""
-    quantised = settings.quantisation_m_s2
-    step = "" if quantised is None else f", quantised to {quantised:g} m/s2"
-    return (
-        f"synthetic: made by femupdate {__version__} from building {truth.building}, "
-        f"{_mesh_words(model)}, theta = {', '.join(f'{t:.6g}' for t in truth.theta)}, "
-        f"{_damping_words(truth.zeta)}, seed {truth.seed}; not a measurement",
-        *(f"hidden effect: {n}, {', '.join(f'{v:g}' for v in own)}" for n, own in truth.effects),
-        f"base motion along {model.fine.direction}: {_motion_words(settings, motion)}",
-        *_rotation_words(settings),
-        f"white noise of {settings.sensor_noise_m_s2:g} m/s2 rms on every channel{step}",
-        *_place_words(model.fine),
-    )
-
-
-def _mesh_words(model: Truth) -> str:
-    fine = model.fine
-    if fine.structure.is_stick:
-        return "the chain itself"
-    mesh = "its own mesh" if fine.mesh_size is None else f"mesh {fine.mesh_size:g} m"
-    return f"{mesh} ({fine.dof} degrees of freedom, {len(model.frequency_hz)} shapes)"
-
-
-def _damping_words(zeta: float | None) -> str:
-    return "damping as in its file" if zeta is None else f"zeta = {zeta:g} in every mode"
-
-
-def _motion_words(settings: SimulationSettings, motion: GroundMotion) -> str:
-    sampled = f"{motion.duration:.4g} s at {settings.sampling_hz:g} Hz"
-    if settings.base_motion is not None:
-        return f"{motion.title}, {sampled}"
-    low, high = settings.band_hz
-    return (
-        f"white noise, {settings.rms_m_s2:g} m/s2 rms, {low:g} to {high:g} Hz, {sampled}, rising "
-        "from and falling to rest within a second"
-    )
-
-
-def _rotation_words(settings: SimulationSettings) -> tuple[str, ...]:
-    if settings.rotation_rms is None:
-        return ()
-    return (
-        f"base rotation of {settings.rotation_rms:g} rad/s2 rms, half of its power in phase with "
-        "the translation, half of its own; vertical sensors at "
-        f"{', '.join(f'{place:g}' for place in settings.vertical_at)} m",
-    )
-
-
-def _place_words(seen: FineModel) -> tuple[str, ...]:
-    """Where the sensors are: one line where all floors are alike, else one a floor."""
-    by_floor: dict[str, list[str]] = {}
-    for channel, place in zip(seen.channels, seen.places, strict=True):
-        by_floor.setdefault(channel.floor, []).append(f"{channel.sensor} at {place}".strip())
-    lines: Mapping[str, str] = {floor: ", ".join(words) for floor, words in by_floor.items()}
-    if not any(seen.places):
-        return ()
-    if len(set(lines.values())) == 1:
-        return (f"sensors of every floor: {next(iter(lines.values()))}",)
-    return tuple(f"sensors of {floor}: {words}" for floor, words in lines.items())

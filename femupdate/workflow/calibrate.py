@@ -43,6 +43,7 @@ def calibrate_study(
     started = time.monotonic()
     settings = settings or CalibrationSettings()
     model = with_finer_mesh(study, model, progress)
+    source = source.opened()
     measured = read_measured_of(study, model, source, progress)
     # Surrogates know FRFs under a base that translates.
     settings = replace(settings, exact=settings.exact or measured.beyond_surrogates)

@@ -53,7 +53,7 @@ def check_calibration(
 
 
 def readable(reading: Mapping[str, Any], path: Path, *further: Path) -> ObservationSource:
-    """Observation files as a source; a bad one is told before anything is built.
+    """Observation files as a source, read once; a bad one is told before anything is built.
 
     Args:
         reading: fields of `ObservationSource` that say how to read the files.
@@ -61,7 +61,7 @@ def readable(reading: Mapping[str, Any], path: Path, *further: Path) -> Observat
     Raises:
         MeasurementError: a file cannot be used.
     """
-    source = ObservationSource(path, further=further, **reading)
+    source = ObservationSource(path, further=further, **reading).opened()
     check_readable(source)
     return source
 

@@ -24,7 +24,7 @@ from femupdate.effects.registry import CATALOGUE
 from femupdate.measurement.observation import Observation
 from femupdate.progress import SILENT, Progress
 from femupdate.report.scale import with_unit
-from femupdate.study import Study, files_beside, write_text
+from femupdate.study import Study, write_text
 from femupdate.tables import first_notes, table
 from femupdate.units import percent
 from femupdate.workflow.effects import StudyBases
@@ -146,6 +146,7 @@ def diagnose_study(
     """
     started = time.monotonic()
     chosen = settings or DiagnosisSettings()
+    source, second = source.opened(), None if second is None else second.opened()
     given = read_given(study, model, source, second, progress)
     finder = finder_model(study, model, progress)
     data = given.data(model, finder.mesh, use_phase)
@@ -193,9 +194,9 @@ def keep_found(
 ) -> None:
     """Write what was found as JSON and record it, with the files that options name beside."""
     write_text(path, json.dumps(content, indent=2, default=float) + "\n")
-    hashes, beside = files_beside(
-        **{key: None if one is None else one.path for key, one in others.items()}
-    )
+    given = {option: one for option, one in others.items() if one is not None}
+    hashes = {option: one.made_from()["observation"] for option, one in given.items()}
+    beside = {option: str(one.path) for option, one in given.items()}
     files = {**source.files_as_settings(), **beside}
     study.record(path.stem, path.name, command, {**made_from, **hashes}, files)
 

@@ -3,20 +3,12 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from femupdate.errors import MeasurementError, ReportError
-from femupdate.measurement.base_rotation import is_vertical_channel
-from femupdate.measurement.columns import BASE
+from femupdate.errors import MeasurementError
 from femupdate.measurement.inspection import InspectedChannel, Inspection, inspect_file
 from femupdate.measurement.mapping_file import write_mapping
-from femupdate.measurement.modes import in_phase
 from femupdate.tables import table
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from femupdate.report.plot_measured import MeasuredLine
 
 
 @dataclass(frozen=True)
@@ -78,8 +70,9 @@ def draw_inspection(one: Inspection, path: Path) -> Path:
         ReportError: the file holds none of them, or the picture cannot be written.
     """
     from femupdate.report.figure import save_figure
+    from femupdate.report.plot_measured import inspected
 
-    return save_figure(_picture(one), path)
+    return save_figure(inspected(one), path)
 
 
 def _lines(one: Inspection) -> list[str]:
@@ -108,74 +101,3 @@ def _row(each: InspectedChannel) -> tuple[str, ...]:
         f"{each.duration_s:.4g} s",
         each.peak_text,
     )
-
-
-def _picture(one: Inspection) -> "Figure":
-    from femupdate.report import plot_measured as plot
-
-    title = one.path.name
-    if one.channels:
-        force = next((each for each in one.channels if each.channel.quantity == "force"), None)
-        pushed = force is not None and not any(each.floor == BASE for each in one.channels)
-        if force is not None and pushed:
-            lines = [_line_under(force, each) for each in one.channels]
-            responses = {
-                _unit(each) for k, each in enumerate(one.channels) if lines[k].base is False
-            }
-            over = f"{_listed(responses)} per {force.channel.unit}"
-        else:
-            lines, over = [_line(each, one.channels) for each in one.channels], ""
-        units = _listed({_unit(each) for each in one.channels})
-        return plot.measured_histories(lines, title, units, over)
-    if one.functions:
-        curves = [(each.name, each.frequency_hz, each.values) for each in one.functions]
-        return plot.measured_functions(
-            curves, title, _listed({each.unit or each.kind for each in one.functions})
-        )
-    if one.modes:
-        modes = [
-            plot.MeasuredMode(each.frequency_hz, each.damping, in_phase(each.shape), each.sensors)
-            for each in one.modes
-        ]
-        return plot.measured_modes(modes, title)
-    raise ReportError(f"{one.path}: there is nothing to draw in it but measuring points")
-
-
-def _unit(each: InspectedChannel) -> str:
-    """Unit in which a channel is drawn."""
-    return "m/s²" if each.peak_m_s2 is not None else each.channel.unit or "the file's unit"
-
-
-def _line_under(force: InspectedChannel, each: InspectedChannel) -> "MeasuredLine":
-    """A channel beside a force, to which all but other forces respond."""
-    responds = None if each.channel.quantity == "force" else False
-    return _drawn(each, True if each is force else responds)
-
-
-def _line(each: InspectedChannel, channels: Sequence[InspectedChannel]) -> "MeasuredLine":
-    """A channel in m/s2 where its unit is known; floors respond to the first base beside them."""
-    base = next(
-        (c for c in channels if c.floor == BASE and not is_vertical_channel(c.channel)), None
-    )
-    beside = base is not None and base.channel.direction == each.channel.direction
-    responds = each.floor not in (None, BASE) and beside
-    return _drawn(each, True if each is base else False if responds else None)
-
-
-def _drawn(each: InspectedChannel, base: bool | None) -> "MeasuredLine":
-    from femupdate.report.plot_measured import MeasuredLine
-
-    factor = 1.0 if each.peak_m_s2 is None or each.peak == 0.0 else each.peak_m_s2 / each.peak
-    place, direction = each.place, each.direction_text
-    if place.casefold().endswith(direction.casefold()):
-        direction = ""
-    return MeasuredLine(
-        f"{each.number} {place} {direction}".strip(),
-        each.channel.values * factor,
-        each.channel.time_step,
-        base,
-    )
-
-
-def _listed(words: set[str]) -> str:
-    return " or ".join(sorted(words))

@@ -25,7 +25,6 @@ from femupdate.measurement.force_frf import (
     forced_observations,
 )
 from femupdate.measurement.frf_table import FrfTable
-from femupdate.measurement.kinds import read_any_kind
 from femupdate.measurement.modes import IdentifiedModes
 from femupdate.measurement.observation import (
     Observation,
@@ -222,7 +221,7 @@ def measured_of(building: Building, source: ObservationSource) -> Measured:
     forced: list[ForcedObservation] = []
     doubts: list[str] = []
     for path in source.paths:
-        read = read_any_kind(path, source.reading(direction_of(building)))
+        read = source.read(path, direction_of(building))
         if isinstance(read, IdentifiedModes):
             modes.append(_chosen(building, source, path, read))
         elif isinstance(read, ForceTest | ForceHistories | StaticTest):

@@ -1,7 +1,7 @@
 """Observation files on a building's floors and frequency grid; several runs as one observation."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -13,11 +13,31 @@ from femupdate.building.shear import require_heights
 from femupdate.errors import MeasurementError
 from femupdate.measurement.agreement import agreement
 from femupdate.measurement.frf import observation_for
-from femupdate.measurement.kinds import Reading, read_any_kind, read_observation_file
+from femupdate.measurement.frf_table import FrfTable
+from femupdate.measurement.kinds import AnyKind, Reading, base_motion_in, kind_in
 from femupdate.measurement.observation import Observation, select_floors
+from femupdate.measurement.observation_file import Histories
 from femupdate.measurement.pooled import pooled
+from femupdate.measurement.recording import Recording
+from femupdate.measurement.registry import read_measured
+from femupdate.measurement.text import read_head
 from femupdate.study import file_hash
 from femupdate.workflow.thresholds import UNITS
+
+
+@dataclass(frozen=True, eq=False)
+class OpenedFile:
+    """A measured file as it was when it was read.
+
+    Attributes:
+        path: where it was read.
+        sha256: hash of its content.
+        recording: what it holds.
+    """
+
+    path: Path
+    sha256: str
+    recording: Recording
 
 
 @dataclass(frozen=True)
@@ -34,6 +54,7 @@ class ObservationSource:
         force: floor at which a force acts, for responses to it whose columns do not say it.
         mode_error: standard deviation of the model's own ln f, for identified modes; default None.
         half: 0 or 1 for one half of the data alone (see `halves_of`).
+        files: what was read of them (see `opened`); each is read whenever it is needed where empty.
     """
 
     path: Path
@@ -45,6 +66,7 @@ class ObservationSource:
     force: str | None = None
     mode_error: float | None = None
     half: int | None = None
+    files: tuple[OpenedFile, ...] = field(default=(), repr=False, compare=False)
 
     @property
     def paths(self) -> tuple[Path, ...]:
@@ -60,16 +82,54 @@ class ObservationSource:
         """How each of the files is read, for a direction of the motion."""
         return Reading(unit=self.unit, columns=self.columns, direction=direction, force=self.force)
 
+    def opened(self) -> "ObservationSource":
+        """The source with its files read: all that follows sees them as they are now.
+
+        Raises:
+            MeasurementError: a file cannot be read.
+        """
+        if self.files:
+            return self
+        return replace(self, files=tuple(_opened(path) for path in self.paths))
+
+    def read(self, path: Path, direction: str) -> AnyKind:
+        """What one of the files holds, for a direction of the motion.
+
+        Raises:
+            MeasurementError: the file cannot be used.
+        """
+        return kind_in(self._recording(path), self.reading(direction))
+
+    def read_base_motion(self) -> Histories | FrfTable:
+        """Histories or response functions under base motion in the first file.
+
+        Raises:
+            MeasurementError: the file cannot be used, or is of another kind.
+        """
+        return base_motion_in(self._recording(self.path), self.unit, self.columns)
+
+    def _recording(self, path: Path) -> Recording:
+        kept = {one.path: one.recording for one in self.files}
+        return kept.get(path) or read_measured(path)
+
     def made_from(self) -> dict[str, str]:
-        """Hash of every file, for the record of what is made from them."""
+        """Hash of every file as it was read, for the record of what is made from them."""
         names = ("observation", *(f"observation {k}" for k in range(2, len(self.paths) + 1)))
-        return {name: file_hash(path) for name, path in zip(names, self.paths, strict=True)}
+        kept = {one.path: one.sha256 for one in self.files}
+        hashes = [kept.get(path) or file_hash(path) for path in self.paths]
+        return dict(zip(names, hashes, strict=True))
 
     def files_as_settings(self) -> dict[str, Any]:
         """The files as the study's record of settings names them."""
         if not self.further:
             return {"file": str(self.path)}
         return {"file": str(self.path), "further": [str(path) for path in self.further]}
+
+
+def _opened(path: Path) -> OpenedFile:
+    """Read a file; the hash comes first, so that one that changes meanwhile counts as changed."""
+    read_head(path)  # says what is wrong with a path that cannot be hashed
+    return OpenedFile(path, file_hash(path), read_measured(path).without_text())
 
 
 def observation_of(building: Building, source: ObservationSource) -> Observation:
@@ -128,7 +188,7 @@ def _whole(building: Building, source: ObservationSource) -> Observation:
     """All floors of one file, over the whole grid."""
     observation = observation_for(
         building.floors,
-        read_observation_file(source.path, source.unit, source.columns),
+        source.read_base_motion(),
         building.frequency_grid.frequencies_hz(),
         direction=direction_of(building),
         default_noise=building.observation.noise_sd,
@@ -201,13 +261,13 @@ def _require_frequencies(runs: Sequence[Observation], band_hz: tuple[float, floa
 
 
 def check_readable(source: ObservationSource) -> None:
-    """Read the files once, so that a bad one is told before anything is built or written.
+    """Make sure that the files can be used, before anything is built or written.
 
     Raises:
         MeasurementError: a file cannot be used.
     """
     for path in source.paths:
-        read_any_kind(path, source.reading("x"))
+        source.read(path, "x")
 
 
 def direction_of(building: Building) -> str:

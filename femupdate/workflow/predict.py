@@ -28,7 +28,7 @@ from femupdate.inference.thresholds import EVENT
 from femupdate.measurement.record import GroundMotion
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import spawn
-from femupdate.study import Study, file_hash, files_beside
+from femupdate.study import Study, file_hash
 from femupdate.tables import first_notes
 from femupdate.units import percent
 from femupdate.workflow.amplitude import UNFOLLOWED, changing_note, mean_level
@@ -274,12 +274,12 @@ def _record(
         "posterior": file_hash(study.require("posterior", "calibrate")),
         "record": file_hash(record.path),
     }
-    hashes, beside = files_beside(measured=measured)
     settings = {"file": str(record.path), "scale": record.scale, "damping": report.damping}
-    settings |= beside
+    if measured is not None:
+        origin["measured"], settings["measured"] = file_hash(measured), str(measured)
     if report.comparison is not None:
         settings["against_measured"] = report.comparison.as_dict()
-    study.record(PREDICTION, "prediction.nc", "predict", {**origin, **hashes}, settings)
+    study.record(PREDICTION, "prediction.nc", "predict", origin, settings)
 
 
 def _members(

@@ -17,7 +17,6 @@ from femupdate.discrepancy.held_out import Held, KeptOut, hold
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.repair import Repair, mend, posteriors
 from femupdate.discrepancy.thresholds import DiagnosisSettings
-from femupdate.measurement.kinds import read_observation_file
 from femupdate.measurement.observation_file import Histories
 from femupdate.progress import SILENT, Progress
 from femupdate.report.scale import plus_minus
@@ -255,7 +254,7 @@ def _kept_out(
     level = 0.0 if first is None or held.measured.modes else level_between(model, first, source)
     read = None
     if held.measured.has_base:
-        read = read_observation_file(source.path, source.unit, source.columns)
+        read = source.read_base_motion()
     return KeptOut(
         name=source.path.name,
         model=finder,

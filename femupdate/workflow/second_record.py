@@ -8,7 +8,6 @@ from femupdate.dynamics.level import RunLevels, levels_in_run, motion_level
 from femupdate.errors import MeasurementError
 from femupdate.measurement.columns import BASE
 from femupdate.measurement.frf import floor_means
-from femupdate.measurement.kinds import read_any_kind
 from femupdate.measurement.observation_file import ForceHistories, Histories
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource, direction_of
@@ -68,7 +67,7 @@ def run_levels(model: StudyModel, source: ObservationSource) -> RunLevels:
 
 def _histories(source: ObservationSource, direction: str) -> Histories:
     for path in source.paths:
-        read = read_any_kind(path, source.reading(direction))
+        read = source.read(path, direction)
         if isinstance(read, ForceHistories):
             return read.histories
         if isinstance(read, Histories):

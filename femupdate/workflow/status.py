@@ -27,6 +27,9 @@ from femupdate.tables import table
 from femupdate.workflow.summary import kept_summary
 
 CURRENT, STALE, DAMAGED, MISSING = "current", "stale", "changed by hand", "missing"
+# Commands that need no files. Others do their work on the way, and so much more as well.
+_ALONE = ("build-model", "train")
+_REPAIRED_POSTERIOR = (MAIN_POSTERIOR, "repair", REPAIRED)  # its name, command and folder
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -170,31 +173,19 @@ class _Look:
         )
 
     def _again(self, name: str, artefact: Artefact) -> str:
-        """The command that makes an item again, from the same files and with the same choices."""
-        words = [shlex.quote(source) for source in sources_of(artefact)]
+        """The command that makes an item again: as it was called, else as far as it is known."""
+        words = artefact.settings.get("words", ())
+        if words and (words[0] == artefact.command or artefact.command not in _ALONE):
+            return shlex.join(words)
+        words = [artefact.command, *sources_of(artefact)]
         if artefact.command == "predict":
-            words.insert(0, "--record")
-        for option, name in files_beside_of(artefact).items():
-            words += [f"--{option}", shlex.quote(name)]
-        words += self._choices(artefact)
+            words.insert(1, "--record")
+        for option, file in files_beside_of(artefact).items():
+            words += [f"--{option}", file]
         if owner_of(name) != MAIN_POSTERIOR:
             option = "--name" if artefact.command == "calibrate" else "--posterior"
             words += [option, owner_of(name)]
-        return " ".join((artefact.command, *words))
-
-    def _choices(self, artefact: Artefact) -> list[str]:
-        """Options that an artefact was made with, where they are not the defaults."""
-        settings, words = artefact.settings, []
-        sensors, band = settings.get("sensors"), settings.get("band_hz")
-        if settings.get("exact"):
-            words.append("--exact")
-        if sensors and (self.building is None or set(sensors) != set(self.building.floors)):
-            words += ["--sensors", ",".join(sensors)]
-        if band:
-            words += ["--band", f"{band[0]:g},{band[1]:g}"]
-        if settings.get("scale", 1.0) != 1.0:
-            words += ["--scale", f"{settings['scale']:g}"]
-        return words
+        return shlex.join(words)
 
     def _state(self, name: str, artefact: Artefact) -> tuple[str, str]:
         path = self.study.path(artefact.file)
@@ -262,7 +253,10 @@ class _Look:
             reason = "The study has no building yet; NAME is a file or one of `femupdate list`."
             return ((self._say("build-model NAME"), reason),)
         again = [
-            (self._say(item.again), f"The {item.name} is {item.state}. {_sentence(item.reason)}")
+            (
+                self._say(item.again, item),
+                f"The {item.name} is {item.state}. {_sentence(item.reason)}",
+            )
             for item in self.items
             if item.state != CURRENT
         ]
@@ -308,8 +302,12 @@ class _Look:
             return False
         return mechanics_hash(load_building(name)) == self.hashes[0]
 
-    def _say(self, command: str) -> str:
-        folder = shlex.quote(str(self.study.folder))
+    def _say(self, command: str, item: Item | None = None) -> str:
+        where = self.study.folder
+        # A repair is asked of the study of the building as it was, and writes into one inside it.
+        if item is not None and (item.name, item.command, where.name) == _REPAIRED_POSTERIOR:
+            where = where.parent
+        folder = shlex.quote(str(where))
         return f"femupdate {command}" + ("" if folder == "study" else f" --study {folder}")
 
 

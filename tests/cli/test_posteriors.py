@@ -1,5 +1,7 @@
 """Several posteriors in one study, studies that are only read, starting over, workbooks."""
 
+import shlex
+
 import pytest
 
 FEW = ("--exact", "--particles", 200, "--no-pictures")
@@ -40,8 +42,31 @@ def test_status_names_both_and_how_to_make_them_again(femupdate, study, tower_ob
     assert {"posterior", "prediction", "roof posterior", "roof prediction"} <= set(items)
     assert {one["state"] for one in items.values()} == {"current"}
     again = items["roof posterior"]["again"]
-    assert again == f"calibrate {tower_observation.path} --exact --sensors RF --name roof"
-    assert items["roof prediction"]["again"].endswith("--scale 2 --posterior roof")
+    few = "--exact --particles 200 --no-pictures"
+    assert again == f"calibrate {tower_observation.path} --sensors RF {few} --name roof"
+    rest = "--scale 2 --samples 10 --no-pictures --posterior roof --xlsx"
+    assert items["roof prediction"]["again"].endswith(rest)
+
+
+def test_a_command_is_proposed_whole(femupdate, tower_file, tower_observation, tmp_path):
+    """Units and names of columns, without which the file could not be read again."""
+    lines = tower_observation.path.read_text(encoding="utf-8").splitlines()
+    names = next(k for k, line in enumerate(lines) if line.startswith("time_s"))
+    values = [[float(part) for part in line.split(",")] for line in lines[names + 2 :]]
+    rows = [",".join(f"{v / (1.0 if k == 0 else 9.80665):.9g}" for k, v in enumerate(row))
+            for row in values]  # fmt: skip
+    path, study = tmp_path / "in g.csv", tmp_path / "study"
+    path.write_text("\n".join(["time_s,a 0,a 1,a 2", *rows]), encoding="utf-8")
+    words = ("calibrate", path, "--unit", "g", "--columns", "base=a 0,2F=a 1,RF=a 2", *FEW)
+    where = ("--study", study)
+    told = femupdate(*words, "--building", tower_file, "--json", "-v", f"--study={study}")
+    assert told.code == 0, told.err
+    path.write_text("\n".join(["time_s,a 0,a 1,a 2", *rows, ""]), encoding="utf-8")
+    (one,) = femupdate("status", *where, "--json").answer["next"]
+    program, *again = shlex.split(one["command"])
+    assert [program, *again] == ["femupdate", *map(str, (*words, *where))]
+    assert femupdate(*again).code == 0
+    assert "predict" in femupdate("status", *where, "--json").answer["next"][0]["command"]
 
 
 def test_a_new_roof_posterior_makes_only_its_own_prediction_stale(

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from femupdate.measurement.ambient import AmbientModes
+from femupdate.measurement.inspection import inspect_file
 from femupdate.measurement.recording import RecordedMode
 from femupdate.measurement.subspace import Pole
 from femupdate.report import plot_repair
@@ -15,7 +16,7 @@ from femupdate.report.plot_diagnosis import Ranked, ranking
 from femupdate.report.plot_frf import MeasuredFrf, Prediction, frf_fit
 from femupdate.report.plot_history import member_force_bands, strong_part
 from femupdate.report.plot_intervals import theta_intervals
-from femupdate.report.plot_measured import MeasuredLine, measured_histories
+from femupdate.report.plot_measured import inspected
 from femupdate.report.plot_poles import stabilisation
 from femupdate.report.plot_posterior import SampleSet, posterior_pairs
 from femupdate.report.plot_sticks import stick_mode_shapes
@@ -78,7 +79,13 @@ def test_a_band_that_is_wide_at_a_notch_alone_is_told_to_be_thin():
 
 def test_a_stick_says_that_its_bands_are_thin():
     for sd, told in ((1e-4, True), (0.2, False)):
-        figure = stick_mode_shapes([0, 3], [[0, 1]], ["Mode 1"], shapes_sd=[[0, sd]], note="First.")
+        figure = stick_mode_shapes(
+            np.array([0.0, 3.0]),
+            np.array([[0.0, 1.0]]),
+            ["Mode 1"],
+            shapes_sd=np.array([[0.0, sd]]),
+            note="First.",
+        )
         texts = " ".join(text.get_text() for text in figure.texts)
         assert ("thinner than the lines" in texts) == told
         assert "First." in texts
@@ -233,15 +240,17 @@ def test_identified_modes_have_as_many_figures_as_their_deviations(two_identifie
     assert "1.42 ± 0.11 %" in lines
 
 
-def test_channels_of_a_measured_file_stay_apart_in_grey_print():
+def test_channels_of_a_measured_file_stay_apart_in_grey_print(tmp_path):
     """Spectra, responses and coherence lie over one another: colour alone does not name them."""
     rng = np.random.default_rng(1)
     base = rng.standard_normal(4000)
     values = {"base": base, "2F": 2.0 * base, "RF": base + rng.standard_normal(4000)}
-    lines = [MeasuredLine(name, own, 0.01, name == "base") for name, own in values.items()]
-    figure = measured_histories(lines, "A file", "m/s²")
+    columns = np.column_stack([np.arange(4000) * 0.01, *values.values()])
+    path, head = tmp_path / "file.csv", f"time_s,{','.join(values)}"
+    np.savetxt(path, columns, "%.9g", ",", header=head, comments="")
+    figure = inspected(inspect_file(path))
     (legend,) = figure.legends
-    assert [text.get_text() for text in legend.get_texts()] == list(values)
+    assert [text.get_text() for text in legend.get_texts()] == ["1 base", "2 2F", "3 RF"]
     looks = [(line.get_color(), str(line._unscaled_dash_pattern)) for line in legend.get_lines()]
     assert len({dashes for _, dashes in looks}) == 3
     shown = {axes.get_title(loc="left") or axes.get_title(): axes for axes in figure.axes}

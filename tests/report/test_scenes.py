@@ -218,26 +218,9 @@ def test_geometry_of_a_model():
     assert geometry.beams.tolist() == [[3, 4]]
 
 
-@pytest.mark.parametrize(
-    ("nodes", "shells", "beams", "message"),
-    [
-        (np.ones((4, 2)), [[0, 1, 2, 3]], [], "nodes has the shape"),
-        (np.ones((4, 3)), [], [], "neither shells nor beams"),
-        (np.ones((4, 3)), [[0, 1, 2, 4]], [], "uses node 4, but there are 4"),
-        (np.ones((4, 3)), [], [[-1, 2]], "uses node -1"),
-    ],
-)
-def test_wrong_geometry(nodes, shells, beams, message):
-    with pytest.raises(ReportError, match=message):
-        Geometry.of(nodes, shells, beams)
-
-
-def test_wrong_shapes_of_modes():
-    geometry = frame()
-    with pytest.raises(ReportError, match="shape_mean has the shape"):
-        mode_shape_figure(geometry, np.ones((5, 3)))
-    with pytest.raises(ReportError, match="shape_sd has the shape"):
-        mode_shape_figure(geometry, sway(geometry), shape_sd=np.ones(3))
+def test_nothing_to_draw():
+    with pytest.raises(ReportError, match="neither shells nor beams"):
+        Geometry.of(np.ones((4, 3)), [], [])
 
 
 def test_outline_leaves_the_mesh_out():

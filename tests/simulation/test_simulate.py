@@ -241,7 +241,7 @@ def test_one_seed_one_observation():
     other = simulate_observation(building, SimulationSettings(seed=6))
     np.testing.assert_array_equal(first.histories.acceleration, again.histories.acceleration)
     np.testing.assert_array_equal(first.truth.theta, again.truth.theta)
-    assert first.comments == again.comments
+    assert first.truth.as_dict() == again.truth.as_dict()
     assert (first.truth.theta != other.truth.theta).all()
     overlap = np.corrcoef(first.histories.acceleration[0], other.histories.acceleration[0])[0, 1]
     assert abs(overlap) < 0.05  # 1 / sqrt(2 x 49.5 Hz x 80 s) = 0.011
@@ -289,7 +289,8 @@ def test_a_given_base_motion_is_taken_at_the_sampling_rate_of_the_file():
     assert found.histories.acceleration.shape == (4, 800)
     # 14 Hz lies far below 50 Hz: every second sample stays as it was.
     np.testing.assert_allclose(found.histories.acceleration[0], motion.acceleration[::2], atol=2e-4)
-    assert any("wave packet" in line for line in found.comments)
+    told = found.truth.as_dict()["motion"]
+    assert (told["title"], told["duration_s"], told["rms_m_s2"]) == ("wave packet", 8.0, None)
 
 
 def test_sensors_by_default_by_floor_and_where_a_corner_is_missing():
@@ -325,7 +326,7 @@ def test_sensors_by_default_by_floor_and_where_a_corner_is_missing():
         ({"duration_s": float("nan")}, MeasurementError, "duration_s"),
         ({"sampling_hz": 2e8}, MeasurementError, "1.6e\\+10 samples a channel are too many"),
         ({"duration_s": 1e9}, MeasurementError, "are too many to simulate; ask for at most 500,0"),
-        ({"rms_m_s2": 1e300}, MeasurementError, "more than any shaking table reaches"),
+        ({"rms_m_s2": 1e300}, MeasurementError, "no shaking table reaches more"),
         ({"sensor_noise_m_s2": -1.0}, MeasurementError, "zero or more"),
         ({"quantisation_m_s2": 0.0}, MeasurementError, "above zero"),
         ({"mesh_size": 0.5}, BuildingError, "leave both out"),
@@ -379,10 +380,9 @@ def test_what_is_written_says_what_it_is_and_reads_back(tmp_path):
 
     head = [line for line in written.read_text().splitlines() if line.startswith("#")]
     assert head[0].startswith("# synthetic: made by femupdate ")
-    for words in ("small", "mesh 0.8 m", "0.8, 1.3", "zeta = 0.04", "seed 12", "not a measurement"):
+    for words in ("building small", "seed 12", "not a measurement"):
         assert words in head[0]
-    assert "1 at P-B, 2 at Q-B, 3 at P-A, 4 at Q-C" in head[3]
-    assert head[-1] == "# an added line"
+    assert head[1:] == ["# all settings are in run.truth.json", "# an added line"]
 
     back = read_observation_file(written)
     assert isinstance(back, Histories)
@@ -395,8 +395,32 @@ def test_what_is_written_says_what_it_is_and_reads_back(tmp_path):
     assert told["theta"] == [0.8, 1.3]
     assert told["parameters"] == ["theta_1", "theta_2"]
     assert (told["zeta"], told["mesh_size_m"], told["seed"]) == (0.04, 0.8, 12)
+    assert told["motion"] == {
+        "title": "white noise",
+        "direction": "x",
+        "duration_s": 10.0,
+        "sampling_hz": 200.0,
+        "rms_m_s2": 0.3,
+        "band_hz": [0.5, 50.0],
+        "rotation_rms_rad_s2": None,
+        "vertical_sensors_m": [],
+    }
+    assert told["noise"] == {"sensor_rms_m_s2": 0.003, "quantisation_m_s2": None}
+    assert told["sensors"]["2F:1"] == "P-B"
+    assert [told["sensors"][f"RF:{n}"] for n in (1, 2, 3, 4)] == ["P-B", "Q-B", "P-A", "Q-C"]
     assert told["building_hash"] == mechanics_hash(building)
     assert told["observation_sha256"] == file_hash(written)
+
+
+def test_every_hidden_effect_has_a_line_of_its_own(tmp_path):
+    asked = replace(QUIET, effects=(("added_mass@2F", (0.1,)), ("added_mass@RF", (-0.05,))))
+    files = write_simulation(simulate_observation(chain(*THREE), asked), tmp_path / "run.csv")
+    head = [line for line in files.observation.read_text().splitlines() if line.startswith("#")]
+    assert head[1:] == [
+        "# hidden effect: added_mass@2F, 0.1",
+        "# hidden effect: added_mass@RF, -0.05",
+        "# all settings are in run.truth.json",
+    ]
 
 
 @pytest.fixture(scope="module")

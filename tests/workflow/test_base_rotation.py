@@ -172,7 +172,9 @@ def test_a_mapping_gives_places_to_vertical_channels(home):
 
 def test_the_simulated_file_says_what_it_is_and_bad_requests_are_refused(home):
     made = simulated()
-    assert any("base rotation of 0.02 rad/s2 rms" in line for line in made.comments)
+    told = made.truth.as_dict()["motion"]
+    assert told["rotation_rms_rad_s2"] == 0.02
+    assert told["vertical_sensors_m"] == [-1.5, 2.5]
     turned = made.histories.acceleration[-1]
     assert turned.std() == pytest.approx(2.5 * 0.02, rel=0.1)
     with pytest.raises(MeasurementError, match="stand at one place"):

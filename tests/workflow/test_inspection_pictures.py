@@ -5,11 +5,11 @@ import pytest
 from scipy.signal import lfilter
 
 from femupdate.measurement.inspection import inspect_file
-from femupdate.workflow import inspect_files
+from femupdate.report.plot_measured import inspected
 
 
 def panels(path):
-    figure = inspect_files._picture(inspect_file(path))
+    figure = inspected(inspect_file(path))
     return {axes.get_title(loc="left") or axes.get_title(): axes for axes in figure.axes}
 
 

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from femupdate.study import Study, write_text
+from femupdate.study import Study, made_by, write_text
 from femupdate.workflow.status import study_status
 
 
@@ -45,7 +45,43 @@ def test_an_edited_measurement_makes_its_posterior_stale(look, tmp_path):
     assert states()["posterior"] == "stale"
     report = study_status(study)
     assert report.items[-1].reason == "the file my run.csv changed since"
-    assert report.next[0][0].startswith(f"femupdate calibrate '{copy}' --exact --study")
+    assert report.next[0][0].startswith(f"femupdate calibrate '{copy}' --study")
+
+
+@pytest.mark.parametrize(
+    ("words", "again"),
+    [
+        (
+            ["build-model", "--export", "opensees"],
+            ("build-model --export opensees", "calibrate {}"),
+        ),
+        (["calibrate", "a b.csv", "--unit", "g"], ("build-model", "calibrate 'a b.csv' --unit g")),
+        (["demo"], ("build-model", "demo")),
+        (["calibrate", "$(id); rm x"], ("build-model", "calibrate '$(id); rm x'")),
+    ],
+)
+def test_a_command_is_told_as_it_was_called(look, tower_observation, words, again):
+    """A model is made on the way by many commands; it alone needs no more than its own."""
+    study, _ = look
+    entries = json.loads(study.path("study.json").read_text(encoding="utf-8"))
+    for name, artefact in entries["artefacts"].items():
+        if words[0] != "build-model" or name == "reduced model":
+            artefact["settings"]["words"] = words
+    write_text(study.path("study.json"), json.dumps(entries))
+    found = {item.name: item.again for item in study_status(study).items}
+    model, posterior = again
+    assert found["reduced model"] == model
+    assert found["posterior"] == posterior.format(tower_observation.path)
+
+
+def test_the_posterior_of_a_repaired_building_is_made_again_from_outside(look):
+    study, _ = look
+    inside = Study(study.folder.rename(study.folder.with_name("repaired")))
+    with made_by(["repair", "run.csv"]):
+        inside.record("posterior", "posterior.nc", "repair", {"observation": "ab"})
+    inside.path("posterior.nc").unlink()
+    command = study_status(inside).next[0][0]
+    assert command == f"femupdate repair run.csv --study {inside.folder.parent}"
 
 
 def test_a_new_posterior_makes_the_prediction_stale(look):

@@ -11,7 +11,7 @@ from matplotlib.ticker import FixedLocator, NullLocator
 
 from femupdate.arrays import Floats
 from femupdate.errors import ReportError
-from femupdate.report.figure import add_head, checked, label_edges, new_figure
+from femupdate.report.figure import add_head, label_edges, new_figure
 from femupdate.report.style import FAINT, INK, QUIET, SERIES, styled
 
 _COLUMNS = 4
@@ -66,12 +66,12 @@ def convergence_figure(panels: Sequence[ConvergencePanel], ours: str, title: str
 def _draw(
     place: Axes, panel: ConvergencePanel, looks: Mapping[str, tuple[str, str]], ours: str
 ) -> None:
-    divisions = checked("divisions", panel.divisions, None)
+    divisions = np.asarray(panel.divisions, dtype=np.float64)
     place.axhspan(_SMALLEST, 0.02, color=FAINT, alpha=0.35, linewidth=0.0)
     place.set(xscale="log", yscale="log", ylim=(0.75 * _SMALLEST, 1.5))
     place.set_title(panel.title)
     for name in sorted(panel.errors, key=lambda name: name == ours):
-        errors = np.maximum(checked(name, panel.errors[name], len(divisions)), _SMALLEST)
+        errors = np.maximum(panel.errors[name], _SMALLEST)
         colour, marker = looks[name]
         heavy = name == ours
         place.plot(

@@ -1,0 +1,81 @@
+"""A measured file is read once; what is done with it goes by one content."""
+
+import shutil
+
+import numpy as np
+import pytest
+
+from femupdate.errors import MeasurementError
+from femupdate.measurement.registry import read_measured
+from femupdate.progress import SILENT
+from femupdate.study import Study, file_hash
+from femupdate.workflow import observed
+from femupdate.workflow.calibrate import calibrate_study
+from femupdate.workflow.calibrate_settings import CalibrationSettings
+from femupdate.workflow.checks import check_calibration, readable
+from femupdate.workflow.finder_data import read_given
+from femupdate.workflow.kinds import measured_of
+from femupdate.workflow.model import open_study
+from femupdate.workflow.observed import ObservationSource, halves_of
+from femupdate.workflow.second_record import record_levels
+from femupdate.workflow.status import study_status
+
+
+@pytest.fixture
+def path(tower_observation, tmp_path):
+    return shutil.copy(tower_observation.path, tmp_path / "run.csv")
+
+
+@pytest.fixture
+def reads(monkeypatch):
+    """Paths that are read, as they are."""
+    found = []
+
+    def counted(path):
+        found.append(path)
+        return read_measured(path)
+
+    monkeypatch.setattr(observed, "read_measured", counted)
+    return found
+
+
+def test_a_calibration_reads_its_file_once(path, reads, tower_file, tmp_path):
+    study, source = Study(tmp_path / "study"), readable({}, path)
+    settings = CalibrationSettings(particles=200, exact=True)
+    check_calibration(study, source, settings, str(tower_file))
+    calibrate_study(study, open_study(study, str(tower_file)), source, settings)
+    assert reads == [path]
+
+
+def test_so_does_the_search_for_what_is_missing(path, reads, calibrated):
+    study = Study(calibrated)
+    given = read_given(study, open_study(study), readable({}, path), None, SILENT)
+    assert len(given.halves) == 2
+    assert reads == [path]
+
+
+def test_a_file_that_changes_on_the_way_changes_nothing(path, tower_model):
+    building, source = tower_model.building, ObservationSource(path).opened()
+    before = measured_of(building, ObservationSource(path))
+    halves, levels = halves_of(building, source), record_levels(tower_model, source)
+    origin = source.made_from()
+    assert origin == {"observation": file_hash(path)}
+    path.write_text("time_s,base,2F,RF\n0,1,2,3\n", encoding="utf-8")
+    after = measured_of(building, source)
+    assert after.fingerprint() == before.fingerprint()
+    for own, other in zip(halves, halves_of(building, source), strict=True):
+        assert np.array_equal(own.log_frf, other.log_frf, equal_nan=True)
+    assert record_levels(tower_model, source) == levels
+    assert source.made_from() == source.opened().made_from() == origin
+    with pytest.raises(MeasurementError):
+        measured_of(building, ObservationSource(path))
+
+
+def test_a_posterior_of_a_file_that_has_changed_meanwhile_is_stale(path, tower_file, tmp_path):
+    """Its hash is of what was read, not of what lay there at the end."""
+    study, source = Study(tmp_path / "study"), readable({}, path)
+    path.write_text("another\n", encoding="utf-8")
+    settings = CalibrationSettings(particles=200, exact=True)
+    calibrate_study(study, open_study(study, str(tower_file)), source, settings)
+    (posterior,) = (one for one in study_status(study).items if one.name == "posterior")
+    assert (posterior.state, posterior.reason) == ("stale", "the file run.csv changed since")
