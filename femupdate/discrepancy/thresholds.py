@@ -294,7 +294,6 @@ class MeshErrorThresholds:
     left_factor: float = entry(
         2.0, "factor", "on what the mean correction leaves where it was learned"
     )
-    damping: float = entry(0.01, "ratio", "at which meshes are compared")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,7 +22,6 @@ LEARNED = MeshError(
     2e-3,
     0.02,
     3e-3,
-    0.01,
 )
 
 
@@ -43,7 +42,14 @@ def test_that_of_another_mesh_is_not_taken(kept):
     assert kept_mesh_error(study, finer) is None
 
 
-@pytest.mark.parametrize("missing", [("share_sd",), ("shape", "points", "share", "share_sd")])
+def test_one_of_an_earlier_version_that_holds_more_is_taken(kept):
+    path = next(kept[0].folder.glob("mesh_error.json"))
+    content = json.loads(path.read_text(encoding="utf-8"))
+    path.write_text(json.dumps({**content, "points": 0.01}))
+    assert kept_mesh_error(*kept) == LEARNED
+
+
+@pytest.mark.parametrize("missing", [("share_sd",), ("shape", "share", "share_sd")])
 def test_one_that_was_learned_of_less_is_learned_again(kept, missing):
     path = next(kept[0].folder.glob("mesh_error.json"))
     content = json.loads(path.read_text(encoding="utf-8"))
