@@ -89,6 +89,25 @@ def select_floors(observation: Observation, floors: Sequence[str]) -> Observatio
     return _with_rows(observation, floors, lambda values: values[rows])
 
 
+def at_frequencies(observation: Observation, used: Flags) -> Observation:
+    """The observation at some of its frequencies (m,); its resolution stays what it is."""
+    spacing = float(np.median(np.diff(observation.frequency_hz)))
+    own = observation.estimator
+    return replace(
+        observation,
+        frequency_hz=observation.frequency_hz[used],
+        log_frf=observation.log_frf[:, used],
+        noise_sd=observation.noise_sd[:, used],
+        valid=observation.valid[:, used],
+        phase=None if observation.phase is None else observation.phase[:, used],
+        coherence=None if observation.coherence is None else observation.coherence[:, used],
+        scatter=None,
+        resolution_hz=observation.resolution_hz or spacing,
+        estimator=None if own is None else own.at(used),
+        rotation=None if observation.rotation is None else observation.rotation[used],
+    )
+
+
 def on_all_floors(observation: Observation, floors: Sequence[str]) -> Observation:
     """The same observation with rows of NaN for the floors that were not measured."""
     rows = [list(floors).index(name) for name in observation.floors]

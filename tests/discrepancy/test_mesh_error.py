@@ -10,7 +10,6 @@ import torch
 from femupdate.building.document import from_document
 from femupdate.discrepancy import mesh_scatter as mesh_scatter_module
 from femupdate.discrepancy.fit import about, fit_baseline, settle
-from femupdate.discrepancy.frf_data import frf_data
 from femupdate.discrepancy.mesh_error import MeshError, corrected, learn_mesh_error, modes_shown
 from femupdate.discrepancy.mesh_scatter import mesh_scatter, with_mesh_error
 from femupdate.discrepancy.problem import make_problem
@@ -22,6 +21,7 @@ from femupdate.effects.structure import structure_of
 from femupdate.errors import ModelError
 from femupdate.fe.driven import driven_shapes
 from femupdate.fe.factorization import factorize
+from femupdate.inference.frf_data import frf_data
 from femupdate.measurement.observation import Observation
 
 GRID = np.arange(0.5, 18.0, 0.25)
