@@ -25,7 +25,7 @@ from femupdate.inference.model_error import (
     LearnedError,
 )
 from femupdate.inference.thresholds import DRAWS, JUDGED
-from femupdate.measurement.estimated import HANN, Estimator
+from femupdate.measurement.estimated import Estimator
 from femupdate.measurement.force_frf import ForcedObservation
 from femupdate.measurement.observation import (
     Observation,
@@ -43,14 +43,12 @@ class Believed:
     """What is believed of FRFs and of the model beside them.
 
     Attributes:
-        correlated: whether errors of neighbouring frequencies are alike as a Hann window has them.
         noisy: of an estimate, noise from which a point is left out.
         wild: standard deviations, of error and noise together, beyond which a residual counts as
             that many.
         table: what the model may err by.
     """
 
-    correlated: bool = False
     noisy: float = math.inf
     wild: float = math.inf
     table: ErrorTable = MODEL_ERROR
@@ -60,7 +58,6 @@ class Believed:
 LEARNING, AT_ITS_WORD = Believed(), Believed(table=STATED)
 # The table is coarse: a hundred fits share it, and only their differences count.
 JUDGING = Believed(
-    correlated=True,
     noisy=JUDGED.noisy,
     wild=JUDGED.wild,
     table=ErrorTable(sizes=JUDGED.sizes, lengths=JUDGED.lengths, harmonics=JUDGED.harmonics),
@@ -497,12 +494,6 @@ def _rms(values: np.ndarray) -> float:
     return float(np.sqrt((values**2).mean()))
 
 
-# Errors of H1 at frequencies x / T apart are correlated by 1, 4/9, 1/36, 0 at x = 0, 1, 2, 3: the
-# spectrum of the squared window, squared, as base and noise both have it. What changes slowly with
-# frequency is therefore known no better than from points 1.94 / T apart.
-_CORRELATED = (1.0 + 2.0 * (4.0 / 9.0 + 1.0 / 36.0)) / HANN
-
-
 def frf_data(
     observation: Observation,
     floors: tuple[str, ...],
@@ -533,7 +524,7 @@ def frf_data(
     turn, phase = observation.rotation, observation.phase if use_phase else None
     block = Block(
         observation.frequency_hz.size,
-        _share(observation, believed),
+        independent_share(observation),
         observation.estimator,
         rotation=None if turn is None else torch.from_numpy(np.nan_to_num(turn)),
     )
@@ -549,15 +540,6 @@ def frf_data(
         halves=tuple(halves),
         believed=believed,
     )
-
-
-def _share(observation: Observation, believed: Believed) -> float:
-    if not believed.correlated or observation.coherence is None:
-        return independent_share(observation)
-    grid = observation.frequency_hz
-    spacing = float(np.median(np.diff(grid))) if grid.size > 1 else 1.0
-    resolution = observation.resolution_hz or spacing
-    return min(1.0, spacing / (resolution * _CORRELATED))
 
 
 def base_logs(
