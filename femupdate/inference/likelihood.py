@@ -13,6 +13,7 @@ from femupdate.inference.joint_error import JointError, Row, Rows, joint_error
 from femupdate.inference.parameters import Parameters
 from femupdate.measurement.observation import Observation
 from femupdate.seeds import Seed, torch_generator
+from femupdate.workers import in_threads
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,8 +140,12 @@ class Likelihood:
         return missed(self.data, self.system, (values.theta, values.zeta, values.sizes))
 
     def _in_batches(self, task: Callable[[Tensor], Tensor], parameters: Tensor) -> Tensor:
-        count = min(one.at_once for one in self.data)
-        return torch.cat([task(some) for some in parameters.split(count)])
+        """On all processors, but where ln|H| is made by the thousand or slopes are asked for."""
+        parts = parameters.split(min(one.at_once for one in self.data))
+        alone = len(self.data) == 1 and self.base is not None and self.base.logs is not None
+        if alone or len(parts) == 1 or parameters.requires_grad:
+            return torch.cat([task(some) for some in parts])
+        return torch.cat(in_threads(task, parts))
 
 
 def missed(data: Sequence[Data], system: System, known: tuple[Tensor, Tensor, Tensor]) -> Tensor:

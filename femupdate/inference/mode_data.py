@@ -60,7 +60,7 @@ class ModeData:
     @property
     def at_once(self) -> int:
         """Points at a time."""
-        return 128
+        return 64
 
     @property
     def name(self) -> str:

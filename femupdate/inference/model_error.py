@@ -386,7 +386,7 @@ class LearnedError:
     def _densities(self, residuals: Tensor, rows: tuple[int, ...]) -> Tensor:
         """Log density (n, r) of residuals (n, p f k) by some rows."""
         tamed = residuals.to(self._wide)[None]
-        if math.isfinite(self._wild):
+        if math.isfinite(self._wild) and not self._calm(tamed, rows):
             tamed = torch.cat([self.tame(tamed, row) for row in rows])
         factor, noise = self._factor(rows), self._of(rows, "noise")
         first, rest = factor.forward(*self._scaled(rows, *self._along(tamed)))
@@ -412,6 +412,11 @@ class LearnedError:
         error = (level.common**2 + level.own**2) * self._weight
         most = self._wild * (level.noise**2 + error).sqrt()
         return torch.minimum(torch.maximum(residuals.nan_to_num(nan=math.inf), -most), most)
+
+    def _calm(self, residuals: Tensor, rows: tuple[int, ...]) -> bool:
+        """Whether no residual is wilder than counts beside the noise of any of some rows."""
+        least = min(self.levels[row].noise for row in rows)
+        return bool((residuals.abs() <= self._wild * least).all())
 
     def by_noise_alone(self, residuals: Tensor) -> Tensor:
         """Residuals (n, p f k) of which none is wilder than counts beside the stated noise."""
