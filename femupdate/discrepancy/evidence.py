@@ -13,10 +13,10 @@ from scipy.special import log_ndtr
 from torch import Tensor
 
 from femupdate.discrepancy.fit import Fit, densities, raw_residuals
-from femupdate.discrepancy.joint_error import summed
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.thresholds import EVIDENCE
 from femupdate.inference.importance import LogTarget, weighted_draws
+from femupdate.inference.joint_error import summed
 from femupdate.inference.mixture import GaussianMixture, StudentMixture
 from femupdate.seeds import Seed, torch_generator
 

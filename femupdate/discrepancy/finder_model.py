@@ -10,8 +10,6 @@ from femupdate.arrays import Floats
 from femupdate.building.document import without_effects
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.schema import Building
-from femupdate.discrepancy.data import Data
-from femupdate.discrepancy.frf_data import FrfData
 from femupdate.discrepancy.mesh_error import MeshError
 from femupdate.discrepancy.near_basis import Bases
 from femupdate.discrepancy.problem import Problem, make_problem
@@ -24,6 +22,8 @@ from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.dynamics.system import System
 from femupdate.effects.structure import Structure, require_story_factors, structure_of
 from femupdate.errors import BuildingError
+from femupdate.inference.data import Data
+from femupdate.inference.frf_data import FrfData
 from femupdate.inference.priors import damping_parameter, theta_prior
 
 

@@ -16,11 +16,11 @@ import torch
 from torch import Tensor
 
 from femupdate.arrays import Floats
-from femupdate.discrepancy.joint_error import Row, summed
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.thresholds import EVIDENCE, FIT, SEARCH
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed
+from femupdate.inference.joint_error import Row, summed
 from femupdate.linear import least_squares
 from femupdate.seeds import Seed, spawn, torch_generator
 from femupdate.workers import in_threads

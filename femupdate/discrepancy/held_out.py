@@ -6,14 +6,14 @@ import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.discrepancy.certify import as_event, gain_elsewhere, mean_square
-from femupdate.discrepancy.data import Data
 from femupdate.discrepancy.finder_model import FinderModel, problem_of, with_rest_about
 from femupdate.discrepancy.fit import Fit, about, settle
-from femupdate.discrepancy.frf_data import FrfData
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.repair import Repair
 from femupdate.dynamics.transformed import transformed_sensors
 from femupdate.errors import MeasurementError
+from femupdate.inference.data import Data
+from femupdate.inference.frf_data import FrfData
 from femupdate.measurement.base_rotation import rotation_of
 from femupdate.measurement.columns import BASE
 from femupdate.measurement.observation_file import Histories

@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from femupdate.arrays import Floats
-from femupdate.discrepancy.mesh_points import error_of_points
 from femupdate.discrepancy.thresholds import MESH_ERROR
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.dynamics.reduced_terms import ReducedStructure
@@ -38,7 +37,7 @@ _MEMBERS = (
     "cracked_beams",
     "cracked_columns",
 )
-_NUMBERS = ("left", "effect", "shape", "points", "share", "share_sd")
+_NUMBERS = ("left", "effect", "shape", "share", "share_sd")
 
 
 @dataclass(frozen=True)
@@ -55,8 +54,6 @@ class MeshError:
             is shown most above all.
         shape: what is left then on each floor, as a share of what all of them show (mean of the
             modes' rms: two near ones that mix differently must not decide).
-        points: rms of ln|H| and phase (rad) that is left, point by point, when stiffness factors
-            and damping ratio are fitted; at a damping ratio of 1 %.
         share: of the mean that is corrected.
         share_sd: its standard deviation.
     """
@@ -67,7 +64,6 @@ class MeshError:
     left: float
     effect: float
     shape: float
-    points: float
     share: float = 1.0
     share_sd: float = 0.0
 
@@ -117,7 +113,6 @@ class MeshError:
             left=left * self.left,
             effect=left * self.effect,
             shape=left * self.shape,
-            points=left * self.points,
             share=0.5 * left,
             share_sd=0.5 * left * MESH_ERROR.distance_sd,
         )
@@ -145,7 +140,7 @@ class _Lesson:
 
 
 def learn_mesh_error(
-    coarse: ReducedModel, fine: ReducedStructure, thetas: Floats, frequency_hz: Floats
+    coarse: ReducedModel, fine: ReducedStructure, thetas: Floats, top_hz: float
 ) -> MeshError:
     """Compare a model with that of a finer mesh.
 
@@ -153,12 +148,12 @@ def learn_mesh_error(
         coarse: the building on its mesh.
         fine: the building on the finer mesh.
         thetas: (n, p) at which they are compared.
-        frequency_hz: (k,) at which responses are compared, and up to which modes are.
+        top_hz: up to which modes are.
 
     Raises:
         ModelError: no mode is the same on both meshes.
     """
-    structure, top_hz = fine.structure, float(frequency_hz[-1])
+    structure = fine.structure
     placed = _members(structure)
     ours, theirs = (
         [modes_shown(one, theta, top_hz) for theta in thetas] for one in (coarse, fine.model)
@@ -174,21 +169,19 @@ def learn_mesh_error(
         )
     mean, sd, left = _estimate(lessons, [one.effect.name for one in placed])
     labels = tuple(one.label for one in placed)
-    found = MeshError(labels, tuple(mean.tolist()), tuple(sd.tolist()), left, 0.0, 0.0, 0.0)
+    found = MeshError(labels, tuple(mean.tolist()), tuple(sd.tolist()), left, 0.0, 0.0)
     # The coarse model as the mean factors have it: what they leave is what it misses the true one.
     undone = corrected(fine, replace(found, share=-1.0)).model
     shown = [
         _effect_errors(own, modes_shown(undone, theta, top_hz))
         for own, theta in zip(ours, thetas, strict=True)
     ]
-    points = [error_of_points(coarse, undone, theta, frequency_hz) for theta in thetas]
     sizes, shapes, weights = (np.concatenate(parts) for parts in zip(*shown, strict=True))
     total = max(float(weights.sum()), 1e-300)
     return replace(
         found,
         effect=float(np.sqrt(weights @ sizes**2 / total)),
         shape=float(weights @ shapes / total),
-        points=float(np.sqrt(np.mean(np.square(points)))),
     )
 
 

@@ -7,13 +7,14 @@ from functools import cached_property
 import torch
 from torch import Tensor
 
-from femupdate.discrepancy.data import Data
-from femupdate.discrepancy.joint_error import JointError, Row, Rows
 from femupdate.discrepancy.thresholds import FIT
 from femupdate.dynamics.damping import DampingLaw
 from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import Effect, Placed
+from femupdate.inference.data import Data
+from femupdate.inference.joint_error import JointError, Row, Rows, joint_error
+from femupdate.inference.likelihood import missed
 
 Effects = tuple[Placed, ...]
 
@@ -132,12 +133,9 @@ class Problem:
     @cached_property
     def error(self) -> JointError:
         """What the model may err by, beside the noise."""
-        known: Sequence[Tensor | None] = [None] * len(self.data)
         sizes = [one.residuals for one in self.data]
-        if self.known is not None:
-            known = self.known.split(sizes, dim=1)
-        parts = [one.error(own) for one, own in zip(self.data, known, strict=True)]
-        whole = JointError(parts, sizes)
+        known = () if self.known is None else self.known.split(sizes, dim=1)
+        whole = joint_error(self.data, known)
         return whole if self.rows_kept is None else whole.kept(self.rows_kept)
 
     @property
@@ -192,7 +190,7 @@ class Problem:
 
     def missed(self, system: System, known: tuple[Tensor, Tensor, Tensor]) -> Tensor:
         """Residuals (N, n) in the unit of the noise, of theta (N, p), zeta (N,), sizes (N, q)."""
-        return torch.cat([one.compared(one.predicted(system, *known)) for one in self.data], dim=1)
+        return missed(self.data, system, known)
 
     def whitened(self, residuals: Tensor) -> Tensor:
         """Residuals (N, m) of unit covariance by the problem's row, of those by the noise alone."""

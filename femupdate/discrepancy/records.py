@@ -1,23 +1,23 @@
 """Measured responses as the effect finder judges them: what counts of them, and how they err."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from femupdate.arrays import Flags
 from femupdate.building.schema import Building
-from femupdate.discrepancy.frf_data import (
+from femupdate.discrepancy.mesh_error import MeshError
+from femupdate.discrepancy.thresholds import FIT, MODEL_ERROR
+from femupdate.inference.frf_data import (
     FloorForce,
     FrfData,
     frf_data,
     in_alternate_points,
     together,
 )
-from femupdate.discrepancy.mesh_error import MeshError
-from femupdate.discrepancy.thresholds import FIT, MODEL_ERROR
 from femupdate.measurement.force_frf import ForcedObservation
-from femupdate.measurement.observation import Observation
+from femupdate.measurement.observation import Observation, at_frequencies
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +88,7 @@ def base_data(
 
     def read(one: Observation, parts: Sequence[Observation]) -> FrfData:
         return frf_data(
-            _at(one, _used(one)),
+            at_frequencies(one, _used(one)),
             building.floors,
             use_phase=use_phase,
             model_error=model_error(building, mesh),
@@ -123,22 +123,3 @@ def _measured(observation: Observation) -> Flags:
         return np.ones(frequency.size, dtype=bool)
     distance = np.abs(frequency / coarse - np.round(frequency / coarse)) * coarse
     return np.asarray(distance < 0.5 * spacing * (1.0 + 1e-9))
-
-
-def _at(observation: Observation, used: Flags) -> Observation:
-    """The observation at some of its frequencies; its resolution stays what it is."""
-    spacing = float(np.median(np.diff(observation.frequency_hz)))
-    own = observation.estimator
-    return replace(
-        observation,
-        frequency_hz=observation.frequency_hz[used],
-        log_frf=observation.log_frf[:, used],
-        noise_sd=observation.noise_sd[:, used],
-        valid=observation.valid[:, used],
-        phase=None if observation.phase is None else observation.phase[:, used],
-        coherence=None if observation.coherence is None else observation.coherence[:, used],
-        scatter=None,
-        resolution_hz=observation.resolution_hz or spacing,
-        estimator=None if own is None else own.at(used),
-        rotation=None if observation.rotation is None else observation.rotation[used],
-    )

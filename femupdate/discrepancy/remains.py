@@ -2,9 +2,9 @@
 
 from dataclasses import replace
 
-from femupdate.discrepancy.data import Remains
 from femupdate.discrepancy.fit import Fit
 from femupdate.discrepancy.problem import Problem
+from femupdate.inference.data import Remains
 
 
 def remains(problem: Problem, fitted: Fit) -> Remains:

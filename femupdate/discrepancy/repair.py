@@ -19,7 +19,6 @@ from femupdate.discrepancy.diagnose import (
 from femupdate.discrepancy.finder_model import FinderModel
 from femupdate.discrepancy.fit import Fit, extended, fit, settle
 from femupdate.discrepancy.pairs import denied, with_pair
-from femupdate.discrepancy.posterior import Draws, draw
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.remains import Remains, remains
 from femupdate.discrepancy.residual_map import p_value
@@ -285,15 +284,3 @@ def mend(
         return done.problem, done
     mended, last = refined(model, done.problem, done.after, show, alone=True)
     return mended, as_fitted(replace(done, after=last, left=remains(mended, last)))
-
-
-def posteriors(
-    problem: Problem, mended: Problem, done: Repair, seed: int, show: Progress
-) -> tuple[Draws, Draws]:
-    """Draws of the model as it was and as it is; the same where nothing was added."""
-    show.start("Updating the posterior", 2)
-    before = draw(problem, done.before, VERDICT.repair_draws, seed)
-    show.advance()
-    after = draw(mended, done.after, VERDICT.repair_draws, seed) if done.rounds else before
-    show.advance()
-    return before, after

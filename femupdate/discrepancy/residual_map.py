@@ -2,9 +2,9 @@
 
 from scipy.special import chdtrc
 
-from femupdate.discrepancy.data import Cell
 from femupdate.discrepancy.fit import Fit
 from femupdate.discrepancy.problem import Problem
+from femupdate.inference.data import Cell
 
 
 def residual_cells(problem: Problem, fitted: Fit) -> tuple[Cell, ...]:

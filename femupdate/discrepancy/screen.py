@@ -6,7 +6,7 @@ import torch
 from femupdate.arrays import Complexes, Floats
 from femupdate.discrepancy.thresholds import SCREEN
 from femupdate.dynamics.system import System
-from femupdate.measurement.observation import Observation
+from femupdate.measurement.observation import Observation, independent_share
 
 
 def screen_channels(observation: Observation, system: System, theta: Floats) -> tuple[str, ...]:
@@ -31,8 +31,7 @@ def screen_channels(observation: Observation, system: System, theta: Floats) -> 
     rigid = np.log(_rigid(observation, system))
     gains, foreign, turned, late = [], [], [], []
     # Neighbouring estimates repeat each other.
-    spacing = float(np.median(np.diff(observation.frequency_hz)))
-    repeated = max(1.0, (observation.resolution_hz or spacing) / spacing) ** 0.5
+    repeated = independent_share(observation) ** -0.5
     for row, floor in enumerate(observation.floors):
         used = low & observation.valid[row]
         if used.sum() < SCREEN.fewest:

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 from torch import Tensor
 
-from femupdate.discrepancy.data import Data
 from femupdate.discrepancy.diagnose import AMBIGUOUS, PARTLY, UNKNOWN, Diagnosis, diagnose
 from femupdate.discrepancy.exchange import promising
 from femupdate.discrepancy.finder_model import (
@@ -36,6 +35,7 @@ from femupdate.dynamics.local_basis import Sized
 from femupdate.dynamics.thresholds import LOCAL_BASIS
 from femupdate.effects.effect import Placed
 from femupdate.effects.listed import BuildingEffects, building_effects, check_places
+from femupdate.inference.data import Data
 from femupdate.progress import Progress, Silent
 
 

@@ -234,18 +234,6 @@ class ModelErrorThresholds:
     size: float = entry(
         0.03, "share", "by which a mesh misjudges an effect's size", "trials: .001 to .09"
     )
-    sizes: tuple[float, ...] = entry(
-        (0.03, 0.1, 0.3),
-        "ln|H| or rad",
-        "of what all floors share and of each alone; coarser than a calibration's",
-        "a hundred fits share the table, and only their differences count",
-    )
-    lengths: tuple[float, ...] = entry(
-        (1 / 30, 1 / 8), "of the band", "over which errors are alike, coarser likewise"
-    )
-    harmonics: int = entry(24, "cycles", "of the shortest harmonic in a period, fewer likewise")
-    noisy: float = entry(0.15, "ln|H|", "noise above which an estimate is biased and left out")
-    wild: float = entry(8.0, "sd", "of error and noise beyond which a residual counts no more")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -301,7 +289,6 @@ class MeshErrorThresholds:
     left_factor: float = entry(
         2.0, "factor", "on what the mean correction leaves where it was learned"
     )
-    damping: float = entry(0.01, "ratio", "at which meshes are compared")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -318,7 +305,6 @@ class ScreenThresholds:
     )
     turned: float = entry(0.5, "rad", "about half a turn, that is a reversed sensor")
     least_delay_s: float = entry(5e-4, "s", "delay that is told")
-    cell_points: float = entry(3.0, "points", "independent, that a cell of the map needs")
 
 
 @dataclass(frozen=True, kw_only=True)

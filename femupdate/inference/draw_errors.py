@@ -1,62 +1,55 @@
 """The error of a model at posterior draws: how large, and on average where."""
 
-from typing import Protocol
+from dataclasses import replace
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from femupdate.inference.error_draws import COLUMNS, ErrorDraws, SizeDraws
-from femupdate.inference.learned import learned_error
-from femupdate.inference.likelihood import DataLikelihood
+from femupdate.inference.frf_data import LEARNING, frf_data
+from femupdate.inference.likelihood import Likelihood
 from femupdate.inference.model_error import ErrorLevel, LearnedError
 from femupdate.inference.thresholds import LEARNED_ERROR
 from femupdate.measurement.observation import Observation
 from femupdate.seeds import Seed, spawn, torch_generator
 
 
-class Erring(Protocol):
-    """A likelihood that learns what its model errs by in FRFs under base motion."""
-
-    @property
-    def data(self) -> DataLikelihood:
-        """Of the observation, as if the model were right."""
-        ...
-
-    @property
-    def error(self) -> LearnedError:
-        """What the model may err by, of one part for ln|H| and one for phases that it judges."""
-        ...
-
-    @property
-    def floors(self) -> tuple[str, ...] | None:
-        """Those of the error, the observation's among them; None for just these."""
-        ...
-
-    def missed(self, parameters: Tensor) -> Tensor:
-        """Residuals (n, p f k) of parameters (n, p), predicted less observed, for that error."""
-        ...
-
-
 def draw_errors(
-    likelihood: Erring, parameters: Tensor, observation: Observation, seed: Seed
+    likelihood: Likelihood, parameters: Tensor, observation: Observation, seed: Seed
 ) -> ErrorDraws:
-    """Errors at posterior draws (chains, draws, p)."""
+    """Errors of FRFs under base motion at posterior draws (chains, draws, p).
+
+    Args:
+        likelihood: of them first, and of all else.
+        parameters: the draws.
+        observation: whose floors and frequencies are wanted.
+        seed: of everything random.
+    """
     amplitude, turned = spawn(seed, 2)
     flat = parameters.flatten(0, 1)
     flat = flat[:: max(1, len(flat) // LEARNED_ERROR.tried)]
-    error, shape = likelihood.error, tuple(parameters.shape[:2])
-    found = _drawn(error, likelihood.missed(flat), observation, amplitude, shape)
-    known = likelihood.floors or observation.floors
-    rows = [known.index(name) for name in observation.floors]
+    error, shape, base = likelihood.error.parts[0], tuple(parameters.shape[:2]), likelihood.base
+    assert base is not None
+    residuals = likelihood.error.apart(likelihood.raw(flat))[0]
+    found = _drawn(error, residuals, observation, amplitude, shape)
+    rows = [base.names.index(name) for name in observation.floors]
     parts = np.split(found.mean, len(found.mean) // error.floors)
     size, *phases = (SizeDraws(found.levels, mean[rows]) for mean in parts)
     phase = phases[0] if phases else None
     if phase is None and observation.phase is not None:
-        whole = learned_error(likelihood.data, observation)
-        turns = likelihood.data.phase_residuals(flat, observation)
-        phase = _drawn(_that_counts(whole, turns), turns, observation, turned, shape)
+        phase = _drawn(*_of_phase(likelihood, flat, observation), observation, turned, shape)
     return ErrorDraws(size, phase, error.harmonics.first_hz, error.harmonics.width_hz)
+
+
+def _of_phase(
+    likelihood: Likelihood, parameters: Tensor, observation: Observation
+) -> tuple[LearnedError, Tensor]:
+    """The error of phases that are not judged, and their residuals (n, f k)."""
+    both = frf_data(observation, likelihood.system.floors, believed=LEARNING)
+    alone = replace(likelihood, data=(both,)).raw(parameters)
+    turns = alone[:, both.sd.numel() :]
+    return _that_counts(replace(both, phase=None).error(None), turns), turns
 
 
 def _that_counts(whole: LearnedError, residuals: Tensor) -> LearnedError:
@@ -82,7 +75,7 @@ def _drawn(
         error.likeliest(error.tame(residuals[rows == row], row), row).sum(0)
         for row in rows.unique().tolist()
     ]
-    mean = -torch.stack(found).sum(0) @ values.T / len(residuals)
+    mean = torch.stack(found).sum(0) @ values.T / len(residuals)
     return SizeDraws(levels.reshape(*shape, -1).numpy(), mean.numpy())
 
 

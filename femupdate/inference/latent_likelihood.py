@@ -2,7 +2,6 @@
 
 import copy
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import torch
 from scipy.special import chdtri
@@ -12,14 +11,13 @@ from torch.nn.functional import pad
 from femupdate.dynamics.system import System
 from femupdate.errors import SurrogateError
 from femupdate.inference.encoder_input import encoder_input
+from femupdate.inference.frf_data import AT_ITS_WORD, base_logs, frf_data, log_responses
 from femupdate.inference.latent_search import Control, find_latent
-from femupdate.inference.learned import Settled, SharedErrors, settled
-from femupdate.inference.likelihood import DataLikelihood, data_terms
-from femupdate.inference.parameters import Parameters
+from femupdate.inference.learned import Settled
 from femupdate.inference.thresholds import DECODER
 from femupdate.measurement.observation import Observation, independent_share
 from femupdate.seeds import torch_generator
-from femupdate.surrogate.gauss_newton import Descent, LatentData
+from femupdate.surrogate.gauss_newton import LatentData
 from femupdate.surrogate.latent import LatentQuadratics
 from femupdate.surrogate.network import Mvae
 from femupdate.surrogate.storage import TrainedSurrogate
@@ -29,35 +27,9 @@ _CPU_ROWS = 4096
 _SEARCH_SEED = 0
 
 
-@dataclass(frozen=True)
-class Learning:
-    """How the error of a model is learned.
-
-    Attributes:
-        parameters: priors, the damping ratio last.
-        shared: errors of the model that all points share.
-        check: told of the data and of the maxima before anything is made of them; may refuse them
-            by an error.
-    """
-
-    parameters: Parameters
-    shared: SharedErrors | None
-    check: Callable[[DataLikelihood, Descent], None]
-
-    def settled(
-        self,
-        system: System,
-        observation: Observation,
-        starts: Tensor,
-        device: torch.device | str,
-    ) -> Settled:
-        """The maxima that starts (s, p) lead to, and what the model errs by there."""
-        seed, shared = _SEARCH_SEED, self.shared
-        found = settled(
-            self.parameters, system, observation, seed, starts=starts, device=device, shared=shared
-        )
-        self.check(found.likelihood.data, found.found)
-        return found
+Learning = Callable[[Tensor], Settled]
+"""Learns the error of the model together with the maxima that starts (s, p) lead to; may refuse
+the data by an error before anything is made of them."""
 
 
 class LatentLikelihood:
@@ -119,9 +91,9 @@ class LatentLikelihood:
 
         def settle(starts: Tensor) -> tuple[Tensor, Callable[[Tensor], Tensor]]:
             assert learning is not None
-            self.settled = learning.settled(system, observation, starts, device)
-            maxima = learning.parameters.from_normal(self.settled.found.z)
-            return maxima, self.settled.likelihood.residuals
+            self.settled = learning(starts)
+            likelihood = self.settled.likelihood
+            return likelihood.prior.from_normal(self.settled.found.z), likelihood.residuals
 
         control = Control(
             clean,
@@ -174,14 +146,14 @@ def latent_data(
 ) -> LatentData:
     """An observation on the surrogate's floors, with the weight of each point.
 
-    Points that repeat one another (see `data_terms`) count as if they were noisier.
+    Points that repeat one another (see `independent_share`) count as if they were noisier.
     """
-    terms = data_terms(observation, floors)
-    rows = list(terms.rows)
+    data = frf_data(observation, floors, use_phase=False, believed=AT_ITS_WORD)
+    rows = list(data.rows)
     log_values = torch.zeros(len(floors), observation.frequency_hz.size, dtype=torch.float64)
-    log_values[rows] = terms.log_frf
+    log_values[rows] = data.log_frf
     precision = torch.zeros_like(log_values)
-    precision[rows] = terms.independent * terms.weight
+    precision[rows] = data.weight
     return LatentData(log_values.to(device), precision.clamp_max(least_noise**-2).to(device))
 
 
@@ -207,12 +179,12 @@ def floor_responses(
     On the surrogate's floors, as `like` (f, k) has them; zero where not observed.
     """
     # Differences of these are taken: they must be smooth.
-    exact = DataLikelihood(system, observation, device=like.device, modes=None)
-    rows = list(exact.terms.rows)
+    data = base_logs(observation, system, device=like.device, modes=None)
+    rows = list(data.rows)
 
     def respond(theta: Tensor, zeta: Tensor) -> Tensor:
         values = theta.new_zeros(len(theta), *like.shape)
-        values[:, rows] = exact.predict(theta, zeta).to(values)
+        values[:, rows] = log_responses(data, system, theta, zeta).to(values)
         return values
 
     return respond

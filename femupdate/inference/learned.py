@@ -1,6 +1,5 @@
 """The likelihood of measured data by a model that may err, and where it is highest."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -8,11 +7,9 @@ import torch
 from torch import Tensor
 
 from femupdate.dynamics.closed_form import Estimate
-from femupdate.dynamics.system import System
-from femupdate.inference.joint import Kind
-from femupdate.inference.likelihood import DataLikelihood
+from femupdate.inference.joint_error import JointError, Row, joint_error
+from femupdate.inference.likelihood import Likelihood
 from femupdate.inference.maxima import found_from
-from femupdate.inference.model_error import LearnedError
 from femupdate.inference.parameters import Parameters
 from femupdate.inference.prior_search import best_of_prior
 from femupdate.inference.thresholds import DRAWS, LEARNED_ERROR
@@ -36,87 +33,18 @@ class SharedErrors(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class LearnedLikelihood:
-    """ln of the density of an observation, the error of the model summed over.
-
-    Attributes:
-        data: residuals of the observation, whitened by its noise.
-        error: of the model.
-        others: likelihoods of what else was measured, which the error does not concern.
-    """
-
-    data: DataLikelihood
-    error: LearnedError
-    others: tuple[Kind, ...] = ()
-
-    def __call__(self, parameters: Tensor) -> Tensor:
-        """Log likelihood (n,) of parameters (n, p)."""
-        value = self.error.log_density(self.data.residuals(parameters))
-        scatter = 0.5 * self.data.terms.independent * self.data.terms.scatter
-        value = (value - scatter).to(parameters.device)
-        return value + self._of_others(parameters)
-
-    @property
-    def floors(self) -> None:
-        """Those of the observation."""
-        return None
-
-    def missed(self, parameters: Tensor) -> Tensor:
-        """Residuals (n, f k) of ln|H| of parameters (n, p), by the noise alone."""
-        return self.data.residuals(parameters)
-
-    def residuals(self, parameters: Tensor) -> Tensor:
-        """Whitened residuals (n, m) by the likeliest error, the first of the table."""
-        return self.at_row(0)(parameters)
-
-    def log_densities(self, parameters: Tensor) -> Tensor:
-        """Log likelihood (n, g) of parameters (n, p) by every row of the table."""
-        values = self.error.log_densities(self.data.residuals(parameters))
-        return values + self._of_others(parameters)[:, None]
-
-    def at_row(self, row: int) -> Callable[[Tensor], Tensor]:
-        """Whitened residuals (n, m) of parameters (n, p), were a row of the table true."""
-
-        def residuals(parameters: Tensor) -> Tensor:
-            own = self.error.whiten(self.data.residuals(parameters), row)
-            return torch.cat([own, *(one.residuals(parameters) for one in self.others)], dim=1)
-
-        return residuals
-
-    def _of_others(self, parameters: Tensor) -> Tensor:
-        return sum((one(parameters) for one in self.others), parameters.new_zeros(len(parameters)))
-
-
-@dataclass(frozen=True, eq=False)
 class Settled:
     """Where the likelihood is highest, and what the error of the model may be there.
 
     Attributes:
         likelihood: summed over the rows of the table that count, the likeliest first.
         found: maxima by the likeliest of them, in standard normal coordinates.
+        tried: points of the prior that were judged to find starts.
     """
 
-    likelihood: LearnedLikelihood
+    likelihood: Likelihood
     found: Descent
-
-
-def learned_error(
-    data: DataLikelihood, observation: Observation, known: Tensor | None = None
-) -> LearnedError:
-    """The error that residuals of an observation may hold.
-
-    Args:
-        data: residuals of the observation.
-        observation: on its grid.
-        known: (c, f, k) changes of ln|H| by one standard deviation of every error that is known.
-    """
-    terms = data.terms
-    weight, frequency = terms.independent * terms.weight, torch.from_numpy(observation.frequency_hz)
-    points = terms.independent * float((weight > 0).sum())
-    if known is None:
-        return LearnedError(weight, frequency, points)
-    steps = torch.cat([known.to(weight), _of_points_that_bend(known, weight)])
-    return LearnedError(weight, frequency, points, (steps * weight.sqrt()).flatten(1))
+    tried: int = 0
 
 
 def _of_points_that_bend(known: Tensor, weight: Tensor) -> Tensor:
@@ -133,48 +61,43 @@ def _of_points_that_bend(known: Tensor, weight: Tensor) -> Tensor:
 
 
 def settled(
-    prior: Parameters,
-    system: System,
-    observation: Observation,
+    likelihood: Likelihood,
     seed: Seed,
     *,
     starts: Tensor | None = None,
-    device: torch.device | str = "cpu",
     shared: SharedErrors | None = None,
-    others: tuple[Kind, ...] = (),
+    observation: Observation | None = None,
 ) -> Settled:
-    """The maxima of the likelihood of an observation, and the errors of the model that count there.
+    """The maxima of a likelihood, and the errors of the model that count there.
 
     Args:
-        prior: of the parameters.
-        system: the building.
-        observation: of it.
+        likelihood: by all rows of the tables of errors; smooth in the parameters.
         seed: of the points of the prior from which the search starts without `starts`.
         starts: (s, p) parameters, one at least near every maximum.
-        device: where responses are computed.
-        shared: errors of the model that all points share.
-        others: likelihoods of what else was measured.
+        shared: errors of the model that all points of FRFs under base motion share, and the
+        observation: of which these are.
     """
-    # All modes in double precision: smooth in the parameters.
-    data = DataLikelihood(system, observation, device=device, modes=None)
-    likelihood = LearnedLikelihood(data, learned_error(data, observation), others)
+    prior, tried = likelihood.prior, 0
+    wide = likelihood.at_row(likelihood.error.start)
     if starts is None:
-        wide = likelihood.at_row(likelihood.error.start)
-        starts, _ = best_of_prior(prior, lambda some: -0.5 * wide(some).square().sum(1), seed)
-    if shared is None:
-        return settle(prior, likelihood, starts)
-    found = found_from(prior, likelihood.at_row(likelihood.error.start), starts)
+        starts, tried = best_of_prior(prior, wide.log_density, seed)
+    base = likelihood.base
+    if shared is None or observation is None or base is None:
+        return replace(settle(likelihood, starts), tried=tried)
+    found = found_from(prior, wide.residuals, starts)
     rough = prior.from_normal(found.z)
 
-    def known(parameters: Tensor) -> Tensor:
-        return shared_changes(shared, prior, parameters, observation)[0, :, data.terms.rows]
+    def error(parameters: Tensor) -> JointError:
+        changes = shared_changes(shared, prior, parameters, observation)[0, :, list(base.rows)]
+        known = torch.cat([changes.to(base.weight), _of_points_that_bend(changes, base.weight)])
+        steps = (known * base.weight.sqrt()).flatten(1)
+        return joint_error(likelihood.data, (steps, *[None] * (len(likelihood.data) - 1)))
 
-    error = learned_error(data, observation, known(rough[:1]))
-    ended = settle(prior, replace(likelihood, error=error), rough)
+    ended = settle(replace(likelihood, error=error(rough[:1])), rough)
     # Lines from beside the maximum would tell errors from factors that do the same.
-    again = learned_error(data, observation, known(prior.from_normal(ended.found.z[:1])))
-    error = ended.likelihood.error.with_known_of(again)
-    return replace(ended, likelihood=replace(ended.likelihood, error=error))
+    again = error(prior.from_normal(ended.found.z[:1]))
+    known = ended.likelihood.error.with_known_of(again)
+    return Settled(replace(ended.likelihood, error=known), ended.found, tried)
 
 
 def shared_changes(
@@ -188,49 +111,46 @@ def shared_changes(
     return shared(theta, torch.from_numpy(asked), values.zeta, seen)
 
 
-def settle(
-    prior: Parameters,
-    likelihood: LearnedLikelihood,
-    starts: Tensor,
-) -> Settled:
-    """Find the maxima from starts (s, p), and the rows of the table that count there.
+def settle(likelihood: Likelihood, starts: Tensor) -> Settled:
+    """Find the maxima from starts (s, p), and the rows of the tables that count there.
 
     Fits begin as if the model erred much, so that no few points decide; the likeliest error at
     their end is taken for the next, and at last none.
     """
-    fits = _Fits(prior, likelihood)
+    fits = _Fits(likelihood)
     fits.follow(starts, likelihood.error.start)
     row, points = fits.best
     finer = replace(likelihood, error=likelihood.error.finer(row))
-    if row == 0:
+    if row == likelihood.error.first:
         return fits.by_more_rows(finer).settled()
-    fits = _Fits(prior, finer)
+    fits = _Fits(finer)
     fits.follow(points, fits.likeliest(points))
     return fits.settled()
 
 
 class _Fits:
-    """Maxima at rows of an error's table, one after the other."""
+    """Maxima at rows of the tables of errors, one after the other."""
 
-    def __init__(self, prior: Parameters, likelihood: LearnedLikelihood) -> None:
-        self._prior, self._likelihood = prior, likelihood
-        self._found: dict[int, Descent] = {}
-        self._densities: dict[int, Tensor] = {}
+    def __init__(self, likelihood: Likelihood) -> None:
+        self._prior, self._likelihood = likelihood.prior, likelihood
+        self._found: dict[Row, Descent] = {}
+        self._densities: dict[Row, _Densities] = {}
 
-    def follow(self, starts: Tensor, row: int) -> None:
+    def follow(self, starts: Tensor, row: Row) -> None:
         """Fit from starts (s, p) at a row, then at the likeliest there, and at last at none."""
         for _ in range(LEARNED_ERROR.rounds):
             self._fit(starts, row)
             starts = self._prior.from_normal(self._found[row].z)
-            row = int(self._densities[row].max(0).values.argmax())
+            row = self._densities[row].likeliest
             if row in self._found:
                 break
-        if 0 not in self._found:
-            self._fit(starts, 0)
+        none = self._likelihood.error.first
+        if none not in self._found:
+            self._fit(starts, none)
 
-    def by_more_rows(self, likelihood: LearnedLikelihood) -> "_Fits":
-        """The same maxima judged by a table that has further rows behind its own."""
-        more = _Fits(self._prior, likelihood)
+    def by_more_rows(self, likelihood: Likelihood) -> "_Fits":
+        """The same maxima judged by tables that have further rows behind their own."""
+        more = _Fits(likelihood)
         more._found = self._found
         more._densities = {
             row: more._log_posterior(self._prior.from_normal(found.z))
@@ -239,37 +159,55 @@ class _Fits:
         return more
 
     @property
-    def best(self) -> tuple[int, Tensor]:
+    def best(self) -> tuple[Row, Tensor]:
         """The likeliest row, and the maxima (s, p) from which that was found."""
-        at = max(self._densities, key=lambda row: float(self._densities[row].max()))
-        points = self._prior.from_normal(self._found[at].z)
-        return int(self._densities[at].max(0).values.argmax()), points
+        at = max(self._densities, key=lambda row: float(self._densities[row].best.max()))
+        return self._densities[at].likeliest, self._prior.from_normal(self._found[at].z)
 
-    def likeliest(self, points: Tensor) -> int:
+    def likeliest(self, points: Tensor) -> Row:
         """The likeliest row at points (s, p)."""
-        return int(self._log_posterior(points).max(0).values.argmax())
+        return self._log_posterior(points).likeliest
 
     def settled(self) -> Settled:
         """With the rows that count alone."""
         row, points = self.best
         if row not in self._found:
             self._fit(points, row)
-        every = torch.cat(list(self._densities.values()))
-        error = self._likelihood.error
-        # The likeliest comes first.
-        rows = [row, *(one for one in error.counting(every) if one != row)]
-        kept = replace(self._likelihood, error=error.kept(rows))
-        return Settled(kept, self._found[row])
+        apart = zip(*(one.parts for one in self._densities.values()), strict=True)
+        rows = self._likelihood.error.counting_beside(row, [torch.cat(own) for own in apart])
+        return Settled(self._likelihood.kept(rows), self._found[row])
 
-    def _fit(self, starts: Tensor, row: int) -> None:
-        residuals = self._likelihood.at_row(row)
-        self._found[row] = found_from(self._prior, residuals, starts)
+    def _fit(self, starts: Tensor, row: Row) -> None:
+        self._found[row] = found_from(self._prior, self._likelihood.at_row(row).residuals, starts)
         points = self._prior.from_normal(self._found[row].z)
         self._densities[row] = self._log_posterior(points)
 
-    def _log_posterior(self, points: Tensor) -> Tensor:
-        """(s, g) at points (s, p) by every row."""
+    def _log_posterior(self, points: Tensor) -> "_Densities":
+        """At points (s, p)."""
         own = self._prior.log_density_normal(
             self._prior.to_normal(points).clamp(-DRAWS.edge, DRAWS.edge)
         )
-        return self._likelihood.log_densities(points) + own[:, None]
+        return _Densities(self._likelihood.log_densities(points), own)
+
+
+class _Densities:
+    """Log posterior density at s points by the rows of every table of errors.
+
+    Args:
+        apart: (s, g) of every kind of data.
+        prior: (s,).
+    """
+
+    def __init__(self, apart: tuple[Tensor, ...], prior: Tensor) -> None:
+        each = torch.stack([own.max(1).values for own in apart])  # (d, s)
+        self.best = each.sum(0) + prior
+        # By one row of a table, and the likeliest of every other.
+        self.parts = tuple(
+            own + (self.best - most)[:, None] for own, most in zip(apart, each, strict=True)
+        )
+
+    @property
+    def likeliest(self) -> Row:
+        """Of the rows of all tables together."""
+        at = int(self.best.argmax())
+        return tuple(int(own[at].argmax()) for own in self.parts)

@@ -1,177 +1,176 @@
-"""The likelihood of the parameters by the data themselves, as if the model were right."""
+"""The likelihood of all that was measured, in the parameters of a model that may err."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
 import torch
 from torch import Tensor
 
-from femupdate.dynamics.system import Responses, System
-from femupdate.inference.thresholds import DRAWS
-from femupdate.measurement.observation import Observation, independent_share
+from femupdate.dynamics.system import System
+from femupdate.inference.data import Data
+from femupdate.inference.frf_data import FrfData
+from femupdate.inference.joint_error import JointError, Row, Rows, joint_error
+from femupdate.inference.parameters import Parameters
+from femupdate.measurement.observation import Observation
+from femupdate.seeds import Seed, torch_generator
+from femupdate.workers import in_threads
 
-_ROWS = 1024
 
-
-@dataclass(frozen=True)
-class DataTerms:
-    """An observation as the data-space likelihood takes it.
+@dataclass(frozen=True, eq=False)
+class Likelihood:
+    """ln of the density of all that was measured, what the model errs by summed over.
 
     Attributes:
-        rows: which of the model's floors are observed.
-        log_frf: (f, k); zero where not valid.
-        weight: (f, k) 1 / sd^2, zero where not valid.
-        independent: share of the points that err independently of their neighbours.
-        scatter: of several runs about what they were pooled into, see `Observation`.
+        data: one entry a kind of observation.
+        system: the model with its effects.
+        prior: of the parameters: stiffness factors, parameters of the effects, damping ratio.
+        error: what the model may err by.
+        row: of its tables, by which residuals are whitened.
+        constant: taken off, the same for all parameters: what the scatter of several runs costs
+            that were pooled into one observation.
     """
 
-    rows: tuple[int, ...]
-    log_frf: Tensor
-    weight: Tensor
-    independent: float
-    scatter: float = 0.0
-
-    @property
-    def count(self) -> int:
-        """Number of valid points."""
-        return int((self.weight > 0).sum())
-
-
-def data_terms(observation: Observation, floors: tuple[str, ...]) -> DataTerms:
-    """Weights of an observation's points; see `DataTerms`.
-
-    Points closer than the resolution of the FRF estimate repeat one another: the log likelihood is
-    scaled by spacing over resolution, so that it counts independent points.
-    """
-    valid = torch.from_numpy(observation.valid)
-    values = torch.from_numpy(np.nan_to_num(observation.log_frf))
-    noise = torch.from_numpy(np.nan_to_num(observation.noise_sd, nan=1.0))
-    scatter = observation.scatter
-    return DataTerms(
-        tuple(floors.index(name) for name in observation.floors),
-        torch.where(valid, values, 0.0),
-        torch.where(valid, noise**-2, 0.0),
-        independent_share(observation),
-        0.0 if scatter is None else float(scatter[observation.valid].sum()),
-    )
-
-
-class DataLikelihood:
-    """ln exp(-|r|^2 / 2) of the whitened residuals r of ln|H|, by the reduced model.
-
-    Of several runs pooled into one observation it is the sum over the runs: the residuals of what
-    was pooled, and the scatter about it, which is the same for all parameters.
-
-    Where the damping ratio is a nuisance it is the last column of the parameters.
-
-    Args:
-        system: the reduced model with its effects, whose sizes follow theta. Responses of a
-            building that lists effects are blunted as the estimate of an observation is.
-        observation: on `observation.frequency_hz`.
-        zeta: fixed damping ratio, or None where it is the last parameter.
-        batch: responses at a time; default what is fastest.
-        device: where to evaluate.
-        precision: of the responses; modes are always solved in float64. float32 takes half the
-            time and moves the log likelihood by a few thousandths.
-        modes: kept for a response; all where None, which makes responses smooth in theta: which
-            modes are kept changes from place to place.
-    """
-
-    def __init__(
-        self,
-        system: System,
-        observation: Observation,
-        zeta: float | None = None,
-        *,
-        batch: int | None = None,
-        device: torch.device | str = "cpu",
-        precision: torch.dtype = torch.float64,
-        modes: int | None = DRAWS.modes,
-    ) -> None:
-        seen = observation.estimator
-        if system.changes_in_run and seen is not None and seen.run_levels:
-            system = replace(system, run_levels=seen.run_levels)
-        self._system = system
-        self._zeta = zeta
-        self._device = device
-        asked = observation.frequency_hz if seen is None else seen.frequency_hz
-        self._frequency = torch.from_numpy(asked).to(device)
-        self.terms = data_terms(observation, system.floors)
-        self._how = Responses(
-            modes=None if system.placed else modes,
-            precision=precision,
-            floors=self.terms.rows,
-            seen=seen,
-            batch=batch,
-        )
+    data: tuple[Data, ...]
+    system: System
+    prior: Parameters
+    error: JointError
+    row: Row
+    constant: float = 0.0
 
     def __call__(self, parameters: Tensor) -> Tensor:
-        """Log likelihood (n,) of parameters (n, p) or, with zeta last, (n, p + 1)."""
-        squares = self.misfit(parameters) + self.terms.scatter
-        return -0.5 * self.terms.independent * squares
+        """Log likelihood (n,) of parameters (n, p)."""
 
-    def misfit(self, parameters: Tensor) -> Tensor:
-        """Sum of squared whitened residuals (n,), over all valid points."""
-        parts = [self._misfit(predicted) for predicted in self._responses(parameters)]
-        return torch.cat(parts).to(parameters.device)
+        def of_some(some: Tensor) -> Tensor:
+            return self.error.log_density(self._raw(some))
+
+        return self._in_batches(of_some, parameters).to(parameters.device) - self.constant
+
+    def raw(self, parameters: Tensor) -> Tensor:
+        """Residuals (n, m) of parameters (n, p), observed less predicted, in the unit of noise."""
+        return self._in_batches(self._raw, parameters).to(parameters.device)
 
     def residuals(self, parameters: Tensor) -> Tensor:
-        """Whitened residuals (n, m), zero where not valid: minus half their square is the log."""
-        weight = (self.terms.independent * self.terms.weight).sqrt()
-        parts = [
-            ((predicted - self.terms.log_frf.to(predicted)) * weight.to(predicted)).flatten(1)
-            for predicted in self._responses(parameters)
-        ]
-        return torch.cat(parts).to(parameters.device)
+        """Residuals (n, m) of parameters (n, p), of unit covariance by the row."""
+        raw = self.raw(parameters)
+        return self.error.whiten(self.error.tame(raw, self.row), self.row)
 
-    def explained(self, parameters: Tensor) -> float:
-        """Share of the measured variation over frequency that the best of (n, p) has.
+    def log_density(self, parameters: Tensor) -> Tensor:
+        """Log density (n,) of parameters (n, p), were the row true, up to a constant."""
 
-        Of the squares, whitened, about the mean of every floor; below zero where that is better.
+        def of_some(some: Tensor) -> Tensor:
+            left = self.error.whiten(self.error.tame(self._raw(some), self.row), self.row)
+            return -0.5 * left.square().sum(1)
+
+        return self._in_batches(of_some, parameters)
+
+    def log_densities(self, parameters: Tensor) -> tuple[Tensor, ...]:
+        """Log density (n, g) of every kind of data by every row of its table of errors."""
+        return self.error.log_densities(self.raw(parameters))
+
+    def at_row(self, row: Row) -> "Likelihood":
+        """The same, residuals whitened by another row."""
+        return replace(self, row=row)
+
+    def kept(self, rows: Rows) -> "Likelihood":
+        """The same with some rows of the tables alone; residuals are whitened by the first."""
+        return replace(self, error=self.error.kept(rows), row=(0,) * len(rows))
+
+    def coarse(self, noise: float) -> "Likelihood":
+        """The same as if there were so much more noise: peaks that do not meet show a distance."""
+        data = tuple(one.coarse(noise) for one in self.data)
+        error = joint_error(data)
+        return replace(self, data=data, error=error, row=error.first)
+
+    def with_least_noise(self, least: float) -> "Likelihood":
+        """The same with the noise that FRFs under base motion are allowed at least."""
+        if self.base is None or least == 0.0:
+            return self
+        base = self.base.with_least_noise(least)
+        return replace(self, data=(base, *self.data[1:]))
+
+    @property
+    def effective(self) -> float:
+        """Number of the numbers compared that err independently."""
+        return sum(one.effective for one in self.data)
+
+    @property
+    def learns(self) -> bool:
+        """Whether larger errors are allowed for than the stated noise."""
+        return any(one.learns for one in self.error.parts)
+
+    @property
+    def base(self) -> FrfData | None:
+        """FRFs under base motion, the first of the data; None where there are none."""
+        first = self.data[0]
+        return first if isinstance(first, FrfData) and not first.forced else None
+
+    def misfit(self, parameters: Tensor) -> Tensor:
+        """Mean squared residual (n,) of parameters (n, p), by the stated noise alone."""
+        raw = self.raw(parameters)
+        parts = zip(self.error.parts, self.error.apart(raw), strict=True)
+        squares = [one.by_noise_alone(own).square().sum(1) for one, own in parts]
+        return torch.stack(squares).sum(0) / max(self.effective, 1.0)
+
+    def explained(self, parameters: Tensor) -> float | None:
+        """Share of the variation over frequency that the best of parameters (n, p) has.
+
+        Of ln|H| under base motion; None where it was not measured.
         """
-        terms = self.terms
-        weight = terms.independent * terms.weight
-        mean = (weight * terms.log_frf).sum(1, True) / weight.sum(1, True).clamp_min(1e-300)
-        whole = float((weight * (terms.log_frf - mean) ** 2).sum())
-        left = float(self.residuals(parameters).square().sum(1).min())
-        return 1.0 - left / max(whole, 1e-300)
+        if self.base is None:
+            return None
+        return self.base.explained(self.error.apart(self.raw(parameters))[0])
 
-    def phase_residuals(self, parameters: Tensor, observation: Observation) -> Tensor:
-        """Whitened residuals (n, f k) of the phase, in whose noise ln|H| has its own."""
-        weight = (self.terms.independent * self.terms.weight).sqrt()
-        assert observation.phase is not None
-        measured = torch.from_numpy(np.nan_to_num(observation.phase))
-        rows, known = list(self.terms.rows), parameters.to(self._device, torch.float64)
-        parts = []
-        for some in known.split(_ROWS):
-            theta, zeta = self._theta_and_zeta(some)
-            structure, sizes = self._system.split(theta)
-            frf = self._system.seen_frf(structure, zeta, sizes, self._frequency, self._how.seen)
-            turn = frf[:, rows].angle() - measured
-            parts.append((torch.remainder(turn + torch.pi, 2.0 * torch.pi) - torch.pi) * weight)
-        return torch.cat(parts).flatten(1)
+    def checked(self, parameters: Tensor, seed: Seed) -> list[tuple[str, Tensor, Tensor]]:
+        """Name, squares (n,) and independent numbers (n,) of each part that is checked.
 
-    def predict(self, theta: Tensor, zeta: Tensor) -> Tensor:
-        """ln|H| (n, f, k) of the observed floors."""
-        return torch.cat(list(self._batches(theta, zeta)))
+        Squares hold what the model may err by; of every draw by one row of its own. What is wilder
+        than counts in the likelihood is in neither.
+        """
+        raw, generator = self.raw(parameters), torch_generator(seed)
+        shares = [own.softmax(1) for own in self.error.log_densities(raw)]
+        parts = zip(self.data, self.error.parts, self.error.apart(raw), shares, strict=True)
+        found: list[tuple[str, Tensor, Tensor]] = []
+        for data, error, own, share in parts:
+            rows = torch.multinomial(share, 1, generator=generator)[:, 0]
+            found += data.checked(*error.floor_squares(own, rows))
+        return found
 
-    def _responses(self, parameters: Tensor) -> Iterator[Tensor]:
-        return self._batches(*self._theta_and_zeta(parameters))
+    def _raw(self, parameters: Tensor) -> Tensor:
+        values = self.prior.split(parameters)
+        return missed(self.data, self.system, (values.theta, values.zeta, values.sizes))
 
-    def _theta_and_zeta(self, parameters: Tensor) -> tuple[Tensor, Tensor]:
-        count = self._system.parameters
-        theta = parameters[:, :count]
-        if self._zeta is None:
-            return theta, parameters[:, count]
-        return theta, theta.new_full((len(theta),), self._zeta)
+    def _in_batches(self, task: Callable[[Tensor], Tensor], parameters: Tensor) -> Tensor:
+        """On all processors, but where ln|H| is made by the thousand or slopes are asked for."""
+        parts = parameters.split(min(one.at_once for one in self.data))
+        alone = len(self.data) == 1 and self.base is not None and self.base.logs is not None
+        if alone or len(parts) == 1 or parameters.requires_grad:
+            return torch.cat([task(some) for some in parts])
+        return torch.cat(in_threads(task, parts))
 
-    def _batches(self, parameters: Tensor, zeta: Tensor) -> Iterator[Tensor]:
-        known = parameters.to(self._device, torch.float64), zeta.to(self._device, torch.float64)
-        for some, ratio in zip(*(part.split(_ROWS) for part in known), strict=True):
-            yield self._system.log_frf(some, ratio, self._frequency, self._how)
 
-    def _misfit(self, predicted: Tensor) -> Tensor:
-        residual = (predicted - self.terms.log_frf.to(predicted)) ** 2
-        weighted = residual * self.terms.weight.to(predicted)
-        return weighted.sum((1, 2), dtype=torch.float64)
+def missed(data: Sequence[Data], system: System, known: tuple[Tensor, Tensor, Tensor]) -> Tensor:
+    """Residuals (n, m) in the unit of the noise, of theta (n, p), zeta (n,) and sizes (n, q)."""
+    parts = [one.compared(one.predicted(system, *known)) for one in data]
+    return torch.cat([part.to(known[0].device) for part in parts], dim=1)
+
+
+def likelihood_of(
+    data: Sequence[Data],
+    system: System,
+    prior: Parameters,
+    constant: float = 0.0,
+) -> Likelihood:
+    """The likelihood by all rows of the tables of errors, whitened by that of no error."""
+    error = joint_error(data)
+    return Likelihood(tuple(data), system, prior, error, error.first, constant)
+
+
+def cost_of_scatter(observation: Observation, data: FrfData) -> float:
+    """Half the scatter of runs about what they were pooled into, at independent points."""
+    if observation.scatter is None:
+        return 0.0
+    own = float(observation.scatter[observation.valid].sum())
+    return 0.5 * data.blocks[0].independent * own
+
+
+__all__ = ["Likelihood", "cost_of_scatter", "likelihood_of", "missed"]

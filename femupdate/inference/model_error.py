@@ -72,6 +72,9 @@ NOISE_ALONE = ErrorTable(
     start=(0.0, 1.0, LEARNED_ERROR.noise_alone_start),
 )
 
+# Of figures that are taken at their word.
+STATED = ErrorTable(sizes=(), lengths=(1.0,), noise=(1.0,), harmonics=0, start=(0.0, 1.0, 1.0))
+
 # Numbers in the factors of rows, up to which these are kept; and rows that are worked at once.
 _KEPT, _AT_ONCE = 3e7, 24
 
@@ -116,7 +119,7 @@ def error_levels(width_hz: float, table: ErrorTable = MODEL_ERROR) -> tuple[Erro
         for share in table.lengths
     ]
     rows = [(*kind, noise) for kind in kinds for noise in table.noise]
-    other = math.log1p(-table.none) - math.log(table.none) - math.log(len(rows) - 1)
+    other = math.log1p(-table.none) - math.log(table.none) - math.log(max(len(rows) - 1, 1))
     return tuple(
         ErrorLevel(common, own, share * width_hz, noise, other if row else 0.0)
         for row, (common, own, share, noise) in enumerate(rows)
@@ -303,6 +306,11 @@ class LearnedError:
         self._factors.clear()
 
     @property
+    def learns(self) -> bool:
+        """Whether the table holds more than the stated noise."""
+        return bool(self._table.sizes) or len(self._table.noise) > 1
+
+    @property
     def start(self) -> int:
         """Row from which fits start."""
         size, share, noise = self._table.start
@@ -378,7 +386,7 @@ class LearnedError:
     def _densities(self, residuals: Tensor, rows: tuple[int, ...]) -> Tensor:
         """Log density (n, r) of residuals (n, p f k) by some rows."""
         tamed = residuals.to(self._wide)[None]
-        if math.isfinite(self._wild):
+        if math.isfinite(self._wild) and not self._calm(tamed, rows):
             tamed = torch.cat([self.tame(tamed, row) for row in rows])
         factor, noise = self._factor(rows), self._of(rows, "noise")
         first, rest = factor.forward(*self._scaled(rows, *self._along(tamed)))
@@ -404,6 +412,15 @@ class LearnedError:
         error = (level.common**2 + level.own**2) * self._weight
         most = self._wild * (level.noise**2 + error).sqrt()
         return torch.minimum(torch.maximum(residuals.nan_to_num(nan=math.inf), -most), most)
+
+    def _calm(self, residuals: Tensor, rows: tuple[int, ...]) -> bool:
+        """Whether no residual is wilder than counts beside the noise of any of some rows."""
+        least = min(self.levels[row].noise for row in rows)
+        return bool((residuals.abs() <= self._wild * least).all())
+
+    def by_noise_alone(self, residuals: Tensor) -> Tensor:
+        """Residuals (n, p f k) of which none is wilder than counts beside the stated noise."""
+        return residuals.nan_to_num(nan=math.inf).clamp(-self._wild, self._wild)
 
     def whiten(self, residuals: Tensor, row: int) -> Tensor:
         """Residuals (n, m) of unit covariance, were a row of the table true; along straight lines.

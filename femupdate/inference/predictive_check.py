@@ -17,14 +17,11 @@ Of several runs pooled into one observation it is their mean that is judged; whe
 one another is another question (`femupdate.measurement.agreement`).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import chdtrc
-
-from femupdate.arrays import Floats
-from femupdate.measurement.observation import Observation, independent_share
 
 
 @dataclass(frozen=True)
@@ -81,36 +78,4 @@ def predictive_check(
     return PredictiveCheck(float(whole), tuple(floors.tolist()), names, ratio)
 
 
-def check_predictions(observation: Observation, predicted: Floats) -> PredictiveCheck:
-    """p-values of an observation from ln|H| (n, f, k) of its floors at posterior draws."""
-    points = independent_share(observation) * observation.valid.sum(axis=1)
-    return predictive_check(floor_squares(observation, predicted), points, observation.floors)
-
-
-def floor_squares(observation: Observation, predicted: Floats) -> Floats:
-    """Squared whitened residuals (n, f) of ln|H| (n, f, k), summed over independent points."""
-    valid = observation.valid
-    missed = np.where(valid, observation.log_frf, 0.0) - np.where(valid, predicted, 0.0)
-    whitened = missed / np.where(valid, observation.noise_sd, 1.0)
-    return np.asarray(independent_share(observation) * (whitened**2).sum(axis=2))
-
-
-def with_least_noise(observation: Observation, least: float) -> Observation:
-    """The same observation with the noise that the latent likelihood allows it at least.
-
-    Args:
-        observation: as the file has it.
-        least: standard deviation of ln|H| that the precision of a point, times its share that errs
-            independently, does not go below.
-    """
-    share = independent_share(observation)
-    return replace(observation, noise_sd=np.maximum(observation.noise_sd, least * share**0.5))
-
-
-__all__ = [
-    "PredictiveCheck",
-    "check_predictions",
-    "floor_squares",
-    "predictive_check",
-    "with_least_noise",
-]
+__all__ = ["PredictiveCheck", "predictive_check"]

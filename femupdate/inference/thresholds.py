@@ -230,6 +230,25 @@ class LearnedErrorThresholds:
 
 
 @dataclass(frozen=True, kw_only=True)
+class JudgedThresholds:
+    """How the effect finder judges data."""
+
+    sizes: tuple[float, ...] = entry(
+        (0.03, 0.1, 0.3),
+        "ln|H| or rad",
+        "of what all floors share and of each alone; coarser than a calibration's",
+        "a hundred fits share the table, and only their differences count",
+    )
+    lengths: tuple[float, ...] = entry(
+        (1 / 30, 1 / 8), "of the band", "over which errors are alike, coarser likewise"
+    )
+    harmonics: int = entry(24, "cycles", "of the shortest harmonic in a period, fewer likewise")
+    noisy: float = entry(0.15, "ln|H|", "noise above which an estimate is biased and left out")
+    wild: float = entry(8.0, "sd", "of error and noise beyond which a residual counts no more")
+    cell_points: float = entry(3.0, "points", "independent, that a cell of the map needs")
+
+
+@dataclass(frozen=True, kw_only=True)
 class EventThresholds:
     """What changes from one event to the next."""
 
@@ -289,6 +308,7 @@ DECODER = DecoderThresholds()
 MODES = ModeThresholds()
 IDENTIFIABILITY = IdentifiabilityThresholds()
 LEARNED_ERROR = LearnedErrorThresholds()
+JUDGED = JudgedThresholds()
 EVENT = EventThresholds()
 CHANGE = ChangeThresholds()
 
@@ -302,6 +322,7 @@ GROUPS: tuple[Any, ...] = (
     MODES,
     IDENTIFIABILITY,
     LEARNED_ERROR,
+    JUDGED,
     EVENT,
     CHANGE,
 )

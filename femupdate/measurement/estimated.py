@@ -23,7 +23,6 @@ from femupdate.arrays import Complexes, Flags, Floats
 from femupdate.measurement.thresholds import SPECTRUM
 from femupdate.measurement.welch import Segments, segment_spectra
 
-HANN = 1.5  # equivalent noise bandwidth of the Hann window times its length
 _BINS = 512  # at a time
 # Frequencies of the grid whose means are one dense matrix: a sparse one is ten times slower.
 _ROWS = 32

@@ -25,7 +25,12 @@ from femupdate.measurement.base_rotation import rotation_of, said_of_rotation
 from femupdate.measurement.columns import BASE
 from femupdate.measurement.estimated import estimator_of
 from femupdate.measurement.frf_table import FrfTable
-from femupdate.measurement.observation import Observation, require_floors_of_building, select_floors
+from femupdate.measurement.observation import (
+    HANN_BANDWIDTH,
+    Observation,
+    require_floors_of_building,
+    select_floors,
+)
 from femupdate.measurement.observation_file import Histories
 from femupdate.measurement.thresholds import ROTATION, SPECTRUM
 from femupdate.measurement.welch import Segments, Spectra, choose_segments, welch_spectra
@@ -88,8 +93,7 @@ def estimate_frf(
         valid=valid,
         phase=np.angle(frf),
         coherence=at_grid(explained),
-        # The equivalent noise bandwidth of the Hann window is 1.5 bins (Harris 1978).
-        resolution_hz=1.5 / segments.seconds,
+        resolution_hz=HANN_BANDWIDTH / segments.seconds,
         source=histories.source,
         estimator=replace(estimator, run_levels=levels_in_run(base, floors, step).parts),
         rotation=None if turning is None else turning.over_translation(at_grid),

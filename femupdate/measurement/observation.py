@@ -13,6 +13,13 @@ from femupdate.measurement.thresholds import SPECTRUM
 if TYPE_CHECKING:
     from femupdate.measurement.estimated import Estimator
 
+HANN_BANDWIDTH = 1.5
+"""Equivalent noise bandwidth of the Hann window times its length (Harris 1978)."""
+# The spectra of Hann segments of length T at frequencies x / T apart are correlated by 1, 2/3, 1/6,
+# 0 at x = 0, 1, 2, 3, as base and noise both are: the errors of H1, their product over a mean
+# power, by the squares of that. A mean over many frequencies, and with it what changes slowly with
+# frequency, is known as from independent points 1 + 2 (4/9 + 1/36) = 1.94 times 1 / T apart.
+_INDEPENDENT = 1.0 + 2.0 * ((2.0 / 3.0) ** 2 + (1.0 / 6.0) ** 2)
 _OF_FLOORS = ("log_frf", "noise_sd", "valid", "phase", "coherence", "scatter")
 
 
@@ -31,8 +38,8 @@ class Observation:
             coherence, no power in the base) are kept for plots and flagged here.
         phase: (f, m) angle of H in (-pi, pi], rad, or None where only |H| was measured.
         coherence: (f, m) ordinary coherence of base and floor, or None.
-        resolution_hz: bandwidth over which one estimate averages; points closer than this do not
-            err independently. None where it is not known.
+        resolution_hz: bandwidth over which one estimate averages, or the spacing of a table that
+            is coarser than the grid; None where it is not known. See `independent_share`.
         source: where it comes from.
         notes: sentences on how it was estimated and what is missing.
         scatter: (f, m) of several runs pooled into one (see `pooled`): sum of their squared
@@ -89,6 +96,25 @@ def select_floors(observation: Observation, floors: Sequence[str]) -> Observatio
     return _with_rows(observation, floors, lambda values: values[rows])
 
 
+def at_frequencies(observation: Observation, used: Flags) -> Observation:
+    """The observation at some of its frequencies (m,); its resolution stays what it is."""
+    spacing = float(np.median(np.diff(observation.frequency_hz)))
+    own = observation.estimator
+    return replace(
+        observation,
+        frequency_hz=observation.frequency_hz[used],
+        log_frf=observation.log_frf[:, used],
+        noise_sd=observation.noise_sd[:, used],
+        valid=observation.valid[:, used],
+        phase=None if observation.phase is None else observation.phase[:, used],
+        coherence=None if observation.coherence is None else observation.coherence[:, used],
+        scatter=None,
+        resolution_hz=observation.resolution_hz or spacing,
+        estimator=None if own is None else own.at(used),
+        rotation=None if observation.rotation is None else observation.rotation[used],
+    )
+
+
 def on_all_floors(observation: Observation, floors: Sequence[str]) -> Observation:
     """The same observation with rows of NaN for the floors that were not measured."""
     rows = [list(floors).index(name) for name in observation.floors]
@@ -113,14 +139,22 @@ def _with_rows(
 
 def independent_share(observation: Observation) -> float:
     """Share of the points that err independently of their neighbours."""
-    return resolved_share(observation.frequency_hz, observation.resolution_hz)
+    estimated = observation.coherence is not None
+    return resolved_share(observation.frequency_hz, observation.resolution_hz, estimated=estimated)
 
 
-def resolved_share(frequency_hz: Floats, resolution_hz: float | None) -> float:
-    """Spacing of a grid (m,) over a resolution, at most one."""
+def resolved_share(frequency_hz: Floats, resolution_hz: float | None, *, estimated: bool) -> float:
+    """Spacing of a grid (m,) over that of independent points, at most one.
+
+    Args:
+        frequency_hz: the grid.
+        resolution_hz: see `Observation`.
+        estimated: whether FRFs were estimated from histories, by Hann segments.
+    """
     if resolution_hz is None or len(frequency_hz) < 2:
         return 1.0
-    return min(1.0, float(np.median(np.diff(frequency_hz))) / resolution_hz)
+    apart = resolution_hz * (_INDEPENDENT / HANN_BANDWIDTH if estimated else 1.0)
+    return min(1.0, float(np.median(np.diff(frequency_hz))) / apart)
 
 
 def require_floors_of_building(

@@ -51,8 +51,8 @@ def pooled(runs: Sequence[Observation], floors: Sequence[str]) -> Observation:
     wide = [on_all_floors(run, names) for run in runs]
     weight = _weights(wide)
     resolution = _resolution(wide, weight.sum(axis=(1, 2)))
-    precision = weight / resolved_share(wide[0].frequency_hz, resolution)
-    grid = wide[0].frequency_hz
+    grid, estimated = wide[0].frequency_hz, any(run.coherence is not None for run in runs)
+    precision = weight / resolved_share(grid, resolution, estimated=estimated)
     total, values = precision.sum(axis=0), np.stack([run.log_frf for run in wide])
     mean = _mean(values, precision)
     deviation = np.where(precision > 0.0, values - mean, 0.0)

@@ -70,7 +70,7 @@ def calibrate_study(
     sampled = (
         sample_exact(study, model, measured, settings, run, fitted)
         if settings.exact
-        else sample_latent(study, model, measured.as_observation, settings, run)
+        else sample_latent(study, model, measured, settings, run)
     )
     report = concluded(
         model, measured, settings, sampled, drawing, study.result("posterior.nc")

@@ -9,28 +9,20 @@ from torch import Tensor
 
 from femupdate.arrays import Floats
 from femupdate.discrepancy.finder_model import error_of_sizes
-from femupdate.discrepancy.likelihood import EffectLikelihood
 from femupdate.discrepancy.problem import own_errors
 from femupdate.discrepancy.thresholds import MESH_ERROR
 from femupdate.dynamics.system import System
-from femupdate.inference.draw_errors import Erring, draw_errors
+from femupdate.inference.draw_errors import draw_errors
 from femupdate.inference.error_draws import ErrorDraws
 from femupdate.inference.latent_search import FoundLatent
-from femupdate.inference.learned import LearnedLikelihood
-from femupdate.inference.likelihood import DataLikelihood
-from femupdate.inference.model_error import LearnedError
+from femupdate.inference.likelihood import Likelihood
 from femupdate.inference.parameters import Parameter
 from femupdate.inference.posterior import Posterior
-from femupdate.inference.predictive_check import (
-    PredictiveCheck,
-    check_predictions,
-    predictive_check,
-    with_least_noise,
-)
-from femupdate.measurement.observation import Observation, independent_share
-from femupdate.seeds import Seed, spawn, torch_generator
+from femupdate.inference.predictive_check import PredictiveCheck, predictive_check
+from femupdate.seeds import Seed, spawn
 from femupdate.workflow.calibrate_settings import CalibrationSettings, Sampled, plain_settings
-from femupdate.workflow.kinds import Measured, check_measured, mode_sentences
+from femupdate.workflow.kinds import Measured
+from femupdate.workflow.likelihoods import data_of_modes
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.thresholds import CALIBRATION
 
@@ -58,7 +50,7 @@ def posterior_of(
     elif len(values.zeta):
         zeta = _numpy(values.zeta)
     elif latent is None:
-        zeta = draw_zeta(model, observation, theta, sampled.learned, damping)
+        zeta = draw_zeta(model, sampled.likelihood, theta, damping)
     else:
         zeta = latent_zeta(latent, model.damping, len(theta), damping)
     return Posterior(
@@ -89,29 +81,6 @@ def with_error_of_all(posterior: Posterior, model: StudyModel, seed: Seed) -> Po
     return replace(posterior, theta=np.clip(moved, posterior.lower, posterior.upper))
 
 
-@dataclass(frozen=True)
-class _EffectErrors:
-    """What a model with effects errs by in FRFs under base motion, the first of its data."""
-
-    likelihood: EffectLikelihood
-    data: DataLikelihood
-
-    @property
-    def error(self) -> LearnedError:
-        """The rows that count."""
-        return self.likelihood.error.parts[0]
-
-    @property
-    def floors(self) -> tuple[str, ...]:
-        """Names of those that were judged."""
-        first = self.likelihood.problem.data[0]
-        return tuple(self.likelihood.system.floors[row] for row in first.rows)
-
-    def missed(self, parameters: Tensor) -> Tensor:
-        """Residuals (n, m) of parameters (n, p), predicted less observed."""
-        return -self.likelihood.error.apart(self.likelihood.raw(parameters))[0]
-
-
 def _errors(
     model: StudyModel,
     measured: Measured,
@@ -120,17 +89,13 @@ def _errors(
     seed: Seed,
 ) -> ErrorDraws | None:
     """The error of the model at the draws theta (n, p) and zeta (n,), by runs."""
-    erring: Erring | None = sampled.learned
-    observation = measured.reference
-    if sampled.effects is not None and measured.has_base:
-        data = DataLikelihood(model.system, observation, modes=None)
-        erring = _EffectErrors(sampled.effects, data)
-    if erring is None:
+    likelihood = sampled.likelihood
+    if likelihood.base is None or not likelihood.error.parts[0].learns:
         return None
     theta, zeta, shape = draws
     ratio = np.full(len(theta), model.building.damping.ratio) if zeta is None else zeta
     both = torch.from_numpy(np.column_stack([theta, ratio]))
-    return draw_errors(erring, both.unflatten(0, shape), observation, seed)
+    return draw_errors(likelihood, both.unflatten(0, shape), measured.reference, seed)
 
 
 def with_own_errors(posterior: Posterior, model: StudyModel, seed: Seed) -> Posterior:
@@ -149,13 +114,7 @@ def with_own_errors(posterior: Posterior, model: StudyModel, seed: Seed) -> Post
     return replace(posterior, theta=np.clip(moved, posterior.lower, posterior.upper))
 
 
-def draw_zeta(
-    model: StudyModel,
-    observation: Observation,
-    theta: Floats,
-    likelihood: LearnedLikelihood | None,
-    seed: Seed,
-) -> Floats:
+def draw_zeta(model: StudyModel, likelihood: Likelihood, theta: Floats, seed: Seed) -> Floats:
     """Damping ratios (n,) for posterior draws theta (n, p).
 
     p(zeta | theta, x) by the data-space likelihood on a grid, averaged over some draws of theta:
@@ -165,9 +124,8 @@ def draw_zeta(
     rng = np.random.default_rng(seed)
     some = torch.from_numpy(theta[rng.permutation(len(theta))[: CALIBRATION.zeta_samples]])
     grid = torch.linspace(damping.lower, damping.upper, CALIBRATION.zeta_grid, dtype=torch.float64)
-    judge = likelihood or DataLikelihood(model.system, observation)
     both = torch.cat([some.repeat_interleave(len(grid), 0), grid.repeat(len(some))[:, None]], dim=1)
-    log_density = judge(both).reshape(len(some), len(grid))
+    log_density = likelihood(both).reshape(len(some), len(grid))
     density = torch.softmax(log_density, dim=1).mean(dim=0).numpy()
     # Within a cell of the grid zeta is uniform.
     width = (damping.upper - damping.lower) / (CALIBRATION.zeta_grid - 1)
@@ -232,53 +190,36 @@ def against_data(
     model: StudyModel, measured: Measured, posterior: Posterior, sampled: Sampled, seed: Seed
 ) -> Fitting:
     """Some posterior draws against the data."""
-    observation = posterior.observation
     drawing, choosing = spawn(seed, 2)
-    drawn = _some_draws(model, posterior, drawing)
-    if sampled.effects is not None:
-        return _against_all(model, measured, sampled.effects, drawn, choosing)
-    if measured.others:
-        return Fitting(*check_measured(model, measured, drawn), learned=sampled.learned is not None)
-    likelihood = DataLikelihood(model.system, observation)
-    residuals = likelihood.residuals(drawn)
-    points = independent_share(observation) * observation.valid.sum(axis=1)
-    left = residuals.square().sum(dim=1)
-    if sampled.learned is None:
-        allowed = with_least_noise(observation, sampled.least_noise)
-        predicted = likelihood.predict(drawn[:, :-1], drawn[:, -1]).numpy()
-        check = check_predictions(allowed, predicted)
-    else:
-        error = sampled.learned.error
-        shares = torch.softmax(error.log_densities(residuals), dim=1)
-        rows = torch.multinomial(shares, 1, generator=torch_generator(choosing))[:, 0]
-        squares = error.floor_squares(residuals, rows)[0].numpy()
-        check = predictive_check(squares, points, observation.floors)
-    explained, learned = likelihood.explained(drawn), sampled.learned is not None
-    return Fitting(float(left.min() / points.sum()), check, explained, learned)
-
-
-def _against_all(
-    model: StudyModel, measured: Measured, likelihood: EffectLikelihood, drawn: Tensor, seed: Seed
-) -> Fitting:
-    """Some draws (n, p) of a building with effects against all that was measured."""
-    names, squares, counts = zip(*likelihood.checked(drawn, seed), strict=True)
+    drawn, likelihood = _some_draws(model, posterior, drawing), sampled.likelihood
+    allowed = likelihood.with_least_noise(sampled.least_noise)
+    names, squares, counts = zip(*allowed.checked(drawn, choosing), strict=True)
     points = torch.stack(counts, dim=1).numpy()
     check = predictive_check(torch.stack(squares, dim=1).numpy(), points, names)
-    wild = 1.0 - float(points.sum(axis=1).mean()) / max(likelihood.problem.effective, 1.0)
-    explained = None
-    if measured.has_base:
-        explained = DataLikelihood(model.system, measured.reference).explained(drawn)
+    wild = 1.0 - float(points.sum(axis=1).mean()) / max(likelihood.effective, 1.0)
     misfit = float(likelihood.misfit(drawn).min())
-    return Fitting(misfit, check, explained, learned=True, wild=wild)
+    return Fitting(misfit, check, likelihood.explained(drawn), likelihood.learns, wild)
 
 
 def against_modes(
     model: StudyModel, measured: Measured, posterior: Posterior, seed: Seed
 ) -> tuple[str, ...]:
     """Every identified mode beside the posterior's, in a sentence."""
-    if not measured.modes:
-        return ()
-    return mode_sentences(model, measured, _some_draws(model, posterior, seed))
+    drawn = model.parameters.split(_some_draws(model, posterior, seed))
+    told = []
+    for modes, data in zip(measured.modes, data_of_modes(model, measured), strict=True):
+        found = data.paired(data.predicted(model.system, drawn.theta, drawn.zeta, drawn.sizes))
+        frequency, terms = found.log_frequency.exp().numpy() / (2.0 * np.pi), data.terms
+        product = (terms.shape_root**2 * terms.shape * found.shape).sum(2)
+        mac = (product / (terms.shape_root * terms.shape).square().sum(1)).mean(0).numpy()
+        for k, name in enumerate(modes.names):
+            own = frequency[:, k]
+            shape = "" if np.isnan(mac[k]) else f", MAC {mac[k]:.3f}"
+            told.append(
+                f"Mode {name} at {modes.frequency_hz[k]:.4g} Hz: the posterior has"
+                f" {own.mean():.4g} ± {own.std():.2g} Hz{shape}."
+            )
+    return tuple(told)
 
 
 def _some_draws(model: StudyModel, posterior: Posterior, seed: Seed) -> Tensor:

@@ -6,15 +6,17 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from femupdate.discrepancy.data import Data
 from femupdate.discrepancy.fit import Fit
-from femupdate.discrepancy.likelihood import EffectLikelihood, likelihood_about
+from femupdate.discrepancy.likelihood import likelihood_about, parameters_at
 from femupdate.discrepancy.mesh_error import MeshError
 from femupdate.discrepancy.mesh_scatter import mesh_scatter
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.records import SecondRecord, base_data
 from femupdate.discrepancy.search import prepared, refined
+from femupdate.discrepancy.thresholds import FIT
 from femupdate.effects.listed import building_effects
+from femupdate.inference.data import Data
+from femupdate.inference.likelihood import Likelihood
 from femupdate.inference.maxima import found_from
 from femupdate.inference.prior_search import best_of_prior
 from femupdate.inference.priors import effect_parameters
@@ -40,11 +42,13 @@ class FittedEffects:
         model: with its effects; of a frame on a basis about the fit.
         likelihood: of all that was measured.
         start: (1, p) parameters at the fit.
+        local: whether the model serves about the fit alone.
     """
 
     model: StudyModel
-    likelihood: EffectLikelihood
+    likelihood: Likelihood
     start: Tensor
+    local: bool
 
     def maxima(self, seed: Seed) -> Descent:
         """Of the posterior, in standard normal coordinates.
@@ -54,16 +58,11 @@ class FittedEffects:
         likelihood, starts = self.likelihood, self.start
         prior = likelihood.prior
         if not self.local:
-            coarse = likelihood.coarse()
+            coarse = likelihood.coarse(FIT.coarse_noise)
             likely, _ = best_of_prior(prior, coarse.log_density, seed)
             ended = found_from(prior, coarse.residuals, likely[: prior.size])
             starts = torch.cat([starts, prior.from_normal(ended.z)])
         return found_from(prior, likelihood.residuals, starts)
-
-    @property
-    def local(self) -> bool:
-        """Whether the model serves about the fit alone."""
-        return self.likelihood.problem.reduced.structure.operators is not None
 
 
 def fitted_effects(
@@ -81,11 +80,15 @@ def fitted_effects(
     data = _data(model, measured, finder.mesh)
     problem, fitted = prepared(finder, data, None, progress)
     problem, fitted = refined(finder, problem, fitted, progress, alone=True)
-    if problem.reduced.structure.operators is not None:
+    local = problem.reduced.structure.operators is not None
+    if local:
         keep_basis(study, problem.reduced, model.building)
-    likelihood = likelihood_about(problem, fitted)
-    start = likelihood.parameters_of(fitted)
-    return FittedEffects(with_fitted(model, problem, fitted, finder.mesh), likelihood, start)
+    return FittedEffects(
+        with_fitted(model, problem, fitted, finder.mesh),
+        likelihood_about(problem, fitted),
+        parameters_at(fitted),
+        local,
+    )
 
 
 def with_fitted(

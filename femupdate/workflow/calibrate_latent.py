@@ -4,9 +4,8 @@ from functools import partial
 
 import numpy as np
 
-from femupdate.inference.latent_likelihood import LatentLikelihood, Learning, usual_misfit
+from femupdate.inference.latent_likelihood import LatentLikelihood, usual_misfit
 from femupdate.inference.smc import TemperedSmc
-from femupdate.measurement.observation import Observation
 from femupdate.study import Study
 from femupdate.workflow.calibrate_notes import (
     LEARNS_NO_ERROR,
@@ -16,10 +15,11 @@ from femupdate.workflow.calibrate_notes import (
     latent_notes,
     misfit_warnings,
     noise_notes,
-    require_own_building,
 )
 from femupdate.workflow.calibrate_settings import CalibrationSettings, Sampled, by_runs
 from femupdate.workflow.decoded import sample_decoded, sampled_groups
+from femupdate.workflow.kinds import Measured
+from femupdate.workflow.likelihoods import settled_likelihood, stated_likelihood
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.sampling import ChainRunner
 from femupdate.workflow.surrogates import require_surrogate
@@ -29,12 +29,12 @@ from femupdate.workflow.thresholds import CALIBRATION
 def sample_latent(
     study: Study,
     model: StudyModel,
-    observation: Observation,
+    measured: Measured,
     settings: CalibrationSettings,
     run: ChainRunner,
 ) -> Sampled:
     """Latent likelihood; by a population on the decoder where there are many parameters."""
-    surrogate = require_surrogate(study, model.building)
+    observation, surrogate = measured.base, require_surrogate(study, model.building)
     least = surrogate.info.noise_sd
     calibration = calibration_notes(surrogate.info, observation)
     # Draws on the decoder know no effects.
@@ -53,17 +53,21 @@ def sample_latent(
             *misfit_warnings(found.misfit, usual_misfit(observation)),
             *decoder_warnings(found.error, noise),
         )
-        return Sampled(results, model.parameters, drawn, told, least_noise=least, warnings=warnings)
+        return Sampled(
+            results,
+            model.parameters,
+            drawn,
+            told,
+            stated_likelihood(model, observation),
+            least_noise=least,
+            warnings=warnings,
+        )
     likelihood = LatentLikelihood(
         surrogate,
         model.system,
         observation,
         device=settings.device,
-        learning=Learning(
-            model.parameters,
-            model.shared,
-            partial(require_own_building, model, anyway=settings.anyway),
-        ),
+        learning=partial(settled_likelihood, model, measured, settings),
     )
     assert likelihood.settled is not None
     sampler = TemperedSmc(model.prior.to(settings.device), likelihood, settings=settings.smc)
@@ -75,7 +79,7 @@ def sample_latent(
         model.prior,
         drawn,
         notes,
+        likelihood.settled.likelihood,
         latent=likelihood.found,
-        learned=likelihood.settled.likelihood,
         warnings=misfit_warnings(likelihood.found.misfit, likelihood.usual_misfit),
     )

@@ -2,19 +2,15 @@
 
 import numpy as np
 
-from femupdate.discrepancy.thresholds import MODEL_ERROR
-from femupdate.errors import MeasurementError
 from femupdate.inference.bridge import BridgeResult
 from femupdate.inference.decoded_chains import DecodedPosterior
 from femupdate.inference.diagnostics import r_hat
 from femupdate.inference.latent_likelihood import LatentLikelihood
-from femupdate.inference.likelihood import DataLikelihood
 from femupdate.inference.posterior import Posterior
 from femupdate.inference.predictive_check import PredictiveCheck
 from femupdate.inference.smc import SmcResult
-from femupdate.inference.thresholds import DRAWS
+from femupdate.inference.thresholds import DRAWS, JUDGED
 from femupdate.measurement.observation import Observation
-from femupdate.surrogate.gauss_newton import Descent
 from femupdate.surrogate.storage import ANY_FLOORS, SurrogateInfo
 from femupdate.units import percent
 from femupdate.workflow.calibrate_draws import Fitting
@@ -173,31 +169,6 @@ def overstated_noise(fitting: Fitting) -> tuple[str, ...]:
     )
 
 
-def require_own_building(
-    model: StudyModel, data: DataLikelihood, found: Descent, *, anyway: bool
-) -> None:
-    """Refuse an observation that says nothing of its building, before anything is drawn.
-
-    Args:
-        data: FRFs under base motion.
-        found: maxima of the posterior.
-        anyway: refuse nothing.
-
-    Raises:
-        MeasurementError: the best response has next to nothing of what was measured.
-    """
-    if anyway:
-        return
-    explained = data.explained(model.parameters.from_normal(found.z))
-    if not explained >= CALIBRATION.explained:  # which no number is not
-        best = max(float(np.nan_to_num(explained)), 0.0)
-        raise MeasurementError(
-            f"the observation is unlike anything that {model.building.name} can do: its best "
-            f"response has {percent(best)} of the measured variation over frequency; "
-            "check that the file belongs to the building, its units and directions, or add --anyway"
-        )
-
-
 def _unlike(fitting: Fitting) -> list[str]:
     if fitting.explained is None or fitting.explained >= CALIBRATION.explained:
         return []
@@ -225,7 +196,7 @@ def _missed(posterior: Posterior, fitting: Fitting) -> list[str]:
         )
     if fitting.wild > CALIBRATION.few_wild:
         notes.append(
-            f"{percent(fitting.wild, 1)} of the points are farther off than {MODEL_ERROR.wild:g} "
+            f"{percent(fitting.wild, 1)} of the points are farther off than {JUDGED.wild:g} "
             "standard deviations of noise and model error together: they count no more, neither "
             "for the parameters nor in the p-value."
         )

@@ -6,20 +6,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.special import logsumexp
 
-from femupdate.discrepancy.likelihood import EffectLikelihood
 from femupdate.inference.bridge import BridgeResult
 from femupdate.inference.importance import WeightedDraws
 from femupdate.inference.latent_search import FoundLatent
-from femupdate.inference.learned import LearnedLikelihood
+from femupdate.inference.likelihood import Likelihood
 from femupdate.inference.parameters import Parameters
 from femupdate.inference.posterior import DrawnBy
 from femupdate.inference.smc import SmcResult, SmcSettings
-from femupdate.inference.thresholds import MAXIMA
-from femupdate.seeds import Seed
 from femupdate.workflow.thresholds import CALIBRATION
-
-ABOUT_MAXIMA = "importance sampling about the maxima"
-_FEW_COUNT = "Few importance draws count: the posterior may be wider, or of several pieces."
 
 
 @dataclass(frozen=True)
@@ -54,12 +48,10 @@ class Sampled:
         parameters: that the columns of their draws are.
         drawn: how.
         notes: how it went, in sentences.
+        likelihood: of what was measured, with the errors of the model that the data show.
         latent: of the latent likelihood, where it was found by a search.
         least_noise: standard deviation of ln|H| below which the likelihood does not believe the
             file's noise.
-        learned: likelihood of the data with the error of the model that they show.
-        effects: likelihood of all that was measured by a model with effects; None where it was
-            that of `learned`.
         warnings: what whoever uses the draws should know, in sentences.
     """
 
@@ -67,10 +59,9 @@ class Sampled:
     parameters: Parameters
     drawn: DrawnBy
     notes: tuple[str, ...]
+    likelihood: Likelihood
     latent: FoundLatent | None = None
     least_noise: float = 0.0
-    learned: LearnedLikelihood | None = None
-    effects: EffectLikelihood | None = None
     warnings: tuple[str, ...] = ()
 
 
@@ -89,17 +80,6 @@ def by_runs(
             float(known.std(ddof=1) / len(known) ** 0.5) if evidence and len(known) > 1 else None
         ),
     )
-
-
-def about_maxima(
-    prior: Parameters, found: WeightedDraws, count: int, seed: Seed, *notes: str
-) -> Sampled:
-    """Equally weighted draws, `count` of them, of weighted ones about the maxima."""
-    theta, value = found.resample(count, seed)
-    result = SmcResult(theta, value, found.log_evidence, (), found.evaluations, 0)
-    few = found.effective < MAXIMA.trusted * len(found.points)
-    drawn = by_importance(ABOUT_MAXIMA, [found])
-    return Sampled([result], prior, drawn, notes, warnings=(_FEW_COUNT,) * few)
 
 
 def by_importance(way: str, results: Sequence[BridgeResult | WeightedDraws]) -> DrawnBy:

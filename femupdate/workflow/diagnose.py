@@ -9,11 +9,9 @@ from typing import Any
 
 import torch
 
-from femupdate.discrepancy.data import Data
 from femupdate.discrepancy.diagnose import PARTLY, Diagnosis, Finding
 from femupdate.discrepancy.finder_model import FinderModel, finder_structure, plain_structure
 from femupdate.discrepancy.fit import Fit
-from femupdate.discrepancy.frf_data import FrfData
 from femupdate.discrepancy.pairs import with_pair
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.screen import screen_channels
@@ -21,6 +19,8 @@ from femupdate.discrepancy.search import prepared, sought
 from femupdate.discrepancy.thresholds import VERDICT, DiagnosisSettings
 from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.effects.registry import CATALOGUE
+from femupdate.inference.data import Data
+from femupdate.inference.frf_data import FrfData
 from femupdate.measurement.observation import Observation
 from femupdate.progress import SILENT, Progress
 from femupdate.report.scale import with_unit

@@ -4,12 +4,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from femupdate.building.schema import Building
-from femupdate.discrepancy.data import Data
-from femupdate.discrepancy.frf_data import FloorForce, FrfData
 from femupdate.discrepancy.mesh_error import MeshError
-from femupdate.discrepancy.mode_data import mode_data
 from femupdate.discrepancy.records import SecondRecord, base_data, force_data, model_error
 from femupdate.discrepancy.thresholds import LEVEL
+from femupdate.inference.data import Data
+from femupdate.inference.frf_data import FloorForce, FrfData
+from femupdate.inference.mode_data import mode_data
 from femupdate.measurement.observation import Observation
 from femupdate.progress import Progress
 from femupdate.study import Study

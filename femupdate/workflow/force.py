@@ -11,8 +11,7 @@ from femupdate.dynamics.force_response import RestFlexibility, rest_flexibility
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.effects.structure import Structure, structure_of
 from femupdate.errors import MeasurementError
-from femupdate.inference.force_likelihood import ForceLikelihood
-from femupdate.inference.likelihood import DataLikelihood
+from femupdate.inference.frf_data import FrfData, base_logs, log_responses
 from femupdate.measurement.force_frf import ForcedObservation
 from femupdate.measurement.observation import Observation
 from femupdate.progress import Progress
@@ -71,7 +70,7 @@ def _reduced_by(study: Study) -> dict[str, str]:
     return {name: kept[name].sha256 for name in (REDUCED, FINER) if name in kept}
 
 
-def check_level(model: StudyModel, likelihood: ForceLikelihood, one: ForcedObservation) -> None:
+def check_level(model: StudyModel, data: FrfData, one: ForcedObservation) -> None:
     """Refuse responses in another unit or quantity than their file says.
 
     The masses of the building are known, so that no stiffness of the prior moves the level of the
@@ -81,9 +80,8 @@ def check_level(model: StudyModel, likelihood: ForceLikelihood, one: ForcedObser
         MeasurementError: no parameters of the prior come near the level; another unit or quantity
             would, and is named.
     """
-    draws = model.parameters.sample(UNITS.probes, _generator())
-    away = likelihood.measured - likelihood.predict(draws)
-    omega = (2.0 * torch.pi * likelihood.frequency_hz).log()
+    away = _away(model, data)
+    omega = (2.0 * torch.pi * data.frequency_hz).log()
     level, spread = _level(away, omega, 0)
     if level <= math.log(UNITS.force_level):
         return
@@ -100,11 +98,7 @@ def check_base_level(model: StudyModel, base: Observation) -> None:
     """
     if base.coherence is not None or not base.valid.any():
         return  # estimated here, from histories of the base and the floors
-    draws = model.parameters.split(model.parameters.sample(UNITS.probes, _generator()))
-    both = torch.cat([draws.theta, draws.sizes], dim=1)
-    predicted = DataLikelihood(model.system, base).predict(both, draws.zeta)
-    valid = torch.from_numpy(base.valid)
-    away = torch.where(valid, torch.from_numpy(base.log_frf) - predicted, torch.nan)
+    away = _away(model, base_logs(base, model.system))
     level, scatter = _level(away, torch.zeros(()), 0)
     if level + scatter <= math.log(UNITS.base_level):
         return
@@ -115,8 +109,13 @@ def check_base_level(model: StudyModel, base: Observation) -> None:
     )
 
 
-def _generator() -> torch.Generator:
-    return torch.Generator().manual_seed(0)
+def _away(model: StudyModel, data: FrfData) -> Tensor:
+    """(n, f, k) measured less predicted ln|H| at draws of the prior; NaN where not valid."""
+    generator = torch.Generator().manual_seed(0)
+    draws = model.parameters.split(model.parameters.sample(UNITS.probes, generator))
+    both = torch.cat([draws.theta, draws.sizes], dim=1)
+    predicted = log_responses(data, model.system, both, draws.zeta)
+    return torch.where(data.valid, data.log_frf - predicted, torch.nan)
 
 
 def _level(away: Tensor, omega: Tensor, power: int) -> tuple[float, float]:

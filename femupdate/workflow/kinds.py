@@ -1,4 +1,4 @@
-"""Observation files of any kind, and the likelihood of all of them together."""
+"""Observation files of any kind."""
 
 import hashlib
 from collections.abc import Sequence
@@ -6,17 +6,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-import torch
-from torch import Tensor
 
 from femupdate.building.schema import Building
 from femupdate.dynamics.force_response import RestFlexibility
 from femupdate.errors import MeasurementError
-from femupdate.inference.force_likelihood import ForceLikelihood
-from femupdate.inference.joint import Kind
-from femupdate.inference.likelihood import DataLikelihood
-from femupdate.inference.modal_likelihood import ModalErrors, ModalLikelihood
-from femupdate.inference.predictive_check import PredictiveCheck, floor_squares, predictive_check
+from femupdate.inference.frf_data import forced_logs
+from femupdate.inference.modal_terms import ModalErrors
 from femupdate.measurement.channel import RecordedChannel
 from femupdate.measurement.force_frf import (
     ForcedObservation,
@@ -26,11 +21,7 @@ from femupdate.measurement.force_frf import (
 )
 from femupdate.measurement.frf_table import FrfTable
 from femupdate.measurement.modes import IdentifiedModes
-from femupdate.measurement.observation import (
-    Observation,
-    independent_share,
-    require_floors_of_building,
-)
+from femupdate.measurement.observation import Observation, require_floors_of_building
 from femupdate.measurement.observation_file import ForceHistories, Histories
 from femupdate.measurement.pair_checks import pair_findings
 from femupdate.measurement.static_test import StaticTest, static_observations
@@ -209,8 +200,8 @@ def with_rest(study: Study, model: StudyModel, measured: Measured, progress: Pro
     if not measured.forced:
         return measured
     measured = replace(measured, rest=open_rest(study, model, progress))
-    for likelihood, one in zip(_of_forces(model, measured), measured.forced, strict=True):
-        check_level(model, likelihood, one)
+    for one in measured.forced:
+        check_level(model, forced_logs(one, model.system.floors, measured.rest), one)
     return measured
 
 
@@ -348,74 +339,3 @@ def no_base_motion(
         valid=np.zeros(empty.shape, dtype=bool),
         source="nothing",
     )
-
-
-def likelihoods_of_others(model: StudyModel, measured: Measured) -> tuple[Kind, ...]:
-    """Of all that is no FRF under base motion."""
-    return (*_of_forces(model, measured), *_of_modes(model, measured))
-
-
-def _of_forces(model: StudyModel, measured: Measured) -> list[ForceLikelihood]:
-    return [ForceLikelihood(model.system, one, None, measured.rest) for one in measured.forced]
-
-
-def _of_modes(model: StudyModel, measured: Measured) -> tuple[ModalLikelihood, ...]:
-    free = model.damping.free
-    return tuple(
-        ModalLikelihood(model.system, one, None, measured.errors, damping=free)
-        for one in measured.modes
-    )
-
-
-def mode_sentences(model: StudyModel, measured: Measured, parameters: Tensor) -> tuple[str, ...]:
-    """Every identified mode beside the posterior's, at draws (n, p) of it, zeta last."""
-    told = []
-    for modes, likelihood in zip(measured.modes, _of_modes(model, measured), strict=True):
-        found = likelihood.paired(parameters)
-        frequency = found.log_frequency.exp().numpy() / (2.0 * np.pi)
-        terms = likelihood.terms
-        product = (terms.shape_root**2 * terms.shape * found.shape).sum(2)
-        mac = (product / (terms.shape_root * terms.shape).square().sum(1)).mean(0).numpy()
-        for k, name in enumerate(modes.names):
-            own = frequency[:, k]
-            shape = "" if np.isnan(mac[k]) else f", MAC {mac[k]:.3f}"
-            told.append(
-                f"Mode {name} at {modes.frequency_hz[k]:.4g} Hz: the posterior has"
-                f" {own.mean():.4g} ± {own.std():.2g} Hz{shape}."
-            )
-    return tuple(told)
-
-
-def check_measured(
-    model: StudyModel, measured: Measured, parameters: Tensor
-) -> tuple[float, PredictiveCheck]:
-    """Posterior draws (n, p), zeta last, against all that was measured.
-
-    Returns:
-        The smallest mean squared whitened residual, and the posterior predictive check of every
-        floor's FRF, under base motion or a force, and of the frequencies, damping ratios and
-        shapes of every file of modes.
-    """
-    names: list[str] = []
-    freedom: list[float] = []
-    squares: list[Tensor] = []
-    if measured.has_base:
-        base = measured.base
-        values = model.parameters.split(parameters)
-        predicted = DataLikelihood(model.system, base).predict(values.theta, values.zeta).numpy()
-        squares.append(torch.from_numpy(floor_squares(base, predicted)))
-        freedom += (independent_share(base) * base.valid.sum(axis=1)).tolist()
-        names += base.floors
-    for force in _of_forces(model, measured):
-        squares.append(force.squares(parameters))
-        freedom += force.freedom
-        names += force.names
-    for one, likelihood in zip(measured.modes, _of_modes(model, measured), strict=True):
-        kept = [k for k, count in enumerate(likelihood.freedom) if count]
-        squares.append(likelihood.squares(parameters)[:, kept])
-        freedom += [float(likelihood.freedom[k]) for k in kept]
-        several = f" of {one.source}" if len(measured.modes) > 1 else ""
-        names += [likelihood.names[k] + several for k in kept]
-    left = torch.cat(squares, dim=1).numpy()
-    misfit = float(left.sum(axis=1).min() / sum(freedom))
-    return misfit, predictive_check(left, freedom, tuple(names))

@@ -49,8 +49,8 @@ def with_finer_mesh(study: Study, model: StudyModel, progress: Progress = SILENT
 def _learned(model: StudyModel, building: FrameBuilding, fine: ReducedStructure) -> FinerMesh:
     if building.by_kind:
         return FinerMesh(fine.model)
-    grid = building.frequency_grid.frequencies_hz()
-    error = learn_mesh_error(model.reduced, fine, _thetas(building), grid)
+    top_hz = float(building.frequency_grid.frequencies_hz()[-1])
+    error = learn_mesh_error(model.reduced, fine, _thetas(building), top_hz)
     return FinerMesh(fine.model, error, tuple(fine.terms(one) for one in error.placed))
 
 
@@ -77,8 +77,8 @@ def open_mesh_error(
     fine = ReducedStructure(structure, finer.model, np.zeros((len(structure.axis), 0)), known)
     coarse, target, thetas = structure_of(plain), reduction_target(plain), _thetas(plain)
     own = on_finer_mesh(coarse, model.reduced, structure, target, thetas, progress)
-    grid = plain.frequency_grid.frequencies_hz()
-    found = learn_mesh_error(own.model, fine, thetas, grid).of_mesh(THRESHOLDS.finer)
+    top_hz = float(plain.frequency_grid.frequencies_hz()[-1])
+    found = learn_mesh_error(own.model, fine, thetas, top_hz).of_mesh(THRESHOLDS.finer)
     keep_mesh_error(study, plain, found)
     return found
 

@@ -8,9 +8,9 @@ import numpy as np
 from femupdate.arrays import Floats
 from femupdate.building.parameters import factor_titles
 from femupdate.discrepancy.fit import Fit
-from femupdate.discrepancy.frf_data import FrfData
 from femupdate.discrepancy.residual_map import Cell, residual_cells
 from femupdate.effects.drawn_building import DrawnBuilding
+from femupdate.inference.frf_data import FrfData
 from femupdate.report.figure import save_figure
 from femupdate.report.geometry import Geometry
 from femupdate.report.glyphs import drawn

@@ -13,16 +13,22 @@ from femupdate.building.schema import Building
 from femupdate.discrepancy.certify import missed_in_turn
 from femupdate.discrepancy.diagnose import STANDS_IN
 from femupdate.discrepancy.finder_model import FinderModel
+from femupdate.discrepancy.fit import Fit
 from femupdate.discrepancy.held_out import Held, KeptOut, hold
+from femupdate.discrepancy.likelihood import likelihood_about, parameters_at
 from femupdate.discrepancy.problem import Problem
-from femupdate.discrepancy.repair import Repair, mend, posteriors
-from femupdate.discrepancy.thresholds import DiagnosisSettings
+from femupdate.discrepancy.repair import Repair, mend
+from femupdate.discrepancy.thresholds import VERDICT, DiagnosisSettings
+from femupdate.inference.maxima import found_from
 from femupdate.measurement.observation_file import Histories
 from femupdate.progress import SILENT, Progress
 from femupdate.report.scale import plus_minus
+from femupdate.seeds import Seed
 from femupdate.study import BUILDING_FILE, Study
 from femupdate.tables import table
+from femupdate.workflow.about_maxima import FROM_FIT, Target, sampled_about_maxima
 from femupdate.workflow.calibrate_effects import with_fitted
+from femupdate.workflow.calibrate_settings import Sampled
 from femupdate.workflow.diagnose import finder_model, keep_found, search
 from femupdate.workflow.finder_data import Given, read_given, read_held
 from femupdate.workflow.model import StudyModel, on_kept_finer, open_study
@@ -196,7 +202,8 @@ def repair_study(
         kept_out = _kept_out(model, finder, holdout, other, use_phase, first)
     elsewhere = None if kept_out is None else kept_out.gain
     mended, done = mend(finder, problem, base, found, settings, progress, elsewhere)
-    before, after = posteriors(problem, mended, done, settings.seed, progress)
+    before = _updated(problem, done.before, settings.seed, progress)
+    after = _updated(mended, done.after, settings.seed, progress) if done.rounds else before
     held = None if kept_out is None else _held(kept_out, problem, done, progress)
     building, kept = model.building, None
     if done.rounds:
@@ -211,8 +218,8 @@ def repair_study(
         problem=problem,
         building=building,
         study=kept,
-        theta_before=before.theta,
-        theta_after=after.theta,
+        theta_before=_factors(before),
+        theta_after=_factors(after),
         held=held,
         in_turn=_in_turn(done) if held is None else None,
         path=study.path("repair.json"),
@@ -222,6 +229,21 @@ def repair_study(
     others = {"second": second, "holdout": holdout}
     keep_found(study, "repair", report.path, content, origin, source, **others)
     return report
+
+
+def _updated(problem: Problem, fitted: Fit, seed: Seed, progress: Progress) -> Sampled:
+    """Draws of the posterior of a fitted model; however few of them count, there are no others."""
+    likelihood = likelihood_about(problem, fitted)
+    maxima = found_from(likelihood.prior, likelihood.residuals, parameters_at(fitted))
+    target = Target(likelihood, maxima, FROM_FIT, local=True)
+    sampled = sampled_about_maxima(target, VERDICT.repair_draws, seed, progress)
+    assert sampled is not None
+    return sampled
+
+
+def _factors(sampled: Sampled) -> Floats:
+    """(n, p) draws of the stiffness factors."""
+    return sampled.parameters.split(sampled.results[0].theta).theta.numpy()
 
 
 def _in_turn(done: Repair) -> tuple[float, float]:

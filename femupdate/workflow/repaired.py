@@ -1,13 +1,10 @@
 """The repaired building: its file, and the study that every command takes."""
 
-from dataclasses import replace
-
 from femupdate.building.document import without_effects
 from femupdate.building.files import save_building
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.schema import Building
 from femupdate.discrepancy.mesh_error import MeshError
-from femupdate.discrepancy.posterior import Draws
 from femupdate.discrepancy.repair import Repair
 from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.effects.listed import with_effect
@@ -15,7 +12,7 @@ from femupdate.inference.posterior import save_posterior
 from femupdate.seeds import Seed, spawn
 from femupdate.study import BUILDING_FILE, REPAIRED, Study
 from femupdate.workflow.amplitude import level_settings
-from femupdate.workflow.calibrate_settings import CalibrationSettings, about_maxima
+from femupdate.workflow.calibrate_settings import CalibrationSettings, Sampled
 from femupdate.workflow.calibration_report import POSTERIOR
 from femupdate.workflow.conclusion import concluded
 from femupdate.workflow.effects import keep_basis
@@ -73,7 +70,7 @@ def keep_repaired_posterior(
     model: StudyModel,
     measured: Measured,
     source: ObservationSource,
-    draws: Draws,
+    sampled: Sampled,
     seed: Seed,
     levels: tuple[float, ...],
 ) -> None:
@@ -83,14 +80,11 @@ def keep_repaired_posterior(
         study: of the repaired building.
         model: with all that was added, as it was fitted.
         measured: what it was fitted to.
-        draws: of the fitted model's posterior.
+        sampled: draws of the fitted model's posterior.
         seed: of what is drawn beside them.
         levels: of the records, in doublings above the first.
     """
-    choosing, *drawing = spawn(seed, 5)
-    count = len(draws.parameters)
-    sampled = about_maxima(draws.likelihood.prior, draws.weighted, count, choosing)
-    sampled = replace(sampled, effects=draws.likelihood)
+    drawing, count = spawn(seed, 4), len(sampled.results[0].theta)
     settings = CalibrationSettings(particles=count, exact=True, chains=1)
     path = study.result("posterior.nc")
     report = concluded(model, measured, settings, sampled, drawing, path).with_settings(

@@ -8,8 +8,8 @@ from torch import Tensor
 
 from femupdate.arrays import Floats
 from femupdate.inference.event_scatter import LearnedScatter, learned_scatter
-from femupdate.inference.learned import learned_error
-from femupdate.inference.likelihood import DataLikelihood
+from femupdate.inference.frf_data import base_logs
+from femupdate.inference.likelihood import missed
 from femupdate.inference.posterior import Posterior
 from femupdate.measurement.observation import Observation
 from femupdate.seeds import Seed
@@ -46,9 +46,9 @@ def _moments(model: StudyModel, run: Observation, level: float, posterior: Poste
 
     Those are what the posterior has at the level of the run.
     """
-    data, ratios = DataLikelihood(model.system, run), posterior.zeta_samples
+    data, ratios = base_logs(run, model.system), posterior.zeta_samples
     # Errors of the model that all runs share, such as a mesh's, do not move one from another.
-    error = learned_error(data, run)
+    error = data.error(None)
     middle = posterior.samples.mean(axis=0)
     theta, sizes = model.system.split(torch.from_numpy(middle[None]))
     mean = model.building.damping.ratio if ratios is None else float(ratios.mean())
@@ -57,8 +57,8 @@ def _moments(model: StudyModel, run: Observation, level: float, posterior: Poste
     def judge(moved: Tensor) -> Tensor:
         own = theta * moved[:, :1].exp()
         damped = (zeta * moved[:, 1:].exp()).clamp_max(0.99)
-        parameters = torch.cat([own, sizes.expand(len(moved), -1), damped], dim=1)
-        left = data.residuals(parameters)
+        known = own, damped[:, 0], sizes.expand(len(moved), -1)
+        left = missed((data,), model.system, known)
         # A row that is unlikely where least is left is so everywhere.
         best = left.square().sum(1).argsort()[: RUNS.best]
         rows = error.counting(error.log_densities(left[best]))

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from femupdate.building.document import from_document
-from femupdate.discrepancy.frf_data import frf_data
 from femupdate.discrepancy.problem import make_problem
 from femupdate.dynamics.damping import damping_law
 from femupdate.dynamics.projection import lumped
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import structure_of
+from femupdate.inference.frf_data import frf_data
 from femupdate.inference.priors import damping_parameter, theta_prior
 from femupdate.measurement.observation import Observation
 

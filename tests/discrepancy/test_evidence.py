@@ -12,7 +12,9 @@ from scipy.stats import norm
 from femupdate.discrepancy import evidence
 from femupdate.discrepancy.evidence import laplace, log_target, sampled
 from femupdate.discrepancy.fit import fit, raw_residuals
-from femupdate.discrepancy.posterior import draw
+from femupdate.discrepancy.likelihood import likelihood_about, parameters_at
+from femupdate.inference.maxima import found_from
+from femupdate.workflow.about_maxima import FROM_FIT, Target, sampled_about_maxima
 
 MASS, SPRING, ZETA = 2.0, 3000.0, 0.05
 GRID = np.linspace(0.5, 12.0, 40)
@@ -154,16 +156,27 @@ def test_evidence_is_summed_over_what_the_model_may_err_by(case):
     assert alone < summed < alone + np.log(2.0)
 
 
-def sizes_of(draws):
-    return draws.likelihood.prior.split(draws.parameters).sizes.numpy()
+def draw(problem, fitted, count, seed):
+    """Importance draws about the maximum that a fit leads to."""
+    likelihood = likelihood_about(problem, fitted)
+    maxima = found_from(likelihood.prior, likelihood.residuals, parameters_at(fitted))
+    return sampled_about_maxima(Target(likelihood, maxima, FROM_FIT, local=True), count, seed)
+
+
+def theta_of(sampled):
+    return sampled.parameters.split(sampled.results[0].theta).theta.numpy()
+
+
+def sizes_of(sampled):
+    return sampled.parameters.split(sampled.results[0].theta).sizes.numpy()
 
 
 def test_draws_have_the_moments_of_the_posterior(case):
     problem, fitted, quadrature = case
     draws = draw(problem, fitted, 2000, seed=4)
-    assert draws.weighted.effective > 500
-    assert draws.weighted.log_evidence == pytest.approx(quadrature.log_evidence, abs=0.1)
-    columns, sizes = [(draws.theta[:, 0], quadrature.theta[:, None])], sizes_of(draws)
+    assert draws.drawn.effective_sample_size > 500
+    assert draws.drawn.log_evidence == pytest.approx(quadrature.log_evidence, abs=0.1)
+    columns, sizes = [(theta_of(draws)[:, 0], quadrature.theta[:, None])], sizes_of(draws)
     if sizes.size:
         columns.append((sizes[:, 0], quadrature.size[None]))
     for sample, grid in columns:
@@ -171,10 +184,10 @@ def test_draws_have_the_moments_of_the_posterior(case):
         # 500 effective draws: means scatter by sd / 22, sds by 3 %; four times that.
         assert sample.mean() == pytest.approx(mean, abs=0.18 * sd)
         assert sample.std() == pytest.approx(sd, rel=0.14)
-    chi2 = -2.0 * draws.log_likelihood.numpy()
+    chi2 = -2.0 * draws.results[0].log_likelihood.numpy()
     assert chi2.min() > fitted.chi2 - 1.0
     again = draw(problem, fitted, 2000, seed=4)
-    np.testing.assert_array_equal(again.theta, draws.theta)
+    np.testing.assert_array_equal(theta_of(again), theta_of(draws))
 
 
 def test_draws_keep_to_the_limits(case):
@@ -182,7 +195,7 @@ def test_draws_keep_to_the_limits(case):
     whole = replace(problem)
     wide, fitted = fitted_by(whole, fitted.placed, len(whole.error.parts[0].levels) - 1)
     draws = draw(wide, fitted, 500, seed=1)
-    assert ((draws.theta >= 0.5) & (draws.theta <= 2.0)).all()
+    assert ((theta_of(draws) >= 0.5) & (theta_of(draws) <= 2.0)).all()
     if quadrature.size[0] == 0.0:
         assert (sizes_of(draws) >= 0.0).all()
 
@@ -193,10 +206,10 @@ def test_what_the_data_leave_open_is_drawn_from_its_prior(building_of, observe, 
     noisy = replace(observation, noise_sd=np.full_like(observation.noise_sd, 1000.0))
     problem = pose(building_of([MASS], [SPRING], zeta=None, ratio=ZETA), noisy)
     draws = draw(*fitted_by(problem, (), 0), 2000, seed=1)
-    assert draws.weighted.effective > 500
+    assert draws.drawn.effective_sample_size > 500
     # The sd of a uniform density is 1.5 / 12^.5; 500 effective draws know its mean to .02.
-    assert draws.theta.mean() == pytest.approx(1.25, abs=0.08)
-    assert draws.theta.std() == pytest.approx(1.5 / 12**0.5, rel=0.1)
+    assert theta_of(draws).mean() == pytest.approx(1.25, abs=0.08)
+    assert theta_of(draws).std() == pytest.approx(1.5 / 12**0.5, rel=0.1)
 
 
 def test_many_points_are_weighed_some_at_a_time(case, monkeypatch):

@@ -10,7 +10,7 @@ from scipy.stats import truncnorm
 
 from femupdate.discrepancy.evidence import laplace, log_prior, log_target, student_about
 from femupdate.discrepancy.fit import densities, fit
-from femupdate.discrepancy.joint_error import summed
+from femupdate.inference.joint_error import summed
 
 GRID = np.linspace(0.5, 12.0, 8)
 PRIOR_MEAN, PRIOR_SD = 0.3, 0.5

@@ -5,7 +5,9 @@ import pytest
 import torch
 
 from femupdate.dynamics.system import System
+from femupdate.inference.frf_data import base_logs
 from femupdate.inference.learned import settled
+from femupdate.inference.likelihood import likelihood_of
 from femupdate.inference.parameters import Parameters
 from femupdate.inference.priors import damping_parameter, theta_prior
 
@@ -32,12 +34,11 @@ def test_what_moves_all_factors_alike_is_never_told_from_them(
         return change[:, None]
 
     prior = theta_prior(building) + Parameters((damping_parameter(building),))
-    found = settled(prior, system, seen, 1, shared=shared)
+    likelihood = likelihood_of((base_logs(seen, system, modes=None),), system, prior)
+    found = settled(likelihood, 1, shared=shared, observation=seen)
     middle = prior.from_normal(found.found.z[:1])
     steps = torch.cat([torch.zeros(1, 4), 1e-6 * torch.eye(4)]).to(middle)
-    whitened = found.likelihood.error.whiten(
-        found.likelihood.data.residuals(middle * torch.exp(steps)), 0
-    )
+    whitened = found.likelihood.residuals(middle * torch.exp(steps))
     slopes = (whitened[1:] - whitened[:1]) / 1e-6
     covariance = torch.linalg.inv(slopes @ slopes.T).numpy()
     together = np.array([1.0, 1.0, 1.0, 0.0]) / 3.0

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from femupdate.discrepancy.fit import fit_baseline
-from femupdate.discrepancy.likelihood import likelihood_about
+from femupdate.discrepancy.likelihood import likelihood_about, parameters_at
 from femupdate.inference.predictive_check import predictive_check
 
 GRID = 0.1 * np.arange(1, 201)
@@ -22,7 +22,7 @@ def test_noise_of_any_size_is_allowed_for(chains, building_of, observe, pose, mo
     seen = replace(seen, noise_sd=seen.noise_sd / more)
     problem = pose(building_of(MASSES, SPRINGS), seen)
     likelihood = likelihood_about(problem, fit_baseline(problem)[0])
-    fitted = likelihood.parameters_of(fit_baseline(problem)[0])
+    fitted = parameters_at(fit_baseline(problem)[0])
     names, squares, counts = zip(*likelihood.checked(fitted, 1), strict=True)
     check = predictive_check(np.stack(squares, axis=1), np.stack(counts, axis=1), names)
     assert 0.01 < check.whole < 0.99

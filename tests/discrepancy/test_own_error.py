@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from femupdate.discrepancy.fit import extended, fit, fit_baseline
-from femupdate.discrepancy.frf_data import frf_data
 from femupdate.discrepancy.problem import make_problem
 from femupdate.dynamics.damping import damping_law
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
+from femupdate.inference.frf_data import frf_data
 from femupdate.inference.priors import damping_parameter, theta_prior
 
 GRID = 0.2 * np.arange(1, 61)

@@ -14,7 +14,7 @@ from femupdate.dynamics.system import System
 from femupdate.effects.structure import structure_of
 from femupdate.errors import BuildingError
 from femupdate.fe.factorization import factorize
-from femupdate.inference.modal_likelihood import shown_modes
+from femupdate.inference.modal_terms import shown_modes
 from femupdate.inference.priors import reduction_target
 
 MASS, SPRING, HEIGHT = np.array([4.0, 3.0, 2.0]), np.array([9e3, 7e3, 5e3]), 0.5

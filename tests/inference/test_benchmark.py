@@ -14,8 +14,9 @@ from femupdate.building.shear import shear_operators
 from femupdate.dynamics.damping import RayleighDamping
 from femupdate.dynamics.projection import reduce_lumped
 from femupdate.dynamics.system import System
-from femupdate.inference.likelihood import DataLikelihood
-from femupdate.inference.parameters import Parameters
+from femupdate.inference.frf_data import AT_ITS_WORD, base_logs
+from femupdate.inference.likelihood import likelihood_of
+from femupdate.inference.parameters import Parameter, Parameters
 from femupdate.inference.smc import TemperedSmc
 from femupdate.measurement.observation import Observation
 
@@ -37,6 +38,14 @@ SD = np.array(
 )
 WEIGHT = np.array([0.337, 0.132, 0.346, 0.185])
 LOG_EVIDENCE = -580.90
+PRIOR = Parameters.uniform([f"theta_{k}" for k in range(1, 5)], [0.33] * 4, [3.0] * 4)
+ZETA = 0.02
+KNOWN = Parameters((Parameter(name="zeta", kind="damping", lower=ZETA, upper=ZETA),))
+
+
+def damped(theta):
+    """Parameters (n, 5) of factors (n, 4)."""
+    return torch.from_numpy(np.column_stack([theta, np.full(len(theta), ZETA)]))
 
 
 @pytest.fixture(scope="module")
@@ -54,27 +63,25 @@ def likelihood():
     observation = Observation(
         frequency, ("RF",), (clean + noise)[None], np.full(shape, 0.2), np.ones(shape, dtype=bool)
     )
-    return DataLikelihood(System(model, law), observation, building.damping.ratio)
+    system = System(model, law)
+    data = base_logs(observation, system, believed=AT_ITS_WORD)
+    assert building.damping.ratio == ZETA
+    return likelihood_of((data,), system, PRIOR + KNOWN)
 
 
 def test_the_four_modes_fit_equally_well(likelihood):
-    misfit = likelihood.misfit(torch.from_numpy(MODES))
+    misfit = likelihood.raw(damped(MODES)).square().sum(1)
     # Chi-square with 1024 degrees of freedom, sd 45; five printed digits of theta move the peaks.
     assert float(misfit[0]) == pytest.approx(1024.0, abs=4 * 45.0)
     np.testing.assert_allclose(misfit, misfit[0], atol=0.5)
-    away = torch.from_numpy(MODES + 6.0 * SD)
-    assert bool((likelihood(away) < likelihood(torch.from_numpy(MODES)) - 5.0).all())
+    away = damped(MODES + 6.0 * SD)
+    assert bool((likelihood(away) < likelihood(damped(MODES)) - 5.0).all())
 
 
 @pytest.mark.slow
 def test_posterior_and_evidence_are_the_exact_ones(likelihood):
-    prior = Parameters.uniform(
-        ("theta_1", "theta_2", "theta_3", "theta_4"),
-        torch.full((4,), 0.33, dtype=torch.float64),
-        torch.full((4,), 3.0, dtype=torch.float64),
-    )
-    result = TemperedSmc(prior, likelihood).run(2000, 1)
-    theta = result.theta.numpy()
+    result = TemperedSmc(likelihood.prior, likelihood).run(2000, 1)
+    theta = result.theta[:, :4].numpy()
     mode = np.abs((theta[:, None] - MODES) / SD).max(-1).argmin(1)
     # Over runs of this size the log evidence spreads by .06, a mode's weight by .007 to .016, and
     # 250 to 700 particles give a standard deviation to 3 to 5 %.

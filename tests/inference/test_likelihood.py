@@ -9,8 +9,10 @@ from femupdate.dynamics.damping import RayleighDamping
 from femupdate.dynamics.projection import reduce_lumped
 from femupdate.dynamics.system import System
 from femupdate.errors import SurrogateError
+from femupdate.inference.frf_data import AT_ITS_WORD, base_logs, frf_data, log_responses
 from femupdate.inference.latent_likelihood import LatentLikelihood
-from femupdate.inference.likelihood import DataLikelihood, data_terms
+from femupdate.inference.likelihood import likelihood_of
+from femupdate.inference.parameters import Parameter, Parameters
 from femupdate.measurement.observation import Observation, select_floors
 from femupdate.surrogate.network import Mvae
 from femupdate.surrogate.sizes import NetworkSizes
@@ -56,45 +58,72 @@ def tensor(values):
     return torch.as_tensor(np.asarray(values), dtype=torch.float64)
 
 
+def damped(theta, zeta=ZETA):
+    """Parameters (n, 4) of factors (n, 3), all with one damping ratio."""
+    return torch.cat([tensor(theta), torch.full((len(theta), 1), zeta, dtype=torch.float64)], dim=1)
+
+
+def likelihood_by(system, measured, **options):
+    """Of FRFs that are taken at their word."""
+    factors = Parameters.uniform(("a", "b", "c"), [0.33] * 3, [3.0] * 3)
+    prior = factors + Parameters((Parameter(name="zeta", kind="damping", lower=0.01, upper=0.1),))
+    data = base_logs(measured, system, believed=AT_ITS_WORD, **options)
+    return likelihood_of((data,), system, prior)
+
+
+def squares(likelihood, parameters):
+    """Sum of squared residuals (n,) of all points."""
+    return likelihood.raw(parameters).square().sum(dim=1)
+
+
 def test_misfit_by_hand(model):
     """Several floors in another order, each point with its own noise."""
     rng = np.random.default_rng(1)
     sd = rng.uniform(0.1, 0.4, (3, 120))
     measured = observation(sd, floors=("RF", "2F"))
     theta = np.array([[0.8, 1.4, 2.2], [1.3, 0.7, 1.1]])
-    found = DataLikelihood(System(model), measured, ZETA)
+    found = likelihood_by(System(model), measured)
     for row, one in enumerate(theta):
         expected = exact_log_frf(one, ZETA)[[2, 0]]
         whitened = (measured.log_frf - expected) / sd[[2, 0]]
-        assert float(found.misfit(tensor(theta))[row]) == pytest.approx(
-            (whitened**2).sum(), rel=1e-9
+        assert float(found.misfit(damped(theta))[row]) == pytest.approx(
+            (whitened**2).mean(), rel=1e-9
         )
-        assert float(found(tensor(theta))[row]) == pytest.approx(
+        assert float(found(damped(theta))[row]) == pytest.approx(
             -0.5 * (whitened**2).sum(), rel=1e-9
         )
-        predicted = found.predict(tensor(theta), tensor([ZETA, ZETA]))[row]
+        ratios = tensor([ZETA, ZETA])
+        predicted = log_responses(found.base, found.system, tensor(theta), ratios)[row]
         np.testing.assert_allclose(predicted, expected, atol=1e-9)
 
 
-def test_the_last_parameter_is_the_damping_where_it_is_open(model):
-    measured = observation(0.2)
-    open_zeta = DataLikelihood(System(model), measured)
+def test_the_last_parameter_is_the_damping_ratio(model):
+    found = likelihood_by(System(model), observation(0.2))
     both = tensor([[*TRUTH, 0.03], [*TRUTH, 0.05], [0.9, 0.8, 1.7, 0.01]])
-    found = open_zeta.misfit(both)
-    for row in range(3):
-        fixed = DataLikelihood(System(model), measured, float(both[row, 3]))
-        one = fixed.misfit(both[row : row + 1, :3])
-        assert float(found[row]) == pytest.approx(float(one), rel=1e-12)
-    assert float(found[0]) < float(found[1])
+    values = squares(found, both)
+    for row, (*theta, zeta) in enumerate(both.tolist()):
+        away = (observation(0.2).log_frf - exact_log_frf(np.array(theta), zeta)) / 0.2
+        assert float(values[row]) == pytest.approx((away**2).sum(), rel=1e-9)
+    assert float(values[0]) < float(values[1])
 
 
 @pytest.mark.parametrize("batch", [1, 2, 7])
 def test_batches_do_not_change_it(model, batch):
-    theta = tensor(np.random.default_rng(0).uniform(0.4, 2.5, (7, 3)))
-    law, measured = RayleighDamping(0.02, (1.0, 10.0)), observation(0.2)
-    whole = DataLikelihood(System(model, law), measured, 0.02)(theta)
-    parts = DataLikelihood(System(model, law), measured, 0.02, batch=batch)(theta)
+    theta = damped(np.random.default_rng(0).uniform(0.4, 2.5, (7, 3)), 0.02)
+    system, measured = System(model, RayleighDamping(0.02, (1.0, 10.0))), observation(0.2)
+    whole = likelihood_by(system, measured)(theta)
+    parts = likelihood_by(system, measured, batch=batch)(theta)
     torch.testing.assert_close(parts, whole, rtol=1e-12, atol=0.0)
+
+
+def test_complex_frfs_leave_the_same(model):
+    """The way in which effects are judged, by complex FRFs in small batches."""
+    theta = damped(np.random.default_rng(0).uniform(0.4, 2.5, (150, 3)))
+    fast = likelihood_by(System(model), observation(0.2))
+    data = frf_data(observation(0.2), FLOORS, believed=AT_ITS_WORD)
+    slow = likelihood_of((data,), fast.system, fast.prior)
+    torch.testing.assert_close(slow(theta), fast(theta), rtol=1e-9, atol=1e-9)
+    torch.testing.assert_close(slow.raw(theta), fast.raw(theta), rtol=1e-7, atol=1e-7)
 
 
 def test_points_that_are_not_valid_do_not_count(model):
@@ -105,37 +134,33 @@ def test_points_that_are_not_valid_do_not_count(model):
     noise = np.where(valid, 0.2, np.nan)
     noise[1, 30], spoiled[1, 31] = 0.0, -np.inf
     other = Observation(FREQUENCY, FLOORS, spoiled, noise, valid)
-    theta = tensor([TRUTH])
-    one = DataLikelihood(System(model), measured, ZETA)
-    two = DataLikelihood(System(model), other, ZETA)
-    assert one.terms.count == two.terms.count == 360 - 25
+    theta = damped([TRUTH])
+    one = likelihood_by(System(model), measured)
+    two = likelihood_by(System(model), other)
+    assert one.base.points == two.base.points == 360 - 25
     assert float(one(theta)) == float(two(theta))
     whitened = ((measured.log_frf - exact_log_frf(TRUTH, ZETA)) / 0.2)[valid]
-    assert float(one.misfit(theta)) == pytest.approx((whitened**2).sum(), rel=1e-9)
+    assert float(squares(one, theta)) == pytest.approx((whitened**2).sum(), rel=1e-9)
 
 
 def test_misfit_of_the_truth_is_chi_square(model):
     """For simulated noise, with as many degrees of freedom as there are valid points."""
     misfits = []
     for seed in range(200):
-        likelihood = DataLikelihood(
-            System(model), observation(np.linspace(0.05, 0.5, 120), seed), ZETA
-        )
-        assert likelihood.terms.count == 360
-        misfits.append(float(likelihood.misfit(tensor([TRUTH]))))
+        likelihood = likelihood_by(System(model), observation(np.linspace(0.05, 0.5, 120), seed))
+        assert likelihood.base.points == 360
+        misfits.append(float(squares(likelihood, damped([TRUTH]))))
     assert kstest(misfits, chi2(360).cdf).pvalue > 0.01
 
 
 def test_points_closer_than_the_resolution_count_less(model):
     """The grid steps by 0.1 Hz: a resolution of 0.4 Hz leaves a quarter of the points."""
-    plain, theta = observation(0.2), tensor([TRUTH])
+    plain, theta = observation(0.2), damped([TRUTH])
     coarse, fine = observation(0.2, resolution_hz=0.4), observation(0.2, resolution_hz=0.02)
-    assert data_terms(coarse, FLOORS).independent == pytest.approx(0.25)
-    assert data_terms(fine, FLOORS).independent == 1.0
-    likelihood = DataLikelihood(System(model), coarse, ZETA)
-    full = DataLikelihood(System(model), plain, ZETA)
+    likelihood, full, dense = (likelihood_by(System(model), one) for one in (coarse, plain, fine))
+    assert (likelihood.effective, dense.effective) == pytest.approx((90.0, 360.0))
     assert float(likelihood(theta)) == pytest.approx(0.25 * float(full(theta)), rel=1e-12)
-    assert float(likelihood.misfit(theta)) == float(full.misfit(theta))
+    assert float(likelihood.misfit(theta)) == pytest.approx(float(full.misfit(theta)), rel=1e-12)
 
 
 def test_weights_by_hand():
@@ -143,18 +168,18 @@ def test_weights_by_hand():
     measured = Observation(
         np.array([1.0, 2.0, 3.0]), ("3F",), np.ones((1, 3)), noise, np.array([[True, False, True]])
     )
-    terms = data_terms(measured, FLOORS)
-    assert terms.rows == (1,)
-    np.testing.assert_allclose(terms.weight, [[100.0, 0.0, 4.0]])
-    np.testing.assert_allclose(terms.log_frf, [[1.0, 0.0, 1.0]])
-    assert terms.count == 2
+    data = frf_data(measured, FLOORS, believed=AT_ITS_WORD)
+    assert data.rows == (1,)
+    np.testing.assert_allclose(data.weight, [[100.0, 0.0, 4.0]])
+    np.testing.assert_allclose(data.log_frf, [[1.0, 0.0, 1.0]])
+    assert data.points == 2
 
 
 def test_the_data_find_the_truth(model):
     """Away from it by a few percent, the likelihood falls as its curvature says."""
-    likelihood = DataLikelihood(System(model), observation(1e-3), ZETA)
-    assert float(likelihood(tensor([TRUTH]))) > float(likelihood(tensor([TRUTH * 1.01]))) + 50.0
-    assert float(likelihood(tensor([TRUTH]))) > float(likelihood(tensor([TRUTH * 0.99]))) + 50.0
+    likelihood = likelihood_by(System(model), observation(1e-3))
+    for away in (1.01, 0.99):
+        assert float(likelihood(damped([TRUTH]))) > float(likelihood(damped([TRUTH * away]))) + 50.0
 
 
 @pytest.fixture(scope="module")
@@ -235,11 +260,11 @@ def test_an_observation_on_another_grid_is_refused(model, surrogate):
 def test_a_gpu_gives_the_same_and_answers_where_it_was_asked(model, surrogate):
     theta = tensor(np.random.default_rng(0).uniform(0.4, 2.5, (6, 3)))
     measured = observation(0.2)
-    here = DataLikelihood(System(model), measured, ZETA)(theta)
-    there = DataLikelihood(System(model), measured, ZETA, device="cuda")
-    assert there(theta).device.type == "cpu"
-    torch.testing.assert_close(there(theta), here, rtol=1e-9, atol=1e-9)
-    torch.testing.assert_close(there(theta.cuda()).cpu(), here, rtol=1e-9, atol=1e-9)
+    here = likelihood_by(System(model), measured)(damped(theta))
+    there = likelihood_by(System(model), measured, device="cuda")
+    assert there(damped(theta)).device.type == "cpu"
+    torch.testing.assert_close(there(damped(theta)), here, rtol=1e-9, atol=1e-9)
+    torch.testing.assert_close(there(damped(theta).cuda()).cpu(), here, rtol=1e-9, atol=1e-9)
     latent = LatentLikelihood(surrogate, System(model), measured)(theta)
     there = LatentLikelihood(surrogate, System(model), measured, device="cuda")
     torch.testing.assert_close(there(theta), latent, rtol=1e-3, atol=1e-3)

@@ -10,10 +10,11 @@ from femupdate.building.shear import shear_operators
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.projection import reduce_lumped
 from femupdate.dynamics.system import System
-from femupdate.inference.joint import JointLikelihood
+from femupdate.inference.likelihood import likelihood_of
 from femupdate.inference.maxima import draws_about, found_from
-from femupdate.inference.modal_likelihood import ModalErrors, ModalLikelihood
-from femupdate.inference.parameters import Parameters
+from femupdate.inference.modal_terms import ModalErrors
+from femupdate.inference.mode_data import mode_data
+from femupdate.inference.parameters import Parameter, Parameters
 from femupdate.inference.prior_search import best_of_prior
 from femupdate.measurement.modes import IdentifiedModes
 
@@ -39,6 +40,34 @@ def chain(theta, lumped):
     stiffness = np.einsum("np,pij->nij", theta, lumped.stiffness_terms)
     squared, vectors = np.linalg.eigh(root[:, None] * stiffness * root)
     return np.sqrt(squared) / (2.0 * np.pi), root[:, None] * vectors
+
+
+FACTORS = Parameters.uniform(("a", "b", "c", "d"), [0.33] * 4, [3.0] * 4)
+
+
+def zeta(low=0.01, high=0.1):
+    return Parameters((Parameter(name="zeta", kind="damping", lower=low, upper=high),))
+
+
+def likelihood_by(system, *modes, errors=None, prior=None, **options):
+    """Of files of modes that are taken at their word."""
+    data = [
+        mode_data(one, system, errors or ModalErrors(), at_its_word=True, **options)
+        for one in modes
+    ]
+    return likelihood_of(data, system, prior or FACTORS + zeta())
+
+
+def paired(likelihood, parameters):
+    """The modes of the model that belong to those of the first file."""
+    own, (data, *_) = likelihood.prior.split(parameters), likelihood.data
+    return data.paired(data.predicted(likelihood.system, own.theta, own.zeta, own.sizes))
+
+
+def checked(likelihood):
+    """Squares at the truth and independent figures, by the names of what is checked."""
+    found = likelihood.checked(TRUTH, 1)
+    return {name: (float(squares), float(count)) for name, squares, count in found}
 
 
 def identified(frequency, shape, *, damping=np.nan, **changed):
@@ -68,9 +97,9 @@ def test_true_modes_leave_nothing_in_any_scale_and_order(system, exact):
     frequency, shape = exact
     order, scale = [2, 0, 3, 1], np.array([-7.0, 0.3, 2.0, -1.0])
     modes = identified(frequency[order], shape[:, order] * scale, damping=0.02)
-    likelihood = ModalLikelihood(system, modes)
+    likelihood = likelihood_by(system, modes)
     assert float(likelihood(TRUTH)) == pytest.approx(0.0, abs=1e-20)
-    found = likelihood.paired(TRUTH)
+    found = paired(likelihood, TRUTH)
     assert found.column[0].tolist() == order
     np.testing.assert_allclose(found.shape[0], modes.shape, rtol=1e-9, atol=1e-9)
 
@@ -84,7 +113,7 @@ def test_residuals_are_those_written_by_hand(system, lumped, exact):
         frequency_sd_hz=np.array([0.02, np.nan]),
     )
     errors = ModalErrors(model_frequency=0.02, shape=0.04, model_shape=0.03)
-    squares = ModalLikelihood(system, modes, errors=errors).squares(TRUTH)[0].numpy()
+    found = checked(likelihood_by(system, modes, errors=errors))
     relative = np.array([0.02 / modes.frequency_hz[0], errors.frequency])
     of_frequency = (np.log(1.03) ** 2 / (relative**2 + 0.02**2)).sum()
     of_damping = 2 * (0.005 / (0.025 * np.hypot(0.25, 0.2))) ** 2
@@ -92,24 +121,41 @@ def test_residuals_are_those_written_by_hand(system, lumped, exact):
     sd = 0.05 * np.abs(modes.shape).max(axis=1)
     cosine = np.einsum("mf,fm->m", modes.shape, shape[:, :2]) / np.linalg.norm(shape[:, :2], axis=0)
     of_shape = (((modes.shape**2).sum(1) - cosine**2) / sd**2).sum()
+    assert list(found) == ["frequencies", "damping ratios", "shapes"]
+    squares, freedom = zip(*found.values(), strict=True)
     np.testing.assert_allclose(squares, [of_frequency, of_damping, of_shape], rtol=1e-9)
-    assert ModalLikelihood(system, modes).freedom == (2, 2, 6)
+    assert freedom == (2.0, 2.0, 6.0)
+
+
+def test_figures_of_several_files_are_checked_apart(system, exact):
+    modes = identified(*exact)
+    data = [
+        mode_data(modes, system, ModalErrors(), at_its_word=True, source=name)
+        for name in ("one.csv", "two.csv")
+    ]
+    assert list(checked(likelihood_of(data, system, FACTORS + zeta()))) == [
+        "frequencies of one.csv",
+        "shapes of one.csv",
+        "frequencies of two.csv",
+        "shapes of two.csv",
+    ]
 
 
 def test_missing_components_count_nothing(system, exact):
     frequency, shape = exact
     holes = shape.copy()
     holes[1, 0] = holes[:3, 1] = np.nan
-    likelihood = ModalLikelihood(system, identified(frequency, holes))
+    likelihood = likelihood_by(system, identified(frequency, holes))
     away = TRUTH * torch.tensor([1.1, 0.95, 1.0, 1.02, 1.0])
     residual = likelihood.residuals(away)
-    assert likelihood.freedom == (4, 0, 2 + 0 + 3 + 3)
+    freedom = {name: count for name, (_, count) in checked(likelihood).items()}
+    assert freedom == {"frequencies": 4.0, "shapes": 2.0 + 0.0 + 3.0 + 3.0}
     assert torch.isfinite(residual).all()
     spoiled = shape.copy()
     spoiled[:3, 1] = np.nan
     spoiled[3, 1] = -17.0
     spoiled[1, 0] = np.nan
-    other = ModalLikelihood(system, identified(frequency, spoiled)).residuals(away)
+    other = likelihood_by(system, identified(frequency, spoiled)).residuals(away)
     np.testing.assert_allclose(residual, other, rtol=1e-12)
 
 
@@ -118,18 +164,18 @@ def test_pairing_holds_where_modes_have_moved_past_each_other(system, exact):
     frequency, shape = exact
     modes = identified(frequency[1:3], shape[:, 1:3])
     soft = torch.tensor([[0.5, 0.35, 0.45, 0.4, 0.02]], dtype=torch.float64)
-    assert ModalLikelihood(system, modes).paired(soft).column[0].tolist() == [1, 2]
+    assert paired(likelihood_by(system, modes), soft).column[0].tolist() == [1, 2]
 
 
 def test_known_damping_makes_damping_ratios_count_nothing(system, exact):
     modes = identified(*exact, damping=0.08)
-    assert float(ModalLikelihood(system, modes, damping=False)(TRUTH)) == pytest.approx(0.0)
-    assert float(ModalLikelihood(system, modes)(TRUTH)) < -1.0
+    assert float(likelihood_by(system, modes, damping=False)(TRUTH)) == pytest.approx(0.0)
+    assert float(likelihood_by(system, modes)(TRUTH)) < -1.0
 
 
 def test_gradient_is_that_of_differences(system, exact):
     frequency, shape = exact
-    likelihood = ModalLikelihood(system, identified(1.05 * frequency, shape, damping=0.03))
+    likelihood = likelihood_by(system, identified(1.05 * frequency, shape, damping=0.03))
     point = TRUTH.clone().requires_grad_()
     (slope,) = torch.autograd.grad(likelihood(point).sum(), point)
     step = 1e-6 * torch.eye(5, dtype=torch.float64)
@@ -139,9 +185,12 @@ def test_gradient_is_that_of_differences(system, exact):
 
 def test_joint_likelihood_adds(system, exact):
     frequency, shape = exact
-    one = ModalLikelihood(system, identified(1.01 * frequency, shape))
-    other = ModalLikelihood(system, identified(0.98 * frequency[:2], shape[:, :2], damping=0.03))
-    both, away = JointLikelihood([one, other]), TRUTH * 1.05
+    both_files = (
+        identified(1.01 * frequency, shape),
+        identified(0.98 * frequency[:2], shape[:, :2], damping=0.03),
+    )
+    one, other = (likelihood_by(system, file) for file in both_files)
+    both, away = likelihood_by(system, *both_files), TRUTH * 1.05
     assert float(both(away)) == pytest.approx(float(one(away) + other(away)))
     squares = both.residuals(away).square().sum()
     assert float(-0.5 * squares) == pytest.approx(float(both(away)))
@@ -180,15 +229,15 @@ def test_posterior_is_that_by_brute_force(system, lumped, exact):
     weight /= weight.sum()
     assert 1.0 / (weight**2).sum() > 3000.0
     errors = ModalErrors(model_frequency=SD, frequency=1e-9, model_shape=0.3, shape=1e-9)
-    likelihood = ModalLikelihood(system, modes, 0.02, errors)
-    prior = Parameters.uniform(("a", "b", "c", "d"), [0.33] * 4, [3.0] * 4)
+    prior = FACTORS + zeta(0.02, 0.02)
+    likelihood = likelihood_by(system, modes, errors=errors, prior=prior)
     starts, _ = best_of_prior(prior, likelihood, 1)
     maxima = found_from(prior, likelihood.residuals, starts)
     drawn = draws_about(prior, likelihood, maxima, 6000, 2)
     assert drawn is not None
     assert drawn.effective > 1000.0
     points, _ = drawn.resample(6000, 3)
-    found = points.numpy()
+    found = points[:, :4].numpy()
     evidence = np.log(np.exp(value - value.max()).mean()) + value.max()
     assert drawn.log_evidence == pytest.approx(evidence, abs=0.05)
     mean = weight @ theta

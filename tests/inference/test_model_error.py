@@ -140,6 +140,21 @@ def test_points_too_wild_to_count_are_in_no_check():
     np.testing.assert_allclose(found.sum(), clean.sum() - left[0, far].square().sum(), rtol=1e-6)
 
 
+def test_residuals_that_are_cut_change_the_density_of_no_others():
+    """Each alone, or all together with one that is cut."""
+    error = LearnedError(weight(), FREQUENCY, table=FEW, wild=8.0)
+    whole = LearnedError(weight(), FREQUENCY, table=FEW)
+    calm = residuals()[1].clamp(-7.0, 7.0)
+    far = calm[:1].clone()
+    far[0, 20] = 500.0
+    found = error.log_densities(torch.cat([calm, far]))
+    np.testing.assert_allclose(error.log_densities(calm), whole.log_densities(calm), rtol=1e-12)
+    np.testing.assert_allclose(found[:-1], whole.log_densities(calm), rtol=1e-12)
+    for row in range(0, len(error.levels), 7):
+        cut = whole.log_densities(error.tame(far, row))[0, row]
+        assert float(found[-1, row]) == pytest.approx(float(cut), rel=1e-12)
+
+
 def test_the_likeliest_error_is_the_conditional_mean():
     error = LearnedError(weight(), FREQUENCY, table=FEW)
     plain, whitened = residuals()

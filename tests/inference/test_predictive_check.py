@@ -1,15 +1,15 @@
 """Posterior predictive p-values against a linear-Gaussian model, where all is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+import torch
 from scipy.stats import chi2
 
-from femupdate.inference.predictive_check import (
-    check_predictions,
-    floor_squares,
-    predictive_check,
-    with_least_noise,
-)
+from femupdate.dynamics.system import Responses
+from femupdate.inference.frf_data import AT_ITS_WORD, frf_data
+from femupdate.inference.predictive_check import predictive_check
 from femupdate.measurement.observation import Observation
 
 POINTS, PARAMETERS, SD = 40, 5, 0.3
@@ -20,6 +20,17 @@ def observation(values, sd=SD, **others):
     floors = ("2F", "3F", "RF")[: len(values)]
     valid = others.pop("valid", np.ones(values.shape, dtype=bool))
     return Observation(FREQUENCY, floors, values, np.full(values.shape, sd), valid, **others)
+
+
+def check_predictions(observation, predicted):
+    """Of ln|H| (n, f, k) at posterior draws, as a likelihood checks them."""
+    data = frf_data(observation, observation.floors, believed=AT_ITS_WORD)
+    data = replace(data, logs=Responses())
+    left, rows = data.compared(torch.from_numpy(predicted)), torch.zeros(len(predicted)).long()
+    names, squares, counts = zip(
+        *data.checked(*data.error(None).floor_squares(left, rows)), strict=True
+    )
+    return predictive_check(torch.stack(squares, 1), torch.stack(counts, 1), names)
 
 
 def posterior_draws(rng, design, data, count):
@@ -101,7 +112,6 @@ def test_points_that_repeat_one_another_count_by_their_share():
     valid = rng.random((2, POINTS)) < 0.7
     measured = observation(np.where(valid, data, np.nan), valid=valid, resolution_hz=0.4)
     squares = ((data / SD) ** 2 * valid).sum(axis=1) / 4.0
-    np.testing.assert_allclose(floor_squares(measured, response)[0], squares)
     found = check_predictions(measured, response)
     np.testing.assert_allclose(found.floors, chi2.sf(squares, valid.sum(axis=1) / 4.0))
     assert found.whole == pytest.approx(chi2.sf(squares.sum(), valid.sum() / 4.0))
@@ -117,6 +127,6 @@ def test_a_floor_without_points_has_no_p_value():
 def test_the_noise_that_the_latent_likelihood_allows():
     """Precision times the share that errs alone is at most that of the least noise."""
     measured = observation(np.zeros((1, POINTS)), resolution_hz=0.4)
-    np.testing.assert_array_equal(with_least_noise(measured, 0.2).noise_sd, SD)
-    wide = with_least_noise(measured, 0.8)
-    np.testing.assert_allclose(0.25 / wide.noise_sd**2, 0.8**-2)
+    data = frf_data(measured, measured.floors, believed=AT_ITS_WORD)
+    np.testing.assert_array_equal(data.with_least_noise(0.2).sd, SD)
+    np.testing.assert_allclose(data.with_least_noise(0.8).weight, 0.8**-2)

@@ -115,7 +115,8 @@ def test_resolutions_keep_the_second_moment_of_the_windows():
     assert both.resolution_hz == pytest.approx(0.05**0.5)
     np.testing.assert_allclose(both.coherence, (coherence + coherence**2) / 2)
     assert pooled([fine, fine], FLOORS).resolution_hz == pytest.approx(0.1)
-    table = replace(fine, resolution_hz=None, coherence=None)
+    alone = sd / independent_share(fine) ** 0.5
+    table = replace(fine, resolution_hz=None, coherence=None, noise_sd=alone)
     assert pooled([fine, table], FLOORS).resolution_hz == pytest.approx(0.1 / 2**0.5)
     assert pooled([table, table], FLOORS).coherence is None
 

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -22,7 +23,6 @@ LEARNED = MeshError(
     2e-3,
     0.02,
     3e-3,
-    0.01,
 )
 
 
@@ -43,7 +43,11 @@ def test_that_of_another_mesh_is_not_taken(kept):
     assert kept_mesh_error(study, finer) is None
 
 
-@pytest.mark.parametrize("missing", [("share_sd",), ("shape", "points", "share", "share_sd")])
+def test_one_of_an_earlier_version_that_holds_more_is_taken():
+    assert MeshError.of({**asdict(LEARNED), "points": 0.01}) == LEARNED
+
+
+@pytest.mark.parametrize("missing", [("share_sd",), ("shape", "share", "share_sd")])
 def test_one_that_was_learned_of_less_is_learned_again(kept, missing):
     path = next(kept[0].folder.glob("mesh_error.json"))
     content = json.loads(path.read_text(encoding="utf-8"))

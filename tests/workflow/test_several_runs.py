@@ -10,7 +10,6 @@ import torch
 
 from femupdate.building.files import load_building
 from femupdate.errors import MeasurementError
-from femupdate.inference.likelihood import DataLikelihood
 from femupdate.inference.posterior import load_posterior
 from femupdate.inference.smc import SmcSettings
 from femupdate.measurement.pooled import pooled
@@ -22,6 +21,7 @@ from femupdate.simulation.simulate import (
 from femupdate.study import Study, file_hash
 from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.calibrate_settings import CalibrationSettings
+from femupdate.workflow.likelihoods import stated_likelihood
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource, observation_of, runs_of
 
@@ -69,7 +69,7 @@ def test_log_likelihood_and_evidence_are_those_of_both_runs(
     study = Study(tmp_path)
     model = open_study(study, str(tower_file))
     source = source_of(*tables[:2])
-    apart = [DataLikelihood(model.system, run) for run in runs_of(model.building, source)]
+    apart = [stated_likelihood(model, run) for run in runs_of(model.building, source)]
     settings = CalibrationSettings(particles=2000, exact=True)
     posterior = calibrate_study(study, model, source, settings).posterior
     draws = np.column_stack([posterior.samples, posterior.zeta_samples])
@@ -97,8 +97,9 @@ def test_pooled_runs_have_the_likelihood_of_each_other_s_product_at_any_theta(to
     runs[1] = replace(runs[1], resolution_hz=0.5)
     unit = torch.from_numpy(rng.random((50, 2)))
     theta = tower_model.prior.from_unit(unit)
+    theta = torch.cat([theta, torch.full((50, 1), ZETA, dtype=torch.float64)], dim=1)
     both, *apart = (
-        DataLikelihood(tower_model.system, run, ZETA)(theta)
+        stated_likelihood(tower_model, run)(theta)
         for run in (pooled(runs, tower_model.building.floors), *runs)
     )
     torch.testing.assert_close(both, sum(apart), rtol=1e-10, atol=1e-8)
@@ -110,11 +111,8 @@ def test_two_runs_know_by_the_root_of_two_more(tmp_path):
     model = open_study(study, "shear_4dof")
     rng, floors = np.random.default_rng(1), model.building.floors
     theta = torch.tensor([[0.8, 1.1, 1.3, 0.9]], dtype=torch.float64)
-    blank = np.zeros((4, model.frequency_hz.numel()))
-    path = write_table(tmp_path / "clean.csv", blank, 0.2, floors, model.frequency_hz.numpy())
-    shape = observation_of(model.building, ObservationSource(path))
     zeta = torch.tensor([model.building.damping.ratio], dtype=torch.float64)
-    clean = DataLikelihood(model.system, shape, 0.02).predict(theta, zeta)[0].numpy()
+    clean = model.system.log_frf(theta, zeta, model.frequency_hz)[0].numpy()
     paths = [
         write_table(
             tmp_path / f"{k}.csv",

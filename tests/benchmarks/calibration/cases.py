@@ -9,12 +9,12 @@ from femupdate.arrays import Floats
 from femupdate.dynamics.system import Responses
 from femupdate.inference.bridge import BridgeResult, Start, bridge
 from femupdate.inference.latent_likelihood import LatentLikelihood
-from femupdate.inference.likelihood import DataLikelihood
-from femupdate.inference.predictive_check import PredictiveCheck, check_predictions
+from femupdate.inference.predictive_check import PredictiveCheck, predictive_check
 from femupdate.inference.smc import LogLikelihood, SmcResult, TemperedSmc
 from femupdate.measurement.observation import Observation
 from femupdate.surrogate.storage import ANY_FLOORS, TrainedSurrogate
 from femupdate.workflow.calibrate_draws import latent_zeta
+from femupdate.workflow.likelihoods import on_fewer_modes, stated_likelihood
 from femupdate.workflow.model import StudyModel
 
 from .coverage import density_level, ranks, tarp_level
@@ -200,7 +200,7 @@ def _exact(
     The draws are of theta (n, p), with the damping ratio as one more column where it is unknown.
     """
     size, prior = model.prior.size, model.parameters
-    target = DataLikelihood(model.system, building.observation, precision=torch.float32)
+    target = on_fewer_modes(stated_likelihood(model, building.observation))
     truth = np.append(building.theta, building.zeta)
     # The latent likelihood does not know zeta: its posterior there is the prior.
     generator = torch.Generator().manual_seed(seed)
@@ -269,7 +269,10 @@ class _Judge:
         model, observation = self.model, self.building.observation
         order = np.random.default_rng(self.seed).permutation(len(theta))
         some = torch.from_numpy(order[:_CHECKED])
-        ratio = theta.new_full((len(some),), model.building.damping.ratio)
-        rows = [model.building.floors.index(name) for name in observation.floors]
-        predicted = _response(model, theta[some], zeta[some, 0] if zeta.shape[1] else ratio)
-        return check_predictions(observation, predicted[:, rows].numpy())
+        known = theta.new_full((len(some), 1), model.building.damping.ratio)
+        ratio = zeta[some] if zeta.shape[1] else known
+        likelihood = stated_likelihood(model, observation)
+        drawn = torch.cat([theta[some], ratio], dim=1)
+        names, squares, counts = zip(*likelihood.checked(drawn, self.seed), strict=True)
+        points = torch.stack(counts, dim=1).numpy()
+        return predictive_check(torch.stack(squares, dim=1).numpy(), points, names)

@@ -5,10 +5,10 @@ import torch
 from torch import Tensor
 
 from femupdate.building.schema import Building
-from femupdate.discrepancy.frf_data import FloorForce
-from femupdate.discrepancy.mode_data import modes_as_read
 from femupdate.effects.effect import Effect
-from femupdate.inference.modal_likelihood import ModalErrors
+from femupdate.inference.frf_data import FloorForce
+from femupdate.inference.modal_terms import ModalErrors
+from femupdate.inference.mode_data import modes_as_read
 from femupdate.measurement.force_frf import ForcedObservation
 from femupdate.measurement.modes import IdentifiedModes
 from femupdate.measurement.observation import Observation

@@ -13,10 +13,12 @@ from scipy.stats import norm
 
 from femupdate.arrays import Floats
 from femupdate.building.shear import shear_operators
+from femupdate.inference.frf_data import AT_ITS_WORD, base_logs
 from femupdate.inference.importance import WeightedDraws, importance_draws
 from femupdate.inference.latent_likelihood import LatentLikelihood
-from femupdate.inference.likelihood import DataLikelihood
+from femupdate.inference.likelihood import likelihood_of
 from femupdate.inference.smc import TemperedSmc
+from femupdate.inference.tempering import LogLikelihood
 from femupdate.measurement.observation import Observation
 from femupdate.surrogate.storage import TrainedSurrogate
 from femupdate.workflow.model import (
@@ -155,14 +157,16 @@ def _curvature_sd(model: StudyModel, solutions: Floats) -> Floats:
     return np.asarray(np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)))
 
 
-def data_likelihood(model: StudyModel, case: Case) -> DataLikelihood:
-    """exp(-|r|^2 / 2 sigma^2) of the roof."""
-    return DataLikelihood(
-        model.system,
-        case.observation,
-        model.building.damping.ratio,
-        precision=torch.float32,
-    )
+def data_likelihood(model: StudyModel, case: Case) -> LogLikelihood:
+    """exp(-|r|^2 / 2 sigma^2) of the roof, in the factors; the damping ratio is known."""
+    data = base_logs(case.observation, model.system, believed=AT_ITS_WORD, precision=torch.float32)
+    likelihood = likelihood_of((data,), model.system, model.parameters)
+
+    def of_factors(theta: torch.Tensor) -> torch.Tensor:
+        ratio = theta.new_full((len(theta), 1), model.building.damping.ratio)
+        return likelihood(torch.cat([theta, ratio], dim=1))
+
+    return of_factors
 
 
 def exact_posterior(

@@ -1,4 +1,4 @@
-"""What every kind of observation tells the effect finder, whatever was measured."""
+"""What every kind of observation tells of a model, whatever was measured."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -75,6 +75,11 @@ class Data(Protocol):
     @property
     def name(self) -> str:
         """What it is; empty for FRFs under base motion, of which nothing need be said."""
+        ...
+
+    @property
+    def at_once(self) -> int:
+        """Points whose predictions and residuals are made at a time."""
         ...
 
     @property

@@ -1,4 +1,4 @@
-"""Likelihood of identified modes: frequencies, damping ratios and shapes of any scale.
+"""Residuals of identified modes: frequencies, damping ratios and shapes of any scale.
 
 Which mode of the model is which identified one is decided anew at every parameter vector: the
 pairing with the smallest misfit of frequency, shape (a weighted MAC) and damping together, one to
@@ -8,7 +8,6 @@ best a = phi'Wy / phi'W phi leaves y'Wy (1 - MAC_W), which is also what a flat p
 shapes phi of one weighted length.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,10 +17,8 @@ from torch import Tensor
 
 from femupdate.arrays import Floats
 from femupdate.dynamics.system import System
-from femupdate.errors import InferenceError
 from femupdate.measurement.modes import IdentifiedModes
 
-_MATRICES = 2**21  # numbers in the matrices of a batch of eigenproblems
 _TINY = 1e-30
 _MASSLESS = 1e-14  # of the largest 1 / omega^2
 
@@ -49,7 +46,7 @@ class ModalErrors:
 
 @dataclass(frozen=True)
 class ModalTerms:
-    """Identified modes as the likelihood takes them; weights are zero where nothing is known.
+    """Identified modes with their weights, which are zero where nothing is known.
 
     Attributes:
         rows: which of the model's floors have a sensor.
@@ -205,87 +202,6 @@ def _cost(terms: ModalTerms, shown: ShownModes, shape: Tensor) -> Floats:
     felt = shape.square().sum(1)
     share = felt / felt.amax(dim=1, keepdim=True)
     return (cost - 2.0 * share.clamp_min(_TINY).log()[:, None, :]).numpy()
-
-
-class ModalLikelihood:
-    """ln exp(-|r|^2 / 2) of the whitened residuals of identified modes, by the reduced model.
-
-    Where the damping ratio is unknown it is the last column of the parameters.
-
-    Args:
-        system: the reduced model.
-        modes: identified, on its floors.
-        zeta: fixed damping ratio, or None where it is the last parameter.
-        errors: see `ModalErrors`.
-        damping: whether identified damping ratios count: they say nothing where the building's
-            is known.
-
-    Raises:
-        InferenceError: something acts along lines (dampers, appendages), so that the model has no
-            real modes; or more modes are identified than the model has.
-    """
-
-    names = ("frequencies", "damping ratios", "shapes")
-
-    def __init__(
-        self,
-        system: System,
-        modes: IdentifiedModes,
-        zeta: float | None = None,
-        errors: ModalErrors | None = None,
-        *,
-        damping: bool = True,
-    ) -> None:
-        if system.complex_modes:
-            raise InferenceError(
-                "a building with dampers or appendages has no real modes, and identified modes"
-                " cannot be compared with it; give histories or FRFs"
-            )
-        if len(modes.names) > system.model.size:
-            raise InferenceError(
-                f"{modes.source} holds {len(modes.names)} modes but the model has"
-                f" {system.model.size} in all; leave out those that are doubtful, or the highest"
-                " by --band"
-            )
-        self._system, self._zeta = system, zeta
-        self.terms = modal_terms(modes, system.floors, errors or ModalErrors(), damping)
-
-    @property
-    def freedom(self) -> tuple[int, ...]:
-        """Independent figures of each group of `names`."""
-        return self.terms.freedom
-
-    def __call__(self, parameters: Tensor) -> Tensor:
-        """Log likelihood (n,) of parameters (n, p) or, with zeta last, (n, p + 1)."""
-        return -0.5 * self.residuals(parameters).square().sum(dim=1)
-
-    def residuals(self, parameters: Tensor) -> Tensor:
-        """Whitened residuals (n, m (2 + f)): frequencies, damping ratios, then shapes."""
-        return torch.cat(
-            [torch.cat(self.terms.residuals(own), 1) for own in self._pairs(parameters)]
-        )
-
-    def squares(self, parameters: Tensor) -> Tensor:
-        """Sums of squared whitened residuals (n, 3) of each group of `names`."""
-        parts = [
-            torch.stack([group.square().sum(dim=1) for group in self.terms.residuals(own)], dim=1)
-            for own in self._pairs(parameters)
-        ]
-        return torch.cat(parts)
-
-    def paired(self, parameters: Tensor) -> Paired:
-        """The modes of the model that belong to the identified ones."""
-        parts = list(self._pairs(parameters))
-        names = ("column", "log_frequency", "damping", "shape")
-        return Paired(*(torch.cat([getattr(part, name) for part in parts]) for name in names))
-
-    def _pairs(self, parameters: Tensor) -> Iterator[Paired]:
-        count, size = self._system.parameters, self._system.model.size
-        for rows in parameters.to("cpu", torch.float64).split(max(16, _MATRICES // size**2)):
-            theta, sizes = self._system.split(rows[:, :count])
-            known = self._zeta is not None
-            zeta = rows.new_full((len(rows),), self._zeta or 0.0) if known else rows[:, count]
-            yield paired(self.terms, shown_modes(self._system, theta, zeta, sizes))
 
 
 def _length(weight: Tensor, shape: Tensor) -> Tensor:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
+from femupdate.inference.data import Data
 from femupdate.inference.model_error import LearnedError
 
 Row = tuple[int, ...]
@@ -67,10 +68,20 @@ class JointError:
         finer = [part.finer(at) for part, at in zip(self.parts, row, strict=True)]
         return JointError(finer, self._sizes)
 
+    def with_known_of(self, other: "JointError") -> "JointError":
+        """With the errors that another of the same data knows beforehand."""
+        both = zip(self.parts, other.parts, strict=True)
+        return JointError([one.with_known_of(own) for one, own in both], self._sizes)
+
     def counting(self, densities: Sequence[Tensor]) -> Rows:
         """Rows that count at one at least of some points, from log densities (n, g)."""
         parts = zip(self.parts, densities, strict=True)
         return tuple(tuple(part.counting(own)) for part, own in parts)
+
+    def counting_beside(self, row: Row, densities: Sequence[Tensor]) -> Rows:
+        """The same with a row first."""
+        both = zip(row, self.counting(densities), strict=True)
+        return tuple((at, *(one for one in own if one != at)) for at, own in both)
 
     def no_larger(self, row: Row) -> Rows:
         """Rows none of whose errors, and whose noise, is larger than a row's."""
@@ -86,9 +97,15 @@ class JointError:
             part.forget()
 
 
+def joint_error(data: Sequence[Data], known: Sequence[Tensor | None] = ()) -> JointError:
+    """What a model may err by in data, beside errors (c, n) of each that are known beforehand."""
+    both = zip(data, known or [None] * len(data), strict=True)
+    return JointError([one.error(own) for one, own in both], [one.residuals for one in data])
+
+
 def summed(densities: Sequence[Tensor]) -> Tensor:
     """Log density (...) of all data, from that of every kind by every row, (..., g)."""
     return torch.stack([torch.logsumexp(own, dim=-1) for own in densities]).sum(dim=0)
 
 
-__all__ = ["JointError", "Row", "Rows", "summed"]
+__all__ = ["JointError", "Row", "Rows", "joint_error", "summed"]

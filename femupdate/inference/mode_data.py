@@ -1,5 +1,6 @@
-"""Identified modes as the effect finder judges them: frequencies, damping ratios and shapes."""
+"""Identified modes as a model is judged by them: frequencies, damping ratios and shapes."""
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -7,15 +8,13 @@ import torch
 from scipy.special import chdtrc
 from torch import Tensor
 
-from femupdate.discrepancy.data import Cell, Remains
-from femupdate.discrepancy.thresholds import MODEL_ERROR as THRESHOLDS
 from femupdate.dynamics.closed_form import observed, split_sizes
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import Effect, Placed
 from femupdate.errors import InferenceError
-from femupdate.inference.modal_likelihood import (
+from femupdate.inference.data import Cell, Remains
+from femupdate.inference.modal_terms import (
     ModalErrors,
-    ModalLikelihood,
     ModalTerms,
     Paired,
     ShownModes,
@@ -23,11 +22,14 @@ from femupdate.inference.modal_likelihood import (
     paired,
     shown_modes,
 )
-from femupdate.inference.model_error import NOISE_ALONE, LearnedError
+from femupdate.inference.model_error import NOISE_ALONE, STATED, ErrorTable, LearnedError
+from femupdate.inference.thresholds import JUDGED
 from femupdate.measurement.modes import IdentifiedModes
 from femupdate.units import percent
 
 _FREQUENCY, _DAMPING = "frequency", "damping ratio"
+_GROUPS = ("frequencies", "damping ratios", "shapes")
+_MATRICES = 2**21  # numbers in the matrices of a batch of eigenproblems
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -42,12 +44,23 @@ class ModeData:
     Attributes:
         floors: of the model.
         names: (m,) of the modes.
-        terms: the modes as their likelihood takes them.
+        terms: the modes with their weights.
+        source: the file, where there are several.
+        table: what the model may err by beside their errors.
+        wild: standard deviations beyond which a figure counts as that many.
     """
 
     floors: tuple[str, ...]
     names: tuple[str, ...]
     terms: ModalTerms
+    source: str = ""
+    table: ErrorTable = NOISE_ALONE
+    wild: float = JUDGED.wild
+
+    @property
+    def at_once(self) -> int:
+        """Points at a time."""
+        return 64
 
     @property
     def name(self) -> str:
@@ -84,9 +97,12 @@ class ModeData:
         count = len(self.terms.log_frequency)
         sizes = [count, count, squares.shape[1] - 2 * count]
         parts = squares.split(sizes, dim=1), wild.split(sizes, dim=1)
-        own = zip(ModalLikelihood.names, *parts, self.terms.freedom, strict=True)
+        several = f" of {self.source}" if self.source else ""
+        own = zip(_GROUPS, *parts, self.terms.freedom, strict=True)
         return [
-            (name, part.sum(1), float(free) - out.sum(1)) for name, part, out, free in own if free
+            (f"{name}{several}", part.sum(1), float(free) - out.sum(1))
+            for name, part, out, free in own
+            if free
         ]
 
     @property
@@ -118,15 +134,17 @@ class ModeData:
         """More noise than stated, beside errors (c, n) that are known beforehand."""
         weight = (self._root > 0.0).to(torch.float64)[:, None]
         origin = weight.new_zeros(1)
-        return LearnedError(
-            weight, origin, self.effective, known, table=NOISE_ALONE, wild=THRESHOLDS.wild
-        )
+        return LearnedError(weight, origin, self.effective, known, table=self.table, wild=self.wild)
 
     def predicted(self, system: System, theta: Tensor, zeta: Tensor, sizes: Tensor) -> Tensor:
         """All modes of the model (N, 2 + f, r), as their sensors give them."""
-        shown = modes_as_read(system, theta, zeta, sizes)
-        parts = [shown.log_frequency[:, None], shown.damping[:, None], shown.shape]
-        return torch.cat(parts, dim=1)
+        count = max(16, _MATRICES // system.model.size**2)
+        parts = []
+        for some in zip(theta.split(count), zeta.split(count), sizes.split(count), strict=True):
+            shown = modes_as_read(system, *some)
+            own = [shown.log_frequency[:, None], shown.damping[:, None], shown.shape]
+            parts.append(torch.cat(own, dim=1))
+        return torch.cat(parts)
 
     def read_with(self, predicted: Tensor, placed: Placed) -> Tensor:
         """Modes with channels exchanged or reversed."""
@@ -136,9 +154,10 @@ class ModeData:
 
     def compared(self, predicted: Tensor) -> Tensor:
         """Residuals (N, n), identified less predicted, each mode beside its own."""
-        return -torch.cat(self.terms.residuals(self._paired(predicted)), dim=1)
+        return -torch.cat(self.terms.residuals(self.paired(predicted)), dim=1)
 
-    def _paired(self, predicted: Tensor) -> Paired:
+    def paired(self, predicted: Tensor) -> Paired:
+        """The modes of predictions that belong to the identified ones."""
         shown = ShownModes(predicted[:, 0], predicted[:, 1], predicted[:, 2:])
         return paired(self.terms, shown)
 
@@ -211,7 +230,7 @@ class ModeData:
 
     def changed(self, from_: Tensor, to: Tensor, instrument: bool) -> float:
         """Largest change of a component of a shape (rms over the modes), over the largest one."""
-        before, after = (self._paired(one).shape[0] for one in (from_, to))  # (m, g)
+        before, after = (self.paired(one).shape[0] for one in (from_, to))  # (m, g)
         there = (self.terms.shape_root > 0.0).to(before)
         if not there.any():
             return 0.0
@@ -253,27 +272,50 @@ def _read(shape: Tensor, floors: tuple[str, ...], placed: Placed, size: Tensor) 
     return observed((placed,), floors, shape.to(torch.complex128), still, size).real
 
 
-def mode_data(modes: IdentifiedModes, system: System, errors: ModalErrors) -> ModeData:
-    """Identified modes for the effect finder.
-
-    Damping ratios count even where the building's is known: they show where its law is wrong.
+def mode_data(
+    modes: IdentifiedModes,
+    system: System,
+    errors: ModalErrors,
+    *,
+    damping: bool = True,
+    at_its_word: bool = False,
+    source: str = "",
+) -> ModeData:
+    """Identified modes that a model is judged by.
 
     Args:
         modes: on floors of the model.
         system: the model.
         errors: of modes and model.
+        damping: whether damping ratios count. Even where the building's is known they show where
+            its law is wrong; of one that is right they say nothing.
+        at_its_word: whether errors are as stated, and no figure is too wild to count; by default
+            the effect finder allows for more.
+        source: the file, where there are several.
 
     Raises:
-        InferenceError: more modes are identified than the model has.
+        InferenceError: something acts along lines (dampers, appendages), so that the model has no
+            real modes; or more modes are identified than the model has.
     """
     size = system.model.size
+    if system.complex_modes:
+        raise InferenceError(
+            "a building with dampers or appendages has no real modes, and identified modes"
+            " cannot be compared with it; give histories or FRFs"
+        )
     if len(modes.names) > size:
         raise InferenceError(
             f"{modes.source} holds {len(modes.names)} modes but the model has {size} in all; leave"
             " out those that are doubtful, or the highest by --band"
         )
-    terms = modal_terms(modes, system.floors, errors, damping=True)
-    return ModeData(floors=system.floors, names=modes.names, terms=terms)
+    return ModeData(
+        floors=system.floors,
+        names=modes.names,
+        terms=modal_terms(modes, system.floors, errors, damping),
+        source=source,
+        table=STATED if at_its_word else NOISE_ALONE,
+        wild=math.inf if at_its_word else JUDGED.wild,
+    )
 
 
 __all__ = ["ModeData", "mode_data", "modes_as_read"]

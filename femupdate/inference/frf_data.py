@@ -1,5 +1,6 @@
-"""FRFs as the effect finder judges them: residuals of ln|H| and of the phase."""
+"""FRFs as a model is judged by them: residuals of ln|H| and of the phase."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -11,21 +12,55 @@ from scipy.special import chdtrc
 from torch import Tensor
 
 from femupdate.arrays import Floats
-from femupdate.discrepancy.data import Cell, Remains
-from femupdate.discrepancy.thresholds import MODEL_ERROR as THRESHOLDS
-from femupdate.discrepancy.thresholds import SCREEN
 from femupdate.dynamics.closed_form import observed
 from femupdate.dynamics.force_response import RestFlexibility, accelerance
-from femupdate.dynamics.system import System
+from femupdate.dynamics.system import Responses, System
 from femupdate.effects.effect import Effect, Placed
-from femupdate.inference.model_error import NOISE_ALONE, ErrorTable, LearnedError
-from femupdate.measurement.estimated import HANN, Estimator
-from femupdate.measurement.observation import Observation, band_edges
+from femupdate.inference.data import Cell, Remains
+from femupdate.inference.model_error import (
+    MODEL_ERROR,
+    NOISE_ALONE,
+    STATED,
+    ErrorTable,
+    LearnedError,
+)
+from femupdate.inference.thresholds import DRAWS, JUDGED
+from femupdate.measurement.estimated import Estimator
+from femupdate.measurement.force_frf import ForcedObservation
+from femupdate.measurement.observation import (
+    Observation,
+    at_frequencies,
+    band_edges,
+    independent_share,
+)
 from femupdate.units import percent
 
-# Coarser than that of a calibration: a hundred fits share it, and only their differences count.
-_TABLE = ErrorTable(
-    sizes=THRESHOLDS.sizes, lengths=THRESHOLDS.lengths, harmonics=THRESHOLDS.harmonics
+_LEAST = 1e-30  # of |H|, and of |A| (1/kg), whose logarithm is taken
+
+
+@dataclass(frozen=True, kw_only=True)
+class Believed:
+    """What is believed of FRFs and of the model beside them.
+
+    Attributes:
+        noisy: of an estimate, noise from which a point is left out.
+        wild: standard deviations, of error and noise together, beyond which a residual counts as
+            that many.
+        table: what the model may err by.
+    """
+
+    noisy: float = math.inf
+    wild: float = math.inf
+    table: ErrorTable = MODEL_ERROR
+
+
+# The noise as stated, and a model that may err; or one that may not.
+LEARNING, AT_ITS_WORD = Believed(), Believed(table=STATED)
+# The table is coarse: a hundred fits share it, and only their differences count.
+JUDGING = Believed(
+    noisy=JUDGED.noisy,
+    wild=JUDGED.wild,
+    table=ErrorTable(sizes=JUDGED.sizes, lengths=JUDGED.lengths, harmonics=JUDGED.harmonics),
 )
 
 
@@ -119,6 +154,10 @@ class FrfData:
         blocks: the records.
         excitation: what drives the building.
         halves: the data in two parts that err independently; none where they cannot be parted.
+        believed: of the data and of the model beside them.
+        logs: how ln|H| of one record is made, of the observed floors alone and far faster than
+            complex FRFs; None where FRFs are compared.
+        device: where `logs` are.
     """
 
     floors: tuple[str, ...]
@@ -130,6 +169,14 @@ class FrfData:
     blocks: tuple[Block, ...]
     excitation: Excitation = BaseMotion()
     halves: "tuple[FrfData, ...]" = ()
+    believed: Believed = JUDGING
+    logs: Responses | None = None
+    device: torch.device | str = "cpu"
+
+    @property
+    def at_once(self) -> int:
+        """Points at a time: with complex FRFs of a thousand, and all their residuals, take a GB."""
+        return 64 if self.logs is None else 1024
 
     @property
     def name(self) -> str:
@@ -206,21 +253,26 @@ class FrfData:
 
     def error(self, known: Tensor | None) -> LearnedError:
         """What the model may err by, beside errors (c, n) that are known beforehand."""
-        weight = self.independent / self.sd**2
+        table = self.believed.table
         # A load case has no neighbours that could err alike.
         several = len(self.frequency_hz) > len(self.blocks)
         return LearnedError(
-            weight,
+            self.weight,
             self.frequency_hz,
             self.effective,
             known,
-            table=_TABLE if several else NOISE_ALONE,
+            table=table if several or not table.sizes else NOISE_ALONE,
             parts=self._parts,
-            wild=THRESHOLDS.wild,
+            wild=self.believed.wild,
         )
 
     def predicted(self, system: System, theta: Tensor, zeta: Tensor, sizes: Tensor) -> Tensor:
-        """Complex FRFs (N, f, k) of all floors, as each record shows them."""
+        """Complex FRFs (N, f, k) of all floors, as each record shows them.
+
+        With `logs`, ln|H| (N, g, k) of the observed ones.
+        """
+        if self.logs is not None:
+            return self._logs(system, theta, zeta, sizes, self.logs)
         parts, first = [], 0
         for block in self.blocks:
             frequency = self.frequency_hz[first : first + block.points]
@@ -229,15 +281,23 @@ class FrfData:
             if block.estimator is None:
                 parts.append(self.excitation.frf(system, *own, sizes, frequency))
                 continue
-            moving = system
-            if system.changes_in_run and block.estimator.run_levels:
-                moving = replace(system, run_levels=block.estimator.run_levels)
+            moving = _as_run(system, block.estimator)
             known = *own, sizes, torch.from_numpy(block.estimator.frequency_hz)
             frf = self.excitation.frf(moving, *known)
             turns = block.estimator.turns
             turned = self.excitation.frf(moving.turned, *known) if turns else None
             parts.append(block.estimator(frf, turned))
         return torch.cat(parts, dim=2)
+
+    def _logs(
+        self, system: System, theta: Tensor, zeta: Tensor, sizes: Tensor, how: Responses
+    ) -> Tensor:
+        (block,) = self.blocks
+        seen = block.estimator
+        asked = self.frequency_hz if seen is None else torch.from_numpy(seen.frequency_hz)
+        both = torch.cat([theta, sizes], dim=1).to(self.device, torch.float64)
+        ratio = zeta.to(self.device, torch.float64)
+        return _as_run(system, seen).log_frf(both, ratio, asked.to(self.device), how)
 
     def drawn(self, system: System, theta: Tensor, zeta: Tensor, sizes: Tensor) -> Tensor:
         """Complex FRFs (f, k) of the observed floors at the first record's points, as they are."""
@@ -257,10 +317,13 @@ class FrfData:
     def compared(self, predicted: Tensor) -> Tensor:
         """Residuals (N, n) of complex FRFs (N, f, k) of all floors, in the unit of their noise.
 
-        Zero where not valid.
+        With `logs`, of ln|H| of the observed ones. Zero where not valid.
         """
+        if self.logs is not None:
+            missed = self.log_frf.to(predicted) - predicted
+            return (missed * self._root.to(predicted)).flatten(1)
         frf = predicted[:, list(self.rows)]
-        size = frf.abs().clamp_min(1e-12).log()
+        size = self.logarithm(predicted)
         parts = [((self.log_frf - size) * self._root).flatten(1)]
         if self.phase is not None:
             # Half a turn off is half a turn ahead: were it at either end of the range, errors of a
@@ -269,6 +332,23 @@ class FrfData:
             turn = torch.remainder(self.phase - frf.angle() + least, 2.0 * torch.pi) - least
             parts.append((turn * self._root).flatten(1))
         return torch.cat(parts, dim=1)
+
+    def logarithm(self, predicted: Tensor) -> Tensor:
+        """ln|H| (N, g, k) of the observed floors, of predictions."""
+        if self.logs is not None:
+            return predicted
+        return predicted[:, list(self.rows)].abs().clamp_min(_LEAST).log()
+
+    def explained(self, raw: Tensor) -> float:
+        """Share of the measured variation over frequency that the best of residuals (n, m) has.
+
+        Of the squares of ln|H| about the mean of every floor; below zero where that is better.
+        """
+        weight, count = self.weight, self.sd.numel()
+        mean = (weight * self.log_frf).sum(1, True) / weight.sum(1, True).clamp_min(1e-300)
+        whole = float((weight * (self.log_frf - mean) ** 2).sum())
+        left = float(raw[:, :count].square().sum(1).min())
+        return 1.0 - left / max(whole, 1e-300)
 
     def moved(self, from_: Tensor, to: Tensor) -> Tensor:
         """Change (N, n) of predictions, (1, f, k) and (N, f, k), in the unit of the residuals."""
@@ -286,8 +366,22 @@ class FrfData:
         return (torch.eye(count).to(each)[:, None, :, None] * each).flatten(1)
 
     @property
+    def weight(self) -> Tensor:
+        """(f, k) inverse variance by which independent points count; zero where not valid."""
+        return self.independent / self.sd**2
+
+    @property
     def _root(self) -> Tensor:
         return (1.0 / self.sd) * self.independent**0.5
+
+    def with_least_noise(self, least: float) -> "FrfData":
+        """The same with the noise that the latent likelihood allows it at least.
+
+        Args:
+            least: standard deviation of ln|H| that the precision of a point, times its share that
+                errs independently, does not go below.
+        """
+        return replace(self, sd=torch.maximum(self.sd, least * self.independent**0.5))
 
     def coarse(self, noise: float) -> "FrfData":
         """The same with so much more noise in ln|H|."""
@@ -327,7 +421,7 @@ class FrfData:
                 freedom = self._parts * float(weight[inside].sum())
                 # The last points before coherence is lost were chosen by chance: too few say
                 # nothing.
-                enough = freedom >= SCREEN.cell_points
+                enough = freedom >= JUDGED.cell_points
                 total = float(row[inside].sum())
                 tail = float(chdtrc(freedom, total)) if enough else 1.0
                 mean = total / freedom if enough else 1.0
@@ -385,18 +479,19 @@ class FrfData:
         return float((change / whole).sqrt().max())
 
 
+def _as_run(system: System, seen: Estimator | None) -> System:
+    """The system as in the run that an estimate was made of, where it changes in a run."""
+    if seen is None or not (system.changes_in_run and seen.run_levels):
+        return system
+    return replace(system, run_levels=seen.run_levels)
+
+
 def _noise_sentence(noise: float) -> str:
     return f"The noise is {noise:.1f} times the stated one." if noise > 1.0 else ""
 
 
 def _rms(values: np.ndarray) -> float:
     return float(np.sqrt((values**2).mean()))
-
-
-# Errors of H1 at frequencies x / T apart are correlated by 1, 4/9, 1/36, 0 at x = 0, 1, 2, 3: the
-# spectrum of the squared window, squared, as base and noise both have it. What changes slowly with
-# frequency is therefore known no better than from points 1.94 / T apart.
-_CORRELATED = (1.0 + 2.0 * (4.0 / 9.0 + 1.0 / 36.0)) / HANN
 
 
 def frf_data(
@@ -407,8 +502,9 @@ def frf_data(
     use_phase: bool = True,
     model_error: float = 0.0,
     halves: Sequence[FrfData] = (),
+    believed: Believed = JUDGING,
 ) -> FrfData:
-    """An observation for the effect finder.
+    """An observation that a model is judged by.
 
     Args:
         observation: on its own grid.
@@ -417,39 +513,91 @@ def frf_data(
         use_phase: compare phases where they were measured.
         model_error: added to the noise of ln|H|.
         halves: of the observation, where it can be parted.
+        believed: of it and of the model; by default as the effect finder does.
     """
-    table = observation.coherence is None
     valid = torch.from_numpy(observation.valid)
     noise = torch.from_numpy(np.nan_to_num(observation.noise_sd, nan=1.0))
-    if not table:
+    if observation.coherence is not None:
         # Where noise reaches the response, ln|H| of an estimate lies too high, and what is kept
         # for its coherence higher still.
-        valid = valid & (noise < THRESHOLDS.noisy)
-    infinite = torch.full_like(noise, torch.inf)
-    grid = observation.frequency_hz
-    spacing = float(np.median(np.diff(grid))) if grid.size > 1 else 1.0
-    resolution = observation.resolution_hz or spacing
-    phase = observation.phase if use_phase else None
+        valid = valid & (noise < believed.noisy)
+    turn, phase = observation.rotation, observation.phase if use_phase else None
+    block = Block(
+        observation.frequency_hz.size,
+        independent_share(observation),
+        observation.estimator,
+        rotation=None if turn is None else torch.from_numpy(np.nan_to_num(turn)),
+    )
     return FrfData(
         floors=floors,
         rows=tuple(floors.index(name) for name in observation.floors),
-        frequency_hz=torch.from_numpy(grid),
+        frequency_hz=torch.from_numpy(observation.frequency_hz),
         log_frf=torch.where(valid, torch.from_numpy(np.nan_to_num(observation.log_frf)), 0.0),
         phase=None if phase is None else torch.from_numpy(np.nan_to_num(phase)),
-        sd=torch.where(valid, (noise**2 + model_error**2).sqrt(), infinite),
-        blocks=(
-            Block(
-                grid.size,
-                min(1.0, spacing / (resolution * (1.0 if table else _CORRELATED))),
-                observation.estimator,
-                rotation=None
-                if observation.rotation is None
-                else torch.from_numpy(np.nan_to_num(observation.rotation)),
-            ),
-        ),
+        sd=torch.where(valid, (noise**2 + model_error**2).sqrt(), torch.inf),
+        blocks=(block,),
         excitation=excitation or BaseMotion(),
         halves=tuple(halves),
+        believed=believed,
     )
+
+
+def base_logs(
+    observation: Observation,
+    system: System,
+    *,
+    believed: Believed = LEARNING,
+    device: torch.device | str = "cpu",
+    precision: torch.dtype = torch.float64,
+    modes: int | None = DRAWS.modes,
+    batch: int | None = None,
+) -> FrfData:
+    """ln|H| under base motion, at all frequencies of an observation, as fast as it can be had.
+
+    Args:
+        observation: on its own grid.
+        system: the model. Responses of one with effects are made of all its modes.
+        believed: of the data and of the model.
+        device: where responses are made.
+        precision: of the responses; modes are always solved in float64. float32 takes half the
+            time and moves the log likelihood by a few thousandths.
+        modes: kept for a response; all where None, which makes responses smooth in theta: which
+            modes are kept changes from place to place.
+        batch: responses at a time; default what is fastest.
+    """
+    data = frf_data(observation, system.floors, use_phase=False, believed=believed)
+    how = Responses(
+        modes=None if system.placed else modes,
+        precision=precision,
+        floors=data.rows,
+        seen=observation.estimator,
+        batch=batch,
+    )
+    return replace(data, logs=how, device=device)
+
+
+def forced_logs(
+    forced: ForcedObservation, floors: tuple[str, ...], rest: RestFlexibility | None = None
+) -> FrfData:
+    """ln|A| of responses to a force at the frequencies that say something, taken at its word.
+
+    Args:
+        forced: as read.
+        floors: of the model.
+        rest: static displacement that the reduced model lacks.
+    """
+    seen = at_frequencies(forced.observation, np.asarray(forced.observation.valid.any(axis=0)))
+    force = FloorForce(forced.force, rest)
+    return frf_data(seen, floors, excitation=force, use_phase=False, believed=AT_ITS_WORD)
+
+
+def log_responses(data: FrfData, system: System, parameters: Tensor, zeta: Tensor) -> Tensor:
+    """ln|H| (n, g, k) of the observed floors at parameters (n, p + q) and ratios (n,)."""
+    parts = []
+    for some, ratio in zip(parameters.split(data.at_once), zeta.split(data.at_once), strict=True):
+        theta, sizes = system.split(some)
+        parts.append(data.logarithm(data.predicted(system, theta, ratio, sizes)))
+    return torch.cat(parts)
 
 
 def in_alternate_points(data: FrfData) -> FrfData:
@@ -495,12 +643,19 @@ def _on_rows(values: Tensor, own: tuple[int, ...], rows: tuple[int, ...], missin
 
 
 __all__ = [
+    "AT_ITS_WORD",
+    "JUDGING",
+    "LEARNING",
     "BaseMotion",
+    "Believed",
     "Block",
     "Excitation",
     "FloorForce",
     "FrfData",
+    "base_logs",
+    "forced_logs",
     "frf_data",
     "in_alternate_points",
+    "log_responses",
     "together",
 ]
