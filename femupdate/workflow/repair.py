@@ -87,6 +87,7 @@ class RepairReport:
                     "log_evidence_over_none": one.finding.evidence.log_evidence,
                     "chi2_before": one.chi2_before,
                     "chi2_after": one.chi2_after,
+                    "settled_by": one.finding.placed.effect.settled_by,
                 }
                 for one in done.rounds
             ],
@@ -149,14 +150,15 @@ class RepairReport:
         )
 
     def _round(self, number: int) -> str:
-        """What one round added."""
+        """What one round added, and what tells on site whether it is there."""
         one, points = self.repair.rounds[number], self.problem.effective
         # What predicts data kept out better stands for itself, and what others complete.
         open_end = self.held is None and self.repair.left.size > 0.0
         doubt = f"\n  {STANDS_IN}" if open_end and one.stands_in(points) else ""
         return (
             f"{number + 1}. {one.finding.in_words}\n  residuals {one.chi2_before:.0f} -> "
-            f"{one.chi2_after:.0f} over {points:.0f} independent points{doubt}"
+            f"{one.chi2_after:.0f} over {points:.0f} independent points{doubt}\n"
+            f"  without the model it is settled by {one.finding.placed.effect.settled_by}"
         )
 
 

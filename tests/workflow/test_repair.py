@@ -15,6 +15,7 @@ from femupdate.discrepancy.repair import as_fitted
 from femupdate.discrepancy.residual_map import p_value
 from femupdate.dynamics.history import floor_histories
 from femupdate.dynamics.system import System
+from femupdate.effects.registry import CATALOGUE
 from femupdate.errors import MeasurementError, SurrogateError
 from femupdate.inference.posterior import load_posterior
 from femupdate.measurement.record import GroundMotion
@@ -327,6 +328,9 @@ def test_the_report_has_the_promised_keys_and_its_file(repaired):
         "verdict",
     } <= set(told)
     assert {"effect", "place", "chi2_before", "chi2_after"} <= set(told["rounds"][0])
+    settled = CATALOGUE["added_mass"].settled_by
+    assert told["rounds"][0]["settled_by"] == settled
+    assert f"  without the model it is settled by {settled}" in report.lines()[0].splitlines()
     assert told["chi2_before"] == told["rounds"][0]["chi2_before"]
     assert told["building"] == str(report.building_path)
     assert json.loads(report.path.read_text())["rounds"][0]["effect"] == "added_mass"
