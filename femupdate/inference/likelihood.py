@@ -28,6 +28,7 @@ class Likelihood:
         row: of its tables, by which residuals are whitened.
         constant: taken off, the same for all parameters: what the scatter of several runs costs
             that were pooled into one observation.
+        known_is_met: whether what errors known beforehand, as a mesh's, make up for is no misfit.
     """
 
     data: tuple[Data, ...]
@@ -36,6 +37,7 @@ class Likelihood:
     error: JointError
     row: Row
     constant: float = 0.0
+    known_is_met: bool = False
 
     def __call__(self, parameters: Tensor) -> Tensor:
         """Log likelihood (n,) of parameters (n, p)."""
@@ -108,7 +110,8 @@ class Likelihood:
         """Mean squared residual (n,) of parameters (n, p), by the stated noise alone."""
         raw = self.raw(parameters)
         parts = zip(self.error.parts, self.error.apart(raw), strict=True)
-        squares = [one.by_noise_alone(own).square().sum(1) for one, own in parts]
+        known = self.known_is_met
+        squares = [one.by_noise_alone(own, known=known).square().sum(1) for one, own in parts]
         return torch.stack(squares).sum(0) / max(self.effective, 1.0)
 
     def explained(self, parameters: Tensor) -> float | None:

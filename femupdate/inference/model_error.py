@@ -418,9 +418,19 @@ class LearnedError:
         least = min(self.levels[row].noise for row in rows)
         return bool((residuals.abs() <= self._wild * least).all())
 
-    def by_noise_alone(self, residuals: Tensor) -> Tensor:
-        """Residuals (n, p f k) of which none is wilder than counts beside the stated noise."""
-        return residuals.nan_to_num(nan=math.inf).clamp(-self._wild, self._wild)
+    def by_noise_alone(self, residuals: Tensor, *, known: bool) -> Tensor:
+        """Residuals (n, m) of which none is wilder than counts beside the stated noise.
+
+        Args:
+            residuals: (n, p f k).
+            known: whether to take off errors that are known beforehand.
+        """
+        tamed = residuals.nan_to_num(nan=math.inf).clamp(-self._wild, self._wild)
+        if not known:
+            return tamed
+        none = self.kept([0])
+        none.levels = (replace(self.levels[0], common=0.0, own=0.0, noise=1.0),)
+        return none.whiten(tamed, 0)
 
     def whiten(self, residuals: Tensor, row: int) -> Tensor:
         """Residuals (n, m) of unit covariance, were a row of the table true; along straight lines.
