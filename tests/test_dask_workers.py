@@ -18,7 +18,7 @@ from scipy.linalg import eigh
 
 from femupdate.building.files import load_building
 from femupdate.building.shear import shear_operators
-from femupdate.dask_workers import dask_workers
+from femupdate.dask_workers import _CONFIGURATION, dask_workers
 from femupdate.dynamics.local_basis import local_structure
 from femupdate.dynamics.snapshots import ReductionTarget
 from femupdate.dynamics.system import System
@@ -182,28 +182,138 @@ def test_what_fails_there_is_said_here(processes):
         list(everywhere(math.sqrt, [4.0, -1.0]))
 
 
-@pytest.mark.parametrize("there", ["nothing", "another"])
-def test_workers_that_cannot_do_the_work_are_refused(tmp_path, there):
-    """One that has not the femupdate of here would end with the work, which then waits."""
-    distributed = pytest.importorskip("distributed")
-    lines = ["import sys", "sys.modules['femupdate'] = None"]
-    if there == "another":
-        lines = ["from femupdate import dask_workers", "dask_workers.__version__ = '0.0.9'"]
-    (tmp_path / "there.py").write_text("\n".join(lines))
-    with distributed.LocalCluster(
-        n_workers=1,
+def preload(folder, *lines):
+    """A file that worker processes run while they start."""
+    (folder / "there.py").write_text("\n".join(lines))
+    return [str(folder / "there.py")]
+
+
+WITHOUT = {
+    "none": ["import sys", "sys.modules['femupdate'] = None"],
+    "0.0.9": ["from femupdate import dask_workers", "dask_workers.__version__ = '0.0.9'"],
+}
+
+
+def cluster_of(count, preload=()):
+    """A scheduler and worker processes that are not femupdate's own."""
+    distributed = pytest.importorskip("distributed", reason="the extra is not installed")
+    return distributed.LocalCluster(
+        n_workers=count,
         threads_per_worker=1,
         memory_limit=0,
         dashboard_address=None,
         scheduler_kwargs={"dashboard_address": ":0"},
-        preload=[str(tmp_path / "there.py")],
-    ) as cluster:
-        found = "none" if there == "nothing" else "0.0.9"
-        with (
-            pytest.raises(WorkersError, match=f"on the worker tcp.* {found}.*the same everywhere"),
-            dask_workers(cluster.scheduler_address),
-        ):
-            pass
+        preload=preload,
+    )
+
+
+@pytest.mark.parametrize("there", WITHOUT)
+def test_workers_that_cannot_do_the_work_are_refused(tmp_path, there):
+    """One that has not the femupdate of here would end with the work, which then waits."""
+    with (
+        cluster_of(1, preload(tmp_path, *WITHOUT[there])) as cluster,
+        pytest.raises(WorkersError, match=f"on the worker tcp.* {there}.*the same everywhere"),
+        dask_workers(cluster.scheduler_address),
+    ):
+        pass
+
+
+@pytest.mark.parametrize("there", WITHOUT)
+def test_workers_that_cannot_do_the_work_are_refused_later_too(tmp_path, there, killer):
+    with (
+        cluster_of(0, preload(tmp_path, *WITHOUT[there])) as cluster,
+        dask_workers(cluster.scheduler_address) as workers,
+        working_on(workers),
+    ):
+        cluster.scale(1)
+        with pytest.raises(WorkersError, match=f"on the worker .* {there}.*the same everywhere"):
+            list(everywhere(abs, [-1, -2]))
+
+
+def test_where_the_last_worker_has_gone_it_is_said(monkeypatch, caplog, killer):
+    monkeypatch.setattr("femupdate.dask_workers._LOOK_S", 0.1)
+    with (
+        cluster_of(1) as cluster,
+        dask_workers(cluster.scheduler_address) as workers,
+        working_on(workers),
+    ):
+        pieces = completed(time.sleep, [0.2] * 20)
+        next(pieces)
+        cluster.scale(0)
+        told = threading.Thread(target=lambda: [*pieces])
+        told.start()
+        while "has no workers left; the work goes on with the next" not in caplog.text:
+            time.sleep(0.05)
+        assert told.is_alive()
+        cluster.scale(1)
+        told.join()
+    assert caplog.text.count("no workers left") == 1
+
+
+def test_a_process_that_ends_while_it_starts(tmp_path):
+    pytest.importorskip("distributed", reason="the extra is not installed")
+    import dask
+
+    ends = preload(tmp_path, "import os", "os.kill(os.getpid(), 9)")
+    before = set(multiprocessing.active_children())
+    with (
+        dask.config.set({"distributed.worker.preload": ends}),
+        pytest.raises(WorkersError, match="local ended while it was starting; run the command"),
+        dask_workers("local"),
+    ):
+        pass
+    assert not set(multiprocessing.active_children()) - before
+
+
+@pytest.mark.parametrize("later", ["os.kill(os.getpid(), 9)", "raise MemoryError"])
+def test_processes_that_end_while_they_come_back(tmp_path, monkeypatch, killer, later):
+    """Killed once more, they come back; where they cannot start, that is said."""
+    pytest.importorskip("distributed", reason="the extra is not installed")
+    import dask
+
+    monkeypatch.setitem(_CONFIGURATION, "distributed.scheduler.no-workers-timeout", "15 s")
+    there = preload(
+        tmp_path,
+        "import os, pathlib",
+        f"folder = pathlib.Path({str(tmp_path)!r})",
+        "(folder / f'{os.getpid()}.started').touch()",
+        "started = len(list(folder.glob('*.started')))",
+        f"if 2 < started < 5: {later}",
+    )
+    monkeypatch.setattr("femupdate.dask_workers.processor_count", lambda: 2)
+    before = set(multiprocessing.active_children())
+    with (
+        dask.config.set({"distributed.worker.preload": there}),
+        dask_workers("local") as workers,
+        working_on(workers),
+    ):
+        pieces = completed(spoiled(), [0.1] * 40)
+        next(pieces)
+        for one in set(multiprocessing.active_children()) - before:
+            os.kill(one.pid, signal.SIGKILL)
+        if later == "raise MemoryError":
+            with pytest.raises(WorkersError, match="workers of local ended and none came back"):
+                list(pieces)
+        else:
+            assert len(list(pieces)) == 39
+
+
+def test_arrays_of_the_work_arrive_as_they_are(processes):
+    """Their bytes are sent beside it: in the same order, to be changed where they could be."""
+    fixed = np.arange(6.0)
+    fixed.flags.writeable = False
+    columns = np.asfortranarray(np.arange(6.0).reshape(2, 3))
+    arrays = [fixed.reshape(2, 3), columns, np.zeros((0, 2)), np.arange(9)[::2]]
+
+    def told(k):
+        flags = arrays[k].flags
+        return arrays[k], flags.writeable, flags.f_contiguous
+
+    with working_on(processes):
+        for k, (array, *flags) in completed(told, range(4)):
+            np.testing.assert_array_equal(array, arrays[k])
+            assert array.dtype == arrays[k].dtype
+            assert flags == [k > 0, k > 0]
 
 
 def test_a_scheduler_that_is_not_there(monkeypatch):
