@@ -98,11 +98,11 @@ def select_floors(observation: Observation, floors: Sequence[str]) -> Observatio
 
 def at_frequencies(observation: Observation, used: Flags) -> Observation:
     """The observation at some of its frequencies (m,); its resolution stays what it is."""
-    spacing = float(np.median(np.diff(observation.frequency_hz)))
-    own = observation.estimator
+    grid, own = observation.frequency_hz, observation.estimator
+    spacing = float(np.median(np.diff(grid))) if grid.size > 1 else None
     return replace(
         observation,
-        frequency_hz=observation.frequency_hz[used],
+        frequency_hz=grid[used],
         log_frf=observation.log_frf[:, used],
         noise_sd=observation.noise_sd[:, used],
         valid=observation.valid[:, used],
