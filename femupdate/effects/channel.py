@@ -10,7 +10,7 @@ class ChannelEffect(Effect):
     """A fault of one floor's channel, where `sits` does not say otherwise."""
 
     instrument = True
-    sits = "each floor"
+    sits = "every floor"
 
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """The sensors of the place."""

@@ -232,11 +232,12 @@ def _all_and_each(structure: Structure) -> tuple[str, ...]:
 
 
 PLACES: dict[str, Callable[[Structure], tuple[str, ...]]] = {
-    "base": lambda structure: ("base",),
-    "all stories": lambda structure: ("all",),
-    "all stories and each": _all_and_each,
-    "all floors": lambda structure: ("floors",),
-    "each floor": lambda structure: structure.floors,
+    "the base": lambda structure: ("base",),
+    "all stories together": lambda structure: ("all",),
+    "all stories together, and every story": _all_and_each,
+    "all floors together": lambda structure: ("floors",),
+    "every floor": lambda structure: structure.floors,
+    "every story, named after the floor above it": lambda structure: structure.floors,
 }
 
 
@@ -253,7 +254,7 @@ class Effect(ABC):
             more"), `{title}`, and `{text}`, what the first parameter is.
         words: the two of a change, for more and for less.
         at: the preposition of a place that is a floor or story.
-        sits: where it can be in a building, by a name in `PLACES`.
+        sits: where it can be in a building, in words of `PLACES`.
         confused_with: names of effects that look alike.
         contains: names of effects that are this one at some value of its parameters. Where one of
             them does as well, that one is meant.

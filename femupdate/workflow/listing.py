@@ -92,7 +92,9 @@ def _shipped(name: str) -> ShippedBuilding:
 
 
 def _places(effect: Effect) -> str:
-    """Where an effect can sit: the first sentence of its method's docstring."""
+    """Where an effect can sit: in its words, or the first line of its own method's docstring."""
+    if type(effect).places is Effect.places:
+        return effect.sits[0].upper() + effect.sits[1:]
     return (inspect.getdoc(type(effect).places) or "").splitlines()[0].rstrip(".")
 
 

@@ -18,7 +18,7 @@ class AddedMass(Effect):
         "a water tank, or a wrong unit weight."
     )
     clause = "{place} carries {change} mass than modelled"
-    sits = "each floor"
+    sits = "every floor"
     confused_with = ("tuned_appendage", "base_sway", "foundation_rocking")
     settled_by = "a look at what stands on the floor, and its weight"
     parameters = (

@@ -17,7 +17,7 @@ class AmplitudeSoftening(Softening):
         "joints and partitions that slip); two observations at different levels show it."
     )
     clause = "Stiffness falls by {lost} with every doubling of the amplitude {where}"
-    sits = "all stories and each"
+    sits = "all stories together, and every story"
     at = "in"
     confused_with = ()
     settled_by = "a third record at another level"

@@ -14,7 +14,7 @@ class BaseGain(Effect):
     sentence = "The base sensor is off by a constant factor, which shifts all floors alike."
     clause = "The base sensor reads {change}"
     words = ("too much", "too little")
-    sits = "base"
+    sits = "the base"
     confused_with = ("base_sway",)
     settled_by = "two sensors side by side on the base in one run: their readings must agree"
     parameters = (

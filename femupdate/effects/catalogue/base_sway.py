@@ -15,7 +15,7 @@ class BaseSway(Effect):
         "anchorage; all floors are amplified by one common factor that grows with frequency."
     )
     clause = "The base sways by {size} of the roof's static displacement"
-    sits = "base"
+    sits = "the base"
     confused_with = ("roll_off", "added_mass", "foundation_rocking")
     settled_by = "a sensor on the foundation beside the one on the ground or the table"
     parameters = (

@@ -17,7 +17,7 @@ class FoundationRocking(Effect):
         "in proportion to their height on top of their own deformation."
     )
     clause = "The foundation rocks by {size} of the roof's static displacement"
-    sits = "base"
+    sits = "the base"
     confused_with = ("wall_stiffness", "added_mass", "table_pitch")
     settled_by = "two vertical sensors at opposite edges of the foundation"
     turns_base = True

@@ -16,7 +16,7 @@ class NoiseFloor(ChannelEffect):
         "the anti-resonances."
     )
     clause = "The floor sensors' noise is {size} of the base motion"
-    sits = "all floors"
+    sits = "all floors together"
     settled_by = "FRFs estimated from the histories instead of a ratio of amplitudes"
     parameters = (
         Parameter("size", "1", 0.05, lower=0.0, upper=1.0, text="noise over base amplitude"),

@@ -17,7 +17,7 @@ class RollOff(ChannelEffect):
         "The floor sensors (not the base's) lose high frequencies like a first-order low-pass "
         "filter: a smooth droop, with a phase lag."
     )
-    sits = "all floors"
+    sits = "all floors together"
     confused_with = ("base_sway", "damping_law")
     settled_by = "the sensors' data sheets, or floor and base sensors side by side in one run"
     parameters = (

@@ -21,7 +21,7 @@ class SofteningInRun(Softening):
         "that its peaks are smeared; one run shows it, two at different levels prove it."
     )
     clause = "Stiffness falls within the run by {lost} with every doubling of the amplitude"
-    sits = "all stories"
+    sits = "all stories together"
     confused_with = ("damping_law", "story_damper")
     # Off by 12 to 66 % in four trials of a stick that noise of even strength shook: the levels of a
     # run are told by few parts.

@@ -24,7 +24,7 @@ class StoryDamper(Effect):
         "are damped unequally and become complex."
     )
     clause = "The story {where} adds {size} to the first damping ratio"
-    sits = "each floor"
+    sits = "every story, named after the floor above it"
     confused_with = ("damping_law",)
     settled_by = "what may rub or slip in the story, or the decay of free vibration in each mode"
     parameters = (

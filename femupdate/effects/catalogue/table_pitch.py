@@ -17,7 +17,7 @@ class TablePitch(Effect):
         "proportion to height; natural frequencies stay, anti-resonances move."
     )
     clause = "The table turns by {number} mrad for every metre that it moves"
-    sits = "base"
+    sits = "the base"
     confused_with = ("foundation_rocking",)
     settled_by = "two vertical sensors at opposite ends of the table"
     turns_base = True

@@ -18,7 +18,7 @@ class TunedAppendage(Effect):
         "(a tank, a mast, a machine on springs) and splits a peak in two."
     )
     clause = "Something of {size} of the mass of {place} vibrates by itself"
-    sits = "each floor"
+    sits = "every floor"
     confused_with = ("added_mass",)
     settled_by = "a sensor on the thing itself (tank, mast, machine)"
     parameters = (
