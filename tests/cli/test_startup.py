@@ -249,3 +249,30 @@ def test_an_interrupted_command_says_how_to_go_on(monkeypatch, capsys, tmp_path)
     assert stopped.value.code == 130
     assert said.out == ""
     assert "run the same command again to go on" in said.err
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({}, {"GOMP_SPINCOUNT": "1000"}),
+        ({"GOMP_SPINCOUNT": "7"}, {"GOMP_SPINCOUNT": "7"}),
+        ({"OMP_WAIT_POLICY": "active"}, {"OMP_WAIT_POLICY": "active"}),
+    ],
+    ids=["nothing said", "a count", "a policy"],
+)
+def test_waiting_threads_sleep_unless_the_user_says_how_they_wait(given, told):
+    """It is settled before the library is loaded that reads it."""
+    code = (
+        "import os, sys\n"
+        "from femupdate.cli.main import main\n"
+        "assert 'torch' not in sys.modules\n"
+        "try: main(['--version'])\n"
+        "except SystemExit: pass\n"
+        "names = 'GOMP_SPINCOUNT', 'OMP_WAIT_POLICY'\n"
+        "print({name: os.environ[name] for name in names if name in os.environ})\n"
+    )
+    clean = {k: v for k, v in os.environ.items() if not k.startswith(("GOMP_", "OMP_WAIT"))}
+    done = subprocess.run(
+        [sys.executable, "-c", code], env={**clean, **given}, capture_output=True, text=True
+    )
+    assert done.stdout.splitlines()[-1] == str(told)
