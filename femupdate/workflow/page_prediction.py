@@ -1,24 +1,23 @@
 """The section of the page on a predicted earthquake."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from femupdate.arrays import Floats
 from femupdate.dynamics.comparison import SCORES, score_rows
+from femupdate.report.curves import history_curves, spectrum_curves
 from femupdate.report.page import Block, Chart, Section, Table, Text
 from femupdate.report.page_charts import (
     POINTS,
-    Axis,
-    Band,
-    Curve,
     Figure,
     Interval,
     curve_figure,
     interval_figure,
     thinned,
 )
+from femupdate.units import capital
 from femupdate.workflow.page_parts import PageStudy
 from femupdate.workflow.prediction_quantities import PEAKS, Quantity, quantities, side_by_side
 
@@ -84,76 +83,51 @@ def _scores(kept: Mapping[str, Mapping[str, float]] | None) -> tuple[Table, ...]
 
 
 def _histories(predictions: Any, known: Any) -> Chart:
-    base = known["base_acceleration"].values
     time = predictions["time_s"].values
-    panels, shown = [], 0
-    for row, floor in reversed(list(enumerate(predictions["floor"].values))):
-        mean = predictions["acceleration_mean"].values[row]
-        kept = thinned(mean)
-        shown = max(shown, len(kept))
-        measured = None
-        if "measured_acceleration" in known:
-            measured = known["measured_acceleration"].values[row][kept]
-        curve = Curve(
-            x=time[kept],
-            mean=mean[kept],
-            name="mean",
-            bands=_bands(predictions, row, kept),
-            measured=measured,
-        )
-        up = Axis(title="acceleration, m/s²")
-        panels.append((str(floor), curve_figure(curve, Axis(title="time, s"), up)))
+    bands, alone = (
+        [predictions[f"{of}acceleration_{part}"].values for part in ("mean", "sd")]
+        for of in ("", "parameters_")
+    )
+    measured = known.get("measured_acceleration")
+    curves = history_curves(
+        time,
+        predictions["floor"].values,
+        *bands,
+        alone=(alone[0], alone[1]),
+        measured=None if measured is None else measured.values,
+    )
+    kept = [thinned(one.mean) for one in curves]
+    shown = max(map(len, kept))
+    base = known["base_acceleration"].values
+    ground = replace(curves[0], title="base", mean=base, name="record", bands=(), measured=None)
     note = f"All {len(time)} samples are shown."
     if shown < len(time):
         note = (
             f"Thinned for the screen to about {POINTS} of {len(time)} samples, all peaks of the "
             "mean kept; prediction.nc has them all."
         )
-    panels.append(("base", _base(base, time)))
     return Chart(
         name="floor_histories",
         caption="Acceleration of the floors and the base",
-        panels=tuple(panels),
-        note=f"{note} Drag to zoom, double-click to go back.",
+        panels=tuple(
+            (one.title, curve_figure(one.at(points)))
+            for one, points in zip((*curves, ground), (*kept, thinned(base)), strict=True)
+        ),
+        note=f"{note} The wide band is that of the next measurement. Drag to zoom, double-click to "
+        "go back.",
     )
-
-
-def _base(base: Floats, time: Floats) -> Figure:
-    kept = thinned(base)
-    curve = Curve(x=time[kept], mean=base[kept], name="record")
-    return curve_figure(curve, Axis(title="time, s"), Axis(title="acceleration, m/s²"))
-
-
-_BANDS = (
-    ("", "next measurement, mean ± 2 sd", True),
-    ("parameters_", "parameters alone, mean ± 2 sd", False),
-)
-
-
-def _bands(predictions: Any, row: int, kept: Any) -> tuple[Band, ...]:
-    """Of the next measurement and of the parameters alone, the wider first."""
-    found = []
-    for of, name, outer in _BANDS:
-        mean, sd = (
-            predictions[f"{of}acceleration_{part}"].values[row][kept] for part in ("mean", "sd")
-        )
-        found.append(Band(name=name, low=mean - 2.0 * sd, high=mean + 2.0 * sd, outer=outer))
-    return tuple(found)
 
 
 def _spectra(predictions: Any) -> tuple[Chart, ...]:
     if "floor_spectrum_mean" not in predictions:
         return ()
-    frequency = predictions["oscillator_hz"].values
-    means, sds = (predictions[f"floor_spectrum_{name}"].values for name in ("mean", "sd"))
-    across = Axis(title="frequency of the oscillator, Hz", log=True)
-    panels = []
-    rows = list(zip(predictions["floor"].values, means, sds, strict=True))
-    for floor, mean, sd in reversed(rows):
-        band = Band(name="mean ± 2 sd", low=mean - 2.0 * sd, high=mean + 2.0 * sd)
-        curve = Curve(x=frequency, mean=mean, bands=(band,))
-        panels.append((str(floor), curve_figure(curve, across, Axis(title="acceleration, m/s²"))))
-    return (Chart(name="floor_spectra", caption="Floor response spectra", panels=tuple(panels)),)
+    mean, sd = (predictions[f"floor_spectrum_{name}"].values for name in ("mean", "sd"))
+    frequency, floors = (predictions[name].values for name in ("oscillator_hz", "floor"))
+    panels = tuple(
+        (one.title, curve_figure(one, log="x"))
+        for one in spectrum_curves(frequency, floors, mean, sd)
+    )
+    return (Chart(name="floor_spectra", caption="Floor response spectra", panels=panels),)
 
 
 def _profiles(found: dict[str, Quantity]) -> Chart:
@@ -182,7 +156,7 @@ def _table(group: list[Quantity]) -> Table:
     names = ", ".join(one.name for one in group)
     return Table(
         name="_".join(group[0].name.split()),
-        caption=f"{names[0].upper()}{names[1:]}",
+        caption=capital(names),
         head=("", *head),
         rows=rows,
         note="Mean, and 5 to 95 % in brackets.",

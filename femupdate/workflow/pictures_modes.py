@@ -12,7 +12,7 @@ from femupdate.dynamics.tracking import node_displacements
 from femupdate.progress import SILENT, Progress
 from femupdate.report.scale import plus_minus
 from femupdate.study import Study
-from femupdate.units import ordinal
+from femupdate.units import capital, ordinal
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.modes import StudyMode, modes_of_model
 
@@ -143,8 +143,7 @@ def _heading(one: StudyMode) -> str:
     frequency = f"{mode.frequency_mean:.2f}"
     if len(mode.frequency_hz) > 1:
         frequency = plus_minus(mode.frequency_mean, mode.frequency_sd)
-    name = f"{one.name[0].upper()}{one.name[1:]}"
-    return f"{name}\n{frequency} Hz\n{100.0 * one.effective_mass:.1f} % of the mass"
+    return f"{capital(one.name)}\n{frequency} Hz\n{100.0 * one.effective_mass:.1f} % of the mass"
 
 
 def _stick_heading(one: StudyMode) -> str:

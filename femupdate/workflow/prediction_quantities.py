@@ -132,12 +132,18 @@ def force_scales(members: Sequence[MemberForces]) -> tuple[Scale, Scale]:
     largest = [0.0, 0.0]
     for one in members:
         for name, value in zip(one.member.forces, one.peak.mean.tolist(), strict=True):
-            largest[is_moment(name)] = max(largest[is_moment(name)], value)
+            largest[_is_moment(name)] = max(largest[_is_moment(name)], value)
     return force_scale(largest[0]), force_scale(largest[1])
 
 
-def is_moment(force: str) -> bool:
-    """Whether a force of a member, such as "My_start", is a moment."""
+def in_unit(force: str, scales: tuple[Scale, Scale]) -> tuple[str, str, float]:
+    """Name, unit and what to divide by of a force of a member, such as "My_start"."""
+    scale = scales[_is_moment(force)]
+    unit = f"{scale.unit} m" if _is_moment(force) else scale.unit
+    return force.replace("_", " "), unit, scale.factor
+
+
+def _is_moment(force: str) -> bool:
     return force[0] in "TM"
 
 
@@ -171,6 +177,5 @@ def _peaks(one: MemberForces, scales: tuple[Scale, Scale]) -> Iterator[tuple[Any
     own = one.peak
     columns = np.stack([own.mean, own.sd, own.q05, own.q95], axis=1)
     for name, values in zip(one.member.forces, columns, strict=True):
-        scale = scales[is_moment(name)]
-        unit = f"{scale.unit} m" if is_moment(name) else scale.unit
-        yield (name.replace("_", " "), unit, *(values / scale.factor).tolist())
+        words, unit, factor = in_unit(name, scales)
+        yield (words, unit, *(values / factor).tolist())

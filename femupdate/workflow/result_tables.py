@@ -8,13 +8,12 @@ from numpy.typing import ArrayLike
 
 from femupdate.arrays import Floats
 from femupdate.discrepancy.diagnose import Finding
-from femupdate.measurement.observation import on_all_floors
 from femupdate.sheets import Sheet
 from femupdate.study import Study
-from femupdate.workflow.calibrate_draws import predictive_log_frf
 from femupdate.workflow.calibration_report import CalibrationReport
 from femupdate.workflow.diagnose import DiagnosisReport
 from femupdate.workflow.effect_surrogate import open_system
+from femupdate.workflow.fitted_curves import fitted_curves
 from femupdate.workflow.predict import PredictionReport
 from femupdate.workflow.prediction_quantities import TIDY, Quantity, member_rows
 from femupdate.workflow.render import RenderReport
@@ -55,7 +54,7 @@ def _sheet(name: str, columns: Mapping[str, Any]) -> Sheet:
 
 
 def _by_floor(
-    name: str, floors: Sequence[str], axis: str, points: ArrayLike, columns: Mapping[str, Floats]
+    name: str, floors: Sequence[str], axis: str, points: ArrayLike, columns: Mapping[str, Any]
 ) -> Sheet:
     """A table with a row for every floor and point of an axis, from columns (f, n)."""
     count = np.size(points)
@@ -77,19 +76,18 @@ def _stiffness(report: CalibrationReport) -> tuple[Sheet, ...]:
 
 def _responses(study: Study, report: CalibrationReport) -> Sheet:
     """Measured and predicted |H| of every floor and frequency, blank where nothing was measured."""
-    posterior, floors = report.posterior, report.model.building.floors
-    log = predictive_log_frf(open_system(study, report.model), report.model, posterior)
-    low, high = np.quantile(log, [0.05, 0.95], axis=0)
-    seen = on_all_floors(posterior.observation, floors)
+    system = open_system(study, report.model)
+    curves = fitted_curves(system, report.model, report.posterior)[::-1]
     columns = {
-        "measured_abs_h": np.exp(seen.log_frf),
-        "noise_sd_of_log": seen.noise_sd,
-        "used": seen.valid.astype(int),
-        "predicted_abs_h": np.exp(log.mean(axis=0)),
-        "predicted_q05": np.exp(low),
-        "predicted_q95": np.exp(high),
+        "measured_abs_h": [one.measured for one in curves],
+        "noise_sd_of_log": [one.noise for one in curves],
+        "used": [np.asarray(one.used, dtype=int) for one in curves],
+        "predicted_abs_h": [one.mean for one in curves],
+        "predicted_q05": [one.bands[-1].low for one in curves],
+        "predicted_q95": [one.bands[-1].high for one in curves],
     }
-    return _by_floor("frf_fit", floors, "frequency_hz", seen.frequency_hz, columns)
+    floors = [one.title for one in curves]
+    return _by_floor("frf_fit", floors, "frequency_hz", curves[0].x, columns)
 
 
 def prediction_tables(report: PredictionReport) -> tuple[Sheet, ...]:

@@ -1,6 +1,7 @@
 """Tables for spreadsheets hold what was computed, one thing a row, with units."""
 
 import csv
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,9 +14,11 @@ from femupdate.dynamics.member_histories import Member, MemberForces
 from femupdate.dynamics.summary import Statistics
 from femupdate.inference.posterior import load_posterior
 from femupdate.report.scale import interval_text
+from femupdate.workflow.pictures_prediction import force_curves
 from femupdate.workflow.prediction_quantities import (
     TIDY,
     Quantity,
+    force_scales,
     member_lines,
     member_rows,
     quantities,
@@ -127,6 +130,15 @@ def test_largest_forces_of_members_have_one_unit_each(members):
     ]
     assert rows[1][3:] == pytest.approx((32.32, 0.3232, 31.6736, 32.9664))
     assert len(rows[0]) == len(TIDY)
+
+
+def test_pictures_of_members_have_the_units_of_the_tables(members):
+    time = np.linspace(0.0, 10.0, 500)
+    wave = np.sin(2 * np.pi * time)
+    wall = replace(members[0], mean=members[0].mean * wave, sd=0.0 * members[0].mean * wave)
+    curves = force_curves(time, wall, force_scales(members))
+    assert [one.up for one in curves] == ["N, kN", "V, kN", "M, kN m"]
+    assert [np.ptp(one.mean) for one in curves] == pytest.approx([11.0, 64.6, 81.9], rel=0.01)
 
 
 def test_largest_forces_of_members_are_told_without_exponents(members):
