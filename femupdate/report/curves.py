@@ -45,7 +45,7 @@ class Curve:
         measured: (n,) NaN where nothing was measured, or None.
         noise: (n,) standard deviation of ln(measured), or None.
         used: (n,) whether a measured point counts; None where all do.
-        ground: (n,) the same of the ground's motion, or None.
+        beside: (n,) another line, such as that of the ground, or None.
     """
 
     title: str
@@ -58,7 +58,7 @@ class Curve:
     measured: Floats | None = None
     noise: Floats | None = None
     used: Flags | None = None
-    ground: Floats | None = None
+    beside: Floats | None = None
 
     def seen(self, *, used: bool) -> Floats | None:
         """(n,) what was measured and counts, or does not; None where there is no such point."""
@@ -72,7 +72,7 @@ class Curve:
         """The same at some of its points, by an index or a mask."""
         chosen: dict[str, Any] = {
             name: None if value is None else value[kept]
-            for name in ("x", "mean", "measured", "noise", "used", "ground")
+            for name in ("x", "mean", "measured", "noise", "used", "beside")
             for value in (getattr(self, name),)
         }
         bands = tuple(replace(one, low=one.low[kept], high=one.high[kept]) for one in self.bands)
@@ -164,7 +164,7 @@ def spectrum_curves(
     """
     curves = history_curves(frequency_hz, floors, mean, sd)
     return tuple(
-        replace(one, across="frequency of the oscillator, Hz", ground=ground) for one in curves
+        replace(one, across="frequency of the oscillator, Hz", beside=ground) for one in curves
     )
 
 

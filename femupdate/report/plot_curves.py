@@ -50,8 +50,8 @@ def draw_curve(panel: Axes, curve: Curve, line: float = 1.0, measured: float = 2
             panel.fill_between(x, used / wide, used * wide, label=label, **_NOISE)
     if unused is not None:
         panel.plot(x, unused, label=capital(LEFT_OUT), **_UNUSED)
-    if curve.ground is not None:
-        panel.plot(x, curve.ground, color=QUIET, linestyle="--", label="Ground")
+    if curve.beside is not None:
+        panel.plot(x, curve.beside, color=QUIET, linestyle="--", label="Ground")
 
 
 def _grid(
@@ -154,7 +154,7 @@ def floor_spectra_bands(
     figure, panels = _grid(curves, min(3, len(curves)), (3.6, 2.5), 1.3)
     frequency_ticks(panels[0], curves[0].x[0], curves[0].x[-1])
     tops = [band.high for one in curves for band in one.bands]
-    tops += [one.ground for one in curves if one.ground is not None]
+    tops += [one.beside for one in curves if one.beside is not None]
     panels[0].set_ylim(0.0, 1.08 * np.max(tops))
     add_head(figure, title)
     return figure

@@ -14,6 +14,7 @@ from matplotlib.image import imread
 from matplotlib.text import Text
 
 from femupdate.errors import ReportError
+from femupdate.inference.data import Cell
 from femupdate.measurement.observation import Observation
 from femupdate.report.curves import history_curves, response_curves, spectrum_curves
 from femupdate.report.figure import new_figure, save_figure
@@ -24,7 +25,7 @@ from femupdate.report.plot_curves import (
     member_force_bands,
     strong_part,
 )
-from femupdate.report.plot_diagnosis import Columns, Ranked, ranking, residual_map
+from femupdate.report.plot_diagnosis import Ranked, ResidualMap, ranking, residual_map
 from femupdate.report.plot_drift import story_shear_drift
 from femupdate.report.plot_intervals import theta_intervals
 from femupdate.report.plot_posterior import SampleSet, correlation, most_correlated, posterior_pairs
@@ -173,7 +174,10 @@ FIGURES = {
     "spectra": lambda: spectra(),
     "members": lambda: member_forces(),
     "residual map": lambda: residual_map(
-        FLOORS, Columns(EDGES), [("before", MISFIT), ("after", MISFIT / 9)]
+        [
+            ("before", ResidualMap(FLOORS, EDGES, MISFIT)),
+            ("after", ResidualMap(FLOORS, EDGES, MISFIT / 9)),
+        ]
     ),
     "ranking": lambda: ranking(RANKED, 4.6, "The verdict in one sentence."),
 }
@@ -349,9 +353,8 @@ def test_spectra_over_the_ground():
 
 def test_residuals_over_the_noise():
     grid = np.array([[0.5, 12.3], [np.nan, 2.0]])
-    figure = residual_map(
-        ("2F", "RF"), Columns(np.array([1.0, 4.0, 9.0])), [("model as it is", grid)]
-    )
+    one = ResidualMap(("2F", "RF"), np.array([1.0, 4.0, 9.0]), grid)
+    figure = residual_map([("model as it is", one)])
     panel = figure.axes[0]
     assert [text.get_text() for text in panel.texts] == ["0.5", "12", "2.0"]
     np.testing.assert_allclose([text.get_position()[0] for text in panel.texts], [2.0, 6.0, 6.0])
@@ -361,13 +364,25 @@ def test_residuals_over_the_noise():
 
 
 def test_residuals_of_modes_stand_over_their_names():
-    columns = Columns.named(("1.2 Hz", "3.4 Hz"), "Identified mode")
-    figure = residual_map(("frequency", "RF"), columns, [("model", np.array([[1.0, 4.0]] * 2))])
-    panel = figure.axes[0]
+    cells = [
+        Cell(row, (hertz, hertz), excess, 0.5, "modes")
+        for row in ("frequency", "RF")
+        for hertz, excess in ((1.2, 0.0), (3.4, 15.0))
+    ]
+    one = ResidualMap.of([Cell("2F", (1.0, 4.0), 3.0, 0.1), *cells], "modes")
+    panel = residual_map([("model", one)]).axes[0]
+    assert [text.get_text() for text in panel.texts] == ["1.0", "4.0"] * 2
     assert [text.get_text() for text in panel.get_xticklabels()] == ["1.2 Hz", "3.4 Hz"]
     assert panel.get_xticks() == pytest.approx([0.5, 1.5])
     assert panel.get_xlabel() == "Identified mode"
     np.testing.assert_allclose([text.get_position()[0] for text in panel.texts], [0.5, 1.5] * 2)
+
+
+def test_parts_with_too_few_points_stay_grey():
+    cells = [Cell("2F", (1.0, 4.0), 0.0, 1.0), Cell("2F", (4.0, 9.0), 3.0, 0.1)]
+    one = ResidualMap.of(cells, "")
+    np.testing.assert_array_equal(one.grid, [[np.nan, 2.0]])
+    np.testing.assert_array_equal(one.edges, [1.0, 4.0, 9.0])
 
 
 def test_the_ranking_puts_the_strongest_on_top():
@@ -490,7 +505,7 @@ def test_folder_that_is_a_file_and_name_that_is_no_picture(tmp_path):
             lambda: posterior_pairs([SampleSet("A", np.full((9, 3), np.nan))], names(3), bounds(3)),
             "A needs two samples or more, all of them finite",
         ),
-        (lambda: residual_map(FLOORS, Columns(EDGES), []), "one model at least"),
+        (lambda: residual_map([]), "one model at least"),
         (lambda: ranking([], 4.6, ""), "one effect at least"),
         (
             lambda: story_shear_drift(
