@@ -8,11 +8,12 @@ from femupdate.building.parameters import factor_titles
 from femupdate.discrepancy.diagnose import mass_in_words
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
-from femupdate.report.page import Block, Chart, Remarks, Section, Table, Text
+from femupdate.report.page import Block, Chart, Remarks, Section, Text
 from femupdate.report.page_charts import Interval, bar_figure, interval_figure
 from femupdate.report.scale import with_unit
 from femupdate.report.style import BLUE, ORANGE
 from femupdate.study import as_written
+from femupdate.tables import Table
 from femupdate.workflow.page_done import read_json
 from femupdate.workflow.page_parts import PageStudy, searched
 

@@ -7,7 +7,7 @@ import numpy as np
 from femupdate.inference.posterior import Posterior
 from femupdate.measurement.observation import Observation
 from femupdate.report.curves import Curve
-from femupdate.report.page import Block, Chart, Remarks, Section, Table, Text
+from femupdate.report.page import Block, Chart, Remarks, Section, Text
 from femupdate.report.page_charts import (
     Interval,
     correlation_figure,
@@ -15,6 +15,7 @@ from femupdate.report.page_charts import (
     interval_figure,
     pairs_figure,
 )
+from femupdate.tables import Table
 from femupdate.workflow.calibrate_notes import error_notes
 from femupdate.workflow.fitted_curves import fitted_curves
 from femupdate.workflow.page_parts import PageStudy, figures

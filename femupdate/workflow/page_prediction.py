@@ -1,14 +1,13 @@
 """The section of the page on a predicted earthquake."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from femupdate.dynamics.comparison import SCORES, score_rows
+from femupdate.dynamics.comparison import score_table
 from femupdate.report.curves import history_curves, spectrum_curves
-from femupdate.report.page import Block, Chart, Section, Table, Text
+from femupdate.report.page import Block, Chart, Section, Text
 from femupdate.report.page_charts import (
     POINTS,
     Figure,
@@ -17,9 +16,9 @@ from femupdate.report.page_charts import (
     interval_figure,
     thinned,
 )
-from femupdate.units import capital
+from femupdate.tables import Table
 from femupdate.workflow.page_parts import PageStudy
-from femupdate.workflow.prediction_quantities import PEAKS, Quantity, quantities, side_by_side
+from femupdate.workflow.prediction_quantities import PEAKS, Quantity, quantities, quantity_tables
 
 
 def prediction_section(page: PageStudy) -> Section:
@@ -42,14 +41,14 @@ def prediction_section(page: PageStudy) -> Section:
     )
     relative = "Masses are nominal: shears and stiffnesses are relative."
     known = not page.model.building.forces_are_relative
-    found = _quantities(page, predictions)
+    found, measured = _quantities(page, predictions), settings.get("against_measured")
     blocks: list[Block] = [
         Text((lead,) if known else (lead, relative)),
-        *_scores(settings.get("against_measured")),
+        *([score_table(measured)] if measured else []),
         _histories(predictions, tree["constant_data"].to_dataset()),
         *_spectra(predictions),
         _profiles(found),
-        *(_table(one) for one in side_by_side(found.values())),
+        *quantity_tables(found.values()),
         *_others(predictions),
     ]
     return Section("prediction", title, tuple(blocks))
@@ -67,19 +66,6 @@ def _quantities(page: PageStudy, predictions: Any) -> dict[str, Quantity]:
     floors = [str(name) for name in predictions["floor"].values]
     mass = float(page.model.reduced.story_mass[0])
     return dict(quantities(page.model.building, floors, peaks, mass))
-
-
-def _scores(kept: Mapping[str, Mapping[str, float]] | None) -> tuple[Table, ...]:
-    """How well measured floors were met, where the prediction was compared with any."""
-    if not kept:
-        return ()
-    note = (
-        "Error rms: of the best estimate, over the rms of the measurement. CRPS/rms: score of the "
-        "whole band, the lower the better. A good band holds some 95 % of the samples."
-    )
-    caption = "Against floors measured in the same motion"
-    rows = tuple(score_rows(kept))
-    return (Table(name="scores", caption=caption, head=("floor", *SCORES), rows=rows, note=note),)
 
 
 def _histories(predictions: Any, known: Any) -> Chart:
@@ -149,28 +135,14 @@ def _profile(one: Quantity) -> Figure:
     return interval_figure(one.places, [interval], one.heading)
 
 
-def _table(group: list[Quantity]) -> Table:
-    head = [one.heading for one in group]
-    columns = [one.cells() for one in group]
-    rows = tuple(zip(group[0].places, *columns, strict=True))
-    names = ", ".join(one.name for one in group)
-    return Table(
-        name="_".join(group[0].name.split()),
-        caption=capital(names),
-        head=("", *head),
-        rows=rows,
-        note="Mean, and 5 to 95 % in brackets.",
-    )
-
-
 def _others(predictions: Any) -> list[Table]:
     """Anything else that is kept for every draw."""
-    tables = []
+    tables: list[Table] = []
     for name, values in predictions.data_vars.items():
         if name in PEAKS or len(values.dims) != 2 or values.dims[0] != "sample":
             continue
         places = tuple(str(place) for place in values[values.dims[1]].values)
         words = str(name).replace("_", " ")
         one = Quantity(words, str(values.attrs.get("units", "")), places, values.values)
-        tables.append(_table([one]))
+        tables += quantity_tables([one])
     return tables

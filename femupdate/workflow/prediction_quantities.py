@@ -12,8 +12,8 @@ from femupdate.building.schema import Building
 from femupdate.dynamics.member_histories import MemberForces
 from femupdate.dynamics.summary import Statistics, statistics
 from femupdate.report.scale import Scale, force_scale, interval_text
-from femupdate.tables import table
-from femupdate.units import STANDARD_GRAVITY
+from femupdate.tables import Table, table
+from femupdate.units import STANDARD_GRAVITY, capital
 
 _BENCH_TOP = 100.0  # N; the largest shear of models that weigh some kilograms
 TIDY = ("quantity", "unit", "place", "mean", "sd", "q05", "q95")
@@ -59,23 +59,21 @@ class Quantity:
         return tuple(interval_text(*(float(value) for value in row)) for row in rows)
 
 
-def side_by_side(found: Iterable[Quantity]) -> list[list[Quantity]]:
-    """Quantities of the same places together, as they stand in one table."""
+def quantity_tables(found: Iterable[Quantity]) -> list[Table]:
+    """Tables of quantities at the same places: of the floors, of the stories, of the base."""
     groups: dict[tuple[str, ...], list[Quantity]] = {}
     for one in found:
         groups.setdefault(one.places, []).append(one)
-    return list(groups.values())
-
-
-def tables(found: Iterable[Quantity]) -> tuple[str, ...]:
-    """Tables in words, one of the floors, one of the stories, one of the base."""
-    return tuple(
-        table(
-            ("", *(one.heading for one in group)),
-            list(zip(group[0].places, *(one.cells() for one in group), strict=True)),
+    return [
+        Table(
+            name="_".join(group[0].name.split()),
+            caption=capital(", ".join(one.name for one in group)),
+            head=("", *(one.heading for one in group)),
+            rows=tuple(zip(places, *(one.cells() for one in group), strict=True)),
+            note="Mean, and 5 to 95 % in brackets.",
         )
-        for group in side_by_side(found)
-    )
+        for places, group in groups.items()
+    ]
 
 
 def heights_of(building: Building) -> Floats | None:

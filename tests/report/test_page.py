@@ -15,7 +15,6 @@ from femupdate.report.page import (
     Page,
     Remarks,
     Section,
-    Table,
     Text,
     data_json,
     page_html,
@@ -24,6 +23,7 @@ from femupdate.report.page import (
 )
 from femupdate.report.page_charts import Interval, curve_figure, interval_figure, thinned
 from femupdate.report.page_scene import ElementField, scene_content, thinned_geometry
+from femupdate.tables import Table
 
 NASTY = '</script><img src=x onerror=alert(1)> & "quotes" \'n all'
 

@@ -22,7 +22,7 @@ from femupdate.workflow.prediction_quantities import (
     member_lines,
     member_rows,
     quantities,
-    tables,
+    quantity_tables,
 )
 from femupdate.workflow.summary import effect_title
 
@@ -178,5 +178,5 @@ def test_figures_follow_their_spread():
     assert interval_text(1234.5, 10.0, 1220.0, 1250.0) == "1234 [1220, 1250]"
     assert interval_text(0.0, 0.0, 0.0, 0.0) == "0.000 [0.000, 0.000]"
     one = Quantity("drift", "mm", ("S1",), np.array([[1.0], [2.0]]))
-    (text,) = tables([one])
-    assert text.splitlines()[0].split() == ["drift,", "mm"]
+    (told,) = quantity_tables([one])
+    assert told.text().splitlines()[0].split() == ["drift,", "mm"]
