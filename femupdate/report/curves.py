@@ -79,6 +79,31 @@ class Curve:
         return replace(self, bands=bands, **chosen)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Interval:
+    """Rows with a mean and an interval each.
+
+    Attributes:
+        name: of the series.
+        mean, low, high: (r,).
+        series: number of the colour of all of it.
+    """
+
+    name: str
+    mean: Floats
+    low: Floats
+    high: Floats
+    series: int = 0
+
+    @classmethod
+    def of(cls, draws: Floats, label: str = "", series: int = 0) -> "Interval":
+        """Mean and 5 to 95 % of draws (S, r)."""
+        low, high = np.quantile(draws, [0.05, 0.95], axis=0)
+        told = "mean, 5 to 95 %"
+        name = f"{label}: {told}" if label else told
+        return cls(name=name, mean=draws.mean(axis=0), low=low, high=high, series=series)
+
+
 def response_curves(
     predicted: Floats, seen: Observation, erring: tuple[Floats, Floats] | None = None
 ) -> tuple[Curve, ...]:

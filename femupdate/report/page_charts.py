@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from femupdate.arrays import Floats, Integers
-from femupdate.report.curves import LEFT_OUT, MEASURED, Curve
-from femupdate.report.style import BLUE, FAINT, INK, ORANGE, QUIET
+from femupdate.report.curves import LEFT_OUT, MEASURED, Curve, Interval
+from femupdate.report.style import BLUE, FAINT, INK, ORANGE, QUIET, hue
 
 Figure = Mapping[str, Any]
 
@@ -82,23 +82,6 @@ def _points(
     return points
 
 
-@dataclass(frozen=True, kw_only=True)
-class Interval:
-    """Rows with a mean and an interval each.
-
-    Attributes:
-        name: of the series.
-        mean, low, high: (r,).
-        color: of all of it.
-    """
-
-    name: str
-    mean: Floats
-    low: Floats
-    high: Floats
-    color: str = BLUE
-
-
 def interval_figure(
     rows: Sequence[str],
     intervals: Sequence[Interval],
@@ -116,15 +99,16 @@ def interval_figure(
     for number, one in enumerate(intervals):
         shift = 0.22 * ((len(intervals) - 1) / 2 - number)
         # A stroke covers less of a short interval than a dot does.
-        stroke = {"symbol": "line-ns-open", "size": 13, "line": {"color": one.color, "width": 2}}
+        color = hue(one.series)
+        stroke = {"symbol": "line-ns-open", "size": 13, "line": {"color": color, "width": 2}}
         traces.append(_markers(one.mean, places + shift, one.name, marker=stroke))
-        traces[-1]["marker"]["color"] = one.color
+        traces[-1]["marker"]["color"] = color
         traces[-1]["error_x"] = {
             "type": "data",
             "symmetric": False,
             "array": one.high - one.mean,
             "arrayminus": one.mean - one.low,
-            "color": one.color,
+            "color": color,
             "thickness": 2.4,
             "width": 5,
         }

@@ -11,13 +11,13 @@ from femupdate.arrays import Floats
 from femupdate.discrepancy.held_out import Held
 from femupdate.effects.drawn_building import DrawnBuilding
 from femupdate.effects.effect import Placed
-from femupdate.report.curves import Curve
+from femupdate.report.curves import Curve, Interval
 from femupdate.report.figure import add_head, new_figure
 from femupdate.report.geometry import Geometry
 from femupdate.report.glyphs import drawn
 from femupdate.report.marked_building import draw_marked
 from femupdate.report.plot_diagnosis import ResidualMap, draw_misfit, largest_misfit
-from femupdate.report.plot_intervals import short_note
+from femupdate.report.plot_intervals import draw_intervals, short_note
 from femupdate.report.rendering import Renderer
 from femupdate.report.style import BLUE, DASHES, MEASURED, ORANGE, styled
 from femupdate.units import capital
@@ -137,16 +137,14 @@ def _draw_models(panel: Axes, curve: Curve) -> None:
 
 def _theta(panel: Axes, names: Sequence[str], draws: Sequence[Floats]) -> str:
     """Draw the factors; returns what is to be said of their intervals."""
-    for own, style, shift in zip(draws, (_BEFORE, _AFTER), (0.12, -0.12), strict=False):
-        low, high = np.quantile(own, [0.05, 0.95], axis=0)
-        rows = np.arange(len(names)) + shift
-        panel.hlines(rows, low, high, color=style["color"], linewidth=3.0)
-        # A stroke covers less of a short interval than a dot does.
-        panel.plot(own.mean(axis=0), rows, "|", color=style["color"], markersize=11.0, mew=1.4)
+    # The colours of the model before and after.
+    shown = [Interval.of(own, series=k) for own, k in zip(draws, (1, 0), strict=False)]
+    for one, shift in zip(shown, (0.12, -0.12), strict=False):
+        draw_intervals(panel, one, np.arange(len(names), dtype=np.float64) + shift)
     panel.set_yticks(range(len(names)), list(names))
     panel.set_xlabel("Stiffness factor, mean, 5 to 95 %")
     order = "Of two factors the upper is before" if len(draws) > 1 else ""
-    return ". ".join(one for one in (order, short_note(panel, draws)) if one)
+    return ". ".join(one for one in (order, short_note(panel, shown)) if one)
 
 
 def _kept_out(held: Held | None) -> Curve | None:

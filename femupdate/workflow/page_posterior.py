@@ -6,10 +6,9 @@ import numpy as np
 
 from femupdate.inference.posterior import Posterior
 from femupdate.measurement.observation import Observation
-from femupdate.report.curves import Curve
+from femupdate.report.curves import Curve, Interval
 from femupdate.report.page import Block, Chart, Remarks, Section, Text
 from femupdate.report.page_charts import (
-    Interval,
     correlation_figure,
     curve_figure,
     interval_figure,
@@ -185,11 +184,10 @@ def _intervals(page: PageStudy, posterior: Posterior) -> Chart:
     """Factors alone, and over their prior ranges, on which intervals may be too short to see."""
     factors = [k for k, name in enumerate(posterior.names) if "@" not in name]
     draws = posterior.samples[:, factors]
-    low, high = np.quantile(draws, [0.05, 0.95], axis=0)
     rows = [page.titles[posterior.names[k]] for k in factors]
-    own = Interval(name="mean, 5 to 95 %", mean=draws.mean(axis=0), low=low, high=high)
-    across, ranges = "stiffness over that in the building file", (posterior.lower, posterior.upper)
-    prior = (ranges[0][factors], ranges[1][factors])
+    own = Interval.of(draws)
+    across = "stiffness over that in the building file"
+    prior = (posterior.lower[factors], posterior.upper[factors])
     return Chart(
         name="stiffness_factors",
         caption="Stiffness factors",

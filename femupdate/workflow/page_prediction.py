@@ -6,12 +6,11 @@ from typing import Any
 import numpy as np
 
 from femupdate.dynamics.comparison import score_table
-from femupdate.report.curves import history_curves, spectrum_curves
+from femupdate.report.curves import Interval, history_curves, spectrum_curves
 from femupdate.report.page import Block, Chart, Section, Text
 from femupdate.report.page_charts import (
     POINTS,
     Figure,
-    Interval,
     curve_figure,
     interval_figure,
     thinned,
@@ -130,9 +129,7 @@ def _profiles(found: dict[str, Quantity]) -> Chart:
 
 
 def _profile(one: Quantity) -> Figure:
-    own = one.statistics
-    interval = Interval(name="mean, 5 to 95 %", mean=own.mean, low=own.q05, high=own.q95)
-    return interval_figure(one.places, [interval], one.heading)
+    return interval_figure(one.places, [Interval.of(one.values)], one.heading)
 
 
 def _others(predictions: Any) -> list[Table]:

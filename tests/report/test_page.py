@@ -8,7 +8,7 @@ import pytest
 
 from femupdate.errors import ReportError
 from femupdate.report import page as page_module
-from femupdate.report.curves import Curve
+from femupdate.report.curves import Curve, Interval
 from femupdate.report.geometry import Geometry
 from femupdate.report.page import (
     Chart,
@@ -21,7 +21,7 @@ from femupdate.report.page import (
     prose_html,
     write_page,
 )
-from femupdate.report.page_charts import Interval, curve_figure, interval_figure, thinned
+from femupdate.report.page_charts import curve_figure, interval_figure, thinned
 from femupdate.report.page_scene import ElementField, scene_content, thinned_geometry
 from femupdate.tables import Table
 
