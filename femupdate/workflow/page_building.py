@@ -5,7 +5,7 @@ import numpy as np
 from femupdate.arrays import Floats, Integers
 from femupdate.building.building_mesh import BuildingMesh
 from femupdate.discrepancy.diagnose import NAMED, PARTLY
-from femupdate.dynamics.tracking import node_displacements
+from femupdate.dynamics.tracking import mean_shape, node_displacements
 from femupdate.effects.drawn_building import DrawnBuilding
 from femupdate.effects.effect import Placed
 from femupdate.effects.listed import building_effects
@@ -133,12 +133,10 @@ def _moving(page: PageStudy, drawing: DrawnBuilding, one: StudyMode) -> MovingSh
         levels = np.column_stack([np.zeros(len(floors)), floors])
         shapes = np.zeros((len(floors), 4 * levels.shape[1], 3))
         shapes[:, :, drawing.structure.direction] = np.repeat(levels, 4, axis=1)
-    mean = shapes.mean(axis=0)
-    largest = np.linalg.norm(mean, axis=-1).max() or 1.0
-    spread = 100.0 * np.sqrt(((shapes - mean) ** 2).sum(axis=-1).mean(axis=0)) / largest
+    mean, spread = mean_shape(shapes)
     frequency = "" if one.number is None else f", {mode.frequency_mean:.2f} Hz"
     title = f"{one.name}{frequency}"
-    return MovingShape(name=title, shape=mean, spread=spread)
+    return MovingShape(name=title, shape=mean, spread=100.0 * spread)
 
 
 def _signs(page: PageStudy, drawing: DrawnBuilding) -> list[tuple[Glyphs, bool]]:

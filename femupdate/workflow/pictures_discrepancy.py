@@ -25,7 +25,6 @@ _MAP_TITLE = "Where model and measurement disagree"
 
 def draw_diagnosis(study: Study, report: DiagnosisReport) -> tuple[Path, ...]:
     """Draw the maps of residuals and, where anything was fitted, the ranking."""
-
     found = report.diagnosis
     needed = report.settings.over_none
     paths = list(_draw_maps(study, "residual_map", (("Model as it is", found.residuals),)))
@@ -46,7 +45,6 @@ def draw_diagnosis(study: Study, report: DiagnosisReport) -> tuple[Path, ...]:
 
 def draw_repair(study: Study, report: RepairReport) -> tuple[Path, ...]:
     """Draw the maps of residuals before and after, and the picture that tells the whole story."""
-
     problem, done = report.problem, report.repair
     added = [one.finding.placed for one in done.rounds]
     cells = [("Before", residual_cells(problem, done.before))]
@@ -74,7 +72,6 @@ def _draw_maps(
     study: Study, name: str, models: Sequence[tuple[str, tuple[Cell, ...]]], title: str = _MAP_TITLE
 ) -> Iterator[Path]:
     """Draw the residuals of one model or several, one picture a kind of data."""
-
     for kind in dict.fromkeys(cell.data for cell in models[0][1]):
         of_kind = f", {kind}" if kind else ""
         maps = [(f"{model}{of_kind}", ResidualMap.of(cells, kind)) for model, cells in models]

@@ -21,7 +21,6 @@ def draw_posterior(
     study: Study, report: CalibrationReport, progress: Progress = SILENT
 ) -> tuple[Path, ...]:
     """Draw the FRF fit, pairs of parameters and intervals of a posterior."""
-
     model, posterior = report.model, report.posterior
     progress.start("Drawing", 3)
     names = [_short(name) for name in posterior.names]
@@ -61,7 +60,6 @@ def draw_cases(study: Study, cases: dict[str, CalibrationReport], truth: tuple[f
     Args:
         cases: at least one.
     """
-
     first = next(iter(cases.values())).posterior
     figure = posterior_pairs(
         [SampleSet(name, case.posterior.samples) for name, case in cases.items()],
@@ -74,7 +72,6 @@ def draw_cases(study: Study, cases: dict[str, CalibrationReport], truth: tuple[f
 
 def draw_comparison(report: CompareReport, path: Path) -> Path:
     """Draw the intervals of all factors before and after."""
-
     prior = report.before.posterior
     columns = [prior.names.index(name) for name in report.names]
     figure = theta_intervals(

@@ -24,7 +24,6 @@ def draw_prediction(
     study: Study, report: PredictionReport, progress: Progress = SILENT
 ) -> tuple[Path, ...]:
     """Draw histories and stories; floor spectra and members where they were asked for."""
-
     summary, motion = report.summary, report.motion
     progress.start("Drawing", 2)
     title = f"Floor acceleration, mean ± 2 sd: {motion.title} (peak {motion.peak:.2f} m/s²)"
