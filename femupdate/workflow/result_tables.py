@@ -1,6 +1,6 @@
 """Tables for spreadsheets: one observation a row, a heading for every column, units in it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -8,6 +8,8 @@ from numpy.typing import ArrayLike
 
 from femupdate.arrays import Floats
 from femupdate.discrepancy.diagnose import Finding
+from femupdate.effects.effect import Parameter
+from femupdate.inference.data import Cell
 from femupdate.sheets import Sheet
 from femupdate.study import Study
 from femupdate.workflow.calibration_report import CalibrationReport
@@ -125,56 +127,54 @@ def _floor_spectra(report: PredictionReport) -> tuple[Sheet, ...]:
 
 def diagnosis_tables(report: DiagnosisReport) -> tuple[Sheet, ...]:
     """The effects that were fitted, and the residuals by floor and band."""
-    cells = report.diagnosis.residuals
-    residuals = {
-        "floor": [cell.floor for cell in cells],
-        "from_hz": [cell.band_hz[0] for cell in cells],
-        "to_hz": [cell.band_hz[1] for cell in cells],
-        "excess": [cell.excess for cell in cells],
-        "p_value": [cell.p_value for cell in cells],
-        "data": [cell.data for cell in cells],
-    }
-    effects = [_effect(one) for one in report.diagnosis.findings]
-    return (Sheet.of("effects", _EFFECTS, effects), _sheet("residual_map", residuals))
-
-
-_EFFECTS = (
-    "effect",
-    "place",
-    "in_words",
-    "log_evidence_over_none",
-    "log_evidence_on_other_data",
-    "certified",
-    "change_of_frequency",
-    "change_of_response",
-    "size",
-    "size_sd",
-    "unit",
-    "meaning_of_size",
-    "added_mass_t",
-    "hidden_by_stiffness_factors",
-)
-
-
-def _effect(one: Finding) -> tuple[Any, ...]:
-    """Size with its unit and meaning; an added mass also in tonnes, where masses are known."""
-    first = next(iter(one.placed.effect.parameters), None)
+    found = report.diagnosis
     return (
-        one.placed.effect.title,
-        one.placed.place,
-        one.in_words,
-        one.evidence.log_evidence,
-        "" if one.tested is None else one.tested.log_e_value,
-        "" if one.tested is None else one.tested.certified,
-        one.changes.frequency,
-        one.changes.response,
-        "" if first is None else one.size,
-        "" if first is None else one.size_sd,
-        "" if first is None else first.unit,
-        "" if first is None else first.text,
-        "" if one.mass is None else 1e-3 * one.mass,
-        one.score.absorbed,
+        _listed("effects", _EFFECTS, found.findings),
+        _listed("residual_map", _RESIDUALS, found.residuals),
     )
+
+
+def _listed(name: str, columns: Mapping[str, Callable[[Any], Any]], rows: Iterable[Any]) -> Sheet:
+    """A table by what its columns hold of everything listed; None stays blank."""
+    return Sheet.of(
+        name, tuple(columns), ([cell(one) for cell in columns.values()] for one in rows)
+    )
+
+
+def _of_first(get: Callable[[Finding, Parameter], Any]) -> Callable[[Finding], Any]:
+    """What is told of an effect's first parameter; None of one that is there or not."""
+
+    def cell(one: Finding) -> Any:
+        first = next(iter(one.placed.effect.parameters), None)
+        return None if first is None else get(one, first)
+
+    return cell
+
+
+_EFFECTS: Mapping[str, Callable[[Finding], Any]] = {
+    "effect": lambda one: one.placed.effect.title,
+    "place": lambda one: one.placed.place,
+    "in_words": lambda one: one.in_words,
+    "log_evidence_over_none": lambda one: one.evidence.log_evidence,
+    "log_evidence_on_other_data": lambda one: one.tested and one.tested.log_e_value,
+    "certified": lambda one: one.tested and one.tested.certified,
+    "change_of_frequency": lambda one: one.changes.frequency,
+    "change_of_response": lambda one: one.changes.response,
+    "size": _of_first(lambda one, first: one.size),
+    "size_sd": _of_first(lambda one, first: one.size_sd),
+    "unit": _of_first(lambda one, first: first.unit),
+    "meaning_of_size": _of_first(lambda one, first: first.text),
+    "added_mass_t": lambda one: None if one.mass is None else 1e-3 * one.mass,
+    "hidden_by_stiffness_factors": lambda one: one.score.absorbed,
+}
+_RESIDUALS: Mapping[str, Callable[[Cell], Any]] = {
+    "floor": lambda cell: cell.floor,
+    "from_hz": lambda cell: cell.band_hz[0],
+    "to_hz": lambda cell: cell.band_hz[1],
+    "excess": lambda cell: cell.excess,
+    "p_value": lambda cell: cell.p_value,
+    "data": lambda cell: cell.data,
+}
 
 
 def mode_tables(report: RenderReport) -> tuple[Sheet, ...]:
