@@ -10,7 +10,6 @@ from femupdate.progress import SILENT, Progress
 from femupdate.study import Study
 from femupdate.workflow.model import StudyModel, on_kept_finer
 from femupdate.workflow.modes import StudyMode, find_modes, mode_table, posterior_modes
-from femupdate.workflow.pictures_modes import animate_modes, draw_at_one, draw_modes
 from femupdate.workflow.summary import kept_posterior
 
 
@@ -93,6 +92,8 @@ def render_study(
     Raises:
         StudyError: there is no posterior, it is of another building, or no mode has the number.
     """
+    from femupdate.workflow.pictures_modes import animate_modes, draw_at_one, draw_modes
+
     study.check_fresh("posterior", model.made_from(), "calibrate")
     posterior = kept_posterior(study, model.building)
     model = on_kept_finer(study, model)
