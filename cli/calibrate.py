@@ -74,6 +74,7 @@ def command(
     from femupdate.workflow.calibrate_settings import CalibrationSettings
     from femupdate.workflow.checks import check_calibration, readable
     from femupdate.workflow.model import open_study
+    from femupdate.workflow.pictures_posterior import draw_posterior
     from femupdate.workflow.result_tables import posterior_tables
 
     study = Study(study.folder, name)
@@ -83,8 +84,5 @@ def command(
     model = open_study(study, building, bars)
     report = calibrate_study(study, model, source, chosen, bars)
     written = tables.write(study, posterior_tables(study, report))
-    if not pictures:
-        return Answer(report, (), tables=written)
-    from femupdate.workflow.pictures_posterior import draw_posterior
-
-    return Answer(report, draw_posterior(study, report, bars), tables=written)
+    drawn = draw_posterior(study, report, bars) if pictures else ()
+    return Answer(report, drawn, tables=written)

@@ -61,6 +61,7 @@ def command(
     from femupdate.workflow.checks import readable
     from femupdate.workflow.diagnose import diagnose_study
     from femupdate.workflow.model import open_study
+    from femupdate.workflow.pictures_discrepancy import draw_diagnosis
     from femupdate.workflow.result_tables import diagnosis_tables
 
     source = readable(reading, *observations)
@@ -69,8 +70,5 @@ def command(
     settings = DiagnosisSettings(seed=seed, sampled=sampled, **noticed)
     report = diagnose_study(study, model, source, settings, bars, not no_phase, other)
     more, written = {"diagnosis": report.path}, tables.write(study, diagnosis_tables(report))
-    if not pictures:
-        return Answer(report, (), more, tables=written)
-    from femupdate.workflow.pictures_discrepancy import draw_diagnosis
-
-    return Answer(report, draw_diagnosis(study, report), more, tables=written)
+    drawn = draw_diagnosis(study, report) if pictures else ()
+    return Answer(report, drawn, more, tables=written)

@@ -100,6 +100,7 @@ def command(
       femupdate predict --record run2.csv --measured run2.csv --posterior roof
     """
     from femupdate.workflow.checks import open_calibrated
+    from femupdate.workflow.pictures_prediction import draw_prediction
     from femupdate.workflow.predict import predict_study
     from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource
     from femupdate.workflow.result_tables import prediction_tables
@@ -116,8 +117,5 @@ def command(
     )
     written = tables.write(study, prediction_tables(report))
     files = [study.result("member_forces.csv")] if report.members else []
-    if not pictures:
-        return Answer(report, (), files=files, tables=written)
-    from femupdate.workflow.pictures_prediction import draw_prediction
-
-    return Answer(report, draw_prediction(study, report, bars), files=files, tables=written)
+    drawn = draw_prediction(study, report, bars) if pictures else ()
+    return Answer(report, drawn, files=files, tables=written)

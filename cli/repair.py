@@ -50,6 +50,7 @@ def command(
     from femupdate.discrepancy.thresholds import DiagnosisSettings
     from femupdate.workflow.checks import readable
     from femupdate.workflow.model import open_study
+    from femupdate.workflow.pictures_discrepancy import draw_repair
     from femupdate.workflow.repair import repair_study
 
     source = readable(reading, *observations)
@@ -58,8 +59,5 @@ def command(
     model = open_study(study, building, bars)
     settings = DiagnosisSettings(seed=seed, **noticed)
     report = repair_study(study, model, source, other, settings, bars, not no_phase, more)
-    if not pictures:
-        return Answer(report, (), {"repair": report.path})
-    from femupdate.workflow.pictures_discrepancy import draw_repair
-
-    return Answer(report, draw_repair(study, report), {"repair": report.path})
+    drawn = draw_repair(study, report) if pictures else ()
+    return Answer(report, drawn, {"repair": report.path})
