@@ -74,7 +74,6 @@ def command(
     from femupdate.workflow.calibrate_settings import CalibrationSettings
     from femupdate.workflow.checks import check_calibration, readable
     from femupdate.workflow.model import open_study
-    from femupdate.workflow.pictures_posterior import draw_posterior
     from femupdate.workflow.result_tables import posterior_tables
 
     study = Study(study.folder, name)
@@ -84,5 +83,9 @@ def command(
     model = open_study(study, building, bars)
     report = calibrate_study(study, model, source, chosen, bars)
     written = tables.write(study, posterior_tables(study, report))
-    drawn = draw_posterior(study, report, bars) if pictures else ()
+    drawn: tuple[Path, ...] = ()
+    if pictures:
+        from femupdate.workflow.pictures_posterior import draw_posterior
+
+        drawn = draw_posterior(study, report, bars)
     return Answer(report, drawn, tables=written)

@@ -61,7 +61,6 @@ def command(
     from femupdate.workflow.checks import readable
     from femupdate.workflow.diagnose import diagnose_study
     from femupdate.workflow.model import open_study
-    from femupdate.workflow.pictures_discrepancy import draw_diagnosis
     from femupdate.workflow.result_tables import diagnosis_tables
 
     source = readable(reading, *observations)
@@ -70,5 +69,9 @@ def command(
     settings = DiagnosisSettings(seed=seed, sampled=sampled, **noticed)
     report = diagnose_study(study, model, source, settings, bars, not no_phase, other)
     more, written = {"diagnosis": report.path}, tables.write(study, diagnosis_tables(report))
-    drawn = draw_diagnosis(study, report) if pictures else ()
+    drawn: tuple[Path, ...] = ()
+    if pictures:
+        from femupdate.workflow.pictures_discrepancy import draw_diagnosis
+
+        drawn = draw_diagnosis(study, report)
     return Answer(report, drawn, more, tables=written)

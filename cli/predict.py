@@ -100,7 +100,6 @@ def command(
       femupdate predict --record run2.csv --measured run2.csv --posterior roof
     """
     from femupdate.workflow.checks import open_calibrated
-    from femupdate.workflow.pictures_prediction import draw_prediction
     from femupdate.workflow.predict import predict_study
     from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource
     from femupdate.workflow.result_tables import prediction_tables
@@ -117,5 +116,9 @@ def command(
     )
     written = tables.write(study, prediction_tables(report))
     files = [study.result("member_forces.csv")] if report.members else []
-    drawn = draw_prediction(study, report, bars) if pictures else ()
+    drawn: tuple[Path, ...] = ()
+    if pictures:
+        from femupdate.workflow.pictures_prediction import draw_prediction
+
+        drawn = draw_prediction(study, report, bars)
     return Answer(report, drawn, files=files, tables=written)

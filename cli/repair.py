@@ -50,7 +50,6 @@ def command(
     from femupdate.discrepancy.thresholds import DiagnosisSettings
     from femupdate.workflow.checks import readable
     from femupdate.workflow.model import open_study
-    from femupdate.workflow.pictures_discrepancy import draw_repair
     from femupdate.workflow.repair import repair_study
 
     source = readable(reading, *observations)
@@ -59,5 +58,9 @@ def command(
     model = open_study(study, building, bars)
     settings = DiagnosisSettings(seed=seed, **noticed)
     report = repair_study(study, model, source, other, settings, bars, not no_phase, more)
-    drawn = draw_repair(study, report) if pictures else ()
+    drawn: tuple[Path, ...] = ()
+    if pictures:
+        from femupdate.workflow.pictures_discrepancy import draw_repair
+
+        drawn = draw_repair(study, report)
     return Answer(report, drawn, {"repair": report.path})
