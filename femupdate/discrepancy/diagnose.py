@@ -456,11 +456,22 @@ def _glanced(froms: list[Fit], steps: int, distant: Fit | None, one: Score) -> B
     starts = [_start(froms[0].problem, froms[0], one)] * len(froms)
     if distant is not None and distant.placed[-1].label == one.placed.label:
         starts[-1] = distant.known[len(froms[-1].known) :]
-    tried = (
-        glance(without, one.placed, start, steps)
-        for without, start in zip(froms, starts, strict=True)
-    )
+    pairs = [*zip(froms, starts, strict=True), *((froms[0], large) for large in _large(one))]
+    tried = (glance(without, one.placed, start, steps) for without, start in pairs)
     return min(tried, key=lambda begun: begun.misfit)
+
+
+def _large(one: Score) -> list[Floats]:
+    """Parameters of an effect, not small, whose test points to an impossible size.
+
+    Where the factors have made up for most of a large effect, a little of it makes things worse.
+    """
+    if one.statistic != 0.0 or not one.start:
+        return []
+    size = one.placed.effect.parameters[0]
+    step = np.sign(one.start[0] - size.neutral) * size.scale
+    sizes = np.clip(size.neutral + step * np.array(FIT.large), size.lower, size.upper)
+    return [np.array([own, *one.start[1:]]) for own in np.unique(sizes)]
 
 
 def _start(problem: Problem, base: Fit, one: Score) -> Floats:

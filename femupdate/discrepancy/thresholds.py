@@ -132,6 +132,12 @@ class FitThresholds:
         (1e-2, 1e6), "of the curvature", "Marquardt's damping: at first, and where a fit gives up"
     )
     glance: int = entry(2, "steps", "of every other effect before a name is given")
+    large: tuple[float, ...] = entry(
+        (1.0, 1.5, 2.0),
+        "prior sd",
+        "at which effects are tried whose tests point to an impossible size",
+        "six-story frame, beams of one story at .45: from 1.5 alone the first steps lead there",
+    )
     ahead: int = entry(12, "effects", "of these that get the first steps")
     others: int = entry(4, "effects", "of these that are fitted to convergence")
     more: float = entry(1.5, "times the best", "misfit up to which these are fitted")
