@@ -1,8 +1,8 @@
-"""One recorded history, its direction, and how a user names one among several."""
+"""One recorded history, its direction and its unit."""
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -72,34 +72,9 @@ class RecordedChannel:
         """Whether the direction is up or down."""
         return is_vertical(self.direction)
 
-
-def chosen_channel(
-    file: TextFile, channels: Sequence[RecordedChannel], asked: str | int, listing: str
-) -> RecordedChannel:
-    """Return the channel of a name (whole, before its comma, or its first word) or a number from 1.
-
-    Args:
-        listing: what there is, for the message.
-
-    Raises:
-        MeasurementError: no channel, or more than one, is called so.
-    """
-    wanted = _folded(str(asked))
-    names = [_folded(each.name) for each in channels]
-    found = [i for i, name in enumerate(names) if name == wanted]
-    if not found and wanted.isdecimal() and 1 <= int(wanted) <= len(channels):
-        found = [int(wanted) - 1]
-    if not found:
-        found = [i for i, name in enumerate(names) if name.split(",")[0] == wanted]
-        found = found or [i for i, name in enumerate(names) if name.split()[:1] == [wanted]]
-    if len(found) == 1:
-        return channels[found[0]]
-    problem = f"{len(found)} channels are called" if found else "there is no channel"
-    raise file.error(f"{problem} {str(asked)!r}; choose by number: {listing}")
-
-
-def _folded(name: str) -> str:
-    return " ".join(name.casefold().split())
+    def turned(self) -> "RecordedChannel":
+        """The same in the opposite direction."""
+        return replace(self, values=-self.values)
 
 
 def acceleration_unit(file: TextFile, channel: RecordedChannel, asked: str | None) -> str:
@@ -113,6 +88,19 @@ def acceleration_unit(file: TextFile, channel: RecordedChannel, asked: str | Non
             f"{channel.name!r} holds {channel.quantity}, not acceleration; choose another channel"
         )
     return agreed_unit(file, channel.unit, asked, repr(channel.name))
+
+
+def in_m_s2(file: TextFile, channel: RecordedChannel, asked: str | None) -> Floats:
+    """Values (n,) of a channel of acceleration in m/s2.
+
+    Args:
+        asked: its unit, where the file does not say it.
+
+    Raises:
+        MeasurementError: see `acceleration_unit`.
+    """
+    unit = acceleration_unit(file, channel, asked)
+    return channel.values * si_factor(file, unit, "acceleration")
 
 
 def channel_listing(file: TextFile, channels: Sequence[RecordedChannel], unit: str | None) -> str:
