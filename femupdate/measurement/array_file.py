@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femupdate.measurement.columns import FREQUENCY, FREQUENCY_NAME, TIME, TIME_NAME
+from femupdate.measurement.mode_table import DAMPING, DAMPING_SD, FREQUENCY_SD, figure_of
 from femupdate.measurement.quantity import is_unit
 from femupdate.measurement.recording import RecordedMode, Recording
 from femupdate.measurement.table import Table
@@ -199,18 +200,19 @@ def _signal(file: TextFile, owner: str, arrays: Mapping[str, Any]) -> _Signal:
     return _Signal(axis, columns, str(arrays.get(f"{owner}.{_Y}", "")).strip())
 
 
-_FREQUENCY = r"(f_?n|f_?id|(natural_?)?freq(uency|uencies|s)?)"
-_DAMPING = r"(xi|zeta|(modal_?)?damp(ing)?_?(ratios?)?)"
-_SHAPE = r"(phi|psi|(mode_?)?shapes?|modes)"
-_SENSORS = {
-    "frequency": rf"{_FREQUENCY}(_hz)?",
-    "frequency_sd": rf"{_FREQUENCY}_(std|sd)(_hz)?",
-    "damping": _DAMPING,
-    "damping_sd": rf"{_DAMPING}_(std|sd)",
-    "shape": _SHAPE,
-    "shape_sd": rf"{_SHAPE}_(std|sd)",
-    "sensors": r"(sensor|channel|floor)s?(_?(names?|labels?))?|names|labels",
+_SHAPE, _SHAPE_SD, _SENSORS = "shape", "shape_sd", "sensors"
+_SHAPES = {
+    _SHAPE: r"phi|psi|(mode_?)?shapes?|modes",
+    _SHAPE_SD: r"(phi|psi|(mode_?)?shapes?|modes)_(std|sd)",
+    _SENSORS: r"(sensor|channel|floor)s?(_?(names?|labels?))?|names|labels",
 }
+
+
+def _of_modes(name: str) -> str | None:
+    """What of modes an array holds, by its name."""
+    own = name.rpartition(".")[2]
+    shapes = (of for of, called in _SHAPES.items() if re.fullmatch(called, own, re.IGNORECASE))
+    return next(shapes, None) or figure_of(own)
 
 
 def modes_in_arrays(file: TextFile, arrays: Mapping[str, Any]) -> tuple[RecordedMode, ...]:
@@ -225,32 +227,31 @@ def modes_in_arrays(file: TextFile, arrays: Mapping[str, Any]) -> tuple[Recorded
     found = {
         ours: np.squeeze(np.asarray(array))
         for name, array in arrays.items()
-        for ours, pattern in _SENSORS.items()
-        if re.fullmatch(pattern, name.rpartition(".")[2], re.IGNORECASE) and np.size(array)
+        if np.size(array) and (ours := _of_modes(name))
     }
-    if not {"frequency", "shape"} <= set(found):
+    if not {FREQUENCY, _SHAPE} <= set(found):
         return ()
-    frequency = np.atleast_1d(found["frequency"])
+    frequency = np.atleast_1d(found[FREQUENCY])
     count = frequency.size
-    shape = _by_modes(found["shape"], count)
+    shape = _by_modes(found[_SHAPE], count)
     if frequency.ndim != 1 or shape is None:
         return ()
-    spread = _by_modes(found["shape_sd"], count) if "shape_sd" in found else None
-    for name in ("frequency_sd", "damping", "damping_sd"):
+    spread = _by_modes(found[_SHAPE_SD], count) if _SHAPE_SD in found else None
+    for name in (FREQUENCY_SD, DAMPING, DAMPING_SD):
         if name in found and np.size(found[name]) != count:
             raise file.error(
                 f"there are {count} frequencies but {np.size(found[name])} values of"
-                f" {name.replace('_sd', ' (standard deviation)')}; give one for each mode"
+                f" {name}; give one for each mode"
             )
-    names = [str(one) for one in np.atleast_1d(found.get("sensors", np.array([])))]
+    names = [str(one) for one in np.atleast_1d(found.get(_SENSORS, np.array([])))]
     if len(names) != len(shape):
         names = [str(k + 1) for k in range(len(shape))]
     return tuple(
         RecordedMode(
             frequency_hz=float(frequency[k]),
-            frequency_sd_hz=_value(found.get("frequency_sd"), k),
-            damping=_value(found.get("damping"), k),
-            damping_sd=_value(found.get("damping_sd"), k),
+            frequency_sd_hz=_value(found.get(FREQUENCY_SD), k),
+            damping=_value(found.get(DAMPING), k),
+            damping_sd=_value(found.get(DAMPING_SD), k),
             sensors=tuple(names),
             shape=shape[:, k],
             shape_sd=None if spread is None else spread[:, k].astype(np.float64),

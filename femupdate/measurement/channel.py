@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.measurement.quantity import agreed_unit, is_acceleration, si_factor
+from femupdate.measurement.quantity import is_acceleration, plain_unit, si_factor
 from femupdate.measurement.text import TextFile
+from femupdate.units import UNITS
 
 _POINTS = {"N": 0.0, "E": 90.0, "S": 180.0, "W": 270.0, "NE": 45.0, "SE": 135.0, "SW": 225.0}
 _POINTS |= {"NW": 315.0, "NS": 0.0, "EW": 90.0, "NORTH": 0.0, "EAST": 90.0, "SOUTH": 180.0}
@@ -81,13 +82,28 @@ def acceleration_unit(file: TextFile, channel: RecordedChannel, asked: str | Non
     """Return the unit of a channel of acceleration, stated in the file or asked for by the user.
 
     Raises:
-        MeasurementError: the channel holds something else, or see `agreed_unit`.
+        MeasurementError: the channel holds something else, or neither or both say, and differ.
     """
+    stated, column = channel.unit, repr(channel.name)
     if channel.quantity not in ("acceleration", "unknown"):
         raise file.error(
-            f"{channel.name!r} holds {channel.quantity}, not acceleration; choose another channel"
+            f"{column} holds {channel.quantity}, not acceleration; choose another channel"
         )
-    return agreed_unit(file, channel.unit, asked, repr(channel.name))
+    if stated is None and asked is None:
+        raise file.error(
+            "the file does not say its unit; give it by the unit option or in the second header"
+            f" row (one of {', '.join(UNITS['acceleration'])})",
+            column=column,
+        )
+    if stated is None or asked is None:
+        return stated or asked or ""
+    if si_factor(file, stated, "acceleration") != si_factor(file, asked, "acceleration"):
+        raise file.error(
+            f"the file says {plain_unit(stated)} but the unit option says {asked}; leave the"
+            " option out, or correct the file if it is wrong",
+            column=column,
+        )
+    return stated
 
 
 def in_m_s2(file: TextFile, channel: RecordedChannel, asked: str | None) -> Floats:

@@ -21,8 +21,8 @@ MODE_COLUMNS = (
 )
 _NAMED = (MODE, FREQUENCY, FREQUENCY_SD, DAMPING, DAMPING_SD)
 _DEVIATION = r"(std|sd|standarddeviation)"
-_FREQUENCY = r"(f|fn|freq|(natural|modal)?frequency)"
-_DAMPING = r"(xi|zeta|ξ|ζ|(modal)?damping(ratio)?)"
+_FREQUENCY = r"(f|fn|fid|(natural|modal)?freq(uency|uencies|s)?)"
+_DAMPING = r"(xi|zeta|ξ|ζ|(modal)?damp(ing)?(ratios?)?)"
 # Titles without blanks, points and underscores.
 _TITLES = {
     MODE: r"mode(no|nr|number|name)?",
