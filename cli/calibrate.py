@@ -83,8 +83,9 @@ def command(
     model = open_study(study, building, bars)
     report = calibrate_study(study, model, source, chosen, bars)
     written = tables.write(study, posterior_tables(study, report))
-    if not pictures:
-        return Answer(report, (), tables=written)
-    from femupdate.workflow.pictures_posterior import draw_posterior
+    drawn: tuple[Path, ...] = ()
+    if pictures:
+        from femupdate.workflow.pictures_posterior import draw_posterior
 
-    return Answer(report, draw_posterior(study, report, bars), tables=written)
+        drawn = draw_posterior(study, report, bars)
+    return Answer(report, drawn, tables=written)

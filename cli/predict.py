@@ -116,8 +116,9 @@ def command(
     )
     written = tables.write(study, prediction_tables(report))
     files = [study.result("member_forces.csv")] if report.members else []
-    if not pictures:
-        return Answer(report, (), files=files, tables=written)
-    from femupdate.workflow.pictures_prediction import draw_prediction
+    drawn: tuple[Path, ...] = ()
+    if pictures:
+        from femupdate.workflow.pictures_prediction import draw_prediction
 
-    return Answer(report, draw_prediction(study, report, bars), files=files, tables=written)
+        drawn = draw_prediction(study, report, bars)
+    return Answer(report, drawn, files=files, tables=written)

@@ -58,8 +58,9 @@ def command(
     model = open_study(study, building, bars)
     settings = DiagnosisSettings(seed=seed, **noticed)
     report = repair_study(study, model, source, other, settings, bars, not no_phase, more)
-    if not pictures:
-        return Answer(report, (), {"repair": report.path})
-    from femupdate.workflow.pictures_discrepancy import draw_repair
+    drawn: tuple[Path, ...] = ()
+    if pictures:
+        from femupdate.workflow.pictures_discrepancy import draw_repair
 
-    return Answer(report, draw_repair(study, report), {"repair": report.path})
+        drawn = draw_repair(study, report)
+    return Answer(report, drawn, {"repair": report.path})

@@ -1,6 +1,45 @@
 """Tables and notes in words."""
 
+import re
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+# A number with its unit or interval, or nothing.
+_NUMBER = re.compile(r"((over |under )?[-+−]?[\d.]+(e[-+]?\d+)?( ?%)?( \[.*\])?|nan|-)?")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table:
+    """A table for people, on the terminal and on the page; its first column names its rows.
+
+    Attributes:
+        name: of its CSV file, without ending.
+        caption: what it shows.
+        head: of the columns.
+        rows: cells as text.
+        note: how to read it.
+    """
+
+    name: str
+    caption: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    note: str = ""
+    kind: str = "table"
+
+    def text(self, corner: str | None = None) -> str:
+        """For the terminal; another heading of the first column may say what it is."""
+        first, *others = self.head
+        return table((first if corner is None else corner, *others), self.rows)
+
+    @property
+    def sides(self) -> tuple[str, ...]:
+        """Class of the cells of every column: `number`, or `words`, which stand to the left."""
+        columns = zip(*self.rows, strict=True) if self.rows else [()] * len(self.head)
+        return tuple(
+            "number" if all(_NUMBER.fullmatch(cell) for cell in column) else "words"
+            for column in columns
+        )
 
 
 def table(

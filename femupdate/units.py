@@ -66,6 +66,11 @@ def percent(share: float, digits: int = 0) -> str:
     return f"{100.0 * share:.{digits}f} %"
 
 
+def capital(text: str) -> str:
+    """A text that begins with a capital letter; the others stay as they are."""
+    return f"{text[:1].upper()}{text[1:]}"
+
+
 def ordinal(number: int) -> str:
     """A place in an order for people, such as "2nd"."""
     teens = 10 <= number % 100 <= 20

@@ -32,7 +32,7 @@ def consequence(problem: Problem, base: Fit, fitted: Fit) -> Consequence:
     placed, where = fitted.placed[-1], fitted.coordinates
     if placed.exchange:
         return Consequence(0.0, 1.0)
-    theta, zeta, sizes = where.split(fitted.z[None], problem.fixed_zeta)
+    theta, zeta, sizes = fitted.split
     count = len(placed.effect.parameters)
     without = sizes.clone()
     without[:, -count:] = where.neutral[-count:]

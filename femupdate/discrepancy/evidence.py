@@ -67,13 +67,10 @@ def _of_limits(fitted: Fit) -> Tensor:
 def log_prior(problem: Problem, fitted: Fit, z: Tensor) -> Tensor:
     """Log prior density (N,) of the unknowns z (N, d) within their limits."""
     where = fitted.coordinates
-    value = z.new_zeros(len(z))
-    count = where.stories
-    width = problem.upper - problem.lower
-    value = value + (z[:, :count] - width.log()).sum(dim=1)  # uniform in theta, seen in ln theta
-    if where.has_zeta:
-        low, high = where.lower[count].exp(), where.upper[count].exp()
-        value = value + z[:, count] - (high - low).log()
+    # Of theta and zeta themselves, seen in their logarithms.
+    theta, zeta, _ = where.split(z)
+    value = problem.prior.log_density(torch.cat([theta, zeta[:, None]], dim=1))
+    value = value + z[:, : where.first_size].sum(dim=1)
     precision = where.precision.diagonal()
     normal = precision > 0
     root = precision[normal].sqrt()

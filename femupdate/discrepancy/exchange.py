@@ -110,7 +110,7 @@ def _misfits(problem: Problem, alone: Fit, exchanges: list[Placed], z: Tensor) -
     """Sums of squared residuals (e, N) with each exchange at the unknowns z (N, d) without it."""
 
     def of_batch(batch: Tensor) -> Tensor:
-        values = alone.coordinates.split(batch, problem.fixed_zeta)
+        values = alone.coordinates.split(batch)
         own = torch.zeros(len(exchanges), len(batch), dtype=torch.float64)
         for data in problem.data:
             predicted = data.predicted(alone.system, *values)

@@ -12,7 +12,7 @@ from femupdate.building.frame import FrameBuilding
 from femupdate.building.schema import Building
 from femupdate.discrepancy.mesh_error import MeshError
 from femupdate.discrepancy.near_basis import Bases
-from femupdate.discrepancy.problem import Problem, make_problem
+from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.thresholds import MESH_ERROR, MODEL_ERROR
 from femupdate.dynamics.damping import damping_law
 from femupdate.dynamics.force_response import rest_about
@@ -24,6 +24,7 @@ from femupdate.effects.structure import Structure, require_story_factors, struct
 from femupdate.errors import BuildingError
 from femupdate.inference.data import Data
 from femupdate.inference.frf_data import FrfData
+from femupdate.inference.parameters import Parameters
 from femupdate.inference.priors import damping_parameter, theta_prior
 
 
@@ -72,14 +73,12 @@ def plain_structure(building: Building, reduced: ReducedModel) -> ReducedStructu
 
 def problem_of(reduced: ReducedStructure, building: Building, data: Sequence[Data]) -> Problem:
     """A building and what was observed of it, for the effect finder."""
-    prior, damping = theta_prior(building), damping_parameter(building)
-    return make_problem(
+    return Problem(
         reduced,
         damping_law(building),
-        (prior.lower, prior.upper),
-        (damping.lower, damping.upper) if damping.free else damping.lower,
-        data,
-        error_of_sizes(building),
+        theta_prior(building) + Parameters((damping_parameter(building),)),
+        tuple(data),
+        own_error=error_of_sizes(building),
     )
 
 

@@ -39,7 +39,7 @@ class Coordinates:
         mean: (d,) of the normal priors.
         precision: (d, d) of them, the inverse of their covariance; 0 where the prior is uniform.
         stories: number of stiffness factors, which come first.
-        has_zeta: whether ln zeta follows them.
+        known_zeta: the damping ratio where it is known; None where ln zeta follows the factors.
         scales, neutral: (q,) of the effects' parameters, which follow.
     """
 
@@ -48,7 +48,7 @@ class Coordinates:
     mean: Tensor
     precision: Tensor
     stories: int
-    has_zeta: bool
+    known_zeta: float | None
     scales: Tensor
     neutral: Tensor
 
@@ -75,16 +75,22 @@ class Coordinates:
         return len(self.lower)
 
     @property
+    def has_zeta(self) -> bool:
+        """Whether the damping ratio is an unknown."""
+        return self.known_zeta is None
+
+    @property
     def first_size(self) -> int:
         """Position of the first effect's size."""
         return self.stories + int(self.has_zeta)
 
-    def split(self, z: Tensor, fixed_zeta: float) -> tuple[Tensor, Tensor, Tensor]:
+    def split(self, z: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """theta (N, p), zeta (N,), sizes (N, q) of z (N, d)."""
         theta = z[:, : self.stories].exp()
-        zeta = z.new_full((len(z),), fixed_zeta)
-        if self.has_zeta:
+        if self.known_zeta is None:
             zeta = z[:, self.stories].exp()
+        else:
+            zeta = z.new_full((len(z),), self.known_zeta)
         count = len(self.scales)
         sizes = self.neutral + self.scales * z[:, self.first_size : self.first_size + count]
         return theta, zeta, sizes
@@ -104,18 +110,17 @@ def coordinates(problem: Problem, placed: tuple[Placed, ...]) -> Coordinates:
     neutral = torch.tensor([p.neutral for p in parameters], dtype=torch.float64)
     low = torch.tensor([p.lower for p in parameters], dtype=torch.float64)
     high = torch.tensor([p.upper for p in parameters], dtype=torch.float64)
-    first, last = problem.lower.log(), problem.upper.log()
-    if problem.zeta is not None:
-        bounds = torch.tensor(problem.zeta, dtype=torch.float64).log()
-        first, last = torch.cat([first, bounds[:1]]), torch.cat([last, bounds[1:]])
+    factors, damping = problem.prior.of("stiffness"), problem.prior.of("damping")
+    free = problem.prior if damping.size else factors
+    first, last = free.lower.log(), free.upper.log()
     lower = torch.cat([first, (low - neutral) / scales])
     return Coordinates(
         lower,
         torch.cat([last, (high - neutral) / scales]),
         torch.zeros_like(lower),
         torch.diag(torch.cat([torch.zeros_like(first), torch.ones_like(scales)])),
-        len(problem.lower),
-        problem.zeta is not None,
+        factors.size,
+        None if damping.size else float(damping.lower),
         scales,
         neutral,
     )
@@ -154,7 +159,7 @@ class Fit:
     @property
     def split(self) -> tuple[Tensor, Tensor, Tensor]:
         """theta (1, p), zeta (1,) and sizes (1, q)."""
-        return self.coordinates.split(self.z[None], self.problem.fixed_zeta)
+        return self.coordinates.split(self.z[None])
 
     @property
     def misfit(self) -> float:
@@ -218,16 +223,15 @@ class Fit:
         own = self.problem.own_errors(self.placed).numpy() * (self.known - c.neutral.numpy())
         return self.known, np.hypot(variance.sqrt().numpy(), own)
 
-    def zeta(self, fixed: float) -> float:
+    @property
+    def zeta(self) -> float:
         """Damping ratio."""
-        if not self.coordinates.has_zeta:
-            return fixed
-        return float(self.z[self.coordinates.stories].exp())
+        return float(self.split[1])
 
 
 def evaluate(problem: Problem, system: System, where: Coordinates, z: Tensor) -> Tensor:
     """Whitened residuals (N, n) at the unknowns z (N, d)."""
-    return problem.residuals(system, *where.split(z, problem.fixed_zeta))
+    return problem.residuals(system, *where.split(z))
 
 
 def misfits(problem: Problem, system: System, where: Coordinates, z: Tensor) -> Tensor:
@@ -242,7 +246,7 @@ def misfits(problem: Problem, system: System, where: Coordinates, z: Tensor) -> 
 def error_left(problem: Problem, fitted: Fit) -> float:
     """Root mean square of what the factors of a fit leave as if noise were coarse, in ln|H|."""
     rough = coarse(problem)
-    split = fitted.coordinates.split(fitted.z[None], problem.fixed_zeta)
+    split = fitted.split
     missed = rough.missed(rough.system(fitted.placed), split)
     return FIT.coarse_noise * float(missed.square().mean().sqrt())
 
@@ -250,7 +254,7 @@ def error_left(problem: Problem, fitted: Fit) -> float:
 def raw_residuals(fitted: Fit, z: Tensor) -> Tensor:
     """Residuals (N, n) in the unit of the noise at the unknowns z (N, d) of a fit's model."""
     problem = fitted.problem
-    return problem.missed(fitted.system, fitted.coordinates.split(z, problem.fixed_zeta))
+    return problem.missed(fitted.system, fitted.coordinates.split(z))
 
 
 def fit(
@@ -359,8 +363,7 @@ def about(problem: Problem, fitted: Fit) -> Problem:
     """The problem with the errors that are known beforehand as they are about a fit."""
     if problem.left_open is None:
         return problem
-    at = fitted.coordinates.split(fitted.z[None], problem.fixed_zeta)
-    return replace(problem, known=problem.left_open(problem, fitted.placed, *at))
+    return replace(problem, known=problem.left_open(problem, fitted.placed, *fitted.split))
 
 
 def settle(problem: Problem, fitted: Fit, steps: int = FIT.steps) -> Fit:
@@ -428,7 +431,7 @@ class _Linear:
 
 def _points(problem: Problem, system: System, where: Coordinates, z: Tensor) -> list[_Point]:
     """The residuals at unknowns z (N, d)."""
-    raw = problem.missed(system, where.split(z, problem.fixed_zeta))
+    raw = problem.missed(system, where.split(z))
     return [_Point(*own) for own in zip(z, raw, problem.whitened(raw), strict=True)]
 
 
@@ -630,15 +633,8 @@ def prior_draws(
 ) -> Tensor:
     """Unknowns (count, d) with theta and zeta drawn from the prior, the others (q,) as known."""
     generator = torch_generator(seed)
-    unit = torch.rand(count, where.first_size, generator=generator, dtype=torch.float64)
-    stories = where.stories
-    # The priors are uniform in theta and zeta themselves.
-    theta = problem.lower + (problem.upper - problem.lower) * unit[:, :stories]
-    parts = [theta.log()]
-    if where.has_zeta:
-        low, high = where.lower[stories].exp(), where.upper[stories].exp()
-        parts.append((low + (high - low) * unit[:, stories:]).log())
-    return torch.cat([*parts, known.expand(count, -1)], dim=1)
+    drawn = problem.prior.sample(count, generator)[:, : where.first_size]
+    return torch.cat([drawn.log(), known.expand(count, -1)], dim=1)
 
 
 def coarse(problem: Problem) -> Problem:

@@ -57,9 +57,7 @@ def measurement_values(
     if not options:
         return ()
     data = (_everywhere(seen), *(one for one in problem.data if one is not seen))
-    worth = np.array(
-        [_expected(problem.fixed_zeta, data, first, one, options) for one in others]
-    ).min(axis=0)
+    worth = np.array([_expected(data, first, one, options) for one in others]).min(axis=0)
     found = [
         MeasurementValue(what, float(value)) for what, value in zip(options, worth, strict=True)
     ]
@@ -96,7 +94,6 @@ def _options(problem: FrfData) -> dict[str, Flags]:
 
 
 def _expected(
-    fixed_zeta: float,
     data: Sequence[Data],
     first: Fit,
     other: Fit,
@@ -110,7 +107,7 @@ def _expected(
     where = other.coordinates
 
     def predicted(fitted: Fit, z: Tensor) -> list[Tensor]:
-        known = fitted.coordinates.split(z, fixed_zeta)
+        known = fitted.coordinates.split(z)
         return [one.predicted(fitted.system, *known) for one in data]
 
     def moved(from_: list[Tensor], to: list[Tensor]) -> list[Tensor]:

@@ -9,7 +9,7 @@ from femupdate.discrepancy.fit import Fit, likeliest_row
 from femupdate.discrepancy.problem import Problem
 from femupdate.effects.effect import Placed
 from femupdate.inference.likelihood import Likelihood
-from femupdate.inference.parameters import Parameter, Parameters
+from femupdate.inference.parameters import Parameters
 from femupdate.inference.priors import effect_parameters
 
 
@@ -28,11 +28,8 @@ def likelihood_about(problem: Problem, fitted: Fit) -> Likelihood:
 
 def parameters_of(problem: Problem, placed: tuple[Placed, ...]) -> Parameters:
     """The parameters of a problem with effects and their priors, the damping ratio last."""
-    names = [f"theta_{number}" for number in range(1, len(problem.lower) + 1)]
-    low, high = problem.zeta or (problem.fixed_zeta, problem.fixed_zeta)
-    zeta = Parameter(name="zeta", kind="damping", lower=low, upper=high)
-    factors = Parameters.uniform(names, problem.lower, problem.upper)
-    return factors + effect_parameters(placed) + Parameters((zeta,))
+    prior = problem.prior
+    return prior.of("stiffness") + effect_parameters(placed) + prior.of("damping")
 
 
 def parameters_at(fitted: Fit) -> Tensor:

@@ -15,6 +15,7 @@ from femupdate.effects.effect import Effect, Placed
 from femupdate.inference.data import Data
 from femupdate.inference.joint_error import JointError, Row, Rows, joint_error
 from femupdate.inference.likelihood import missed
+from femupdate.inference.parameters import Parameters
 
 Effects = tuple[Placed, ...]
 
@@ -26,9 +27,7 @@ class Problem:
     Attributes:
         reduced: the structure through its basis.
         law: of its damping.
-        lower, upper: (p,) box of the stiffness factors.
-        zeta: (lower, upper) where the damping ratio is a nuisance.
-        fixed_zeta: the damping ratio where it is not.
+        prior: of the p stiffness factors, and behind them of the damping ratio.
         data: one entry a kind of observation.
         left_open: gives one standard deviation (c, n) of every error of the model that many points
             share, in the unit of the residuals, of this problem with some effects at theta (1, p),
@@ -43,10 +42,7 @@ class Problem:
 
     reduced: ReducedStructure
     law: DampingLaw
-    lower: Tensor
-    upper: Tensor
-    zeta: tuple[float, float] | None
-    fixed_zeta: float
+    prior: Parameters
     data: tuple[Data, ...]
     left_open: "Callable[[Problem, Effects, Tensor, Tensor, Tensor], Tensor] | None" = None
     own_error: float = 0.0
@@ -206,33 +202,3 @@ def own_errors(placed: Sequence[Placed], of_all: float) -> Tensor:
     """
     own = [one.effect.own_error for one in placed for _ in one.effect.parameters]
     return (torch.tensor(own, dtype=torch.float64) ** 2 + of_all**2).sqrt()
-
-
-def make_problem(
-    reduced: ReducedStructure,
-    law: DampingLaw,
-    box: tuple[Tensor, Tensor],
-    zeta: tuple[float, float] | float,
-    data: Sequence[Data],
-    own_error: float = 0.0,
-) -> Problem:
-    """Bring data and a structure together.
-
-    Args:
-        reduced: the structure.
-        law: of its damping.
-        box: lower and upper stiffness factors.
-        zeta: range of the damping ratio, or its value.
-        data: one entry a kind of observation.
-        own_error: share of an effect's size by which the model of the effect may err.
-    """
-    return Problem(
-        reduced=reduced,
-        law=law,
-        lower=box[0],
-        upper=box[1],
-        zeta=zeta if isinstance(zeta, tuple) else None,
-        fixed_zeta=0.02 if isinstance(zeta, tuple) else zeta,
-        data=tuple(data),
-        own_error=own_error,
-    )

@@ -84,7 +84,7 @@ def score(problem: Problem, base: Fit, placed: Placed) -> Score:
     z = torch.stack(
         [extended(problem, base, together, np.concatenate([base.known, one])) for one in begun]
     )
-    known = coordinates(problem, together).split(z, problem.fixed_zeta)
+    known = coordinates(problem, together).split(z)
     missed = problem.missed(problem.system(together), known)
     there = ~missed.isnan().all(dim=1)  # or no structure is left
     changed = torch.full((len(z), len(base.residual)), torch.nan, dtype=z.dtype)

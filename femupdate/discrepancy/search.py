@@ -230,7 +230,7 @@ def _around(
     present: Sequence[Sized] | None = None,
 ) -> tuple[Problem, Fit]:
     """A frame's problem on a basis about a fit, with its mesh error there, and a fit from there."""
-    theta, zeta = middle.theta()[0], middle.zeta(problem.fixed_zeta)
+    theta, zeta = middle.theta()[0], middle.zeta
     near = structure_near(model.structure, model.building, theta, zeta, show, present, model.bases)
     data = with_rest_about(problem.data, model.structure, near.model, theta)
     if model.mesh is not None:

@@ -8,7 +8,7 @@ from scipy.special import ndtr
 
 from femupdate.arrays import Flags, Floats
 from femupdate.dynamics.summary import HistorySummary
-from femupdate.tables import table
+from femupdate.tables import Table
 from femupdate.units import percent
 
 
@@ -43,17 +43,10 @@ class Comparison:
             for k, floor in enumerate(self.floors)
         }
 
-    def table(self) -> str:
-        """The figures of every floor, a line each."""
-        return table(("against measured", *SCORES), score_rows(self.as_dict()))
 
-
-SCORES = ("error rms", "correlation", "peak ratio", "within 2 sd", "CRPS/rms", "peak in 90 %")
-
-
-def score_rows(kept: Mapping[str, Mapping[str, float]]) -> list[tuple[str, ...]]:
-    """Rows of a table from `Comparison.as_dict`: the floor, and its figures under `SCORES`."""
-    return [
+def score_table(kept: Mapping[str, Mapping[str, float]]) -> Table:
+    """What `Comparison.as_dict` holds."""
+    rows = [
         (
             floor,
             *(f"{own[name]:.3f}" for name in ("relative_error", "correlation", "peak_ratio")),
@@ -63,6 +56,22 @@ def score_rows(kept: Mapping[str, Mapping[str, float]]) -> list[tuple[str, ...]]
         )
         for floor, own in kept.items()
     ]
+    return Table(
+        name="scores",
+        caption="Against floors measured in the same motion",
+        head=(
+            "floor",
+            "error rms",
+            "correlation",
+            "peak ratio",
+            "within 2 sd",
+            "CRPS/rms",
+            "peak in 90 %",
+        ),
+        rows=tuple(rows),
+        note="Error rms: of the best estimate, over the rms of the measurement. CRPS/rms: score of "
+        "the whole band, the lower the better. A good band holds some 95 % of the samples.",
+    )
 
 
 def compare(summary: HistorySummary, alone: HistorySummary, measured: Floats) -> Comparison:

@@ -11,7 +11,6 @@ from femupdate.arrays import Floats
 from femupdate.dynamics.history import Histories, join_histories
 from femupdate.dynamics.story import story_stiffness
 from femupdate.errors import ModelError
-from femupdate.tables import table
 
 
 @dataclass(frozen=True)
@@ -27,19 +26,6 @@ class Statistics:
         """Mean and quantiles along the first axis by names, as JSON holds them."""
         rows = zip(names, self.mean.tolist(), self.q05.tolist(), self.q95.tolist(), strict=True)
         return {name: {"mean": mean, "q05": q05, "q95": q95} for name, mean, q05, q95 in rows}
-
-    def table(self, title: str, names: Sequence[str], form: str) -> str:
-        """Mean and quantiles of one-dimensional statistics in words, a name a line.
-
-        Args:
-            title: over the names.
-            form: of the numbers, such as ".3f".
-        """
-        rows = [
-            (name, *(f"{value:{form}}" for value in values))
-            for name, *values in zip(names, self.mean, self.q05, self.q95, strict=True)
-        ]
-        return table((title, "mean", "5 %", "95 %"), rows)
 
 
 @dataclass(frozen=True)

@@ -107,3 +107,11 @@ def modes_at_one(model: ReducedModel, theta: Floats) -> Integers:
         renumbered[partner] = origin
         origin = renumbered
     return origin
+
+
+def mean_shape(shapes: Floats) -> tuple[Floats, Floats]:
+    """Mean (N, 3) of shapes (S, N, 3) and how much they differ (N,), over its largest."""
+    mean = shapes.mean(axis=0)
+    largest = np.linalg.norm(mean, axis=-1).max() or 1.0
+    spread = np.sqrt(((shapes - mean) ** 2).sum(axis=-1).mean(axis=0))
+    return mean / largest, spread / largest

@@ -4,7 +4,6 @@ Importance sampling from a mixture fitted to the particles is tried first: it co
 likelihoods. Where too few of its draws count, the particles are first brought over by tempering.
 """
 
-import math
 from dataclasses import dataclass, replace
 
 from torch import Tensor
@@ -17,33 +16,11 @@ from femupdate.inference.importance import (
     importance_draws,
 )
 from femupdate.inference.parameters import Parameters
-from femupdate.inference.smc import LogLikelihood, SmcResult, SmcSettings, TemperedSmc
+from femupdate.inference.sampler_run import SamplerRun
+from femupdate.inference.smc import LogLikelihood, SmcSettings, TemperedSmc
 from femupdate.inference.thresholds import DRAWS
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import Seed, spawn
-
-
-@dataclass(frozen=True)
-class BridgeResult:
-    """Equally weighted draws from prior times target.
-
-    Attributes:
-        theta: (n, p).
-        log_likelihood: (n,) of the target.
-        log_evidence: of the target.
-        log_evidence_error: its standard error; NaN where importance sampling did not work.
-        effective_share: of the importance draws; 0 where they were not used.
-        effective: effective sample size of the importance draws; 0 likewise.
-        evaluations: of the target, all in all.
-    """
-
-    theta: Tensor
-    log_likelihood: Tensor
-    log_evidence: float
-    log_evidence_error: float
-    effective_share: float
-    effective: float
-    evaluations: int
 
 
 @dataclass(frozen=True)
@@ -51,11 +28,11 @@ class Start:
     """What a bridge starts from.
 
     Attributes:
-        result: particles and evidence of the base.
+        run: particles and evidence of the base.
         base: log likelihood that they were drawn for; None where they are of the target itself.
     """
 
-    result: SmcResult
+    run: SamplerRun
     base: LogLikelihood | None = None
 
 
@@ -68,8 +45,10 @@ def bridge(
     settings: SmcSettings | None = None,
     importance: ImportanceSettings | None = None,
     progress: Progress = SILENT,
-) -> BridgeResult:
-    """Return as many draws from the target as `start` has particles.
+) -> SamplerRun:
+    """Return as many draws from the target as `start` has particles, with its levels.
+
+    Where importance sampling does not work they are tempered particles, without an effective size.
 
     Args:
         prior: of both.
@@ -85,19 +64,18 @@ def bridge(
     """
     counted = Counted(target, progress)
     first, between, second, chosen = spawn(seed, 4)
-    count = len(start.result.theta)
+    begun = drawn = start.run
+    count = len(begun.theta)
     wanted = 4 * count  # importance draws
-    weighted = _tried(prior, counted, start.result.theta, wanted, first, importance)
+    weighted = _tried(prior, counted, begun.theta, wanted, first, importance)
+    if weighted is None and start.base is not None:
+        tempering = TemperedSmc(prior, counted, base=start.base, settings=settings)
+        drawn = tempering.run(count, between, start=begun.theta)
+        drawn = replace(drawn, log_evidence=drawn.log_evidence + begun.log_evidence)
+        weighted = _tried(prior, counted, drawn.theta, wanted, second, importance)
     if weighted is not None:
-        return _resampled(weighted, count, chosen, counted.count)
-    if start.base is None:
-        return _unrefined(start.result, 0.0, counted.count)
-    tempering = TemperedSmc(prior, counted, base=start.base, settings=settings)
-    result = tempering.run(count, between, start=start.result.theta)
-    weighted = _tried(prior, counted, result.theta, wanted, second, importance)
-    if weighted is not None:
-        return _resampled(weighted, count, chosen, counted.count)
-    return _unrefined(result, start.result.log_evidence, counted.count)
+        drawn = weighted.resampled(count, chosen)
+    return replace(drawn, evaluations=counted.count, levels=begun.levels, invalid=begun.invalid)
 
 
 def _tried(
@@ -114,35 +92,3 @@ def _tried(
     except InferenceError:
         return None
     return weighted if weighted.effective > DRAWS.least_share * draws else None
-
-
-def _resampled(weighted: WeightedDraws, count: int, seed: Seed, evaluations: int) -> BridgeResult:
-    theta, value = weighted.resample(count, seed)
-    return BridgeResult(
-        theta,
-        value,
-        weighted.log_evidence,
-        weighted.log_evidence_error,
-        weighted.effective / len(weighted.points),
-        weighted.effective,
-        evaluations,
-    )
-
-
-def _unrefined(result: SmcResult, base_log_evidence: float, evaluations: int) -> BridgeResult:
-    """The tempered particles as they are."""
-    evidence = result.log_evidence + base_log_evidence
-    return BridgeResult(
-        result.theta, result.log_likelihood, evidence, math.nan, 0.0, 0.0, evaluations
-    )
-
-
-def as_smc_result(found: BridgeResult, like: SmcResult) -> SmcResult:
-    """The same draws in the form of a sampler's result, with the levels of `like`."""
-    return replace(
-        like,
-        theta=found.theta,
-        log_likelihood=found.log_likelihood,
-        log_evidence=found.log_evidence,
-        evaluations=found.evaluations,
-    )

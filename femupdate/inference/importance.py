@@ -15,6 +15,7 @@ from torch import Tensor
 from femupdate.errors import InferenceError
 from femupdate.inference.mixture import StudentMixture, fit_mixture
 from femupdate.inference.parameters import Parameters
+from femupdate.inference.sampler_run import SamplerRun
 from femupdate.inference.tempering import (
     LogLikelihood,
     effective_sample_size,
@@ -83,6 +84,11 @@ class WeightedDraws:
         return effective_sample_size(self.log_weight)
 
     @property
+    def effective_share(self) -> float:
+        """Of the draws."""
+        return self.effective / len(self.points)
+
+    @property
     def log_evidence(self) -> float:
         """Log of the mean likelihood under the prior."""
         return float(torch.logsumexp(self.log_weight, 0)) - math.log(len(self.log_weight))
@@ -93,8 +99,8 @@ class WeightedDraws:
         count = len(self.log_weight)
         return math.sqrt(max(0.0, 1.0 / self.effective - 1.0 / count))
 
-    def resample(self, count: int, seed: Seed) -> tuple[Tensor, Tensor]:
-        """Equally weighted draws (count, d) and their log likelihoods.
+    def resampled(self, count: int, seed: Seed) -> SamplerRun:
+        """So many equally weighted draws.
 
         Systematic, in the order of the first coordinate: the shares of well separated modes are
         kept to one draw. Fewer than the effective size repeat few draws.
@@ -104,7 +110,15 @@ class WeightedDraws:
         weight = torch.softmax(self.log_weight[order], dim=0)
         rows = order[systematic_rows(weight, generator, count)]
         rows = rows[torch.randperm(count, generator=generator, device=rows.device)]
-        return self.points[rows], self.log_likelihood[rows]
+        return SamplerRun(
+            theta=self.points[rows],
+            log_likelihood=self.log_likelihood[rows],
+            log_evidence=self.log_evidence,
+            evaluations=self.evaluations,
+            log_evidence_error=self.log_evidence_error,
+            effective=self.effective,
+            effective_share=self.effective_share,
+        )
 
     def independent(self, seed: Seed) -> tuple[Tensor, Tensor]:
         """Draws kept by rejection, each once: independent, but for the weight that is taken as

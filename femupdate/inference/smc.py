@@ -25,6 +25,7 @@ from femupdate.inference.moves import (
     distinct_rows,
 )
 from femupdate.inference.parameters import Parameters
+from femupdate.inference.sampler_run import Level, SamplerRun
 from femupdate.inference.tempering import (
     LogLikelihood,
     Points,
@@ -91,23 +92,6 @@ TRAJECTORIES: Schedule = ((Hamiltonian(), 3),)
 """Three Hamiltonian trajectories a level."""
 
 
-@dataclass(frozen=True)
-class Level:
-    """What happened at one tempering level.
-
-    Attributes:
-        beta: power reached.
-        ess: effective sample size of all particles before they were resampled.
-        acceptance: mean, of each kind of move in their order; NaN where none was made.
-        unique: share of the particles that are different.
-    """
-
-    beta: float
-    ess: float
-    acceptance: tuple[float, ...]
-    unique: float
-
-
 @dataclass(frozen=True, kw_only=True)
 class SmcState:
     """Everything needed to go on: particles, likelihoods, power, evidence and random state.
@@ -136,27 +120,6 @@ class SmcState:
     def done(self) -> bool:
         """Whether the posterior is reached."""
         return self.beta >= 1.0
-
-
-@dataclass(frozen=True)
-class SmcResult:
-    """Equally weighted draws from the posterior.
-
-    Attributes:
-        theta: (n, p).
-        log_likelihood: (n,) of the target.
-        log_evidence: log of the target's evidence (relative to the base's).
-        levels: one record a level.
-        evaluations: target likelihoods evaluated.
-        invalid: evaluations that gave no finite number; all count as impossible.
-    """
-
-    theta: Tensor
-    log_likelihood: Tensor
-    log_evidence: float
-    levels: tuple[Level, ...]
-    evaluations: int
-    invalid: int
 
 
 @dataclass(frozen=True)
@@ -273,7 +236,7 @@ class TemperedSmc:
         start: Tensor | None = None,
         state: SmcState | None = None,
         progress: Callable[[SmcState], None] | None = None,
-    ) -> SmcResult:
+    ) -> SamplerRun:
         """Sample to the end with one group.
 
         A `state` from an earlier run is gone on from; particles, seed and start then do not count.
@@ -282,13 +245,13 @@ class TemperedSmc:
             InferenceError: no finite likelihood, or too many levels.
         """
         end = self.reach(self.init(particles, seed, start) if state is None else state, progress)
-        return SmcResult(
-            self._density(1.0).parameters(end.points.xi),
-            end.points.target,
-            end.log_evidence[0],
-            end.levels,
-            end.evaluations,
-            end.invalid,
+        return SamplerRun(
+            theta=self._density(1.0).parameters(end.points.xi),
+            log_likelihood=end.points.target,
+            log_evidence=end.log_evidence[0],
+            evaluations=end.evaluations,
+            levels=end.levels,
+            invalid=end.invalid,
         )
 
     def draws(
@@ -435,9 +398,7 @@ __all__ = [
     "THOROUGH",
     "TRAJECTORIES",
     "KeptDraws",
-    "Level",
     "LogLikelihood",
-    "SmcResult",
     "SmcSettings",
     "SmcState",
     "TemperedSmc",

@@ -262,7 +262,7 @@ class EventThresholds:
     most_scatter: float = entry(20.0, "of the default", "scatter that is tried")
     scatters: int = entry(241, "values", "between them that are tried")
     not_leakage: float = entry(
-        0.25,
+        0.4,
         "share",
         "of the part that does not follow the base; the rest is leakage of a short record",
         _HOTEL,

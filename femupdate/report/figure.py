@@ -1,7 +1,7 @@
 """Making and saving figures."""
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from math import ceil
 from pathlib import Path
 from typing import Any
@@ -104,7 +104,7 @@ def add_head(
         note: quiet lines under the title that say how to read the figure.
         columns: of the legend; default all on one line.
     """
-    handles = _labelled(figure) if handles is None else handles
+    handles = labelled(figure.axes) if handles is None else handles
     title = _wrapped(title, figure.get_figwidth(), _TITLE_WIDTH)
     note = _wrapped(note, figure.get_figwidth(), _NOTE_WIDTH)
     columns = columns or max(len(handles), 1)
@@ -138,12 +138,12 @@ def _wrapped(text: str, width: float, of_character: float) -> str:
     return "\n".join(textwrap.fill(line, longest) for line in text.split("\n"))
 
 
-def thin_band_note(share: float) -> str:
+def thin_band_note(share: float, which: str = "The bands") -> str:
     """What to say of bands that are nearly all thinner than this share of the axis, if anything."""
     if share > _VISIBLE:
         return ""
     return (
-        f"The bands are up to {100.0 * share:.2g} % of the axis wide nearly everywhere: thinner "
+        f"{which} are up to {100.0 * share:.2g} % of the axis wide nearly everywhere: thinner "
         "than the lines"
     )
 
@@ -153,10 +153,10 @@ def nearly_all(values: ArrayLike) -> float:
     return float(np.nanquantile(np.asarray(values, dtype=np.float64), 0.95))
 
 
-def _labelled(figure: Figure) -> list[Any]:
+def labelled(panels: Iterable[Axes]) -> list[Any]:
     """What is drawn with a label, each label once."""
     found: dict[str, Any] = {}
-    for panel in figure.axes:
+    for panel in panels:
         for handle, label in zip(*panel.get_legend_handles_labels(), strict=True):
             found.setdefault(label, handle)
     return list(found.values())

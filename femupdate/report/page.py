@@ -16,11 +16,10 @@ import numpy as np
 
 from femupdate.errors import ReportError
 from femupdate.study import write_text
+from femupdate.tables import Table
 
 BUDGET = 8_000_000  # bytes: what mail servers and phones still take
 _DIGITS = 5
-# A number with its unit or interval, or nothing.
-_NUMBER = re.compile(r"((over |under )?[-+−]?[\d.]+(e[-+]?\d+)?( ?%)?( \[.*\])?|nan|-)?")
 
 
 @dataclass(frozen=True)
@@ -38,35 +37,6 @@ class Remarks:
     sentences: tuple[str, ...]
     warning: bool = False
     kind: str = "remarks"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Table:
-    """A table whose first column names its rows.
-
-    Attributes:
-        name: of its CSV file, without ending.
-        caption: what it shows.
-        head: of the columns.
-        rows: cells as text.
-        note: how to read it.
-    """
-
-    name: str
-    caption: str
-    head: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    note: str = ""
-    kind: str = "table"
-
-    @property
-    def sides(self) -> tuple[str, ...]:
-        """Class of the cells of every column: `number`, or `words`, which stand to the left."""
-        columns = zip(*self.rows, strict=True) if self.rows else [()] * len(self.head)
-        return tuple(
-            "number" if all(_NUMBER.fullmatch(cell) for cell in column) else "words"
-            for column in columns
-        )
 
 
 @dataclass(frozen=True, kw_only=True)

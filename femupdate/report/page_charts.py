@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from femupdate.arrays import Floats, Integers
-from femupdate.report.style import BLUE, FAINT, INK, ORANGE, QUIET
+from femupdate.report.curves import LEFT_OUT, MEASURED, Curve, Interval
+from femupdate.report.style import BLUE, FAINT, INK, ORANGE, QUIET, hue
 
 Figure = Mapping[str, Any]
 
@@ -17,44 +18,6 @@ _LOG_TICKS = [float(f"{first}e{power}") for power in range(-4, 4) for first in (
 _MEASURED = "#9AA3B0"
 _BAND = "rgba(0,114,178,0.25)"
 _OUTER = "rgba(230,159,0,0.28)"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Band:
-    """A band about a curve.
-
-    Attributes:
-        name: what it is, as in "5 to 95 %".
-        low, high: (n,).
-        outer: drawn in the colour of what is added to the parameters' band.
-    """
-
-    name: str
-    low: Floats
-    high: Floats
-    outer: bool = False
-
-
-@dataclass(frozen=True, kw_only=True)
-class Curve:
-    """A mean with its bands, and measured points.
-
-    Attributes:
-        x, mean: (n,).
-        name: of the mean.
-        bands: drawn behind it, the widest first.
-        measured: (n,) NaN where nothing was measured, or None.
-        measured_sd: (n,) noise; without it the measurement is a wide line, not points.
-        ignored: (n,) measured, but not used; or None.
-    """
-
-    x: Floats
-    mean: Floats
-    name: str = "mean of the posterior"
-    bands: tuple[Band, ...] = ()
-    measured: Floats | None = None
-    measured_sd: Floats | None = None
-    ignored: Floats | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,20 +30,36 @@ class Axis:
     names: tuple[str, ...] = field(default=())
 
 
-def curve_figure(curve: Curve, across: Axis, up: Axis) -> Figure:
-    """A mean line over its bands, under measured points."""
+def curve_figure(
+    curve: Curve,
+    *,
+    log: str = "",
+    limits: tuple[float, float] | None = None,
+    heights: tuple[float, float] | None = None,
+) -> Figure:
+    """A mean line over its bands, under measured points.
+
+    Args:
+        log: "x" and "y", whichever is logarithmic.
+        limits, heights: of the axes across and up.
+    """
     traces: list[dict[str, Any]] = []
-    for band in curve.bands:
-        quiet = {"line": {"width": 0.0}, "hoverinfo": "skip"}
-        filled = {"fill": "tonexty", "fillcolor": _OUTER if band.outer else _BAND}
-        low, high = f"{band.name}, low", band.name
-        traces.append(_line(curve.x, band.low, low, **quiet, showlegend=False))
-        traces.append(_line(curve.x, band.high, high, **quiet, **filled))
-    if curve.ignored is not None and np.isfinite(curve.ignored).any():
-        traces.append(_points(curve.x, curve.ignored, "measured, not used", FAINT))
-    if curve.measured is not None and np.isfinite(curve.measured).any():
-        traces.append(_points(curve.x, curve.measured, "measured", _MEASURED, curve.measured_sd))
+    quiet = {"line": {"width": 0.0}, "hoverinfo": "skip"}
+    for number, band in enumerate(curve.bands, 1):
+        filled = {"fill": "tonexty", "fillcolor": _OUTER if number < len(curve.bands) else _BAND}
+        traces.append(_line(curve.x, band.low, f"{band.name}, low", **quiet, showlegend=False))
+        traces.append(_line(curve.x, band.high, band.name, **quiet, **filled))
+    used, unused = curve.seen(used=True), curve.seen(used=False)
+    if unused is not None:
+        traces.append(_points(curve.x, unused, LEFT_OUT, FAINT))
+    if used is not None and curve.noise is None:
+        wide = {"color": _MEASURED, "width": 3.2}
+        traces.append(_line(curve.x, used, MEASURED, line=wide))
+    elif used is not None and curve.noise is not None:
+        traces.append(_points(curve.x, used, MEASURED, _MEASURED, used * curve.noise))
     traces.append(_line(curve.x, curve.mean, curve.name, line={"color": BLUE, "width": 1.6}))
+    across = Axis(title=curve.across, log="x" in log, limits=limits)
+    up = Axis(title=curve.up, log="y" in log, limits=heights)
     return {"data": traces, "layout": layout(across, up)}
 
 
@@ -96,30 +75,11 @@ def _points(
     x: Floats, y: Floats, name: str, color: str, sd: Floats | None = None
 ) -> dict[str, Any]:
     shown = np.isfinite(y)
-    if sd is None and name == "measured":
-        return _line(x, y, name, line={"color": color, "width": 3.2})
     points = _markers(x[shown], y[shown], name, marker={"color": color, "size": 5})
     if sd is not None:
         look = {"color": "rgba(34,38,43,0.25)", "thickness": 0.8, "width": 0}
         points["error_y"] = {"type": "data", "array": sd[shown], **look}
     return points
-
-
-@dataclass(frozen=True, kw_only=True)
-class Interval:
-    """Rows with a mean and an interval each.
-
-    Attributes:
-        name: of the series.
-        mean, low, high: (r,).
-        color: of all of it.
-    """
-
-    name: str
-    mean: Floats
-    low: Floats
-    high: Floats
-    color: str = BLUE
 
 
 def interval_figure(
@@ -139,15 +99,16 @@ def interval_figure(
     for number, one in enumerate(intervals):
         shift = 0.22 * ((len(intervals) - 1) / 2 - number)
         # A stroke covers less of a short interval than a dot does.
-        stroke = {"symbol": "line-ns-open", "size": 13, "line": {"color": one.color, "width": 2}}
+        color = hue(one.series)
+        stroke = {"symbol": "line-ns-open", "size": 13, "line": {"color": color, "width": 2}}
         traces.append(_markers(one.mean, places + shift, one.name, marker=stroke))
-        traces[-1]["marker"]["color"] = one.color
+        traces[-1]["marker"]["color"] = color
         traces[-1]["error_x"] = {
             "type": "data",
             "symmetric": False,
             "array": one.high - one.mean,
             "arrayminus": one.mean - one.low,
-            "color": one.color,
+            "color": color,
             "thickness": 2.4,
             "width": 5,
         }

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from femupdate.arrays import Floats
 from femupdate.errors import ReportError
+from femupdate.inference.data import Cell
 from femupdate.report.figure import add_head, frequency_ticks, new_figure
 from femupdate.report.style import BLUE, FAINT, INK, ORANGE, QUIET, styled
 
@@ -19,23 +20,36 @@ _CLOSE = 0.055  # of the axis: ticks nearer than this run into one another
 
 
 @dataclass(frozen=True)
-class Columns:
-    """What the columns of a residual map are.
+class ResidualMap:
+    """How far every part of some data is missed.
 
     Attributes:
-        edges: (b + 1,) Hz of frequency bands; of anything else, evenly spaced.
-        names: (b,) of anything else; none of bands.
-        title: below them.
+        rows: f names of floors, bottom to top; of modes, what was compared.
+        edges: (b + 1,) Hz of frequency bands; of modes, evenly spaced.
+        grid: (f, b) root mean square residual over the noise; NaN where too few points are.
+        names: b names of modes; none of bands.
     """
 
+    rows: tuple[str, ...]
     edges: Floats
+    grid: Floats
     names: tuple[str, ...] = ()
-    title: str = "Frequency, Hz"
 
-    @staticmethod
-    def named(names: Sequence[str], title: str) -> "Columns":
-        """Columns that are no frequency bands."""
-        return Columns(np.arange(len(names) + 1.0), tuple(names), title)
+    @classmethod
+    def of(cls, cells: Sequence[Cell], kind: str) -> "ResidualMap":
+        """The map of one kind of data."""
+        own = [cell for cell in cells if cell.data == kind]
+        rows = tuple(dict.fromkeys(cell.floor for cell in own))
+        bands = tuple(dict.fromkeys(cell.band_hz for cell in own))
+        grid = np.full((len(rows), len(bands)), np.nan)
+        for cell in own:
+            if cell.excess != 0.0 or cell.p_value != 1.0:
+                value = np.sqrt(max(cell.excess + 1.0, 0.0))
+                grid[rows.index(cell.floor), bands.index(cell.band_hz)] = value
+        if all(low == high for low, high in bands):
+            names = tuple(f"{low:.3g} Hz" for low, _ in bands)
+            return cls(rows, np.arange(len(bands) + 1.0), grid, names)
+        return cls(rows, np.array([bands[0][0], *(band[1] for band in bands)]), grid)
 
     @property
     def middle(self) -> Floats:
@@ -45,12 +59,13 @@ class Columns:
         return np.asarray(np.sqrt(self.edges[:-1] * self.edges[1:]))
 
     def mark(self, panel: Axes) -> None:
-        """Put ticks under them."""
+        """Name rows and columns."""
+        panel.set_yticks(range(len(self.rows)), self.rows)
         if self.names:
             panel.set_xticks(self.middle, self.names)
         else:
             frequency_ticks(panel, self.edges[0], self.edges[-1])
-        panel.set_xlabel(self.title)
+        panel.set_xlabel("Identified mode" if self.names else "Frequency, Hz")
 
 
 @dataclass(frozen=True)
@@ -72,31 +87,26 @@ class Ranked:
 
 @styled
 def residual_map(
-    floors: Sequence[str],
-    columns: Columns,
-    misfits: Sequence[tuple[str, Floats]],
+    maps: Sequence[tuple[str, ResidualMap]],
     *,
     title: str = "Where model and measurement disagree",
 ) -> Figure:
     """Draw the misfit of every floor in every band, one panel a model.
 
     Args:
-        floors: f names, bottom to top; of modes, what was compared.
-        columns: the b bands, or the modes.
-        misfits: name of a model and its (f, b) root mean square residual over the noise; NaN where
-            nothing was measured.
+        maps: name of a model and its residuals, all of the same data.
 
     Raises:
         ReportError: there is no model.
     """
-    if not misfits:
+    if not maps:
         raise ReportError("a residual map needs the misfit of one model at least")
-    figure = new_figure(4.6 * len(misfits) + 1.2, 0.9 + 0.38 * len(floors))
-    panels = np.atleast_1d(figure.subplots(1, len(misfits), sharey=True))
-    top = largest_misfit([grid for _, grid in misfits])
+    figure = new_figure(4.6 * len(maps) + 1.2, 0.9 + 0.38 * len(maps[0][1].rows))
+    panels = np.atleast_1d(figure.subplots(1, len(maps), sharey=True))
+    top = largest_misfit([one for _, one in maps])
     pictures = []
-    for panel, (name, grid) in zip(panels, misfits, strict=True):
-        pictures.append(draw_misfit(panel, floors, columns, grid, top))
+    for panel, (name, one) in zip(panels, maps, strict=True):
+        pictures.append(draw_misfit(panel, one, top))
         panel.set_title(name)
     bar = figure.colorbar(pictures[0], ax=list(panels), pad=0.02)
     bar.set_label("Residual over noise, rms")
@@ -108,29 +118,27 @@ def residual_map(
     return figure
 
 
-def largest_misfit(grids: Sequence[Floats]) -> float:
-    """Where the colours of some misfits (f, b) end."""
-    largest = max((float(np.nanmax(grid)) for grid in grids if np.isfinite(grid).any()), default=2)
+def largest_misfit(maps: Sequence[ResidualMap]) -> float:
+    """Where the colours of some misfits end."""
+    grids = [one.grid for one in maps if np.isfinite(one.grid).any()]
+    largest = max((float(np.nanmax(grid)) for grid in grids), default=2)
     return float(np.clip(largest, 2.0, _HIGHEST))
 
 
-def draw_misfit(
-    panel: Axes, floors: Sequence[str], columns: Columns, grid: Floats, top: float
-) -> QuadMesh:
-    """Draw one misfit (f, b) over its columns; the colours end at `top`."""
-    rows = np.arange(len(grid) + 1) - 0.5
-    picture = panel.pcolormesh(columns.edges, rows, grid, cmap="OrRd", norm=Normalize(1.0, top))
+def draw_misfit(panel: Axes, one: ResidualMap, top: float) -> QuadMesh:
+    """Draw one misfit; the colours end at `top`."""
+    edges, norm = np.arange(len(one.grid) + 1) - 0.5, Normalize(1.0, top)
+    picture = panel.pcolormesh(one.edges, edges, one.grid, cmap="OrRd", norm=norm)
     panel.grid(False)
     panel.set_facecolor(FAINT)
-    for row, values in enumerate(grid):
-        for x, value in zip(columns.middle, values, strict=True):
+    for row, values in enumerate(one.grid):
+        for x, value in zip(one.middle, values, strict=True):
             if np.isfinite(value):
                 strong = value > 0.55 * (1.0 + top)
                 text = f"{value:.1f}" if value < 9.95 else f"{value:.0f}"
                 colour = "white" if strong else INK
                 panel.text(x, row, text, ha="center", va="center", fontsize=7, color=colour)
-    columns.mark(panel)
-    panel.set_yticks(range(len(floors)), floors)
+    one.mark(panel)
     return picture
 
 

@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 from femupdate.arrays import Floats
 from femupdate.errors import ReportError
 from femupdate.report.figure import add_head, panel_grid
-from femupdate.report.plot_history import strongest, symmetric_limits
+from femupdate.report.plot_curves import strongest, symmetric_limits
 from femupdate.report.scale import Scale, force_scale, interval_text, length_scale
 from femupdate.report.style import BLUE, INK, styled
 

@@ -26,20 +26,12 @@ _NAME = 18  # characters of a name that stand below a panel
 
 @dataclass(frozen=True)
 class SampleSet:
-    """Posterior samples (S, p) and the name of the case they come from."""
+    """Posterior samples (S, p), the name of the case they come from, and how its lines look."""
 
     label: str
     samples: Floats
-
-
-@dataclass(frozen=True)
-class CaseSamples:
-    """A set of samples (S, p) and how its lines look."""
-
-    label: str
-    samples: Floats
-    color: str
-    dashes: Dashes
+    color: str = SERIES[0]
+    dashes: Dashes = DASHES[0]
 
 
 @styled
@@ -90,7 +82,7 @@ def posterior_pairs(
     return figure
 
 
-def looks_of(sets: Sequence[SampleSet]) -> list[CaseSamples]:
+def looks_of(sets: Sequence[SampleSet]) -> list[SampleSet]:
     """Give each set of samples its colour and dashes.
 
     Raises:
@@ -104,12 +96,12 @@ def looks_of(sets: Sequence[SampleSet]) -> list[CaseSamples]:
     for given, color, dashes in zip(sets, SERIES, DASHES, strict=False):
         if len(given.samples) < 2 or not np.isfinite(given.samples).all():
             raise ReportError(f"{given.label} needs two samples or more, all of them finite")
-        cases.append(CaseSamples(given.label, given.samples, color, dashes))
+        cases.append(replace(given, color=color, dashes=dashes))
     return cases
 
 
 def _views(
-    cases: list[CaseSamples], bounds: Floats, truth: Floats | None
+    cases: list[SampleSet], bounds: Floats, truth: Floats | None
 ) -> list[tuple[float, float]]:
     """What each axis shows: all but the last strays of the samples, within the prior."""
     views = []
@@ -123,7 +115,7 @@ def _views(
 
 def _draw_marginal(
     panel: Axes,
-    cases: list[CaseSamples],
+    cases: list[SampleSet],
     index: int,
     view: tuple[float, float],
     truth: Floats | None,
@@ -141,7 +133,7 @@ def _draw_marginal(
         panel.axvline(truth[index], ymax=0.7, label="Truth", **KNOWN)
 
 
-def _write_estimates(panel: Axes, cases: list[CaseSamples], index: int) -> None:
+def _write_estimates(panel: Axes, cases: list[SampleSet], index: int) -> None:
     for line, case in enumerate(cases):
         values = case.samples[:, index]
         panel.annotate(
@@ -160,7 +152,7 @@ def _write_estimates(panel: Axes, cases: list[CaseSamples], index: int) -> None:
 
 def _draw_pair(
     panel: Axes,
-    cases: list[CaseSamples],
+    cases: list[SampleSet],
     pair: tuple[int, int],
     views: list[tuple[float, float]],
     truth: Floats | None,
@@ -184,7 +176,7 @@ def _draw_pair(
     panel.set(xlim=across, ylim=up)
 
 
-def _draw_correlation(panel: Axes, cases: list[CaseSamples], first: int, second: int) -> None:
+def _draw_correlation(panel: Axes, cases: list[SampleSet], first: int, second: int) -> None:
     panel.set(xlim=(0.0, 1.0), ylim=(0.0, 1.0))
     panel.set_axis_off()
     for line, case in enumerate(cases):

@@ -7,13 +7,12 @@ from femupdate.inference.importance import Counted
 from femupdate.inference.likelihood import Likelihood
 from femupdate.inference.maxima import draws_about
 from femupdate.inference.parameters import Parameters
-from femupdate.inference.smc import SmcResult
 from femupdate.inference.thresholds import MAXIMA
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import Seed, spawn
 from femupdate.surrogate.gauss_newton import Descent
 from femupdate.units import percent
-from femupdate.workflow.calibrate_settings import Sampled, by_importance
+from femupdate.workflow.calibrate_settings import Sampled, drawn_by
 
 FROM_FIT = "the fit"
 ABOUT_MAXIMA = "importance sampling about the maxima"
@@ -69,18 +68,16 @@ def sampled_about_maxima(
             raise InferenceError("no draw about the fit is possible; the data say too little")
         return None
     found = replace(found, evaluations=found.evaluations + target.tried)
-    share = found.effective / len(found.points)
     note = (
         f"From {target.origin} to the data-space posterior took {found.evaluations:,} responses; "
-        f"{percent(share)} of the importance draws are effective."
+        f"{percent(found.effective_share)} of the importance draws are effective."
     )
-    theta, value = found.resample(count, choosing)
-    result = SmcResult(theta, value, found.log_evidence, (), found.evaluations, 0)
+    runs = [found.resampled(count, choosing)]
     return Sampled(
-        [result],
+        runs,
         target.prior,
-        by_importance(ABOUT_MAXIMA, [found]),
+        drawn_by("exact", ABOUT_MAXIMA, runs),
         (note,),
         target.likelihood,
-        warnings=(_FEW_COUNT,) * (share < MAXIMA.trusted),
+        warnings=(_FEW_COUNT,) * (found.effective_share < MAXIMA.trusted),
     )

@@ -41,8 +41,8 @@ def posterior_of(
     cannot be found from there: then it is the latent posterior's, `latent`.
     """
     observation = measured.as_observation
-    shape = len(sampled.results), len(sampled.results[0].theta)
-    values = sampled.parameters.split(torch.cat([result.theta for result in sampled.results]))
+    shape = len(sampled.runs), len(sampled.runs[0].theta)
+    values = sampled.parameters.split(torch.cat([run.theta for run in sampled.runs]))
     theta = _numpy(torch.cat([values.theta, values.sizes], dim=1))
     damping, erring = spawn(seed, 2)
     if not model.damping.free:
@@ -57,7 +57,7 @@ def posterior_of(
         names=model.prior.names,
         theta=theta.reshape(*shape, -1),
         zeta=None if zeta is None else zeta.reshape(shape),
-        log_likelihood=np.stack([_numpy(result.log_likelihood) for result in sampled.results]),
+        log_likelihood=np.stack([_numpy(run.log_likelihood) for run in sampled.runs]),
         lower=model.prior.lower.numpy(),
         upper=model.prior.upper.numpy(),
         drawn=sampled.drawn,

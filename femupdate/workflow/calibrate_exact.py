@@ -4,7 +4,6 @@ from dataclasses import replace
 
 from torch import Tensor
 
-from femupdate.inference.bridge import as_smc_result
 from femupdate.inference.decoded_chains import DecodedPosterior
 from femupdate.inference.latent_likelihood import LatentLikelihood
 from femupdate.inference.parameters import Parameters
@@ -14,12 +13,7 @@ from femupdate.study import Study
 from femupdate.workflow.about_maxima import FROM_FIT, Target, sampled_about_maxima
 from femupdate.workflow.calibrate_effects import FittedEffects
 from femupdate.workflow.calibrate_notes import cost_notes, reduction_warnings
-from femupdate.workflow.calibrate_settings import (
-    CalibrationSettings,
-    Sampled,
-    by_importance,
-    by_runs,
-)
+from femupdate.workflow.calibrate_settings import CalibrationSettings, Sampled, drawn_by
 from femupdate.workflow.decoded import sample_annealed, sample_decoded
 from femupdate.workflow.kinds import Measured
 from femupdate.workflow.likelihoods import (
@@ -125,7 +119,7 @@ def _sampled(
 def _by_trajectories(target: Target, drawn: DecodedPosterior | None, run: ChainRunner) -> Sampled:
     """From the latent posterior, or from the prior, by Hamiltonian moves."""
     groups, notes = sample_annealed(target.prior, target.likelihood, run, drawn)
-    way = by_runs("exact", "Hamiltonian moves", groups, evidence=True)
+    way = drawn_by("exact", "Hamiltonian moves", groups)
     return Sampled(groups, target.prior, way, notes, target.likelihood)
 
 
@@ -150,20 +144,13 @@ def _by_particles(
     label = "data-space" if latent is None else "latent"
     sampler = TemperedSmc(prior, likelihood if base is None else base, settings=smc)
     starts = run(sampler, f"Sampling ({label} likelihood)")
-    results = run.bridge(prior, likelihood, base, starts, smc)
+    runs = run.bridge(prior, likelihood, base, starts, smc)
+    notes = cost_notes(runs, starts, base is not None)
     if base is None:
-        results = [
-            replace(result, evaluations=result.evaluations + start.evaluations)
-            for result, start in zip(results, starts, strict=True)
+        runs = [
+            replace(one, evaluations=one.evaluations + start.evaluations)
+            for one, start in zip(runs, starts, strict=True)
         ]
-    draws = [as_smc_result(result, start) for result, start in zip(results, starts, strict=True)]
-    refined = all(result.effective > 0.0 for result in results)
-    return Sampled(
-        draws,
-        prior,
-        by_importance("importance sampling", results)
-        if refined
-        else by_runs("exact", "tempered particles", draws, evidence=True),
-        cost_notes(results, starts, base is not None),
-        likelihood,
-    )
+    refined = all(one.effective > 0.0 for one in runs)
+    way = "importance sampling" if refined else "tempered particles"
+    return Sampled(runs, prior, drawn_by("exact", way, runs), notes, likelihood)

@@ -16,7 +16,7 @@ from femupdate.workflow.calibrate_notes import (
     misfit_warnings,
     noise_notes,
 )
-from femupdate.workflow.calibrate_settings import CalibrationSettings, Sampled, by_runs
+from femupdate.workflow.calibrate_settings import CalibrationSettings, Sampled, drawn_by
 from femupdate.workflow.decoded import sample_decoded, sampled_groups
 from femupdate.workflow.kinds import Measured
 from femupdate.workflow.likelihoods import settled_likelihood, stated_likelihood
@@ -40,8 +40,9 @@ def sample_latent(
     # Draws on the decoder know no effects.
     if model.prior.size > CALIBRATION.few and not model.system.placed:
         found = sample_decoded(surrogate, model, observation, settings, run, run.particles)
-        results = sampled_groups(found.draws, found.responses)
-        drawn = by_runs("latent", "Hamiltonian moves judged by the reduced model", results)
+        runs = sampled_groups(found.draws, found.responses)
+        way = "Hamiltonian moves judged by the reduced model"
+        drawn = drawn_by("latent", way, runs, evidence=False)
         told = (
             LEARNS_NO_ERROR,
             *noise_notes(surrogate.info, observation),
@@ -54,7 +55,7 @@ def sample_latent(
             *decoder_warnings(found.error, noise),
         )
         return Sampled(
-            results,
+            runs,
             model.parameters,
             drawn,
             told,
@@ -71,11 +72,11 @@ def sample_latent(
     )
     assert likelihood.settled is not None
     sampler = TemperedSmc(model.prior.to(settings.device), likelihood, settings=settings.smc)
-    results = run(sampler, "Sampling (latent likelihood)")
+    runs = run(sampler, "Sampling (latent likelihood)")
     notes = (*likelihood.input.notes, *latent_notes(likelihood), *calibration)
-    drawn = by_runs("latent", "tempered particles", results)
+    drawn = drawn_by("latent", "tempered particles", runs, evidence=False)
     return Sampled(
-        results,
+        runs,
         model.prior,
         drawn,
         notes,

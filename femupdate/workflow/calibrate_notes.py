@@ -2,13 +2,12 @@
 
 import numpy as np
 
-from femupdate.inference.bridge import BridgeResult
 from femupdate.inference.decoded_chains import DecodedPosterior
 from femupdate.inference.diagnostics import r_hat
 from femupdate.inference.latent_likelihood import LatentLikelihood
 from femupdate.inference.posterior import Posterior
 from femupdate.inference.predictive_check import PredictiveCheck
-from femupdate.inference.smc import SmcResult
+from femupdate.inference.sampler_run import SamplerRun
 from femupdate.inference.thresholds import DRAWS, JUDGED
 from femupdate.measurement.observation import Observation
 from femupdate.surrogate.storage import ANY_FLOORS, SurrogateInfo
@@ -121,14 +120,13 @@ TEMPERED = (
 
 
 def cost_notes(
-    results: list[BridgeResult], starts: list[SmcResult], from_latent: bool
+    runs: list[SamplerRun], starts: list[SamplerRun], from_latent: bool
 ) -> tuple[str, ...]:
     """What the exact posterior took, beside what it would have taken without a surrogate."""
-    responses = sum(result.evaluations for result in results)
-    least = min(result.effective_share for result in results)
+    responses = sum(run.evaluations for run in runs)
+    least = min(run.effective_share for run in runs)
     sampled = sum(start.evaluations for start in starts)
     if not from_latent:
-        responses -= sampled
         text = f"The sampler took {sampled:,} responses, importance sampling {responses:,} more"
     else:
         text = (

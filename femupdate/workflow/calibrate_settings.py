@@ -6,13 +6,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.special import logsumexp
 
-from femupdate.inference.bridge import BridgeResult
-from femupdate.inference.importance import WeightedDraws
 from femupdate.inference.latent_search import FoundLatent
 from femupdate.inference.likelihood import Likelihood
 from femupdate.inference.parameters import Parameters
 from femupdate.inference.posterior import DrawnBy
-from femupdate.inference.smc import SmcResult, SmcSettings
+from femupdate.inference.sampler_run import SamplerRun
+from femupdate.inference.smc import SmcSettings
 from femupdate.workflow.thresholds import CALIBRATION
 
 
@@ -44,7 +43,7 @@ class Sampled:
     """What a sampler has drawn.
 
     Attributes:
-        results: of the independent runs.
+        runs: independent ones.
         parameters: that the columns of their draws are.
         drawn: how.
         notes: how it went, in sentences.
@@ -55,7 +54,7 @@ class Sampled:
         warnings: what whoever uses the draws should know, in sentences.
     """
 
-    results: list[SmcResult]
+    runs: list[SamplerRun]
     parameters: Parameters
     drawn: DrawnBy
     notes: tuple[str, ...]
@@ -65,35 +64,28 @@ class Sampled:
     warnings: tuple[str, ...] = ()
 
 
-def by_runs(
-    likelihood: str, way: str, results: list[SmcResult], *, evidence: bool = False
+def drawn_by(
+    likelihood: str, way: str, runs: Sequence[SamplerRun], *, evidence: bool = True
 ) -> DrawnBy:
-    """What runs apart say: their spread is the error of their mean evidence."""
-    known = np.array([result.log_evidence for result in results])
+    """What independent runs, one at least, say of how they were drawn.
+
+    The error of their mean evidence is that of their weights; without weights, of their spread.
+    """
+    known = np.array([run.log_evidence for run in runs])
+    weighted = all(run.effective > 0.0 for run in runs)
+    error = None
+    if weighted:
+        error = float(np.linalg.norm([run.log_evidence_error for run in runs]) / len(runs))
+    elif len(runs) > 1:
+        error = float(known.std(ddof=1) / len(runs) ** 0.5)
     return DrawnBy(
         likelihood=likelihood,
         way=way,
-        chains=len(results),
-        evaluations=sum(result.evaluations for result in results),
+        chains=len(runs),
+        evaluations=sum(run.evaluations for run in runs),
+        effective_sample_size=sum(run.effective for run in runs) if weighted else None,
         log_evidence=float(logsumexp(known) - np.log(len(known))) if evidence else None,
-        log_evidence_error=(
-            float(known.std(ddof=1) / len(known) ** 0.5) if evidence and len(known) > 1 else None
-        ),
-    )
-
-
-def by_importance(way: str, results: Sequence[BridgeResult | WeightedDraws]) -> DrawnBy:
-    """What importance samples say that are independent of each other, one at least."""
-    known = np.array([result.log_evidence for result in results])
-    errors = np.array([result.log_evidence_error for result in results])
-    return DrawnBy(
-        likelihood="exact",
-        way=way,
-        chains=len(results),
-        evaluations=sum(result.evaluations for result in results),
-        effective_sample_size=sum(result.effective for result in results),
-        log_evidence=float(logsumexp(known) - np.log(len(known))),
-        log_evidence_error=float(np.sqrt((errors**2).sum()) / len(errors)),
+        log_evidence_error=error if evidence else None,
     )
 
 

@@ -68,6 +68,6 @@ def concluded(
         check=fitting.check,
         notes=notes,
         seconds=0.0,
-        invalid=sum(result.invalid for result in sampled.results),
+        invalid=sum(run.invalid for run in sampled.runs),
         files=(),
     )

@@ -14,7 +14,8 @@ from femupdate.inference.decoded_chains import (
 )
 from femupdate.inference.latent_likelihood import floor_responses, latent_data
 from femupdate.inference.parameters import Parameters
-from femupdate.inference.smc import TRAJECTORIES, KeptDraws, SmcResult, SmcState, TemperedSmc
+from femupdate.inference.sampler_run import SamplerRun
+from femupdate.inference.smc import TRAJECTORIES, KeptDraws, SmcState, TemperedSmc
 from femupdate.inference.tempering import LogLikelihood
 from femupdate.measurement.observation import Observation
 from femupdate.surrogate.storage import TrainedSurrogate
@@ -58,7 +59,7 @@ def sample_decoded(
 
 def sample_annealed(
     prior: Parameters, target: LogLikelihood, run: ChainRunner, latent: DecodedPosterior | None
-) -> tuple[list[SmcResult], tuple[str, ...]]:
+) -> tuple[list[SamplerRun], tuple[str, ...]]:
     """Draw the data-space posterior, from the latent one or from the prior: groups, and how.
 
     Args:
@@ -86,13 +87,21 @@ def sample_annealed(
 
 def sampled_groups(
     draws: KeptDraws, evaluations: int, *, evidence: bool = False
-) -> list[SmcResult]:
+) -> list[SamplerRun]:
     """The groups as independent runs; without an evidence where it is of no data."""
     groups, state = len(draws.theta), draws.state
     told = state.log_evidence if evidence else (np.nan,) * groups
-    counts = evaluations // groups, state.invalid // groups
-    parts = zip(draws.theta, draws.log_likelihood, told, strict=True)
-    return [SmcResult(theta, value, known, state.levels, *counts) for theta, value, known in parts]
+    return [
+        SamplerRun(
+            theta=theta,
+            log_likelihood=value,
+            log_evidence=known,
+            evaluations=evaluations // groups,
+            levels=state.levels,
+            invalid=state.invalid // groups,
+        )
+        for theta, value, known in zip(draws.theta, draws.log_likelihood, told, strict=True)
+    ]
 
 
 def tempered_words(population: SmcState, groups: int) -> str:

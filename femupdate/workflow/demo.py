@@ -23,6 +23,7 @@ from femupdate.workflow.pictures_posterior import draw_cases, draw_posterior
 from femupdate.workflow.pictures_prediction import draw_prediction
 from femupdate.workflow.predict import PredictionReport, predict_study
 from femupdate.workflow.prediction_inputs import RecordSource
+from femupdate.workflow.prediction_quantities import quantity_tables
 from femupdate.workflow.render import RenderReport, render_study
 from femupdate.workflow.result_tables import mode_tables, posterior_tables, prediction_tables
 
@@ -83,12 +84,12 @@ class DemoReport:
             (name, f"{true:.2f}", *(plus_minus(own.mean(), own.std()) for own in both))
             for name, true, *both in zip(names, self.truth, *cases, strict=True)
         ]
-        peaks, floors = self.predicted.peak_acceleration, self.predicted.summary.floors
+        peaks = quantity_tables([self.predicted.quantities["acceleration"]])
         return (
             "\nStiffness factors, mean ± sd (the observation is synthetic, so truth is known)",
             table(("", "truth", "all six floors", "roof alone"), rows),
-            "\nPeak floor acceleration under a tenth of the Ridgecrest record, m/s²",
-            peaks.table("", floors, ".3f"),
+            "\nFloors under a tenth of the Ridgecrest record, mean and 5 to 95 % in brackets",
+            *(one.text() for one in peaks),
             f"\nDone in {self.seconds:.0f} s. Everything is in {self.folder}; pictures and tables:",
         )
 

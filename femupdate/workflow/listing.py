@@ -10,6 +10,7 @@ from femupdate.effects.effect import Effect
 from femupdate.effects.registry import CATALOGUE
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.registry import readers
+from femupdate.units import capital
 
 
 @dataclass(frozen=True)
@@ -94,7 +95,7 @@ def _shipped(name: str) -> ShippedBuilding:
 def _places(effect: Effect) -> str:
     """Where an effect can sit: in its words, or the first line of its own method's docstring."""
     if type(effect).places is Effect.places:
-        return effect.sits[0].upper() + effect.sits[1:]
+        return capital(effect.sits)
     return (inspect.getdoc(type(effect).places) or "").splitlines()[0].rstrip(".")
 
 

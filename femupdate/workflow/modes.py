@@ -20,6 +20,7 @@ from femupdate.effects.structure import structure_of
 from femupdate.inference.posterior import Posterior
 from femupdate.measurement.observation import on_all_floors
 from femupdate.study import Study, as_written
+from femupdate.tables import Table
 from femupdate.units import ordinal, percent
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import direction_of
@@ -66,21 +67,47 @@ class StudyMode:
         return f"mode {self.label}" + (f" ({self.direction})" if self.direction else "")
 
     @property
-    def cells(self) -> tuple[str, ...]:
-        """Number, frequency and its sd, Hz, direction, effective mass and influence, for tables."""
-        return (
-            str(self.number or "-"),
-            f"{self.tracked.frequency_mean:.3f}",
-            f"{self.tracked.frequency_sd:.2g}",
-            self.direction,
-            percent(self.effective_mass, 1),
-            "-" if self.influence is None else f"{self.influence:.3g}",
-        )
-
-    @property
     def label(self) -> str:
         """The number as text; where there is none, the frequency."""
         return str(self.number or f"at {self.tracked.frequency_mean:.1f} Hz")
+
+
+def mode_table(modes: Sequence[StudyMode]) -> Table:
+    """Frequencies, directions, masses and influence of modes of the posterior."""
+    note = "Modes have the numbers of the full model with all factors 1."
+    if any(one.influence is not None for one in modes):
+        note = (
+            "Influence: by how many times their noise the fit would miss the measured ln|H| "
+            "without the mode. Unless they were asked for by number, the modes that matter most "
+            f"to the data come first. {note}"
+        )
+    rows = [
+        (
+            str(one.number or "-"),
+            f"{one.tracked.frequency_mean:.3f}",
+            f"{one.tracked.frequency_sd:.2g}",
+            one.direction,
+            percent(one.effective_mass, 1),
+            "-" if one.influence is None else f"{one.influence:.3g}",
+            percent(one.tracked.found),
+        )
+        for one in modes
+    ]
+    return Table(
+        name="modes",
+        caption="Modes that the base motion excites, at the posterior",
+        head=(
+            "mode",
+            "frequency, Hz",
+            "sd, Hz",
+            "direction",
+            "effective mass",
+            "influence",
+            "recognised in draws",
+        ),
+        rows=tuple(rows),
+        note=note,
+    )
 
 
 def full_modes(model: StudyModel) -> FullModes:

@@ -5,7 +5,7 @@ import numpy as np
 from femupdate.arrays import Floats, Integers
 from femupdate.building.building_mesh import BuildingMesh
 from femupdate.discrepancy.diagnose import NAMED, PARTLY
-from femupdate.dynamics.tracking import node_displacements
+from femupdate.dynamics.tracking import mean_shape, node_displacements
 from femupdate.effects.drawn_building import DrawnBuilding
 from femupdate.effects.effect import Placed
 from femupdate.effects.listed import building_effects
@@ -13,11 +13,12 @@ from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import Structure, structure_of
 from femupdate.report.geometry import Geometry
 from femupdate.report.glyphs import Glyphs, drawn
-from femupdate.report.page import Block, Remarks, Scene, Section, Table, Text
+from femupdate.report.page import Block, Remarks, Scene, Section, Text
 from femupdate.report.page_scene import ElementField, MovingShape, scene_content, thinned_geometry
 from femupdate.report.scale import mass_scale
 from femupdate.study import as_written
-from femupdate.workflow.modes import StudyMode
+from femupdate.tables import Table
+from femupdate.workflow.modes import StudyMode, mode_table
 from femupdate.workflow.page_done import read_json
 from femupdate.workflow.page_parts import PageStudy
 from femupdate.workflow.prediction_quantities import heights_of
@@ -34,7 +35,7 @@ def building_section(page: PageStudy) -> Section:
         listed = tuple(one.in_words for one in building_effects(building).placed)
         blocks.append(Remarks(tuple(f"The building file lists: {one}." for one in listed)))
     if modes:
-        blocks.append(_mode_table(modes))
+        blocks.append(mode_table(modes))
     blocks.append(_scene(page, modes))
     return Section("building", "The building", tuple(blocks))
 
@@ -64,24 +65,6 @@ def _stories(page: PageStudy) -> Table:
         head=("story", "floor above", "height, m", title),
         rows=tuple(rows),
     )
-
-
-def _mode_table(modes: tuple[StudyMode, ...]) -> Table:
-    order = "" if all(one.influence is None for one in modes) else _ORDER
-    return Table(
-        name="modes",
-        caption="Modes that the base motion excites, at the posterior",
-        head=("mode", "frequency, Hz", "sd, Hz", "direction", "effective mass", "influence"),
-        rows=tuple(one.cells for one in modes),
-        note=" ".join(one for one in (_NUMBERS, order) if one),
-    )
-
-
-_NUMBERS = "Modes have the numbers of the full model with all factors 1."
-_ORDER = (
-    "Influence: by how many times their noise the fit would miss the measured ln|H| without the "
-    "mode; the modes that matter most to the data come first."
-)
 
 
 def _scene(page: PageStudy, modes: tuple[StudyMode, ...]) -> Scene:
@@ -150,12 +133,10 @@ def _moving(page: PageStudy, drawing: DrawnBuilding, one: StudyMode) -> MovingSh
         levels = np.column_stack([np.zeros(len(floors)), floors])
         shapes = np.zeros((len(floors), 4 * levels.shape[1], 3))
         shapes[:, :, drawing.structure.direction] = np.repeat(levels, 4, axis=1)
-    mean = shapes.mean(axis=0)
-    largest = np.linalg.norm(mean, axis=-1).max() or 1.0
-    spread = 100.0 * np.sqrt(((shapes - mean) ** 2).sum(axis=-1).mean(axis=0)) / largest
+    mean, spread = mean_shape(shapes)
     frequency = "" if one.number is None else f", {mode.frequency_mean:.2f} Hz"
     title = f"{one.name}{frequency}"
-    return MovingShape(name=title, shape=mean, spread=spread)
+    return MovingShape(name=title, shape=mean, spread=100.0 * spread)
 
 
 def _signs(page: PageStudy, drawing: DrawnBuilding) -> list[tuple[Glyphs, bool]]:

@@ -5,8 +5,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from femupdate.report.page import Block, Remarks, Section, Table, Text
+from femupdate.report.page import Block, Remarks, Section, Text
 from femupdate.study import BUILDING_FILE, Artefact, Study, file_hash
+from femupdate.tables import Table
 from femupdate.workflow.page_parts import PageStudy, searched
 from femupdate.workflow.status import CURRENT, Item, files_beside_of, sources_of
 from femupdate.workflow.summary import kept_summary

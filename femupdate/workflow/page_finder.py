@@ -8,11 +8,12 @@ from femupdate.building.parameters import factor_titles
 from femupdate.discrepancy.diagnose import mass_in_words
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
-from femupdate.report.page import Block, Chart, Remarks, Section, Table, Text
-from femupdate.report.page_charts import Interval, bar_figure, interval_figure
+from femupdate.report.curves import Interval
+from femupdate.report.page import Block, Chart, Remarks, Section, Text
+from femupdate.report.page_charts import bar_figure, interval_figure
 from femupdate.report.scale import with_unit
-from femupdate.report.style import BLUE, ORANGE
 from femupdate.study import as_written
+from femupdate.tables import Table
 from femupdate.workflow.page_done import read_json
 from femupdate.workflow.page_parts import PageStudy, searched
 
@@ -198,7 +199,7 @@ def _before_after(page: PageStudy, done: dict[str, Any]) -> Chart:
     titles = list(factor_titles(page.model.building).values())
     rows = titles[: len(done["theta_before"])]
     both = []
-    for word, line, color in (("before", "upper", ORANGE), ("after", "lower", BLUE)):
+    for word, line, series in (("before", "upper", 1), ("after", "lower", 0)):
         mean, sd = (np.array(done[f"theta{part}_{word}"]) for part in ("", "_sd"))
         both.append(
             Interval(
@@ -206,7 +207,7 @@ def _before_after(page: PageStudy, done: dict[str, Any]) -> Chart:
                 mean=mean,
                 low=mean - 2.0 * sd,
                 high=mean + 2.0 * sd,
-                color=color,
+                series=series,
             )
         )
     figure = interval_figure(rows, both, "stiffness over that in the building file")

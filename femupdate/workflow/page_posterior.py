@@ -1,30 +1,25 @@
 """Sections of the page on the data, the fit and the posterior."""
 
-import numpy as np
-from numpy.random import default_rng
+from collections.abc import Sequence
 
-from femupdate.arrays import Floats
-from femupdate.inference.next_event import drawn_error
+import numpy as np
+
 from femupdate.inference.posterior import Posterior
-from femupdate.measurement.observation import Observation, on_all_floors
-from femupdate.report.page import Block, Chart, Remarks, Section, Table, Text
+from femupdate.measurement.observation import Observation
+from femupdate.report.curves import Curve, Interval
+from femupdate.report.page import Block, Chart, Remarks, Section, Text
 from femupdate.report.page_charts import (
-    Axis,
-    Band,
-    Curve,
-    Interval,
     correlation_figure,
     curve_figure,
     interval_figure,
     pairs_figure,
 )
-from femupdate.seeds import spawn
-from femupdate.workflow.calibrate_draws import predictive_log_frf
+from femupdate.tables import Table
 from femupdate.workflow.calibrate_notes import error_notes
+from femupdate.workflow.fitted_curves import fitted_curves
 from femupdate.workflow.page_parts import PageStudy, figures
 from femupdate.workflow.summary import identified, kept_summary
 
-_ALONE, _NEXT = "parameters alone, 5 to 95 %", "with the error of the model, 5 to 95 %"
 _PAIR_DRAWS = 300
 _MOST_PAIRS = 7  # parameters of which every pair is drawn
 
@@ -70,20 +65,30 @@ def _floor_row(seen: Observation, row: int) -> tuple[str, ...]:
 
 def _coherence(seen: Observation) -> Chart:
     assert seen.coherence is not None
-    up, across = Axis(title="coherence with the base", limits=(0.0, 1.02)), _frequency(seen)
-    curves = [Curve(x=seen.frequency_hz, mean=own, name="coherence") for own in seen.coherence]
+    curves = [
+        Curve(
+            title=floor,
+            across="frequency, Hz",
+            up="coherence with the base",
+            x=seen.frequency_hz,
+            mean=own,
+            name="coherence",
+        )
+        for floor, own in zip(seen.floors[::-1], seen.coherence[::-1], strict=True)
+    ]
+    limits = _used_range(seen)
     panels = tuple(
-        (floor, curve_figure(curve, across, up))
-        for floor, curve in zip(seen.floors[::-1], curves[::-1], strict=True)
+        (one.title, curve_figure(one, log="x", limits=limits, heights=(0.0, 1.02)))
+        for one in curves
     )
     return Chart(name="coherence", caption="Coherence", panels=panels, height=240)
 
 
-def _frequency(seen: Observation) -> Axis:
-    """Over the frequencies that are used at some floor."""
+def _used_range(seen: Observation) -> tuple[float, float]:
+    """Lowest and highest frequency that is used at some floor, Hz."""
     used = seen.frequency_hz[seen.valid.any(axis=0)]
     used = used if used.size else seen.frequency_hz
-    return Axis(title="frequency, Hz", log=True, limits=(float(used.min()), float(used.max())))
+    return float(used.min()), float(used.max())
 
 
 def fit_section(page: PageStudy) -> Section:
@@ -91,34 +96,14 @@ def fit_section(page: PageStudy) -> Section:
     posterior = page.posterior
     if posterior is None:
         return Section("fit", "Fit", ())
-    predicted = predictive_log_frf(page.system, page.model, posterior)
-    low, high = np.quantile(predicted, [0.05, 0.95], axis=0)
-    erring = _with_errors(page, posterior, predicted)
-    floors = page.model.building.floors
-    seen = on_all_floors(posterior.observation, floors)
-    up = Axis(title="|H|, floor over base", log=True)
-    panels = []
-    for row, floor in reversed(list(enumerate(floors))):
-        bands = [Band(name=_ALONE, low=np.exp(low[row]), high=np.exp(high[row]))]
-        if erring is not None:
-            wide = (np.exp(edge[row]) for edge in erring)
-            bands.insert(0, Band(name=_NEXT, low=next(wide), high=next(wide), outer=True))
-        measured = np.exp(seen.log_frf[row])
-        used = np.where(seen.valid[row], measured, np.nan)
-        curve = Curve(
-            x=seen.frequency_hz,
-            mean=np.exp(predicted[:, row].mean(axis=0)),
-            bands=tuple(bands),
-            measured=used,
-            measured_sd=measured * seen.noise_sd[row],
-            ignored=np.where(seen.valid[row], np.nan, measured),
-        )
-        panels.append((floor, curve_figure(curve, _frequency(seen), up)))
+    curves = fitted_curves(page.system, page.model, posterior)
+    limits = _used_range(posterior.observation)
+    panels = [(one.title, curve_figure(one, log="xy", limits=limits)) for one in curves]
     chart = Chart(
         name="frequency_responses",
-        caption="Frequency responses, measured and predicted",
+        caption="Frequency responses, floor over base, measured and predicted",
         panels=tuple(panels),
-        note=_band_note(low, high, erring),
+        note=_band_note(curves),
         height=420,
     )
     blocks: list[Block] = []
@@ -128,24 +113,6 @@ def fit_section(page: PageStudy) -> Section:
     if told:
         blocks.append(Remarks(told))
     return Section("fit", "Fit", (*blocks, chart))
-
-
-def _with_errors(
-    page: PageStudy, posterior: Posterior, predicted: Floats
-) -> tuple[Floats, Floats] | None:
-    """(f, k) 5 and 95 % of ln|H| with errors of the model as large as learned, and elsewhere."""
-    errors = posterior.model_error
-    if errors is None:
-        return None
-    rows, frequency = posterior.rows(len(predicted), 0), page.model.frequency_hz.numpy()
-    floors = predicted.shape[1]
-    streams = spawn(0, len(rows))
-    moved = [
-        own + drawn_error(errors.amplitude, row, errors, floors, frequency, default_rng(stream))
-        for own, row, stream in zip(predicted, rows, streams, strict=True)
-    ]
-    low, high = np.quantile(moved, [0.05, 0.95], axis=0)
-    return low, high
 
 
 def _kept_check(page: PageStudy) -> tuple[str, ...]:
@@ -159,14 +126,16 @@ def _kept_check(page: PageStudy) -> tuple[str, ...]:
     )
 
 
-def _band_note(low: Floats, high: Floats, erring: tuple[Floats, Floats] | None) -> str:
+def _band_note(curves: Sequence[Curve]) -> str:
     """The widths of the bands in words, which may be too thin to see."""
-    width = 50.0 * float(np.median(high - low))
+    *wide, width = (
+        50.0 * float(np.median([np.log(band.high / band.low) for band in bands]))
+        for bands in zip(*(one.bands for one in curves), strict=True)
+    )
     note = f"The band of the parameters is ±{width:.2g} % of the amplitude wide in its median"
     thin = "; it is thinner than the line that is drawn." if width < 2.0 else "."
-    if erring is not None:
-        wide = 50.0 * float(np.median(erring[1] - erring[0]))
-        thin += f" With the error of the model, as of another measurement, it is ±{wide:.2g} %."
+    for other in wide:
+        thin += f" With the error of the model, as of another measurement, it is ±{other:.2g} %."
     return f"{note}{thin} Bars at the points are one standard deviation of their noise."
 
 
@@ -215,11 +184,10 @@ def _intervals(page: PageStudy, posterior: Posterior) -> Chart:
     """Factors alone, and over their prior ranges, on which intervals may be too short to see."""
     factors = [k for k, name in enumerate(posterior.names) if "@" not in name]
     draws = posterior.samples[:, factors]
-    low, high = np.quantile(draws, [0.05, 0.95], axis=0)
     rows = [page.titles[posterior.names[k]] for k in factors]
-    own = Interval(name="mean, 5 to 95 %", mean=draws.mean(axis=0), low=low, high=high)
-    across, ranges = "stiffness over that in the building file", (posterior.lower, posterior.upper)
-    prior = (ranges[0][factors], ranges[1][factors])
+    own = Interval.of(draws)
+    across = "stiffness over that in the building file"
+    prior = (posterior.lower[factors], posterior.upper[factors])
     return Chart(
         name="stiffness_factors",
         caption="Stiffness factors",

@@ -1,26 +1,23 @@
 """The section of the page on a predicted earthquake."""
 
-from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from femupdate.arrays import Floats
-from femupdate.dynamics.comparison import SCORES, score_rows
-from femupdate.report.page import Block, Chart, Section, Table, Text
+from femupdate.dynamics.comparison import score_table
+from femupdate.report.curves import Interval, history_curves, spectrum_curves
+from femupdate.report.page import Block, Chart, Section, Text
 from femupdate.report.page_charts import (
     POINTS,
-    Axis,
-    Band,
-    Curve,
     Figure,
-    Interval,
     curve_figure,
     interval_figure,
     thinned,
 )
+from femupdate.tables import Table
 from femupdate.workflow.page_parts import PageStudy
-from femupdate.workflow.prediction_quantities import PEAKS, Quantity, quantities, side_by_side
+from femupdate.workflow.prediction_quantities import PEAKS, Quantity, quantities, quantity_tables
 
 
 def prediction_section(page: PageStudy) -> Section:
@@ -43,14 +40,14 @@ def prediction_section(page: PageStudy) -> Section:
     )
     relative = "Masses are nominal: shears and stiffnesses are relative."
     known = not page.model.building.forces_are_relative
-    found = _quantities(page, predictions)
+    found, measured = _quantities(page, predictions), settings.get("against_measured")
     blocks: list[Block] = [
         Text((lead,) if known else (lead, relative)),
-        *_scores(settings.get("against_measured")),
+        *([score_table(measured)] if measured else []),
         _histories(predictions, tree["constant_data"].to_dataset()),
         *_spectra(predictions),
         _profiles(found),
-        *(_table(one) for one in side_by_side(found.values())),
+        *quantity_tables(found.values()),
         *_others(predictions),
     ]
     return Section("prediction", title, tuple(blocks))
@@ -70,90 +67,52 @@ def _quantities(page: PageStudy, predictions: Any) -> dict[str, Quantity]:
     return dict(quantities(page.model.building, floors, peaks, mass))
 
 
-def _scores(kept: Mapping[str, Mapping[str, float]] | None) -> tuple[Table, ...]:
-    """How well measured floors were met, where the prediction was compared with any."""
-    if not kept:
-        return ()
-    note = (
-        "Error rms: of the best estimate, over the rms of the measurement. CRPS/rms: score of the "
-        "whole band, the lower the better. A good band holds some 95 % of the samples."
-    )
-    caption = "Against floors measured in the same motion"
-    rows = tuple(score_rows(kept))
-    return (Table(name="scores", caption=caption, head=("floor", *SCORES), rows=rows, note=note),)
-
-
 def _histories(predictions: Any, known: Any) -> Chart:
-    base = known["base_acceleration"].values
     time = predictions["time_s"].values
-    panels, shown = [], 0
-    for row, floor in reversed(list(enumerate(predictions["floor"].values))):
-        mean = predictions["acceleration_mean"].values[row]
-        kept = thinned(mean)
-        shown = max(shown, len(kept))
-        measured = None
-        if "measured_acceleration" in known:
-            measured = known["measured_acceleration"].values[row][kept]
-        curve = Curve(
-            x=time[kept],
-            mean=mean[kept],
-            name="mean",
-            bands=_bands(predictions, row, kept),
-            measured=measured,
-        )
-        up = Axis(title="acceleration, m/s²")
-        panels.append((str(floor), curve_figure(curve, Axis(title="time, s"), up)))
+    bands, alone = (
+        [predictions[f"{of}acceleration_{part}"].values for part in ("mean", "sd")]
+        for of in ("", "parameters_")
+    )
+    measured = known.get("measured_acceleration")
+    curves = history_curves(
+        time,
+        predictions["floor"].values,
+        *bands,
+        alone=(alone[0], alone[1]),
+        measured=None if measured is None else measured.values,
+    )
+    kept = [thinned(one.mean) for one in curves]
+    shown = max(map(len, kept))
+    base = known["base_acceleration"].values
+    ground = replace(curves[0], title="base", mean=base, name="record", bands=(), measured=None)
     note = f"All {len(time)} samples are shown."
     if shown < len(time):
         note = (
             f"Thinned for the screen to about {POINTS} of {len(time)} samples, all peaks of the "
             "mean kept; prediction.nc has them all."
         )
-    panels.append(("base", _base(base, time)))
     return Chart(
         name="floor_histories",
         caption="Acceleration of the floors and the base",
-        panels=tuple(panels),
-        note=f"{note} Drag to zoom, double-click to go back.",
+        panels=tuple(
+            (one.title, curve_figure(one.at(points)))
+            for one, points in zip((*curves, ground), (*kept, thinned(base)), strict=True)
+        ),
+        note=f"{note} The wide band is that of the next measurement. Drag to zoom, double-click to "
+        "go back.",
     )
-
-
-def _base(base: Floats, time: Floats) -> Figure:
-    kept = thinned(base)
-    curve = Curve(x=time[kept], mean=base[kept], name="record")
-    return curve_figure(curve, Axis(title="time, s"), Axis(title="acceleration, m/s²"))
-
-
-_BANDS = (
-    ("", "next measurement, mean ± 2 sd", True),
-    ("parameters_", "parameters alone, mean ± 2 sd", False),
-)
-
-
-def _bands(predictions: Any, row: int, kept: Any) -> tuple[Band, ...]:
-    """Of the next measurement and of the parameters alone, the wider first."""
-    found = []
-    for of, name, outer in _BANDS:
-        mean, sd = (
-            predictions[f"{of}acceleration_{part}"].values[row][kept] for part in ("mean", "sd")
-        )
-        found.append(Band(name=name, low=mean - 2.0 * sd, high=mean + 2.0 * sd, outer=outer))
-    return tuple(found)
 
 
 def _spectra(predictions: Any) -> tuple[Chart, ...]:
     if "floor_spectrum_mean" not in predictions:
         return ()
-    frequency = predictions["oscillator_hz"].values
-    means, sds = (predictions[f"floor_spectrum_{name}"].values for name in ("mean", "sd"))
-    across = Axis(title="frequency of the oscillator, Hz", log=True)
-    panels = []
-    rows = list(zip(predictions["floor"].values, means, sds, strict=True))
-    for floor, mean, sd in reversed(rows):
-        band = Band(name="mean ± 2 sd", low=mean - 2.0 * sd, high=mean + 2.0 * sd)
-        curve = Curve(x=frequency, mean=mean, bands=(band,))
-        panels.append((str(floor), curve_figure(curve, across, Axis(title="acceleration, m/s²"))))
-    return (Chart(name="floor_spectra", caption="Floor response spectra", panels=tuple(panels)),)
+    mean, sd = (predictions[f"floor_spectrum_{name}"].values for name in ("mean", "sd"))
+    frequency, floors = (predictions[name].values for name in ("oscillator_hz", "floor"))
+    panels = tuple(
+        (one.title, curve_figure(one, log="x"))
+        for one in spectrum_curves(frequency, floors, mean, sd)
+    )
+    return (Chart(name="floor_spectra", caption="Floor response spectra", panels=panels),)
 
 
 def _profiles(found: dict[str, Quantity]) -> Chart:
@@ -170,33 +129,17 @@ def _profiles(found: dict[str, Quantity]) -> Chart:
 
 
 def _profile(one: Quantity) -> Figure:
-    own = one.statistics
-    interval = Interval(name="mean, 5 to 95 %", mean=own.mean, low=own.q05, high=own.q95)
-    return interval_figure(one.places, [interval], one.heading)
-
-
-def _table(group: list[Quantity]) -> Table:
-    head = [one.heading for one in group]
-    columns = [one.cells() for one in group]
-    rows = tuple(zip(group[0].places, *columns, strict=True))
-    names = ", ".join(one.name for one in group)
-    return Table(
-        name="_".join(group[0].name.split()),
-        caption=f"{names[0].upper()}{names[1:]}",
-        head=("", *head),
-        rows=rows,
-        note="Mean, and 5 to 95 % in brackets.",
-    )
+    return interval_figure(one.places, [Interval.of(one.values)], one.heading)
 
 
 def _others(predictions: Any) -> list[Table]:
     """Anything else that is kept for every draw."""
-    tables = []
+    tables: list[Table] = []
     for name, values in predictions.data_vars.items():
         if name in PEAKS or len(values.dims) != 2 or values.dims[0] != "sample":
             continue
         places = tuple(str(place) for place in values[values.dims[1]].values)
         words = str(name).replace("_", " ")
         one = Quantity(words, str(values.attrs.get("units", "")), places, values.values)
-        tables.append(_table([one]))
+        tables += quantity_tables([one])
     return tables

@@ -6,13 +6,19 @@ from pathlib import Path
 import numpy as np
 
 from femupdate.arrays import Floats
+from femupdate.building.mesh import mesh_building
 from femupdate.building.schema import Building
 from femupdate.dynamics.full_modes import FullModes
-from femupdate.dynamics.tracking import node_displacements
+from femupdate.dynamics.tracking import mean_shape, node_displacements
 from femupdate.progress import SILENT, Progress
+from femupdate.report.animation import mode_animation, stick_animation
+from femupdate.report.figure import save_figure
+from femupdate.report.geometry import Geometry
+from femupdate.report.plot_sticks import stick_mode_shapes
 from femupdate.report.scale import plus_minus
+from femupdate.report.scenes import mode_shape_figure
 from femupdate.study import Study
-from femupdate.units import ordinal
+from femupdate.units import capital, ordinal
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.modes import StudyMode, modes_of_model
 
@@ -53,27 +59,15 @@ def draw_modes(
 def _draw_scenes(
     study: Study, model: StudyModel, modes: Sequence[StudyMode], name: str, show: Progress
 ) -> tuple[Path, ...]:
-    from femupdate.building.mesh import mesh_building
-    from femupdate.report.figure import save_figure
-    from femupdate.report.geometry import Geometry
-    from femupdate.report.scenes import mode_shape_figure
-
-    geometry = Geometry.of_model(mesh_building(model.building).model)
+    geometry = _geometry(model)
     show.start("Drawing mode shapes", len(modes))
     paths = []
     for one in modes:
-        mode = one.tracked
-        shapes = node_displacements(model.reduced, mode.recognised)
-        mean = shapes.mean(axis=0)
-        largest = np.linalg.norm(mean, axis=-1).max()
-        spread = np.sqrt(((shapes - mean) ** 2).sum(axis=-1).mean(axis=0)) / largest
+        mean, spread = mean_shape(node_displacements(model.reduced, one.tracked.recognised))
+        sd = spread if len(one.tracked.frequency_hz) > 1 else None
+        figure = mode_shape_figure(geometry, mean, shape_sd=sd, title=_title(one), note=one.matters)
         path = _folder(study, name) / f"{name}_{_file_label(one)}.png"
-        sd = spread if len(mode.frequency_hz) > 1 else None
-        figure = mode_shape_figure(
-            geometry, mean / largest, shape_sd=sd, title=_title(one), note=one.matters
-        )
-        save_figure(figure, path)
-        paths.append(path)
+        paths.append(save_figure(figure, path))
         show.advance()
     return tuple(paths)
 
@@ -82,10 +76,6 @@ def animate_modes(
     study: Study, model: StudyModel, modes: Sequence[StudyMode], progress: Progress = SILENT
 ) -> tuple[Path, ...]:
     """Write the mean shapes of modes as GIF files; the modes of a stick share one."""
-    from femupdate.building.mesh import mesh_building
-    from femupdate.report.animation import mode_animation, stick_animation
-    from femupdate.report.geometry import Geometry
-
     paths = []
     progress.start("Animating mode shapes", len(modes))
     if model.reduced.node_shapes is None:
@@ -96,7 +86,7 @@ def animate_modes(
         levels, floors = levels_with_base(model.building), ("base", *model.reduced.floors)
         headings = [_stick_heading(one) for one in modes]
         return (stick_animation(levels, _with_base(means), headings, floors, path),)
-    geometry = Geometry.of_model(mesh_building(model.building).model)
+    geometry = _geometry(model)
     for one in modes:
         mean = node_displacements(model.reduced, one.tracked.recognised.mean(axis=0))
         path = study.result("pictures", f"mode_{_file_label(one)}.gif")
@@ -109,12 +99,7 @@ def draw_at_one(
     study: Study, model: StudyModel, modes: FullModes, numbers: Sequence[int]
 ) -> tuple[Path, ...]:
     """Draw modes of the full model at theta = 1 that the reduced model does not have."""
-    from femupdate.building.mesh import mesh_building
-    from femupdate.report.figure import save_figure
-    from femupdate.report.geometry import Geometry
-    from femupdate.report.scenes import mode_shape_figure
-
-    geometry = Geometry.of_model(mesh_building(model.building).model)
+    geometry = _geometry(model)
     paths = []
     for number in numbers:
         shape = modes.shapes[number - 1].reshape(-1, 3)
@@ -123,6 +108,11 @@ def draw_at_one(
         path = study.path("pictures", f"model_mode_{number}.png")
         paths.append(save_figure(mode_shape_figure(geometry, shape, title=title), path))
     return tuple(paths)
+
+
+def _geometry(model: StudyModel) -> Geometry:
+    """The mesh of a frame."""
+    return Geometry.of_model(mesh_building(model.building).model)
 
 
 def _folder(study: Study, name: str) -> Path:
@@ -143,8 +133,7 @@ def _heading(one: StudyMode) -> str:
     frequency = f"{mode.frequency_mean:.2f}"
     if len(mode.frequency_hz) > 1:
         frequency = plus_minus(mode.frequency_mean, mode.frequency_sd)
-    name = f"{one.name[0].upper()}{one.name[1:]}"
-    return f"{name}\n{frequency} Hz\n{100.0 * one.effective_mass:.1f} % of the mass"
+    return f"{capital(one.name)}\n{frequency} Hz\n{100.0 * one.effective_mass:.1f} % of the mass"
 
 
 def _stick_heading(one: StudyMode) -> str:
@@ -160,9 +149,6 @@ def _file_label(one: StudyMode) -> str:
 
 
 def _draw_sticks(study: Study, model: StudyModel, modes: Sequence[StudyMode], name: str) -> Path:
-    from femupdate.report.figure import save_figure
-    from femupdate.report.plot_sticks import stick_mode_shapes
-
     tracked = [one.tracked for one in modes]
     shapes = [mode.recognised @ model.reduced.floor_shapes.T for mode in tracked]
     several = len(tracked[0].frequency_hz) > 1

@@ -5,40 +5,29 @@ from pathlib import Path
 import numpy as np
 
 from femupdate.building.parameters import factor_titles
-from femupdate.measurement.observation import on_all_floors
 from femupdate.progress import SILENT, Progress
-from femupdate.report import plot_frf
 from femupdate.report.figure import save_figure
+from femupdate.report.plot_curves import frf_fit
 from femupdate.report.plot_intervals import theta_intervals
 from femupdate.report.plot_posterior import SampleSet, posterior_pairs
 from femupdate.study import Study
-from femupdate.workflow.calibrate_draws import predictive_log_frf
 from femupdate.workflow.calibration_report import CalibrationReport
 from femupdate.workflow.compare import CompareReport
 from femupdate.workflow.effect_surrogate import open_system
+from femupdate.workflow.fitted_curves import fitted_curves
 
 
 def draw_posterior(
     study: Study, report: CalibrationReport, progress: Progress = SILENT
 ) -> tuple[Path, ...]:
     """Draw the FRF fit, pairs of parameters and intervals of a posterior."""
-
     model, posterior = report.model, report.posterior
     progress.start("Drawing", 3)
-    system = open_system(study, model)
-    predicted = predictive_log_frf(system, model, posterior)
-    low, high = np.quantile(predicted, [0.05, 0.95], axis=0)
-    observation = on_all_floors(posterior.observation, model.building.floors)
     names = [_short(name) for name in posterior.names]
     bounds = np.column_stack([posterior.lower, posterior.upper])
     label = f"{', '.join(posterior.observation.floors)} ({posterior.drawn.likelihood} likelihood)"
     sets = [SampleSet(label, posterior.samples)]
-    frf = plot_frf.frf_fit(
-        observation.frequency_hz,
-        model.building.floors,
-        plot_frf.Prediction(predicted.mean(axis=0), low, high),
-        plot_frf.MeasuredFrf(observation.log_frf, observation.noise_sd, observation.valid),
-    )
+    frf = frf_fit(fitted_curves(open_system(study, model), model, posterior))
     paths = [save_figure(frf, study.result("pictures", "frf_fit.png"))]
     progress.advance()
     pairs = posterior_pairs(sets, names, bounds)
@@ -71,7 +60,6 @@ def draw_cases(study: Study, cases: dict[str, CalibrationReport], truth: tuple[f
     Args:
         cases: at least one.
     """
-
     first = next(iter(cases.values())).posterior
     figure = posterior_pairs(
         [SampleSet(name, case.posterior.samples) for name, case in cases.items()],
@@ -84,7 +72,6 @@ def draw_cases(study: Study, cases: dict[str, CalibrationReport], truth: tuple[f
 
 def draw_comparison(report: CompareReport, path: Path) -> Path:
     """Draw the intervals of all factors before and after."""
-
     prior = report.before.posterior
     columns = [prior.names.index(name) for name in report.names]
     figure = theta_intervals(

@@ -11,7 +11,7 @@ import numpy as np
 from femupdate.arrays import Floats
 from femupdate.building.shear import require_heights
 from femupdate.dynamics.changing_history import RunMotion, changing_histories
-from femupdate.dynamics.comparison import Comparison, compare
+from femupdate.dynamics.comparison import Comparison, compare, score_table
 from femupdate.dynamics.history import Histories, history_batches
 from femupdate.dynamics.member_histories import (
     BaseMotion,
@@ -51,7 +51,7 @@ from femupdate.workflow.prediction_quantities import (
     Quantity,
     member_lines,
     quantities,
-    tables,
+    quantity_tables,
 )
 from femupdate.workflow.summary import kept_posterior
 
@@ -139,14 +139,14 @@ class PredictionReport:
         lines = [
             f"Prediction from {len(self.summary)} posterior draws, {self.seconds:.1f} s",
             f"  damping ratio: {self.damping}",
-            *tables(self.quantities.values()),
+            *(one.text() for one in quantity_tables(self.quantities.values())),
             "  mean, and 5 to 95 % in brackets",
         ]
         lines += member_lines(self.members)
         if self.floor_spectra is not None:
             lines.append(self.floor_spectra.table(self.summary.floors))
         if self.comparison is not None:
-            lines.append(self.comparison.table())
+            lines.append(score_table(self.comparison.as_dict()).text("against measured"))
         return (*lines, *first_notes(self.notes, "--json has them"), f"  {self.path}")
 
 

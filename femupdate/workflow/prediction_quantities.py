@@ -12,8 +12,8 @@ from femupdate.building.schema import Building
 from femupdate.dynamics.member_histories import MemberForces
 from femupdate.dynamics.summary import Statistics, statistics
 from femupdate.report.scale import Scale, force_scale, interval_text
-from femupdate.tables import table
-from femupdate.units import STANDARD_GRAVITY
+from femupdate.tables import Table, table
+from femupdate.units import STANDARD_GRAVITY, capital
 
 _BENCH_TOP = 100.0  # N; the largest shear of models that weigh some kilograms
 TIDY = ("quantity", "unit", "place", "mean", "sd", "q05", "q95")
@@ -59,23 +59,21 @@ class Quantity:
         return tuple(interval_text(*(float(value) for value in row)) for row in rows)
 
 
-def side_by_side(found: Iterable[Quantity]) -> list[list[Quantity]]:
-    """Quantities of the same places together, as they stand in one table."""
+def quantity_tables(found: Iterable[Quantity]) -> list[Table]:
+    """Tables of quantities at the same places: of the floors, of the stories, of the base."""
     groups: dict[tuple[str, ...], list[Quantity]] = {}
     for one in found:
         groups.setdefault(one.places, []).append(one)
-    return list(groups.values())
-
-
-def tables(found: Iterable[Quantity]) -> tuple[str, ...]:
-    """Tables in words, one of the floors, one of the stories, one of the base."""
-    return tuple(
-        table(
-            ("", *(one.heading for one in group)),
-            list(zip(group[0].places, *(one.cells() for one in group), strict=True)),
+    return [
+        Table(
+            name="_".join(group[0].name.split()),
+            caption=capital(", ".join(one.name for one in group)),
+            head=("", *(one.heading for one in group)),
+            rows=tuple(zip(places, *(one.cells() for one in group), strict=True)),
+            note="Mean, and 5 to 95 % in brackets.",
         )
-        for group in side_by_side(found)
-    )
+        for places, group in groups.items()
+    ]
 
 
 def heights_of(building: Building) -> Floats | None:
@@ -132,12 +130,18 @@ def force_scales(members: Sequence[MemberForces]) -> tuple[Scale, Scale]:
     largest = [0.0, 0.0]
     for one in members:
         for name, value in zip(one.member.forces, one.peak.mean.tolist(), strict=True):
-            largest[is_moment(name)] = max(largest[is_moment(name)], value)
+            largest[_is_moment(name)] = max(largest[_is_moment(name)], value)
     return force_scale(largest[0]), force_scale(largest[1])
 
 
-def is_moment(force: str) -> bool:
-    """Whether a force of a member, such as "My_start", is a moment."""
+def in_unit(force: str, scales: tuple[Scale, Scale]) -> tuple[str, str, float]:
+    """Name, unit and what to divide by of a force of a member, such as "My_start"."""
+    scale = scales[_is_moment(force)]
+    unit = f"{scale.unit} m" if _is_moment(force) else scale.unit
+    return force.replace("_", " "), unit, scale.factor
+
+
+def _is_moment(force: str) -> bool:
     return force[0] in "TM"
 
 
@@ -171,6 +175,5 @@ def _peaks(one: MemberForces, scales: tuple[Scale, Scale]) -> Iterator[tuple[Any
     own = one.peak
     columns = np.stack([own.mean, own.sd, own.q05, own.q95], axis=1)
     for name, values in zip(one.member.forces, columns, strict=True):
-        scale = scales[is_moment(name)]
-        unit = f"{scale.unit} m" if is_moment(name) else scale.unit
-        yield (name.replace("_", " "), unit, *(values / scale.factor).tolist())
+        words, unit, factor = in_unit(name, scales)
+        yield (words, unit, *(values / factor).tolist())

@@ -8,11 +8,8 @@ from typing import Any
 from femupdate.errors import StudyError
 from femupdate.progress import SILENT, Progress
 from femupdate.study import Study
-from femupdate.tables import table
-from femupdate.units import percent
 from femupdate.workflow.model import StudyModel, on_kept_finer
-from femupdate.workflow.modes import StudyMode, find_modes, posterior_modes
-from femupdate.workflow.pictures_modes import animate_modes, draw_at_one, draw_modes
+from femupdate.workflow.modes import StudyMode, find_modes, mode_table, posterior_modes
 from femupdate.workflow.summary import kept_posterior
 
 
@@ -55,18 +52,8 @@ class RenderReport:
 
     def lines(self) -> tuple[str, ...]:
         """A table and the pictures, for people."""
-        rows = [(*one.cells, percent(one.tracked.found)) for one in self.modes]
-        head = (
-            "mode",
-            "Hz",
-            "sd",
-            "direction",
-            "effective mass",
-            "influence",
-            "recognised in draws",
-        )
-        tables = (table(head, rows),) if rows else ()
-        said = (_ORDER,) if any(one.influence is not None for one in self.modes) else ()
+        told = mode_table(self.modes)
+        tables = (told.text(), f"  - {told.note}") if self.modes else ()
         notes = (
             ("  - The base motion does not excite these modes, so no data changed them:",)
             if self.at_one
@@ -76,18 +63,11 @@ class RenderReport:
         pictures = (f"  {picture}" for picture in dict.fromkeys(self.pictures))
         return (
             *tables,
-            *said,
             *pictures,
             *animated,
             *notes,
             *(f"  {picture}" for picture in self.at_one),
         )
-
-
-_ORDER = (
-    "  - Influence: by how many times their noise the fit would miss the measured ln|H| without "
-    "the mode. Without --mode, the modes that matter most to the data come first."
-)
 
 
 def render_study(
@@ -112,6 +92,8 @@ def render_study(
     Raises:
         StudyError: there is no posterior, it is of another building, or no mode has the number.
     """
+    from femupdate.workflow.pictures_modes import animate_modes, draw_at_one, draw_modes
+
     study.check_fresh("posterior", model.made_from(), "calibrate")
     posterior = kept_posterior(study, model.building)
     model = on_kept_finer(study, model)

@@ -245,7 +245,7 @@ def _updated(problem: Problem, fitted: Fit, seed: Seed, progress: Progress) -> S
 
 def _factors(sampled: Sampled) -> Floats:
     """(n, p) draws of the stiffness factors."""
-    return sampled.parameters.split(sampled.results[0].theta).theta.numpy()
+    return sampled.parameters.split(sampled.runs[0].theta).theta.numpy()
 
 
 def _in_turn(done: Repair) -> tuple[float, float]:

@@ -84,7 +84,7 @@ def keep_repaired_posterior(
         seed: of what is drawn beside them.
         levels: of the records, in doublings above the first.
     """
-    drawing, count = spawn(seed, 4), len(sampled.results[0].theta)
+    drawing, count = spawn(seed, 4), len(sampled.runs[0].theta)
     settings = CalibrationSettings(particles=count, exact=True, chains=1)
     path = study.result("posterior.nc")
     report = concluded(model, measured, settings, sampled, drawing, path).with_settings(

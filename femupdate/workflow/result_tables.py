@@ -1,6 +1,6 @@
 """Tables for spreadsheets: one observation a row, a heading for every column, units in it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -8,13 +8,14 @@ from numpy.typing import ArrayLike
 
 from femupdate.arrays import Floats
 from femupdate.discrepancy.diagnose import Finding
-from femupdate.measurement.observation import on_all_floors
+from femupdate.effects.effect import Parameter
+from femupdate.inference.data import Cell
 from femupdate.sheets import Sheet
 from femupdate.study import Study
-from femupdate.workflow.calibrate_draws import predictive_log_frf
 from femupdate.workflow.calibration_report import CalibrationReport
 from femupdate.workflow.diagnose import DiagnosisReport
 from femupdate.workflow.effect_surrogate import open_system
+from femupdate.workflow.fitted_curves import fitted_curves
 from femupdate.workflow.predict import PredictionReport
 from femupdate.workflow.prediction_quantities import TIDY, Quantity, member_rows
 from femupdate.workflow.render import RenderReport
@@ -55,7 +56,7 @@ def _sheet(name: str, columns: Mapping[str, Any]) -> Sheet:
 
 
 def _by_floor(
-    name: str, floors: Sequence[str], axis: str, points: ArrayLike, columns: Mapping[str, Floats]
+    name: str, floors: Sequence[str], axis: str, points: ArrayLike, columns: Mapping[str, Any]
 ) -> Sheet:
     """A table with a row for every floor and point of an axis, from columns (f, n)."""
     count = np.size(points)
@@ -77,19 +78,18 @@ def _stiffness(report: CalibrationReport) -> tuple[Sheet, ...]:
 
 def _responses(study: Study, report: CalibrationReport) -> Sheet:
     """Measured and predicted |H| of every floor and frequency, blank where nothing was measured."""
-    posterior, floors = report.posterior, report.model.building.floors
-    log = predictive_log_frf(open_system(study, report.model), report.model, posterior)
-    low, high = np.quantile(log, [0.05, 0.95], axis=0)
-    seen = on_all_floors(posterior.observation, floors)
+    system = open_system(study, report.model)
+    curves = fitted_curves(system, report.model, report.posterior)[::-1]
     columns = {
-        "measured_abs_h": np.exp(seen.log_frf),
-        "noise_sd_of_log": seen.noise_sd,
-        "used": seen.valid.astype(int),
-        "predicted_abs_h": np.exp(log.mean(axis=0)),
-        "predicted_q05": np.exp(low),
-        "predicted_q95": np.exp(high),
+        "measured_abs_h": [one.measured for one in curves],
+        "noise_sd_of_log": [one.noise for one in curves],
+        "used": [np.asarray(one.used, dtype=int) for one in curves],
+        "predicted_abs_h": [one.mean for one in curves],
+        "predicted_q05": [one.bands[-1].low for one in curves],
+        "predicted_q95": [one.bands[-1].high for one in curves],
     }
-    return _by_floor("frf_fit", floors, "frequency_hz", seen.frequency_hz, columns)
+    floors = [one.title for one in curves]
+    return _by_floor("frf_fit", floors, "frequency_hz", curves[0].x, columns)
 
 
 def prediction_tables(report: PredictionReport) -> tuple[Sheet, ...]:
@@ -127,56 +127,54 @@ def _floor_spectra(report: PredictionReport) -> tuple[Sheet, ...]:
 
 def diagnosis_tables(report: DiagnosisReport) -> tuple[Sheet, ...]:
     """The effects that were fitted, and the residuals by floor and band."""
-    cells = report.diagnosis.residuals
-    residuals = {
-        "floor": [cell.floor for cell in cells],
-        "from_hz": [cell.band_hz[0] for cell in cells],
-        "to_hz": [cell.band_hz[1] for cell in cells],
-        "excess": [cell.excess for cell in cells],
-        "p_value": [cell.p_value for cell in cells],
-        "data": [cell.data for cell in cells],
-    }
-    effects = [_effect(one) for one in report.diagnosis.findings]
-    return (Sheet.of("effects", _EFFECTS, effects), _sheet("residual_map", residuals))
-
-
-_EFFECTS = (
-    "effect",
-    "place",
-    "in_words",
-    "log_evidence_over_none",
-    "log_evidence_on_other_data",
-    "certified",
-    "change_of_frequency",
-    "change_of_response",
-    "size",
-    "size_sd",
-    "unit",
-    "meaning_of_size",
-    "added_mass_t",
-    "hidden_by_stiffness_factors",
-)
-
-
-def _effect(one: Finding) -> tuple[Any, ...]:
-    """Size with its unit and meaning; an added mass also in tonnes, where masses are known."""
-    first = next(iter(one.placed.effect.parameters), None)
+    found = report.diagnosis
     return (
-        one.placed.effect.title,
-        one.placed.place,
-        one.in_words,
-        one.evidence.log_evidence,
-        "" if one.tested is None else one.tested.log_e_value,
-        "" if one.tested is None else one.tested.certified,
-        one.changes.frequency,
-        one.changes.response,
-        "" if first is None else one.size,
-        "" if first is None else one.size_sd,
-        "" if first is None else first.unit,
-        "" if first is None else first.text,
-        "" if one.mass is None else 1e-3 * one.mass,
-        one.score.absorbed,
+        _listed("effects", _EFFECTS, found.findings),
+        _listed("residual_map", _RESIDUALS, found.residuals),
     )
+
+
+def _listed(name: str, columns: Mapping[str, Callable[[Any], Any]], rows: Iterable[Any]) -> Sheet:
+    """A table by what its columns hold of everything listed; None stays blank."""
+    return Sheet.of(
+        name, tuple(columns), ([cell(one) for cell in columns.values()] for one in rows)
+    )
+
+
+def _of_first(get: Callable[[Finding, Parameter], Any]) -> Callable[[Finding], Any]:
+    """What is told of an effect's first parameter; None of one that is there or not."""
+
+    def cell(one: Finding) -> Any:
+        first = next(iter(one.placed.effect.parameters), None)
+        return None if first is None else get(one, first)
+
+    return cell
+
+
+_EFFECTS: Mapping[str, Callable[[Finding], Any]] = {
+    "effect": lambda one: one.placed.effect.title,
+    "place": lambda one: one.placed.place,
+    "in_words": lambda one: one.in_words,
+    "log_evidence_over_none": lambda one: one.evidence.log_evidence,
+    "log_evidence_on_other_data": lambda one: one.tested and one.tested.log_e_value,
+    "certified": lambda one: one.tested and one.tested.certified,
+    "change_of_frequency": lambda one: one.changes.frequency,
+    "change_of_response": lambda one: one.changes.response,
+    "size": _of_first(lambda one, first: one.size),
+    "size_sd": _of_first(lambda one, first: one.size_sd),
+    "unit": _of_first(lambda one, first: first.unit),
+    "meaning_of_size": _of_first(lambda one, first: first.text),
+    "added_mass_t": lambda one: None if one.mass is None else 1e-3 * one.mass,
+    "hidden_by_stiffness_factors": lambda one: one.score.absorbed,
+}
+_RESIDUALS: Mapping[str, Callable[[Cell], Any]] = {
+    "floor": lambda cell: cell.floor,
+    "from_hz": lambda cell: cell.band_hz[0],
+    "to_hz": lambda cell: cell.band_hz[1],
+    "excess": lambda cell: cell.excess,
+    "p_value": lambda cell: cell.p_value,
+    "data": lambda cell: cell.data,
+}
 
 
 def mode_tables(report: RenderReport) -> tuple[Sheet, ...]:

@@ -14,9 +14,10 @@ import torch
 from numpy.typing import NDArray
 
 from femupdate.array_archive import read_arrays, write_arrays
-from femupdate.inference.bridge import BridgeResult, Start, bridge
+from femupdate.inference.bridge import Start, bridge
 from femupdate.inference.parameters import Parameters
-from femupdate.inference.smc import Level, SmcResult, SmcSettings, SmcState, TemperedSmc
+from femupdate.inference.sampler_run import Level, SamplerRun
+from femupdate.inference.smc import SmcSettings, SmcState, TemperedSmc
 from femupdate.inference.tempering import LogLikelihood, Points
 from femupdate.progress import Percent, Progress
 from femupdate.seeds import Seed, spawn
@@ -58,24 +59,24 @@ class ChainRunner:
         """The stream of a stage, `FIRST` or `BRIDGE`."""
         return spawn(self.seed, number + 1)[number]
 
-    def __call__(self, sampler: TemperedSmc, label: str) -> list[SmcResult]:
+    def __call__(self, sampler: TemperedSmc, label: str) -> list[SamplerRun]:
         """Run all chains of one sampler, named by its label, from the prior."""
         self.show.start(label, 100 * self.chains)
-        results = []
+        runs = []
         for chain, seed in enumerate(spawn(self.stage(FIRST), self.chains)):
             kept = _Kept(self.folder, json.dumps([self.fingerprint, label, chain]))
             teller = _Teller(self.show, kept)
-            results.append(sampler.run(self.each, seed, state=kept.load(), progress=teller))
-        return results
+            runs.append(sampler.run(self.each, seed, state=kept.load(), progress=teller))
+        return runs
 
     def bridge(
         self,
         prior: Parameters,
         target: LogLikelihood,
         base: LogLikelihood | None,
-        starts: list[SmcResult],
+        starts: list[SamplerRun],
         settings: SmcSettings,
-    ) -> list[BridgeResult]:
+    ) -> list[SamplerRun]:
         """Bring every chain from its base (None: the target itself) to precise target draws."""
         # Fitting the proposal usually takes three rounds of as many draws as there are particles.
         expected = 7 * sum(len(start.theta) for start in starts)

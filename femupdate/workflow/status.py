@@ -24,6 +24,7 @@ from femupdate.study import (
     owner_of,
 )
 from femupdate.tables import table
+from femupdate.units import capital
 from femupdate.workflow.summary import kept_summary
 
 CURRENT, STALE, DAMAGED, MISSING = "current", "stale", "changed by hand", "missing"
@@ -242,7 +243,7 @@ class _Look:
         if name not in self.artefacts:
             return ()
         notes = kept_summary(self.study).get("notes", ())
-        return tuple(f"{name[0].upper()}{name[1:]}: {note}" for note in notes)
+        return tuple(f"{capital(name)}: {note}" for note in notes)
 
     def _studies(self) -> tuple[Path, ...]:
         return tuple(path.parent for path in sorted(self.study.folder.glob("*/study.json")))
@@ -324,4 +325,4 @@ def files_beside_of(artefact: Artefact) -> Mapping[str, str]:
 
 
 def _sentence(reason: str) -> str:
-    return "" if not reason else f"{reason[0].upper()}{reason[1:]}."
+    return f"{capital(reason)}." if reason else ""

@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 from femupdate.building.document import from_document
-from femupdate.discrepancy.problem import make_problem
+from femupdate.discrepancy.problem import Problem
 from femupdate.dynamics.damping import damping_law
 from femupdate.dynamics.projection import lumped
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import structure_of
 from femupdate.inference.frf_data import frf_data
+from femupdate.inference.parameters import Parameters
 from femupdate.inference.priors import damping_parameter, theta_prior
 from femupdate.measurement.observation import Observation
 
@@ -90,12 +91,10 @@ def pose(reduced_of):
     """A function: a building and an observation as a problem without model error."""
 
     def make(building, observation, model_error=0.0):
-        prior, damping = theta_prior(building), damping_parameter(building)
-        return make_problem(
+        return Problem(
             reduced_of(building),
             damping_law(building),
-            (prior.lower, prior.upper),
-            (damping.lower, damping.upper) if damping.free else damping.lower,
+            theta_prior(building) + Parameters((damping_parameter(building),)),
             (frf_data(observation, building.floors, model_error=model_error),),
         )
 

@@ -125,7 +125,7 @@ def test_another_event_is_predicted_by_posterior_and_scatter_of_events(
         prior = torch.distributions.MultivariateNormal(one.z, covariance)
         proposal = student_about(as_event(other, one), 1.2, 5)
         z = proposal.sample(1000, torch_generator(6))
-        missed = other.missed(one.system, one.coordinates.split(z, other.fixed_zeta))
+        missed = other.missed(one.system, one.coordinates.split(z))
         weight = prior.log_prob(z) - proposal.log_density(z)
         values = other.error.log_density(missed) + weight
         densities.append(float(values.logsumexp(0)) - np.log(1000))

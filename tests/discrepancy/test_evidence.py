@@ -164,11 +164,11 @@ def draw(problem, fitted, count, seed):
 
 
 def theta_of(sampled):
-    return sampled.parameters.split(sampled.results[0].theta).theta.numpy()
+    return sampled.parameters.split(sampled.runs[0].theta).theta.numpy()
 
 
 def sizes_of(sampled):
-    return sampled.parameters.split(sampled.results[0].theta).sizes.numpy()
+    return sampled.parameters.split(sampled.runs[0].theta).sizes.numpy()
 
 
 def test_draws_have_the_moments_of_the_posterior(case):
@@ -184,7 +184,7 @@ def test_draws_have_the_moments_of_the_posterior(case):
         # 500 effective draws: means scatter by sd / 22, sds by 3 %; four times that.
         assert sample.mean() == pytest.approx(mean, abs=0.18 * sd)
         assert sample.std() == pytest.approx(sd, rel=0.14)
-    chi2 = -2.0 * draws.results[0].log_likelihood.numpy()
+    chi2 = -2.0 * draws.runs[0].log_likelihood.numpy()
     assert chi2.min() > fitted.chi2 - 1.0
     again = draw(problem, fitted, 2000, seed=4)
     np.testing.assert_array_equal(theta_of(again), theta_of(draws))

@@ -9,18 +9,25 @@ from scipy.optimize import least_squares, lsq_linear
 from scipy.stats import chi2
 
 from femupdate.discrepancy.fit import coordinates, extended, fit, fit_baseline, glance
+from femupdate.inference.parameters import Parameters
 
 STORIES = 3
+
+
+def parameters(zeta=(0.02, 0.02)):
+    """Factors of .5 to 2, and a damping ratio between bounds."""
+    names = [f"theta_{number + 1}" for number in range(STORIES)]
+    factors = Parameters.uniform(names, [0.5] * STORIES, [2.0] * STORIES)
+    return factors + Parameters.uniform(["zeta"], *([one] for one in zeta), kind="damping")
 
 
 class Linear:
     """A problem whose prediction is linear in ln theta and in the size of an effect."""
 
-    zeta, fixed_zeta, left_open = None, 0.02, None
+    prior, left_open = parameters(), None
 
     def __init__(self, design, data, scale):
         self.design, self.data = torch.from_numpy(design), torch.from_numpy(data)
-        self.lower, self.upper = (torch.full((STORIES,), v, dtype=torch.float64) for v in (0.5, 2))
         self.placed = (SimpleNamespace(effect=SimpleNamespace(parameters=(scale,))),)
 
     def system(self, placed):
@@ -112,7 +119,7 @@ def test_errors_are_as_large_as_their_standard_deviations(chain, building_of, ob
         errors.append(
             [
                 *(theta - TRUTH) / sd,
-                np.log(found.zeta(0.0) / ZETA) / float(ln_zeta_sd),
+                np.log(found.zeta / ZETA) / float(ln_zeta_sd),
                 (gain - GAIN) / gain_sd,
             ]
         )
@@ -131,7 +138,7 @@ def test_the_baseline_is_found_from_anywhere_in_the_prior(chain, building_of, ob
     for seed in (0, 7):
         best, *others = fit_baseline(problem, seed=seed)
         np.testing.assert_allclose(best.theta()[0], TRUTH, rtol=1e-3)
-        assert best.zeta(0.0) == pytest.approx(ZETA, rel=1e-2)
+        assert best.zeta == pytest.approx(ZETA, rel=1e-2)
         objectives = [one.chi2 + one.penalty for one in (best, *others)]
         assert objectives == sorted(objectives)
 
@@ -171,12 +178,12 @@ def test_an_extended_model_starts_where_the_smaller_one_stands(
 def test_unknowns_are_joined_as_they_are_split(has_zeta):
     rng = np.random.default_rng(8)
     problem = Linear(np.zeros((1, STORIES + 1)), np.zeros(1), parameter())
-    problem.zeta = (0.01, 0.1) if has_zeta else None
+    problem.prior = parameters((0.01, 0.1) if has_zeta else (0.02, 0.02))
     one = parameter()
     one.scale, one.neutral = 0.3, 0.1
     where = coordinates(problem, (SimpleNamespace(effect=SimpleNamespace(parameters=(one, one))),))
     z = torch.from_numpy(rng.normal(size=(4, STORIES + has_zeta + 2)))
-    torch.testing.assert_close(where.joined(*where.split(z, 0.02)), z)
+    torch.testing.assert_close(where.joined(*where.split(z)), z)
 
 
 def test_a_glance_at_a_linear_model_is_its_fit():

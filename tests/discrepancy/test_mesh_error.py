@@ -12,7 +12,7 @@ from femupdate.discrepancy import mesh_scatter as mesh_scatter_module
 from femupdate.discrepancy.fit import about, fit_baseline, settle
 from femupdate.discrepancy.mesh_error import MeshError, corrected, learn_mesh_error, modes_shown
 from femupdate.discrepancy.mesh_scatter import mesh_scatter, with_mesh_error
-from femupdate.discrepancy.problem import make_problem
+from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.thresholds import MESH_ERROR
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.projection import reduced_on
@@ -22,9 +22,13 @@ from femupdate.errors import ModelError
 from femupdate.fe.driven import driven_shapes
 from femupdate.fe.factorization import factorize
 from femupdate.inference.frf_data import frf_data
+from femupdate.inference.parameters import Parameters
 from femupdate.measurement.observation import Observation
 
 GRID = np.arange(0.5, 18.0, 0.25)
+PRIOR = Parameters.uniform(["theta_1", "theta_2"], [0.5, 0.5], [2.0, 2.0]) + Parameters.uniform(
+    ["zeta"], [0.05], [0.05], kind="damping"
+)
 THETAS = np.array([[1.0, 1.0], [0.6, 1.5], [1.7, 0.8]])
 
 
@@ -76,7 +80,7 @@ def frf(reduced, theta):
 def errors_left_open(problem, learned, fitted):
     """One standard deviation of each (c, n), about a fit."""
     problem = with_mesh_error(problem, learned)
-    at = fitted.coordinates.split(fitted.z[None], problem.fixed_zeta)
+    at = fitted.split
     return problem.left_open(problem, fitted.placed, *at)
 
 
@@ -87,9 +91,8 @@ def amplitudes_at_one(coarse, learned):
     measured = np.abs(frf(reduced, theta))
     noise = np.full(measured.shape, 0.1)
     seen = Observation(GRID, reduced.model.floors, np.log(measured), noise, noise > 0)
-    box = torch.full((2,), 0.5, dtype=torch.float64), torch.full((2,), 2.0, dtype=torch.float64)
     data = frf_data(seen, reduced.model.floors)
-    problem = make_problem(reduced, ConstantDamping(), box, 0.05, (data,))
+    problem = Problem(reduced, ConstantDamping(), PRIOR, (data,))
     base = fit_baseline(problem)[0]
     return reduced, theta, problem, base
 
@@ -182,9 +185,8 @@ def test_what_is_left_open_widens_the_intervals(coarse, learned):
         "made",
         (),
     )
-    box = torch.full((2,), 0.5, dtype=torch.float64), torch.full((2,), 2.0, dtype=torch.float64)
     data = frf_data(seen, reduced.model.floors)
-    problem = make_problem(reduced, ConstantDamping(), box, 0.05, (data,))
+    problem = Problem(reduced, ConstantDamping(), PRIOR, (data,))
     base = fit_baseline(problem)[0]
     left = with_mesh_error(problem, learned)
     open_ = settle(about(left, base), base)

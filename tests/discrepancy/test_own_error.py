@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from femupdate.discrepancy.fit import extended, fit, fit_baseline
-from femupdate.discrepancy.problem import make_problem
+from femupdate.discrepancy.problem import Problem
 from femupdate.dynamics.damping import damping_law
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.inference.frf_data import frf_data
+from femupdate.inference.parameters import Parameters
 from femupdate.inference.priors import damping_parameter, theta_prior
 
 GRID = 0.2 * np.arange(1, 61)
@@ -29,15 +30,12 @@ def test_the_error_of_an_effect_s_own_model_is_part_of_its_size(
     heavy = (Placed(effect or CATALOGUE["added_mass"], "3F"),)
     frf = chains.Chain(MASSES + np.array([0.0, SHARE, 0.0]), SPRINGS * THETA, zeta=0.03).frf(GRID)
     building, seen = building_of(MASSES, SPRINGS), observe(FLOORS, GRID, frf, SD, 5)
-    prior = theta_prior(building)
-    box = prior.lower.double(), prior.upper.double()
-    problem = make_problem(
+    problem = Problem(
         reduced_of(building),
         damping_law(building),
-        box,
-        (damping_parameter(building).lower, damping_parameter(building).upper),
+        theta_prior(building) + Parameters((damping_parameter(building),)),
         (frf_data(seen, building.floors),),
-        error,
+        own_error=error,
     )
     base = fit_baseline(problem)[0]
     fitted = fit(problem, heavy, extended(problem, base, heavy, [0.1]), 25)

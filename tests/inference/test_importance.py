@@ -26,7 +26,7 @@ def test_linear_gaussian(box, linear_gaussian, shift):
     error = found.log_evidence_error
     assert error < 0.01
     assert found.log_evidence == pytest.approx(exact.log_evidence, abs=4.0 * error)
-    for theta in (found.resample(4000, 2)[0], found.independent(3)[0]):
+    for theta in (found.resampled(4000, 2).theta, found.independent(3)[0]):
         xi = prior.to_normal(theta).numpy()
         # 1,000 independent draws at least: standard error .032 sd and 4.5 % of a variance.
         np.testing.assert_allclose((xi.mean(0) - exact.mean) / sd, 0.0, atol=0.12)
@@ -48,9 +48,9 @@ def test_two_modes_keep_their_shares(box):
     found = importance_draws(prior, log_likelihood, start, 6000, 5)
     # The integral over the box of the two unnormalised Gaussians.
     assert found.log_evidence == pytest.approx(np.log(2.0 * np.pi), abs=0.03)
-    theta, value = found.resample(3000, 0)
-    assert float((theta[:, 0] < 0.5).double().mean()) == pytest.approx(0.8, abs=0.02)
-    torch.testing.assert_close(value, log_likelihood(theta))
+    drawn = found.resampled(3000, 0)
+    assert float((drawn.theta[:, 0] < 0.5).double().mean()) == pytest.approx(0.8, abs=0.02)
+    torch.testing.assert_close(drawn.log_likelihood, log_likelihood(drawn.theta))
 
 
 def test_points_without_a_number_get_no_weight(box):
@@ -63,7 +63,7 @@ def test_points_without_a_number_get_no_weight(box):
     found = importance_draws(prior, log_likelihood, start, 4000, 1)
     exact = -np.expm1(-2.5) / 5.0
     assert found.log_evidence == pytest.approx(np.log(exact), abs=0.05)
-    assert bool((found.resample(1000, 0)[0] <= 0.5).all())
+    assert bool((found.resampled(1000, 0).theta <= 0.5).all())
 
 
 def test_nowhere_finite(box):
@@ -78,4 +78,4 @@ def test_same_seed_same_draws(box, linear_gaussian):
     start = exact.draws(prior, 500, 0)
     one, two = (importance_draws(prior, exact.on(prior), start, 1000, 7) for _ in range(2))
     assert torch.equal(one.points, two.points)
-    assert torch.equal(one.resample(100, 1)[0], two.resample(100, 1)[0])
+    assert torch.equal(one.resampled(100, 1).theta, two.resampled(100, 1).theta)

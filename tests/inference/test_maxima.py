@@ -26,7 +26,7 @@ def test_a_posterior_a_thousand_times_narrower_than_its_prior(box, linear_gaussi
     assert found.effective > 2000
     error = found.log_evidence_error
     assert found.log_evidence == pytest.approx(exact.log_evidence, abs=4.0 * error)
-    xi = prior.to_normal(found.resample(4000, 3)[0]).numpy()
+    xi = prior.to_normal(found.resampled(4000, 3).theta).numpy()
     sd = np.sqrt(np.diag(exact.covariance))
     np.testing.assert_allclose((xi.mean(0) - exact.mean) / sd, 0.0, atol=0.1)
     np.testing.assert_allclose(xi.std(0) / sd, 1.0, atol=0.08)
@@ -51,7 +51,7 @@ def test_maxima_have_their_masses_whatever_their_heights(box):
     starts = prior.from_normal(torch.tensor([[-0.7, 0.3], [1.4, -0.2], [0.8, 0.0]]).double())
     found = draws_about(prior, log_likelihood, found_from(prior, residuals, starts), 6000, 0)
     assert found.log_evidence == pytest.approx(np.log(2.0 * by_hand(1.0)), abs=0.03)
-    left = prior.to_normal(found.resample(4000, 1)[0])[:, 0] < 0.0
+    left = prior.to_normal(found.resampled(4000, 1).theta)[:, 0] < 0.0
     assert float(left.double().mean()) == pytest.approx(0.5, abs=0.03)
 
 

@@ -236,8 +236,7 @@ def test_posterior_is_that_by_brute_force(system, lumped, exact):
     drawn = draws_about(prior, likelihood, maxima, 6000, 2)
     assert drawn is not None
     assert drawn.effective > 1000.0
-    points, _ = drawn.resample(6000, 3)
-    found = points[:, :4].numpy()
+    found = drawn.resampled(6000, 3).theta[:, :4].numpy()
     evidence = np.log(np.exp(value - value.max()).mean()) + value.max()
     assert drawn.log_evidence == pytest.approx(evidence, abs=0.05)
     mean = weight @ theta

@@ -42,8 +42,9 @@ def test_what_does_not_follow_the_base_has_the_power_that_the_coherence_leaves()
         coherence=np.full((1, 10), 0.9),
     )
     both = incoherent_share(measured, ("2F", "RF"), GRID)
-    # Half of the power 1 / 9 in either part; a quarter of that is no leakage. 2F has the mean.
-    np.testing.assert_allclose(both, 0.25 * np.sqrt(0.5 / 9.0), rtol=1e-12)
+    # Half of the power 1 / 9 in either part; two fifths of its root are no leakage. 2F
+    # has the mean.
+    np.testing.assert_allclose(both, 0.4 * np.sqrt(0.5 / 9.0), rtol=1e-12)
 
 
 def test_differences_of_runs_beyond_their_noise_are_told_from_it():

@@ -1,14 +1,17 @@
 """The picture of a repair: what is drawn before and after."""
 
-from types import SimpleNamespace
-
 import numpy as np
 from matplotlib.figure import Figure
 
-from femupdate.report.geometry import Geometry
-from femupdate.report.glyphs import sign
-from femupdate.report.plot_diagnosis import Columns
-from femupdate.report.plot_repair import Curves, GapStory, Scene, gap_story
+from femupdate.building.files import load_building
+from femupdate.discrepancy.held_out import Held
+from femupdate.effects.drawn_building import DrawnBuilding
+from femupdate.effects.effect import Placed
+from femupdate.effects.registry import CATALOGUE
+from femupdate.effects.structure import structure_of
+from femupdate.report.curves import Curve
+from femupdate.report.plot_diagnosis import ResidualMap
+from femupdate.report.plot_repair import gap_story
 
 GRID, FLOORS = np.linspace(1.0, 9.0, 30), ("2F", "3F", "4F", "RF")
 MEASURED = np.sin(GRID) * np.ones((4, 1))
@@ -16,38 +19,44 @@ GAP = np.array([[0.5], [0.1], [0.3], [0.4]])  # of the model before, per floor
 DRAWS = np.random.default_rng(4).normal(1.0, 0.1, (50, 3))
 
 
-def drawn(*, mended: bool) -> Figure:
-    after = MEASURED if mended else None
-    scene = Scene(
-        FLOORS,
-        Columns(np.array([1.0, 3.0, 9.0])),
-        np.full((4, 2), 7.0),
-        np.full((4, 2), 1.0),
-        Geometry.of([[0, 0, 0], [0, 0, 3], [2, 0, 3], [2, 0, 0]], [[0, 1, 2, 3]], []),
-        sign("ball", np.zeros(3), 0.2),
-        [("RF", 3.0)],
-        "added mass",
+def curve(row: int, *, mended: bool) -> Curve:
+    return Curve(
+        title=FLOORS[row],
+        across="frequency, Hz",
+        up=f"{FLOORS[row]}, ln|H|",
+        x=GRID,
+        mean=MEASURED[row] + GAP[row],
+        measured=MEASURED[row],
+        beside=MEASURED[row] if mended else None,
     )
-    held = SimpleNamespace(
+
+
+def drawn(*, mended: bool) -> Figure:
+    edges = np.array([1.0, 3.0, 9.0])
+    maps = [ResidualMap(FLOORS, edges, np.full((4, 2), level)) for level in (7.0, 1.0)]
+    held = Held(
         name="second.csv",
+        compared="FRFs",
+        error_before=1.0,
+        error_after=0.25,
+        own_before=1.0,
+        own_after=0.25,
+        chi2_before=9.0,
+        chi2_after=1.0,
         floors=("2F", "RF"),
         time=np.linspace(0.0, 20.0, 200),
         measured=np.ones((2, 200)),
         before=np.zeros((2, 200)),
         after=np.ones((2, 200)),
-        error_before=1.0,
-        error_after=0.25,
     )
     return gap_story(
-        GapStory(
-            "The mass of the roof",
-            scene if mended else None,
-            Curves(GRID, FLOORS, MEASURED, MEASURED + GAP, after),
-            ("S1", "S2", "S3"),
-            DRAWS,
-            DRAWS - 0.2 if mended else None,
-            held if mended else None,
-        ),
+        maps if mended else maps[:1],
+        DrawnBuilding(structure_of(load_building("shear_4dof"))),
+        [Placed(CATALOGUE["added_mass"], "3F")] if mended else [],
+        [curve(row, mended=mended) for row in reversed(range(4))],
+        ("S1", "S2", "S3"),
+        [DRAWS, DRAWS - 0.2] if mended else [DRAWS],
+        held if mended else None,
         "matplotlib",
     )
 
@@ -57,7 +66,8 @@ def test_a_repair_from_residuals_to_held_out_data():
     before, marked, after, *curves, theta, held = figure.axes[:3] + figure.axes[4:9]
     assert [text.get_text() for text in before.texts] == ["7.0"] * 8
     assert [text.get_text() for text in after.texts] == ["1.0"] * 8
-    assert marked.get_title() == "added mass"
+    assert marked.get_title() == "Added mass at 3F"
+    assert "Added: added mass at 3F" in [text.get_text() for text in figure.texts]
     labels = [panel.get_ylabel() for panel in curves]
     assert labels == ["RF, ln|H|", "4F, ln|H|", "2F, ln|H|"], "the three worst, top down"
     for panel, place in zip(curves, (3, 2, 0), strict=True):
@@ -81,6 +91,7 @@ def test_where_nothing_was_added():
     assert len(theta.collections) == 1
     legend = [text.get_text() for text in figure.legends[0].get_texts()]
     assert legend == ["Measured", "Model before"]
+    assert figure.texts[0].get_text() == "Nothing was added"
 
 
 def test_what_is_written_stays_inside_the_picture():

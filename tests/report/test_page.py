@@ -8,28 +8,22 @@ import pytest
 
 from femupdate.errors import ReportError
 from femupdate.report import page as page_module
+from femupdate.report.curves import Curve, Interval
 from femupdate.report.geometry import Geometry
 from femupdate.report.page import (
     Chart,
     Page,
     Remarks,
     Section,
-    Table,
     Text,
     data_json,
     page_html,
     prose_html,
     write_page,
 )
-from femupdate.report.page_charts import (
-    Axis,
-    Curve,
-    Interval,
-    curve_figure,
-    interval_figure,
-    thinned,
-)
+from femupdate.report.page_charts import curve_figure, interval_figure, thinned
 from femupdate.report.page_scene import ElementField, scene_content, thinned_geometry
+from femupdate.tables import Table
 
 NASTY = '</script><img src=x onerror=alert(1)> & "quotes" \'n all'
 
@@ -99,14 +93,23 @@ def test_thinning_keeps_every_peak():
 def test_a_curve_shows_what_was_measured_and_what_was_not_used():
     x = np.arange(4.0)
     curve = Curve(
+        title="RF",
+        across="f",
+        up="H",
         x=x,
         mean=x,
-        measured=np.array([1.0, np.nan, 3.0, np.nan]),
-        ignored=np.array([np.nan, 2.0, np.nan, np.nan]),
+        measured=np.array([1.0, 2.0, 3.0, np.nan]),
+        noise=np.full(4, 0.1),
+        used=np.array([True, False, True, False]),
     )
-    data = curve_figure(curve, Axis(title="f", log=True, limits=(0.1, 10.0)), Axis(title="H"))
-    names = [trace["name"] for trace in data["data"]]
-    assert names == ["measured, not used", "measured", "mean of the posterior"]
+    data = curve_figure(curve, log="x", limits=(0.1, 10.0))
+    drawn = {trace["name"]: trace["x"].tolist() for trace in data["data"]}
+    assert drawn == {
+        "measured, left out": [1.0],
+        "measured": [0.0, 2.0],
+        "predicted, mean": [0.0, 1.0, 2.0, 3.0],
+    }
+    assert data["data"][1]["error_y"]["array"] == pytest.approx([0.1, 0.3])
     assert data["layout"]["xaxis"]["range"] == [-1.0, 1.0]
 
 

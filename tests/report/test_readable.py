@@ -8,13 +8,14 @@ import pytest
 
 from femupdate.measurement.ambient import AmbientModes
 from femupdate.measurement.inspection import inspect_file
+from femupdate.measurement.observation import Observation
 from femupdate.measurement.recording import RecordedMode
 from femupdate.measurement.subspace import Pole
 from femupdate.report import plot_repair
+from femupdate.report.curves import history_curves, response_curves
 from femupdate.report.figure import add_head, new_figure, thin_band_note
+from femupdate.report.plot_curves import frf_fit, member_force_bands, strong_part
 from femupdate.report.plot_diagnosis import Ranked, ranking
-from femupdate.report.plot_frf import MeasuredFrf, Prediction, frf_fit
-from femupdate.report.plot_history import member_force_bands, strong_part
 from femupdate.report.plot_intervals import theta_intervals
 from femupdate.report.plot_measured import inspected
 from femupdate.report.plot_poles import stabilisation
@@ -43,23 +44,12 @@ def test_the_zoom_shows_the_peak():
     assert start <= 10.0 <= end
 
 
-def test_members_share_a_unit_for_forces_and_one_for_moments():
-    time = np.linspace(0, 10, 500)
-    wave = np.sin(2 * np.pi * time)
-    forces = ("N", "Vy", "Mz")
-    small, large = (np.outer(size, wave) for size in ([2e2, 5.0, 30.0], [4e5, 3e4, 9e4]))
-    members = [("beam", forces, small, 0.01 * small**0), ("column", forces, large, 0 * large)]
-    figure = member_force_bands(time, members)
-    units = [panel.get_ylabel().split(", ")[1] for panel in figure.axes]
-    assert units == ["kN", "kN", "kN m"] * 2
-
-
 def test_forces_whose_bands_cannot_be_seen_say_so():
     time = np.linspace(0, 10, 500)
     wave = np.outer([1e3, 1e4, 1e5], np.sin(2 * np.pi * time))
     for share, thin in ((0.001, True), (0.2, False)):
-        rows = [("wall", ("N", "V", "M"), wave, share * np.abs(wave))]
-        figure = member_force_bands(time, rows, note="Alone.")
+        curves = history_curves(time, ("N", "V", "M"), wave, share * np.abs(wave))
+        figure = member_force_bands([("wall", curves)], note="Alone.")
         texts = " ".join(text.get_text() for text in figure.texts)
         assert ("thinner than the lines" in texts) == thin
         assert "Alone." in texts
@@ -70,10 +60,16 @@ def test_bands_that_cannot_be_seen_are_told():
     assert thin_band_note(0.1) == ""
 
 
+def seen(log):
+    """A roof whose response (1, m) was measured with little noise."""
+    grid, noise = np.linspace(0.1, 10, log.size), np.full(log.shape, 1e-3)
+    return Observation(grid, ("RF",), log, noise, np.ones(log.shape, dtype=bool))
+
+
 def test_a_band_that_is_wide_at_a_notch_alone_is_told_to_be_thin():
     log = np.zeros((1, 200))
     wide = np.where(np.arange(200) == 50, 3.0, 1e-3)[None]
-    figure = frf_fit(np.linspace(0.1, 10, 200), ["RF"], Prediction(log, log - wide, log + wide))
+    figure = frf_fit(response_curves(np.stack([log - wide, log, log + wide]), seen(log)))
     assert any("thinner than the lines" in text.get_text() for text in figure.texts)
 
 
@@ -177,7 +173,7 @@ def test_no_tick_of_a_pair_stands_at_an_end():
 
 def test_a_measured_line_shows_below_a_fit_that_hides_it():
     log = np.zeros((1, 50))
-    figure = frf_fit(np.linspace(0.1, 10, 50), ["RF"], Prediction(log, log, log), MeasuredFrf(log))
+    figure = frf_fit(response_curves(log[None], seen(log)))
     predicted, measured = figure.axes[0].lines
     assert measured.get_linewidth() > 2.5 * predicted.get_linewidth()
     assert measured.get_zorder() < predicted.get_zorder()

@@ -1,6 +1,7 @@
 """Tables for spreadsheets hold what was computed, one thing a row, with units."""
 
 import csv
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,13 +14,15 @@ from femupdate.dynamics.member_histories import Member, MemberForces
 from femupdate.dynamics.summary import Statistics
 from femupdate.inference.posterior import load_posterior
 from femupdate.report.scale import interval_text
+from femupdate.workflow.pictures_prediction import force_curves
 from femupdate.workflow.prediction_quantities import (
     TIDY,
     Quantity,
+    force_scales,
     member_lines,
     member_rows,
     quantities,
-    tables,
+    quantity_tables,
 )
 from femupdate.workflow.summary import effect_title
 
@@ -129,6 +132,15 @@ def test_largest_forces_of_members_have_one_unit_each(members):
     assert len(rows[0]) == len(TIDY)
 
 
+def test_pictures_of_members_have_the_units_of_the_tables(members):
+    time = np.linspace(0.0, 10.0, 500)
+    wave = np.sin(2 * np.pi * time)
+    wall = replace(members[0], mean=members[0].mean * wave, sd=0.0 * members[0].mean * wave)
+    curves = force_curves(time, wall, force_scales(members))
+    assert [one.up for one in curves] == ["N, kN", "V, kN", "M, kN m"]
+    assert [np.ptp(one.mean) for one in curves] == pytest.approx([11.0, 64.6, 81.9], rel=0.01)
+
+
 def test_largest_forces_of_members_are_told_without_exponents(members):
     text = "\n".join(member_lines(members))
     assert "wall 1, X2:S1: largest forces\n" in text
@@ -166,5 +178,5 @@ def test_figures_follow_their_spread():
     assert interval_text(1234.5, 10.0, 1220.0, 1250.0) == "1234 [1220, 1250]"
     assert interval_text(0.0, 0.0, 0.0, 0.0) == "0.000 [0.000, 0.000]"
     one = Quantity("drift", "mm", ("S1",), np.array([[1.0], [2.0]]))
-    (text,) = tables([one])
-    assert text.splitlines()[0].split() == ["drift,", "mm"]
+    (told,) = quantity_tables([one])
+    assert told.text().splitlines()[0].split() == ["drift,", "mm"]

@@ -7,10 +7,11 @@ import torch
 
 from femupdate.arrays import Floats
 from femupdate.dynamics.system import Responses
-from femupdate.inference.bridge import BridgeResult, Start, bridge
+from femupdate.inference.bridge import Start, bridge
 from femupdate.inference.latent_likelihood import LatentLikelihood
 from femupdate.inference.predictive_check import PredictiveCheck, predictive_check
-from femupdate.inference.smc import LogLikelihood, SmcResult, TemperedSmc
+from femupdate.inference.sampler_run import SamplerRun
+from femupdate.inference.smc import LogLikelihood, TemperedSmc
 from femupdate.measurement.observation import Observation
 from femupdate.surrogate.storage import ANY_FLOORS, TrainedSurrogate
 from femupdate.workflow.calibrate_draws import latent_zeta
@@ -192,7 +193,7 @@ def _exact(
     model: StudyModel,
     building: SimulatedBuilding,
     latent: LatentLikelihood,
-    start: SmcResult,
+    start: SamplerRun,
     seed: int,
 ) -> tuple[torch.Tensor, SimulatedCase, float]:
     """Draws from the data-space posterior, its likelihoods and effective share.
@@ -214,15 +215,15 @@ def _exact(
     return found.theta, _simulated(found, target, truth), found.effective_share
 
 
-def _simulated(
-    found: SmcResult | BridgeResult, log_likelihood: LogLikelihood, truth: Floats
-) -> SimulatedCase:
+def _simulated(found: SamplerRun, log_likelihood: LogLikelihood, truth: Floats) -> SimulatedCase:
     """Log likelihoods of draws and of the true parameters (p,)."""
     at_truth = float(log_likelihood(torch.from_numpy(truth)[None])[0])
     return SimulatedCase(found.log_likelihood.numpy(), at_truth)
 
 
-def _zeta(model: StudyModel, latent: LatentLikelihood, start: SmcResult, seed: int) -> torch.Tensor:
+def _zeta(
+    model: StudyModel, latent: LatentLikelihood, start: SamplerRun, seed: int
+) -> torch.Tensor:
     """Damping ratios (n, 1) that the latent posterior has beside theta; (n, 0) where known."""
     if not model.damping.free:
         return start.theta[:, :0]

@@ -353,7 +353,7 @@ def _held_out_errors(
     size = float(np.sqrt((floors**2).mean()))
     errors = []
     for fitted in (found.before, found.after):
-        sample = fitted.coordinates.split(fitted.z[None], found.problem.fixed_zeta)
+        sample = fitted.split
         predicted = transformed_sensors(
             fitted.system, sample, histories.acceleration[0], histories.time_step
         )

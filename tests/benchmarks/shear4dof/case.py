@@ -179,7 +179,7 @@ def exact_posterior(
     target = data_likelihood(model, case)
     found = TemperedSmc(model.prior, target).run(particles, seed)
     weighted = importance_draws(model.prior, target, found.theta, 2 * draws, seed + 1)
-    theta = weighted.resample(draws, seed + 2)[0].numpy()
+    theta = weighted.resampled(draws, seed + 2).theta.numpy()
     return ExactPosterior(weighted, theta, case_modes(case, theta))
 
 

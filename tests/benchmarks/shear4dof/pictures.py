@@ -11,9 +11,11 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Ellipse
 
 from femupdate.arrays import Floats
+from femupdate.measurement.observation import on_all_floors
+from femupdate.report.curves import response_curves
 from femupdate.report.density import density_1d
 from femupdate.report.figure import add_head, new_figure, save_figure
-from femupdate.report.plot_frf import MeasuredFrf, Prediction, frf_fit
+from femupdate.report.plot_curves import frf_fit
 from femupdate.report.style import DASHES, INK, KNOWN, MAGNITUDE_MAP, ORANGE, SERIES, styled
 from femupdate.workflow.model import StudyModel
 
@@ -184,14 +186,8 @@ def draw_benchmark(folder: Path, problem: Shear4dof, draws: dict[str, Floats]) -
 def _predicted(model: StudyModel, case: Case, theta: Floats) -> Figure:
     """Responses of all floors by draws (n, p), with what the roof measured."""
     predicted = roof_log_frf(model, theta[:: max(1, len(theta) // 400)])
-    low, high = np.quantile(predicted, [0.05, 0.95], axis=0)
-    roof = case.observation
-    measured = np.full((len(model.building.floors), roof.frequency_hz.size), np.nan)
-    measured[-1] = roof.log_frf[0]
+    seen = on_all_floors(case.observation, model.building.floors)
     return frf_fit(
-        roof.frequency_hz,
-        model.building.floors,
-        Prediction(predicted.mean(axis=0), low, high),
-        MeasuredFrf(measured),
+        response_curves(predicted, seen),
         title="Measured at the roof alone: response of the other floors",
     )

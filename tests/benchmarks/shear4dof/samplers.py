@@ -104,7 +104,7 @@ def sampler_targets(
     exact = MmdReference(problem.exact.theta)
     found = TemperedSmc(prior, latent).run(min(4000, draws), seed)
     own = importance_draws(prior, latent, found.theta, draws + draws // 2, seed + 1)
-    theta = own.resample(draws, seed)[0].numpy()
+    theta = own.resampled(draws, seed).theta.numpy()
     return (
         SamplerTarget(
             label="latent",
@@ -149,7 +149,7 @@ def floor_rows(
 
     They are none of those that the target holds.
     """
-    start = problem.exact.weighted.resample(2000, seed)[0]
+    start = problem.exact.weighted.resampled(2000, seed).theta
     likelihood = data_likelihood(problem.model, problem.case)
     fresh = importance_draws(problem.model.prior, likelihood, start, 20_000, seed + 1)
     draws = fresh.independent(1)[0].numpy()
