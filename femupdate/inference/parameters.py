@@ -57,6 +57,11 @@ class Values:
     zeta: Tensor
     sizes: Tensor
 
+    @property
+    def of_structure(self) -> Tensor:
+        """(n, p + q) stiffness factors and parameters of effects."""
+        return torch.cat([self.theta, self.sizes], dim=1)
+
 
 @dataclass(frozen=True)
 class Parameters:
@@ -111,9 +116,13 @@ class Parameters:
         """(p,) float64."""
         return self._column([one.upper for one in self.entries])
 
+    def columns(self, *kinds: Kind) -> list[int]:
+        """Places of those of some kinds."""
+        return [k for k, one in enumerate(self.entries) if one.kind in kinds]
+
     def of(self, *kinds: Kind) -> "Parameters":
         """Those of some kinds."""
-        return replace(self, entries=tuple(one for one in self.entries if one.kind in kinds))
+        return replace(self, entries=tuple(self.entries[k] for k in self.columns(*kinds)))
 
     def to(self, device: torch.device | str) -> "Parameters":
         """The same on another device."""
@@ -121,11 +130,8 @@ class Parameters:
 
     def split(self, values: Tensor) -> Values:
         """Parameters (n, p) by their kinds."""
-        theta, zeta, sizes = (
-            values[:, [k for k, one in enumerate(self.entries) if one.kind == kind]]
-            for kind in ("stiffness", "damping", "effect")
-        )
-        return Values(theta, zeta.flatten(), sizes)
+        zeta = values[:, self.columns("damping")].flatten()
+        return Values(values[:, self.columns("stiffness")], zeta, values[:, self.columns("effect")])
 
     def sample(self, count: int, generator: torch.Generator) -> Tensor:
         """Draw (count, p) from the prior."""

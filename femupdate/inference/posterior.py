@@ -2,11 +2,13 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
+from torch import Tensor
 
 from femupdate.array_archive import check_shapes
 from femupdate.arrays import Complexes, Floats, Integers
@@ -17,9 +19,13 @@ from femupdate.inference.event_scatter import (
     scatter_as_group,
     scatter_from_group,
 )
+from femupdate.inference.parameters import Kind, Parameter, Parameters
 from femupdate.measurement.observation import Observation
 from femupdate.netcdf import read_tree, write_tree
 from femupdate.seeds import Seed
+
+_OF_STRUCTURE: tuple[Kind, ...] = ("stiffness", "effect")
+_OF_PRIOR = ("kind", "lower", "upper", "neutral", "centre", "scale")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,12 +75,10 @@ class Posterior:
     """Equally weighted posterior draws.
 
     Attributes:
-        names: p names of the stiffness factors.
-        theta: (chains, draws, p); each chain is a run of the sampler of its own, and draws that
-            did not run apart are one chain.
-        zeta: (chains, draws) damping ratio, or None where the building's law is fixed.
+        parameters: all that a response depends on, known ones among them.
+        values: (chains, draws, p) of these; each chain is a run of the sampler of its own, and
+            draws that did not run apart are one chain.
         log_likelihood: (chains, draws).
-        lower, upper: (p,) prior box.
         drawn: how.
         observation: what it was drawn for.
         settings: of the sampler.
@@ -83,12 +87,9 @@ class Posterior:
         warnings: what whoever uses the draws should know, in sentences.
     """
 
-    names: tuple[str, ...]
-    theta: Floats
-    zeta: Floats | None
+    parameters: Parameters
+    values: Floats
     log_likelihood: Floats
-    lower: Floats
-    upper: Floats
     drawn: DrawnBy
     observation: Observation
     settings: Mapping[str, Any]
@@ -96,38 +97,64 @@ class Posterior:
     scatter: LearnedScatter | None = None
     warnings: tuple[str, ...] = ()
 
+    def of(self, *kinds: Kind) -> "Posterior":
+        """The same of some kinds of parameters."""
+        own = self.values[..., self.parameters.columns(*kinds)]
+        return replace(self, parameters=self.parameters.of(*kinds), values=own)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Those of stiffness factors and of parameters of effects, as all that follows."""
+        return self.parameters.of(*_OF_STRUCTURE).names
+
+    @property
+    def bounds(self) -> Floats:
+        """(p, 2) lower and upper end of their prior."""
+        own = self.parameters.of(*_OF_STRUCTURE)
+        return np.column_stack([own.lower, own.upper])
+
+    @property
+    def theta(self) -> Floats:
+        """(chains, draws, p)."""
+        return self.values[..., self.parameters.columns(*_OF_STRUCTURE)]
+
     @property
     def samples(self) -> Floats:
         """All draws (chains x draws, p)."""
-        return self.theta.reshape(-1, self.theta.shape[-1])
+        return self.theta.reshape(self.log_likelihood.size, len(self.names))
+
+    @property
+    def zeta(self) -> Floats:
+        """(chains, draws) damping ratio."""
+        return self.values[..., self.parameters.columns("damping")[0]]
 
     @property
     def zeta_samples(self) -> Floats | None:
-        """Damping ratios of all draws."""
-        return None if self.zeta is None else self.zeta.reshape(-1)
+        """Damping ratios of all draws; None where the building's law is fixed."""
+        return self.zeta.reshape(-1) if self.parameters.of("damping").size else None
 
     def rows(self, count: int, seed: Seed) -> Integers:
         """At most `count` rows of all draws, without replacement."""
-        return np.random.default_rng(seed).permutation(len(self.samples))[:count]
+        return np.random.default_rng(seed).permutation(self.values[..., 0].size)[:count]
 
-    def thinned(self, count: int, seed: Seed) -> tuple[Floats, Floats | None]:
-        """At most `count` draws of theta (count, p) and zeta (count,), without replacement."""
-        rows, zeta = self.rows(count, seed), self.zeta_samples
-        return self.samples[rows], None if zeta is None else zeta[rows]
+    def thinned(self, count: int, seed: Seed) -> Tensor:
+        """At most `count` draws (count, p) of all parameters, without replacement."""
+        every = self.values.reshape(-1, self.values.shape[-1])
+        return torch.from_numpy(every[self.rows(count, seed)])
 
 
 def save_posterior(posterior: Posterior, path: Path) -> None:
     """Write netCDF groups `posterior`, `sample_stats`, `observed_data` and `constant_data`."""
     import xarray as xr
 
-    observation = posterior.observation
+    observation, known = posterior.observation, posterior.parameters
     chain_draw = ("chain", "draw")
     coordinates = {
-        "chain": np.arange(posterior.theta.shape[0]),
-        "draw": np.arange(posterior.theta.shape[1]),
+        "chain": np.arange(posterior.values.shape[0]),
+        "draw": np.arange(posterior.values.shape[1]),
     }
     draws: dict[str, Any] = {"theta": ((*chain_draw, "parameter"), posterior.theta)}
-    if posterior.zeta is not None:
+    if posterior.zeta_samples is not None:
         draws["zeta"] = (chain_draw, posterior.zeta)
     stats: dict[str, Any] = {"lp": (chain_draw, posterior.log_likelihood)}
     grid = {"floor": list(observation.floors), "frequency_hz": observation.frequency_hz}
@@ -150,10 +177,10 @@ def save_posterior(posterior: Posterior, path: Path) -> None:
             ),
             "/constant_data": xr.Dataset(
                 {
-                    "prior_lower": ("parameter", posterior.lower),
-                    "prior_upper": ("parameter", posterior.upper),
+                    f"prior_{of}": ("parameter", [getattr(one, of) for one in known.entries])
+                    for of in _OF_PRIOR
                 },
-                coords={"parameter": list(posterior.names)},
+                coords={"parameter": list(known.names)},
             ),
         }
     )
@@ -212,28 +239,20 @@ def _check(posterior: Posterior) -> None:
         ValueError: shapes do not go together, a value is not finite, or a draw is far from the
             prior box.
     """
-    arrays = {
-        "theta": posterior.theta,
-        "lp": posterior.log_likelihood,
-        "prior_lower": posterior.lower,
-        "prior_upper": posterior.upper,
-    }
-    shapes = {"theta": "cdp", "lp": "cd", "prior_lower": "p", "prior_upper": "p"}
+    arrays = {"theta": posterior.values, "lp": posterior.log_likelihood}
+    shapes = {"theta": "cdp", "lp": "cd"}
     if posterior.scatter is not None:
         arrays = {**arrays, "sd": posterior.scatter.sd, "shift": posterior.scatter.shift}
         shapes = {**shapes, "sd": "cdq", "shift": "cdq"}
-    if posterior.zeta is not None:
-        arrays, shapes = {**arrays, "zeta": posterior.zeta}, {**shapes, "zeta": "cd"}
     check_shapes(arrays, shapes)
     # Draws of effects may lie beyond what is likely of their sizes, but never far.
-    width = posterior.upper - posterior.lower
-    beyond = (posterior.theta < posterior.lower - width) | (
-        posterior.theta > posterior.upper + width
-    )
+    low, high = posterior.bounds.T
+    width = high - low
+    beyond = (posterior.theta < low - width) | (posterior.theta > high + width)
     if beyond.any():
         name = posterior.names[int(np.argwhere(beyond)[0, -1])]
         raise ValueError(f"draws of {name} lie outside its prior")
-    if posterior.zeta is not None and not ((posterior.zeta >= 0) & (posterior.zeta < 1)).all():
+    if not ((posterior.zeta >= 0) & (posterior.zeta < 1)).all():
         raise ValueError("a damping ratio is not from 0 to 1")
 
 
@@ -242,19 +261,44 @@ def _posterior(tree: Any) -> Posterior:
         tree[group].to_dataset()
         for group in ("posterior", "sample_stats", "constant_data", "observed_data")
     )
+    known = _parameters(constants)
     return Posterior(
-        names=tuple(str(name) for name in draws["parameter"].values),
-        theta=draws["theta"].values,
-        zeta=draws["zeta"].values if "zeta" in draws else None,
+        parameters=known,
+        values=_values(draws, known),
         log_likelihood=stats["lp"].values,
-        lower=constants["prior_lower"].values,
-        upper=constants["prior_upper"].values,
         drawn=DrawnBy(**json.loads(tree.attrs["drawn_by"])),
         observation=_observation(measured),
         settings=json.loads(tree.attrs["settings"]),
         model_error=errors_from_groups(tree),
         scatter=scatter_from_group(tree),
         warnings=tuple(json.loads(tree.attrs["warnings"])),
+    )
+
+
+def _values(draws: Any, known: Parameters) -> Floats:
+    theta, (at,) = draws["theta"].values, known.columns("damping")
+    if tuple(map(str, draws["parameter"].values)) != known.of(*_OF_STRUCTURE).names:
+        raise ValueError("its draws are of other parameters than its prior")
+    zeta = known.entries[at].lower + np.zeros(theta.shape[:2])
+    if known.entries[at].free:
+        zeta = draws["zeta"].values
+    check_shapes({"theta": theta, "zeta": zeta}, {"theta": "cdp", "zeta": "cd"})
+    values = np.empty((*theta.shape[:2], len(known.entries)))
+    values[..., known.columns(*_OF_STRUCTURE)] = theta
+    values[..., at] = zeta
+    return values
+
+
+def _parameters(group: Any) -> Parameters:
+    if "prior_kind" not in group:
+        raise ValueError("an earlier version wrote it")
+    rows = zip(*(group[f"prior_{of}"].values.tolist() for of in _OF_PRIOR), strict=True)
+    pairs = zip(group["parameter"].values, rows, strict=True)
+    return Parameters(
+        tuple(
+            Parameter(name=str(name), **dict(zip(_OF_PRIOR, row, strict=True)))
+            for name, row in pairs
+        )
     )
 
 

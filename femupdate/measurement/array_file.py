@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femupdate.arrays import Floats
 from femupdate.measurement.columns import FREQUENCY, FREQUENCY_NAME, TIME, TIME_NAME
+from femupdate.measurement.mode_table import DAMPING, DAMPING_SD, FREQUENCY_SD, figure_of
 from femupdate.measurement.quantity import is_unit
 from femupdate.measurement.recording import RecordedMode, Recording
 from femupdate.measurement.table import Table
 from femupdate.measurement.text import TextFile
 
+_Column = NDArray[np.number]
 _RATE = re.compile(r"^(fs|f_s|fsamp\w*|rate|sampl(e|ing)_?(rate|freq(uency)?))(_?hz)?$", re.I)
 _STEP = re.compile(r"^(dt|delta_?t|ts|time_?step)(_?s)?$", re.IGNORECASE)
 _UNIT = re.compile(r"^units?$", re.IGNORECASE)
@@ -53,7 +54,7 @@ def table_of_arrays(file: TextFile, arrays: Mapping[str, Any]) -> Recording:
     numbers = {name: np.squeeze(a) for name, a in arrays.items() if _is_numeric(a)}
     scalars = {name: float(a.real) for name, a in numbers.items() if a.ndim == 0}
     labels = _texts(arrays, _LABELS)
-    columns: dict[str, Floats] = {}
+    columns: dict[str, _Column] = {}
     for name, array in numbers.items():
         columns |= _columns(name, array, labels)
     if not columns:
@@ -63,18 +64,12 @@ def table_of_arrays(file: TextFile, arrays: Mapping[str, Any]) -> Recording:
     used = {axis: columns.pop(axis)} | {k: v for k, v in columns.items() if v.size == count}
     left_out = [name for name in columns if name not in used]
     _require_finite(file, used)
-    names = tuple(used)
     stated = [one if is_unit(one) else None for one in _texts(arrays, _UNIT)]
     each = dict(zip(labels, stated, strict=False)) if len(stated) == len(labels) else {}
     common = stated[0] if len(set(stated)) == 1 else None
-    units = tuple(None if name == axis else each.get(name, common) for name in names)
-    table = Table(
-        file,
-        _without_structure(names),
-        units,
-        np.column_stack(list(used.values())),
-        np.arange(count) + 1,
-    )
+    plain = dict(zip(_without_structure(tuple(used)), used, strict=True))
+    units = {name: each.get(own, common) for name, own in plain.items() if own != axis}
+    table = Table.of_arrays(file, {name: used[own] for name, own in plain.items()}, units)
     notes = (f"Arrays of another length are left out: {', '.join(left_out)}.",)
     return Recording(file, table=table, notes=notes if left_out else ())
 
@@ -98,27 +93,21 @@ def _without_structure(names: tuple[str, ...]) -> tuple[str, ...]:
     return plain if one and len(set(plain)) == len(plain) else names
 
 
-def _columns(name: str, array: NDArray[Any], labels: Sequence[str] = ()) -> dict[str, Floats]:
+def _columns(name: str, array: NDArray[Any], labels: Sequence[str] = ()) -> dict[str, _Column]:
     if array.ndim == 2:
         rows = array if array.shape[0] <= array.shape[1] else array.T
         own = labels if len(set(labels)) == len(rows) else ()
         own = own or [f"{name}_{k}" for k in range(1, len(rows) + 1)]
         found = [_columns(title, row) for title, row in zip(own, rows, strict=True)]
         return {key: column for each in found for key, column in each.items()}
-    return _parts(name, array) if array.ndim == 1 and array.size > 1 else {}
+    return {name: array} if array.ndim == 1 and array.size > 1 else {}
 
 
-def _parts(name: str, column: NDArray[Any]) -> dict[str, Floats]:
-    """A column, or the two of complex numbers."""
-    if np.iscomplexobj(column):
-        return {f"{name}_re": column.real.astype(float), f"{name}_im": column.imag.astype(float)}
-    return {name: column.astype(np.float64)}
-
-
-def _axis(file: TextFile, columns: dict[str, Floats], scalars: Mapping[str, float]) -> str:
+def _axis(file: TextFile, columns: dict[str, _Column], scalars: Mapping[str, float]) -> str:
     """Name of the column of times or frequencies; one is added where a rate gives it."""
     for kind, name in ((TIME_NAME, TIME), (FREQUENCY_NAME, FREQUENCY)):
-        found = next((key for key in columns if kind.match(key.rpartition(".")[2])), None)
+        real = (key for key, column in columns.items() if not np.iscomplexobj(column))
+        found = next((key for key in real if kind.match(key.rpartition(".")[2])), None)
         if found is not None:
             columns[name] = columns.pop(found)
             return name
@@ -141,7 +130,7 @@ def _step(scalars: Mapping[str, float]) -> float | None:
     return None
 
 
-def _require_finite(file: TextFile, columns: Mapping[str, Floats]) -> None:
+def _require_finite(file: TextFile, columns: Mapping[str, _Column]) -> None:
     for name, column in columns.items():
         wrong = np.flatnonzero(~np.isfinite(column))
         if wrong.size:
@@ -158,13 +147,13 @@ class _Signal:
 
     Attributes:
         axis: name of our column, first value, increment and number of values.
-        columns: (n,) each by its name, of complex values two.
-        unit: of all values, or None.
+        columns: (n,) each by its name.
+        unit: of all values.
     """
 
     axis: tuple[str, float, float, int]
-    columns: Mapping[str, Floats]
-    unit: str | None
+    columns: Mapping[str, _Column]
+    unit: str
 
 
 def _testlab_recording(file: TextFile, arrays: Mapping[str, Any]) -> Recording | None:
@@ -180,16 +169,14 @@ def _testlab_recording(file: TextFile, arrays: Mapping[str, Any]) -> Recording |
             f"{', '.join(owners)} are not sampled alike; export them to files of their own"
         )
     ((axis, start, step, count),) = axes
-    names, units, values = [axis], [""], [start + step * np.arange(count, dtype=np.float64)]
+    columns: dict[str, _Column] = {axis: start + step * np.arange(count, dtype=np.float64)}
+    units: dict[str, str | None] = {}
     for owner, one in signals.items():
         for name, column in one.columns.items():
             alone = sum(name in other.columns for other in signals.values()) == 1
-            names.append(name if alone else f"{owner} {name}")
-            units.append(one.unit or "")
-            values.append(column)
-    stated = tuple(unit or None for unit in units)
-    lines = np.arange(count) + 1
-    return Recording(file, table=Table(file, tuple(names), stated, np.column_stack(values), lines))
+            title = name if alone else f"{owner} {name}"
+            columns[title], units[title] = column, one.unit
+    return Recording(file, table=Table.of_arrays(file, columns, units))
 
 
 def _signal(file: TextFile, owner: str, arrays: Mapping[str, Any]) -> _Signal:
@@ -208,25 +195,24 @@ def _signal(file: TextFile, owner: str, arrays: Mapping[str, Any]) -> _Signal:
     if len(set(names)) != values.shape[1] or not all(names):
         numbered = [f"{owner}_{k}" for k in range(1, values.shape[1] + 1)]
         names = [owner] if values.shape[1] == 1 else numbered
-    columns: dict[str, Floats] = {}
-    for name, column in zip(names, values.T, strict=True):
-        columns |= _parts(name, column)
+    columns = dict(zip(names, values.T, strict=True))
     axis = _AXES[label], float(arrays.get(f"{owner}.{_START}", 0.0)), step, count
-    return _Signal(axis, columns, str(arrays.get(f"{owner}.{_Y}", "")).strip() or None)
+    return _Signal(axis, columns, str(arrays.get(f"{owner}.{_Y}", "")).strip())
 
 
-_FREQUENCY = r"(f_?n|f_?id|(natural_?)?freq(uency|uencies|s)?)"
-_DAMPING = r"(xi|zeta|(modal_?)?damp(ing)?_?(ratios?)?)"
-_SHAPE = r"(phi|psi|(mode_?)?shapes?|modes)"
-_SENSORS = {
-    "frequency": rf"{_FREQUENCY}(_hz)?",
-    "frequency_sd": rf"{_FREQUENCY}_(std|sd)(_hz)?",
-    "damping": _DAMPING,
-    "damping_sd": rf"{_DAMPING}_(std|sd)",
-    "shape": _SHAPE,
-    "shape_sd": rf"{_SHAPE}_(std|sd)",
-    "sensors": r"(sensor|channel|floor)s?(_?(names?|labels?))?|names|labels",
+_SHAPE, _SHAPE_SD, _SENSORS = "shape", "shape_sd", "sensors"
+_SHAPES = {
+    _SHAPE: r"phi|psi|(mode_?)?shapes?|modes",
+    _SHAPE_SD: r"(phi|psi|(mode_?)?shapes?|modes)_(std|sd)",
+    _SENSORS: r"(sensor|channel|floor)s?(_?(names?|labels?))?|names|labels",
 }
+
+
+def _of_modes(name: str) -> str | None:
+    """What of modes an array holds, by its name."""
+    own = name.rpartition(".")[2]
+    shapes = (of for of, called in _SHAPES.items() if re.fullmatch(called, own, re.IGNORECASE))
+    return next(shapes, None) or figure_of(own)
 
 
 def modes_in_arrays(file: TextFile, arrays: Mapping[str, Any]) -> tuple[RecordedMode, ...]:
@@ -241,32 +227,31 @@ def modes_in_arrays(file: TextFile, arrays: Mapping[str, Any]) -> tuple[Recorded
     found = {
         ours: np.squeeze(np.asarray(array))
         for name, array in arrays.items()
-        for ours, pattern in _SENSORS.items()
-        if re.fullmatch(pattern, name.rpartition(".")[2], re.IGNORECASE) and np.size(array)
+        if np.size(array) and (ours := _of_modes(name))
     }
-    if not {"frequency", "shape"} <= set(found):
+    if not {FREQUENCY, _SHAPE} <= set(found):
         return ()
-    frequency = np.atleast_1d(found["frequency"])
+    frequency = np.atleast_1d(found[FREQUENCY])
     count = frequency.size
-    shape = _by_modes(found["shape"], count)
+    shape = _by_modes(found[_SHAPE], count)
     if frequency.ndim != 1 or shape is None:
         return ()
-    spread = _by_modes(found["shape_sd"], count) if "shape_sd" in found else None
-    for name in ("frequency_sd", "damping", "damping_sd"):
+    spread = _by_modes(found[_SHAPE_SD], count) if _SHAPE_SD in found else None
+    for name in (FREQUENCY_SD, DAMPING, DAMPING_SD):
         if name in found and np.size(found[name]) != count:
             raise file.error(
                 f"there are {count} frequencies but {np.size(found[name])} values of"
-                f" {name.replace('_sd', ' (standard deviation)')}; give one for each mode"
+                f" {name}; give one for each mode"
             )
-    names = [str(one) for one in np.atleast_1d(found.get("sensors", np.array([])))]
+    names = [str(one) for one in np.atleast_1d(found.get(_SENSORS, np.array([])))]
     if len(names) != len(shape):
         names = [str(k + 1) for k in range(len(shape))]
     return tuple(
         RecordedMode(
             frequency_hz=float(frequency[k]),
-            frequency_sd_hz=_value(found.get("frequency_sd"), k),
-            damping=_value(found.get("damping"), k),
-            damping_sd=_value(found.get("damping_sd"), k),
+            frequency_sd_hz=_value(found.get(FREQUENCY_SD), k),
+            damping=_value(found.get(DAMPING), k),
+            damping_sd=_value(found.get(DAMPING_SD), k),
             sensors=tuple(names),
             shape=shape[:, k],
             shape_sd=None if spread is None else spread[:, k].astype(np.float64),

@@ -1,14 +1,15 @@
-"""One recorded history, its direction, and how a user names one among several."""
+"""One recorded history, its direction and its unit."""
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.measurement.quantity import agreed_unit, is_acceleration, si_factor
+from femupdate.measurement.quantity import is_acceleration, plain_unit, si_factor
 from femupdate.measurement.text import TextFile
+from femupdate.units import UNITS
 
 _POINTS = {"N": 0.0, "E": 90.0, "S": 180.0, "W": 270.0, "NE": 45.0, "SE": 135.0, "SW": 225.0}
 _POINTS |= {"NW": 315.0, "NS": 0.0, "EW": 90.0, "NORTH": 0.0, "EAST": 90.0, "SOUTH": 180.0}
@@ -72,47 +73,50 @@ class RecordedChannel:
         """Whether the direction is up or down."""
         return is_vertical(self.direction)
 
-
-def chosen_channel(
-    file: TextFile, channels: Sequence[RecordedChannel], asked: str | int, listing: str
-) -> RecordedChannel:
-    """Return the channel of a name (whole, before its comma, or its first word) or a number from 1.
-
-    Args:
-        listing: what there is, for the message.
-
-    Raises:
-        MeasurementError: no channel, or more than one, is called so.
-    """
-    wanted = _folded(str(asked))
-    names = [_folded(each.name) for each in channels]
-    found = [i for i, name in enumerate(names) if name == wanted]
-    if not found and wanted.isdecimal() and 1 <= int(wanted) <= len(channels):
-        found = [int(wanted) - 1]
-    if not found:
-        found = [i for i, name in enumerate(names) if name.split(",")[0] == wanted]
-        found = found or [i for i, name in enumerate(names) if name.split()[:1] == [wanted]]
-    if len(found) == 1:
-        return channels[found[0]]
-    problem = f"{len(found)} channels are called" if found else "there is no channel"
-    raise file.error(f"{problem} {str(asked)!r}; choose by number: {listing}")
-
-
-def _folded(name: str) -> str:
-    return " ".join(name.casefold().split())
+    def turned(self) -> "RecordedChannel":
+        """The same in the opposite direction."""
+        return replace(self, values=-self.values)
 
 
 def acceleration_unit(file: TextFile, channel: RecordedChannel, asked: str | None) -> str:
     """Return the unit of a channel of acceleration, stated in the file or asked for by the user.
 
     Raises:
-        MeasurementError: the channel holds something else, or see `agreed_unit`.
+        MeasurementError: the channel holds something else, or neither or both say, and differ.
     """
+    stated, column = channel.unit, repr(channel.name)
     if channel.quantity not in ("acceleration", "unknown"):
         raise file.error(
-            f"{channel.name!r} holds {channel.quantity}, not acceleration; choose another channel"
+            f"{column} holds {channel.quantity}, not acceleration; choose another channel"
         )
-    return agreed_unit(file, channel.unit, asked, repr(channel.name))
+    if stated is None and asked is None:
+        raise file.error(
+            "the file does not say its unit; give it by the unit option or in the second header"
+            f" row (one of {', '.join(UNITS['acceleration'])})",
+            column=column,
+        )
+    if stated is None or asked is None:
+        return stated or asked or ""
+    if si_factor(file, stated, "acceleration") != si_factor(file, asked, "acceleration"):
+        raise file.error(
+            f"the file says {plain_unit(stated)} but the unit option says {asked}; leave the"
+            " option out, or correct the file if it is wrong",
+            column=column,
+        )
+    return stated
+
+
+def in_m_s2(file: TextFile, channel: RecordedChannel, asked: str | None) -> Floats:
+    """Values (n,) of a channel of acceleration in m/s2.
+
+    Args:
+        asked: its unit, where the file does not say it.
+
+    Raises:
+        MeasurementError: see `acceleration_unit`.
+    """
+    unit = acceleration_unit(file, channel, asked)
+    return channel.values * si_factor(file, unit, "acceleration")
 
 
 def channel_listing(file: TextFile, channels: Sequence[RecordedChannel], unit: str | None) -> str:

@@ -68,6 +68,11 @@ class FrfColumn:
     part: str
     force: str = ""
 
+    @property
+    def name(self) -> str:
+        """As we write it, without the force: `2F`, `2F_re`."""
+        return self.floor if self.part == "abs" else f"{self.floor}_{self.part}"
+
 
 @dataclass(frozen=True)
 class ForceChannel:

@@ -1,6 +1,6 @@
 """Frequency response functions under a force: of a hammer or a shaker at a floor."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,10 +9,11 @@ from femupdate.arrays import Floats
 from femupdate.errors import MeasurementError
 from femupdate.measurement.columns import FrfColumn, floor_height
 from femupdate.measurement.frf import estimate_frf
-from femupdate.measurement.frf_table import FrfTable, curves_of, without_zero_frequency
+from femupdate.measurement.frf_table import FrfTable, curves_of
 from femupdate.measurement.observation import Observation, require_floors_of_building, select_floors
 from femupdate.measurement.observation_file import ForceHistories
-from femupdate.measurement.quantity import ForceUnit, force_unit, si_factor
+from femupdate.measurement.quantity import ForceUnit, force_unit
+from femupdate.measurement.resolve import Layout
 from femupdate.measurement.table import Table
 from femupdate.measurement.thresholds import RESPONSE
 
@@ -66,13 +67,10 @@ class ForcedObservation:
         return replace(self, observation=select_floors(self.observation, floors), halves=halves)
 
 
-def force_test(
-    table: Table, at: int, columns: Mapping[FrfColumn, int], force: str, unit: str | None
-) -> ForceTest:
+def force_test(layout: Layout, force: str | None, unit: str | None) -> ForceTest:
     """The responses to forces in a table.
 
     Args:
-        at, columns: see `frf_table`.
         force: floor at which the force acts, where a column's name does not say it.
         unit: of the responses, where a column does not say it.
 
@@ -80,40 +78,43 @@ def force_test(
         MeasurementError: the unit of a column is not known or two columns differ in their
             quantity, or see `frf_table`.
     """
-    table = without_zero_frequency(table, at)
-    floors = sorted({column.force or force for column in columns}, key=floor_height)
-    return ForceTest(
-        tuple(
-            _under_force(table, at, floor, _at_floor(table, columns, floor, force), unit)
-            for floor in floors
-        ),
-        table.file.path.name,
-    )
+    found = _by_force(layout, force)
+    tests = (_under_force(found[floor], floor, unit) for floor in sorted(found, key=floor_height))
+    return ForceTest(tuple(tests), layout.table.file.path.name)
 
 
-def _at_floor(
-    table: Table, columns: Mapping[FrfColumn, int], floor: str, force: str
-) -> dict[FrfColumn, int]:
-    """The columns of responses to a force at one floor, each floor once."""
-    found: dict[FrfColumn, int] = {}
-    for column, i in columns.items():
-        if (column.force or force) == floor:
-            plain = replace(column, force=floor)
-            if plain in found:
-                raise table.file.error(
-                    f"{table.title(i)} and {table.title(found[plain])} are the same response;"
-                    " remove one"
-                )
-            found[plain] = i
-    return found
+def _by_force(layout: Layout, force: str | None) -> dict[str, Layout]:
+    """The responses to the force at each floor, each response once."""
+    table, found = layout.table, dict[str, dict[FrfColumn, int]]()
+    for column, i in layout.frfs.items():
+        at = column.force or force
+        if at is None:
+            raise table.file.error(
+                "the floor at which the force acts is not said; name it by the force option, or by"
+                " the column's name, such as 2F/RF for 2F under a force at RF",
+                column=table.title(i),
+            )
+        if force is not None and at != force:
+            raise table.file.error(
+                f"the column says another floor than the force option, {force}; leave the option"
+                " out",
+                column=table.title(i),
+            )
+        own, plain = found.setdefault(at, {}), replace(column, force=at)
+        if plain in own:
+            raise table.file.error(
+                f"{table.title(i)} and {table.title(own[plain])} are the same response; remove one"
+            )
+        own[plain] = i
+    return {
+        at: replace(layout, known={i: column for column, i in own.items()})
+        for at, own in found.items()
+    }
 
 
-def _under_force(
-    table: Table, at: int, force: str, columns: Mapping[FrfColumn, int], unit: str | None
-) -> ForceTable:
-    hertz = si_factor(table.file, table.units[at] or "Hz", "frequency")
-    omega = 2.0 * np.pi * table.values[:, at] * hertz
-    held = {i: _unit(table, i, unit) for column, i in columns.items() if column.part != "sd"}
+def _under_force(layout: Layout, force: str, unit: str | None) -> ForceTable:
+    table, omega = layout.table, 2.0 * np.pi * layout.frequency_hz
+    held = {i: _unit(table, i, unit) for column, i in layout.frfs.items() if column.part != "sd"}
     quantities = {one.quantity for one in held.values()}
     if len(quantities) > 1:
         raise table.file.error(
@@ -126,7 +127,7 @@ def _under_force(
         # A sign or a phase of i omega does not matter to the magnitude.
         return own.values[:, position] * of_column.factor * omega ** (2 - of_column.power)
 
-    curves = curves_of(table, at, columns, accelerance, _POSSIBLE)
+    curves = curves_of(layout, accelerance, _POSSIBLE)
     return ForceTable(force, next(iter(quantities)), replace(curves, complex_frf=None))
 
 

@@ -1,14 +1,14 @@
 """Tables of measured frequency response functions."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femupdate.arrays import Complexes, Floats
-from femupdate.measurement.columns import FREQUENCY, FRF_COLUMNS, FrfColumn, floor_height
-from femupdate.measurement.quantity import force_unit, si_factor
+from femupdate.measurement.columns import FREQUENCY, FRF_COLUMNS, floor_height
+from femupdate.measurement.resolve import Layout, whole_or_parts
 from femupdate.measurement.table import Table
 from femupdate.measurement.thresholds import RESPONSE
 
@@ -36,65 +36,44 @@ class FrfTable:
     source: str = "FRF table"
 
 
-def frf_table(table: Table, at: int, columns: Mapping[FrfColumn, int]) -> FrfTable:
+def frf_table(layout: Layout) -> FrfTable:
     """Return the response functions in a table.
-
-    Args:
-        at: position of the frequencies.
-        columns: position of each column that is used.
 
     Raises:
         MeasurementError: the frequencies do not increase, a floor lacks a part of its response
             function, or a magnitude or standard deviation is not above zero.
     """
-    units = [table.units[i] or "" for column, i in columns.items() if column.part != "sd"]
-    forced = next((unit for unit in units if force_unit(unit)), None)
-    if forced is not None and not any(column.force for column in columns):
-        raise table.file.error(
-            f"a response in {forced} is one to a force; say at which floor it acts by the force"
+    units = layout.force_units
+    if units:
+        raise layout.table.file.error(
+            f"a response in {units[0]} is one to a force; say at which floor it acts by the force"
             " option, or by the columns' names, such as 2F/RF for 2F under a force at RF"
         )
-    return curves_of(without_zero_frequency(table, at), at, columns, _ratio)
-
-
-def without_zero_frequency(table: Table, at: int) -> Table:
-    """Return the same rows but the first, where its frequency is zero: nothing accelerates there.
-
-    Args:
-        table: the file's columns.
-        at: position of the frequencies.
-    """
-    if table.values[0, at] != 0.0:
-        return table
-    return replace(table, values=table.values[1:], lines=table.lines[1:])
+    return curves_of(layout, _ratio)
 
 
 def curves_of(
-    table: Table,
-    at: int,
-    columns: Mapping[FrfColumn, int],
+    layout: Layout,
     values: Callable[[Table, int], Floats],
     possible: tuple[float, float] = (RESPONSE.least, RESPONSE.largest),
 ) -> FrfTable:
-    """Return the curves in some columns of a table, all under one excitation.
+    """Return the curves in a table, all under one excitation.
 
     Args:
-        at, columns: see `frf_table`.
         values: (r,) of the table's column at a position, in SI units.
         possible: smallest and largest amplitude that a building can have.
 
     Raises:
         MeasurementError: see `frf_table`.
     """
-    file = table.file
-    frequency = table.values[:, at] * si_factor(file, table.units[at] or "Hz", "frequency")
+    table, frequency = layout.table, layout.frequency_hz
     _check_frequencies(table, frequency)
-    floors = tuple(sorted({column.floor for column in columns}, key=floor_height))
+    floors = tuple(sorted({column.floor for column in layout.frfs}, key=floor_height))
     if not floors:
-        raise file.error(f"there is no column of a floor; columns are {FRF_COLUMNS}")
-    at_floor = {(column.floor, column.part): i for column, i in columns.items()}
-    curves = [_curve(table, floor, at_floor, values, possible) for floor in floors]
-    log_sd = np.array([_log_sd(table, floor, at_floor) for floor in floors])
+        raise table.file.error(f"there is no column of a floor; columns are {FRF_COLUMNS}")
+    columns = {column.name: i for column, i in layout.frfs.items()}
+    curves = [_curve(table, floor, columns, values, possible) for floor in floors]
+    log_sd = np.array([_log_sd(table, columns.get(f"{floor}_sd")) for floor in floors])
     whole = all(np.iscomplexobj(curve) for curve in curves)
     return FrfTable(
         frequency_hz=frequency,
@@ -102,7 +81,7 @@ def curves_of(
         magnitude=np.abs(np.array(curves)),
         complex_frf=np.array(curves) if whole else None,
         log_sd=None if np.isnan(log_sd).all() else log_sd,
-        source=file.path.name,
+        source=table.file.path.name,
     )
 
 
@@ -124,28 +103,19 @@ def _check_frequencies(table: Table, frequency: Floats) -> None:
 def _curve(
     table: Table,
     floor: str,
-    columns: Mapping[tuple[str, str], int],
+    columns: Mapping[str, int],
     values: Callable[[Table, int], Floats],
     possible: tuple[float, float],
 ) -> NDArray[np.inexact]:
     """Return |H| or H of a floor, (m,), whichever the table has."""
-    magnitude, real, imaginary = (columns.get((floor, part)) for part in ("abs", "re", "im"))
-    if magnitude is not None and real is None and imaginary is None:
-        size = values(table, magnitude)
-        _require_possible(table, magnitude, size, "|H|", possible)
-        return size
-    if magnitude is None and real is not None and imaginary is not None:
-        curve = values(table, real) + 1j * values(table, imaginary)
-        _require_possible(table, real, np.abs(curve), "|H|", possible)
-        return curve
-    raise table.file.error(
-        f"floor {floor} must have either the column {floor} (|H|) or both {floor}_re and"
-        f" {floor}_im; complete the one or remove the other"
-    )
+    at, imaginary = whole_or_parts(table.file, floor, columns, f"|H| of floor {floor}")
+    real = values(table, at)
+    curve = real if imaginary is None else real + 1j * values(table, imaginary)
+    _require_possible(table, at, real if imaginary is None else np.abs(curve), "|H|", possible)
+    return curve
 
 
-def _log_sd(table: Table, floor: str, columns: Mapping[tuple[str, str], int]) -> Floats:
-    position = columns.get((floor, "sd"))
+def _log_sd(table: Table, position: int | None) -> Floats:
     if position is None:
         return np.full(table.values.shape[0], np.nan)
     values = _ratio(table, position)

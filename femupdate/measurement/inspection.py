@@ -7,33 +7,31 @@ from pathlib import Path
 
 import numpy as np
 
-from femupdate.arrays import Floats
 from femupdate.measurement.base_rotation import (
     fault_of,
     is_vertical_channel,
     said_of_rotation,
     vertical_pair,
 )
-from femupdate.measurement.channel import RecordedChannel, acceleration_unit, azimuth_of
+from femupdate.measurement.channel import RecordedChannel, azimuth_of, in_m_s2
 from femupdate.measurement.channel_checks import channel_findings
 from femupdate.measurement.columns import BASE, FREQUENCY, Channel, parse_channel, parse_frf_column
 from femupdate.measurement.function_table import (
     SOMEWHERE,
     response_functions,
-    under_force,
     unnamed_functions,
 )
 from femupdate.measurement.kinds import base_motion_in
 from femupdate.measurement.mode_table import modes_in_table
 from femupdate.measurement.modes import mode_findings
 from femupdate.measurement.next_step import NextStep, columns_option, next_step
-from femupdate.measurement.observation_file import layout_of, motions_in, with_usual_axis
+from femupdate.measurement.observation_file import motions_in
 from femupdate.measurement.pair_checks import pair_findings
 from femupdate.measurement.proposal import proposed_floors
 from femupdate.measurement.quantity import is_acceleration, si_factor
 from femupdate.measurement.recording import RecordedFunction, RecordedMode, Recording
 from femupdate.measurement.registry import read_measured, readers
-from femupdate.measurement.static_test import is_static
+from femupdate.measurement.resolve import axes_of, is_static, layout_of
 
 _FRFS = (
     "Put in which response function, by its number, is which floor's: 2F/RF for 2F under a force at"
@@ -151,7 +149,7 @@ class Inspection:
             "channel": len(self.channels),
             "function of frequency": len(self.functions),
             "mode": len(self.modes),
-            "load case": len(table.values) if table is not None and is_static(table) else 0,
+            "load case": len(table.values) if table and is_static(table) else 0,
             "measuring point": len(self.recording.points),
         }
         said = [_counted(number, what) for what, number in counts.items() if number]
@@ -241,8 +239,8 @@ def inspect_file(
     functions = (*recording.functions, *_functions_of_table(recording, unit, columns))
     table = recording.mode_table
     modes = recording.modes if table is None else modes_in_table(table, columns or {}, named=False)
-    static = recording.table is not None and is_static(recording.table)
-    other = static or bool(functions and recording.table is not None) or table is not None
+    tabled = bool(functions) and recording.table is not None
+    other = tabled or is_static(recording.table) or table is not None
     histories = () if other else recording.histories()
     floors = proposed_floors(histories)
     placed = _placed([parse_channel(each.name) for each in histories])
@@ -279,16 +277,17 @@ def _as_mapped(
 
     Last come the vertical ones of the base whose places are known, by their index.
     """
-    given = motions_in(recording, columns)
-    at = {(one.name, one.direction): ours for ours, one in given.items()}
-    own = {(one.name, one.direction): one for one in given.values()}
-    keys = [(one.name, one.direction) for one in histories]
+    given = {
+        (one.name, one.direction): (ours, one)
+        for ours, one in motions_in(recording, columns).items()
+    }
+    told = [given.get((one.name, one.direction), (None, one)) for one in histories]
     channels = tuple(
-        replace(own[key], direction=at[key].direction.upper()) if key in own else one
-        for key, one in zip(keys, histories, strict=True)
+        one if ours is None else replace(one, direction=ours.direction.upper())
+        for ours, one in told
     )
-    floors = tuple(at[key].floor if key in at else None for key in keys)
-    return channels, floors, _placed([at.get(key) for key in keys])
+    floors = tuple(None if ours is None else ours.floor for ours, _ in told)
+    return channels, floors, _placed([ours for ours, _ in told])
 
 
 def _placed(channels: Sequence[Channel | None]) -> dict[int, Channel]:
@@ -321,13 +320,9 @@ def _rotation(
     if fault is not None:
         return (fault,)
 
-    def rows(channels: Sequence[RecordedChannel]) -> Floats:
-        units = (acceleration_unit(recording.file, one, unit) for one in channels)
-        factors = (si_factor(recording.file, one, "acceleration") for one in units)
-        return np.array([f * one.values for f, one in zip(factors, channels, strict=True)])
-
-    vertical = rows([histories[k] for k in placed])
-    return said_of_rotation(tuple(placed.values()), vertical, rows([base])[0])
+    vertical = np.array([in_m_s2(recording.file, histories[k], unit) for k in placed])
+    moved = in_m_s2(recording.file, base, unit)
+    return said_of_rotation(tuple(placed.values()), vertical, moved)
 
 
 def _functions_of_table(
@@ -335,18 +330,17 @@ def _functions_of_table(
 ) -> tuple[RecordedFunction, ...]:
     """Functions in a table with a column of frequencies; none of any other file."""
     own = recording.table
-    names = with_usual_axis(own.names) if own is not None and own.names else ()
-    axis = next((k for k, name in enumerate(names) if name.lower() == FREQUENCY), None)
+    names = (own.names if own is not None else None) or ("",)
+    axis = next((k for k, kind in axes_of(names).items() if kind == FREQUENCY), None)
     if own is None or axis is None:
         return ()
-    if not columns and any(
-        parse_frf_column(name) is None for k, name in enumerate(names) if k != axis
-    ):
+    others = (name for k, name in enumerate(names) if k != axis)
+    if not columns and not all(map(parse_frf_column, others)):
         return unnamed_functions(own, axis)
     layout = layout_of(own, columns)
-    if not under_force(own, layout):
+    if not layout.under_force:
         base_motion_in(recording, unit, columns)  # refuses what cannot be
-    return response_functions(own, layout)
+    return response_functions(layout)
 
 
 def _inspected(
@@ -373,8 +367,7 @@ def _step(
         names = None if recording.table is None else recording.table.names or ()
         return next_step(path, histories, names, unit, columns)
     calibrate = f"femupdate calibrate {shlex.quote(str(path))}"
-    static = recording.table is not None and is_static(recording.table)
-    if static:
+    if is_static(recording.table):
         return NextStep(calibrate)
     if modes:
         return _mode_step(calibrate, modes, columns)

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from femupdate.measurement.columns import FrfColumn
 from femupdate.measurement.force_frf import ForceTest, force_test
 from femupdate.measurement.frf_table import FrfTable, frf_table
 from femupdate.measurement.function_table import table_of_functions
@@ -12,16 +11,13 @@ from femupdate.measurement.modes import IdentifiedModes, identified_modes
 from femupdate.measurement.observation_file import (
     ForceHistories,
     Histories,
-    Layout,
-    histories_in,
-    histories_in_table,
-    layout_of,
+    histories_of,
 )
 from femupdate.measurement.quantity import force_unit
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.registry import read_measured
-from femupdate.measurement.static_test import StaticTest, is_static, static_test
-from femupdate.measurement.table import Table
+from femupdate.measurement.resolve import is_static, layout_of, placed_channels
+from femupdate.measurement.static_test import StaticTest, static_test
 
 AnyKind = Histories | ForceHistories | FrfTable | ForceTest | StaticTest | IdentifiedModes
 
@@ -97,42 +93,17 @@ def kind_in(recording: Recording, how: Reading) -> AnyKind:
     """What `read_any_kind` reads, in a file that was opened."""
     if recording.modes or recording.mode_table is not None:
         return identified_modes(recording, how.columns, how.direction)
-    table, columns = recording.table, how.columns
+    file, table, columns = recording.file, recording.table, how.columns
     if table is None and recording.functions and not recording.channels:
         table, columns = table_of_functions(recording, columns or {}), None
     if table is None:
-        return histories_in(recording, how.unit, columns)
+        return histories_of(file, placed_channels(recording, columns, how.unit), how.unit)
     if is_static(table):
         return static_test(table)
     layout = layout_of(table, columns)
     if layout.of_histories:
-        return histories_in_table(table, layout, how.unit)
-    if not _forced(layout, how):
-        return frf_table(table, layout.at, layout.frfs)
-    _check_force(table, layout.frfs, how.force)
-    return force_test(table, layout.at, layout.frfs, how.force or "", how.unit)
-
-
-def _forced(layout: Layout, how: Reading) -> bool:
-    """Whether a table of response functions holds those to a force."""
-    if not layout.frfs:
-        return False
-    told = how.force is not None or any(column.force for column in layout.frfs)
-    return told or (how.unit is not None and force_unit(how.unit) is not None)
-
-
-def _check_force(table: Table, columns: Mapping[FrfColumn, int], force: str | None) -> None:
-    """Refuse columns of which nobody says where the force acts, or two say different floors."""
-    silent = next((i for column, i in columns.items() if not column.force), None)
-    if silent is not None and force is None:
-        raise table.file.error(
-            "the floor at which the force acts is not said; name it by the force option, or by"
-            " the column's name, such as 2F/RF for 2F under a force at RF",
-            column=table.title(silent),
-        )
-    other = next((i for column, i in columns.items() if column.force not in ("", force)), None)
-    if other is not None and force is not None:
-        raise table.file.error(
-            f"the column says another floor than the force option, {force}; leave the option out",
-            column=table.title(other),
-        )
+        return histories_of(file, layout.channels(), how.unit)
+    told = how.force or any(column.force for column in layout.frfs)
+    if layout.frfs and (told or force_unit(how.unit or "")):
+        return force_test(layout, how.force, how.unit)
+    return frf_table(layout)

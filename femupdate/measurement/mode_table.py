@@ -10,6 +10,7 @@ from femupdate.arrays import Floats
 from femupdate.measurement.columns import FREQUENCY, parse_channel
 from femupdate.measurement.quantity import si_factor
 from femupdate.measurement.recording import RecordedMode
+from femupdate.measurement.resolve import renamed_columns, whole_or_parts
 from femupdate.measurement.table import Table
 from femupdate.measurement.text import closest
 
@@ -20,8 +21,8 @@ MODE_COLUMNS = (
 )
 _NAMED = (MODE, FREQUENCY, FREQUENCY_SD, DAMPING, DAMPING_SD)
 _DEVIATION = r"(std|sd|standarddeviation)"
-_FREQUENCY = r"(f|fn|freq|(natural|modal)?frequency)"
-_DAMPING = r"(xi|zeta|ξ|ζ|(modal)?damping(ratio)?)"
+_FREQUENCY = r"(f|fn|fid|(natural|modal)?freq(uency|uencies|s)?)"
+_DAMPING = r"(xi|zeta|ξ|ζ|(modal)?damp(ing)?(ratios?)?)"
 # Titles without blanks, points and underscores.
 _TITLES = {
     MODE: r"mode(no|nr|number|name)?",
@@ -81,19 +82,12 @@ def modes_in_table(
 
 def _columns(table: Table, columns: Mapping[str, str], named: bool) -> dict[str, Floats]:
     """Values (r,) of every column that is used, by our name, in SI units."""
-    names, theirs = table.names or (), {v: k for k, v in columns.items()}
-    missing = [name for name in theirs if name not in names]
-    if missing:
-        raise table.file.error(
-            f"there is no column {missing[0]!r} to take for"
-            f" {theirs[missing[0]]}{closest(missing[0], names)}; the file has {', '.join(names)}"
-        )
+    renamed = renamed_columns(table, columns)
     found: dict[str, Floats] = {}
-    for position, title in enumerate(names):
-        name = theirs.get(title, title)
-        known = _known_name(name)
+    for position, title in enumerate(table.names or ()):
+        known = _known_name(renamed.get(position, title))
         beside = _BESIDE.fullmatch(title) is not None
-        if known is None and title not in theirs and (columns or beside):
+        if known is None and position not in renamed and (columns or beside):
             continue
         if known is None and not named:
             known = title
@@ -153,17 +147,9 @@ def _shapes(
     rows = len(table.values)
     shape, sd = np.zeros((rows, len(sensors)), dtype=complex), np.full((rows, len(sensors)), np.nan)
     for k, sensor in enumerate(sensors):
-        real, imaginary = own.get(f"{sensor}_re"), own.get(f"{sensor}_im")
-        whole = own.get(sensor)
-        if whole is not None and real is None and imaginary is None:
-            shape[:, k] = whole
-        elif whole is None and real is not None and imaginary is not None:
-            shape[:, k] = real + 1j * imaginary
-        else:
-            raise table.file.error(
-                f"the shape at {sensor} must have either the column {sensor} or both {sensor}_re"
-                f" and {sensor}_im; complete the one or remove the other"
-            )
+        what = f"the shape at {sensor}"
+        real, imaginary = whole_or_parts(table.file, sensor, own, what)
+        shape[:, k] = real if imaginary is None else real + 1j * imaginary
         sd[:, k] = own.get(f"{sensor}_sd", sd[:, k])
     real_only = not any(f"{sensor}_im" in own for sensor in sensors)
     return sensors, shape.real if real_only else shape, sd

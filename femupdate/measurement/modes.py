@@ -14,7 +14,8 @@ from femupdate.arrays import Floats
 from femupdate.measurement.columns import BASE, floor_height, parse_channel
 from femupdate.measurement.mode_table import modes_in_table
 from femupdate.measurement.recording import RecordedMode, Recording
-from femupdate.measurement.text import TextFile, closest
+from femupdate.measurement.resolve import positions
+from femupdate.measurement.text import TextFile
 from femupdate.measurement.thresholds import RECORDED_MODE
 
 _SHOWN = 12
@@ -132,10 +133,15 @@ def _floors_of(
 ) -> dict[str, str]:
     """Floor of each sensor that is used, by the file's name of the sensor."""
     sensors = list(dict.fromkeys(name for mode in modes for name in mode.sensors))
-    given = dict.fromkeys(sensors, "") if not columns else _mapped(file, sensors, columns)
+    given = {name: name for name in sensors}
+    if columns:
+        chosen = positions(file, "component", sensors, columns)
+        given = {sensors[k]: ours for ours, k in chosen.items()}
     found: dict[str, str] = {}
     for sensor, ours in given.items():
-        channel = parse_channel(ours or sensor)
+        channel = parse_channel(ours)
+        if channel is None and columns:
+            raise file.error(f"unknown floor {ours!r}; floors are 2F, 3F, ..., RF")
         if channel is not None and channel.direction == direction and channel.floor != BASE:
             found[sensor] = channel.floor
     if sensors and not found:
@@ -144,22 +150,6 @@ def _floors_of(
             f"none of the shapes' components is a floor's in direction {direction}; say which are,"
             f" by the columns option, such as 2F=NAME,RF=NAME, among {shown}"
         )
-    return found
-
-
-def _mapped(file: TextFile, sensors: Sequence[str], columns: Mapping[str, str]) -> dict[str, str]:
-    """Our name by the file's name of a sensor."""
-    found: dict[str, str] = {}
-    for ours, theirs in columns.items():
-        if theirs not in sensors:
-            shown = ", ".join(sensors[:_SHOWN])
-            raise file.error(
-                f"there is no component {theirs!r} to take for {ours}{closest(theirs, sensors)};"
-                f" the shapes have {shown}"
-            )
-        if parse_channel(ours) is None:
-            raise file.error(f"unknown floor {ours!r}; floors are 2F, 3F, ..., RF")
-        found[theirs] = ours
     return found
 
 

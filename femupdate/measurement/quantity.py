@@ -152,31 +152,6 @@ def si_factor(file: TextFile, unit: str, kind: str) -> float:
         raise file.error(str(error)) from None
 
 
-def agreed_unit(file: TextFile, stated: str | None, asked: str | None, column: str) -> str:
-    """Return the acceleration unit of a column, stated in the file or asked for by the user.
-
-    Raises:
-        MeasurementError: neither says, or they contradict each other.
-    """
-    if stated is None and asked is None:
-        known = ", ".join(UNITS["acceleration"])
-        raise file.error(
-            "the file does not say its unit; give it by the unit option or in the second header"
-            f" row (one of {known})",
-            column=column,
-        )
-    if stated is None or asked is None:
-        return stated or asked or ""
-    inside = si_factor(file, stated, "acceleration")
-    if inside != si_factor(file, asked, "acceleration"):
-        raise file.error(
-            f"the file says {plain_unit(stated)} but the unit option says {asked}; leave the"
-            " option out, or correct the file if it is wrong",
-            column=column,
-        )
-    return stated
-
-
 def _known(name: str, kind: str) -> bool:
     try:
         _factor(name, kind)

@@ -16,11 +16,12 @@ from femupdate.measurement.channel import (
     RecordedChannel,
     acceleration_unit,
     channel_listing,
-    chosen_channel,
+    in_m_s2,
 )
 from femupdate.measurement.columns import BASE, Channel, parse_channel
-from femupdate.measurement.quantity import plain_unit, si_factor
+from femupdate.measurement.quantity import plain_unit
 from femupdate.measurement.registry import read_measured
+from femupdate.measurement.resolve import given_channels, positions
 from femupdate.measurement.sampling import check_step
 from femupdate.measurement.text import TextFile
 from femupdate.measurement.thresholds import RECORD
@@ -174,17 +175,19 @@ def read_record(
     """
     recording = read_measured(path)
     file, channels = recording.file, recording.histories()
+    if not channels:
+        raise file.error("there are no histories in the file; give the record of the ground")
     base = _base_channels(file, channels, columns or {}, unit)
     chosen = _choose(file, channels, channel, unit, base)
-    stated = acceleration_unit(file, chosen, unit)
     motion = GroundMotion(
-        acceleration=chosen.values * si_factor(file, stated, "acceleration"),
+        acceleration=in_m_s2(file, chosen, unit),
         time_step=chosen.time_step,
         name=file.path.stem,
         channel=chosen.name,
         rotation=_rotation(file, chosen, base, unit),
     )
-    _check_plausible(file, motion, plain_unit(stated).lower())
+    stated = plain_unit(acceleration_unit(file, chosen, unit)).lower()
+    _check_plausible(file, motion, stated)
     return motion
 
 
@@ -195,20 +198,12 @@ def _base_channels(
     unit: str | None,
 ) -> dict[Channel, RecordedChannel]:
     """Channels of the base, as the user or their own names say."""
-    found: dict[Channel, RecordedChannel] = {}
-    for each in channels:
-        own = parse_channel(each.name)
-        if own is not None and own.floor == BASE:
-            found[own] = each
-    for ours, theirs in columns.items():
-        channel = parse_channel(ours)
-        if channel is None or channel.floor != BASE:
-            continue
-        listing = channel_listing(file, channels, unit)
-        number = theirs.removeprefix("-").strip()  # a minus turns the channel round
-        taken = chosen_channel(file, channels, number, listing)
-        found[channel] = taken if number == theirs else replace(taken, values=-taken.values)
-    return found
+    told = {ours: theirs for ours, theirs in columns.items() if ours.lower().startswith(BASE)}
+    own = {parse_channel(one.name): one for one in channels}
+    known = own | given_channels(file, channels, told, unit)
+    return {
+        ours: one for ours, one in known.items() if isinstance(ours, Channel) and ours.floor == BASE
+    }
 
 
 def _rotation(
@@ -230,11 +225,8 @@ def _rotation(
     fault = fault_of(tuple(vertical))
     if fault is not None:
         raise file.error(fault)
-    rows = [
-        one.values * si_factor(file, acceleration_unit(file, one, unit), "acceleration")
-        for one in vertical.values()
-    ]
-    return rotation_of(tuple(vertical), np.array(rows))
+    rows = np.array([in_m_s2(file, one, unit) for one in vertical.values()])
+    return rotation_of(tuple(vertical), rows)
 
 
 def _choose(
@@ -245,7 +237,9 @@ def _choose(
     base: Mapping[Channel, RecordedChannel],
 ) -> RecordedChannel:
     if asked is not None:
-        chosen = chosen_channel(file, channels, asked, channel_listing(file, channels, unit))
+        names, listing = [one.name for one in channels], channel_listing(file, channels, unit)
+        at = positions(file, "channel", names, {"the record": str(asked)}, listing)
+        chosen = channels[at["the record"]]
         return next((one for one in base.values() if one.name == chosen.name), chosen)
     if len(channels) == 1:
         return channels[0]

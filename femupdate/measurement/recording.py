@@ -10,7 +10,6 @@ from femupdate.arrays import Floats
 from femupdate.errors import MeasurementError
 from femupdate.measurement.channel import RecordedChannel
 from femupdate.measurement.columns import TIME_NAME
-from femupdate.measurement.quantity import si_factor
 from femupdate.measurement.sampling import uniform_step
 from femupdate.measurement.table import Table
 from femupdate.measurement.text import TextFile
@@ -121,19 +120,9 @@ class Recording:
             MeasurementError: a table has no column of times, fewer than three rows, or its
                 sampling is not uniform.
         """
-        return self.channels if self.table is None else _columns(self.table)
-
-
-def _columns(table: Table) -> tuple[RecordedChannel, ...]:
-    count, width = table.values.shape
-    if count < 3:
-        raise table.file.error(
-            f"{count} rows are no record; give the whole time history", int(table.lines[-1])
-        )
-    at = _time_column(table)
-    seconds = si_factor(table.file, table.units[at] or "s", "time")
-    step = uniform_step(table.file, table.values[:, at] * seconds, table.lines, table.title(at))
-    return tuple(table.channel(column, step) for column in range(width) if column != at)
+        if self.table is None:
+            return self.channels
+        return tuple(self.table.channels(_time_column(self.table)).values())
 
 
 def _time_column(table: Table) -> int:
@@ -142,8 +131,8 @@ def _time_column(table: Table) -> int:
             "there is one column only; a record needs a column of times and one of acceleration"
         )
     named = [i for i, name in enumerate(table.names or ()) if TIME_NAME.match(name)]
-    if named:
-        return named[0]
+    if named or len(table.values) < 3:  # so few rows are refused wherever their times are
+        return named[0] if named else 0
     # No acceleration grows by the same step from row to row: such a first column is the time.
     try:
         uniform_step(table.file, table.values[:, 0], table.lines, table.title(0))

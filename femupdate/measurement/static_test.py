@@ -45,11 +45,6 @@ class StaticTest:
     source: str
 
 
-def is_static(table: Table) -> bool:
-    """Whether a table holds load cases."""
-    return any(name.lower().startswith("load/") for name in table.names or ())
-
-
 def static_test(table: Table) -> StaticTest:
     """The deflections per load in a table of load cases, by least squares with a common offset.
 

@@ -1,11 +1,12 @@
 """Tables of numbers in text: delimiter, header row, units row, and the cell that is wrong."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from femupdate.arrays import Floats, Integers
 from femupdate.measurement.cells import (
@@ -17,7 +18,8 @@ from femupdate.measurement.cells import (
     split_complex,
 )
 from femupdate.measurement.channel import RecordedChannel
-from femupdate.measurement.quantity import FORCES, split_unit
+from femupdate.measurement.quantity import FORCES, si_factor, split_unit
+from femupdate.measurement.sampling import uniform_step
 from femupdate.measurement.text import TextFile
 
 _MOST_ABOVE, _LEAST_ROWS, _LEAST_COLUMNS = 60, 10, 2
@@ -41,19 +43,67 @@ class Table:
     values: Floats
     lines: Integers
 
+    @staticmethod
+    def of_arrays(
+        file: TextFile,
+        columns: Mapping[str, NDArray[np.number]],
+        units: Mapping[str, str | None],
+    ) -> "Table":
+        """Arrays (r,) as a table; one of complex numbers becomes two, `name_re` and `name_im`.
+
+        Args:
+            file: where they come from.
+            columns: by their names.
+            units: of those that have one.
+        """
+        parts = {
+            f"{name}{part}": (name, values)
+            for name, column in columns.items()
+            for part, values in (
+                (("_re", column.real), ("_im", column.imag))
+                if np.iscomplexobj(column)
+                else (("", column),)
+            )
+        }
+        values = np.column_stack([own.astype(np.float64) for _, own in parts.values()])
+        stated = tuple(units.get(name) or None for name, _ in parts.values())
+        return Table(file, tuple(parts), stated, values, np.arange(len(values)) + 1)
+
     def title(self, column: int) -> str:
         """Return what messages call a column."""
         return column_title(self.names, column)
 
-    def channel(self, column: int, time_step: float) -> RecordedChannel:
-        """Return a column as a history."""
-        return RecordedChannel(
-            name=self.names[column] if self.names else str(column),
-            values=self.values[:, column],
-            time_step=time_step,
-            unit=self.units[column],
-            quantity="force" if self.units[column] in FORCES else "acceleration",
-        )
+    def channels(
+        self, at: int, fewest: int = 3, what: str = "record"
+    ) -> dict[int, RecordedChannel]:
+        """The columns as histories by their positions, but for that of the times.
+
+        Args:
+            at: position of the times.
+            fewest, what: rows that there must be, and for what.
+
+        Raises:
+            MeasurementError: there are fewer rows, or the sampling is not uniform.
+        """
+        count, width = self.values.shape
+        if count < fewest:
+            raise self.file.error(
+                f"{count} rows are too short for a {what}; give at least {fewest}",
+                int(self.lines[-1]),
+            )
+        seconds = si_factor(self.file, self.units[at] or "s", "time")
+        step = uniform_step(self.file, self.values[:, at] * seconds, self.lines, self.title(at))
+        return {
+            column: RecordedChannel(
+                name=self.names[column] if self.names else str(column),
+                values=self.values[:, column],
+                time_step=step,
+                unit=self.units[column],
+                quantity="force" if self.units[column] in FORCES else "acceleration",
+            )
+            for column in range(width)
+            if column != at
+        }
 
 
 def column_title(names: tuple[str, ...] | None, column: int) -> str:

@@ -42,28 +42,25 @@ def posterior_of(
     """
     observation = measured.as_observation
     shape = len(sampled.runs), len(sampled.runs[0].theta)
-    values = sampled.parameters.split(torch.cat([run.theta for run in sampled.runs]))
-    theta = _numpy(torch.cat([values.theta, values.sizes], dim=1))
+    values = _numpy(torch.cat([run.theta for run in sampled.runs]))
     damping, erring = spawn(seed, 2)
-    if not model.damping.free:
-        zeta = None
-    elif len(values.zeta):
-        zeta = _numpy(values.zeta)
-    elif latent is None:
-        zeta = draw_zeta(model, sampled.likelihood, theta, damping)
-    else:
-        zeta = latent_zeta(latent, model.damping, len(theta), damping)
+    if not sampled.parameters.of("damping").entries:
+        if not model.damping.free:
+            zeta = np.full(len(values), model.damping.lower)
+        elif latent is None:
+            zeta = draw_zeta(model, sampled.likelihood, values, damping)
+        else:
+            zeta = latent_zeta(latent, model.damping, len(values), damping)
+        values = np.column_stack([values, zeta])
+    values = values.reshape(*shape, -1)
     return Posterior(
-        names=model.prior.names,
-        theta=theta.reshape(*shape, -1),
-        zeta=None if zeta is None else zeta.reshape(shape),
+        parameters=model.parameters,
+        values=values,
         log_likelihood=np.stack([_numpy(run.log_likelihood) for run in sampled.runs]),
-        lower=model.prior.lower.numpy(),
-        upper=model.prior.upper.numpy(),
         drawn=sampled.drawn,
         observation=observation,
         settings=plain_settings(settings),
-        model_error=_errors(model, measured, sampled, (theta, zeta, shape), erring),
+        model_error=_errors(model, measured, sampled, values, erring),
     )
 
 
@@ -74,28 +71,31 @@ def with_error_of_all(posterior: Posterior, model: StudyModel, seed: Seed) -> Po
     """
     if model.shared is None:
         return posterior
-    count = model.system.factors
-    alike = np.random.default_rng(seed).standard_normal(posterior.theta.shape[:2])
-    moved = posterior.theta.copy()
-    moved[..., :count] *= np.exp(MESH_ERROR.of_all * alike)[..., None]
-    return replace(posterior, theta=np.clip(moved, posterior.lower, posterior.upper))
+    alike = np.random.default_rng(seed).standard_normal(posterior.values.shape[:2])
+    moved = posterior.values.copy()
+    columns = posterior.parameters.columns("stiffness")
+    moved[..., columns] *= np.exp(MESH_ERROR.of_all * alike)[..., None]
+    return _inside(posterior, moved)
+
+
+def _inside(posterior: Posterior, values: Floats) -> Posterior:
+    """The same with other draws, within the bounds."""
+    known = posterior.parameters
+    return replace(posterior, values=np.clip(values, known.lower.numpy(), known.upper.numpy()))
 
 
 def _errors(
     model: StudyModel,
     measured: Measured,
     sampled: Sampled,
-    draws: tuple[Floats, Floats | None, tuple[int, int]],
+    values: Floats,
     seed: Seed,
 ) -> ErrorDraws | None:
-    """The error of the model at the draws theta (n, p) and zeta (n,), by runs."""
+    """The error of the model at draws (chains, draws, p)."""
     likelihood = sampled.likelihood
     if likelihood.base is None or not likelihood.error.parts[0].learns:
         return None
-    theta, zeta, shape = draws
-    ratio = np.full(len(theta), model.building.damping.ratio) if zeta is None else zeta
-    both = torch.from_numpy(np.column_stack([theta, ratio]))
-    return draw_errors(likelihood, both.unflatten(0, shape), measured.reference, seed)
+    return draw_errors(likelihood, torch.from_numpy(values), measured.reference, seed)
 
 
 def with_own_errors(posterior: Posterior, model: StudyModel, seed: Seed) -> Posterior:
@@ -106,12 +106,12 @@ def with_own_errors(posterior: Posterior, model: StudyModel, seed: Seed) -> Post
     own = own_errors(model.system.placed, error_of_sizes(model.building)).numpy()
     if not own.any():
         return posterior
-    rng, count = np.random.default_rng(seed), model.system.factors
-    neutral = np.array([one.neutral for one in model.prior.of("effect").entries])
-    moved = posterior.theta.copy()
-    off = 1.0 + own * rng.standard_normal((*moved.shape[:2], len(own)))
-    moved[..., count:] = neutral + (moved[..., count:] - neutral) * off
-    return replace(posterior, theta=np.clip(moved, posterior.lower, posterior.upper))
+    effects, columns = posterior.parameters.of("effect"), posterior.parameters.columns("effect")
+    neutral = np.array([one.neutral for one in effects.entries])
+    moved = posterior.values.copy()
+    off = 1.0 + own * np.random.default_rng(seed).standard_normal((*moved.shape[:2], len(own)))
+    moved[..., columns] = neutral + (moved[..., columns] - neutral) * off
+    return _inside(posterior, moved)
 
 
 def draw_zeta(model: StudyModel, likelihood: Likelihood, theta: Floats, seed: Seed) -> Floats:
@@ -155,10 +155,8 @@ def predictive_log_frf(
 
     Of a base that was measured to turn, with what goes with its translation.
     """
-    draws, zeta = posterior.thinned(count, seed)
-    ratio = zeta if zeta is not None else np.full(len(draws), model.building.damping.ratio)
-    theta, sizes = system.split(torch.from_numpy(np.ascontiguousarray(draws)))
-    known = theta, torch.from_numpy(ratio), sizes, model.frequency_hz
+    drawn = posterior.parameters.split(posterior.thinned(count, seed))
+    known = drawn.theta, drawn.zeta, drawn.sizes, model.frequency_hz
     frf = system.frf(*known)
     rotation = posterior.observation.rotation
     if rotation is not None:
@@ -191,7 +189,7 @@ def against_data(
 ) -> Fitting:
     """Some posterior draws against the data."""
     drawing, choosing = spawn(seed, 2)
-    drawn, likelihood = _some_draws(model, posterior, drawing), sampled.likelihood
+    drawn, likelihood = posterior.thinned(CALIBRATION.checked, drawing), sampled.likelihood
     allowed = likelihood.with_least_noise(sampled.least_noise)
     names, squares, counts = zip(*allowed.checked(drawn, choosing), strict=True)
     points = torch.stack(counts, dim=1).numpy()
@@ -205,7 +203,7 @@ def against_modes(
     model: StudyModel, measured: Measured, posterior: Posterior, seed: Seed
 ) -> tuple[str, ...]:
     """Every identified mode beside the posterior's, in a sentence."""
-    drawn = model.parameters.split(_some_draws(model, posterior, seed))
+    drawn = posterior.parameters.split(posterior.thinned(CALIBRATION.checked, seed))
     told = []
     for modes, data in zip(measured.modes, data_of_modes(model, measured), strict=True):
         found = data.paired(data.predicted(model.system, drawn.theta, drawn.zeta, drawn.sizes))
@@ -220,13 +218,6 @@ def against_modes(
                 f" {own.mean():.4g} ± {own.std():.2g} Hz{shape}."
             )
     return tuple(told)
-
-
-def _some_draws(model: StudyModel, posterior: Posterior, seed: Seed) -> Tensor:
-    """At most a hundred draws (n, p), the damping ratio last."""
-    theta, zeta = posterior.thinned(CALIBRATION.checked, seed)
-    ratio = zeta if zeta is not None else np.full(len(theta), model.building.damping.ratio)
-    return torch.from_numpy(np.column_stack([theta, ratio]))
 
 
 def _numpy(tensor: Tensor) -> Floats:

@@ -215,10 +215,9 @@ def _exceeds(check: PredictiveCheck) -> bool:
 
 def _at_limits(posterior: Posterior) -> list[str]:
     """Factors that press against the limits of their prior."""
-    width = posterior.upper - posterior.lower
-    draws = posterior.samples
+    width, draws = np.ptp(posterior.bounds, axis=1), posterior.samples
     told = []
-    for end, values in (("lower", posterior.lower), ("upper", posterior.upper)):
+    for end, values in zip(("lower", "upper"), posterior.bounds.T, strict=True):
         near = (np.abs(draws - values) < CALIBRATION.near * width).mean(axis=0)
         named = [
             f"{name} ({limit:.3g})"

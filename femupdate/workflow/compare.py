@@ -1,6 +1,6 @@
 """compare: which stories changed between two posteriors, as before and after an event."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -62,7 +62,8 @@ class CompareReport:
     @cached_property
     def draws(self) -> tuple[Floats, Floats]:
         """(n, p) and (m, p) factors of both states."""
-        return _draws(self.before, self.names), _draws(self.after, self.names)
+        before, after = (one.posterior.of("stiffness") for one in (self.before, self.after))
+        return before.samples, after.samples
 
     @property
     def titles(self) -> tuple[str, ...]:
@@ -208,31 +209,21 @@ def compare_states(before: State, after: State) -> CompareReport:
     Raises:
         InferenceError: the posteriors are of different factors, or from the same data.
     """
-    names, other = _factors(before), _factors(after)
+    one, two = (state.posterior.of("stiffness") for state in (before, after))
+    names, other = one.names, two.names
     if names != other or not names:
         raise InferenceError(
             f"{before.name} and {after.name} have other stiffness factors ({', '.join(names)}; "
             f"{', '.join(other)}); compare posteriors of one building"
         )
     _require_different(before, after)
-    logs = [np.log(_draws(state, names)) for state in (before, after)]
     return CompareReport(
         before=before,
         after=after,
         names=names,
-        changes=changes(*logs),
+        changes=changes(np.log(one.samples), np.log(two.samples)),
         notes=(*_notes(before, after), *_widths(before, after)),
     )
-
-
-def _factors(state: State) -> tuple[str, ...]:
-    """Names of the stiffness factors, without sizes of effects, which are labelled EFFECT@PLACE."""
-    return tuple(name for name in state.posterior.names if "@" not in name)
-
-
-def _draws(state: State, names: Sequence[str]) -> Floats:
-    columns = [state.posterior.names.index(name) for name in names]
-    return state.posterior.samples[:, columns]
 
 
 def _require_different(before: State, after: State) -> None:

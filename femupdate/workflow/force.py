@@ -113,8 +113,7 @@ def _away(model: StudyModel, data: FrfData) -> Tensor:
     """(n, f, k) measured less predicted ln|H| at draws of the prior; NaN where not valid."""
     generator = torch.Generator().manual_seed(0)
     draws = model.parameters.split(model.parameters.sample(UNITS.probes, generator))
-    both = torch.cat([draws.theta, draws.sizes], dim=1)
-    predicted = log_responses(data, model.system, both, draws.zeta)
+    predicted = log_responses(data, model.system, draws.of_structure, draws.zeta)
     return torch.where(data.valid, data.log_frf - predicted, torch.nan)
 
 

@@ -167,8 +167,8 @@ def posterior_modes(
             where no FRF was measured.
         wanted: numbers of modes; those that the reduced model does not have are left out.
     """
-    # Behind the factors stand parameters of effects, which these shapes do not show.
-    theta = posterior.thinned(samples, seed)[0][:, : model.reduced.parameters]
+    # These shapes do not show parameters of effects.
+    theta = posterior.parameters.split(posterior.thinned(samples, seed)).theta.numpy()
     # The reference is the draw nearest to the mean: the mean itself can lie between modes.
     centre = ((theta - theta.mean(axis=0)) / theta.std(axis=0)) ** 2
     nearest = int(centre.sum(axis=1).argmin())
@@ -203,8 +203,7 @@ def _influence(model: StudyModel, posterior: Posterior, at: ReducedModes) -> Flo
     if not seen.valid.any():
         return None
     vectors, own = at.vectors[0], at.frequency_hz[0][:, None]
-    zeta = posterior.zeta_samples
-    ratio = model.building.damping.ratio if zeta is None else float(zeta.mean())
+    ratio = float(posterior.zeta.mean())
     gain = (model.reduced.floor_shapes @ vectors) * (model.reduced.excitation @ vectors)
     f = seen.frequency_hz
     terms = f**2 / (own**2 - f**2 + 2j * ratio * own * f)

@@ -93,7 +93,7 @@ def _fields(page: PageStudy, structure: Structure, full: Geometry) -> list[Eleme
     posterior = page.posterior
     if posterior is None:
         return []
-    draws = posterior.samples[:, : page.model.reduced.parameters]
+    draws = posterior.of("stiffness").samples
     faces, lines = _groups(structure.mesh, full, draws.shape[1])
     mean, spread = draws.mean(axis=0), 100.0 * draws.std(axis=0) / draws.mean(axis=0)
     named = (("stiffness factor", "", mean, "factor"), ("its spread", "%", spread, "spread"))

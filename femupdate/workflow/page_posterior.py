@@ -165,8 +165,8 @@ def posterior_section(page: PageStudy) -> Section:
 def _table(page: PageStudy, posterior: Posterior) -> Table:
     rows = [
         (page.titles[name], name, *figures(draws), f"{low:.3g} to {high:.3g}")
-        for name, draws, low, high in zip(
-            posterior.names, posterior.samples.T, posterior.lower, posterior.upper, strict=True
+        for name, draws, (low, high) in zip(
+            posterior.names, posterior.samples.T, posterior.bounds, strict=True
         )
     ]
     zeta = posterior.zeta_samples
@@ -182,12 +182,11 @@ def _table(page: PageStudy, posterior: Posterior) -> Table:
 
 def _intervals(page: PageStudy, posterior: Posterior) -> Chart:
     """Factors alone, and over their prior ranges, on which intervals may be too short to see."""
-    factors = [k for k, name in enumerate(posterior.names) if "@" not in name]
-    draws = posterior.samples[:, factors]
-    rows = [page.titles[posterior.names[k]] for k in factors]
-    own = Interval.of(draws)
+    factors = posterior.of("stiffness")
+    rows = [page.titles[name] for name in factors.names]
+    own = Interval.of(factors.samples)
     across = "stiffness over that in the building file"
-    prior = (posterior.lower[factors], posterior.upper[factors])
+    prior = (factors.bounds[:, 0], factors.bounds[:, 1])
     return Chart(
         name="stiffness_factors",
         caption="Stiffness factors",
@@ -195,7 +194,7 @@ def _intervals(page: PageStudy, posterior: Posterior) -> Chart:
             ("posterior", interval_figure(rows, [own], across)),
             ("with the prior range", interval_figure(rows, [own], across, prior)),
         ),
-        height=120 + 42 * len(factors),
+        height=120 + 42 * len(rows),
     )
 
 
@@ -209,7 +208,7 @@ def _relations(page: PageStudy, posterior: Posterior) -> tuple[Chart, ...]:
     panels = [("correlation", correlation_figure(names, matrix))]
     note = ""
     if len(names) <= _MOST_PAIRS:
-        draws = posterior.thinned(_PAIR_DRAWS, 0)[0]
+        draws = posterior.samples[posterior.rows(_PAIR_DRAWS, 0)]
         panels.append(("draws", pairs_figure(names, draws)))
         note = f"{len(draws)} of {len(posterior.samples)} draws are shown."
     return (

@@ -37,15 +37,15 @@ def _stiffness(page: PageStudy) -> tuple[str, ...]:
     posterior = page.posterior
     if posterior is None:
         return ()
-    factors = [k for k, name in enumerate(posterior.names) if "@" not in name]
-    draws = posterior.samples[:, factors]
+    factors = posterior.of("stiffness")
+    draws = factors.samples
     mean = draws.mean(axis=0)
     softest, stiffest = int(mean.argmin()), int(mean.argmax())
     spread = 100.0 * (draws.std(axis=0) / mean)
     lead = f"{posterior.observation.source}, floors {', '.join(posterior.observation.floors)}"
-    if len(factors) == 1:
+    if len(factors.names) == 1:
         return (f"Measured {lead}: the stiffness is {_text(draws[:, 0])} times the file's.",)
-    titles = [page.titles[posterior.names[k]] for k in factors]
+    titles = [page.titles[name] for name in factors.names]
     return (
         f"Calibrated to {lead}. Of the stiffness in the building file, {titles[softest]} has "
         f"least, {_text(draws[:, softest])} times, and {titles[stiffest]} most, "
@@ -58,11 +58,12 @@ def _stiffness(page: PageStudy) -> tuple[str, ...]:
 def _effects(page: PageStudy) -> tuple[str, ...]:
     """The effects that the building lists, each with its size."""
     posterior = page.posterior
-    names = () if posterior is None else posterior.names
+    if posterior is None:
+        return ()
+    effects = posterior.of("effect")
     found = [
-        _of_effect(page.titles[name], name, posterior.samples[:, k])
-        for k, name in enumerate(names)
-        if posterior is not None and "@" in name
+        _of_effect(page.titles[name], name, draws)
+        for name, draws in zip(effects.names, effects.samples.T, strict=True)
     ]
     return (f"The model holds effects: {'; '.join(found)}.",) if found else ()
 

@@ -2,8 +2,6 @@
 
 from pathlib import Path
 
-import numpy as np
-
 from femupdate.building.parameters import factor_titles
 from femupdate.progress import SILENT, Progress
 from femupdate.report.figure import save_figure
@@ -24,21 +22,19 @@ def draw_posterior(
     model, posterior = report.model, report.posterior
     progress.start("Drawing", 3)
     names = [_short(name) for name in posterior.names]
-    bounds = np.column_stack([posterior.lower, posterior.upper])
     label = f"{', '.join(posterior.observation.floors)} ({posterior.drawn.likelihood} likelihood)"
     sets = [SampleSet(label, posterior.samples)]
     frf = frf_fit(fitted_curves(open_system(study, model), model, posterior))
     paths = [save_figure(frf, study.result("pictures", "frf_fit.png"))]
     progress.advance()
-    pairs = posterior_pairs(sets, names, bounds)
+    pairs = posterior_pairs(sets, names, posterior.bounds)
     paths.append(save_figure(pairs, study.result("pictures", "posterior.png")))
     progress.advance()
-    factors = [k for k, name in enumerate(posterior.names) if "@" not in name]
-    titles = factor_titles(model.building)
+    factors, titles = posterior.of("stiffness"), factor_titles(model.building)
     intervals = theta_intervals(
-        [titles[posterior.names[k]] for k in factors],
-        [SampleSet(label, posterior.samples[:, factors])],
-        bounds[factors],
+        [titles[name] for name in factors.names],
+        [SampleSet(label, factors.samples)],
+        factors.bounds,
     )
     paths.append(save_figure(intervals, study.result("pictures", "stiffness_factors.png")))
     progress.advance()
@@ -64,7 +60,7 @@ def draw_cases(study: Study, cases: dict[str, CalibrationReport], truth: tuple[f
     figure = posterior_pairs(
         [SampleSet(name, case.posterior.samples) for name, case in cases.items()],
         [_short(name) for name in first.names],
-        np.column_stack([first.lower, first.upper]),
+        first.bounds,
         truth,
     )
     return save_figure(figure, study.result("pictures", "posterior_cases.png"))
@@ -72,12 +68,10 @@ def draw_cases(study: Study, cases: dict[str, CalibrationReport], truth: tuple[f
 
 def draw_comparison(report: CompareReport, path: Path) -> Path:
     """Draw the intervals of all factors before and after."""
-    prior = report.before.posterior
-    columns = [prior.names.index(name) for name in report.names]
     figure = theta_intervals(
         report.titles,
         [SampleSet(*case) for case in zip(("Before", "After"), report.draws, strict=True)],
-        np.column_stack([prior.lower, prior.upper])[columns],
+        report.before.posterior.of("stiffness").bounds,
         title="Stiffness factors before and after",
     )
     return save_figure(figure, path)

@@ -215,7 +215,7 @@ def _as_calibrated(
     task: PredictionTask, draws: PredictionDraws
 ) -> tuple[HistorySummary, tuple[str, ...]]:
     """Bands of the parameters alone, as they were when they were measured."""
-    task.show.start("Integrating the response", len(draws.zeta))
+    task.show.start("Integrating the response", len(draws.rows))
     histories, told = _histories(task, draws)
     return summarise(histories, _EXAMPLES), told
 
@@ -224,9 +224,10 @@ def _in_another_event(task: PredictionTask, draws: PredictionDraws) -> HistorySu
     """Bands of the next measurement."""
     moving, erring = spawn(task.settings.seed, 2)
     moved = in_another_event(task, draws, moving)
-    task.show.start("Integrating the response of another event", len(draws.zeta))
+    task.show.start("Integrating the response of another event", len(draws.rows))
     histories, _ = _histories(task, moved)
-    lowest = float(task.system.modes(*task.system.split(draws.parameters[:1])).omega.min())
+    first = draws.values.theta[:1], draws.values.sizes[:1]
+    lowest = float(task.system.modes(*first).omega.min())
     errors = EventErrors(task.posterior, draws.rows, EVENT.fading * lowest / (2.0 * np.pi), erring)
     return summarise(errors.applied(histories), _EXAMPLES)
 
@@ -234,7 +235,8 @@ def _in_another_event(task: PredictionTask, draws: PredictionDraws) -> HistorySu
 def _histories(
     task: PredictionTask, draws: PredictionDraws
 ) -> tuple[Iterator[Histories], tuple[str, ...]]:
-    theta, zeta, told = at_reached_level(task, draws)
+    values, told = at_reached_level(task, draws)
+    theta, zeta = values.of_structure, values.zeta
     record = task.motion.inputs, task.motion.time_step
     if not task.system.changes_in_run or task.system.complex_modes:
         batches = history_batches(task.system, theta, zeta, *record, progress=task.show)
@@ -290,9 +292,9 @@ def _members(
     if not settings.members:
         return ()
     chosen = choose_members(model.building, settings.members)
-    count = min(settings.member_draws, len(draws.zeta))
-    few = np.linspace(0, len(draws.zeta) - 1, count).astype(int)
-    theta, zeta = draws.parameters[few], draws.zeta[few]
+    count = min(settings.member_draws, len(draws.rows))
+    few = np.linspace(0, len(draws.rows) - 1, count).astype(int)
+    theta, zeta = draws.values.of_structure[few], draws.values.zeta[few]
     show.start("Forces of members", len(theta))
     members = member_forces(
         chosen,
@@ -345,7 +347,7 @@ def _notes(
 
 def _scatter(posterior: Posterior, settings: PredictionSettings) -> str:
     """How much the building differs between events, and where that is from."""
-    scatter = chosen_scatter(posterior, settings, np.arange(posterior.theta[..., 0].size))
+    scatter = chosen_scatter(posterior, settings, np.arange(posterior.log_likelihood.size))
     sizes = (float(np.median(sd)) for sd in (scatter.stiffness, scatter.damping))
     told = "stiffness scatters by {} and damping by {}".format(*map(percent, sizes))
     if posterior.scatter is None or settings.scatter is not None:

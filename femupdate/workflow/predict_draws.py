@@ -2,13 +2,13 @@
 
 from dataclasses import dataclass, replace
 
-import numpy as np
 import torch
 
 from femupdate.arrays import Integers
 from femupdate.dynamics.system import System
 from femupdate.errors import BuildingError
 from femupdate.inference.event_scatter import DEFAULT, EventScatter
+from femupdate.inference.parameters import Values
 from femupdate.inference.posterior import Posterior
 from femupdate.measurement.record import GroundMotion
 from femupdate.progress import Progress
@@ -26,14 +26,12 @@ class PredictionDraws:
 
     Attributes:
         rows: (n,) which draws.
-        parameters: (n, p) stiffness factors and sizes of effects.
-        zeta: (n,) damping ratios.
+        values: of the parameters.
         damping: whose ratios these are, in words.
     """
 
     rows: Integers
-    parameters: torch.Tensor
-    zeta: torch.Tensor
+    values: Values
     damping: str
 
 
@@ -46,22 +44,23 @@ def prediction_draws(
         BuildingError: a ratio is asked for, but the building's law gives every mode its own.
     """
     rows = posterior.rows(settings.samples, settings.seed)
-    theta, zeta = posterior.thinned(settings.samples, settings.seed)
+    values = posterior.parameters.split(posterior.thinned(settings.samples, settings.seed))
+    ratio, zeta = model.building.damping.ratio, values.zeta
     if model.building.damping.is_rayleigh:
         if settings.damping is not None:
             raise BuildingError(
                 f"{model.building.name}: damping.law is rayleigh, which gives every mode its own "
                 "ratio; leave --damping out"
             )
-        ratio, text = np.full(len(theta), model.building.damping.ratio), LAW
+        text = LAW
     elif settings.damping is not None:
-        ratio, text = np.full(len(theta), settings.damping), f"{settings.damping:g} in all modes"
-    elif zeta is not None:
-        ratio, text = zeta, f"{plus_minus(zeta.mean(), zeta.std())}, from the posterior"
+        zeta, text = torch.full_like(zeta, settings.damping), f"{settings.damping:g} in all modes"
+    elif posterior.zeta_samples is not None:
+        drawn = zeta.numpy()
+        text = f"{plus_minus(drawn.mean(), drawn.std())}, from the posterior"
     else:
-        ratio = np.full(len(theta), model.building.damping.ratio)
-        text = f"{model.building.damping.ratio:g} in all modes, the building file's"
-    return PredictionDraws(rows, torch.from_numpy(theta), torch.from_numpy(ratio), text)
+        text = f"{ratio:g} in all modes, the building file's"
+    return PredictionDraws(rows, replace(values, zeta=zeta), text)
 
 
 @dataclass(frozen=True)
@@ -78,13 +77,13 @@ class PredictionTask:
 def in_another_event(task: PredictionTask, draws: PredictionDraws, seed: Seed) -> PredictionDraws:
     """The draws as the building may be in another event."""
     posterior, settings = task.posterior, task.settings
-    theta, sizes = task.system.split(draws.parameters)
-    box = [torch.from_numpy(end[: theta.shape[1]]) for end in (posterior.lower, posterior.upper)]
+    values, factors = draws.values, posterior.parameters.of("stiffness")
     scatter = chosen_scatter(posterior, settings, draws.rows)
     if settings.damping is not None or draws.damping == LAW:
         scatter = replace(scatter, damping=0.0, damped=0.0)
-    moved, zeta = scatter.next_event(theta, draws.zeta, (box[0], box[1]), seed)
-    return replace(draws, parameters=torch.cat([moved, sizes], dim=1), zeta=zeta)
+    box = factors.lower, factors.upper
+    moved, zeta = scatter.next_event(values.theta, values.zeta, box, seed)
+    return replace(draws, values=replace(values, theta=moved, zeta=zeta))
 
 
 def chosen_scatter(
@@ -101,21 +100,21 @@ def chosen_scatter(
 
 def at_reached_level(
     task: PredictionTask, draws: PredictionDraws
-) -> tuple[torch.Tensor, torch.Tensor, tuple[str, ...]]:
+) -> tuple[Values, tuple[str, ...]]:
     """Draws at the level of motion that they reach, and what is to be said of it."""
     from femupdate.workflow.amplitude import at_own_level, changes_with_level
 
+    values = draws.values
     if not changes_with_level(task.system.placed):
-        return draws.parameters, draws.zeta, ()
-    theta, sizes = task.system.split(draws.parameters)
-    task.show.start("Finding the level of the motion", len(theta))
+        return values, ()
+    task.show.start("Finding the level of the motion", len(values.zeta))
     found = at_own_level(
         task.system,
-        (theta.numpy(), draws.zeta.numpy(), sizes.numpy()),
+        (values.theta.numpy(), values.zeta.numpy(), values.sizes.numpy()),
         task.motion,
         task.posterior.settings,
         keep_damping=task.settings.damping is not None,
         progress=task.show,
     )
-    moved = torch.cat([torch.from_numpy(found.theta), sizes], dim=1)
-    return moved, torch.from_numpy(found.zeta), (found.note,)
+    theta, zeta = torch.from_numpy(found.theta), torch.from_numpy(found.zeta)
+    return replace(values, theta=theta, zeta=zeta), (found.note,)

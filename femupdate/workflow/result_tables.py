@@ -71,7 +71,7 @@ def _stiffness(report: CalibrationReport) -> tuple[Sheet, ...]:
     if None in known:
         return ()
     places = tuple(building.story_names)
-    factors = posterior.samples[:, : len(places)]
+    factors = posterior.of("stiffness").samples
     one = Quantity("stiffness", "kN/mm", places, 1e-6 * factors * np.array(known, dtype=float))
     return (Sheet.of("story_stiffness", TIDY, one.tidy()),)
 

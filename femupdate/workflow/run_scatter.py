@@ -38,7 +38,7 @@ def scatter_of_runs(
         return None
     both = zip(runs, levels or [0.0] * len(runs), strict=True)
     found = np.array([_moments(model, run, level, posterior) for run, level in both])
-    return learned_scatter(found[:, 0], found[:, 1], posterior.theta.shape[:2], seed)
+    return learned_scatter(found[:, 0], found[:, 1], posterior.values.shape[:2], seed)
 
 
 def _moments(model: StudyModel, run: Observation, level: float, posterior: Posterior) -> Floats:
@@ -46,25 +46,23 @@ def _moments(model: StudyModel, run: Observation, level: float, posterior: Poste
 
     Those are what the posterior has at the level of the run.
     """
-    data, ratios = base_logs(run, model.system), posterior.zeta_samples
+    data, parameters = base_logs(run, model.system), posterior.parameters
     # Errors of the model that all runs share, such as a mesh's, do not move one from another.
     error = data.error(None)
-    middle = posterior.samples.mean(axis=0)
-    theta, sizes = model.system.split(torch.from_numpy(middle[None]))
-    mean = model.building.damping.ratio if ratios is None else float(ratios.mean())
-    theta, zeta = model.system.at_level(theta, theta.new_tensor([mean]), sizes, level)
+    mean = parameters.split(torch.from_numpy(posterior.values.mean(axis=(0, 1))[None]))
+    theta, zeta = model.system.at_level(mean.theta, mean.zeta, mean.sizes, level)
 
     def judge(moved: Tensor) -> Tensor:
         own = theta * moved[:, :1].exp()
         damped = (zeta * moved[:, 1:].exp()).clamp_max(0.99)
-        known = own, damped[:, 0], sizes.expand(len(moved), -1)
+        known = own, damped[:, 0], mean.sizes.expand(len(moved), -1)
         left = missed((data,), model.system, known)
         # A row that is unlikely where least is left is so everywhere.
         best = left.square().sum(1).argsort()[: RUNS.best]
         rows = error.counting(error.log_densities(left[best]))
         return error.kept(rows).log_density(left)
 
-    return moments_on_grid(judge, ratios is not None)
+    return moments_on_grid(judge, parameters.of("damping").size > 0)
 
 
 def moments_on_grid(judge: Callable[[Tensor], Tensor], damping: bool) -> Floats:

@@ -22,9 +22,8 @@ SUMMARY = "posterior_summary.json"
 
 def identified(posterior: Posterior) -> Identifiability:
     """What the data have told about the parameters of a posterior."""
-    return identifiability(
-        posterior.samples, posterior.lower, posterior.upper, names=posterior.names
-    )
+    low, high = posterior.bounds.T
+    return identifiability(posterior.samples, low, high, names=posterior.names)
 
 
 def identifiability_record(found: Identifiability) -> dict[str, Any]:
@@ -79,8 +78,8 @@ def kept_posterior(study: Study, building: Building) -> Posterior:
     """
     posterior = load_posterior(study.require("posterior", "calibrate"))
     factors = tuple(factor_ranges(building))
-    own = posterior.names[: len(factors)] == factors
-    if not own or not set(posterior.observation.floors) <= set(building.floors):
+    own = posterior.of("stiffness").names
+    if own != factors or not set(posterior.observation.floors) <= set(building.floors):
         raise StudyError(
             f"the {study.key('posterior')} in {study.folder} is not of {building.name}: its factors"
             f" are {', '.join(posterior.names)}, measured at"

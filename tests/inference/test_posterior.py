@@ -12,10 +12,16 @@ import pytest
 import xarray as xr
 
 from femupdate.errors import StudyError
+from femupdate.inference.parameters import Parameter, Parameters
 from femupdate.inference.posterior import DrawnBy, Posterior, load_posterior, save_posterior
 from femupdate.measurement.observation import Observation
 
 CHAINS, DRAWS, POINTS = 3, 25, 12
+FACTORS = Parameters.uniform(("theta_1", "theta_2"), [0.3, 0.2], [3.0, 2.0])
+SIZE = Parameter(name="mass@RF.size", kind="effect", lower=-0.1, upper=1.0, neutral=0.0, scale=0.3)
+ZETA = Parameter(name="zeta", kind="damping", lower=0.01, upper=0.9)
+PARAMETERS = FACTORS + Parameters((SIZE, ZETA))
+KNOWN = FACTORS + Parameters((replace(ZETA, lower=0.05, upper=0.05),))
 
 
 @pytest.fixture
@@ -42,12 +48,9 @@ def observation():
 def posterior(observation):
     rng = np.random.default_rng(1)
     return Posterior(
-        names=("theta_1", "theta_2", "theta_3"),
-        theta=rng.random((CHAINS, DRAWS, 3)),
-        zeta=rng.random((CHAINS, DRAWS)),
+        parameters=PARAMETERS,
+        values=rng.random((CHAINS, DRAWS, 4)),
         log_likelihood=rng.normal(size=(CHAINS, DRAWS)),
-        lower=np.array([0.3, 0.2, 0.1]),
-        upper=np.array([3.0, 2.0, 1.0]),
         drawn=DrawnBy(
             likelihood="exact",
             way="importance sampling",
@@ -87,8 +90,8 @@ def test_round_trip_of_the_least(posterior, observation, tmp_path):
     )
     least = replace(
         posterior,
-        theta=posterior.theta[:1],
-        zeta=None,
+        parameters=KNOWN,
+        values=np.concatenate([posterior.theta[:1, :, :2], np.full((1, DRAWS, 1), 0.05)], axis=2),
         log_likelihood=posterior.log_likelihood[:1],
         drawn=DrawnBy(likelihood="latent", way="tempered particles", chains=1, evaluations=3),
         observation=plain,
@@ -96,6 +99,8 @@ def test_round_trip_of_the_least(posterior, observation, tmp_path):
     )
     save_posterior(least, tmp_path / "p.nc")
     assert_same(load_posterior(tmp_path / "p.nc"), least)
+    assert least.zeta_samples is None
+    assert (least.zeta == 0.05).all()
 
 
 def test_arviz_opens_it(posterior, tmp_path):
@@ -133,16 +138,33 @@ def test_samples_of_all_chains(posterior):
 
 
 def test_thinned_draws_keep_their_damping_and_come_once(posterior):
-    theta, zeta = posterior.thinned(40, seed=2)
-    assert theta.shape == (40, 3)
-    assert len(np.unique(theta[:, 0])) == 40
-    for one, ratio in zip(theta, zeta, strict=True):
+    draws = posterior.thinned(40, seed=2)
+    assert draws.shape == (40, 4)
+    assert len(np.unique(draws[:, 0])) == 40
+    found = posterior.parameters.split(draws)
+    for one, ratio in zip(found.of_structure.numpy(), found.zeta, strict=True):
         row = int(np.flatnonzero((posterior.samples == one).all(1))[0])
         assert posterior.zeta_samples[row] == ratio
-    again, _ = posterior.thinned(40, seed=2)
-    np.testing.assert_array_equal(again, theta)
-    assert len(posterior.thinned(10_000, seed=0)[0]) == CHAINS * DRAWS
-    assert replace(posterior, zeta=None).thinned(5, 0)[1] is None
+    np.testing.assert_array_equal(posterior.thinned(40, seed=2), draws)
+    assert len(posterior.thinned(10_000, seed=0)) == CHAINS * DRAWS
+
+
+def test_some_kinds_of_parameters(posterior):
+    factors, effects = posterior.of("stiffness"), posterior.of("effect")
+    assert factors.names == ("theta_1", "theta_2")
+    np.testing.assert_array_equal(factors.samples, posterior.samples[:, :2])
+    np.testing.assert_array_equal(factors.bounds, [[0.3, 3.0], [0.2, 2.0]])
+    assert factors.of("effect").samples.shape == (CHAINS * DRAWS, 0)
+    np.testing.assert_array_equal(effects.samples[:, 0], posterior.values[..., 2].ravel())
+    np.testing.assert_array_equal(posterior.of("damping").values[..., 0], posterior.zeta)
+
+
+def test_a_posterior_of_an_earlier_version_is_refused(posterior, tmp_path):
+    """It does not say what kinds its parameters are."""
+    save_posterior(posterior, tmp_path / "p.nc")
+    with h5py.File(tmp_path / "p.nc", "a") as file:
+        del file["constant_data/prior_kind"]
+    assert "an earlier version wrote it" in one_sentence(tmp_path / "p.nc")
 
 
 def one_sentence(path):
@@ -183,7 +205,14 @@ def test_a_netcdf_of_something_else(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "missing", ["posterior", "posterior/theta", "sample_stats/lp", "constant_data/prior_lower"]
+    "missing",
+    [
+        "posterior",
+        "posterior/theta",
+        "posterior/zeta",
+        "sample_stats/lp",
+        "constant_data/prior_lower",
+    ],
 )
 def test_a_posterior_that_lacks_something(posterior, tmp_path, missing):
     save_posterior(posterior, tmp_path / "p.nc")
@@ -192,12 +221,14 @@ def test_a_posterior_that_lacks_something(posterior, tmp_path, missing):
     one_sentence(tmp_path / "p.nc")
 
 
-@pytest.mark.parametrize("damage", ["no settings", "no JSON", "invalid observation"])
+@pytest.mark.parametrize("damage", ["no settings", "no JSON", "invalid observation", "effect"])
 def test_a_posterior_that_is_not_ours(posterior, tmp_path, damage):
     save_posterior(posterior, tmp_path / "p.nc")
     with h5py.File(tmp_path / "p.nc", "a") as file:
         if damage == "no settings":
             del file.attrs["settings"]
+        elif damage == "effect":
+            file["constant_data/prior_kind"][2] = "damping"
         elif damage == "no JSON":
             file.attrs["settings"] = "{"
         else:
@@ -206,18 +237,16 @@ def test_a_posterior_that_is_not_ours(posterior, tmp_path, damage):
 
 
 def spoiled(posterior, what):
-    theta, zeta, lp = (
-        x.copy() for x in (posterior.theta, posterior.zeta, posterior.log_likelihood)
-    )
+    values, lp = posterior.values.copy(), posterior.log_likelihood.copy()
     if what == "theta of NaN":
-        theta[0, 3, 0] = np.nan
+        values[0, 3, 0] = np.nan
     elif what == "theta of 1e6":
-        theta[0, 3, 0] = 1e6
+        values[0, 3, 0] = 1e6
     elif what == "zeta of 7":
-        zeta[0, 0] = 7.0
+        values[0, 0, -1] = 7.0
     elif what == "likelihood of NaN":
         lp[0, 0] = np.nan
-    return replace(posterior, theta=theta, zeta=zeta, log_likelihood=lp)
+    return replace(posterior, values=values, log_likelihood=lp)
 
 
 @pytest.mark.parametrize("what", ["theta of NaN", "theta of 1e6", "zeta of 7", "likelihood of NaN"])

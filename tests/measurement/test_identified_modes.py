@@ -82,6 +82,8 @@ def test_modes_of_a_universal_file(shared_file):
         read(path)
     with pytest.raises(MeasurementError, match=r"no component 'point 9 \+X' to take for 2F"):
         read(path, columns={"2F": "point 9 +X"})
+    with pytest.raises(MeasurementError, match=r"component 'point 4 \+Y' is mapped twice"):
+        read(path, columns={"2F": "point 4 +Y", "RF": "point 4 +Y"})
 
 
 def test_inspect(write):

@@ -208,6 +208,13 @@ def test_bad_mapping(write, columns, message):
         read_observation_file(write(GOOD), columns=columns)
 
 
+@pytest.mark.parametrize("theirs", ["Roof sensor", "roof SENSOR", "roof", "Roof sensor (m/s2)"])
+def test_a_column_goes_by_its_whole_name_in_any_case_or_by_its_first_word(write, theirs):
+    path = write(GOOD.replace("RF,", "Roof sensor,", 1))
+    data = read_observation_file(path, columns={"3F": theirs})
+    np.testing.assert_allclose(data.acceleration[data.rows("3F", "x")], SAMPLES[3:4] * 9.80665)
+
+
 def test_unit_option_against_the_file(write):
     with pytest.raises(MeasurementError, match="says gal but the unit option says g"):
         read_observation_file(write(GOOD), unit="g")

@@ -32,7 +32,7 @@ PLAIN = {
     "comments alone": ("# a\n# b\n", "holds no data"),
     "header alone": ("time_s,a\n", "header but no data"),
     "header and units alone": ("time_s,a\ns,gal\n", "header but no data"),
-    "two rows": (plain(rows()[:2]), "line 4: 2 rows are no record"),
+    "two rows": (plain(rows()[:2]), "line 4: 2 rows are too short for a record"),
     "nine rows": (plain(rows()[:9]), "9 values are no record"),
     "one column": ("\n".join(str(v) for v in VALUES), "one column only"),
     "no time": ("NS,EW\n" + "\n".join(f"{v},{-v}" for v in VALUES), "no column of times among NS"),

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from femupdate.inference.parameters import Parameter, Parameters
 from femupdate.inference.posterior import DrawnBy, Posterior
 from femupdate.inference.predictive_check import PredictiveCheck
 from femupdate.measurement.observation import Observation
@@ -14,6 +15,9 @@ from femupdate.workflow.calibrate_notes import (
     misfit_warnings,
     overstated_noise,
 )
+
+FACTORS = Parameters.uniform(("theta_1", "theta_2"), [1.0 / 3.0] * 2, [3.0] * 2)
+KNOWN = Parameter(name="zeta", kind="damping", lower=0.05, upper=0.05)
 
 
 @pytest.mark.parametrize("rms", [0.1, 0.27, 0.49])
@@ -35,12 +39,9 @@ def pressed():
     theta = np.stack([rng.uniform(0.9, 1.1, 500), 3.0 - 0.001 * rng.random(500)], axis=1)
     seen = np.ones((1, 4))
     return Posterior(
-        names=("theta_1", "theta_2"),
-        theta=theta[None],
-        zeta=None,
+        parameters=FACTORS + Parameters((KNOWN,)),
+        values=np.column_stack([theta, np.full(len(theta), 0.05)])[None],
         log_likelihood=np.zeros((1, 500)),
-        lower=np.full(2, 1.0 / 3.0),
-        upper=np.full(2, 3.0),
         drawn=DrawnBy(likelihood="exact", way="drawing", chains=1, evaluations=500),
         observation=Observation(
             frequency_hz=np.arange(1.0, 5.0),

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from femupdate.errors import InferenceError, StudyError
+from femupdate.inference.parameters import Parameters
 from femupdate.study import Study
 from femupdate.workflow.compare import compare_states, find_state, open_state
 
@@ -110,7 +111,9 @@ def test_other_buildings_are_refused(states, calibrated):
     from dataclasses import replace
 
     posterior = states.same.posterior
-    other = replace(states.same, posterior=replace(posterior, names=("theta_1", "walls")))
+    first, second, *rest = posterior.parameters.entries
+    renamed = Parameters((first, replace(second, name="walls"), *rest))
+    other = replace(states.same, posterior=replace(posterior, parameters=renamed))
     with pytest.raises(InferenceError, match="have other stiffness factors"):
         compare_states(states.before, other)
 

@@ -13,6 +13,7 @@ import pytest
 from femupdate.array_archive import read_arrays, write_arrays
 from femupdate.discrepancy.finder_model import finder_structure
 from femupdate.errors import StudyError
+from femupdate.inference.parameters import Parameters
 from femupdate.inference.posterior import load_posterior, save_posterior
 from femupdate.study import MANIFEST, file_hash, write_text
 from femupdate.workflow.effects import BASIS, finder_origin, read_basis
@@ -110,7 +111,9 @@ def test_a_mesh_error_that_is_none(cabin_study, content):
 
 
 def of_other_factors(posterior):
-    return replace(posterior, names=("story_1", "story_9"))
+    first, second, *rest = posterior.parameters.entries
+    others = (replace(first, name="story_1"), replace(second, name="story_9"))
+    return replace(posterior, parameters=Parameters((*others, *rest)))
 
 
 def of_other_floors(posterior):

@@ -15,25 +15,28 @@ from femupdate.workflow.calibrate_draws import with_error_of_all, with_own_error
 class Draws:
     """The part of a posterior that is moved: two factors and the size of an effect."""
 
-    theta: np.ndarray
-    lower: np.ndarray
-    upper: np.ndarray
+    parameters: Parameters
+    values: np.ndarray
+
+    @staticmethod
+    def of(middle, lower, upper, neutral=0.0):
+        factors = Parameters.uniform(("theta_1", "theta_2"), lower[:2], upper[:2])
+        size = Parameter(
+            name="size", kind="effect", lower=lower[2], upper=upper[2], neutral=neutral
+        )
+        return Draws(factors + Parameters((size,)), np.broadcast_to(middle, (2, 4000, 3)))
 
 
-POSTERIOR = Draws(
-    np.broadcast_to([0.8, 1.2, -0.1], (2, 4000, 3)),
-    np.array([0.3, 0.3, -0.5]),
-    np.array([3.0, 3.0, 0.5]),
-)
+POSTERIOR = Draws.of([0.8, 1.2, -0.1], (0.3, 0.3, -0.5), (3.0, 3.0, 0.5))
 
 
 def model(shared):
-    return SimpleNamespace(shared=shared, system=SimpleNamespace(factors=2))
+    return SimpleNamespace(shared=shared)
 
 
 def test_all_factors_of_a_frame_move_together_and_nothing_else_moves():
-    moved = with_error_of_all(POSTERIOR, model("of a mesh"), 1).theta
-    by = np.log(moved[..., :2] / POSTERIOR.theta[..., :2])
+    moved = with_error_of_all(POSTERIOR, model("of a mesh"), 1).values
+    by = np.log(moved[..., :2] / POSTERIOR.values[..., :2])
     np.testing.assert_allclose(by[..., 0], by[..., 1], atol=1e-12)
     # Of 8000 draws a standard deviation is known to .8 %; four of these.
     assert by[..., 0].std() == pytest.approx(MESH_ERROR.of_all, rel=0.032)
@@ -47,16 +50,13 @@ def test_all_factors_of_a_frame_move_together_and_nothing_else_moves():
 def test_sizes_err_by_what_the_models_of_effects_err_by_about_their_neutral_values(kind, errs):
     """A ratio of 1.5 whose neutral value is one: the half of it is what errs."""
     rough = SimpleNamespace(own_error=0.12, parameters=(None,))
-    ratio = Parameter(name="ratio", kind="effect", lower=0.0, upper=9.0, neutral=1.0)
     of_effect = SimpleNamespace(
         building=SimpleNamespace(kind=kind),
-        system=SimpleNamespace(factors=2, placed=(SimpleNamespace(effect=rough),)),
-        prior=Parameters((ratio,)),
+        system=SimpleNamespace(placed=(SimpleNamespace(effect=rough),)),
     )
-    there = np.broadcast_to([0.8, 1.2, 1.5], (2, 4000, 3))
-    draws = Draws(there, np.array([0.3, 0.3, 0.0]), np.array([3.0, 3.0, 9.0]))
-    moved = with_own_errors(draws, of_effect, 1).theta
-    assert (moved[..., :2] == there[..., :2]).all()
+    draws = Draws.of([0.8, 1.2, 1.5], (0.3, 0.3, 0.0), (3.0, 3.0, 9.0), neutral=1.0)
+    moved = with_own_errors(draws, of_effect, 1).values
+    assert (moved[..., :2] == draws.values[..., :2]).all()
     assert moved[..., 2].std() == pytest.approx(0.5 * errs, rel=0.032)
     assert moved[..., 2].mean() == pytest.approx(1.5, abs=4.0 * 0.5 * errs / np.sqrt(8000))
 
@@ -70,10 +70,11 @@ def test_an_effect_without_an_error_of_its_own_stays():
 
 
 def test_factors_stay_within_their_prior():
-    narrow = Draws(POSTERIOR.theta, np.array([0.8, 1.19, -0.5]), np.array([0.801, 1.2, 0.5]))
-    moved = with_error_of_all(narrow, model("of a mesh"), 1).theta
-    assert (moved >= narrow.lower).all()
-    assert (moved <= narrow.upper).all()
+    lower, upper = (0.8, 1.19, -0.5), (0.801, 1.2, 0.5)
+    narrow = Draws.of([0.8, 1.2, -0.1], lower, upper)
+    moved = with_error_of_all(narrow, model("of a mesh"), 1).values
+    assert (moved >= lower).all()
+    assert (moved <= upper).all()
 
 
 def test_a_stick_has_no_members_to_err():

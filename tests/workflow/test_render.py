@@ -37,7 +37,7 @@ def test_the_modes_of_a_lumped_building(tower, tower_model, tower_modes):
     rendered = [mode.tracked for mode in report.modes]
     assert [mode["mode"] for mode in report.as_dict()["modes"]] == [2, 1]
     rendered.reverse()
-    theta, _ = load_posterior(tower.path("posterior.nc")).thinned(40, 1)
+    theta = load_posterior(tower.path("posterior.nc")).thinned(40, 1)[:, :2].numpy()
     own = np.array([tower_modes(row)[0] for row in theta])
     np.testing.assert_allclose([m.frequency_mean for m in rendered], own.mean(axis=0), rtol=1e-9)
     np.testing.assert_allclose([m.frequency_sd for m in rendered], own.std(axis=0), rtol=1e-6)
@@ -62,12 +62,9 @@ def cabin(cabin_study):
     blank = np.zeros((1, grid.size))
     observation = Observation(grid, ("RF",), blank, blank + 0.2, blank == 0, source="none")
     posterior = Posterior(
-        names=model.prior.names,
-        theta=theta,
-        zeta=np.full((2, 20), 0.03),
+        parameters=model.parameters,
+        values=np.concatenate([theta, np.full((2, 20, 1), 0.03)], axis=2),
         log_likelihood=np.zeros((2, 20)),
-        lower=model.prior.lower.numpy(),
-        upper=model.prior.upper.numpy(),
         drawn=DrawnBy(likelihood="exact", way="by hand", chains=2, evaluations=0),
         observation=observation,
         settings={},

@@ -89,5 +89,5 @@ def test_a_prediction_follows_it(calibrated, tmp_path, write_record):
         (note,) = [note for note in found.notes if "follow the motion" in note]
         assert "of the run from which it was found" in note
         softness.append(float(1.0 / found.alone.story_stiffness[:, 0].mean()))
-    kept = 1.0 + load_posterior(study.path("posterior.nc")).thinned(5, 0)[0][:, 2]
+    kept = 1.0 + load_posterior(study.path("posterior.nc")).thinned(5, 0)[:, 2].numpy()
     assert softness[0] / softness[1] == pytest.approx((1.0 / kept).mean() / kept.mean(), rel=0.03)

@@ -194,7 +194,7 @@ def _case(
         settings = CalibrationSettings(particles=plan.particles, exact=plan.exact, anyway=True)
         source = ObservationSource(path)
         report = calibrate_study(study, open_study(study), source, settings)
-    draws, ratio = report.posterior.samples, report.posterior.zeta
+    draws, ratio = report.posterior.samples, report.posterior.zeta_samples
     assert ratio is not None
     low, high = np.quantile(draws, [0.05, 0.95], axis=0)
     return Case(

@@ -203,9 +203,9 @@ def pair_of(event: Event, other: Event, seed: int) -> Pair:
     own = event.posterior
     system, theta, sizes = _draws(event)
     scatter = EventScatter() if own.scatter is None else own.scatter.of(own.rows(len(theta), 0))
-    low, high = (torch.from_numpy(end[: system.factors]) for end in (own.lower, own.upper))
+    prior = own.parameters.of("stiffness")
     zeta = torch.full_like(theta[:, 0], 0.05)
-    moved, _ = scatter.next_event(theta, zeta, (low, high), seed)
+    moved, _ = scatter.next_event(theta, zeta, (prior.lower, prior.upper), seed)
     least, most = np.quantile(moved.numpy(), [0.05, 0.95], axis=0)
     others, found, apart = _draws(other)
     mean = found.mean(dim=0).numpy()
@@ -223,8 +223,8 @@ def pair_of(event: Event, other: Event, seed: int) -> Pair:
 def _draws(event: Event, count: int = 400) -> tuple[System, torch.Tensor, torch.Tensor]:
     """The building with its effects, and draws of factors and of the sizes of effects."""
     system = open_system(event.study, event.model)
-    draws = np.ascontiguousarray(event.posterior.thinned(count, 0)[0])
-    return system, *system.split(torch.from_numpy(draws))
+    known = event.posterior.parameters.split(event.posterior.thinned(count, 0))
+    return system, known.theta, known.sizes
 
 
 def _fundamental(system: System, theta: torch.Tensor, sizes: torch.Tensor) -> Floats:

@@ -7,11 +7,15 @@ import numpy as np
 import pytest
 from femupdate.benchmarks.measured.run import Event, pair_of
 
+from femupdate.inference.parameters import Parameter, Parameters
 from femupdate.inference.posterior import DrawnBy, Posterior
 from femupdate.measurement.observation import Observation
 from femupdate.study import Study
 from femupdate.workflow.model import open_study
 
+FACTORS = Parameters.uniform(("theta_1", "theta_2", "theta_3"), [1.0 / 3.0] * 3, [3.0] * 3)
+SIZE = Parameter(name="joint_flexibility", kind="effect", lower=0.0, upper=2.0)
+ZETA = Parameter(name="zeta", kind="damping", lower=0.005, upper=0.05)
 BUILDING = Path(benchmark.__file__).with_name("bench_stick_joints.toml")
 
 
@@ -26,12 +30,9 @@ def event(tmp_path):
         draws = middle * np.exp(1e-3 * np.random.default_rng(0).standard_normal((1, 500, 4)))
         seen = np.ones((1, 4))
         posterior = Posterior(
-            names=("theta_1", "theta_2", "theta_3", "joint_flexibility"),
-            theta=draws,
-            zeta=np.full((1, 500), 0.01),
+            parameters=FACTORS + Parameters((SIZE, ZETA)),
+            values=np.concatenate([draws, np.full((1, 500, 1), 0.01)], axis=2),
             log_likelihood=np.zeros((1, 500)),
-            lower=np.array([1.0 / 3.0] * 3 + [0.0]),
-            upper=np.array([3.0] * 3 + [2.0]),
             drawn=DrawnBy(likelihood="exact", way="drawing", chains=1, evaluations=500),
             observation=Observation(
                 frequency_hz=np.arange(1.0, 5.0),

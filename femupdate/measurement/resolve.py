@@ -1,0 +1,344 @@
+"""What the channels, columns and functions of a measured file stand for, by names of ours.
+
+A name of ours stands in the file itself, or the user gives it to what the file calls otherwise
+(`--columns ours=theirs`, mapping files).
+"""
+
+import logging
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+from femupdate.arrays import Floats
+from femupdate.measurement.channel import RecordedChannel, channel_listing
+from femupdate.measurement.columns import (
+    BASE,
+    FREQUENCY,
+    FREQUENCY_NAME,
+    FRF_COLUMNS,
+    HISTORY_COLUMNS,
+    SECONDS_NAME,
+    TIME,
+    Channel,
+    ForceChannel,
+    FrfColumn,
+    parse_frf_column,
+    parse_history,
+)
+from femupdate.measurement.quantity import force_unit, si_factor, split_unit
+from femupdate.measurement.recording import Recording
+from femupdate.measurement.table import Table
+from femupdate.measurement.text import TextFile, closest
+from femupdate.measurement.thresholds import RECORD
+
+logger = logging.getLogger(__name__)
+
+Motion = Channel | ForceChannel
+_Column = TypeVar("_Column")
+Known = Channel | ForceChannel | FrfColumn
+_ON_BASE = re.compile(rf"^{BASE}/|/{BASE}\b|/{BASE}_", re.IGNORECASE)
+_COMMON_NAMES = (BASE, "RF", *(f"{n}F" for n in range(2, 13)))
+_SHOWN = 20
+_KINDS: Mapping[str, tuple[Callable[[str], Known | None], str]] = {
+    TIME: (parse_history, HISTORY_COLUMNS),
+    FREQUENCY: (parse_frf_column, FRF_COLUMNS),
+}
+
+
+def positions(
+    file: TextFile,
+    what: str,
+    names: Sequence[str],
+    columns: Mapping[str, str],
+    listing: str = "",
+    turned: bool = False,
+) -> dict[str, int]:
+    """Positions in a file of what the user gives our names to, each once.
+
+    Args:
+        what: one of them, such as `channel`.
+        names: (c,) the file's, which are taken whole, before a comma, or by their first word.
+        columns: our name to the file's.
+        listing: all of them by numbers from 1, where they may be taken by number.
+        turned: whether a minus may stand before a name or number.
+
+    Raises:
+        MeasurementError: none, or more than one, is called so, or one is given to two names.
+    """
+    found: dict[str, int] = {}
+    for ours, theirs in columns.items():
+        at = _matching(names, theirs.removeprefix("-") if turned else theirs, bool(listing))
+        if len(at) != 1:
+            problem = f"{len(at)} {what}s are called {theirs!r}"
+            if not at:
+                near = closest(theirs, names)
+                problem = f"there is no {what} {theirs!r} to take for {ours}{near}"
+            shown = ", ".join(names[:_SHOWN]) + (", ..." if len(names) > _SHOWN else "")
+            offer = f"choose by number: {listing}" if listing else f"the file has {shown}"
+            raise file.error(f"{problem}; {offer}")
+        if at[0] in found.values():
+            raise file.error(f"{what} {theirs!r} is mapped twice; map it to one name")
+        found[ours] = at[0]
+    return found
+
+
+def _matching(names: Sequence[str], asked: str, numbered: bool) -> list[int]:
+    """Positions of the names that come nearest to what is asked for."""
+    wanted, plain = _folded(asked), _folded(split_unit(asked)[0])
+    folded = [_folded(name) for name in names]
+    tries = (
+        [name == asked for name in names],
+        [name == wanted for name in folded],
+        [numbered and wanted == str(number) for number in range(1, len(names) + 1)],
+        [name == plain for name in folded],
+        [name.split(",")[0] == wanted for name in folded],
+        [name.split()[:1] == [wanted] for name in folded],
+    )
+    best = next((one for one in tries if any(one)), ())
+    return [k for k, fits in enumerate(best) if fits]
+
+
+def _folded(name: str) -> str:
+    return " ".join(name.casefold().split())
+
+
+def given_channels(
+    file: TextFile,
+    channels: Sequence[RecordedChannel],
+    columns: Mapping[str, str],
+    unit: str | None = None,
+) -> dict[Motion, RecordedChannel]:
+    """The channels to which the user gives our names.
+
+    Args:
+        columns: our column name to the file's channel or its number; a minus before it turns the
+            channel round.
+        unit: of channels without one, for a listing in a message.
+
+    Raises:
+        MeasurementError: a name is not known, or stands for two channels.
+    """
+    known = _known(file, tuple(columns), {}, TIME)
+    names, listing = [one.name for one in channels], channel_listing(file, channels, unit)
+    at = positions(file, "channel", names, columns, listing, turned=True)
+    found: dict[Motion, RecordedChannel] = {}
+    for (ours, theirs), motion in zip(columns.items(), known.values(), strict=True):
+        if isinstance(motion, Channel | ForceChannel):
+            own = channels[at[ours]]
+            found[motion] = own.turned() if theirs.startswith("-") else own
+    return found
+
+
+def placed_channels(
+    recording: Recording, columns: Mapping[str, str] | None, unit: str | None = None
+) -> dict[Motion, RecordedChannel]:
+    """The histories in a file, by what they are of a building.
+
+    Args:
+        columns: our column name to the file's column or channel.
+        unit: see `given_channels`.
+
+    Raises:
+        MeasurementError: the file holds no histories or does not say which is which, or a column
+            cannot be used; the message names it.
+    """
+    file, channels = recording.file, recording.channels
+    if recording.table is not None:
+        layout = layout_of(recording.table, columns)
+        if not layout.of_histories:
+            raise file.error("these are response functions; modes come from a record of the floors")
+        return layout.channels()
+    if not channels:
+        raise file.error("there are no histories in the file; give the record of the floors")
+    if not columns:
+        raise file.error(
+            "the file does not say which floors its channels are; say it by the columns option,"
+            f" such as base=1,RF=2; its channels are {channel_listing(file, channels, unit)}"
+        )
+    return given_channels(file, channels, columns, unit)
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """What the columns of a table stand for.
+
+    Attributes:
+        table: without a first row at zero frequency, where nothing accelerates.
+        at: position of the times or frequencies.
+        of_histories: whether these are times.
+        known: what each other column stands for, by its position.
+    """
+
+    table: Table
+    at: int
+    of_histories: bool
+    known: Mapping[int, Known]
+
+    @property
+    def frfs(self) -> dict[FrfColumn, int]:
+        """Position of every column of response functions."""
+        return {column: i for i, column in self.known.items() if isinstance(column, FrfColumn)}
+
+    @property
+    def frequency_hz(self) -> Floats:
+        """(r,) of the rows."""
+        unit = self.table.units[self.at] or "Hz"
+        return self.table.values[:, self.at] * si_factor(self.table.file, unit, "frequency")
+
+    @property
+    def force_units(self) -> list[str]:
+        """Units of columns that only a response to a force has."""
+        units = (self.table.units[i] for one, i in self.frfs.items() if one.part != "sd")
+        return [unit for unit in units if unit and force_unit(unit)]
+
+    @property
+    def under_force(self) -> bool:
+        """Whether the columns say that they are responses to a force."""
+        return bool(self.force_units) or any(column.force for column in self.frfs)
+
+    def channels(self) -> dict[Motion, RecordedChannel]:
+        """The columns of histories."""
+        own = self.table.channels(self.at, RECORD.fewest_of_spectrum, "spectrum")
+        return {
+            one: own[i] for i, one in self.known.items() if isinstance(one, Channel | ForceChannel)
+        }
+
+
+def layout_of(table: Table, columns: Mapping[str, str] | None) -> Layout:
+    """What the columns of a table stand for.
+
+    Args:
+        table: with the names of its columns.
+        columns: our column name to the file's. Once it is given, other columns count only where
+            they bear one of our names.
+
+    Raises:
+        MeasurementError: the table has neither times nor frequencies, or a column's name is not
+            known.
+    """
+    file = table.file
+    if table.names is None:
+        raise file.error(f"the first row must name the columns ({HISTORY_COLUMNS})", 1)
+    if is_static(table):
+        raise file.error(
+            "these are static load cases, which calibrate and inspect alone take; give histories"
+            " or FRFs here"
+        )
+    given = renamed_columns(table, columns or {})
+    axes = axes_of([given.get(k, name) for k, name in enumerate(table.names)])
+    if len(axes) != 1:
+        first = table.names[0]
+        raise file.error(
+            f"one column must be {TIME} or {FREQUENCY}, the first is {first!r}; rename it or map"
+            f" it: columns={{{TIME!r}: {first!r}}}"
+        )
+    ((at, axis),) = axes.items()
+    if axis == FREQUENCY and table.values[0, at] == 0.0:
+        table = replace(table, values=table.values[1:], lines=table.lines[1:])
+    known = _known(file, table.names or (), given, axis, at)
+    return Layout(table, at, axis == TIME, known)
+
+
+def is_static(table: Table | None) -> bool:
+    """Whether a table holds load cases."""
+    names = (table.names if table is not None else None) or ()
+    return any(name.lower().startswith("load/") for name in names)
+
+
+def axes_of(names: Sequence[str]) -> dict[int, str]:
+    """Positions of times and frequencies: where our names stand, or where the first means them."""
+    found = {k: name.lower() for k, name in enumerate(names) if name.lower() in (TIME, FREQUENCY)}
+    if not found and SECONDS_NAME.match(names[0]):
+        return {0: TIME}
+    return {0: FREQUENCY} if not found and FREQUENCY_NAME.match(names[0]) else found
+
+
+def in_parts(positions: Mapping[str, int]) -> dict[str, tuple[int, int | None]]:
+    """Positions of columns by their names; `x_re` and `x_im` together are `x`."""
+    found: dict[str, tuple[int, int | None]] = {}
+    for name, at in positions.items():
+        whole = re.sub("_(re|im)$", "", name)
+        real, imaginary = (positions.get(f"{whole}{part}") for part in ("_re", "_im"))
+        if real is not None and imaginary is not None:
+            found[whole] = real, imaginary
+        else:
+            found[name] = at, None
+    return found
+
+
+def whole_or_parts(
+    file: TextFile, name: str, columns: Mapping[str, _Column], what: str
+) -> tuple[_Column, _Column | None]:
+    """A column, or those of the real and the imaginary part where there are both.
+
+    Args:
+        columns: by their names.
+        what: it is, for the message.
+
+    Raises:
+        MeasurementError: it is neither there whole nor in both parts, or there as both.
+    """
+    whole, real, imaginary = (columns.get(f"{name}{part}") for part in ("", "_re", "_im"))
+    if whole is not None and real is None and imaginary is None:
+        return whole, None
+    if whole is None and real is not None and imaginary is not None:
+        return real, imaginary
+    raise file.error(
+        f"{what} must have either the column {name} or both {name}_re and {name}_im; complete the"
+        " one or remove the other"
+    )
+
+
+def renamed_columns(table: Table, columns: Mapping[str, str]) -> dict[int, str]:
+    """Our name of each column that the user gives one, by its position."""
+    names = table.names or ()
+    parts = in_parts({name: k for k, name in enumerate(names)})
+    options = (*names, *(name for name in parts if name not in names))
+    found: dict[int, str] = {}
+    for ours, at in positions(table.file, "column", options, columns).items():
+        real, imaginary = (at, None) if at < len(names) else parts[options[at]]
+        found[real] = ours if imaginary is None else f"{ours}_re"
+        if imaginary is not None:
+            found[imaginary] = f"{ours}_im"
+    return found
+
+
+def _known(
+    file: TextFile,
+    names: Sequence[str],
+    given: Mapping[int, str],
+    axis: str,
+    at: int | None = None,
+) -> dict[int, Known]:
+    """What channels or columns stand for, by their positions.
+
+    Args:
+        given: our names for some of them. Where there are any, others may have unknown names.
+        axis: our name of the times or frequencies.
+        at: position of these, where they are among the names.
+    """
+    parse, columns = _KINDS[axis]
+    known: dict[int, Known] = {}
+    for position, own in enumerate(names):
+        name = given.get(position, own)
+        parsed = parse(name)
+        if position == at:
+            continue
+        if parsed is None and given and position not in given:
+            logger.info("%s: column %r is left out", file.path, name)
+        elif parsed is None and _ON_BASE.search(name):
+            raise file.error(
+                f"{name!r} is of a force or a sensor on the base itself, which is not read; leave"
+                " the column out"
+            )
+        elif parsed is None:
+            raise file.error(
+                f"unknown column {name!r}{closest(name, _COMMON_NAMES)}; columns are {columns}:"
+                " rename it or map it by the columns option"
+            )
+        elif parsed in known.values():
+            raise file.error(f"column {name!r} is there twice; rename or remove one")
+        else:
+            known[position] = parsed
+    return known
