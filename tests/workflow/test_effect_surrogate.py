@@ -119,8 +119,7 @@ def test_the_latent_posterior_is_the_exact_one(trained, observation):
     assert fast.drawn.likelihood == "latent"
     assert fast.names == exact.names
     assert fast.names[3:] == tuple(f"{name}@{place}.size" for name, place in EFFECTS)
-    np.testing.assert_allclose(fast.lower, exact.lower)
-    np.testing.assert_allclose(fast.upper, exact.upper)
+    np.testing.assert_allclose(fast.bounds, exact.bounds)
     sd = exact.samples.std(axis=0)
     # Two thousand draws each, in a space where the posterior is nearly Gaussian.
     np.testing.assert_allclose(fast.samples.std(axis=0) / sd, 1.0, atol=0.25)
