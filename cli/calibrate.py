@@ -83,9 +83,8 @@ def command(
     model = open_study(study, building, bars)
     report = calibrate_study(study, model, source, chosen, bars)
     written = tables.write(study, posterior_tables(study, report))
-    drawn: tuple[Path, ...] = ()
-    if pictures:
-        from femupdate.workflow.pictures_posterior import draw_posterior
+    if not pictures:
+        return Answer(report, (), tables=written)
+    from femupdate.workflow.pictures_posterior import draw_posterior
 
-        drawn = draw_posterior(study, report, bars)
-    return Answer(report, drawn, tables=written)
+    return Answer(report, draw_posterior(study, report, bars), tables=written)

@@ -69,9 +69,8 @@ def command(
     settings = DiagnosisSettings(seed=seed, sampled=sampled, **noticed)
     report = diagnose_study(study, model, source, settings, bars, not no_phase, other)
     more, written = {"diagnosis": report.path}, tables.write(study, diagnosis_tables(report))
-    drawn: tuple[Path, ...] = ()
-    if pictures:
-        from femupdate.workflow.pictures_discrepancy import draw_diagnosis
+    if not pictures:
+        return Answer(report, (), more, tables=written)
+    from femupdate.workflow.pictures_discrepancy import draw_diagnosis
 
-        drawn = draw_diagnosis(study, report)
-    return Answer(report, drawn, more, tables=written)
+    return Answer(report, draw_diagnosis(study, report), more, tables=written)

@@ -116,9 +116,8 @@ def command(
     )
     written = tables.write(study, prediction_tables(report))
     files = [study.result("member_forces.csv")] if report.members else []
-    drawn: tuple[Path, ...] = ()
-    if pictures:
-        from femupdate.workflow.pictures_prediction import draw_prediction
+    if not pictures:
+        return Answer(report, (), files=files, tables=written)
+    from femupdate.workflow.pictures_prediction import draw_prediction
 
-        drawn = draw_prediction(study, report, bars)
-    return Answer(report, drawn, files=files, tables=written)
+    return Answer(report, draw_prediction(study, report, bars), files=files, tables=written)

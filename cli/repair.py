@@ -58,9 +58,8 @@ def command(
     model = open_study(study, building, bars)
     settings = DiagnosisSettings(seed=seed, **noticed)
     report = repair_study(study, model, source, other, settings, bars, not no_phase, more)
-    drawn: tuple[Path, ...] = ()
-    if pictures:
-        from femupdate.workflow.pictures_discrepancy import draw_repair
+    if not pictures:
+        return Answer(report, (), {"repair": report.path})
+    from femupdate.workflow.pictures_discrepancy import draw_repair
 
-        drawn = draw_repair(study, report)
-    return Answer(report, drawn, {"repair": report.path})
+    return Answer(report, draw_repair(study, report), {"repair": report.path})
