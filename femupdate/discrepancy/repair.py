@@ -21,7 +21,6 @@ from femupdate.discrepancy.fit import Fit, extended, fit, settle
 from femupdate.discrepancy.pairs import denied, with_pair
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.remains import Remains, remains
-from femupdate.discrepancy.residual_map import p_value
 from femupdate.discrepancy.search import refined
 from femupdate.discrepancy.thresholds import FIT, VERDICT, DiagnosisSettings
 from femupdate.progress import SILENT, Progress
@@ -87,7 +86,10 @@ def repair(
     found: Diagnosis | None = None,
     elsewhere: Elsewhere | None = None,
 ) -> Repair:
-    """Diagnose and add, at most four times, while an effect is certain and something is left.
+    """Diagnose and add, at most four times, while an effect is certain.
+
+    Whether noise alone leaves as much does not matter: with the error that every estimate is allowed,
+    it always does on quiet records.
 
     An effect that competes with another, or that these sensors cannot tell from another, is added
     only where data kept out decide between them; else the engineer does.
@@ -110,10 +112,9 @@ def repair(
     while True:
         if found is None:
             found = with_pair(diagnose(now, settings, current, progress), settings, progress)
-        enough = p_value(now, current) > VERDICT.repaired or len(rounds) == VERDICT.most_rounds
         rivals = found.verdict in (AMBIGUOUS, INDISTINGUISHABLE) and elsewhere is not None
         certain = found.verdict in (NAMED, PARTLY)
-        if not (certain or rivals) or (rounds and enough):
+        if not (certain or rivals) or len(rounds) == VERDICT.most_rounds:
             break
         leading, worse = _chosen(now, found, settings, elsewhere)
         refused |= {one.placed.label: one for one in worse}

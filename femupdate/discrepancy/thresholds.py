@@ -68,9 +68,6 @@ class VerdictThresholds:
     closest: int = entry(4, "effects", "close ones that get a basis of their own, at most")
     compared: int = entry(3, "effects", "not told from the first, compared by measurements")
     shown: int = entry(3, "measurements", "further ones that are named, at most")
-    repaired: float = entry(
-        0.05, "p-value", "from which nothing is left to repair", "the usual level of a test"
-    )
     needless: float = entry(
         2.0, "sd", "of an effect's size, within which it goes out again beside what was added later"
     )

@@ -28,10 +28,12 @@ MASSES, SPRINGS = np.ones(5), np.full(5, 600.0)
 def hidden(chains, building_of, observe, pose):
     """A function: the problem with the rows in an order and with signs, and its best fit."""
 
-    def make(rows=(0, 1, 2, 3, 4), signs=(1, 1, 1, 1, 1), masses=MASSES):
+    def make(rows=(0, 1, 2, 3, 4), signs=(1, 1, 1, 1, 1), masses=MASSES, quiet=1.0):
         chain = chains.Chain(masses, SPRINGS * THETA, zeta=0.03)
         frf = chain.frf(GRID)[list(rows)] * np.array(signs)[:, None]
-        problem = pose(building_of(MASSES, SPRINGS), observe(FLOORS, GRID, frf, SD, 5))
+        seen = observe(FLOORS, GRID, frf, SD / quiet, 5)
+        seen = replace(seen, noise_sd=quiet * seen.noise_sd)
+        problem = pose(building_of(MASSES, SPRINGS), seen)
         return problem, fit_baseline(problem)[0]
 
     return make
@@ -153,3 +155,14 @@ def test_a_repair_without_an_exchange_keeps_its_problem(hidden):
     done = repair(problem, base, renewed=lambda *_: pytest.fail("nothing was exchanged"))
     assert done.rounds[0].finding.placed.label == "added_mass@4F"
     assert done.problem is problem
+
+
+def test_a_quiet_record_does_not_hide_the_second_of_two(hidden):
+    """What is left of the first lies within the error that every estimate is allowed."""
+    masses = MASSES + np.array([0.0, 0.0, 0.06, 0.0, 0.0])
+    problem, base = hidden(**WRONG["swapped_channels@2F,3F"], masses=masses, quiet=4.0)
+    done = repair(problem, base)
+    added = [one.finding.placed.label for one in done.rounds]
+    assert added == ["swapped_channels@2F,3F", "added_mass@4F"]
+    assert p_value(problem, done.rounds[0].finding.fitted) > 0.5
+    assert done.last.verdict == "none"
