@@ -88,8 +88,8 @@ def repair(
 ) -> Repair:
     """Diagnose and add, at most four times, while an effect is certain.
 
-    Whether noise alone leaves as much does not matter: with the error that every estimate is allowed,
-    it always does on quiet records.
+    Whether noise alone leaves as much does not matter: with the error that every estimate is
+    allowed, it always does on quiet records.
 
     An effect that competes with another, or that these sensors cannot tell from another, is added
     only where data kept out decide between them; else the engineer does.

@@ -16,8 +16,9 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from femupdate.inference.frf_data import FrfData
+from femupdate.inference.likelihood import Likelihood, likelihood_of
 from femupdate.inference.thresholds import DECODER
-from femupdate.surrogate.gauss_newton import LatentData
 from femupdate.surrogate.network import Mvae
 
 
@@ -102,84 +103,74 @@ def _ridge(features: Features, z: Tensor, error: Tensor) -> Correction:
     return min(found, key=lambda fit: float(fit.left.sum()))
 
 
-class DecodedLikelihood:
-    """ln p(x|z) at the z of parameters, differentiable.
+class Decoded:
+    """The decoder as it answers for the building, at the observed points.
 
     Args:
-        mvae: of the building; its precision and device are those of the result.
-        data: the observation with the variance of its noise alone.
-        correction: of the decoder on the observed points; without it the decoder's own variance is
-            added to the noise's.
-        power: that the likelihood is raised to.
+        mvae: of the building; its precision and device are those of the answers.
+        data: ln|H| under base motion, with the noise that the likelihood believes.
+        correction: of the decoder on the valid points; without it the decoder's own variance is
+            what it misses.
     """
 
-    def __init__(
-        self,
-        mvae: Mvae,
-        data: LatentData,
-        correction: Correction | None = None,
-        power: float = 1.0,
-    ) -> None:
-        self._mvae = mvae
-        self._data = data
-        self._power = power
+    def __init__(self, mvae: Mvae, data: FrfData, correction: Correction | None = None) -> None:
+        self._mvae, self._data = mvae, data
         like = mvae.lower
-        self._seen = (data.weight > 0).to(like.device)
-        self._points = self._seen.any(0).nonzero()[:, 0]
-        self._rows = self._seen[:, self._points].flatten().nonzero()[:, 0]
+        self._valid = data.valid.to(like.device)
+        self._points = self._valid.any(0).nonzero()[:, 0]
         self._correction = None if correction is None else correction.to(like)
-        weight = data.weight.to(like)[self._seen]
+
+    def likelihood(self, exact: Likelihood) -> Likelihood:
+        """That of the data by the decoder, by all rows of the table of errors.
+
+        Args:
+            exact: the building's own, of the same data.
+        """
+        left = torch.zeros_like(self._data.sd)
+        own = self._data.valid
         if self._correction is None:
-            left = mvae.decoder.excess_variance()[self._seen]
+            left[own] = self._mvae.decoder.excess_variance()[list(self._data.rows)][self._valid].to(
+                left
+            )
         else:
-            left = self._correction.left
-        self._root = (weight / (1.0 + weight * left)).sqrt()
-        self._target = data.log_frf.to(like)[self._seen]
+            left[own] = self._correction.left.to(left)
+        return likelihood_of(
+            (self._data.decoded(self.log_frf, left),), exact.system, exact.prior, exact.constant
+        )
 
-    def __call__(self, parameters: Tensor) -> Tensor:
-        """Log likelihood (n,) of theta (n, p), with the damping ratio last where it is unknown."""
-        return -0.5 * self.residuals(parameters).square().sum(1)
+    def log_frf(self, theta: Tensor, zeta: Tensor) -> Tensor:
+        """ln|H| (n, g, k) of the observed floors at theta (n, p); zero where not valid."""
+        known = self.respond(self.place(theta, zeta))
+        at = self._valid.flatten().nonzero()[:, 0]
+        whole = known.new_zeros(len(known), self._valid.numel()).index_copy(1, at, known)
+        return whole.unflatten(1, self._valid.shape)
 
-    def residuals(self, parameters: Tensor) -> Tensor:
-        """Whitened residuals (n, m): minus half their square is the log likelihood."""
-        misfit = self.respond(self.place(parameters)) - self._target
-        return self._power**0.5 * misfit * self._root
-
-    def place(self, parameters: Tensor) -> Tensor:
-        """z (n, z) of parameters."""
-        size = self._mvae.sizes.parameters
-        known = parameters.to(self._mvae.lower)
-        free = self._mvae.decoder.damping_coordinate(known[:, -1])
-        return torch.cat([self._mvae.encode_parameters(known[:, :size]), free], dim=1)
+    def place(self, theta: Tensor, zeta: Tensor) -> Tensor:
+        """z (n, z) of theta (n, p) and damping ratios (n,)."""
+        like = self._mvae.lower
+        free = self._mvae.decoder.damping_coordinate(zeta.to(like))
+        return torch.cat([self._mvae.encode_parameters(theta.to(like)), free], dim=1)
 
     def respond(self, z: Tensor) -> Tensor:
-        """ln|H| (n, m) of the observed points at z (n, z)."""
-        decoded = self._mvae.decode(z, self._points).flatten(1)[:, self._rows]
+        """ln|H| (n, m) of the valid points at z (n, z)."""
+        decoded = self._mvae.decode(z, self._points)[:, list(self._data.rows)]
+        decoded = decoded[:, self._valid[:, self._points]]
         return decoded if self._correction is None else decoded + self._correction(z)
 
-    def corrected(self, parameters: Tensor, log_frf: Tensor) -> "DecodedLikelihood":
+    def corrected(self, theta: Tensor, zeta: Tensor, log_frf: Tensor) -> "Decoded":
         """With a correction, in place of its own, from the building's responses.
 
         Args:
-            parameters: (n, p) as above.
-            log_frf: (n, f, k) the building's, all floors of the decoder.
+            theta: (n, p); zeta: (n,).
+            log_frf: (n, g, k) the building's, of the observed floors.
         """
-        plain = DecodedLikelihood(self._mvae, self._data)
-        error = plain.missed(parameters, log_frf).double()
-        correction = fit_correction(plain.place(parameters).double(), error)
-        return DecodedLikelihood(self._mvae, self._data, correction, self._power)
+        plain = Decoded(self._mvae, self._data)
+        error = plain.missed(theta, zeta, log_frf).double()
+        correction = fit_correction(plain.place(theta, zeta).double(), error)
+        return Decoded(self._mvae, self._data, correction)
 
     @torch.no_grad()
-    def missed(self, parameters: Tensor, log_frf: Tensor) -> Tensor:
+    def missed(self, theta: Tensor, zeta: Tensor, log_frf: Tensor) -> Tensor:
         """Responses of the building less those of the decoder, corrected or not, (n, m)."""
-        z = self.place(parameters)
-        return log_frf.to(z)[:, self._seen] - self.respond(z)
-
-    def misfit(self, log_frf: Tensor) -> Tensor:
-        """Mean squared misfit (n,) of the building's responses, whitened by the noise alone."""
-        weight, target = self._data.weight[self._seen], self._data.log_frf[self._seen]
-        return (weight * (log_frf.to(target)[:, self._seen] - target).square()).mean(1)
-
-    def by_responses(self, log_frf: Tensor) -> Tensor:
-        """Log likelihood (n,) of the building's responses, which the decoder has no part in."""
-        return -0.5 * self._power * self.misfit(log_frf) * len(self._target)
+        z = self.place(theta, zeta)
+        return log_frf.to(z)[:, self._valid] - self.respond(z)

@@ -3,17 +3,21 @@
 A population goes from the prior to the decoder's posterior, the building answers at some of its
 states, and the decoder is corrected by what it says; then again, from where the population is.
 Last it moves along the decoder and the building judges every move.
+
+What the model errs by is learned on the way: the first population takes much of it for likely, so
+that no few points decide, and from each correction on it is what the decoder's maxima show.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
 
-from femupdate.inference.decoded import DecodedLikelihood
+from femupdate.inference.decoded import Decoded
 from femupdate.inference.hamiltonian import DelayedAcceptance
+from femupdate.inference.learned import settle
+from femupdate.inference.likelihood import Likelihood
 from femupdate.inference.moves import Schedule
 from femupdate.inference.parameters import Parameters
 from femupdate.inference.smc import (
@@ -28,9 +32,6 @@ from femupdate.inference.tempering import LogLikelihood
 from femupdate.progress import SILENT, Percent, Progress
 from femupdate.seeds import Seed, spawn
 
-Respond = Callable[[Tensor], Tensor]
-"""The building's ln|H| (n, f, k), of all floors of the decoder, at parameters (n, p)."""
-
 
 @dataclass(frozen=True)
 class DecodedSettings:
@@ -42,12 +43,14 @@ class DecodedSettings:
         corrections: of the decoder, at least one.
         between: states of each particle before a correction, at each of which the building answers;
             a correction is fitted to those of the last two turns.
+        starts: states from which the decoder's maxima are sought, those that fit best.
     """
 
     population: SmcSettings = POPULATION
     particles: int = 128
     corrections: int = 3
     between: int = 2
+    starts: int = 2
 
     @property
     def stages(self) -> int:
@@ -61,65 +64,81 @@ class DecodedPosterior:
 
     Attributes:
         draws: of the building's own likelihood, at the noise of the latent one.
-        likelihood: of the decoder as it was corrected last.
+        likelihood: that likelihood, by the rows of the table of errors that count.
+        along: the decoder's as it was corrected last, by the likeliest of them.
         population: that it has drawn, after its last move.
         responses: of the building, in all.
-        misfit: mean squared misfit of the building's responses, whitened by the noise, at the state
-            that fits best: about one.
+        states: (n, p) at which the building answered last.
         decoder_error: rms by which the decoder, not corrected, missed the last responses.
         error: the same, corrected by the responses before them.
     """
 
     draws: KeptDraws
-    likelihood: DecodedLikelihood
+    likelihood: Likelihood
+    along: LogLikelihood
     population: SmcState
     responses: int
-    misfit: float
+    states: Tensor
     decoder_error: float
     error: float
 
 
 def decoded_posterior(
-    prior: Parameters,
-    likelihood: DecodedLikelihood,
-    respond: Respond,
+    exact: Likelihood,
+    decoder: Decoded,
     draws: int,
     seed: Seed,
     settings: DecodedSettings | None = None,
     progress: Progress = SILENT,
+    power: float = 1.0,
 ) -> DecodedPosterior:
     """Draw the latent posterior, at least so many states in all.
 
     Args:
-        prior: of the parameters, with the damping ratio last where it is unknown.
-        likelihood: of the decoder as it was trained.
-        respond: see `Respond`.
+        exact: the building's own likelihood, by all rows of the table of errors, smooth in the
+            parameters.
+        decoder: as it was trained.
         draws: states to keep.
         seed: of everything random.
         settings: see `DecodedSettings`.
         progress: advances by 100 a stage.
+        power: that likelihoods are raised to.
 
     Raises:
         InferenceError: no particle has a finite likelihood.
     """
     chosen = settings or DecodedSettings()
-    run = _Run(prior, chosen, seed, progress)
-    tuned = _tuned(run, likelihood, respond, chosen)
-
-    def dear(parameters: Tensor) -> Tensor:
-        return likelihood.by_responses(respond(parameters))
-
-    found = run.draws(tuned.likelihood, dear, tuned.population, draws)
+    run = _Run(exact.prior, chosen, seed, progress)
+    tuned = _tuned(run, exact, decoder, chosen, power)
+    judging = exact.with_rows_of(tuned.likelihood)
+    along = raised(tuned.likelihood.log_density, power)
+    found = run.draws(along, raised(judging, power), tuned.population, draws)
     judged = found.state.evaluations - tuned.population.evaluations
+    values, answers = exact.prior.split(tuned.states), tuned.answers
     return DecodedPosterior(
         found,
-        tuned.likelihood,
+        judging,
+        along,
         tuned.population,
         chosen.corrections * len(tuned.states) + judged,
-        float(likelihood.misfit(tuned.answers).min()),
-        _rms(likelihood.missed(tuned.states, tuned.answers)),
+        tuned.states,
+        _rms(decoder.missed(values.theta, values.zeta, answers)),
         tuned.error,
     )
+
+
+def raised(likelihood: LogLikelihood, power: float) -> LogLikelihood:
+    """A likelihood to a power."""
+
+    def log_likelihood(parameters: Tensor) -> Tensor:
+        return power * likelihood(parameters)
+
+    return log_likelihood
+
+
+def _squares(exact: Likelihood, answers: Tensor) -> Tensor:
+    """Sum of squared residuals (n,) of the building's responses, by the noise alone."""
+    return exact.data[0].compared(answers).square().sum(1)
 
 
 class _Run:
@@ -137,9 +156,9 @@ class _Run:
 
     def to(
         self,
-        likelihood: DecodedLikelihood,
+        likelihood: LogLikelihood,
         start: SmcState | None = None,
-        base: DecodedLikelihood | None = None,
+        base: LogLikelihood | None = None,
     ) -> SmcState:
         """From prior times base to prior times likelihood: a stage."""
         told = StageProgress(self._progress)
@@ -151,7 +170,7 @@ class _Run:
         return sampler.reach(begun, told.level)
 
     def draws(
-        self, cheap: DecodedLikelihood, dear: LogLikelihood, start: SmcState, count: int
+        self, cheap: LogLikelihood, dear: LogLikelihood, start: SmcState, count: int
     ) -> KeptDraws:
         """So many states of a likelihood that judges the moves along another one: a stage."""
         told = StageProgress(self._progress)
@@ -160,7 +179,7 @@ class _Run:
         return sampler.draws(reached, count, told.share)
 
     def states(
-        self, likelihood: DecodedLikelihood, start: SmcState, count: int
+        self, likelihood: LogLikelihood, start: SmcState, count: int
     ) -> tuple[Tensor, SmcState]:
         """Parameters (n, p) for the building to answer at, and where the population is then."""
         found = self._sampler(likelihood).draws(start, count)
@@ -199,10 +218,11 @@ class StageProgress:
 
 @dataclass(frozen=True)
 class _Tuned:
-    """A corrected likelihood, a population that it has drawn, the last states (n, p) before, the
-    building's ln|H| there, and the rms by which the likelihood before missed it."""
+    """A corrected decoder's likelihood by the rows that count, a population that it has drawn, the
+    last states (n, p) before, the building's ln|H| there, and the rms by which the decoder before
+    missed it."""
 
-    likelihood: DecodedLikelihood
+    likelihood: Likelihood
     population: SmcState
     states: Tensor
     answers: Tensor
@@ -210,20 +230,32 @@ class _Tuned:
 
 
 def _tuned(
-    run: _Run, plain: DecodedLikelihood, respond: Respond, settings: DecodedSettings
+    run: _Run, exact: Likelihood, plain: Decoded, settings: DecodedSettings, power: float
 ) -> _Tuned:
-    """Correct the decoder as often as the settings say."""
-    likelihood, turns = plain, list[tuple[Tensor, Tensor]]()
-    population, error = run.to(plain), float("nan")
+    """Correct the decoder, and learn what the model errs by, as often as the settings say."""
+    decoder, turns = plain, list[tuple[Tensor, Tensor, Tensor]]()
+    likelihood = plain.likelihood(exact).at_row(exact.error.start)
+    along = raised(likelihood.log_density, power)
+    population, error, states = run.to(along), float("nan"), torch.empty(0)
     for _ in range(settings.corrections):
         count = settings.between * len(population.points.xi)
-        states, population = run.states(likelihood, population, count)
-        turns.append((states, respond(states)))
-        error = _rms(likelihood.missed(*turns[-1]))
-        before = likelihood
-        likelihood = plain.corrected(*(torch.cat(parts) for parts in zip(*turns[-2:], strict=True)))
-        population = run.to(likelihood, population, before)
-    return _Tuned(likelihood, population, *turns[-1], error)
+        states, population = run.states(along, population, count)
+        turns.append(_answered(exact, states))
+        error = _rms(decoder.missed(*turns[-1]))
+        decoder = plain.corrected(*(torch.cat(parts) for parts in zip(*turns[-2:], strict=True)))
+        best = _squares(exact, turns[-1][2]).argsort()[: settings.starts]
+        likelihood = settle(decoder.likelihood(exact), states[best]).likelihood
+        before, along = along, raised(likelihood.log_density, power)
+        population = run.to(along, population, before)
+    return _Tuned(likelihood, population, states, turns[-1][2], error)
+
+
+def _answered(exact: Likelihood, states: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """theta (n, p) and zeta (n,) of states, and the building's ln|H| (n, g, k) there."""
+    values, base = exact.prior.split(states), exact.base
+    assert base is not None
+    answers = base.predicted(exact.system, values.theta, values.zeta, values.sizes)
+    return values.theta, values.zeta, answers
 
 
 def in_groups(groups: int, rows: int = 128) -> DecodedSettings:

@@ -1,7 +1,7 @@
 """FRFs as a model is judged by them: residuals of ln|H| and of the phase."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Protocol
@@ -158,6 +158,8 @@ class FrfData:
         logs: how ln|H| of one record is made, of the observed floors alone and far faster than
             complex FRFs; None where FRFs are compared.
         device: where `logs` are.
+        stand_in: gives these in place of the model, of its parameters and damping ratios, as a
+            surrogate does.
     """
 
     floors: tuple[str, ...]
@@ -172,6 +174,7 @@ class FrfData:
     believed: Believed = JUDGING
     logs: Responses | None = None
     device: torch.device | str = "cpu"
+    stand_in: Callable[[Tensor, Tensor], Tensor] | None = None
 
     @property
     def at_once(self) -> int:
@@ -297,6 +300,8 @@ class FrfData:
         asked = self.frequency_hz if seen is None else torch.from_numpy(seen.frequency_hz)
         both = torch.cat([theta, sizes], dim=1).to(self.device, torch.float64)
         ratio = zeta.to(self.device, torch.float64)
+        if self.stand_in is not None:
+            return self.stand_in(both, ratio)
         return _as_run(system, seen).log_frf(both, ratio, asked.to(self.device), how)
 
     def drawn(self, system: System, theta: Tensor, zeta: Tensor, sizes: Tensor) -> Tensor:
@@ -382,6 +387,17 @@ class FrfData:
                 errs independently, does not go below.
         """
         return replace(self, sd=torch.maximum(self.sd, least * self.independent**0.5))
+
+    def decoded(self, stand_in: Callable[[Tensor, Tensor], Tensor], missed: Tensor) -> "FrfData":
+        """The same with ln|H| by a surrogate.
+
+        Args:
+            stand_in: see above.
+            missed: (f, k) variance of what that misses, which counts beside the noise of a point
+                that errs independently.
+        """
+        sd = (self.sd**2 + self.independent * missed.to(self.sd)).sqrt()
+        return replace(self, stand_in=stand_in, sd=sd)
 
     def coarse(self, noise: float) -> "FrfData":
         """The same with so much more noise in ln|H|."""

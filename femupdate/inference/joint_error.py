@@ -73,6 +73,11 @@ class JointError:
         both = zip(self.parts, other.parts, strict=True)
         return JointError([one.with_known_of(own) for one, own in both], self._sizes)
 
+    def with_rows_of(self, other: "JointError") -> "JointError":
+        """With the rows of the tables of another of the same data."""
+        both = zip(self.parts, other.parts, strict=True)
+        return JointError([one.with_rows_of(own) for one, own in both], self._sizes)
+
     def counting(self, densities: Sequence[Tensor]) -> Rows:
         """Rows that count at one at least of some points, from log densities (n, g)."""
         parts = zip(self.parts, densities, strict=True)

@@ -63,7 +63,7 @@ class Likelihood:
             left = self.error.whiten(self.error.tame(self._raw(some), self.row), self.row)
             return -0.5 * left.square().sum(1)
 
-        return self._in_batches(of_some, parameters)
+        return self._in_batches(of_some, parameters).to(parameters.device)
 
     def log_densities(self, parameters: Tensor) -> tuple[Tensor, ...]:
         """Log density (n, g) of every kind of data by every row of its table of errors."""
@@ -83,12 +83,9 @@ class Likelihood:
         error = joint_error(data)
         return replace(self, data=data, error=error, row=error.first)
 
-    def with_least_noise(self, least: float) -> "Likelihood":
-        """The same with the noise that FRFs under base motion are allowed at least."""
-        if self.base is None or least == 0.0:
-            return self
-        base = self.base.with_least_noise(least)
-        return replace(self, data=(base, *self.data[1:]))
+    def with_rows_of(self, other: "Likelihood") -> "Likelihood":
+        """The same with the rows of the tables of errors that another of the same data has."""
+        return replace(self, error=self.error.with_rows_of(other.error), row=other.row)
 
     @property
     def effective(self) -> float:

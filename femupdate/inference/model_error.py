@@ -353,6 +353,12 @@ class LearnedError:
         changed._known, changed._across, changed._factors = other._known, other._across, {}
         return changed
 
+    def with_rows_of(self, other: "LearnedError") -> "LearnedError":
+        """With the rows of the table of another of the same points."""
+        changed = copy.copy(self)
+        changed.levels, changed._factors = other.levels, {}
+        return changed
+
     def no_larger(self, row: int) -> list[int]:
         """Rows none of whose errors, and whose noise, is larger than a row's."""
         most = self.levels[row]

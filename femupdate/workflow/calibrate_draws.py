@@ -190,8 +190,7 @@ def against_data(
     """Some posterior draws against the data."""
     drawing, choosing = spawn(seed, 2)
     drawn, likelihood = posterior.thinned(CALIBRATION.checked, drawing), sampled.likelihood
-    allowed = likelihood.with_least_noise(sampled.least_noise)
-    names, squares, counts = zip(*allowed.checked(drawn, choosing), strict=True)
+    names, squares, counts = zip(*likelihood.checked(drawn, choosing), strict=True)
     points = torch.stack(counts, dim=1).numpy()
     check = predictive_check(torch.stack(squares, dim=1).numpy(), points, names)
     wild = 1.0 - float(points.sum(axis=1).mean()) / max(likelihood.effective, 1.0)

@@ -4,15 +4,16 @@ from dataclasses import replace
 
 from torch import Tensor
 
-from femupdate.inference.decoded_chains import DecodedPosterior
+from femupdate.inference.decoded_chains import DecodedPosterior, DecodedSettings
 from femupdate.inference.latent_likelihood import LatentLikelihood
 from femupdate.inference.parameters import Parameters
 from femupdate.inference.smc import TemperedSmc
 from femupdate.inference.tempering import LogLikelihood
 from femupdate.study import Study
+from femupdate.surrogate.storage import TrainedSurrogate
 from femupdate.workflow.about_maxima import FROM_FIT, Target, sampled_about_maxima
 from femupdate.workflow.calibrate_effects import FittedEffects
-from femupdate.workflow.calibrate_notes import cost_notes, reduction_warnings
+from femupdate.workflow.calibrate_notes import cost_notes, noise_notes, reduction_warnings
 from femupdate.workflow.calibrate_settings import CalibrationSettings, Sampled, drawn_by
 from femupdate.workflow.decoded import sample_annealed, sample_decoded
 from femupdate.workflow.kinds import Measured
@@ -55,17 +56,44 @@ def sample_exact(
         else:
             target = _plain(model, measured, settings, run)
         return _sampled(target, settings, run, about=not many)
-    found, latent, drawn = find_surrogate(study, model.building), None, None
+    found, latent = find_surrogate(study, model.building), None
     if found is not None and many:
-        drawn = sample_decoded(found[0], model, measured.base, settings, run, 1)
-    elif found is not None:
-        latent = LatentLikelihood(found[0], model.system, measured.base, device=settings.device)
-    target = _plain(model, measured, settings, run, None if latent is None else latent.solutions())
-    if many:
-        sampled = _by_trajectories(target, drawn, run)
+        sampled = _many(found[0], model, measured, settings, run)
     else:
-        sampled = _sampled(target, settings, run, latent, about=latent is not None)
-    return replace(sampled, warnings=reduction_warnings(model, measured.base))
+        if found is not None:
+            latent = LatentLikelihood(found[0], model.system, measured.base, device=settings.device)
+        starts = None if latent is None else latent.solutions()
+        target = _plain(model, measured, settings, run, starts)
+        if many:
+            sampled = _by_trajectories(target, None, run)
+        else:
+            sampled = _sampled(target, settings, run, latent, about=latent is not None)
+    notes = (*noise_notes(model, measured.base, model.least_noise), *sampled.notes)
+    warnings = reduction_warnings(model, measured.base)
+    return replace(sampled, notes=notes, warnings=warnings, least_noise=model.least_noise)
+
+
+def _many(
+    surrogate: TrainedSurrogate,
+    model: StudyModel,
+    measured: Measured,
+    settings: CalibrationSettings,
+    run: ChainRunner,
+) -> Sampled:
+    """Many parameters, from the latent posterior.
+
+    What the model errs by is known from there where both believe the same noise.
+    """
+    least = surrogate.info.noise_sd
+    exact = smooth_likelihood(model, measured, settings.device, least)
+    drawn = sample_decoded(surrogate, exact, settings, run, 1)
+    if model.least_noise >= least:
+        target = Target(on_fewer_modes(drawn.likelihood), None, _FROM_LATENT)
+    else:
+        states = drawn.draws.theta.flatten(0, 1)
+        best = drawn.draws.log_likelihood.flatten().argsort(descending=True)
+        target = _plain(model, measured, settings, run, states[best[: DecodedSettings.starts]])
+    return _by_trajectories(target, drawn, run)
 
 
 def _plain(
@@ -90,7 +118,8 @@ def _with_effects(
     A frame's model serves about its fit alone, so there no particles of the prior can help.
     """
     likelihood, maxima = fitted.likelihood, fitted.maxima(settings.seed)
-    require_own_building(fitted.model, likelihood, maxima, anyway=settings.anyway)
+    points = likelihood.prior.from_normal(maxima.z)
+    require_own_building(fitted.model, likelihood, points, anyway=settings.anyway)
     target = Target(likelihood, maxima, FROM_FIT, local=fitted.local)
     return _sampled(target, settings, run)
 

@@ -4,11 +4,10 @@ from functools import partial
 
 import numpy as np
 
-from femupdate.inference.latent_likelihood import LatentLikelihood, usual_misfit
+from femupdate.inference.latent_likelihood import LatentLikelihood
 from femupdate.inference.smc import TemperedSmc
 from femupdate.study import Study
 from femupdate.workflow.calibrate_notes import (
-    LEARNS_NO_ERROR,
     calibration_notes,
     decoded_notes,
     decoder_warnings,
@@ -19,7 +18,11 @@ from femupdate.workflow.calibrate_notes import (
 from femupdate.workflow.calibrate_settings import CalibrationSettings, Sampled, drawn_by
 from femupdate.workflow.decoded import sample_decoded, sampled_groups
 from femupdate.workflow.kinds import Measured
-from femupdate.workflow.likelihoods import settled_likelihood, stated_likelihood
+from femupdate.workflow.likelihoods import (
+    require_own_building,
+    settled_likelihood,
+    smooth_likelihood,
+)
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.sampling import ChainRunner
 from femupdate.workflow.surrogates import require_surrogate
@@ -39,29 +42,22 @@ def sample_latent(
     calibration = calibration_notes(surrogate.info, observation)
     # Draws on the decoder know no effects.
     if model.prior.size > CALIBRATION.few and not model.system.placed:
-        found = sample_decoded(surrogate, model, observation, settings, run, run.particles)
+        exact = smooth_likelihood(model, measured, settings.device, least)
+        found = sample_decoded(surrogate, exact, settings, run, run.particles)
+        require_own_building(model, found.likelihood, found.states, anyway=settings.anyway)
         runs = sampled_groups(found.draws, found.responses)
         way = "Hamiltonian moves judged by the reduced model"
         drawn = drawn_by("latent", way, runs, evidence=False)
-        told = (
-            LEARNS_NO_ERROR,
-            *noise_notes(surrogate.info, observation),
-            *decoded_notes(found),
-            *calibration,
-        )
+        told = (*noise_notes(model, observation, least), *decoded_notes(found), *calibration)
         noise = max(float(np.median(observation.noise_sd[observation.valid])), least)
-        warnings = (
-            *misfit_warnings(found.misfit, usual_misfit(observation)),
-            *decoder_warnings(found.error, noise),
-        )
         return Sampled(
             runs,
             model.parameters,
             drawn,
             told,
-            stated_likelihood(model, observation),
+            found.likelihood,
             least_noise=least,
-            warnings=warnings,
+            warnings=decoder_warnings(found.error, noise),
         )
     likelihood = LatentLikelihood(
         surrogate,

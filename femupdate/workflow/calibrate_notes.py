@@ -41,7 +41,7 @@ def decoder_warnings(error: float, noise: float) -> tuple[str, ...]:
 def reduction_warnings(model: StudyModel, observation: Observation) -> tuple[str, ...]:
     """Where the data are better than the reduced model."""
     typical = float(np.median(observation.noise_sd[observation.valid]))
-    if model.reduction_error <= typical:
+    if model.reduction_error <= max(typical, model.least_noise):
         return ()
     return (
         f"The reduced model misses the full one by {model.reduction_error:.2g} in ln|H| (rms, at "
@@ -50,22 +50,22 @@ def reduction_warnings(model: StudyModel, observation: Observation) -> tuple[str
     )
 
 
-def noise_notes(info: SurrogateInfo, observation: Observation) -> tuple[str, ...]:
-    """Where the data have less noise than the surrogate assumes."""
+def noise_notes(model: StudyModel, observation: Observation, least: float) -> tuple[str, ...]:
+    """Where the data have less noise than the likelihood believes, `least` in ln|H|."""
     typical = float(np.median(observation.noise_sd[observation.valid]))
-    if typical >= CALIBRATION.much_less * info.noise_sd:
+    if typical >= CALIBRATION.much_less * least:
         return ()
+    if model.least_noise:
+        return (
+            f"The data show a noise of {typical:.2g} in ln|H|, but {least:g} is allowed for. "
+            "Factors of kinds of members make up for what mesh and reduced model have wrong, and "
+            "no data tell the two apart.",
+        )
     return (
-        f"The latent likelihood assumes an error of {info.noise_sd:g} in ln|H| (noise and "
+        f"The latent likelihood assumes an error of {least:g} in ln|H| (noise and "
         f"idealisation), but the data show a noise of {typical:.2g}. This posterior is wider than "
         "necessary; --exact uses the noise of the file.",
     )
-
-
-LEARNS_NO_ERROR = (
-    "The latent likelihood of so many parameters learns no error of the model: where the model is "
-    "wrong, these intervals and the bands of predictions are too narrow; --exact learns it."
-)
 
 
 def latent_notes(likelihood: LatentLikelihood) -> tuple[str, ...]:

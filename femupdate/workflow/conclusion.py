@@ -51,7 +51,7 @@ def concluded(
     notes = (
         *warnings,
         *error_notes(posterior),
-        *overstated_noise(fitting),
+        *(() if sampled.least_noise else overstated_noise(fitting)),
         *(() if scatter is None else (scatter.sentence(),)),
         *found.sentences(),
         *against_modes(model, measured, posterior, checking),

@@ -1,27 +1,25 @@
 """The posterior of a study's building with many stiffness factors, latent and data-space."""
 
 import copy
+from dataclasses import replace
 
 import numpy as np
-from torch import Tensor
 
-from femupdate.inference.decoded import DecodedLikelihood
+from femupdate.inference.decoded import Decoded
 from femupdate.inference.decoded_chains import (
     DecodedPosterior,
     StageProgress,
     decoded_posterior,
     in_groups,
 )
-from femupdate.inference.latent_likelihood import floor_responses, latent_data
+from femupdate.inference.likelihood import Likelihood
 from femupdate.inference.parameters import Parameters
 from femupdate.inference.sampler_run import SamplerRun
 from femupdate.inference.smc import TRAJECTORIES, KeptDraws, SmcState, TemperedSmc
 from femupdate.inference.tempering import LogLikelihood
-from femupdate.measurement.observation import Observation
 from femupdate.surrogate.storage import TrainedSurrogate
 from femupdate.units import percent
 from femupdate.workflow.calibrate_settings import CalibrationSettings
-from femupdate.workflow.model import StudyModel
 from femupdate.workflow.sampling import BRIDGE, FIRST, ChainRunner
 
 # Responses of a building do not go faster by the hundred on a processor.
@@ -30,8 +28,7 @@ _ROWS = 8
 
 def sample_decoded(
     surrogate: TrainedSurrogate,
-    model: StudyModel,
-    observation: Observation,
+    exact: Likelihood,
     settings: CalibrationSettings,
     run: ChainRunner,
     draws: int,
@@ -39,22 +36,22 @@ def sample_decoded(
     """Draw theta, and the damping ratio behind it where it is unknown, along the decoder.
 
     Args:
-        observation: on the building's grid.
+        exact: likelihood of FRFs under base motion, with the noise that the surrogate allows.
         draws: states to keep, at least.
     """
-    info, device, chosen = surrogate.info, settings.device, in_groups(run.chains)
-    data = latent_data(observation, info.floors, info.noise_sd, device)
-    mvae = copy.deepcopy(surrogate.mvae).to(device).requires_grad_(False)
-    likelihood = DecodedLikelihood(mvae, data, power=info.likelihood_power)
-    respond = floor_responses(model.system, observation, data.log_frf)
-
-    def answer(parameters: Tensor) -> Tensor:
-        values = model.parameters.split(parameters)
-        return respond(values.theta, values.zeta)
-
+    info, chosen = surrogate.info, in_groups(run.chains)
+    mvae = copy.deepcopy(surrogate.mvae).to(settings.device).requires_grad_(False)
+    assert exact.base is not None
     run.show.start("Sampling (latent likelihood)", 100 * chosen.stages)
-    prior, seed = model.parameters.to(device), run.stage(FIRST)
-    return decoded_posterior(prior, likelihood, answer, draws, seed, chosen, run.show)
+    return decoded_posterior(
+        replace(exact, prior=exact.prior.to(settings.device)),
+        Decoded(mvae, exact.base),
+        draws,
+        run.stage(FIRST),
+        chosen,
+        run.show,
+        info.likelihood_power,
+    )
 
 
 def sample_annealed(
@@ -67,7 +64,7 @@ def sample_annealed(
         run: says how many draws in how many groups.
     """
     settings, show, seed = in_groups(run.chains, _ROWS), run.show, run.stage(BRIDGE)
-    base = None if latent is None else latent.likelihood
+    base = None if latent is None else latent.along
     sampler = TemperedSmc(prior, target, base, settings.population, TRAJECTORIES)
     show.start("Sampling (data-space likelihood)", 200)
     if latent is None:

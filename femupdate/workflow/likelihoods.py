@@ -14,7 +14,6 @@ from femupdate.inference.mode_data import ModeData, mode_data
 from femupdate.inference.thresholds import DRAWS
 from femupdate.measurement.observation import Observation
 from femupdate.seeds import Seed
-from femupdate.surrogate.gauss_newton import Descent
 from femupdate.units import percent
 from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.kinds import Measured
@@ -22,15 +21,22 @@ from femupdate.workflow.model import StudyModel
 from femupdate.workflow.thresholds import CALIBRATION
 
 
-def smooth_likelihood(model: StudyModel, measured: Measured, device: str = "cpu") -> Likelihood:
+def smooth_likelihood(
+    model: StudyModel, measured: Measured, device: str = "cpu", least_noise: float = 0.0
+) -> Likelihood:
     """The likelihood of all that was measured, the errors of the model not yet known.
 
     By all modes in double precision, which makes it smooth in the parameters.
+
+    Args:
+        least_noise: standard deviation of ln|H| below which the noise of FRFs under base motion is
+            not believed, where that is more than the model's own (see `StudyModel.least_noise`).
     """
     others = data_of_others(model, measured)
     if not measured.has_base:
         return likelihood_of(others, model.system, model.parameters)
     base = base_logs(measured.base, model.system, device=device, modes=None)
+    base = base.with_least_noise(max(least_noise, model.least_noise))
     cost = cost_of_scatter(measured.base, base)
     return likelihood_of((base, *others), model.system, model.parameters, cost)
 
@@ -94,18 +100,19 @@ def settled_likelihood(
     """
     likelihood = smooth_likelihood(model, measured, settings.device)
     found = settled(likelihood, seed, starts=starts, shared=model.shared, observation=measured.base)
-    require_own_building(model, found.likelihood, found.found, anyway=settings.anyway)
+    points = likelihood.prior.from_normal(found.found.z)
+    require_own_building(model, found.likelihood, points, anyway=settings.anyway)
     return found
 
 
 def require_own_building(
-    model: StudyModel, likelihood: Likelihood, found: Descent, *, anyway: bool
+    model: StudyModel, likelihood: Likelihood, points: Tensor, *, anyway: bool
 ) -> None:
-    """Refuse an observation that says nothing of its building, before anything is drawn.
+    """Refuse an observation that says nothing of its building.
 
     Args:
         likelihood: of it.
-        found: maxima of the posterior.
+        points: (n, p) parameters that explain it best.
         anyway: refuse nothing.
 
     Raises:
@@ -113,7 +120,7 @@ def require_own_building(
     """
     if anyway or likelihood.base is None:
         return
-    explained = likelihood.explained(likelihood.prior.from_normal(found.z))
+    explained = likelihood.explained(points)
     assert explained is not None
     if not explained >= CALIBRATION.explained:  # which no number is not
         best = 0.0 if explained != explained else max(explained, 0.0)

@@ -62,6 +62,16 @@ class StudyModel:
         return self.prior + Parameters((self.damping,))
 
     @property
+    def least_noise(self) -> float:
+        """Standard deviation of ln|H| below which the noise of a file is not believed.
+
+        Factors of kinds of members make up for what a mesh and a reduced model have wrong: the data
+        are met as if nothing were, and nothing tells that error from the factors.
+        """
+        unknown = self.finer is not None and self.finer.error is None
+        return self.building.observation.noise_sd if unknown else 0.0
+
+    @property
     def frequency_hz(self) -> Tensor:
         """(k,) the building's grid, Hz, float64."""
         return torch.from_numpy(self.building.frequency_grid.frequencies_hz())
