@@ -11,7 +11,7 @@ put right for each observation: the difference between the building's own respon
 decoder's, at draws of the posterior, is fitted to the second order in z and added.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -124,7 +124,7 @@ class Decoded:
         """That of the data by the decoder, by all rows of the table of errors.
 
         Args:
-            exact: the building's own, of the same data.
+            exact: the building's own, of the same data, with the errors that are known beforehand.
         """
         left = torch.zeros_like(self._data.sd)
         own = self._data.valid
@@ -134,9 +134,9 @@ class Decoded:
             )
         else:
             left[own] = self._correction.left.to(left)
-        return likelihood_of(
-            (self._data.decoded(self.log_frf, left),), exact.system, exact.prior, exact.constant
-        )
+        data = self._data.decoded(self.log_frf, left)
+        found = likelihood_of((data,), exact.system, exact.prior, exact.constant)
+        return replace(found, error=found.error.with_known_of(exact.error))
 
     def log_frf(self, theta: Tensor, zeta: Tensor) -> Tensor:
         """ln|H| (n, g, k) of the observed floors at theta (n, p); zero where not valid."""

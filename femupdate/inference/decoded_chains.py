@@ -9,6 +9,7 @@ that no few points decide, and from each correction on it is what the decoder's 
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import torch
@@ -31,6 +32,9 @@ from femupdate.inference.smc import (
 from femupdate.inference.tempering import LogLikelihood
 from femupdate.progress import SILENT, Percent, Progress
 from femupdate.seeds import Seed, spawn
+
+Beside = Callable[[Likelihood, Tensor], Likelihood]
+"""A likelihood by all rows, beside errors that many points share about parameters (1, p)."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +94,9 @@ def decoded_posterior(
     seed: Seed,
     settings: DecodedSettings | None = None,
     progress: Progress = SILENT,
+    *,
     power: float = 1.0,
+    beside: Beside | None = None,
 ) -> DecodedPosterior:
     """Draw the latent posterior, at least so many states in all.
 
@@ -103,14 +109,15 @@ def decoded_posterior(
         settings: see `DecodedSettings`.
         progress: advances by 100 a stage.
         power: that likelihoods are raised to.
+        beside: errors of the model that many points share, where it has some.
 
     Raises:
         InferenceError: no particle has a finite likelihood.
     """
     chosen = settings or DecodedSettings()
     run = _Run(exact.prior, chosen, seed, progress)
-    tuned = _tuned(run, exact, decoder, chosen, power)
-    judging = exact.with_rows_of(tuned.likelihood)
+    tuned = _tuned(run, exact, decoder, chosen, power, beside)
+    judging = tuned.exact.with_rows_of(tuned.likelihood)
     along = raised(tuned.likelihood.log_density, power)
     found = run.draws(along, raised(judging, power), tuned.population, draws)
     judged = found.state.evaluations - tuned.population.evaluations
@@ -218,10 +225,18 @@ class StageProgress:
 
 @dataclass(frozen=True)
 class _Tuned:
-    """A corrected decoder's likelihood by the rows that count, a population that it has drawn, the
-    last states (n, p) before, the building's ln|H| there, and the rms by which the decoder before
-    missed it."""
+    """How far it has come.
 
+    Attributes:
+        exact: the building's likelihood, with errors that are known beforehand.
+        likelihood: a corrected decoder's, by the rows that count.
+        population: that it has drawn.
+        states: (n, p) before that.
+        answers: (n, g, k) ln|H| of the building there.
+        error: rms by which the decoder before missed these.
+    """
+
+    exact: Likelihood
     likelihood: Likelihood
     population: SmcState
     states: Tensor
@@ -230,7 +245,12 @@ class _Tuned:
 
 
 def _tuned(
-    run: _Run, exact: Likelihood, plain: Decoded, settings: DecodedSettings, power: float
+    run: _Run,
+    exact: Likelihood,
+    plain: Decoded,
+    settings: DecodedSettings,
+    power: float,
+    beside: Beside | None,
 ) -> _Tuned:
     """Correct the decoder, and learn what the model errs by, as often as the settings say."""
     decoder, turns = plain, list[tuple[Tensor, Tensor, Tensor]]()
@@ -244,10 +264,12 @@ def _tuned(
         error = _rms(decoder.missed(*turns[-1]))
         decoder = plain.corrected(*(torch.cat(parts) for parts in zip(*turns[-2:], strict=True)))
         best = _squares(exact, turns[-1][2]).argsort()[: settings.starts]
+        if beside is not None:
+            exact = beside(exact, states[best[:1]])
         likelihood = settle(decoder.likelihood(exact), states[best]).likelihood
         before, along = along, raised(likelihood.log_density, power)
         population = run.to(along, population, before)
-    return _Tuned(likelihood, population, states, turns[-1][2], error)
+    return _Tuned(exact, likelihood, population, states, turns[-1][2], error)
 
 
 def _answered(exact: Likelihood, states: Tensor) -> tuple[Tensor, Tensor, Tensor]:

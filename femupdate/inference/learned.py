@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from femupdate.dynamics.closed_form import Estimate
-from femupdate.inference.joint_error import JointError, Row, joint_error
+from femupdate.inference.joint_error import Row, joint_error
 from femupdate.inference.likelihood import Likelihood
 from femupdate.inference.maxima import found_from
 from femupdate.inference.parameters import Parameters
@@ -87,17 +87,26 @@ def settled(
     found = found_from(prior, wide.residuals, starts)
     rough = prior.from_normal(found.z)
 
-    def error(parameters: Tensor) -> JointError:
-        changes = shared_changes(shared, prior, parameters, observation)[0, :, list(base.rows)]
-        known = torch.cat([changes.to(base.weight), _of_points_that_bend(changes, base.weight)])
-        steps = (known * base.weight.sqrt()).flatten(1)
-        return joint_error(likelihood.data, (steps, *[None] * (len(likelihood.data) - 1)))
-
-    ended = settle(replace(likelihood, error=error(rough[:1])), rough)
+    ended = settle(beside_shared(shared, observation, likelihood, rough[:1]), rough)
     # Lines from beside the maximum would tell errors from factors that do the same.
-    again = error(prior.from_normal(ended.found.z[:1]))
+    at = prior.from_normal(ended.found.z[:1])
+    again = beside_shared(shared, observation, likelihood, at).error
     known = ended.likelihood.error.with_known_of(again)
     return Settled(replace(ended.likelihood, error=known), ended.found, tried)
+
+
+def beside_shared(
+    shared: SharedErrors, observation: Observation, likelihood: Likelihood, parameters: Tensor
+) -> Likelihood:
+    """The likelihood by all rows, beside errors that points share about parameters (1, p)."""
+    base = likelihood.base
+    assert base is not None
+    changes = shared_changes(shared, likelihood.prior, parameters, observation)
+    own = changes[0, :, list(base.rows)]
+    known = torch.cat([own.to(base.weight), _of_points_that_bend(own, base.weight)])
+    steps = (known * base.weight.sqrt()).flatten(1)
+    others = [None] * (len(likelihood.data) - 1)
+    return replace(likelihood, error=joint_error(likelihood.data, (steps, *others)))
 
 
 def shared_changes(

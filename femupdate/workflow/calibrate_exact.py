@@ -84,10 +84,8 @@ def _many(
 
     What the model errs by is known from there where both believe the same noise.
     """
-    least = surrogate.info.noise_sd
-    exact = smooth_likelihood(model, measured, settings.device, least)
-    drawn = sample_decoded(surrogate, exact, settings, run, 1)
-    if model.least_noise >= least:
+    drawn = sample_decoded(surrogate, model, measured, settings, run, 1)
+    if model.least_noise >= surrogate.info.noise_sd:
         target = Target(on_fewer_modes(drawn.likelihood), None, _FROM_LATENT)
     else:
         states = drawn.draws.theta.flatten(0, 1)

@@ -21,7 +21,6 @@ from femupdate.workflow.kinds import Measured
 from femupdate.workflow.likelihoods import (
     require_own_building,
     settled_likelihood,
-    smooth_likelihood,
 )
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.sampling import ChainRunner
@@ -42,8 +41,7 @@ def sample_latent(
     calibration = calibration_notes(surrogate.info, observation)
     # Draws on the decoder know no effects.
     if model.prior.size > CALIBRATION.few and not model.system.placed:
-        exact = smooth_likelihood(model, measured, settings.device, least)
-        found = sample_decoded(surrogate, exact, settings, run, run.particles)
+        found = sample_decoded(surrogate, model, measured, settings, run, run.particles)
         require_own_building(model, found.likelihood, found.states, anyway=settings.anyway)
         runs = sampled_groups(found.draws, found.responses)
         way = "Hamiltonian moves judged by the reduced model"

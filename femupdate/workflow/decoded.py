@@ -2,6 +2,7 @@
 
 import copy
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from femupdate.inference.decoded_chains import (
     decoded_posterior,
     in_groups,
 )
-from femupdate.inference.likelihood import Likelihood
+from femupdate.inference.learned import beside_shared
 from femupdate.inference.parameters import Parameters
 from femupdate.inference.sampler_run import SamplerRun
 from femupdate.inference.smc import TRAJECTORIES, KeptDraws, SmcState, TemperedSmc
@@ -20,6 +21,9 @@ from femupdate.inference.tempering import LogLikelihood
 from femupdate.surrogate.storage import TrainedSurrogate
 from femupdate.units import percent
 from femupdate.workflow.calibrate_settings import CalibrationSettings
+from femupdate.workflow.kinds import Measured
+from femupdate.workflow.likelihoods import smooth_likelihood
+from femupdate.workflow.model import StudyModel
 from femupdate.workflow.sampling import BRIDGE, FIRST, ChainRunner
 
 # Responses of a building do not go faster by the hundred on a processor.
@@ -28,7 +32,8 @@ _ROWS = 8
 
 def sample_decoded(
     surrogate: TrainedSurrogate,
-    exact: Likelihood,
+    model: StudyModel,
+    measured: Measured,
     settings: CalibrationSettings,
     run: ChainRunner,
     draws: int,
@@ -36,12 +41,15 @@ def sample_decoded(
     """Draw theta, and the damping ratio behind it where it is unknown, along the decoder.
 
     Args:
-        exact: likelihood of FRFs under base motion, with the noise that the surrogate allows.
+        measured: FRFs under base motion; their noise is believed from the surrogate's on.
         draws: states to keep, at least.
     """
     info, chosen = surrogate.info, in_groups(run.chains)
     mvae = copy.deepcopy(surrogate.mvae).to(settings.device).requires_grad_(False)
+    exact = smooth_likelihood(model, measured, settings.device, info.noise_sd)
     assert exact.base is not None
+    shared = model.shared
+    beside = None if shared is None else partial(beside_shared, shared, measured.base)
     run.show.start("Sampling (latent likelihood)", 100 * chosen.stages)
     return decoded_posterior(
         replace(exact, prior=exact.prior.to(settings.device)),
@@ -50,7 +58,8 @@ def sample_decoded(
         run.stage(FIRST),
         chosen,
         run.show,
-        info.likelihood_power,
+        power=info.likelihood_power,
+        beside=beside,
     )
 
 

@@ -9,14 +9,18 @@ import torch
 from femupdate.dynamics.system import Responses
 from femupdate.inference.decoded import Decoded, fit_correction
 from femupdate.inference.decoded_chains import decoded_posterior
-from femupdate.inference.frf_data import LEARNING, Block, FrfData
+from femupdate.inference.frf_data import Believed, Block, FrfData
+from femupdate.inference.joint_error import joint_error
 from femupdate.inference.likelihood import likelihood_of
+from femupdate.inference.model_error import ErrorTable
 from femupdate.inference.parameters import Parameters
 from femupdate.surrogate.network import Mvae
 from femupdate.surrogate.sizes import NetworkSizes
 
 FREQUENCY = torch.arange(1, 61) / 60.0
 LOWER, UPPER, NOISE = 0.3, 3.0, 0.3
+# A few rows, of few harmonics: the quadrature asks for all of them at every point.
+TABLE = ErrorTable(sizes=(0.1, 0.5), lengths=(1 / 20, 1 / 8), noise=(1.0, 2.0), harmonics=15)
 
 
 class TwoSprings(torch.nn.Module):
@@ -88,7 +92,7 @@ def pose(box):
             phase=None,
             sd=sd,
             blocks=(Block(60, 1.0),),
-            believed=LEARNING,
+            believed=Believed(table=TABLE),
             logs=Responses(),
             stand_in=building,
         )
@@ -106,7 +110,7 @@ def parameters(box):
 
 def by_quadrature(likelihood):
     """Mean and standard deviation of theta."""
-    axis = torch.linspace(LOWER, UPPER, 301, dtype=torch.float64)
+    axis = torch.linspace(LOWER, UPPER, 151, dtype=torch.float64)
     theta = torch.cartesian_prod(axis, axis)
     values = likelihood(torch.column_stack([theta, torch.full((len(theta),), 0.02)]))
     weight = torch.softmax(values, 0)
@@ -118,15 +122,28 @@ def by_quadrature(likelihood):
 BENDS = 0.45 * torch.sign(torch.sin(2.0 * torch.pi * 6.0 * FREQUENCY.double() + 0.3))
 
 
-@pytest.mark.parametrize("error", [0.0, BENDS], ids=["a right model", "a wrong one"])
-def test_the_posterior_is_the_building_s_and_not_the_decoder_s(mvae, pose, error):
+def with_a_slope(exact, parameters):
+    """Beside an error that is known: ln|H| may rise or fall over the band by twice the noise."""
+    slope = torch.linspace(-1.0, 1.0, 60, dtype=torch.float64) * exact.base.valid
+    return replace(exact, error=joint_error(exact.data, (slope,)))
+
+
+@pytest.mark.parametrize(
+    ("error", "beside"),
+    [(0.0, None), (BENDS, None), (0.0, with_a_slope)],
+    ids=["a right model", "a wrong one", "one with a known error"],
+)
+def test_the_posterior_is_the_building_s_and_not_the_decoder_s(mvae, pose, error, beside):
     exact = pose(error)
-    found = decoded_posterior(exact, Decoded(mvae, exact.base), 1200, 0)
-    mean, sd = by_quadrature(exact)  # by all rows of the table of errors
+    found = decoded_posterior(exact, Decoded(mvae, exact.base), 1200, 0, beside=beside)
+    mean, sd = by_quadrature(found.likelihood)
     draws = found.draws.theta.flatten(0, 1).numpy()[:, :2]
     # 128 particles and some hundred independent draws more: .06 sd, 4 % of a standard deviation.
     np.testing.assert_allclose((draws.mean(0) - mean) / sd, 0.0, atol=0.25)
     np.testing.assert_allclose(draws.std(0), sd, rtol=0.2)
+    # By all rows of the coarse table, whose steps are threefold.
+    whole = by_quadrature(exact if beside is None else beside(exact, None))[1]
+    np.testing.assert_allclose(sd, whole, rtol=0.3)
     assert found.error < 0.2 * found.decoder_error
     assert (
         128 * 2 * 3
@@ -141,6 +158,7 @@ def test_an_error_that_the_data_show_widens_the_posterior(mvae, pose):
     exact = pose(BENDS)
     wrong = by_quadrature(exact)[1]
     assert (wrong > 1.3 * right).all()
+    assert (by_quadrature(with_a_slope(pose(), None))[1].max() > 1.1 * right).any()
     none = replace(exact, error=exact.error.kept([[0]]))
     assert (by_quadrature(none)[1] < 1.2 * right).all()
 
