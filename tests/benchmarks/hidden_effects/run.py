@@ -75,9 +75,9 @@ def run_hidden_effects(
     log = ResumableLog(job.folder / f"{files}.jsonl", header)
     trials = plan.trials(job.seed)
     left = [trial for trial in trials if log.get(_key(trial), Outcome) is None]
-    job.progress.start("Hidden-effect trials", len(left))
     if left:
         models = trial_models(study, model, settings, job.progress, data)
+        job.progress.start("Hidden-effect trials", len(left))
         for _, outcome in completed(partial(_run, models, time.time() + 60.0 * minutes), left):
             if outcome is not None:
                 log.add(_key(outcome), outcome)
