@@ -119,6 +119,10 @@ class Decoded:
         self._valid = data.valid.to(like.device)
         self._points = self._valid.any(0).nonzero()[:, 0]
         self._correction = None if correction is None else correction.to(like)
+        if self._correction is None:
+            self._left = mvae.decoder.excess_variance()[list(data.rows)][self._valid]
+        else:
+            self._left = self._correction.left
 
     def likelihood(self, exact: Likelihood) -> Likelihood:
         """That of the data by the decoder, by all rows of the table of errors.
@@ -127,13 +131,7 @@ class Decoded:
             exact: the building's own, of the same data, with the errors that are known beforehand.
         """
         left = torch.zeros_like(self._data.sd)
-        own = self._data.valid
-        if self._correction is None:
-            left[own] = self._mvae.decoder.excess_variance()[list(self._data.rows)][self._valid].to(
-                left
-            )
-        else:
-            left[own] = self._correction.left.to(left)
+        left[self._data.valid] = self._left.to(left)
         data = self._data.decoded(self.log_frf, left)
         found = likelihood_of((data,), exact.system, exact.prior, exact.constant)
         return replace(found, error=found.error.with_known_of(exact.error))
