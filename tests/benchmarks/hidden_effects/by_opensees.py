@@ -7,6 +7,7 @@ import numpy as np
 from femupdate.dynamics.damping import damping_law
 from femupdate.dynamics.system import System
 from femupdate.effects.catalogue.added_mass import AddedMass
+from femupdate.effects.catalogue.flexible_diaphragm import FlexibleDiaphragm
 from femupdate.effects.effect import Effect, Terms
 from femupdate.effects.member import MemberStiffness
 from femupdate.effects.structure import Structure
@@ -29,7 +30,12 @@ def shell_of(number: int) -> str:
 
 
 def made_by_opensees(effect: Effect) -> bool:
-    """Whether an effect can be written for OpenSees: masses, members, a crack, instruments."""
+    """Whether an effect can be written for OpenSees: masses, members, a crack, instruments.
+
+    Shells have one modulus there, in their plane and across it.
+    """
+    if isinstance(effect, FlexibleDiaphragm):
+        return False
     return effect.instrument or isinstance(effect, AddedMass | MemberStiffness | LocalCrack)
 
 

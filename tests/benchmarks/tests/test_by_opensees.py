@@ -72,6 +72,8 @@ def test_what_cannot_be_written_for_opensees_is_not_drawn(fine):
     made = {name for name, effect in EFFECTS.items() if made_by_opensees(effect)}
     assert {"added_mass", "channel_delay", "local_crack", "wall_stiffness"} <= made
     assert not made & {"tuned_appendage", "foundation_rocking", "ground_tie", "damping_law"}
+    # Its shells have one modulus: softer in their plane they would be softer across it.
+    assert "flexible_diaphragm" not in made
     lighter = ((Placed(EFFECTS["added_mass"], "2F"), (-0.2,)),)
     assert possible(lighter)[0][1] == (0.2,)
     assert {shell_of(number) for number in range(8)} == {"ASDShellQ4", "ShellMITC4"}
