@@ -11,6 +11,7 @@ put right for each observation: the difference between the building's own respon
 decoder's, at draws of the posterior, is fitted to the second order in z and added.
 """
 
+import copy
 from dataclasses import dataclass, replace
 
 import torch
@@ -123,6 +124,10 @@ class Decoded:
             self._left = mvae.decoder.excess_variance()[list(data.rows)][self._valid]
         else:
             self._left = self._correction.left
+
+    def precise(self) -> "Decoded":
+        """The same in double precision: maxima are sought by differences."""
+        return Decoded(copy.deepcopy(self._mvae).double(), self._data, self._correction)
 
     def likelihood(self, exact: Likelihood) -> Likelihood:
         """That of the data by the decoder, by all rows of the table of errors.

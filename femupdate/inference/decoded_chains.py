@@ -266,7 +266,8 @@ def _tuned(
         best = _squares(exact, turns[-1][2]).argsort()[: settings.starts]
         if beside is not None:
             exact = beside(exact, states[best[:1]])
-        likelihood = settle(decoder.likelihood(exact), states[best]).likelihood
+        found = settle(decoder.precise().likelihood(exact), states[best]).likelihood
+        likelihood = decoder.likelihood(exact).with_rows_of(found)
         before, along = along, raised(likelihood.log_density, power)
         population = run.to(along, population, before)
     return _Tuned(exact, likelihood, population, states, turns[-1][2], error)
