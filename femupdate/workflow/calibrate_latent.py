@@ -11,12 +11,13 @@ from femupdate.workflow.calibrate_notes import (
     calibration_notes,
     decoded_notes,
     decoder_warnings,
+    elsewhere_warnings,
     latent_notes,
     misfit_warnings,
     noise_notes,
 )
 from femupdate.workflow.calibrate_settings import CalibrationSettings, Sampled, drawn_by
-from femupdate.workflow.decoded import sample_decoded, sampled_groups
+from femupdate.workflow.decoded import missed_by_best, sample_decoded, sampled_groups
 from femupdate.workflow.kinds import Measured
 from femupdate.workflow.likelihoods import (
     require_own_building,
@@ -55,7 +56,10 @@ def sample_latent(
             told,
             found.likelihood,
             least_noise=least,
-            warnings=decoder_warnings(found.error, noise),
+            warnings=(
+                *elsewhere_warnings(model, observation, least, missed_by_best(found)),
+                *decoder_warnings(found.error, noise),
+            ),
         )
     likelihood = LatentLikelihood(
         surrogate,

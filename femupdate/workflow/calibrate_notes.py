@@ -4,12 +4,12 @@ import numpy as np
 
 from femupdate.inference.decoded_chains import DecodedPosterior
 from femupdate.inference.diagnostics import r_hat
-from femupdate.inference.latent_likelihood import LatentLikelihood
+from femupdate.inference.latent_likelihood import LatentLikelihood, usual_misfit
 from femupdate.inference.posterior import Posterior
 from femupdate.inference.predictive_check import PredictiveCheck
 from femupdate.inference.sampler_run import SamplerRun
 from femupdate.inference.thresholds import DRAWS, JUDGED
-from femupdate.measurement.observation import Observation
+from femupdate.measurement.observation import Observation, independent_share
 from femupdate.surrogate.storage import ANY_FLOORS, SurrogateInfo
 from femupdate.units import percent
 from femupdate.workflow.calibrate_draws import Fitting
@@ -35,6 +35,32 @@ def decoder_warnings(error: float, noise: float) -> tuple[str, ...]:
     return (
         f"The decoder misses the reduced model by {error:.2g} in ln|H|, too much beside a noise of "
         f"{noise:.2g}: do not trust this posterior; train on more samples, or use --exact.",
+    )
+
+
+def elsewhere_warnings(
+    model: StudyModel, observation: Observation, least: float, missed: float
+) -> tuple[str, ...]:
+    """Where even the likeliest draw of a population misses ln|H| by more than is known to be wrong.
+
+    Known are the noise of the file, what the reduced model misses, and the width of the posterior:
+    a draw of d parameters misses n points by d / n of the variance that is believed.
+
+    Args:
+        least: standard deviation of ln|H| that the likelihood believes at least.
+        missed: by the likeliest draw (rms).
+    """
+    valid = observation.valid
+    independent = independent_share(observation) * float(valid.sum())
+    width = least**2 * model.parameters.size / max(independent, 1.0)
+    noise = usual_misfit(observation) * float(np.square(observation.noise_sd[valid]).mean())
+    known = float(np.sqrt(noise + model.reduction_error**2 + width))
+    if missed <= known:
+        return ()
+    return (
+        f"The likeliest draw misses ln|H| by {missed:.2g} (rms), where noise and reduced model "
+        f"account for {known:.2g}: a better solution may have been missed, or the model lacks "
+        "something. Compare with another --seed before you trust this posterior.",
     )
 
 

@@ -63,6 +63,17 @@ def sample_decoded(
     )
 
 
+def missed_by_best(found: DecodedPosterior) -> float:
+    """Root mean square by which the likeliest draw misses the measured ln|H|."""
+    draws, likelihood = found.draws, found.likelihood
+    base = likelihood.base
+    assert base is not None
+    best = draws.theta.flatten(0, 1)[draws.log_likelihood.flatten().argmax()]
+    values = likelihood.prior.split(best[None])
+    answer = base.predicted(likelihood.system, values.theta, values.zeta, values.sizes)[0]
+    return float((base.log_frf - answer.cpu())[base.valid].square().mean().sqrt())
+
+
 def sample_annealed(
     prior: Parameters, target: LogLikelihood, run: ChainRunner, latent: DecodedPosterior | None
 ) -> tuple[list[SamplerRun], tuple[str, ...]]:

@@ -25,7 +25,7 @@ from femupdate.surrogate.storage import TrainedSurrogate
 from femupdate.surrogate.training import TrainingSettings
 from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.calibrate_draws import predictive_log_frf
-from femupdate.workflow.calibrate_notes import reduction_warnings
+from femupdate.workflow.calibrate_notes import elsewhere_warnings, reduction_warnings
 from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource, observation_of
@@ -506,6 +506,7 @@ def test_the_building_judges_what_a_poor_decoder_draws(
     study, model = learned
     path, log_frf = frf_table
     report = calibrated(study, model, path, CalibrationSettings(particles=2000))
+    assert not any("a better solution" in note for note in report.notes)
     draws = np.column_stack([report.posterior.samples, report.posterior.zeta_samples])
     mean, sd, _ = quadrature(log_frf, tower_frf, grid_about(draws), 0.2)
     # 2,000 draws, a tenth of them independent at least: .07 sd, and 5 % of a standard deviation.
@@ -585,6 +586,19 @@ def test_an_observation_unlike_the_training_is_told(marked, tmp_path, frf_table)
         calibrated(study, model, far, settings)
     report = calibrated(study, model, far, replace(settings, anyway=True))
     assert any("unlike anything that this building can do" in n for n in report.notes)
+
+
+def test_a_solution_that_may_have_been_missed_is_told_of(tower_model, frf_table):
+    observation = observation_of(tower_model.building, ObservationSource(frf_table[0]))
+    model = replace(tower_model, reduction_error=0.02)
+    typical = float(np.median(observation.noise_sd))
+    assert elsewhere_warnings(model, observation, 0.2, typical) == ()
+    (note,) = elsewhere_warnings(model, observation, 0.2, 2.0 * typical)
+    assert f"misses ln|H| by {2.0 * typical:.2g} (rms)" in note
+    assert "a better solution may have been missed" in note
+    # What the reduced model misses is no sign of another solution.
+    coarse = replace(model, reduction_error=2.0 * typical)
+    assert elsewhere_warnings(coarse, observation, 0.2, 2.0 * typical) == ()
 
 
 def test_data_better_than_the_reduced_model_are_told_of(tower_model, frf_table):
