@@ -30,7 +30,7 @@ def draw_parameters(building: Building, rng: np.random.Generator) -> tuple[Float
     damping = damping_parameter(building)
     if not damping.free:
         return theta, damping.lower
-    return theta, float(np.exp(rng.uniform(np.log(max(damping.lower, 0.008)), np.log(0.03))))
+    return theta, float(np.exp(rng.uniform(np.log(max(damping.lower, 0.005)), np.log(0.03))))
 
 
 def draw_effects(

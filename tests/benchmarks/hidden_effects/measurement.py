@@ -34,7 +34,8 @@ class TrialSettings:
     """How the trials are measured.
 
     Attributes:
-        duration_s, sampling_hz, rms_m_s2: of the base motion, white over the grid.
+        durations_s: of the base motion, by turns; a recorded earthquake has its own.
+        sampling_hz, rms_m_s2: of the base motion, white over the grid.
         sensor_noise_m_s2: rms on every channel.
         quantisation_m_s2: step of the recorder.
         mesh_size: m, of the truth of a frame; two fifths of the building's own where None.
@@ -42,7 +43,7 @@ class TrialSettings:
         truth: `OURS`, by the solver of this project on a finer mesh, or `OPENSEES`.
     """
 
-    duration_s: float = 120.0
+    durations_s: tuple[float, ...] = (60.0, 120.0, 240.0)
     sampling_hz: float = 200.0
     rms_m_s2: float = 0.3
     sensor_noise_m_s2: float = 0.003
@@ -63,6 +64,7 @@ class MeasuredBuilding:
         zeta: damping ratio.
         effects: in the building, and missing in its file.
         shaking: of the base, one of `SHAKINGS`.
+        duration_s: of it.
     """
 
     building: Building
@@ -71,6 +73,7 @@ class MeasuredBuilding:
     zeta: float
     effects: tuple[HiddenEffect, ...]
     shaking: str = WHITE
+    duration_s: float = 120.0
 
     def truth(self, fine: FineModel) -> Truth:
         """Its response, on the fine mesh."""
@@ -81,7 +84,7 @@ class MeasuredBuilding:
         """What the recorder writes, of a share of the duration."""
         settings = self.settings
         top = min(self.building.frequency_grid.stop, 0.44 * settings.sampling_hz)
-        duration = share * settings.duration_s
+        duration = share * self.duration_s
         motion = self._motion(duration, top, rng)
         exact = np.vstack([motion.acceleration, truth.respond(self.zeta, motion)])
         noisy = exact + settings.sensor_noise_m_s2 * rng.standard_normal(exact.shape)

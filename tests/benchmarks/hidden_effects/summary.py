@@ -246,8 +246,9 @@ def summary_text(
         [(r.what, r.first, r.goal, r.found, str(r.of)) for r in rows],
     )
     compared = "amplitude and phase" if settings.use_phase else "amplitude alone"
+    seconds = ", ".join(f"{one:g}" for one in settings.durations_s)
     measured = (
-        f"{settings.duration_s:g} s at {settings.sampling_hz:g} Hz, sensor noise "
+        f"{seconds} s at {settings.sampling_hz:g} Hz, sensor noise "
         f"{settings.sensor_noise_m_s2:g} m/s2, {compared}"
     )
     if settings.truth == OPENSEES:

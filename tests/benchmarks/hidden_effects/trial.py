@@ -211,10 +211,12 @@ def run_trial(trial: Trial, models: TrialModels) -> Outcome:
     theta, zeta = draw_parameters(building, streams[0])
     structure = models.finder.plain.structure
     effects = draw_effects(trial.kind, building, structure, models.shows, streams[1])
-    shaking = SHAKINGS[trial.number % len(SHAKINGS)]
+    turn, which = divmod(trial.number, len(SHAKINGS))
+    shaking, durations = SHAKINGS[which], settings.durations_s
+    duration = durations[turn % len(durations)]
     others = settings.truth == OPENSEES
     effects = possible(effects) if others else effects
-    measured = MeasuredBuilding(building, settings, theta, zeta, effects, shaking)
+    measured = MeasuredBuilding(building, settings, theta, zeta, effects, shaking, duration)
     truth = (
         opensees_truth(models.fine, measured, shell_of(trial.number))
         if others

@@ -28,7 +28,7 @@ MODELS = Path(__file__).parents[3] / "models"
 SEED = 90
 PLAN = TrialPlan(clean=2, one=3, two=0, outside=1)
 # Half of a trial's record, seen at a fifth of the frequencies: seconds instead of a minute.
-SHORT = TrialSettings(duration_s=60.0)
+SHORT = TrialSettings(durations_s=(60.0,))
 
 
 @pytest.fixture(scope="module")
