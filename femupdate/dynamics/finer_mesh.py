@@ -7,6 +7,7 @@ little (inverse iteration; Bathe 2014, Finite Element Procedures, section 11.2).
 projection of the finer mesh on these shapes does the rest.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
@@ -27,6 +28,7 @@ from femupdate.dynamics.snapshots import (
 from femupdate.effects.structure import TRANSLATION, Structure
 from femupdate.fe.factorization import factorize
 from femupdate.fe.model import DOF_PER_NODE
+from femupdate.fe.products import combined
 from femupdate.progress import SILENT, Progress
 from femupdate.workers import everywhere
 
@@ -52,15 +54,20 @@ def on_finer_mesh(
         thetas: (n, p) at which the finer mesh is solved.
         progress: advances by one a full solution.
     """
-    assert reduced.node_shapes is not None
-    progress.start("Carrying the model over to a finer mesh", len(thetas))
-    task = partial(_moved, fine, reduced, _loads(coarse, reduced.node_shapes, fine), target)
     shapes = []
-    for one in everywhere(task, list(thetas)):
+    progress.start("Carrying the model over to a finer mesh", len(thetas))
+    for one in everywhere(_question(coarse, reduced, fine, target), list(thetas)):
         shapes.append(one)
         progress.advance()
-    basis = compressed(fine.mass, shapes, reduced.size)
-    return reduced_on(fine, basis)
+    return reduced_on(fine, compressed(fine.mass, shapes, reduced.size))
+
+
+def _question(
+    coarse: Structure, reduced: ReducedModel, fine: Structure, target: ReductionTarget
+) -> Callable[[Floats], Singles]:
+    """What gives the shapes at a theta (p,), see `_moved`."""
+    assert reduced.node_shapes is not None
+    return partial(_moved, fine, reduced, _loads(coarse, reduced.node_shapes, fine), target)
 
 
 def on_nodes_of(coarse: Structure, reduced: ReducedStructure) -> ReducedModel:
@@ -140,7 +147,7 @@ def _moved(
         reduced.floor_shapes @ vectors,
         np.zeros(len(reduced.floors)),
     )
-    forces = loads @ ((vectors * squared) @ felt.combinations(target, _LEAST))
+    forces = combined(loads, (vectors * squared) @ felt.combinations(target, _LEAST))
     static = STATIC_WEIGHT * fine.rigid_force[:, [TRANSLATION]]
     moved = factorize(fine.stiffness(theta)).apply(np.column_stack([forces, static]))
     return moved.astype(np.float32)

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import eigh
 from scipy.sparse import csc_matrix
 
-from femupdate.arrays import Floats, Singles
+from femupdate.arrays import Floats, Indices, Singles
 from femupdate.dynamics.equations import Equations, WithSprings, equations_at
 from femupdate.dynamics.projection import lumped, reduced_on
 from femupdate.dynamics.reduced_terms import ReducedStructure
@@ -24,8 +24,11 @@ from femupdate.effects.effect import Placed, Terms
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import TRANSLATION, Structure
 from femupdate.fe.assembly import AffineOperators, with_terms
+from femupdate.fe.driven import Factored
 from femupdate.fe.factorization import factorize
-from femupdate.fe.solve import modes_below
+from femupdate.fe.mechanism import factorize_held
+from femupdate.fe.products import along, combined, symmetric_times
+from femupdate.fe.solve import Modes, modes_below
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import even_points
 from femupdate.workers import everywhere
@@ -69,25 +72,39 @@ def local_structure(
     """
     if structure.operators is None:
         return lumped(structure)
+    shapes = _answers(structure, theta, target, progress, spread, present)
+    return reduced_on(structure, compressed(structure.mass, shapes, size))
+
+
+def _answers(
+    structure: Structure,
+    theta: Floats,
+    target: ReductionTarget,
+    progress: Progress,
+    spread: float,
+    present: Sequence[Sized] | None,
+) -> list[Floats | Singles]:
+    """Weighted shapes (n, c) of every question (see `local_structure`)."""
+    assert structure.operators is not None
     sets = _of_catalogue(structure) if present is None else _about(structure, present)
     questions = [_Question(one, theta) for one in sets]
     questions += [_Question(sets[0], near) for near in _neighbours(theta, spread)]
     middle = equations_at(structure, theta, sets[0])
-    known = modes_below(_alone(structure.operators, middle), np.zeros(0), target.top_hz)
+    alone = _alone(structure.operators, middle)
+    factors = factorize_held(alone, middle.stiffness)
+    modes = modes_below(alone, np.zeros(0), target.top_hz, factors)
     shapes: list[Floats | Singles] = []
     if present is not None:
-        shapes += _along_ports(structure, middle, present)
+        shapes += _along_ports(structure, WithSprings(factors, middle.springs), present)
     progress.start("Reducing the model for effects", len(questions))
-    modes = known.shapes, _times(structure.mass, known.shapes)
-    task = partial(_answer, structure, modes, target)
+    task = partial(_answer, structure, KnownModes.of(middle, modes), target)
     for one in everywhere(task, questions):
         shapes.append(one)
         progress.advance()
-    basis = compressed(structure.mass, shapes, size)
-    return reduced_on(structure, basis)
+    return shapes
 
 
-def _along_ports(structure: Structure, equations: Equations, sets: Sequence[Sized]) -> list[Floats]:
+def _along_ports(structure: Structure, factors: Factored, sets: Sequence[Sized]) -> list[Floats]:
     """What a force in the line of each effect that is present moves, (n, 1) each.
 
     Modes alone do not hold what gives at a point; the force is that of the whole mass at 1 m/s2.
@@ -95,9 +112,6 @@ def _along_ports(structure: Structure, equations: Equations, sets: Sequence[Size
     acting = {placed.label: placed for present in sets for placed, _ in present}
     terms = (one.effect.terms(structure, one.place) for one in acting.values())
     rows = [own.port.row for own in terms if own.port is not None]
-    if not rows:
-        return []
-    factors = WithSprings(factorize(equations.stiffness), equations.springs)
     force = structure.rigid_mass[TRANSLATION, TRANSLATION]
     return [STATIC_WEIGHT * factors.apply(force * row[:, None]) for row in rows]
 
@@ -146,24 +160,58 @@ def _neighbours(theta: Floats, spread: float) -> Floats:
     return np.asarray(theta * np.exp(spread * (2.0 * unit - 1.0)))
 
 
+@dataclass(frozen=True, eq=False)
+class KnownModes:
+    """Modes of equations without their springs, from which changed ones are answered.
+
+    Attributes:
+        equations: without the changes.
+        shapes: (n, m) of unit modal mass.
+        image: (n, m) the mass times them.
+        squared: (m,) circular frequencies, squared.
+    """
+
+    equations: Equations
+    shapes: Floats
+    image: Floats
+    squared: Floats
+
+    @staticmethod
+    def of(equations: Equations, modes: Modes) -> "KnownModes":
+        """From the modes of the equations."""
+        image = symmetric_times(equations.mass, modes.shapes)
+        return KnownModes(equations, modes.shapes, image, (2.0 * np.pi * modes.frequency_hz) ** 2)
+
+    def of_changed(self, changed: Equations) -> tuple[Floats, Floats, Floats]:
+        """Stiffness and mass (m, m) of changed equations on the shapes, and the mass times them."""
+        spring = changed.springs.rows @ self.shapes
+        pulled = spring.T @ (changed.springs.stiffness[:, None] * spring)
+        rows, more = self._times(changed.stiffness - self.equations.stiffness)
+        stiffness = np.diag(self.squared) + pulled + self.shapes[rows].T @ more
+        rows, more = self._times(changed.mass - self.equations.mass)
+        mass = np.eye(len(self.squared)) + self.shapes[rows].T @ more
+        image = self.image
+        if len(rows):
+            image = image.copy()
+            image[rows] += more
+        return stiffness, mass, image
+
+    def _times(self, change: csc_matrix) -> tuple[Indices, Floats]:
+        """The rows (w,) that a symmetric change (n, n) touches, and it times the shapes (w, m)."""
+        rows = np.flatnonzero(np.diff(change.indptr))
+        return rows, np.asarray(change.T[rows] @ self.shapes)
+
+
 def _answer(
-    structure: Structure, known: Sequence[Floats], target: ReductionTarget, question: _Question
+    structure: Structure, known: KnownModes, target: ReductionTarget, question: _Question
 ) -> Singles:
-    """See `nearby_shapes`; known are modes (n, m), and their forces of inertia without effects."""
+    """See `nearby_shapes`."""
     equations = equations_at(structure, question.theta, question.added)
-    modes, image = known
-    heavier = any(terms.mass is not None for terms, _ in question.added)
-    own = None if heavier else image
-    shapes = nearby_shapes(equations, structure.floor_rows, modes, target, own)
-    return shapes.astype(np.float32)
+    return nearby_shapes(equations, structure.floor_rows, known, target).astype(np.float32)
 
 
 def nearby_shapes(
-    equations: Equations,
-    rows: Floats,
-    known: Floats,
-    target: ReductionTarget,
-    image: Floats | None = None,
+    equations: Equations, rows: Floats, known: KnownModes, target: ReductionTarget
 ) -> Floats:
     """Weighted shapes (n, c) that span the responses of a changed model over the grid.
 
@@ -175,30 +223,30 @@ def nearby_shapes(
     Args:
         equations: of the changed model.
         rows: (f, n) where its floors are observed.
-        known: (n, m) modes of the model that it differs little from.
-        image: (n, m) the mass of the changed model times these, where it is at hand.
+        known: of the model that it differs little from.
     """
     factors = WithSprings(factorize(equations.stiffness), equations.springs)
-    force, count = equations.force[:, TRANSLATION], known.shape[1]
+    force, modes = equations.force[:, TRANSLATION], known.shapes
     static = factors.apply(force[:, None])[:, 0]
-    image = _times(equations.mass, known) if image is None else image
-    own = _Projected(known.T @ factors.times(known), known.T @ image, rows @ known, force @ known)
+    stiffness, mass, image = known.of_changed(equations)
+    own = _Projected(stiffness, mass, rows @ modes, force @ modes)
     first = own.responses(rows @ static, target)
     # What the stiffness makes of the new shapes are the right-hand sides that they solve.
-    right = image @ first
+    right = combined(image, first)
     fresh = np.column_stack([factors.apply(right), static])
-    moved = _times(equations.mass, fresh)
+    moved = symmetric_times(equations.mass, fresh)
     driven = force @ fresh
-    across = np.column_stack([known.T @ right, own.driven])
+    across = np.column_stack([own.mass @ first, own.driven])
     within = np.column_stack([fresh.T @ right, driven])
     both = _Projected(
         _symmetric(own.stiffness, across, within),
-        _symmetric(own.mass, image.T @ fresh, fresh.T @ moved),
+        _symmetric(own.mass, along(image, fresh), fresh.T @ moved),
         np.column_stack([own.floors, rows @ fresh]),
         np.append(own.driven, driven),
     )
-    combined = both.responses(rows @ static, target)
-    shapes = known @ combined[:count] + fresh @ combined[count:]
+    weights = both.responses(rows @ static, target)
+    count = modes.shape[1]
+    shapes = combined(modes, weights[:count]) + combined(fresh, weights[count:])
     return np.column_stack([shapes, STATIC_WEIGHT * static])
 
 
@@ -234,11 +282,6 @@ class _Projected:
         missed = static - (floors * participation) @ (1.0 / squared)
         felt = FeltModes(np.sqrt(squared), participation, floors, missed)
         return modes @ felt.combinations(target, LOCAL_BASIS.least)
-
-
-def _times(matrix: csc_matrix, shapes: Floats) -> Floats:
-    """Symmetric matrix times shapes, by its rows: three times as fast as by its columns."""
-    return np.asarray(matrix.T @ np.ascontiguousarray(shapes))
 
 
 def _symmetric(first: Floats, between: Floats, second: Floats) -> Floats:

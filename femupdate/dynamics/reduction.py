@@ -5,15 +5,17 @@ taken from responses of the full model at samples of them (`femupdate.dynamics.s
 judged by the full model at others.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from typing import TypeVar
 
 import numpy as np
 import torch
 
 from femupdate.arrays import Floats, Singles
 from femupdate.dynamics.damping import ConstantDamping
-from femupdate.dynamics.equations import driven_system
+from femupdate.dynamics.equations import DrivenSystem, driven_system
 from femupdate.dynamics.projection import lumped, reduced_on
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.dynamics.reduced_terms import ReducedStructure
@@ -32,6 +34,8 @@ from femupdate.errors import ModelError
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import spawn
 from femupdate.workers import everywhere
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,29 +112,16 @@ class _Question:
         return _log_frf(system, samples, target)
 
 
-@dataclass(frozen=True, eq=False)
-class _Sample:
-    """The full model at one sample.
-
-    Attributes:
-        shapes: (n, c) weighted, to take a basis from; in single precision, for they are many.
-        log_frf: (f, k) at the lowest damping.
-    """
-
-    shapes: Singles
-    log_frf: Floats
-
-
 def _certified(asked: _Question, target: ReductionTarget, progress: Progress) -> Reduction:
     (own,), checks = spawn(target.seed, 1), REDUCTION.choose + REDUCTION.certify
     rng = np.random.default_rng(own)
     first, least = log_even_samples(target, len(asked.structure.stiffness_terms)), 0
     progress.start("Reducing the model", len(first) + checks)
-    shapes = [one.shapes for one in _solved(asked, target, first, progress)]
+    shapes = _each(_snapshots, asked, target, first, progress)
     for _ in range(REDUCTION.rounds):
         basis = compressed(asked.structure.mass, shapes, REDUCTION.sizes[-1])
         unseen = _unseen(target, rng)
-        full = _solved(asked, target, unseen, progress)
+        full = np.stack(_each(_full_log_frf, asked, target, unseen, progress))
         reduced = _smallest(
             asked, basis, least, unseen[: REDUCTION.choose], full[: REDUCTION.choose], target
         )
@@ -143,8 +134,9 @@ def _certified(asked: _Question, target: ReductionTarget, progress: Progress) ->
             largest = float(np.abs(errors).max())
             return Reduction(reduced, rms, largest, len(each), float(each.max()))
         least = reduced.model.size + 1
-        shapes += [full[REDUCTION.choose + k].shapes for k in np.argsort(each)[-REDUCTION.join :]]
-        progress.start("Reducing the model, on more samples", checks)
+        worst = unseen[REDUCTION.choose + np.argsort(each)[-REDUCTION.join :]]
+        progress.start("Reducing the model, on more samples", len(worst) + checks)
+        shapes += _each(_snapshots, asked, target, worst, progress)
     names = ", ".join(one.label for one in asked.placed)
     raise ModelError(
         f"a reduced model of {reduced.model.size} shapes{' with ' + names if names else ''} still "
@@ -158,23 +150,40 @@ def _certified(asked: _Question, target: ReductionTarget, progress: Progress) ->
     )
 
 
-def _solved(
-    asked: _Question, target: ReductionTarget, samples: Floats, progress: Progress
-) -> list[_Sample]:
-    """The full model at samples (N, p + q), on all processors."""
+def _each(
+    task: Callable[[_Question, ReductionTarget, Floats], T],
+    asked: _Question,
+    target: ReductionTarget,
+    samples: Floats,
+    progress: Progress,
+) -> list[T]:
+    """What the full model tells at samples (N, p + q), on all processors."""
     found = []
-    for one in everywhere(partial(_solve, asked, target), list(samples)):
+    for one in everywhere(partial(task, asked, target), list(samples)):
         found.append(one)
         progress.advance()
     return found
 
 
-def _solve(asked: _Question, target: ReductionTarget, sample: Floats) -> _Sample:
-    """Shapes and response of the full model at one sample (p + q,)."""
-    structure = asked.structure
-    theta, sizes = np.split(sample, [len(structure.stiffness_terms)])
+def _full(asked: _Question, target: ReductionTarget, sample: Floats) -> DrivenSystem:
+    """The full model at one sample (p + q,)."""
+    theta, sizes = np.split(sample, [len(asked.structure.stiffness_terms)])
     added = list(zip(asked.placed, asked.terms, strict=True))
-    found = driven_system(structure, added, theta, sizes, target.top_hz, ConstantDamping())
+    return driven_system(asked.structure, added, theta, sizes, target.top_hz, ConstantDamping())
+
+
+def _full_log_frf(asked: _Question, target: ReductionTarget, sample: Floats) -> Floats:
+    """ln|H| (f, k) of the full model at one sample (p + q,), at the lowest damping."""
+    sizes = sample[len(asked.structure.stiffness_terms) :]
+    return _log_frf(_full(asked, target, sample).system, sizes[None], target)[0]
+
+
+def _snapshots(asked: _Question, target: ReductionTarget, sample: Floats) -> Singles:
+    """Weighted shapes (n, c) of the full model at one sample (p + q,), to take a basis from.
+
+    In single precision, for they are many.
+    """
+    structure, found = asked.structure, _full(asked, target, sample)
     omega, shapes = 2.0 * np.pi * found.frequency_hz, found.shapes
     floors, driven = structure.floor_rows @ shapes, shapes.T @ found.equations.force
     turns = any(any(terms.flexibility) or terms.pitch for terms in asked.terms)
@@ -184,8 +193,7 @@ def _solve(asked: _Question, target: ReductionTarget, sample: Floats) -> _Sample
         felt = FeltModes(omega, scale * own, floors, np.zeros(len(floors)))
         static = shapes @ (scale * own / omega**2)
         parts += [shapes @ felt.combinations(target), STATIC_WEIGHT * static[:, None]]
-    log_frf = _log_frf(found.system, sizes[None], target)[0]
-    return _Sample(np.concatenate(parts, axis=1, dtype=np.float32, casting="same_kind"), log_frf)
+    return np.concatenate(parts, axis=1, dtype=np.float32, casting="same_kind")
 
 
 def _log_frf(system: System, samples: Floats, target: ReductionTarget) -> Floats:
@@ -201,7 +209,7 @@ def _smallest(
     basis: Floats,
     least: int,
     samples: Floats,
-    full: list[_Sample],
+    full: Floats,
     target: ReductionTarget,
 ) -> ReducedStructure:
     """On the fewest shapes from `least` up that a few samples do not object to, or on all.
@@ -220,12 +228,11 @@ def _errors(
     asked: _Question,
     reduced: ReducedStructure,
     samples: Floats,
-    full: list[_Sample],
+    full: Floats,
     target: ReductionTarget,
 ) -> Floats:
-    """Reduced less full ln|H| (N, f, k)."""
-    truth = np.stack([one.log_frf for one in full])
-    return asked.log_frf(reduced, samples, target) - truth
+    """Reduced ln|H| less that of the full model, (N, f, k) both."""
+    return asked.log_frf(reduced, samples, target) - full
 
 
 def _unseen(target: ReductionTarget, rng: np.random.Generator) -> Floats:

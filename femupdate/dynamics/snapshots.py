@@ -4,20 +4,20 @@ Most modes of a building with slabs are vertical slab modes that a horizontal ba
 drives. A basis is therefore taken from responses: to the base motion, and to a force at each
 observed floor (the dual problem: a Galerkin FRF errs by the product of the two errors), over the
 whole frequency grid, each frequency weighted by how small the response of the floors is there,
-since it is the logarithm that must be right. The responses are compressed by their weighted Gram
-matrix (proper orthogonal decomposition).
+since it is the logarithm that must be right. The most energetic directions among the weighted
+responses are the basis (proper orthogonal decomposition).
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import accumulate
 
 import numpy as np
-from scipy.linalg import eigh, solve_triangular
+from scipy.linalg import eigh
 from scipy.sparse import csc_matrix
 
-from femupdate.arrays import Floats, Singles
+from femupdate.arrays import Complexes, Floats, Singles
 from femupdate.dynamics.thresholds import REDUCTION
+from femupdate.fe.products import symmetric_times
 from femupdate.seeds import even_points
 
 TOP = 1.3  # times the top of the grid: up to where responses are right that shapes are taken from
@@ -25,8 +25,9 @@ STATIC_WEIGHT = 1e-2  # of the static response among the shapes
 # Duals matter less than the motion itself: a twentieth of its weight was best of those tried.
 _DUAL = 0.05
 _SMALLEST = 1e-3  # |H| below which a frequency weighs no more
-_TOGETHER = 4  # parts that are multiplied at once
-_LEAST_NEW = 1e-14  # energy of a shape, of the largest, that is kept
+_LEAST_NEW = 1e-13  # energy of a shape, of the largest, that is kept
+_MORE = 40  # combinations beyond the size of a basis, at least
+_SEED = 11  # of combinations
 
 
 @dataclass(frozen=True)
@@ -87,56 +88,57 @@ class FeltModes:
             _DUAL**0.5 * shape[:, None] * moved * (w**2 / one)
             for shape, one in zip(self.floors, size, strict=True)
         ]
-        gram = sum((c @ c.conj().T).real for c in (primal, *dual))
+        gram = sum(_real_gram(one) for one in (primal, *dual))
         energy, directions = eigh(gram)
         kept = energy > least * energy[-1]
         return directions[:, kept] * np.sqrt(energy[kept] / energy[-1])
 
 
+def _real_gram(combinations: Complexes) -> Floats:
+    """Real part of C C^H (m, m)."""
+    parts = np.concatenate([combinations.real, combinations.imag], axis=1)
+    return np.asarray(parts @ parts.T)
+
+
 def compressed(mass: csc_matrix, shapes: Sequence[Floats | Singles], size: int) -> Floats:
     """Mass-orthonormal basis (n, r) of weighted shapes, most energetic first.
+
+    The shapes are seen through random combinations of them, a quarter more than are wanted; what
+    is lost with the rest is of the size of the shapes beyond the basis (Halko, Martinsson and Tropp
+    2011, SIAM Review 53, theorem 10.6).
 
     Args:
         mass: (n, n).
         shapes: parts (n, c) each, which are never copied into one array: they may fill GB. Single
-            precision does: energies go down to 1e-14 of the largest with it.
+            precision does: energies go down to 1e-13 of the largest with it.
         size: r at most.
     """
-    energy, directions = eigh(_lower_gram(mass, shapes), lower=True)
-    kept = np.flatnonzero(energy > _LEAST_NEW * energy[-1])[::-1][:size]
-    weights = directions[:, kept] / np.sqrt(energy[kept])
-    basis = np.zeros((mass.shape[0], len(kept)))
-    for block, own in _blocks(shapes):
-        basis += block @ weights[own]
-    # Once more: the energies span many decades and the first pass loses orthogonality with them.
-    factor = np.linalg.cholesky(basis.T @ (mass @ basis))
-    return np.asarray(solve_triangular(factor, basis.T, lower=True).T)
-
-
-def _lower_gram(mass: csc_matrix, shapes: Sequence[Floats | Singles]) -> Floats:
-    """(c, c) products of all shapes with the mass; those above the diagonal need not be there."""
     count = sum(one.shape[1] for one in shapes)
-    gram = np.zeros((count, count))
-    for number, (block, own) in enumerate(_blocks(shapes)):
-        forces = mass @ block
-        for later, rows in _blocks(shapes, number):
-            gram[rows, own] = later.T @ forces
-    return gram
+    span = _orthonormal(mass, _combined(shapes, min(size + max(size // 4, _MORE), count)))
+    forces = symmetric_times(mass, span).T.astype(np.float32)
+    seen = np.concatenate([forces @ one for one in shapes], axis=1, dtype=np.float64)
+    energy, directions = eigh(seen @ seen.T)
+    kept = np.flatnonzero(energy > _LEAST_NEW * energy[-1])[::-1][:size]
+    return span @ directions[:, kept]
 
 
-def _blocks(shapes: Sequence[Floats | Singles], first: int = 0) -> Iterator[tuple[Floats, slice]]:
-    """Some parts side by side (n, b), in double precision, and where they are among all shapes.
+def _combined(shapes: Sequence[Floats | Singles], width: int) -> Floats:
+    """Random combinations (n, width) of all shapes."""
+    rng = np.random.default_rng(_SEED)
+    whole = np.zeros((len(shapes[0]), width))
+    for one in shapes:
+        whole += one @ rng.standard_normal((one.shape[1], width), dtype=np.float32)
+    return whole
 
-    Args:
-        first: block from which on they are given.
-    """
-    ends = [0, *accumulate(one.shape[1] for one in shapes)]
-    for start in range(first * _TOGETHER, len(shapes), _TOGETHER):
-        some = shapes[start : start + _TOGETHER]
-        yield (
-            np.concatenate(some, axis=1, dtype=np.float64),
-            slice(ends[start], ends[start + len(some)]),
-        )
+
+def _orthonormal(mass: csc_matrix, vectors: Floats) -> Floats:
+    """Basis (n, r), orthonormal in the mass, of what vectors (n, c) span."""
+    energy, directions = eigh(vectors.T @ symmetric_times(mass, vectors))
+    kept = energy > _LEAST_NEW * energy[-1]
+    vectors = vectors @ (directions[:, kept] / np.sqrt(energy[kept]))
+    # Once more: the energies span many decades and the first pass loses orthogonality with them.
+    factor = np.linalg.cholesky(vectors.T @ symmetric_times(mass, vectors))
+    return np.asarray(vectors @ np.linalg.inv(factor).T)
 
 
 def log_even_samples(target: ReductionTarget, stories: int | None = None) -> Floats:

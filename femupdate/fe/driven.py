@@ -15,11 +15,14 @@ from scipy.sparse import csc_matrix
 
 from femupdate.arrays import Floats
 from femupdate.errors import ModelError
+from femupdate.fe.products import along, combined, symmetric_times
 
 _LOOK = 16  # shapes between two checks of the response
 _POINTS = 400  # frequencies at which it is checked
 _DAMPING = 0.01
 _NOTHING = 1e-12  # share of a block's energy; a direction with less adds nothing new
+# Of unit vectors along others: without it they are as long as before, to the last digit.
+_ROUNDING = 1e-9
 _SMALL = 1e-3  # of the largest of watched rows; nobody looks for a hundredth of what is smaller
 
 
@@ -93,16 +96,16 @@ def driven_shapes(
         if exhausted or count >= looked + _LOOK:
             own = slice(looked, count)
             pulled = factorization.times(basis[:, own])
-            small[:count, own] = basis[:, :count].T @ pulled
+            small[:count, own] = along(basis[:, :count], pulled)
             small[own, :count] = small[:count, own].T
             found = _diagonal(small[:count, :count])
-            driven = found.shapes.T @ (basis[:, :count].T @ forces)
+            driven = found.shapes.T @ along(basis[:, :count], forces)
             response = [
                 _response(found, (group @ basis[:, :count]) @ found.shapes, driven, top_hz, least)
                 for group, least in ((rows, 0.0), *((own, _SMALL) for own in watched))
             ]
             if exhausted or (last is not None and _change(response, last) < tolerance):
-                return DrivenShapes(found.frequency_hz, basis[:, :count] @ found.shapes)
+                return DrivenShapes(found.frequency_hz, combined(basis[:, :count], found.shapes))
             last, looked = response, count
         fresh = factorization.apply(moved)
     raise ModelError(f"{most} shapes do not give the response up to {top_hz:g} Hz; lower that")
@@ -110,15 +113,18 @@ def driven_shapes(
 
 def _orthonormal(fresh: Floats, basis: Floats, mass: csc_matrix) -> tuple[Floats, Floats]:
     """Vectors (n, c) orthonormal in the mass to each other and to a basis, and mass times them."""
-    moved = mass @ fresh
+    moved = symmetric_times(mass, fresh)
     before = np.einsum("ij,ij->j", fresh, moved)
     scale = 1.0 / np.sqrt(np.where(before > 0.0, before, 1.0))
     fresh, moved = fresh * scale, moved * scale
     # K^-1 M is symmetric in the mass: but for rounding, it leads from a block to that before it, to
     # itself and on. What rounding has brought along the others goes in the second pass.
     for known in (basis[:, -2 * fresh.shape[1] :], basis):
-        fresh = fresh - known @ (known.T @ moved)
-        moved = mass @ fresh
+        askew = along(known, moved)
+        fresh = fresh - combined(known, askew)
+        if known is basis and np.abs(askew).max(initial=0.0) < _ROUNDING:
+            break
+        moved = symmetric_times(mass, fresh)
         energy, directions = np.linalg.eigh(fresh.T @ moved)
         kept = energy > _NOTHING
         onto = directions[:, kept] / np.sqrt(energy[kept])

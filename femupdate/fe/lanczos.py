@@ -15,6 +15,7 @@ from scipy.linalg import eigh, solve_triangular
 from scipy.sparse import csc_matrix
 
 from femupdate.arrays import Floats
+from femupdate.fe.products import along, combined, symmetric_times
 
 _MANY = 30  # number of values from which blocks are faster than single vectors
 _BLOCK = 4  # vectors; a solution with all of them reads the factor from memory once
@@ -99,7 +100,7 @@ class _Recurrence:
         self._watch = _Watch(len(start))
         self._again = False  # whether this block is the second of two that are made orthogonal
         self.done = 0
-        self.block, self._image, self.link = _orthonormal(solve(mass @ start), mass)
+        self.block, self._image, self.link = _orthonormal(solve(symmetric_times(mass, start)), mass)
 
     @property
     def known(self) -> Floats:
@@ -118,20 +119,21 @@ class _Recurrence:
         self._basis[:, new] = block
         self._watch.add(image)
         ahead = self._solve(image)
-        along = image.T @ ahead
-        ahead -= block @ along
+        inside = image.T @ ahead
+        ahead -= block @ inside
         if self.done:
             old = slice(self.done - width, self.done)
             self._small[new, old] = self.link
             ahead -= self._basis[:, old] @ self.link.T
         rest = image.T @ ahead
         ahead -= block @ rest
-        self._small[new, new] = along + rest
+        self._small[new, new] = inside + rest
         self.done += width
         following = _orthonormal(ahead, self._mass)
         overlaps = self._watch.overlaps(following[0])
         if self._again or overlaps:
-            ahead = following[0] - self.known @ (self.known.T @ following[1])
+            askew = along(self.known, following[1])
+            ahead = following[0] - combined(self.known, askew)
             clean = _orthonormal(ahead, self._mass)
             following = (*clean[:2], clean[2] @ following[2])
         self._again = overlaps and not self._again
@@ -168,7 +170,7 @@ def _orthonormal(vectors: Floats, mass: csc_matrix) -> tuple[Floats, Floats, Flo
         LinAlgError: the vectors depend on each other.
     """
     if vectors.shape[1] == 1:
-        image = mass @ vectors
+        image = symmetric_times(mass, vectors)
         squared = float(vectors[:, 0] @ image[:, 0])
         if not squared > 0.0:
             raise np.linalg.LinAlgError("a vector without mass")
@@ -176,7 +178,7 @@ def _orthonormal(vectors: Floats, mass: csc_matrix) -> tuple[Floats, Floats, Flo
         return vectors / length, image / length, np.array([[length]])
     whole = np.eye(vectors.shape[1])
     while True:
-        image = mass @ vectors
+        image = symmetric_times(mass, vectors)
         factor = np.linalg.cholesky(vectors.T @ image).T
         inverse = solve_triangular(factor, np.eye(len(factor)))
         vectors, image = np.asfortranarray(vectors @ inverse), np.asfortranarray(image @ inverse)

@@ -13,6 +13,7 @@ from femupdate.fe.assembly import AffineOperators
 from femupdate.fe.factorization import Factorization, factorize
 from femupdate.fe.lanczos import block_size, largest_of_inverse
 from femupdate.fe.mechanism import factorize_held, factorize_supported, refuse_negative
+from femupdate.fe.products import symmetric_times
 
 _FEW = 500  # up to so many degrees of freedom with mass a dense solution is as fast as Lanczos
 _NO_MASS = 1e-14
@@ -258,7 +259,7 @@ def _count_negative(matrix: csc_matrix, order: Integers | None) -> int | None:
 
 
 def _modes(problem: _Problem, values: Floats, shapes: Floats) -> Modes:
-    image = problem.mass @ shapes
+    image = symmetric_times(problem.mass, shapes)
     norm = np.sqrt(np.einsum("ij,ij->j", shapes, image))
     magnitude = np.abs(shapes)
     largest = (magnitude >= (1.0 - _CLOSE) * magnitude.max(axis=0)).argmax(axis=0)
@@ -269,8 +270,8 @@ def _modes(problem: _Problem, values: Floats, shapes: Floats) -> Modes:
 
 def _residual(problem: _Problem, values: Floats, shapes: Floats) -> float:
     """Largest relative residual of the modes."""
-    image = problem.mass @ shapes
-    elastic = problem.stiffness @ shapes
+    image = symmetric_times(problem.mass, shapes)
+    elastic = symmetric_times(problem.stiffness, shapes)
     error = np.linalg.norm(elastic - values * image, axis=0)
     size = np.linalg.norm(elastic - problem.shift * image, axis=0)
     return float((error / size).max())

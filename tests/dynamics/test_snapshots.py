@@ -20,16 +20,19 @@ def rng():
 
 def test_a_basis_of_parts_holds_the_most_energetic_directions(mass, rng):
     """The best r directions of L^T S, L L^T the mass, are its first r left singular vectors."""
-    weight = 0.6 ** np.arange(12.0)
+    weight = 0.3 ** np.arange(12.0)
     parts = [rng.normal(size=(40, 12)) * weight for _ in range(3)]
     parts.append(rng.normal(size=(40, 1)))
-    basis = compressed(mass, parts, 10)
-    np.testing.assert_allclose(basis.T @ mass @ basis, np.eye(10), atol=1e-12)
+    basis = compressed(mass, parts, 20)
+    np.testing.assert_allclose(basis.T @ mass @ basis, np.eye(20), atol=1e-12)
     lower = np.linalg.cholesky(mass.toarray())
-    left = np.linalg.svd(lower.T @ np.concatenate(parts, axis=1))[0][:, :10]
+    whole = lower.T @ np.concatenate(parts, axis=1)
+    left, size, _ = np.linalg.svd(whole)
     own = lower.T @ basis
-    np.testing.assert_allclose(own @ own.T, left @ left.T, atol=1e-9)
-    np.testing.assert_allclose(np.abs(own[:, 0] @ left[:, 0]), 1.0, atol=1e-9)
+    # What a basis leaves; five random combinations more than wanted cost a few per cent.
+    lost = np.linalg.norm(whole - own @ (own.T @ whole))
+    assert lost < 1.3 * np.linalg.norm(size[20:])
+    np.testing.assert_allclose(np.abs(own[:, :4].T @ left[:, :4]), np.eye(4), atol=1e-3)
 
 
 def test_shapes_that_repeat_others_are_left_out(mass, rng):

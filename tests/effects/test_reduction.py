@@ -10,7 +10,7 @@ from scipy.linalg import eigh
 from femupdate.building.document import from_document
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.equations import equations_at
-from femupdate.dynamics.local_basis import local_structure, nearby_shapes
+from femupdate.dynamics.local_basis import KnownModes, local_structure, nearby_shapes
 from femupdate.dynamics.projection import reduced_on
 from femupdate.dynamics.reduction import reduce_structure
 from femupdate.dynamics.snapshots import TOP, ReductionTarget
@@ -92,13 +92,31 @@ def test_local_basis_follows_the_full_model_nearby(local, exact, name):
         assert np.abs(error).max() < 0.2
 
 
+@pytest.mark.parametrize("name", ["added_mass", "brace", "cracked_beams"])
+def test_changed_equations_are_projected_by_what_has_changed(structure, name):
+    """As by the full matrices: of masses, of springs between many nodes, and of members."""
+    effect = CATALOGUE[name]
+    terms = effect.terms(structure, effect.places(structure)[0])
+    before = equations_at(structure, HERE)
+    known = KnownModes.of(before, modes_below(structure.operators, HERE, GRID[-1]))
+    changed = equations_at(structure, 1.1 * HERE, ((terms, 0.3),))
+    stiffness, mass, image = known.of_changed(changed)
+    shapes, springs = known.shapes, changed.springs
+    pulled = np.diag(springs.stiffness) @ (springs.rows @ shapes)
+    whole = shapes.T @ (changed.stiffness @ shapes) + (springs.rows @ shapes).T @ pulled
+    np.testing.assert_allclose(stiffness, whole, atol=1e-9 * np.abs(whole).max())
+    np.testing.assert_allclose(mass, shapes.T @ (changed.mass @ shapes), atol=1e-9)
+    expected = changed.mass @ shapes
+    np.testing.assert_allclose(image, expected, atol=1e-9 * np.abs(expected).max())
+
+
 def test_shapes_of_a_changed_model_come_from_the_modes_of_another(structure, exact, target):
     """They hold its responses, which the modes themselves do not."""
-    known = modes_below(structure.operators, HERE, TOP * GRID[-1]).shapes
-    theta = HERE * np.array([0.8, 1.25])
+    modes = modes_below(structure.operators, HERE, TOP * GRID[-1])
+    known, theta = KnownModes.of(equations_at(structure, HERE), modes), HERE * np.array([0.8, 1.25])
     changed = equations_at(structure, theta)
     shapes = nearby_shapes(changed, structure.floor_rows, known, target)
-    assert shapes.shape[1] < known.shape[1]
+    assert shapes.shape[1] < modes.shapes.shape[1]
     placed, none = Placed(CATALOGUE["added_mass"], "RF"), np.zeros(1)
 
     def error(basis):
@@ -107,7 +125,7 @@ def test_shapes_of_a_changed_model_come_from_the_modes_of_another(structure, exa
         both = [log_frf(one, placed, none, theta) for one in (reduced, exact)]
         return np.sqrt(((both[0] - both[1]) ** 2).mean())
 
-    assert error(shapes / np.linalg.norm(shapes, axis=0)) < min(0.03, 0.2 * error(known))
+    assert error(shapes / np.linalg.norm(shapes, axis=0)) < min(0.03, 0.2 * error(modes.shapes))
 
 
 @pytest.mark.parametrize("name", ["added_mass", "cracked_beams", "story_damper", "base_sway"])
