@@ -103,7 +103,7 @@ def _real_gram(combinations: Complexes) -> Floats:
 def compressed(mass: csc_matrix, shapes: Sequence[Floats | Singles], size: int) -> Floats:
     """Mass-orthonormal basis (n, r) of weighted shapes, most energetic first.
 
-    The shapes are seen through random combinations of them, a quarter more than are wanted; what
+    The shapes are seen through random combinations of them, half as many again as are wanted; what
     is lost with the rest is of the size of the shapes beyond the basis (Halko, Martinsson and Tropp
     2011, SIAM Review 53, theorem 10.6).
 
@@ -114,7 +114,7 @@ def compressed(mass: csc_matrix, shapes: Sequence[Floats | Singles], size: int) 
         size: r at most.
     """
     count = sum(one.shape[1] for one in shapes)
-    span = _orthonormal(mass, _combined(shapes, min(size + max(size // 4, _MORE), count)))
+    span = _orthonormal(mass, _combined(shapes, min(size + max(size // 2, _MORE), count)))
     forces = symmetric_times(mass, span).T.astype(np.float32)
     seen = np.concatenate([forces @ one for one in shapes], axis=1, dtype=np.float64)
     energy, directions = eigh(seen @ seen.T)
