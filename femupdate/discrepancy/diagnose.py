@@ -213,10 +213,7 @@ def diagnose(
     base = narrowed(settle(problem, base))
     problem = base.problem
     progress.advance(note="testing every effect")
-    scores = sorted(
-        in_threads(partial(score, problem, base), candidates(problem, base.placed)),
-        key=lambda one: -abs(one.statistic),
-    )
+    scores = _scored(problem, base)
     unobservable = (
         *unobservable_effects(problem, base, scores, chosen.least_strength),
         *without_phase(problem, base.placed),
@@ -248,6 +245,12 @@ def diagnose(
         _worth(problem, findings, twins),
         sentence,
     )
+
+
+def _scored(problem: Problem, base: Fit) -> list[Score]:
+    """The tests of all candidates, the strongest first."""
+    found = in_threads(partial(score, problem, base), candidates(problem, base.placed))
+    return sorted(found, key=lambda one: -abs(one.statistic))
 
 
 def _fitted(

@@ -198,7 +198,7 @@ class KnownModes:
 
     def _times(self, change: csc_matrix) -> tuple[Indices, Floats]:
         """The rows (w,) that a symmetric change (n, n) touches, and it times the shapes (w, m)."""
-        rows = np.flatnonzero(np.diff(change.indptr))
+        rows = np.flatnonzero(np.diff(change.indptr)).astype(np.int32)
         return rows, np.asarray(change.T[rows] @ self.shapes)
 
 

@@ -59,9 +59,8 @@ def estimate_frf(
         MeasurementError: there is no base or floor channel in the direction, the record is too
             short, or no point of the grid can be used.
     """
-    grid = _checked_grid(frequency_hz)
+    grid, step = _checked_grid(frequency_hz), histories.time_step
     base, floors, names = floor_means(histories, direction)
-    step = histories.time_step
     rotation = rotation_of(histories.channels, histories.acceleration)
     # Long enough to resolve the grid, s.
     wanted = 1.0 / float(np.median(np.diff(grid))) if grid.size > 1 else 8.0 / float(grid[0])

@@ -190,31 +190,27 @@ def repair_study(
     Raises:
         MeasurementError: an observation cannot be used.
     """
-    started = time.monotonic()
-    settings = settings or DiagnosisSettings()
+    started, settings = time.monotonic(), settings or DiagnosisSettings()
     given = read_given(study, model, source, second, progress)
     other = None if holdout is None else read_held(study, model, holdout, progress)
-    finder = finder_model(study, model, progress)
-    model = on_kept_finer(study, model)
+    finder, model = finder_model(study, model, progress), on_kept_finer(study, model)
     data = given.data(model, finder.mesh, use_phase)
     problem, base, found = search(finder, data, settings, progress)
-    kept_out = None
+    kept_out, elsewhere = None, None
     if holdout is not None and other is not None:
-        first = None if second is None else source
-        kept_out = _kept_out(model, finder, holdout, other, use_phase, first)
-    elsewhere = None if kept_out is None else kept_out.gain
+        kept_out = _kept_out(model, finder, holdout, other, use_phase, source if second else None)
+        elsewhere = kept_out.gain
     mended, done = mend(finder, problem, base, found, settings, progress, elsewhere)
     before = _updated(problem, done.before, settings.seed, progress)
     after = _updated(mended, done.after, settings.seed, progress) if done.rounds else before
     held = None if kept_out is None else _held(kept_out, problem, done, progress)
     building, kept = model.building, None
     if done.rounds:
-        building = repaired_building(model.building, done)
+        building = repaired_building(building, done)
         kept = keep_repaired(study, model, building, mended.reduced, finder.mesh)
         own = with_fitted(open_study(kept), mended, done.after, finder.mesh)
-        keep_repaired_posterior(
-            kept, own, given.measured, source, after, settings.seed, problem.levels
-        )
+        known = given.measured, source, after, settings.seed, problem.levels
+        keep_repaired_posterior(kept, own, *known)
     report = RepairReport(
         repair=done,
         problem=problem,
