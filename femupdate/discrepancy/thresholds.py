@@ -247,11 +247,11 @@ class MeshErrorThresholds:
     half: float = entry(0.5, "of the mesh size", "of the mesh from which errors are learned")
     thetas: int = entry(8, "sets of factors", "at which meshes are compared")
     carried: int = entry(
-        8,
+        12,
         "sets of factors",
         "of the whole prior at which a finer mesh is solved beside these",
-        "rms of ln|H| at seven others, six-story and two-story frame: .0083 and .0027; .0081 and "
-        ".0025 with 12, .023 and .0028 with 6",
+        "rms of ln|H| at seven others, six-story and two-story frame: .0081 and .0025; .0083 and "
+        ".0027 with 8, where posterior means differ by .35 sd; .023 and .0028 with 6",
     )
     inner: float = entry(1.5, "factor", "by which the ends of the prior are left out")
     distance_sd: float = entry(
