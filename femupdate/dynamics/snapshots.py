@@ -115,8 +115,10 @@ def compressed(mass: csc_matrix, shapes: Sequence[Floats | Singles], size: int) 
     """
     count = sum(one.shape[1] for one in shapes)
     span = _orthonormal(mass, _combined(shapes, min(size + max(size // 2, _MORE), count)))
-    forces = symmetric_times(mass, span).T.astype(np.float32)
-    seen = np.concatenate([forces @ one for one in shapes], axis=1, dtype=np.float64)
+    forces = symmetric_times(mass, span).T
+    single = forces.astype(np.float32)
+    parts = [(single if one.dtype == np.float32 else forces) @ one for one in shapes]
+    seen = np.concatenate(parts, axis=1, dtype=np.float64)
     energy, directions = eigh(seen @ seen.T)
     kept = np.flatnonzero(energy > _LEAST_NEW * energy[-1])[::-1][:size]
     return span @ directions[:, kept]
