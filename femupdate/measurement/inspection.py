@@ -31,7 +31,7 @@ from femupdate.measurement.proposal import proposed_floors
 from femupdate.measurement.quantity import is_acceleration, si_factor
 from femupdate.measurement.recording import RecordedFunction, RecordedMode, Recording
 from femupdate.measurement.registry import read_measured, readers
-from femupdate.measurement.resolve import axes_of, is_static, layout_of
+from femupdate.measurement.resolve import axes_of, layout_of
 
 _FRFS = (
     "Put in which response function, by its number, is which floor's: 2F/RF for 2F under a force at"
@@ -144,12 +144,10 @@ class Inspection:
     @property
     def summary(self) -> str:
         """How many of what, and the format."""
-        table = self.recording.table
         counts = {
             "channel": len(self.channels),
             "function of frequency": len(self.functions),
             "mode": len(self.modes),
-            "load case": len(table.values) if table and is_static(table) else 0,
             "measuring point": len(self.recording.points),
         }
         said = [_counted(number, what) for what, number in counts.items() if number]
@@ -240,8 +238,7 @@ def inspect_file(
     table = recording.mode_table
     modes = recording.modes if table is None else modes_in_table(table, columns or {}, named=False)
     tabled = bool(functions) and recording.table is not None
-    other = tabled or is_static(recording.table) or table is not None
-    histories = () if other else recording.histories()
+    histories = () if tabled or table is not None else recording.histories()
     floors = proposed_floors(histories)
     placed = _placed([parse_channel(each.name) for each in histories])
     if columns and histories:
@@ -367,8 +364,6 @@ def _step(
         names = None if recording.table is None else recording.table.names or ()
         return next_step(path, histories, names, unit, columns)
     calibrate = f"femupdate calibrate {shlex.quote(str(path))}"
-    if is_static(recording.table):
-        return NextStep(calibrate)
     if modes:
         return _mode_step(calibrate, modes, columns)
     if functions and recording.table is not None:

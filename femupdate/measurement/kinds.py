@@ -16,10 +16,9 @@ from femupdate.measurement.observation_file import (
 from femupdate.measurement.quantity import force_unit
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.registry import read_measured
-from femupdate.measurement.resolve import is_static, layout_of, placed_channels
-from femupdate.measurement.static_test import StaticTest, static_test
+from femupdate.measurement.resolve import layout_of, placed_channels
 
-AnyKind = Histories | ForceHistories | FrfTable | ForceTest | StaticTest | IdentifiedModes
+AnyKind = Histories | ForceHistories | FrfTable | ForceTest | IdentifiedModes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,7 +84,6 @@ _EXPLAINED = "calibrate, diagnose and repair explain"
 _FORCED = "responses to a force", _EXPLAINED
 _OTHERS: Mapping[type, tuple[str, str]] = {
     IdentifiedModes: ("identified modes", _EXPLAINED),
-    StaticTest: ("static load cases", "calibrate and inspect alone take"),
 }
 
 
@@ -98,8 +96,6 @@ def kind_in(recording: Recording, how: Reading) -> AnyKind:
         table, columns = table_of_functions(recording, columns or {}), None
     if table is None:
         return histories_of(file, placed_channels(recording, columns, how.unit), how.unit)
-    if is_static(table):
-        return static_test(table)
     layout = layout_of(table, columns)
     if layout.of_histories:
         return histories_of(file, layout.channels(), how.unit)

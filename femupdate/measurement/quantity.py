@@ -21,27 +21,22 @@ _MASS = re.compile(r"1/\(?(?P<mass>kg|t|lb)\)?")
 _VELOCITY = re.compile(r"(?P<length>[a-z]+)/s", re.IGNORECASE)
 
 
-def newtons(
-    file: TextFile, values: Floats, unit: str | None, column: str, what: str = "force"
-) -> Floats:
+def newtons(file: TextFile, values: Floats, unit: str | None, column: str) -> Floats:
     """Forces in N.
-
-    Args:
-        what: "force" or "load".
 
     Raises:
         MeasurementError: the unit is missing or none of a force, or nothing pushes so strongly.
     """
     if unit not in FORCES:
         raise file.error(
-            f"the {what}'s unit is {unit or 'not given'}; write one of {', '.join(FORCES)} behind"
-            f" its name, such as {what}/RF (kN)",
+            f"the force's unit is {unit or 'not given'}; write one of {', '.join(FORCES)} behind"
+            f" its name, such as force/RF (kN)",
             column=column,
         )
     found = np.asarray(values * FORCES[unit])
     if found.size and np.abs(found).max() > RESPONSE.largest_force_n:
         raise file.error(
-            f"a {what} of {np.abs(found).max():.3g} N acts on no building; correct the value or the"
+            f"a force of {np.abs(found).max():.3g} N acts on no building; correct the value or the"
             " unit",
             column=column,
         )

@@ -220,11 +220,6 @@ def layout_of(table: Table, columns: Mapping[str, str] | None) -> Layout:
     file = table.file
     if table.names is None:
         raise file.error(f"the first row must name the columns ({HISTORY_COLUMNS})", 1)
-    if is_static(table):
-        raise file.error(
-            "these are static load cases, which calibrate and inspect alone take; give histories"
-            " or FRFs here"
-        )
     given = renamed_columns(table, columns or {})
     axes = axes_of([given.get(k, name) for k, name in enumerate(table.names)])
     if len(axes) != 1:
@@ -238,12 +233,6 @@ def layout_of(table: Table, columns: Mapping[str, str] | None) -> Layout:
         table = replace(table, values=table.values[1:], lines=table.lines[1:])
     known = _known(file, table.names or (), given, axis, at)
     return Layout(table, at, axis == TIME, known)
-
-
-def is_static(table: Table | None) -> bool:
-    """Whether a table holds load cases."""
-    names = (table.names if table is not None else None) or ()
-    return any(name.lower().startswith("load/") for name in names)
 
 
 def axes_of(names: Sequence[str]) -> dict[int, str]:

@@ -192,19 +192,6 @@ class RESPONSE:
 
 
 @table
-class STATIC:
-    """What is taken of deflections under static loads."""
-
-    low_hz: float = entry(
-        1e-4, "Hz", "at which they are a response", "inertia counts in nothing that stands"
-    )
-    least_sd: float = entry(0.02, "share", "standard deviation", "dial gauges and jacks err by 2 %")
-    assumed_sd: float = entry(0.05, "share", "standard deviation, where the scatter is not known")
-    farthest_m: float = entry(10.0, "m", "deflection")
-    doubtful: float = entry(0.5, "share", "standard deviation from which it is no measurement")
-
-
-@table
 class RECORDED_MODE:
     """Which tables of modes can be, and what of them is worth a word."""
 

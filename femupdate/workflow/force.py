@@ -139,11 +139,6 @@ def _sentence(one: ForcedObservation, away: Tensor, omega: Tensor, spread: float
         f"{own.source}: the {one.quantity} of {', '.join(own.floors)} under a force at {one.force}"
     )
     level, _ = _level(away, omega, 0)
-    if one.quantity not in _QUANTITIES:
-        return (
-            f"{said} is {math.exp(level):.3g} times away from all that the prior of the building's"
-            " stiffness allows; correct its unit, the load's, or the prior"
-        )
     best, guess = math.inf, ""
     power = _QUANTITIES.index(one.quantity)
     for shift in range(-power, 3 - power):

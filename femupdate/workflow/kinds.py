@@ -24,7 +24,6 @@ from femupdate.measurement.modes import IdentifiedModes
 from femupdate.measurement.observation import Observation, require_floors_of_building
 from femupdate.measurement.observation_file import ForceHistories, Histories
 from femupdate.measurement.pair_checks import pair_findings
-from femupdate.measurement.static_test import StaticTest, static_observations
 from femupdate.progress import Progress
 from femupdate.study import Study
 from femupdate.units import percent
@@ -215,7 +214,7 @@ def measured_of(building: Building, source: ObservationSource) -> Measured:
         read = source.read(path, direction_of(building))
         if isinstance(read, IdentifiedModes):
             modes.append(_chosen(building, source, path, read))
-        elif isinstance(read, ForceTest | ForceHistories | StaticTest):
+        elif isinstance(read, ForceTest | ForceHistories):
             forced += _forced(building, source, read)
         else:
             base.append(path)
@@ -261,7 +260,7 @@ def _doubts(path: Path, read: Histories | FrfTable, direction: str) -> list[str]
 
 
 def _forced(
-    building: Building, source: ObservationSource, test: ForceTest | ForceHistories | StaticTest
+    building: Building, source: ObservationSource, test: ForceTest | ForceHistories
 ) -> list[ForcedObservation]:
     """Responses to forces of the floors and in the band that are asked for."""
     grid = building.frequency_grid.frequencies_hz()
@@ -272,9 +271,6 @@ def _forced(
         inside = grid[(grid >= band[0]) & (grid <= band[1])]
         seen = forced_estimate(test, building.floors, inside, direction_of(building))
         tests: tuple[ForcedObservation, ...] = (seen,)
-    elif isinstance(test, StaticTest):
-        _require_held_base(building, test)
-        tests = static_observations(test, building.floors)
     else:
         tests = forced_observations(test, building.floors, band, noise)
     found = []
@@ -284,14 +280,6 @@ def _forced(
         if wanted:
             found.append(one.of_floors(wanted))
     return found
-
-
-def _require_held_base(building: Building, test: StaticTest) -> None:
-    if building.moving_base:
-        raise MeasurementError(
-            f"{test.source}: a base that {building.moving_base} carries no static load; calibrate"
-            ' with a building whose [supports] base is "fixed"'
-        )
 
 
 def _chosen(

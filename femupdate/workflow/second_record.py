@@ -73,6 +73,6 @@ def _histories(source: ObservationSource, direction: str) -> Histories:
         if isinstance(read, Histories):
             return read
     raise MeasurementError(
-        f"{source.path}: response functions, modes and deflections do not say at which level they"
+        f"{source.path}: response functions and modes do not say at which level they"
         " were measured; give the histories of both records"
     )

@@ -155,7 +155,7 @@ def _mode(pyuff: Any, number: int) -> dict[str, Any]:
 
 
 def force_texts() -> dict[str, str]:
-    """Responses to a force, histories with their force, load cases, complex text."""
+    """Responses to a force, histories with their force, complex text."""
     frequency = 0.25 * np.arange(1, 60)
     h = -(frequency**2) / (1.0 - (frequency / 3.0) ** 2 + 0.1j * frequency) / 1e5
     pairs = list(zip(frequency, h, strict=True))
@@ -167,12 +167,10 @@ def force_texts() -> dict[str, str]:
     floors = [np.convolve(force, wave(0.01 * k), "full")[:1500] for k in (1, 2)]
     table = zip(time, force, *floors, strict=True)
     rows = "".join(f"{t:.2f},{p:.5g},{a:.5g},{b:.5g}\n" for t, p, a, b in table)
-    cases = "".join(f"{k},{5 * k},{0.2 + 0.1 * k:.4g},{0.3 + 0.25 * k:.4g}\n" for k in range(6))
     return {
         "moduli.csv": f"frequency_hz,2F/RF (m/s2/N),RF/RF (m/s2/N),RF/RF_sd\n{modulus}",
         "complex_text.csv": f"frequency_hz,RF/RF (m/s2/N)\n{text}",
         "hammer.csv": f"time_s,force/RF (kN),2F (m/s2),RF (m/s2)\n{rows}",
-        "loads.csv": f"case,load/RF (kN),2F (mm),RF (mm)\n{cases}",
     }
 
 
