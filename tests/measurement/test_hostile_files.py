@@ -14,52 +14,9 @@ from femupdate.measurement.inspection import inspect_file
 from femupdate.measurement.kinds import Reading, read_any_kind
 from femupdate.measurement.quantity import bracketed
 from femupdate.measurement.readers import uff
-from femupdate.measurement.readers.seismic import gse_samples
 from femupdate.measurement.registry import read_measured
 from femupdate.measurement.text import TextFile
 from femupdate.workflow.identify import identify
-
-# Written by hand after the format: 5, 5 + 7, 5 + 7 - 20 and so on are sums of second differences.
-GSE = b"""\
-WID2 2026/01/01 00:00:00.000 TWR   BHE      CM6        3  100.000000   1.00e+00   1.000
-STA2           -999.0000 -999.00000              -.999 -.999
-DAT2
-53ZI
-CHK2       %d
-"""
-
-
-def test_packed_samples_by_hand():
-    """Characters carry 4 or 5 bits, and say by bit 5 that more follow, by bit 4 a minus."""
-    letters = "+-0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz"
-    # Second differences 5, -3 and 40 = 1 * 32 + 8: the samples are 5, 7 and 49.
-    packed = "".join(letters[code] for code in (5, 16 + 3, 32 + 1, 8)).encode()
-    text = GSE.replace(b"53ZI", packed) % 61
-    assert gse_samples(text, [("CM6", 3)])[0].tolist() == [5.0, 7.0, 49.0]
-    plain = text.replace(packed, b"5 7\n49")
-    assert gse_samples(plain, [("INT", 3)])[0].tolist() == [5.0, 7.0, 49.0]
-    for wrong, kinds, message in (
-        (text, [("CM6", 4)], "3 samples where the header says 4"),
-        (GSE.replace(b"53ZI", packed) % 62, [("CM6", 3)], "the sum of its samples"),
-        (GSE.replace(b"53ZI", packed[:-1]) % 61, [("CM6", 3)], "packed samples are damaged"),
-        (text[:-20], [("CM6", 3)], "1 headers, but 0 whole sections"),
-        (text, [("CM8", 3)], "type CM8 are not supported"),
-    ):
-        with pytest.raises(ValueError, match=message):
-            gse_samples(wrong, kinds)
-
-
-@pytest.mark.parametrize("keep", [0.3, 0.6, 0.9])
-def test_a_gse_file_that_is_cut_is_refused(tmp_path, keep):
-    """ObsPy's library ends the process."""
-    obspy = pytest.importorskip("obspy")
-    path = tmp_path / "a.gse"
-    values = np.round(1000.0 * np.sin(np.arange(400) ** 1.1)).astype(np.int32)
-    obspy.Trace(values, {"station": "TWR", "channel": "BHE"}).write(str(path), format="GSE2")
-    content = path.read_bytes()
-    path.write_bytes(content[: int(keep * len(content))])
-    with pytest.raises(MeasurementError, match="GSE2 file cannot be read"):
-        read_measured(path)
 
 
 def test_data_of_no_type_in_a_matlab_file(tmp_path):

@@ -102,12 +102,14 @@ def test_parts_of_a_trace_are_one(obspy, trace, tmp_path):
     np.testing.assert_array_equal(channel.values, [*VALUES, *(2 * VALUES)])
 
 
-def test_gse_and_sac_are_told_by_their_content(trace, tmp_path):
-    for kind in ("GSE2", "SAC"):
-        path = tmp_path / f"{kind}.dat"
-        trace("BHE").write(str(path), format=kind)
-        (channel,) = read_measured(path).channels
-        np.testing.assert_allclose(channel.values, VALUES)
+def test_sac_is_told_by_its_content_and_gse_refused(trace, tmp_path):
+    path = tmp_path / "SAC.dat"
+    trace("BHE").write(str(path), format="SAC")
+    (channel,) = read_measured(path).channels
+    np.testing.assert_allclose(channel.values, VALUES)
+    trace("BHE").write(str(path), format="GSE2")
+    with pytest.raises(MeasurementError, match=r"a GSE file, .*by ObsPy to miniSEED"):
+        read_measured(path)
 
 
 def test_traces_that_never_meet(obspy, trace, tmp_path):

@@ -1,14 +1,12 @@
-"""Records of seismic networks and instruments, by ObsPy: miniSEED, SAC, GSE, SEG-2 and others."""
+"""Records of seismic networks and instruments, by ObsPy: miniSEED, SAC, SEG-2 and others."""
 
-import math
 import re
 import warnings
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 
-from femupdate.arrays import Floats, Integers
 from femupdate.measurement.channel import RecordedChannel, azimuth_of
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import Recording
@@ -21,8 +19,6 @@ _SEED = re.compile(r"[A-Z][A-Z][A-Z0-9]")
 _SUFFIXES = {".mseed": "MSEED", ".msd": "MSEED", ".ms": "MSEED", ".sac": "SAC", ".sg2": "SEG2"}
 _HEADS = (
     (r"\d{6}[DRQMVAST][ *\0]", "MSEED"),
-    (r"(?s)(.{0,4000}\n)?WID2 ", "GSE2"),
-    (r"(?s)(.{0,4000}\n)?WID1 ", "GSE1"),
     (r"\x55\x3a|\x3a\x55", "SEG2"),
     (r"(?s)K[\x00-\x03].{14}KMI", "KINEMETRICS_EVT"),
     (r"TIMESERIES [^\n]*, SLIST,", "SLIST"),
@@ -60,7 +56,9 @@ def _read(path: Path) -> Recording:
         kind = _format(stream.read(_HEAD).decode("latin-1"), path.suffix.lower())
         stream.seek(0)
         try:
-            traces = list(_traces(obspy, stream, kind or "MSEED").merge(method=-1))
+            # Kinemetrics say volts per count and per g: theirs come in m/s2.
+            found = obspy.read(stream, format=kind or "MSEED", apply_calib=kind == _ALTUS)
+            traces = list(found.merge(method=-1))
         except Exception as error:  # a damaged file makes ObsPy raise nearly anything
             raise file.error(
                 f"this {kind} file cannot be read ({error}); fetch it again from its source"
@@ -69,20 +67,6 @@ def _read(path: Path) -> Recording:
     _require_whole(file, traces)
     common, notes = _together(file, traces)
     return Recording(file, tuple(_channel(trace, kind == _ALTUS) for trace in common), notes=notes)
-
-
-def _traces(obspy: Any, stream: BinaryIO, kind: str) -> Any:
-    """As ObsPy reads them, but for the samples of GSE files; those of Kinemetrics in m/s2."""
-    if kind == _ALTUS:
-        return obspy.read(stream, format=kind, apply_calib=True)
-    if not kind.startswith("GSE"):
-        return obspy.read(stream, format=kind)
-    found = obspy.read(stream, format=kind, headonly=True)
-    stream.seek(0)
-    kinds = [(one.stats[kind.lower()].datatype, one.stats.npts) for one in found]
-    for trace, values in zip(found, gse_samples(stream.read(), kinds), strict=True):
-        trace.data = values
-    return found
 
 
 def _require_whole(file: TextFile, traces: list[Any]) -> None:
@@ -145,70 +129,4 @@ def _channel(trace: Any, known: bool) -> RecordedChannel:
     )
 
 
-READER = Reader(
-    "seismic", "miniSEED, SAC, GSE, SEG-2 and Kinemetrics EVT, by ObsPy", _recognises, _read
-)
-
-
-_SECTION = re.compile(rb"(?m)^DAT[12][^\n]*\n(?P<data>.*?)^CHK[12][ \t]+(?P<sum>-?\d+)", re.S)
-_LETTERS = b"+-0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz"
-_CODES = np.full(256, -1, dtype=np.int64)
-_CODES[list(_LETTERS)] = np.arange(64)
-_MORE, _NEGATIVE = 32, 16  # bits of a character: the number goes on; its sign, in the first one
-_LONGEST = 7  # characters of a number
-_MODULUS = 100_000_000
-
-
-def gse_samples(content: bytes, kinds: list[tuple[str, int]]) -> list[Floats]:
-    """The samples of all traces of a file, in counts.
-
-    Args:
-        content: of the file.
-        kinds: data type, "CM6" or "INT", and number of samples of each trace, from its header.
-
-    Raises:
-        ValueError: a section is missing or damaged, or a type is not known.
-    """
-    sections = list(_SECTION.finditer(content.replace(b"\r\n", b"\n")))
-    if len(sections) != len(kinds):
-        raise ValueError(f"{len(kinds)} headers, but {len(sections)} whole sections of samples")
-    found = []
-    for section, (kind, count) in zip(sections, kinds, strict=True):
-        if kind == "CM6":
-            values = _unpacked(section["data"])
-        elif kind == "INT":
-            values = np.array(section["data"].split(), dtype=np.int64)
-        else:
-            raise ValueError(f"samples of the type {kind} are not supported")
-        if len(values) != count:
-            raise ValueError(f"{len(values)} samples where the header says {count}")
-        if _checksum(values) != abs(int(section["sum"])):
-            raise ValueError("the sum of its samples is not that which it gives")
-        found.append(values.astype(np.float64))
-    return found
-
-
-def _unpacked(data: bytes) -> Integers:
-    """Samples from their second differences, each of one character or several."""
-    codes = _CODES[np.frombuffer(data.translate(None, b" \t\n"), dtype=np.uint8)]
-    if not codes.size or codes.min() < 0 or codes[-1] & _MORE:
-        raise ValueError("its packed samples are damaged")
-    ends = np.flatnonzero(codes & _MORE == 0)
-    starts = np.concatenate([[0], ends[:-1] + 1])
-    lengths = ends - starts + 1
-    if lengths.max() > _LONGEST:
-        raise ValueError("its packed samples are damaged")
-    values = codes[starts] & (_NEGATIVE - 1)
-    for k in range(1, int(lengths.max())):
-        longer = lengths > k
-        values[longer] = 32 * values[longer] + (codes[starts[longer] + k] & (_MORE - 1))
-    values = np.where(codes[starts] & _NEGATIVE, -values, values)
-    return np.cumsum(np.cumsum(values))
-
-
-def _checksum(values: Integers) -> int:
-    """Sum of the samples, of which no more than eight digits are ever kept."""
-    total = 0
-    for value in values.tolist():
-        total = int(math.fmod(total + math.fmod(value, _MODULUS), _MODULUS))
-    return abs(total)
+READER = Reader("seismic", "miniSEED, SAC, SEG-2 and Kinemetrics EVT, by ObsPy", _recognises, _read)

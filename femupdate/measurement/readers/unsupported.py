@@ -29,7 +29,7 @@ _KNOWN = (
     ),
     (r"\* VOL1DS FILE", "a BHRC accelerogram", "write its values with their times to CSV"),
     (r"LabVIEW Measurement", "a LabVIEW measurement file", "export it as TDMS or CSV"),
-    (r"CMP6|DAT2", "a GSE file", "convert it with obspy to CSV"),
+    (r"(.{0,4000}\n)?(WID[12] |CMP6|DAT2)", "a GSE file", "convert it by ObsPy to miniSEED"),
     (r"<\?xml|<!DOCTYPE|<html", "a web page or XML", "download the data file itself"),
 )
 _SUFFIXES = {

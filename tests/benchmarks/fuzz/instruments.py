@@ -33,7 +33,6 @@ def seismic_files(folder: Path) -> dict[str, bytes]:
         for kind, name, chosen in (
             ("MSEED", "two.mseed", traces),
             ("SAC", "one.sac", traces[:1]),
-            ("GSE2", "one.gse", traces[:1]),
         ):
             path = folder / name
             obspy.Stream(chosen).write(str(path), format=kind)

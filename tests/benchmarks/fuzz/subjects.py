@@ -23,7 +23,7 @@ _COLUMNS = {
 }
 """Of the good files of many kinds that do not name floors."""
 
-_WITHOUT_UNIT = (".mseed", ".sac", ".gse", ".sg2")
+_WITHOUT_UNIT = (".mseed", ".sac", ".sg2")
 
 Read = Callable[[Path], object]
 
