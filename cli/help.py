@@ -15,7 +15,7 @@ _HEADINGS = {
     ),
     "What is written": (
         *("name", "output", "xlsx", "no-pictures", "picture", "export", "shell", "gif"),
-        *("write-mapping", "json", "force", "yes"),
+        *("write-mapping", "json", "force"),
     ),
     "General": ("seed", "verbose", "help", "version"),
 }

@@ -26,7 +26,6 @@ _COMMANDS = {
     "compare": ("compare", "Say which stories changed between two posteriors."),
     "report": ("report", "Write one HTML page with everything that a study says."),
     "status": ("status", "Say what a study holds, what is stale, and what to do next."),
-    "start-over": ("start_over", "Remove all that femupdate wrote into a study; asks first."),
     "simulate": ("simulate", "Make a synthetic observation file from the full model."),
     "benchmark": ("benchmark", "Compare with published tables and other programs."),
     "list": ("list", "List shipped buildings, effects, and formats of measured files."),

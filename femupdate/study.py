@@ -11,7 +11,7 @@ from contextvars import ContextVar
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path, PurePath
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 from femupdate import __version__
 from femupdate.atomic import atomic_path
@@ -155,6 +155,30 @@ def as_written(path: Path) -> Iterator[None]:
         ) from error
 
 
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Part(Generic[T]):
+    """What a study keeps in a file, so that it is made once.
+
+    Attributes:
+        name: under which it is recorded.
+        file: inside the study.
+        command: that makes it.
+        write: writes it to a path, whole or not at all.
+        read: reads it back; None where an older version wrote less than is needed now.
+        settings: what the record says of it.
+    """
+
+    name: str
+    file: str
+    command: str
+    write: Callable[[Path, T], object]
+    read: Callable[[Path], T | None]
+    settings: Callable[[T], Mapping[str, Any]] = lambda _: {}
+
+
 class Study:
     """A folder that holds everything made for one building, seen with one of its posteriors.
 
@@ -294,6 +318,37 @@ class Study:
         }
         write_text(self.path(MANIFEST), json.dumps(content, indent=2, sort_keys=True) + "\n")
         return artefact
+
+    def cached(self, part: Part[T], made_from: Mapping[str, str], make: Callable[[], T]) -> T:
+        """A part made from just these things: read back where it is kept, else made and kept.
+
+        Raises:
+            StudyError: its file holds something else, or cannot be written.
+        """
+        found = self.kept(part, made_from)
+        return self.keep(part, made_from, make()) if found is None else found
+
+    def kept(self, part: Part[T], made_from: Mapping[str, str]) -> T | None:
+        """A part made from just these things, or None where the study has none.
+
+        Raises:
+            StudyError: its file holds something else.
+        """
+        path = self.find(part.name, made_from)
+        if path is None:
+            return None
+        with as_written(path):
+            return part.read(path)
+
+    def keep(self, part: Part[T], made_from: Mapping[str, str], value: T) -> T:
+        """Write a part and record what it was made from; returns it.
+
+        Raises:
+            StudyError: it cannot be written.
+        """
+        part.write(self.path(part.file), value)
+        self.record(part.name, part.file, part.command, made_from, part.settings(value))
+        return value
 
     def find(self, name: str, made_from: Mapping[str, str]) -> Path | None:
         """Path of an artefact if it is there, whole, and made from just these things."""

@@ -8,11 +8,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from femupdate import __version__, atomic
-from femupdate.errors import StudyError
+from femupdate.errors import InferenceError, StudyError
 from femupdate.study import (
     LAYOUT,
     MAIN_POSTERIOR,
     MANIFEST,
+    Part,
     Study,
     file_hash,
     made_by,
@@ -272,6 +273,54 @@ def test_a_full_disk_leaves_the_record_as_it_was(recorded, monkeypatch):
     monkeypatch.undo()
     assert recorded.path(MANIFEST).read_bytes() == before
     assert recorded.find("posterior", MADE_FROM) is not None
+
+
+def note(**changes):
+    """A text as a part of a study."""
+    fields = {
+        "name": "note",
+        "file": "notes/note.txt",
+        "command": "calibrate",
+        "write": write_text,
+        "read": lambda path: path.read_text(encoding="utf-8"),
+        "settings": lambda text: {"length": len(text)},
+    }
+    return Part(**{**fields, **changes})
+
+
+def test_a_part_is_made_once(study):
+    made = []
+
+    def make():
+        made.append("made")
+        return f"note {len(made)}"
+
+    assert [study.cached(note(), MADE_FROM, make) for _ in range(3)] == ["note 1"] * 3
+    assert study.artefacts()["note"].settings == {"length": 6}
+    assert study.cached(note(), {**MADE_FROM, "building": "other"}, make) == "note 2"
+    assert study.kept(note(), MADE_FROM) is None
+
+
+def test_a_part_that_was_damaged_or_says_too_little_is_made_again(study):
+    study.keep(note(), MADE_FROM, "first")
+    study.path("notes/note.txt").write_text("cut")
+    assert study.cached(note(), MADE_FROM, lambda: "second") == "second"
+    assert study.cached(note(read=lambda _: None), MADE_FROM, lambda: "third") == "third"
+
+
+def test_a_part_with_the_right_hash_that_is_none_is_refused(study):
+    study.keep(note(), MADE_FROM, "no number")
+    with pytest.raises(StudyError, match=r"note\.txt is not what femupdate writes there"):
+        study.cached(note(read=lambda path: float(path.read_text())), MADE_FROM, lambda: 1.0)
+
+
+def test_a_part_that_cannot_be_made_leaves_nothing(study):
+    def fails():
+        raise InferenceError("no")
+
+    with pytest.raises(InferenceError):
+        study.cached(note(), MADE_FROM, fails)
+    assert not study.folder.exists()
 
 
 def test_text_is_utf_8_whatever_the_locale(tmp_path):

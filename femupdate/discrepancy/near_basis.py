@@ -1,8 +1,7 @@
 """The basis of a frame near a fit, in which effects may act."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
 
@@ -16,17 +15,8 @@ from femupdate.effects.structure import Structure
 from femupdate.inference.priors import reduction_target
 from femupdate.progress import Progress, Silent
 
-
-class Bases(Protocol):
-    """Keeps bases in which every effect may act."""
-
-    def find(self, structure: Structure, theta: Floats, zeta: float) -> Floats | None:
-        """The basis (n, r) kept for theta (p,) and zeta, or None."""
-        ...
-
-    def keep(self, theta: Floats, zeta: float, basis: Floats) -> None:
-        """Keep a basis (n, r) for theta (p,) and zeta."""
-        ...
+Bases = Callable[[Structure, Floats, float, Callable[[], Floats]], Floats]
+"""Gives the basis (n, r) kept of a structure for theta (p,) and zeta, else makes and keeps it."""
 
 
 def structure_near(
@@ -57,13 +47,12 @@ def structure_near(
     if present is not None or structure.operators is None:
         return local_structure(structure, theta, target, show, present=present)
     middle = _rounded(theta, FIT.theta_spacing)
-    basis = None if bases is None else bases.find(structure, middle, target.zeta)
-    if basis is None:
-        found = local_structure(structure, middle, target, show)
+
+    def make() -> Floats:
         # As it is kept, in single precision: the next run gives the same to the last digit.
-        basis = found.basis.astype(np.float32)
-        if bases is not None:
-            bases.keep(middle, target.zeta, basis)
+        return local_structure(structure, middle, target, show).basis.astype(np.float32)
+
+    basis = make() if bases is None else bases(structure, middle, target.zeta, make)
     return reduced_on(structure, basis.astype(np.float64))
 
 

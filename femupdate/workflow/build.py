@@ -213,7 +213,7 @@ def _refuse_other(study: Study, building: Building) -> None:
         which = "another version of " if own.name == building.name else "the building "
         raise StudyError(
             f"the study {study.folder} already holds a posterior of {which}{own.name}; choose "
-            f"another folder for {building.name} with --study, or run `femupdate start-over`"
+            f"another folder for {building.name} with --study, or delete this one"
         )
 
 

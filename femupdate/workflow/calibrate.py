@@ -20,8 +20,9 @@ from femupdate.workflow.effect_surrogate import with_effects
 from femupdate.workflow.finer_mesh import FINER
 from femupdate.workflow.kinds import Measured, read_measured_of
 from femupdate.workflow.mesh_error import with_finer_mesh
-from femupdate.workflow.model import REDUCED, StudyModel
+from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource
+from femupdate.workflow.reduced_file import REDUCED
 from femupdate.workflow.sampling import ChainRunner
 from femupdate.workflow.surrogates import SURROGATE, require_surrogate
 
@@ -86,5 +87,5 @@ def calibrate_study(
 def _judged(study: Study, measured: Measured) -> list[str]:
     """Hashes of what a likelihood is made of: the data as read, reduced model and surrogate."""
     kept = study.artefacts()
-    models = [kept[name].sha256 for name in (REDUCED, FINER, SURROGATE) if name in kept]
+    models = [kept[name].sha256 for name in (REDUCED.name, FINER, SURROGATE) if name in kept]
     return [__version__, measured.fingerprint(), *models]

@@ -4,6 +4,7 @@ import json
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +28,7 @@ from femupdate.report.scale import with_unit
 from femupdate.study import Study, write_text
 from femupdate.tables import first_notes, table
 from femupdate.units import percent
-from femupdate.workflow.effects import StudyBases
+from femupdate.workflow.effects import finder_basis
 from femupdate.workflow.finder_data import read_given
 from femupdate.workflow.kinds import Measured
 from femupdate.workflow.mesh_error import open_mesh_error, with_finer_mesh
@@ -243,7 +244,7 @@ def finder_model(study: Study, model: StudyModel, progress: Progress = SILENT) -
         return FinderModel(building, plain, plain.structure)
     structure = finder_structure(building)
     mesh = open_mesh_error(study, model, structure, progress)
-    return FinderModel(building, plain, structure, mesh, StudyBases(study, building))
+    return FinderModel(building, plain, structure, mesh, partial(finder_basis, study, building))
 
 
 def _looks_on(found: Diagnosis) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from femupdate.array_archive import write_arrays
+from femupdate.arrays import Floats
 from femupdate.building.schema import Building
 from femupdate.discrepancy.finder_model import check_sizes, finder_structure
 from femupdate.discrepancy.mesh_error import corrected
@@ -18,13 +18,10 @@ from femupdate.errors import SurrogateError
 from femupdate.inference.parameters import Parameters
 from femupdate.inference.priors import effect_parameters, reduction_target
 from femupdate.progress import SILENT, Progress
-from femupdate.study import Study
-from femupdate.workflow.effects import open_structure, read_basis
+from femupdate.study import Part, Study
+from femupdate.workflow.effects import basis_part, open_structure
 from femupdate.workflow.mesh_error import kept_mesh_error, open_mesh_error
 from femupdate.workflow.model import StudyModel
-
-BASIS = "surrogate's basis"
-_FILE = "surrogate_basis.npz"
 
 
 def check_amortisable(building: Building) -> None:
@@ -96,11 +93,13 @@ def kept_structure(
     Args:
         structure: the full model, if it is at hand.
     """
-    kept = study.find(BASIS, model.made_from())
-    if kept is None:
-        return None
     whole = structure or finder_structure(model.building)
-    return reduced_on(whole, read_basis(kept, whole))
+    kept = study.kept(_basis(whole), model.made_from())
+    return None if kept is None else reduced_on(whole, kept)
+
+
+def _basis(structure: Structure) -> Part[Floats]:
+    return basis_part("surrogate's basis", "surrogate_basis.npz", "train", structure)
 
 
 def _reduced(
@@ -120,13 +119,5 @@ def _reduced(
     found = reduce_structure(structure, target, placed, progress)
     if structure.is_stick:
         return found.reduced
-    path = study.path(_FILE)
-    write_arrays(path, basis=found.reduced.basis)
-    settings = {
-        "size": found.reduced.model.size,
-        "rms_error": found.rms_error,
-        "worst_error": found.worst_error,
-        "checks": found.checks,
-    }
-    study.record(BASIS, _FILE, "train", model.made_from(), settings)
+    study.keep(_basis(structure), model.made_from(), found.reduced.basis)
     return found.reduced

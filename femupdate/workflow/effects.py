@@ -1,7 +1,7 @@
 """Bases on which the effects of a study's building act, as the study keeps them."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,10 +22,9 @@ from femupdate.effects.listed import building_effects
 from femupdate.effects.structure import Structure
 from femupdate.inference.priors import reduction_target
 from femupdate.progress import SILENT, Progress
-from femupdate.study import Study, as_written
+from femupdate.study import Part, Study
 
 BASIS, NEAR_BASIS = "effect basis", "finder's basis"
-_FILE, _NEAR_FILE = "effect_basis.npz", "finder_basis.npz"
 
 
 def open_structure(
@@ -39,14 +38,14 @@ def open_structure(
     structure = finder_structure(building)
     if structure.is_stick:
         return lumped(structure)
-    kept = study.find(BASIS, finder_origin(building))
-    if kept is not None:
-        return reduced_on(structure, read_basis(kept, structure))
-    placed = building_effects(building).placed
-    target = with_size_ranges(reduction_target(building), placed)
-    reduced = reduce_structure(structure, target, placed, progress).reduced
-    keep_basis(study, reduced, building)
-    return reduced
+
+    def make() -> Floats:
+        placed = building_effects(building).placed
+        target = with_size_ranges(reduction_target(building), placed)
+        return reduce_structure(structure, target, placed, progress).reduced.basis
+
+    basis = study.cached(_effect_basis(structure), finder_origin(building), make)
+    return reduced_on(structure, basis)
 
 
 def with_size_ranges(target: ReductionTarget, placed: Sequence[Placed]) -> ReductionTarget:
@@ -66,58 +65,50 @@ def finder_origin(building: Building) -> dict[str, str]:
     return origin if size is None else {**origin, "mesh_m": f"{size:.4g}"}
 
 
-def keep_basis(study: Study, reduced: ReducedStructure, building: Building) -> Path:
+def keep_basis(study: Study, reduced: ReducedStructure, building: Building) -> None:
     """Write the basis of a building into a study."""
-    path = study.path(_FILE)
-    write_arrays(path, basis=reduced.basis)
-    study.record(BASIS, _FILE, "diagnose", finder_origin(building), {"size": reduced.model.size})
-    return path
+    part = _effect_basis(reduced.structure)
+    study.keep(part, finder_origin(building), reduced.basis)
 
 
-def read_basis(path: Path, structure: Structure) -> Floats:
-    """A basis (n, r) that a study keeps for a structure of n degrees of freedom.
+def _effect_basis(structure: Structure) -> Part[Floats]:
+    return basis_part(BASIS, "effect_basis.npz", "diagnose", structure)
 
-    Raises:
-        StudyError: the file holds no such basis.
-    """
-    with as_written(path):
+
+def basis_part(name: str, file: str, command: str, structure: Structure) -> Part[Floats]:
+    """A basis (n, r) for a structure of n degrees of freedom, as a study keeps it."""
+
+    def write(path: Path, basis: Floats) -> None:
+        write_arrays(path, basis=basis)
+
+    def read(path: Path) -> Floats:
         data = read_arrays(path)
         check_shapes(data, {"basis": "nr"})
         if len(data["basis"]) != len(structure.axis):
             raise ValueError(f"basis of {len(data['basis'])} degrees of freedom")
         return data["basis"]
 
+    return Part(name, file, command, write, read, lambda basis: {"size": basis.shape[1]})
 
-@dataclass(frozen=True)
-class StudyBases:
-    """Keeps the last basis in which every effect of a building may act.
 
-    Attributes:
-        study: that keeps it.
-        building: whose full model it reduces.
+def finder_basis(
+    study: Study,
+    building: Building,
+    structure: Structure,
+    theta: Floats,
+    zeta: float,
+    make: Callable[[], Floats],
+) -> Floats:
+    """The last basis (n, r) in which every effect of a building may act; made where needed.
+
+    Args:
+        building: whose full model, the structure, it reduces.
+        theta: (p,) about which it serves, and zeta.
     """
-
-    study: Study
-    building: Building
-
-    def find(self, structure: Structure, theta: Floats, zeta: float) -> Floats | None:
-        """The basis (n, r) kept for theta (p,) and zeta, or None.
-
-        Raises:
-            StudyError: its file is damaged.
-        """
-        kept = self.study.find(NEAR_BASIS, self._origin(theta, zeta))
-        return None if kept is None else read_basis(kept, structure)
-
-    def keep(self, theta: Floats, zeta: float, basis: Floats) -> None:
-        """Keep a basis (n, r) for theta (p,) and zeta."""
-        write_arrays(self.study.path(_NEAR_FILE), basis=basis)
-        settings, origin = {"size": basis.shape[1]}, self._origin(theta, zeta)
-        self.study.record(NEAR_BASIS, _NEAR_FILE, "diagnose", origin, settings)
-
-    def _origin(self, theta: Floats, zeta: float) -> dict[str, str]:
-        return {
-            **finder_origin(self.building),
-            "theta": " ".join(f"{factor:.4g}" for factor in theta),
-            "zeta": f"{zeta:.4g}",
-        }
+    origin = {
+        **finder_origin(building),
+        "theta": " ".join(f"{factor:.4g}" for factor in theta),
+        "zeta": f"{zeta:.4g}",
+    }
+    part = basis_part(NEAR_BASIS, "finder_basis.npz", "diagnose", structure)
+    return study.cached(part, origin, make)

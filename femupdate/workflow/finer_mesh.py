@@ -23,11 +23,10 @@ from femupdate.dynamics.damping import DampingLaw
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import Stiffness, Terms
-from femupdate.study import Study, as_written
+from femupdate.study import Part, Study
 from femupdate.workflow.reduced_file import reduced_arrays, reduced_from
 
 FINER = "finer mesh"
-_FILE = "finer_mesh.npz"
 _TERMS = {"term_owner": "t", "term_story": "t", "term_series": "t", "term_matrix": "trr"}
 
 
@@ -67,45 +66,46 @@ def half_mesh_size(building: FrameBuilding) -> float:
     return MESH_ERROR.half * building.mesh.size
 
 
-def keep_finer(study: Study, building: FrameBuilding, finer: FinerMesh) -> None:
-    """Write a finer mesh into a study."""
-    study.folder.mkdir(parents=True, exist_ok=True)
-    error = None if finer.error is None else asdict(finer.error)
-    header = json.dumps({"floors": finer.model.floors, "error": error})
-    arrays = {**reduced_arrays(finer.model), **_term_arrays(finer)}
-    write_arrays(study.path(_FILE), header=np.array(header), **arrays)
+def finer_part(building: FrameBuilding) -> Part[FinerMesh]:
+    """The finer mesh of a building, as a study keeps it."""
     size = half_mesh_size(building)
-    study.record(FINER, _FILE, "calibrate", _origin(building), {"mesh_m": size})
+    return Part(FINER, "finer_mesh.npz", "calibrate", _write, _read, lambda _: {"mesh_m": size})
 
 
 def kept_finer(study: Study, building: Building) -> FinerMesh | None:
     """That of a study, or None where it has none.
 
     Raises:
-        StudyError: the file is not what `keep_finer` writes.
+        StudyError: its file holds something else.
     """
     if not isinstance(building, FrameBuilding):
         return None
-    kept = study.find(FINER, _origin(building))
-    return None if kept is None else _read(kept)
+    return study.kept(finer_part(building), finer_origin(building))
 
 
-def _origin(building: FrameBuilding) -> dict[str, str]:
+def finer_origin(building: FrameBuilding) -> dict[str, str]:
+    """What it is made from, for the study's record."""
     return {
         "building": mechanics_hash(without_effects(building)),
         "mesh_m": f"{half_mesh_size(building):.4g}",
     }
 
 
+def _write(path: Path, finer: FinerMesh) -> None:
+    error = None if finer.error is None else asdict(finer.error)
+    header = json.dumps({"floors": finer.model.floors, "error": error})
+    arrays = {**reduced_arrays(finer.model), **_term_arrays(finer)}
+    write_arrays(path, header=np.array(header), **arrays)
+
+
 def _read(path: Path) -> FinerMesh:
-    with as_written(path):
-        data = read_arrays(path)
-        header = json.loads(str(data["header"]))
-        model = reduced_from(data, header["floors"])
-        if header["error"] is None:
-            return FinerMesh(model)
-        error = MeshError.of(header["error"])
-        return FinerMesh(model, error, _terms(data, len(error.labels)))
+    data = read_arrays(path)
+    header = json.loads(str(data["header"]))
+    model = reduced_from(data, header["floors"])
+    if header["error"] is None:
+        return FinerMesh(model)
+    error = MeshError.of(header["error"])
+    return FinerMesh(model, error, _terms(data, len(error.labels)))
 
 
 def _term_arrays(finer: FinerMesh) -> dict[str, NDArray[Any]]:

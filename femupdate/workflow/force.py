@@ -1,7 +1,9 @@
 """Responses to forces: what a reduced model lacks for them, and the check of their unit."""
 
 import math
+from pathlib import Path
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -15,14 +17,13 @@ from femupdate.inference.frf_data import FrfData, base_logs, log_responses
 from femupdate.measurement.force_frf import ForcedObservation
 from femupdate.measurement.observation import Observation
 from femupdate.progress import Progress
-from femupdate.study import Study, as_written
+from femupdate.study import Part, Study
 from femupdate.units import STANDARD_GRAVITY
 from femupdate.workflow.finer_mesh import FINER, half_mesh_size
-from femupdate.workflow.model import REDUCED, StudyModel
+from femupdate.workflow.model import StudyModel
+from femupdate.workflow.reduced_file import REDUCED
 from femupdate.workflow.thresholds import UNITS
 
-REST = "flexibility under forces"
-_FILE = "force_flexibility.npz"
 # What files are wrong by: factors, and powers of omega of another quantity.
 _FACTORS = {
     "in m/s2, not in g": STANDARD_GRAVITY,
@@ -37,22 +38,35 @@ def open_rest(study: Study, model: StudyModel, progress: Progress) -> RestFlexib
     """What a study's reduced model lacks under forces, learned once; None for a stick."""
     if model.building.kind == "shear":
         return None
-    origin = {**model.made_from(), **_reduced_by(study)}
-    kept = study.find(REST, origin)
-    if kept is not None:
-        with as_written(kept):
-            data = read_arrays(kept)
-            check_shapes(data, {"terms": "pff", "numbers": "n"})
-            return RestFlexibility(data["terms"], *data["numbers"].tolist())
-    structure, reduced = _full_and_reduced(model)
-    lower, upper = model.prior.lower.numpy(), model.prior.upper.numpy()
-    found = rest_flexibility(structure, reduced, lower, upper, progress)
-    path = study.path(_FILE)
-    numbers = torch.tensor([found.error, found.lacked], dtype=torch.float64).numpy()
-    write_arrays(path, terms=found.terms, numbers=numbers)
-    settings = {"error": found.error, "lacked": found.lacked}
-    study.record(REST, _FILE, "calibrate", origin, settings)
-    return found
+
+    def make() -> RestFlexibility:
+        structure, reduced = _full_and_reduced(model)
+        lower, upper = model.prior.lower.numpy(), model.prior.upper.numpy()
+        return rest_flexibility(structure, reduced, lower, upper, progress)
+
+    kept = study.artefacts()
+    by = {name: kept[name].sha256 for name in (REDUCED.name, FINER) if name in kept}
+    return study.cached(REST, {**model.made_from(), **by}, make)
+
+
+def _write_rest(path: Path, rest: RestFlexibility) -> None:
+    write_arrays(path, terms=rest.terms, numbers=np.array([rest.error, rest.lacked]))
+
+
+def _read_rest(path: Path) -> RestFlexibility:
+    data = read_arrays(path)
+    check_shapes(data, {"terms": "pff", "numbers": "n"})
+    return RestFlexibility(data["terms"], *data["numbers"].tolist())
+
+
+REST = Part(
+    "flexibility under forces",
+    "force_flexibility.npz",
+    "calibrate",
+    _write_rest,
+    _read_rest,
+    lambda rest: {"error": rest.error, "lacked": rest.lacked},
+)
 
 
 def _full_and_reduced(model: StudyModel) -> tuple[Structure, ReducedModel]:
@@ -62,12 +76,6 @@ def _full_and_reduced(model: StudyModel) -> tuple[Structure, ReducedModel]:
         return structure_of(building), model.reduced
     assert isinstance(building, FrameBuilding)
     return structure_of(building, half_mesh_size(building)), finer.model
-
-
-def _reduced_by(study: Study) -> dict[str, str]:
-    """Hashes of the reduced models that something was learned for."""
-    kept = study.artefacts()
-    return {name: kept[name].sha256 for name in (REDUCED, FINER) if name in kept}
 
 
 def check_level(model: StudyModel, data: FrfData, one: ForcedObservation) -> None:

@@ -2,6 +2,8 @@
 
 import json
 from dataclasses import asdict, replace
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 
@@ -18,13 +20,12 @@ from femupdate.effects.structure import Structure, structure_of
 from femupdate.inference.priors import reduction_target, theta_prior
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import even_points
-from femupdate.study import Study, as_written, write_text
+from femupdate.study import Part, Study, write_text
 from femupdate.workflow.effects import finder_origin
-from femupdate.workflow.finer_mesh import FinerMesh, half_mesh_size, keep_finer
+from femupdate.workflow.finer_mesh import FinerMesh, finer_origin, finer_part, half_mesh_size
 from femupdate.workflow.model import StudyModel, on_kept_finer
 
 MESH_ERROR = "mesh error"
-_FILE = "mesh_error.json"
 
 
 def with_finer_mesh(study: Study, model: StudyModel, progress: Progress = SILENT) -> StudyModel:
@@ -42,7 +43,8 @@ def with_finer_mesh(study: Study, model: StudyModel, progress: Progress = SILENT
     thetas = np.vstack([everywhere, _thetas(plain)])
     found = on_finer_mesh(coarse, model.reduced, fine, target, thetas, progress)
     own = on_nodes_of(coarse, found)
-    keep_finer(study, plain, _learned(model, plain, replace(found, model=own)))
+    finer = _learned(model, plain, replace(found, model=own))
+    study.keep(finer_part(plain), finer_origin(plain), finer)
     return on_kept_finer(study, model)
 
 
@@ -67,9 +69,13 @@ def open_mesh_error(
     plain = without_effects(model.building)
     if not isinstance(plain, FrameBuilding):
         return None
-    kept = kept_mesh_error(study, plain)
-    if kept is not None:
-        return kept
+    learn = partial(_learn, study, model, plain, structure, progress)
+    return study.cached(MESH_ERROR_PART, finder_origin(plain), learn)
+
+
+def _learn(
+    study: Study, model: StudyModel, plain: FrameBuilding, structure: Structure, progress: Progress
+) -> MeshError:
     finer = with_finer_mesh(study, model, progress).finer
     assert finer is not None
     assert finer.error is not None
@@ -78,28 +84,31 @@ def open_mesh_error(
     coarse, target, thetas = structure_of(plain), reduction_target(plain), _thetas(plain)
     own = on_finer_mesh(coarse, model.reduced, structure, target, thetas, progress)
     top_hz = float(plain.frequency_grid.frequencies_hz()[-1])
-    found = learn_mesh_error(own.model, fine, thetas, top_hz).of_mesh(THRESHOLDS.finer)
-    keep_mesh_error(study, plain, found)
-    return found
+    return learn_mesh_error(own.model, fine, thetas, top_hz).of_mesh(THRESHOLDS.finer)
 
 
 def kept_mesh_error(study: Study, building: Building) -> MeshError | None:
     """What the study knows of the finder's mesh."""
-    kept = study.find(MESH_ERROR, finder_origin(building))
-    if kept is None:
-        return None
-    with as_written(kept):
-        content = json.loads(kept.read_text(encoding="utf-8"))
-        return MeshError.of(content) if "share_sd" in content else None  # of an earlier version
+    return study.kept(MESH_ERROR_PART, finder_origin(building))
 
 
-def keep_mesh_error(study: Study, building: Building, mesh: MeshError) -> None:
-    """Write the error of the finder's mesh into a study."""
-    study.folder.mkdir(parents=True, exist_ok=True)
-    write_text(study.path(_FILE), json.dumps(asdict(mesh), indent=2) + "\n")
-    study.record(
-        MESH_ERROR, _FILE, "diagnose", finder_origin(building), {"thetas": THRESHOLDS.thetas}
-    )
+def _write(path: Path, mesh: MeshError) -> None:
+    write_text(path, json.dumps(asdict(mesh), indent=2) + "\n")
+
+
+def _read(path: Path) -> MeshError | None:
+    content = json.loads(path.read_text(encoding="utf-8"))
+    return MeshError.of(content) if "share_sd" in content else None  # of an earlier version
+
+
+MESH_ERROR_PART = Part(
+    MESH_ERROR,
+    "mesh_error.json",
+    "diagnose",
+    _write,
+    _read,
+    lambda _: {"thetas": THRESHOLDS.thetas},
+)
 
 
 def _thetas(building: Building) -> Floats:

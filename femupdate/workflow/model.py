@@ -19,11 +19,9 @@ from femupdate.inference.priors import damping_parameter, reduction_target, thet
 from femupdate.progress import SILENT, Progress
 from femupdate.study import BUILDING_FILE, Study
 from femupdate.workflow.finer_mesh import FinerMesh, kept_finer
-from femupdate.workflow.reduced_file import load_reduced, save_reduced
+from femupdate.workflow.reduced_file import REDUCED, Reduced
 
 DEFAULT_BUILDING = "six_story_wall_frame"
-REDUCED = "reduced model"
-_REDUCED_FILE = "reduced_model.npz"
 
 
 @dataclass(frozen=True)
@@ -102,10 +100,9 @@ def open_study(
         BuildingError, ModelError: the building cannot be read or cannot stand.
     """
     chosen = choose_building(study, building)
-    kept = study.find(REDUCED, {"building": mechanics_hash(chosen)})
+    kept = study.kept(REDUCED, {"building": mechanics_hash(chosen)})
     if kept is not None:
-        reduced, error = load_reduced(kept)
-        return on_kept_finer(study, _study_model(chosen, reduced, error))
+        return on_kept_finer(study, _study_model(chosen, kept))
     return keep_reduction(study, chosen, reduce_building(chosen, progress=progress))
 
 
@@ -128,19 +125,15 @@ def keep_reduction(study: Study, building: Building, reduction: Reduction) -> St
         "worst_error": reduction.worst_error,
         "share_no_worse": reduction.share,
     }
-    return keep_model(study, building, reduction.reduced.model, reduction.rms_error, **certified)
+    reduced = Reduced(reduction.reduced.model, reduction.rms_error, certified)
+    return keep_model(study, building, reduced)
 
 
-def keep_model(
-    study: Study, building: Building, reduced: ReducedModel, rms_error: float, **certified: float
-) -> StudyModel:
-    """Write a building and its reduced model into a study, with what is known of its error."""
+def keep_model(study: Study, building: Building, reduced: Reduced) -> StudyModel:
+    """Write a building and its reduced model into a study."""
     save_building(building, study.path(BUILDING_FILE))
-    save_reduced(reduced, rms_error, study.path(_REDUCED_FILE))
-    model = _study_model(building, reduced, rms_error)
-    settings = {"size": reduced.size, "rms_error": rms_error, **certified}
-    study.record(REDUCED, _REDUCED_FILE, "build-model", model.made_from(), settings)
-    return model
+    study.keep(REDUCED, {"building": mechanics_hash(building)}, reduced)
+    return _study_model(building, reduced)
 
 
 def reduce_building(
@@ -167,18 +160,17 @@ def choose_building(study: Study, name: str | None) -> Building:
     if mechanics_hash(asked) != mechanics_hash(own):
         raise StudyError(
             f"the study {study.folder} holds the building {own.name}, not {asked.name} as asked "
-            "(or another version of it); choose another folder with --study, or run "
-            "`femupdate start-over`"
+            "(or another version of it); choose another folder with --study, or delete this one"
         )
     return own
 
 
-def _study_model(building: Building, reduced: ReducedModel, error: float) -> StudyModel:
+def _study_model(building: Building, reduced: Reduced) -> StudyModel:
     return StudyModel(
         building,
-        reduced,
-        System(reduced, damping_law(building)),
+        reduced.model,
+        System(reduced.model, damping_law(building)),
         theta_prior(building),
         damping_parameter(building),
-        error,
+        reduced.rms_error,
     )

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -19,14 +20,12 @@ from femupdate.dynamics.tracking import (
 from femupdate.effects.structure import structure_of
 from femupdate.inference.posterior import Posterior
 from femupdate.measurement.observation import on_all_floors
-from femupdate.study import Study, as_written
+from femupdate.study import Part, Study
 from femupdate.tables import Table
 from femupdate.units import ordinal, percent
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import direction_of
 
-MODES = "modes"
-_FILE = "modes.npz"
 _LARGEST = 4e9  # bytes
 
 
@@ -119,27 +118,39 @@ def full_modes(model: StudyModel) -> FullModes:
 
 def find_modes(study: Study, model: StudyModel) -> FullModes:
     """Modes of the full model as the study keeps them, or computed and not kept."""
-    kept = study.find(MODES, model.made_from())
-    if kept is None:
-        return full_modes(model)
-    with as_written(kept):
-        data = read_arrays(kept, _LARGEST)
-        names = tuple(str(name) for name in data["direction"])
-        return FullModes(data["frequency_hz"], data["shapes"], data["effective_mass"], names)
+    return study.kept(MODES, model.made_from()) or full_modes(model)
 
 
 def keep_modes(study: Study, model: StudyModel, modes: FullModes) -> None:
     """Keep the modes of a mesh; those of a stick are computed at once."""
-    if model.reduced.node_shapes is None:
-        return
+    if model.reduced.node_shapes is not None:
+        study.keep(MODES, model.made_from(), modes)
+
+
+def _write(path: Path, modes: FullModes) -> None:
     write_arrays(
-        study.path(_FILE),
+        path,
         frequency_hz=modes.frequency_hz,
         shapes=modes.shapes.astype(np.float32),
         effective_mass=modes.effective_mass,
         direction=np.array(modes.direction),
     )
-    study.record(MODES, _FILE, "build-model", model.made_from(), {"count": len(modes.direction)})
+
+
+def _read(path: Path) -> FullModes:
+    data = read_arrays(path, _LARGEST)
+    names = tuple(str(name) for name in data["direction"])
+    return FullModes(data["frequency_hz"], data["shapes"], data["effective_mass"], names)
+
+
+MODES = Part(
+    "modes",
+    "modes.npz",
+    "build-model",
+    _write,
+    _read,
+    lambda modes: {"count": len(modes.direction)},
+)
 
 
 def modes_of_model(model: StudyModel, full: FullModes, count: int) -> tuple[StudyMode, ...]:

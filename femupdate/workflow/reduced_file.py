@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from femupdate.array_archive import check_shapes, read_arrays, write_arrays
 from femupdate.dynamics.reduced import BaseRotation, ReducedModel, ReleasedBase
-from femupdate.study import as_written
+from femupdate.study import Part
 
 _ARRAYS = {
     "stiffness_terms": "prr",
@@ -25,22 +26,38 @@ _ROTATION = ("force", "mass", "story_moment", "levels")
 _RELEASED = ("flexibility", "mass")
 
 
-def save_reduced(model: ReducedModel, rms_error: float, path: Path) -> None:
-    """Write a reduced model as npz, atomically."""
-    header = json.dumps({"floors": model.floors, "rms_error": rms_error})
-    write_arrays(path, header=np.array(header), **reduced_arrays(model))
+@dataclass(frozen=True, eq=False)
+class Reduced:
+    """A reduced model and how far it was found to be from the full one.
 
-
-def load_reduced(path: Path) -> tuple[ReducedModel, float]:
-    """Read a reduced model and its rms error.
-
-    Raises:
-        StudyError: the file is not what `save_reduced` writes.
+    Attributes:
+        model: without effects.
+        rms_error: of ln|H|; 0 for lumped buildings.
+        certified: further figures of its error, for the study's record.
     """
-    with as_written(path):
-        data = read_arrays(path)
-        header = json.loads(str(data["header"]))
-        return reduced_from(data, header["floors"]), float(header["rms_error"])
+
+    model: ReducedModel
+    rms_error: float
+    certified: Mapping[str, float] = field(default_factory=dict)
+
+
+def _write(path: Path, reduced: Reduced) -> None:
+    header = json.dumps({"floors": reduced.model.floors, "rms_error": reduced.rms_error})
+    write_arrays(path, header=np.array(header), **reduced_arrays(reduced.model))
+
+
+def _read(path: Path) -> Reduced:
+    data = read_arrays(path)
+    header = json.loads(str(data["header"]))
+    return Reduced(reduced_from(data, header["floors"]), float(header["rms_error"]))
+
+
+def _settings(reduced: Reduced) -> dict[str, float]:
+    own = {"size": reduced.model.size, "rms_error": reduced.rms_error}
+    return {**own, **reduced.certified}
+
+
+REDUCED = Part("reduced model", "reduced_model.npz", "build-model", _write, _read, _settings)
 
 
 def reduced_arrays(model: ReducedModel) -> dict[str, NDArray[Any]]:

@@ -15,12 +15,13 @@ from femupdate.workflow.amplitude import level_settings
 from femupdate.workflow.calibrate_settings import CalibrationSettings, Sampled
 from femupdate.workflow.calibration_report import POSTERIOR
 from femupdate.workflow.conclusion import concluded
-from femupdate.workflow.effects import keep_basis
-from femupdate.workflow.finer_mesh import keep_finer
+from femupdate.workflow.effects import finder_origin, keep_basis
+from femupdate.workflow.finer_mesh import finer_origin, finer_part
 from femupdate.workflow.kinds import Measured
-from femupdate.workflow.mesh_error import keep_mesh_error
+from femupdate.workflow.mesh_error import MESH_ERROR_PART
 from femupdate.workflow.model import StudyModel, keep_model
 from femupdate.workflow.observed import ObservationSource
+from femupdate.workflow.reduced_file import Reduced
 
 
 def repaired_building(building: Building, done: Repair) -> Building:
@@ -55,13 +56,13 @@ def keep_repaired(
     kept = Study(study.path(REPAIRED))
     kept.folder.mkdir(parents=True, exist_ok=True)
     save_building(building, kept.path(BUILDING_FILE))
-    keep_model(kept, building, model.reduced, model.reduction_error)
+    keep_model(kept, building, Reduced(model.reduced, model.reduction_error))
     if reduced.structure.operators is not None:
         keep_basis(kept, reduced, building)
     if mesh is not None:
-        keep_mesh_error(kept, building, mesh)
+        kept.keep(MESH_ERROR_PART, finder_origin(building), mesh)
     if model.finer is not None and isinstance(building, FrameBuilding):
-        keep_finer(kept, building, model.finer)
+        kept.keep(finer_part(building), finer_origin(building), model.finer)
     return kept
 
 

@@ -7,16 +7,24 @@ from pathlib import Path
 from femupdate.building.files import mechanics_hash
 from femupdate.building.schema import Building
 from femupdate.errors import SurrogateError
-from femupdate.study import Study
-from femupdate.surrogate.storage import TrainedSurrogate, load_surrogate
+from femupdate.study import Part, Study
+from femupdate.surrogate.storage import TrainedSurrogate, load_surrogate, save_surrogate
 
 SURROGATE = "surrogate"
+TRAINED = Part(
+    SURROGATE,
+    "surrogate.safetensors",
+    "train",
+    lambda path, value: save_surrogate(value, path),
+    load_surrogate,
+    lambda value: {"samples": value.info.settings["samples"]},
+)
 
 
 def find_surrogate(study: Study, building: Building) -> tuple[TrainedSurrogate, Path] | None:
     """The study's own surrogate, or the shipped one, if it was trained for this building."""
-    own = study.find(SURROGATE, {"building": mechanics_hash(building)})
-    return (load_surrogate(own), own) if own is not None else _shipped(building)
+    own = study.kept(TRAINED, {"building": mechanics_hash(building)})
+    return _shipped(building) if own is None else (own, study.path(TRAINED.file))
 
 
 def require_surrogate(

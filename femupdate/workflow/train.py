@@ -19,14 +19,12 @@ from femupdate.surrogate.storage import (
     SurrogateInfo,
     TrainedSurrogate,
     load_surrogate,
-    save_surrogate,
 )
 from femupdate.surrogate.training import TrainingResult, TrainingSettings, TrainingTask, train_mvae
 from femupdate.workflow.mesh_error import with_finer_mesh
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.surrogates import SURROGATE, find_surrogate
+from femupdate.workflow.surrogates import TRAINED, find_surrogate
 
-_SURROGATE_FILE = "surrogate.safetensors"
 _CHECKPOINT = "training.safetensors"
 _MODES_KEPT = 28
 _MODES_DECODED = 28
@@ -156,12 +154,11 @@ def train_study(
         "started_from": None if start is None else file_hash(start),
     }
     surrogate = _described(model, result, settings, how)
-    path = study.path(_SURROGATE_FILE)
-    save_surrogate(surrogate, path)
-    study.record(SURROGATE, _SURROGATE_FILE, "train", model.made_from(), {"samples": samples})
+    study.keep(TRAINED, model.made_from(), surrogate)
     checkpoint.unlink(missing_ok=True)
     # What other trainings left here, killed and then abandoned, goes as well.
     shutil.rmtree(folder.parent, ignore_errors=True)
+    path = study.path(TRAINED.file)
     return TrainReport(surrogate, path, True, between - started, time.monotonic() - between)
 
 

@@ -118,18 +118,3 @@ def test_a_workbook_holds_the_tables_as_numbers(study):
     stiffness = [row for row in rows if row[0] == "stiffness"]
     assert [row[1:3] for row in stiffness] == [("kN/mm", "low"), ("kN/mm", "high")]
     assert all(isinstance(row[3], float) for row in rows)
-
-
-def test_starting_over_removes_what_femupdate_wrote_and_nothing_else(femupdate, study, tmp_path):
-    import shutil
-
-    copy = shutil.copytree(study, tmp_path / "study")
-    (copy / "my notes.txt").write_text("kept")
-    asked = femupdate("start-over", "--study", copy)
-    assert asked.code == 1
-    assert "Nothing was removed; --yes removes without asking." in asked.err
-    assert "posteriors/roof/prediction.nc" in asked.err
-    assert "my notes.txt stays" in asked.err
-    assert (copy / "posterior.nc").exists()
-    assert femupdate("start-over", "--study", copy, "--yes").code == 0
-    assert [path.name for path in copy.rglob("*")] == ["my notes.txt"]

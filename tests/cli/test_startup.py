@@ -15,7 +15,7 @@ from femupdate.cli.main import group
 COMMANDS = group.list_commands(click.Context(group))
 BENCHMARKS = benchmarks.list_commands(click.Context(benchmarks))
 WITHOUT_STUDY = ("benchmark", "examples", "identify", "inspect", "list")
-WITHOUT_SEED = ("compare", "report", "start-over", "status")
+WITHOUT_SEED = ("compare", "report", "status")
 WITH_STUDY = [name for name in COMMANDS if name not in (*WITHOUT_STUDY, *WITHOUT_SEED)]
 WORK = ["build-model", "train", "calibrate", "predict", "render"]
 HEAVY = ("torch", "scipy", "pyvista", "vtkmodules", "matplotlib", "pydantic", "xarray", "numpy")

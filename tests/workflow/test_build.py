@@ -12,7 +12,7 @@ from femupdate.workflow import model as model_module
 from femupdate.workflow.build import build_study
 from femupdate.workflow.model import DEFAULT_BUILDING, choose_building, open_study
 from femupdate.workflow.pictures_modes import draw_model
-from femupdate.workflow.reduced_file import load_reduced, save_reduced
+from femupdate.workflow.reduced_file import REDUCED, Reduced
 
 
 @pytest.mark.parametrize(
@@ -198,14 +198,17 @@ def test_a_damaged_reduced_model_is_made_again(cabin_study, damage):
         path.write_bytes(damage(path.read_bytes()))
     again = open_study(cabin_study)
     np.testing.assert_allclose(again.reduced.excitation, good.reduced.excitation)
-    assert load_reduced(path)[1] == good.reduction_error
+    assert again.reduction_error == open_study(cabin_study).reduction_error
+    assert again.reduction_error == good.reduction_error
 
 
 def test_a_reduced_model_reads_back_equal(cabin_study, tmp_path):
     model = open_study(cabin_study).reduced
-    save_reduced(model, 0.0123, tmp_path / "model.npz")
-    again, error = load_reduced(tmp_path / "model.npz")
-    assert error == 0.0123
+    study = Study(tmp_path)
+    study.keep(REDUCED, {"building": "ab12"}, Reduced(model, 0.0123))
+    kept = study.kept(REDUCED, {"building": "ab12"})
+    again = kept.model
+    assert kept.rms_error == 0.0123
     assert again.floors == model.floors == ("2F", "RF")
     for name in ("stiffness_terms", "stiffness_constant", "excitation", "floor_shapes"):
         np.testing.assert_array_equal(getattr(again, name), getattr(model, name))

@@ -11,17 +11,15 @@ import numpy as np
 import pytest
 
 from femupdate.array_archive import read_arrays, write_arrays
-from femupdate.discrepancy.finder_model import finder_structure
 from femupdate.errors import StudyError
 from femupdate.inference.parameters import Parameters
 from femupdate.inference.posterior import load_posterior, save_posterior
 from femupdate.study import MANIFEST, file_hash, write_text
-from femupdate.workflow.effects import BASIS, finder_origin, read_basis
+from femupdate.workflow.effects import BASIS, finder_origin, open_structure
 from femupdate.workflow.mesh_error import MESH_ERROR, kept_mesh_error
-from femupdate.workflow.model import REDUCED, open_study
+from femupdate.workflow.model import open_study
 from femupdate.workflow.predict import predict_study
 from femupdate.workflow.prediction_inputs import RecordSource
-from femupdate.workflow.reduced_file import load_reduced
 from femupdate.workflow.render import render_study
 from femupdate.workflow.report import report_study
 from femupdate.workflow.summary import kept_posterior
@@ -70,14 +68,14 @@ DAMAGES = {
 def test_a_reduced_model_with_the_right_hash(tower, damage):
     path = tower.path("reduced_model.npz")
     DAMAGES[damage](path)
-    rerecorded(tower, REDUCED)
+    rerecorded(tower, "reduced model")
     before = path.read_bytes()
     with pytest.raises(StudyError, match=r"reduced_model\.npz is not what .*remove it and run"):
         open_study(tower)
     assert path.read_bytes() == before
     path.unlink()
     open_study(tower)
-    load_reduced(path)
+    assert open_study(tower).reduced.floors == ("2F", "RF")
 
 
 @pytest.mark.parametrize(
@@ -94,7 +92,7 @@ def test_a_basis_of_another_structure(cabin_study, basis, message):
     write_arrays(path, basis=basis)
     cabin_study.record(BASIS, path.name, "diagnose", finder_origin(building))
     with pytest.raises(StudyError, match=message):
-        read_basis(path, finder_structure(building))
+        open_structure(cabin_study, building)
 
 
 @pytest.mark.parametrize(

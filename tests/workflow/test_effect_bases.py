@@ -4,6 +4,7 @@ It is held against the cabin with all its degrees of freedom.
 """
 
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -29,7 +30,7 @@ from femupdate.errors import BuildingError
 from femupdate.inference.priors import reduction_target
 from femupdate.measurement.observation import Observation
 from femupdate.study import Study
-from femupdate.workflow.effects import StudyBases
+from femupdate.workflow.effects import finder_basis
 from femupdate.workflow.model import open_study
 
 THETA, ZETA, MASS, NOISE = np.array([0.8, 1.5]), 0.03, 0.25, 0.01
@@ -217,7 +218,7 @@ def test_a_trial_that_leaves_no_structure_counts_nothing(cabin, gone):
 def test_one_kept_basis_serves_the_fits_nearby(cabin, tmp_path, monkeypatch):
     """It is the same with a study and without one, to the last digit."""
     structure, made = cabin.plain.structure, []
-    study = StudyBases(Study(tmp_path), cabin.building)
+    study = partial(finder_basis, Study(tmp_path), cabin.building)
     monkeypatch.setattr(
         "femupdate.discrepancy.near_basis.local_structure",
         lambda *args, **kwargs: made.append(args[1]) or local_structure(*args, **kwargs),

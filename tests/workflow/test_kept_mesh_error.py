@@ -12,8 +12,9 @@ from femupdate.building.files import load_building
 from femupdate.discrepancy.mesh_error import MeshError
 from femupdate.errors import StudyError
 from femupdate.study import Study
+from femupdate.workflow.effects import finder_origin
 from femupdate.workflow.finer_mesh import FINER
-from femupdate.workflow.mesh_error import keep_mesh_error, kept_mesh_error, with_finer_mesh
+from femupdate.workflow.mesh_error import MESH_ERROR_PART, kept_mesh_error, with_finer_mesh
 from femupdate.workflow.model import open_study
 
 LEARNED = MeshError(
@@ -29,7 +30,7 @@ LEARNED = MeshError(
 @pytest.fixture
 def kept(tmp_path):
     study, building = Study(tmp_path), load_building("two_story_openings")
-    keep_mesh_error(study, building, LEARNED)
+    study.keep(MESH_ERROR_PART, finder_origin(building), LEARNED)
     return study, building
 
 

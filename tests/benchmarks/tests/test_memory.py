@@ -37,4 +37,4 @@ def test_every_command_is_measured_in_an_order_that_works(tmp_path):
     names = [one.words[0] for one in run.commands(tmp_path)]
     assert names.index("build-model") < names.index("calibrate") < names.index("predict")
     assert names.index("simulate") < names.index("repair")
-    assert set(group.modules) - set(names) == {"benchmark", "examples", "start-over"}
+    assert set(group.modules) - set(names) == {"benchmark", "examples"}
