@@ -159,7 +159,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Part(Generic[T]):
+class StudyPart(Generic[T]):
     """What a study keeps in a file, so that it is made once.
 
     Attributes:
@@ -174,7 +174,7 @@ class Part(Generic[T]):
     name: str
     file: str
     command: str
-    write: Callable[[Path, T], object]
+    write: Callable[[T, Path], object]
     read: Callable[[Path], T | None]
     settings: Callable[[T], Mapping[str, Any]] = lambda _: {}
 
@@ -319,7 +319,7 @@ class Study:
         write_text(self.path(MANIFEST), json.dumps(content, indent=2, sort_keys=True) + "\n")
         return artefact
 
-    def cached(self, part: Part[T], made_from: Mapping[str, str], make: Callable[[], T]) -> T:
+    def cached(self, part: StudyPart[T], made_from: Mapping[str, str], make: Callable[[], T]) -> T:
         """A part made from just these things: read back where it is kept, else made and kept.
 
         Raises:
@@ -328,7 +328,7 @@ class Study:
         found = self.kept(part, made_from)
         return self.keep(part, made_from, make()) if found is None else found
 
-    def kept(self, part: Part[T], made_from: Mapping[str, str]) -> T | None:
+    def kept(self, part: StudyPart[T], made_from: Mapping[str, str]) -> T | None:
         """A part made from just these things, or None where the study has none.
 
         Raises:
@@ -340,13 +340,13 @@ class Study:
         with as_written(path):
             return part.read(path)
 
-    def keep(self, part: Part[T], made_from: Mapping[str, str], value: T) -> T:
+    def keep(self, part: StudyPart[T], made_from: Mapping[str, str], value: T) -> T:
         """Write a part and record what it was made from; returns it.
 
         Raises:
             StudyError: it cannot be written.
         """
-        part.write(self.path(part.file), value)
+        part.write(value, self.path(part.file))
         self.record(part.name, part.file, part.command, made_from, part.settings(value))
         return value
 

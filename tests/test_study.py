@@ -13,8 +13,8 @@ from femupdate.study import (
     LAYOUT,
     MAIN_POSTERIOR,
     MANIFEST,
-    Part,
     Study,
+    StudyPart,
     file_hash,
     made_by,
     owner_of,
@@ -281,11 +281,11 @@ def note(**changes):
         "name": "note",
         "file": "notes/note.txt",
         "command": "calibrate",
-        "write": write_text,
+        "write": lambda text, path: write_text(path, text),
         "read": lambda path: path.read_text(encoding="utf-8"),
         "settings": lambda text: {"length": len(text)},
     }
-    return Part(**{**fields, **changes})
+    return StudyPart(**{**fields, **changes})
 
 
 def test_a_part_is_made_once(study):

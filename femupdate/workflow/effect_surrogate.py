@@ -18,7 +18,7 @@ from femupdate.errors import SurrogateError
 from femupdate.inference.parameters import Parameters
 from femupdate.inference.priors import effect_parameters, reduction_target
 from femupdate.progress import SILENT, Progress
-from femupdate.study import Part, Study
+from femupdate.study import Study, StudyPart
 from femupdate.workflow.effects import basis_part, open_structure
 from femupdate.workflow.mesh_error import kept_mesh_error, open_mesh_error
 from femupdate.workflow.model import StudyModel
@@ -98,7 +98,7 @@ def kept_structure(
     return None if kept is None else reduced_on(whole, kept)
 
 
-def _basis(structure: Structure) -> Part[Floats]:
+def _basis(structure: Structure) -> StudyPart[Floats]:
     return basis_part("surrogate's basis", "surrogate_basis.npz", "train", structure)
 
 

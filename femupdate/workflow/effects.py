@@ -22,7 +22,7 @@ from femupdate.effects.listed import building_effects
 from femupdate.effects.structure import Structure
 from femupdate.inference.priors import reduction_target
 from femupdate.progress import SILENT, Progress
-from femupdate.study import Part, Study
+from femupdate.study import Study, StudyPart
 
 BASIS, NEAR_BASIS = "effect basis", "finder's basis"
 
@@ -71,14 +71,14 @@ def keep_basis(study: Study, reduced: ReducedStructure, building: Building) -> N
     study.keep(part, finder_origin(building), reduced.basis)
 
 
-def _effect_basis(structure: Structure) -> Part[Floats]:
+def _effect_basis(structure: Structure) -> StudyPart[Floats]:
     return basis_part(BASIS, "effect_basis.npz", "diagnose", structure)
 
 
-def basis_part(name: str, file: str, command: str, structure: Structure) -> Part[Floats]:
+def basis_part(name: str, file: str, command: str, structure: Structure) -> StudyPart[Floats]:
     """A basis (n, r) for a structure of n degrees of freedom, as a study keeps it."""
 
-    def write(path: Path, basis: Floats) -> None:
+    def write(basis: Floats, path: Path) -> None:
         write_arrays(path, basis=basis)
 
     def read(path: Path) -> Floats:
@@ -88,7 +88,7 @@ def basis_part(name: str, file: str, command: str, structure: Structure) -> Part
             raise ValueError(f"basis of {len(data['basis'])} degrees of freedom")
         return data["basis"]
 
-    return Part(name, file, command, write, read, lambda basis: {"size": basis.shape[1]})
+    return StudyPart(name, file, command, write, read, lambda basis: {"size": basis.shape[1]})
 
 
 def finder_basis(

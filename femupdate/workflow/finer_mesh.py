@@ -23,7 +23,7 @@ from femupdate.dynamics.damping import DampingLaw
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import Stiffness, Terms
-from femupdate.study import Part, Study
+from femupdate.study import Study, StudyPart
 from femupdate.workflow.reduced_file import reduced_arrays, reduced_from
 
 FINER = "finer mesh"
@@ -60,16 +60,53 @@ class FinerMesh:
         system = System(self.corrected, law, left.placed, self.terms)
         return MeshScatter(system, torch.from_numpy(left.steps))
 
+    def write(self, path: Path) -> None:
+        """Write it as npz, atomically."""
+        error = None if self.error is None else asdict(self.error)
+        header = json.dumps({"floors": self.model.floors, "error": error})
+        arrays = {**reduced_arrays(self.model), **self._term_arrays()}
+        write_arrays(path, header=np.array(header), **arrays)
+
+    @classmethod
+    def read(cls, path: Path) -> "FinerMesh":
+        """Read what `write` has written."""
+        data = read_arrays(path)
+        header = json.loads(str(data["header"]))
+        model = reduced_from(data, header["floors"])
+        if header["error"] is None:
+            return cls(model)
+        error = MeshError.of(header["error"])
+        return cls(model, error, _terms(data, len(error.labels)))
+
+    def _term_arrays(self) -> dict[str, NDArray[Any]]:
+        """Stiffness of the terms, one after the other, with the number of the effect of each."""
+        parts = [(k, one) for k, terms in enumerate(self.terms) for one in terms.stiffness]
+        size = self.model.size
+        matrices = [one.matrix.numpy().astype(np.float32) for _, one in parts]
+        return {
+            "term_owner": np.array([k for k, _ in parts], dtype=np.int64),
+            "term_story": np.array([one.story for _, one in parts], dtype=np.int64),
+            "term_series": np.array([one.series for _, one in parts], dtype=np.float64),
+            "term_matrix": np.array(matrices, dtype=np.float32).reshape(-1, size, size),
+        }
+
 
 def half_mesh_size(building: FrameBuilding) -> float:
     """Of the finer mesh, m."""
     return MESH_ERROR.half * building.mesh.size
 
 
-def finer_part(building: FrameBuilding) -> Part[FinerMesh]:
+def finer_part(building: FrameBuilding) -> StudyPart[FinerMesh]:
     """The finer mesh of a building, as a study keeps it."""
     size = half_mesh_size(building)
-    return Part(FINER, "finer_mesh.npz", "calibrate", _write, _read, lambda _: {"mesh_m": size})
+    return StudyPart(
+        FINER,
+        "finer_mesh.npz",
+        "calibrate",
+        FinerMesh.write,
+        FinerMesh.read,
+        lambda _: {"mesh_m": size},
+    )
 
 
 def kept_finer(study: Study, building: Building) -> FinerMesh | None:
@@ -88,36 +125,6 @@ def finer_origin(building: FrameBuilding) -> dict[str, str]:
     return {
         "building": mechanics_hash(without_effects(building)),
         "mesh_m": f"{half_mesh_size(building):.4g}",
-    }
-
-
-def _write(path: Path, finer: FinerMesh) -> None:
-    error = None if finer.error is None else asdict(finer.error)
-    header = json.dumps({"floors": finer.model.floors, "error": error})
-    arrays = {**reduced_arrays(finer.model), **_term_arrays(finer)}
-    write_arrays(path, header=np.array(header), **arrays)
-
-
-def _read(path: Path) -> FinerMesh:
-    data = read_arrays(path)
-    header = json.loads(str(data["header"]))
-    model = reduced_from(data, header["floors"])
-    if header["error"] is None:
-        return FinerMesh(model)
-    error = MeshError.of(header["error"])
-    return FinerMesh(model, error, _terms(data, len(error.labels)))
-
-
-def _term_arrays(finer: FinerMesh) -> dict[str, NDArray[Any]]:
-    """Stiffness of the terms, one after the other, with the number of the effect of each."""
-    parts = [(k, one) for k, terms in enumerate(finer.terms) for one in terms.stiffness]
-    size = finer.model.size
-    matrices = [one.matrix.numpy().astype(np.float32) for _, one in parts]
-    return {
-        "term_owner": np.array([k for k, _ in parts], dtype=np.int64),
-        "term_story": np.array([one.story for _, one in parts], dtype=np.int64),
-        "term_series": np.array([one.series for _, one in parts], dtype=np.float64),
-        "term_matrix": np.array(matrices, dtype=np.float32).reshape(-1, size, size),
     }
 
 

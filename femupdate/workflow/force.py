@@ -17,7 +17,7 @@ from femupdate.inference.frf_data import FrfData, base_logs, log_responses
 from femupdate.measurement.force_frf import ForcedObservation
 from femupdate.measurement.observation import Observation
 from femupdate.progress import Progress
-from femupdate.study import Part, Study
+from femupdate.study import Study, StudyPart
 from femupdate.units import STANDARD_GRAVITY
 from femupdate.workflow.finer_mesh import FINER, half_mesh_size
 from femupdate.workflow.model import StudyModel
@@ -49,22 +49,21 @@ def open_rest(study: Study, model: StudyModel, progress: Progress) -> RestFlexib
     return study.cached(REST, {**model.made_from(), **by}, make)
 
 
-def _write_rest(path: Path, rest: RestFlexibility) -> None:
-    write_arrays(path, terms=rest.terms, numbers=np.array([rest.error, rest.lacked]))
-
-
-def _read_rest(path: Path) -> RestFlexibility:
+def read_rest(path: Path) -> RestFlexibility:
+    """What a study keeps."""
     data = read_arrays(path)
     check_shapes(data, {"terms": "pff", "numbers": "n"})
     return RestFlexibility(data["terms"], *data["numbers"].tolist())
 
 
-REST = Part(
+REST = StudyPart(
     "flexibility under forces",
     "force_flexibility.npz",
     "calibrate",
-    _write_rest,
-    _read_rest,
+    lambda rest, path: write_arrays(
+        path, terms=rest.terms, numbers=np.array([rest.error, rest.lacked])
+    ),
+    read_rest,
     lambda rest: {"error": rest.error, "lacked": rest.lacked},
 )
 

@@ -20,7 +20,7 @@ from femupdate.effects.structure import Structure, structure_of
 from femupdate.inference.priors import reduction_target, theta_prior
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import even_points
-from femupdate.study import Part, Study, write_text
+from femupdate.study import Study, StudyPart, write_text
 from femupdate.workflow.effects import finder_origin
 from femupdate.workflow.finer_mesh import FinerMesh, finer_origin, finer_part, half_mesh_size
 from femupdate.workflow.model import StudyModel, on_kept_finer
@@ -92,21 +92,18 @@ def kept_mesh_error(study: Study, building: Building) -> MeshError | None:
     return study.kept(MESH_ERROR_PART, finder_origin(building))
 
 
-def _write(path: Path, mesh: MeshError) -> None:
-    write_text(path, json.dumps(asdict(mesh), indent=2) + "\n")
-
-
-def _read(path: Path) -> MeshError | None:
+def read_mesh_error(path: Path) -> MeshError | None:
+    """What a study keeps; None of an earlier version that learned less."""
     content = json.loads(path.read_text(encoding="utf-8"))
-    return MeshError.of(content) if "share_sd" in content else None  # of an earlier version
+    return MeshError.of(content) if "share_sd" in content else None
 
 
-MESH_ERROR_PART = Part(
+MESH_ERROR_PART = StudyPart(
     MESH_ERROR,
     "mesh_error.json",
     "diagnose",
-    _write,
-    _read,
+    lambda mesh, path: write_text(path, json.dumps(asdict(mesh), indent=2) + "\n"),
+    read_mesh_error,
     lambda _: {"thetas": THRESHOLDS.thetas},
 )
 

@@ -19,7 +19,7 @@ from femupdate.inference.priors import damping_parameter, reduction_target, thet
 from femupdate.progress import SILENT, Progress
 from femupdate.study import BUILDING_FILE, Study
 from femupdate.workflow.finer_mesh import FinerMesh, kept_finer
-from femupdate.workflow.reduced_file import REDUCED, Reduced
+from femupdate.workflow.reduced_file import REDUCED, CertifiedModel
 
 DEFAULT_BUILDING = "six_story_wall_frame"
 
@@ -125,11 +125,11 @@ def keep_reduction(study: Study, building: Building, reduction: Reduction) -> St
         "worst_error": reduction.worst_error,
         "share_no_worse": reduction.share,
     }
-    reduced = Reduced(reduction.reduced.model, reduction.rms_error, certified)
+    reduced = CertifiedModel(reduction.reduced.model, reduction.rms_error, certified)
     return keep_model(study, building, reduced)
 
 
-def keep_model(study: Study, building: Building, reduced: Reduced) -> StudyModel:
+def keep_model(study: Study, building: Building, reduced: CertifiedModel) -> StudyModel:
     """Write a building and its reduced model into a study."""
     save_building(building, study.path(BUILDING_FILE))
     study.keep(REDUCED, {"building": mechanics_hash(building)}, reduced)
@@ -165,7 +165,7 @@ def choose_building(study: Study, name: str | None) -> Building:
     return own
 
 
-def _study_model(building: Building, reduced: Reduced) -> StudyModel:
+def _study_model(building: Building, reduced: CertifiedModel) -> StudyModel:
     return StudyModel(
         building,
         reduced.model,

@@ -20,7 +20,7 @@ from femupdate.dynamics.tracking import (
 from femupdate.effects.structure import structure_of
 from femupdate.inference.posterior import Posterior
 from femupdate.measurement.observation import on_all_floors
-from femupdate.study import Part, Study
+from femupdate.study import Study, StudyPart
 from femupdate.tables import Table
 from femupdate.units import ordinal, percent
 from femupdate.workflow.model import StudyModel
@@ -127,7 +127,8 @@ def keep_modes(study: Study, model: StudyModel, modes: FullModes) -> None:
         study.keep(MODES, model.made_from(), modes)
 
 
-def _write(path: Path, modes: FullModes) -> None:
+def write_full_modes(modes: FullModes, path: Path) -> None:
+    """Write modes as npz, atomically."""
     write_arrays(
         path,
         frequency_hz=modes.frequency_hz,
@@ -137,18 +138,19 @@ def _write(path: Path, modes: FullModes) -> None:
     )
 
 
-def _read(path: Path) -> FullModes:
+def read_full_modes(path: Path) -> FullModes:
+    """Read what `write_full_modes` has written."""
     data = read_arrays(path, _LARGEST)
     names = tuple(str(name) for name in data["direction"])
     return FullModes(data["frequency_hz"], data["shapes"], data["effective_mass"], names)
 
 
-MODES = Part(
+MODES = StudyPart(
     "modes",
     "modes.npz",
     "build-model",
-    _write,
-    _read,
+    write_full_modes,
+    read_full_modes,
     lambda modes: {"count": len(modes.direction)},
 )
 

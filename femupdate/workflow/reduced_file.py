@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from femupdate.array_archive import check_shapes, read_arrays, write_arrays
 from femupdate.dynamics.reduced import BaseRotation, ReducedModel, ReleasedBase
-from femupdate.study import Part
+from femupdate.study import StudyPart
 
 _ARRAYS = {
     "stiffness_terms": "prr",
@@ -27,7 +27,7 @@ _RELEASED = ("flexibility", "mass")
 
 
 @dataclass(frozen=True, eq=False)
-class Reduced:
+class CertifiedModel:
     """A reduced model and how far it was found to be from the full one.
 
     Attributes:
@@ -40,24 +40,31 @@ class Reduced:
     rms_error: float
     certified: Mapping[str, float] = field(default_factory=dict)
 
+    def write(self, path: Path) -> None:
+        """Write it as npz, atomically."""
+        header = json.dumps({"floors": self.model.floors, "rms_error": self.rms_error})
+        write_arrays(path, header=np.array(header), **reduced_arrays(self.model))
 
-def _write(path: Path, reduced: Reduced) -> None:
-    header = json.dumps({"floors": reduced.model.floors, "rms_error": reduced.rms_error})
-    write_arrays(path, header=np.array(header), **reduced_arrays(reduced.model))
+    @classmethod
+    def read(cls, path: Path) -> "CertifiedModel":
+        """Read what `write` has written, but for what only the study's record has."""
+        data = read_arrays(path)
+        header = json.loads(str(data["header"]))
+        return cls(reduced_from(data, header["floors"]), float(header["rms_error"]))
+
+    def settings(self) -> dict[str, float]:
+        """For the study's record."""
+        return {"size": self.model.size, "rms_error": self.rms_error, **self.certified}
 
 
-def _read(path: Path) -> Reduced:
-    data = read_arrays(path)
-    header = json.loads(str(data["header"]))
-    return Reduced(reduced_from(data, header["floors"]), float(header["rms_error"]))
-
-
-def _settings(reduced: Reduced) -> dict[str, float]:
-    own = {"size": reduced.model.size, "rms_error": reduced.rms_error}
-    return {**own, **reduced.certified}
-
-
-REDUCED = Part("reduced model", "reduced_model.npz", "build-model", _write, _read, _settings)
+REDUCED = StudyPart(
+    "reduced model",
+    "reduced_model.npz",
+    "build-model",
+    CertifiedModel.write,
+    CertifiedModel.read,
+    CertifiedModel.settings,
+)
 
 
 def reduced_arrays(model: ReducedModel) -> dict[str, NDArray[Any]]:

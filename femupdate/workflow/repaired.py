@@ -21,7 +21,7 @@ from femupdate.workflow.kinds import Measured
 from femupdate.workflow.mesh_error import MESH_ERROR_PART
 from femupdate.workflow.model import StudyModel, keep_model
 from femupdate.workflow.observed import ObservationSource
-from femupdate.workflow.reduced_file import Reduced
+from femupdate.workflow.reduced_file import CertifiedModel
 
 
 def repaired_building(building: Building, done: Repair) -> Building:
@@ -56,7 +56,7 @@ def keep_repaired(
     kept = Study(study.path(REPAIRED))
     kept.folder.mkdir(parents=True, exist_ok=True)
     save_building(building, kept.path(BUILDING_FILE))
-    keep_model(kept, building, Reduced(model.reduced, model.reduction_error))
+    keep_model(kept, building, CertifiedModel(model.reduced, model.reduction_error))
     if reduced.structure.operators is not None:
         keep_basis(kept, reduced, building)
     if mesh is not None:

@@ -7,15 +7,15 @@ from pathlib import Path
 from femupdate.building.files import mechanics_hash
 from femupdate.building.schema import Building
 from femupdate.errors import SurrogateError
-from femupdate.study import Part, Study
+from femupdate.study import Study, StudyPart
 from femupdate.surrogate.storage import TrainedSurrogate, load_surrogate, save_surrogate
 
 SURROGATE = "surrogate"
-TRAINED = Part(
+TRAINED = StudyPart(
     SURROGATE,
     "surrogate.safetensors",
     "train",
-    lambda path, value: save_surrogate(value, path),
+    save_surrogate,
     load_surrogate,
     lambda value: {"samples": value.info.settings["samples"]},
 )

@@ -12,7 +12,7 @@ from femupdate.workflow import model as model_module
 from femupdate.workflow.build import build_study
 from femupdate.workflow.model import DEFAULT_BUILDING, choose_building, open_study
 from femupdate.workflow.pictures_modes import draw_model
-from femupdate.workflow.reduced_file import REDUCED, Reduced
+from femupdate.workflow.reduced_file import REDUCED, CertifiedModel
 
 
 @pytest.mark.parametrize(
@@ -205,7 +205,7 @@ def test_a_damaged_reduced_model_is_made_again(cabin_study, damage):
 def test_a_reduced_model_reads_back_equal(cabin_study, tmp_path):
     model = open_study(cabin_study).reduced
     study = Study(tmp_path)
-    study.keep(REDUCED, {"building": "ab12"}, Reduced(model, 0.0123))
+    study.keep(REDUCED, {"building": "ab12"}, CertifiedModel(model, 0.0123))
     kept = study.kept(REDUCED, {"building": "ab12"})
     again = kept.model
     assert kept.rms_error == 0.0123
