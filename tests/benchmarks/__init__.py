@@ -30,18 +30,6 @@ COMMANDS = {
         "hidden_effects.command",
         "What the effect finder makes of effects that were hidden.",
     ),
-    "training": (
-        "training.command",
-        "Our network and the published layout, trained side by side.",
-    ),
-    "latent-size": (
-        "latent_size.command",
-        "How many latent coordinates a building's data can tell apart.",
-    ),
-    "kinds": (
-        "kinds.command",
-        "Kinds of observation of one building, alone and together.",
-    ),
     "changes": (
         "changes.command",
         "Whether a changed story is named, and how often an unchanged one.",
@@ -53,25 +41,5 @@ COMMANDS = {
     "measured": (
         "measured.command",
         "How honest intervals are on measured events: each predicted from every other.",
-    ),
-    "fuzz": (
-        "fuzz.command",
-        "Mutated files for every reader: read, or refused in one sentence.",
-    ),
-    "interruptions": (
-        "interruptions.command",
-        "Commands killed or out of disk, then run again: nothing may be lost.",
-    ),
-    "memory": (
-        "memory.command",
-        "Largest memory of every command on the six-story study.",
-    ),
-    "versions": (
-        "versions.command",
-        "Tests with the lowest and the highest dependencies on every Python.",
-    ),
-    "mutations": (
-        "mutations.command",
-        "Operators and numbers changed one at a time: do the tests notice?",
     ),
 }

@@ -1,11 +1,12 @@
-"""Files of records for tests, by the writers of the fuzzing benchmark."""
+"""Files of records for tests."""
 
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from femupdate.benchmarks.fuzz import written
+
+from tests.measurement import written
 
 SHARED = Path(__file__).resolve().parents[3] / "shared"
 Writer = Callable[..., Path]

@@ -1,7 +1,6 @@
 """The commands of benchmarks: what they print and write, and what they refuse."""
 
 import json
-from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
@@ -53,29 +52,6 @@ def test_an_unknown_size_is_one_sentence(run, monkeypatch):
     done = run("solver", "--sizes", "huge")
     assert done.exit_code == 1
     assert done.stderr.strip().splitlines()[-1].startswith("Error: there is no size 'huge'")
-
-
-def test_training(run, tmp_path):
-    found = answer(run("training", "--samples", "600", "--minutes", "0.005", "--json"))
-    written = json.loads((tmp_path / "training.json").read_text(encoding="utf-8"))
-    assert found["loss"] == written["reached"]["loss"]
-    assert found["cpu_ratio"] == written["cpu_ratio"]
-    assert found["pictures"] == [str(tmp_path / "training.png")]
-    done = run("training", "--samples", "100")
-    assert done.exit_code == 1
-    assert "100 samples are too few for batches of 512" in done.stderr
-
-
-def test_latent_size(run):
-    """Every story's stiffness counts, at the roof of four stories as well."""
-    arguments = ("latent-size", "--draws", "30", "--sensors")
-    found = answer(run(*arguments, "RF", "--json"))
-    assert found["enough"] == 4
-    assert found["nats"] == sorted(found["nats"], reverse=True)
-    assert "Enough: 4 of 4." in Path(found["results"][1]).read_text(encoding="utf-8")
-    done = run(*arguments, "9F")
-    assert done.exit_code == 1
-    assert "shear_4dof has no floor 9F to observe; it has 2F, 3F, 4F, RF" in done.stderr
 
 
 def test_changes(run, tmp_path, monkeypatch):

@@ -1,0 +1,21 @@
+# make setup, once; make check, before every commit (90 s on two cores); make test, before a push.
+.PHONY: setup check test docs house
+
+setup:
+	python -m pip install -e ".[dev]" pre-commit
+	pre-commit install
+
+check:
+	ruff check .
+	ruff format --check .
+	mypy
+	pytest -m "not slow" tests/test_*.py tests/fe tests/building tests/dynamics tests/effects
+
+test:
+	pytest -n auto --dist worksteal
+
+docs:
+	mkdocs build --strict
+
+house:
+	python tests/house.py

@@ -1,1 +1,0 @@
-"""The benchmark `fuzz`: mutated files for every reader."""

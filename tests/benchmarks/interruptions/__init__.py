@@ -1,1 +1,0 @@
-"""The benchmark `interruptions`: kills, full disks and limits in the middle of commands."""

@@ -1,1 +1,0 @@
-"""Kinds of observation of one simulated building, alone and together."""

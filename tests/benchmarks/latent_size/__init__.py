@@ -1,1 +1,0 @@
-"""What a latent space of fewer coordinates would lose."""

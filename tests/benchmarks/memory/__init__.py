@@ -1,1 +1,0 @@
-"""The benchmark `memory`: what every command takes on the six-story study."""

@@ -1,1 +1,0 @@
-"""The benchmark `mutations`: whether the tests notice a changed operator or number."""

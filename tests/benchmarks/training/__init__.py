@@ -1,1 +1,0 @@
-"""Our network and the published layout, trained side by side."""

@@ -1,1 +1,0 @@
-"""The benchmark `versions`: the lowest and the highest dependencies on every Python."""
