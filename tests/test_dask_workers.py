@@ -4,20 +4,16 @@ import contextlib
 import math
 import multiprocessing
 import os
-import re
 import signal
 import socket
 import threading
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
-from scipy.linalg import eigh
 
 from femupdate.building.files import load_building
-from femupdate.building.shear import shear_operators
 from femupdate.dask_workers import _CONFIGURATION, dask_workers
 from femupdate.dynamics.local_basis import local_structure
 from femupdate.dynamics.snapshots import ReductionTarget
@@ -32,7 +28,6 @@ from femupdate.surrogate.dataset import DatasetPlan, compute_dataset
 from femupdate.workers import OneByOne, completed, everywhere, working_on
 from femupdate.workflow.model import reduce_building
 
-PAGE = Path(__file__).resolve().parent.parent / "docs" / "how-to" / "several-machines.md"
 PLAN = DatasetPlan(samples=90, modes=3, top_frequency_hz=12.8, seed=3)
 
 
@@ -143,38 +138,6 @@ def test_a_basis_about_an_effect_is_the_same(processes, cabin_file):
             local = local_structure(structure, np.ones(2), target, present=[((brace, 0.5),)])
         bases.append(local.basis)
     np.testing.assert_array_equal(*bases)
-
-
-def test_the_script_of_the_page_runs_and_resumes(processes, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    used = []
-
-    @contextlib.contextmanager
-    def workers(address):
-        used.append(address)
-        yield processes
-
-    code = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.S)[1]
-    names = {"__name__": "recipe"}
-    exec(code.replace("two_story_openings", "shear_3dof"), names)
-    names["dask_workers"] = workers
-    names["main"]()
-    found = sorted(tmp_path.glob("analyses/*.npz"))
-    assert len(found) == 4
-    one = np.load(found[2])
-    exact = natural_frequencies(load_building("shear_3dof"), one["theta"])
-    np.testing.assert_allclose(one["hz"], exact, rtol=1e-9)
-    found[2].unlink()
-    names["main"]()
-    np.testing.assert_array_equal(np.load(found[2])["hz"], one["hz"])
-    assert used == ["local", "local"]
-
-
-def natural_frequencies(building, theta):
-    """Of a chain of masses and springs, Hz."""
-    lumped = shear_operators(building)
-    stiffness = np.tensordot(theta, np.stack(lumped.stiffness_terms), 1)
-    return np.sqrt(eigh(stiffness, lumped.mass, eigvals_only=True)) / (2.0 * np.pi)
 
 
 def test_what_fails_there_is_said_here(processes):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIBRARY = ROOT / "femupdate"
-TABLE = ROOT / "docs" / "explanation" / "where-things-are.md"
+TABLE = ROOT / "docs" / "architecture.md"
 ABOVE_ALL = ("interface.py", "__main__.py")
 
 
@@ -35,7 +35,7 @@ def arrows():
 
 def packages_in_order():
     """Packages in the order of the table; modules beside them belong to all."""
-    rows = TABLE.read_text(encoding="utf-8").split("## Packages")[1].split("## ")[0]
+    rows = TABLE.read_text(encoding="utf-8").split("## Rooms")[1].split("## ")[0]
     names = [name for cell in re.findall(r"^\| (`.*?) \|", rows, re.M) for name in cell.split(", ")]
     return [name for name in (one.strip("`") for one in names) if (LIBRARY / name).is_dir()]
 

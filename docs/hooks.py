@@ -1,0 +1,156 @@
+"""Hooks of mkdocs: README as home, and pages that are made from the code.
+
+A page holds `<!-- made from the code: NAME -->` where a list of the code belongs; without the site
+such a page says where the same list is printed.
+"""
+
+import dataclasses
+import importlib
+import pkgutil
+import re
+from collections.abc import Iterator
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import click
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
+
+ROOT = Path(__file__).resolve().parent.parent
+# Pages of the repository's root, by their address in the site.
+_FROM_ROOT = {"README.md": "index.md", "CONTRIBUTING.md": "contributing.md"}
+_FROM_ROOT["CHANGELOG.md"] = "changelog.md"
+_MARK = re.compile(r"<!-- made from the code: (\w+) -->")
+# Where importing a module would run it.
+_NOT_READ = ("__main__", "cli", "examples", "models")
+_LINK = re.compile(r"(?<=\]\()([^)\s#]+)")
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add the pages of the root, without a copy of them in the folder docs."""
+    for name, address in _FROM_ROOT.items():
+        text = (ROOT / name).read_text(encoding="utf-8")
+        files.append(File.generated(config, address, content=text))
+    return files
+
+
+def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Put the lists of the code into a page, and lead its links to where pages are in the site."""
+    markdown = _MARK.sub(lambda found: "\n".join(_LISTS[found[1]]()), markdown)
+    addresses = {address: name for name, address in _FROM_ROOT.items()}
+    uri = page.file.src_uri
+    source = PurePosixPath(addresses.get(uri, f"docs/{uri}"))
+    return _LINK.sub(lambda found: _in_site(found[1], source, uri), markdown)
+
+
+def _in_site(target: str, source: PurePosixPath, uri: str) -> str:
+    """A link of a page at `source` in the repository, as of the page `uri` of the site."""
+    if "://" in target:
+        return target
+    path = (ROOT / source.parent / target).resolve()
+    inside = path.relative_to(ROOT).as_posix()
+    address = _FROM_ROOT.get(inside, inside.removeprefix("docs/"))
+    return "../" * uri.count("/") + address
+
+
+def _commands() -> Iterator[str]:
+    """Every command but the benchmarks: what it does, its examples and its options."""
+    from femupdate.cli.main import group
+
+    for name in group.list_commands(click.Context(group)):
+        if name == "benchmark":
+            continue
+        context = click.Context(group, info_name="femupdate")
+        command = group.get_command(context, name)
+        assert command is not None
+        yield from _command(command, click.Context(command, info_name=name, parent=context))
+
+
+def _command(command: click.Command, context: click.Context) -> Iterator[str]:
+    words, _, examples = (command.help or "").replace("\b", "").partition("Examples:")
+    yield f"## {context.info_name}\n\n{words}\n"
+    usage = " ".join(command.collect_usage_pieces(context))
+    lines = [line.strip() for line in examples.splitlines() if line.strip()]
+    yield "\n".join(["```text", f"{context.command_path} {usage}", "```", ""])
+    yield "\n".join(["Examples:", "", "```", *lines, "```", ""]) if lines else ""
+    yield "| option | meaning |\n|---|---|"
+    for parameter in command.get_params(context):
+        record = parameter.get_help_record(context)
+        if isinstance(parameter, click.Option) and record is not None:
+            yield f"| `{_cell(record[0])}` | {_cell(record[1])} |"
+    yield ""
+
+
+def _effects() -> Iterator[str]:
+    """Every effect of the catalogue."""
+    from femupdate.effects.registry import CATALOGUE
+    from femupdate.workflow.listing import list_all
+
+    places = {row["name"]: row["places"] for row in list_all().as_dict()["effects"]}
+    for name in sorted(CATALOGUE):
+        effect = CATALOGUE[name]
+        yield f"### {name}\n\n{effect.sentence}\n"
+        yield f"- Where: {places[name][0].lower()}{places[name][1:]}."
+        for one in effect.parameters:
+            unit = "" if one.unit == "1" else f" {one.unit}"
+            yield (
+                f"- `{one.name}`: {one.text}; prior sd {one.scale:g}{unit},"
+                f" from {one.lower:g} to {one.upper:g}{unit}."
+            )
+        yield f"- What settles it: {effect.settled_by}.\n"
+
+
+def _formats() -> Iterator[str]:
+    """Every format of measured files."""
+    from femupdate.measurement.registry import readers
+
+    yield "| format | what is read |\n|---|---|"
+    for reader in readers().values():
+        yield f"| `{reader.name}` | {_cell(reader.reads)} |"
+
+
+def _thresholds() -> Iterator[str]:
+    """Every table of numbers that the code keeps with their meaning and source."""
+    seen: set[str] = set()
+    for info in pkgutil.walk_packages([str(ROOT / "femupdate")], "femupdate."):
+        if info.name.split(".")[1] in _NOT_READ:
+            continue
+        for value in vars(importlib.import_module(info.name)).values():
+            if dataclasses.is_dataclass(value):
+                yield from _table(value, seen)
+
+
+def _table(group: Any, seen: set[str]) -> Iterator[str]:
+    kind = group if isinstance(group, type) else type(group)
+    entries = [entry for entry in dataclasses.fields(group) if "meaning" in entry.metadata]
+    if not entries or kind.__qualname__ in seen:
+        return
+    seen.add(kind.__qualname__)
+    yield f"## {(kind.__doc__ or kind.__name__).splitlines()[0].rstrip('.')}\n"
+    yield "| name | value | unit | meaning | source |\n|---|---|---|---|---|"
+    for entry in entries:
+        told = [entry.metadata[part] for part in ("unit", "meaning", "source")]
+        cells = [f"`{entry.name}`", str(entry.default), *told]
+        yield "| " + " | ".join(map(_cell, cells)) + " |"
+    yield ""
+
+
+def _records() -> Iterator[str]:
+    """Every record of a decision, by its title."""
+    for path in sorted((ROOT / "docs" / "adr").glob("[0-9]*.md")):
+        title = path.read_text(encoding="utf-8").splitlines()[0].removeprefix("# ")
+        yield f"- [{title}]({path.name})"
+
+
+def _cell(text: str) -> str:
+    return " ".join(text.split()).replace("|", "\\|")
+
+
+_LISTS = {
+    "commands": _commands,
+    "effects": _effects,
+    "formats": _formats,
+    "thresholds": _thresholds,
+    "records": _records,
+}
