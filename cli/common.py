@@ -4,15 +4,14 @@ import functools
 import logging
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
 import click
 
-from femupdate.errors import FemupdateError, WorkersError
-from femupdate.ranks import launched, together
+from femupdate.errors import FemupdateError
 from femupdate.sheets import Sheet, require_xlsx, write_sheets
 from femupdate.study import MAIN_POSTERIOR, Study, copied
 from femupdate.study_lock import locked
@@ -20,9 +19,6 @@ from femupdate.study_lock import locked
 from .answer import Answer
 from .bars import Bars
 from .parameters import Band, Columns, Input, InputFile, Names, StudyFolder
-
-# The command that several processes of torchrun do together.
-_TOGETHER = "train"
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -293,8 +289,6 @@ def _reporting(function: F) -> F:
     def wrapper(*args: Any, verbose: int, **kwargs: Any) -> Any:
         _start_logging(verbose)
         try:
-            if _follows():
-                return None
             _require_inputs()
             return function(*args, **kwargs)
         except FemupdateError as error:
@@ -305,34 +299,6 @@ def _reporting(function: F) -> F:
             raise Failure(_os_failure(error)) from error
 
     return wrapper  # type: ignore[return-value]
-
-
-def _follows() -> bool:
-    """Whether torchrun started this process to help the first one, which it then has done.
-
-    Raises:
-        Failure: torchrun started several processes of a command that only one can do.
-        Exit: the same, but the first one says so; or it was lost.
-    """
-    launch = launched()
-    if launch is None or launch.count == 1:
-        return False
-    if _command_name() != _TOGETHER:
-        if launch.number > 0:
-            raise click.exceptions.Exit(1)
-        raise Failure(
-            f"torchrun started {launch.count} processes, but only `{_TOGETHER}` is done by several "
-            f"together; run `femupdate {_command_name()}` without torchrun"
-        )
-    if launch.number == 0:
-        return False
-    from femupdate.surrogate.training import follow_training
-
-    # That a process was lost is told by the first.
-    with suppress(WorkersError), together(launch) as ranks:
-        follow_training(ranks)
-        return True
-    raise click.exceptions.Exit(1)
 
 
 def _require_inputs() -> None:

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import click
 
 from femupdate import __version__
-from femupdate.ranks import launched
 
 from .lazy import LazyGroup
 
@@ -68,17 +67,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     Errors meant for the user are one sentence and exit code 1.
     """
     _wait_without_spinning()
-    launch = launched()
-    first = launch is None or launch.number == 0  # the others would say the same
     try:
         group.main(arguments, prog_name="femupdate", standalone_mode=False)
     except click.exceptions.Exit as request:
         sys.exit(request.exit_code)
     except click.ClickException as error:
-        if first or not isinstance(error, click.UsageError):
-            error.show()
+        error.show()
         sys.exit(error.exit_code)
     except (click.Abort, KeyboardInterrupt):
-        if first:
-            click.echo("Interrupted; run the same command again to go on.", err=True)
+        click.echo("Interrupted; run the same command again to go on.", err=True)
         sys.exit(130)

@@ -5,7 +5,6 @@ from typing import Any
 
 import click
 
-from femupdate.ranks import launched, together
 from femupdate.study import Study
 
 from .answer import Answer
@@ -76,9 +75,6 @@ def command(
 
     It also learns the effects that the building lists, over the range of their prior.
 
-    torchrun shares the training out among processes, each with a GPU of its own where there are
-    enough.
-
     After an interruption the same command resumes. It does nothing where a trained surrogate (the
     study's own or a shipped one) fits the building.
 
@@ -87,7 +83,6 @@ def command(
       femupdate train --study mine
       femupdate train --building my_building.toml --study mine --thorough
       femupdate train --study mine --dask tcp://10.0.0.1:8786
-      torchrun --nproc-per-node 4 -m femupdate train --study mine
     """
     from femupdate.workflow.checks import check_training
     from femupdate.workflow.model import open_study
@@ -95,11 +90,8 @@ def command(
 
     effort = THOROUGH if thorough else USUAL
     count = samples or effort.samples
-    with together(launched()) as ranks:
-        check_training(study, count, settings["batch"], start, building)
-        model = open_study(study, building, bars)
-        chosen = default_settings(model, epochs=epochs or effort.epochs, **settings)
-        report = train_study(
-            study, model, count, chosen, fresh=fresh, start=start, progress=bars, ranks=ranks
-        )
+    check_training(study, count, settings["batch"], start, building)
+    model = open_study(study, building, bars)
+    chosen = default_settings(model, epochs=epochs or effort.epochs, **settings)
+    report = train_study(study, model, count, chosen, fresh=fresh, start=start, progress=bars)
     return Answer(report, more={"study": study.folder})

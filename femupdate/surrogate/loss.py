@@ -33,28 +33,8 @@ class LossSettings:
 
 
 @dataclass(frozen=True)
-class Share:
-    """Rows of a batch that one of several processes takes: every `count`-th, from its own number.
-
-    Attributes:
-        number: of the process, from 0.
-        count: of processes, at most one a row.
-    """
-
-    number: int = 0
-    count: int = 1
-
-    def rows(self, start: int = 0, stop: int | None = None) -> slice:
-        """Its rows from `start` to before `stop`, as rows of the whole batch."""
-        return slice(start + (self.number - start) % self.count, stop, self.count)
-
-
-WHOLE = Share()
-
-
-@dataclass(frozen=True)
 class LossTerms:
-    """Mean of each term over the batch, nats per sample; of a share, its part of that mean.
+    """Mean of each term over the batch, nats per sample.
 
     Attributes:
         reconstruction: -ln p(x'|z) for z of the parameters, x' a noisy draw.
@@ -77,23 +57,17 @@ def loss_terms(
     visibility: Visibility,
     settings: LossSettings,
     generator: torch.Generator,
-    share: Share = WHOLE,
 ) -> LossTerms:
     """Compute the terms for noise-free ln|H| (B, f, k), theta (B, p) and damping ratios (B,).
 
     The observation encoder learns which z belongs to an observation, by the forward divergence.
     That covers every solution that an observation admits.
-
-    The terms of all shares add up to those of the batch. Random numbers are drawn for the whole
-    batch, so that all processes draw the same.
     """
-    own = share.rows()
-    known = mvae.encode_parameters(theta[own])
-    z = torch.cat([known, mvae.decoder.damping_coordinate(zeta[own])], dim=1)
-    weight = len(z) / len(theta)
+    known = mvae.encode_parameters(theta)
+    z = torch.cat([known, mvae.decoder.damping_coordinate(zeta)], dim=1)
     return LossTerms(
-        weight * reconstruction(mvae, z, log_frf[own], settings, generator),
-        proposal(mvae, z, log_frf, visibility, settings, generator, share),
+        reconstruction(mvae, z, log_frf, settings, generator),
+        proposal(mvae, z, log_frf, visibility, settings, generator),
     )
 
 
@@ -104,20 +78,14 @@ def proposal(
     visibility: Visibility,
     settings: LossSettings,
     generator: torch.Generator,
-    share: Share = WHOLE,
 ) -> Tensor:
-    """-ln q(z|x) for noisy, partly observed x; mean over the first rows of the batch.
-
-    Args:
-        z: of the share's rows; `log_frf` and `visibility` are of the whole batch.
-    """
+    """-ln q(z|x) for noisy, partly observed x; mean over the first rows of the batch."""
     count = min(settings.proposal_rows, len(log_frf))
-    x = noisy_input(mvae, log_frf[:count], visibility[:count], settings, generator, share)
+    x = noisy_input(mvae, log_frf[:count], visibility[:count], settings, generator)
     # Products in half precision are good enough for a proposal, and several times faster.
     with torch.autocast("cpu", torch.bfloat16, enabled=has_fast_half()):
-        q_x = mvae.observation_encoder(x, visibility[share.rows(stop=count)])
-    # Not a mean: a share may have none of these rows.
-    return -q_x.log_density(z[: len(x)]).sum() / count
+        q_x = mvae.observation_encoder(x, visibility[:count])
+    return -q_x.log_density(z[:count]).mean()
 
 
 def reconstruction(
@@ -145,28 +113,19 @@ def noisy_input(
     visibility: Visibility,
     settings: LossSettings,
     generator: torch.Generator,
-    share: Share = WHOLE,
 ) -> Tensor:
     """Input of the observation encoder: standardised, noisy, zero where nothing is observed.
 
     Args:
         log_frf: (B, f, k).
-
-    Returns:
-        (b, f, k) of the share's rows.
     """
     count, floors, points = log_frf.shape
     exponent = 2.0 * torch.rand(count, 1, 1, generator=generator) - 1.0
     noise_sd = (settings.noise_sd * 2.0 ** (settings.noise_octaves * exponent)).to(mvae.x_mean)
-    drawn = torch.empty(min(_ROWS, count), floors, points, dtype=mvae.x_mean.dtype)
-    own = share.rows(stop=count)
-    x = torch.empty(len(range(count)[own]), floors, points).to(mvae.x_mean)
+    x = torch.empty(count, floors, points).to(mvae.x_mean)
     for start in range(0, count, _ROWS):
-        end = min(start + _ROWS, count)
-        noise = drawn[: end - start].normal_(generator=generator)
-        rows = share.rows(start, end)
-        part = x[len(range(start)[own]) :][: len(range(end)[rows])]
-        part.copy_(noise[rows.start - start :: share.count])
+        rows = slice(start, min(start + _ROWS, count))
+        part = x[rows].normal_(generator=generator)
         part.mul_(noise_sd[rows]).add_(log_frf[rows]).sub_(mvae.x_mean).div_(mvae.x_scale)
         part.mul_(visibility[rows].weights(points))
     return x

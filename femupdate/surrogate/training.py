@@ -15,17 +15,14 @@ from torch import Tensor
 from femupdate.dynamics.system import System
 from femupdate.errors import SurrogateError
 from femupdate.progress import SILENT, Percent, Progress
-from femupdate.ranks import ALONE, Ranks
 from femupdate.seeds import TRAINING, stream, torch_generator
 from femupdate.surrogate.checkpoint import (
     TrainingRun,
     load_checkpoint,
-    restore,
     save_checkpoint,
-    tensors_of,
 )
 from femupdate.surrogate.dataset import ModalDataset, log_frf_pool, sample_zeta
-from femupdate.surrogate.loss import WHOLE, LossSettings, LossTerms, Share, loss_terms
+from femupdate.surrogate.loss import LossSettings, LossTerms, loss_terms
 from femupdate.surrogate.network import Mvae
 from femupdate.surrogate.places import Box
 from femupdate.surrogate.sizes import NetworkSizes
@@ -133,35 +130,29 @@ def train_mvae(
     checkpoint: Path | None = None,
     progress: Progress = SILENT,
     initial: Mvae | None = None,
-    ranks: Ranks = ALONE,
 ) -> TrainingResult:
     """Train from scratch or from `initial` weights; resume from a checkpoint.
 
     Every epoch's random numbers come from the seed and the epoch's number, so a resumed training
     gives the same weights as an uninterrupted one.
 
-    Args:
-        ranks: processes that share the work; the others are in `follow_training`.
-
     Raises:
         SurrogateError: too few samples, the checkpoint is of another training, or the training
             diverged.
         StudyError: the checkpoint cannot be written.
-        WorkersError: a process was lost.
     """
-    _check_counts(task, settings, ranks)
-    run = _start(task, settings, initial, ranks.device)
+    _check_counts(task, settings)
+    run = _start(task, settings, initial)
     fingerprint = json.dumps(
         [settings.as_dict(), task.sizes.as_dict(), len(task.dataset)], sort_keys=True
     )
     if checkpoint is not None and checkpoint.exists():
         load_checkpoint(run, checkpoint, fingerprint)
-    ranks.shared((task, settings))
-    for _ in _epochs(run, task, settings, progress, ranks):
+    for _ in _epochs(run, task, settings, progress):
         if checkpoint is not None:
             save_checkpoint(run, checkpoint, fingerprint)
     run.average.load_state_dict(run.best)
-    run.average.to("cpu").eval()
+    run.average.eval()
     metrics = {
         "validation_loss": run.best_loss,
         "best_epoch": float(run.best_epoch),
@@ -171,29 +162,11 @@ def train_mvae(
     return TrainingResult(run.average, metrics)
 
 
-def follow_training(ranks: Ranks) -> None:
-    """Take part in the training of the first process, or in none where it shares None.
-
-    Raises:
-        WorkersError: a process was lost.
-    """
-    given: tuple[TrainingTask, TrainingSettings] | None = ranks.shared(None)
-    if given is not None:
-        task, settings = given
-        run = _start(task, settings, device=ranks.device)
-        for _ in _epochs(run, task, settings, SILENT, ranks):
-            pass
-
-
-def _check_counts(task: TrainingTask, settings: TrainingSettings, ranks: Ranks) -> None:
+def _check_counts(task: TrainingTask, settings: TrainingSettings) -> None:
     count = len(task.dataset)
     if count - _held_out(settings, count) < settings.batch:
         raise SurrogateError(
             f"{count} samples are too few for batches of {settings.batch}; ask for more samples"
-        )
-    if ranks.count > settings.batch:
-        raise SurrogateError(
-            f"{ranks.count} processes are too many for batches of {settings.batch}; start fewer"
         )
 
 
@@ -206,7 +179,6 @@ def _epochs(
     task: TrainingTask,
     settings: TrainingSettings,
     progress: Progress,
-    ranks: Ranks,
 ) -> Iterator[None]:
     """Train epoch by epoch until nothing more is gained; yield after each."""
     count = len(task.dataset)
@@ -218,34 +190,20 @@ def _epochs(
     validation_loss = run.best_loss if run.epoch else math.nan
     progress.start("Training the MVAE", 100 * settings.epochs)
     shown = Percent(progress)
-    while _goes_on(run, settings, ranks):
+    while run.epoch < settings.epochs and run.epoch - run.best_epoch < settings.patience:
         started = time.monotonic()
         if training is None or run.epoch % settings.redraw_zeta_every == 0:
             draw = run.epoch // settings.redraw_zeta_every
             training = _draw_samples(task, settings, draw, order[held_out:])
         note = f"epoch {run.epoch + 1}, validation loss {validation_loss:.1f}"
-        for share in _epoch(run, settings, training, ranks):
+        for share in _epoch(run, settings, training):
             shown.reached(run.epoch + share, note)
         run.epoch += 1
-        if ranks.number == 0:
-            validation_loss = _validate(run.average, settings, validation)
-            run.seconds += time.monotonic() - started
-            _keep_best(run, validation_loss)
-            logger.info("epoch %d: validation loss %.3f", run.epoch, validation_loss)
+        validation_loss = _validate(run.average, settings, validation)
+        run.seconds += time.monotonic() - started
+        _keep_best(run, validation_loss)
+        logger.info("epoch %d: validation loss %.3f", run.epoch, validation_loss)
         yield
-
-
-def _goes_on(run: TrainingRun, settings: TrainingSettings, ranks: Ranks) -> bool:
-    """Whether there is another epoch; every one begins from the first process's state.
-
-    So the processes never disagree, and a resumed training has the weights of an uninterrupted
-    one, also where their machines round differently.
-    """
-    if ranks.count > 1:
-        state = ranks.shared((tensors_of(run), run.numbers) if ranks.number == 0 else None)
-        if ranks.number > 0 and state is not None:
-            restore(run, *state)
-    return run.epoch < settings.epochs and run.epoch - run.best_epoch < settings.patience
 
 
 def watched_training(
@@ -294,7 +252,6 @@ def _start(
     task: TrainingTask,
     settings: TrainingSettings,
     initial: Mvae | None = None,
-    device: str = "cpu",
 ) -> TrainingRun:
     top_hz = float(task.frequency_hz[-1])
     form = task.system.closed_form(top_hz)
@@ -311,7 +268,6 @@ def _start(
     if initial is not None:
         _check_initial(initial, mvae)
         mvae.load_state_dict(initial.state_dict())
-    mvae.to(device)
     average = copy.deepcopy(mvae)
     best = {name: value.clone() for name, value in average.state_dict().items()}
     return TrainingRun(mvae, average, best, _optimizer(mvae, settings))
@@ -380,11 +336,8 @@ def _draw_samples(
     return _Samples(some.theta.to(torch.float32), zeta.to(torch.float32), pool)
 
 
-def _epoch(
-    run: TrainingRun, settings: TrainingSettings, samples: _Samples, ranks: Ranks = ALONE
-) -> Iterator[float]:
+def _epoch(run: TrainingRun, settings: TrainingSettings, samples: _Samples) -> Iterator[float]:
     """Train for one epoch; yield the finished share of it after each step."""
-    share = Share(ranks.number, ranks.count)
     generator = _generator(settings.seed, 1 + run.epoch)
     shuffled = torch.randperm(len(samples), generator=generator)
     steps = len(samples) // settings.batch
@@ -393,10 +346,9 @@ def _epoch(
     for step in range(steps):
         rows = shuffled[step * settings.batch : (step + 1) * settings.batch]
         _set_rate(run, settings, steps)
-        terms = _terms(run.mvae, settings, samples, rows, generator, share)
+        terms = _terms(run.mvae, settings, samples, rows, generator)
         run.optimizer.zero_grad()
         terms.total().backward()
-        ranks.add_up([one.grad for one in (*model, *proposal) if one.grad is not None])
         # The first misfits can be thousands of sigma. The observation encoder, whose
         # gradients are a thousandth of the others', is not scaled down with them.
         for part in (model, proposal):
@@ -413,13 +365,11 @@ def _terms(
     samples: _Samples,
     rows: Tensor,
     generator: torch.Generator,
-    share: Share = WHOLE,
 ) -> LossTerms:
-    device = mvae.lower.device
-    log_frf = samples.log_frf[rows].to(device)
-    seen = draw_visibility(len(rows), log_frf.shape[1], settings, generator).to(device)
-    theta, zeta = samples.theta[rows].to(device), samples.zeta[rows].to(device)
-    return loss_terms(mvae, log_frf, theta, zeta, seen, settings.loss, generator, share)
+    log_frf = samples.log_frf[rows]
+    seen = draw_visibility(len(rows), log_frf.shape[1], settings, generator)
+    theta, zeta = samples.theta[rows], samples.zeta[rows]
+    return loss_terms(mvae, log_frf, theta, zeta, seen, settings.loss, generator)
 
 
 def _validate(mvae: Mvae, settings: TrainingSettings, samples: _Samples) -> float:

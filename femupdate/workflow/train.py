@@ -9,7 +9,6 @@ from typing import Any
 from femupdate import __version__
 from femupdate.errors import SurrogateError
 from femupdate.progress import SILENT, Progress
-from femupdate.ranks import ALONE, Ranks
 from femupdate.seeds import DATA_SET, stream
 from femupdate.study import Study, file_hash
 from femupdate.surrogate.dataset import DatasetPlan, ModalDataset, compute_dataset, modes_kept
@@ -112,7 +111,6 @@ def train_study(
     fresh: bool = False,
     start: Path | None = None,
     progress: Progress = SILENT,
-    ranks: Ranks = ALONE,
 ) -> TrainReport:
     """Make the data set and train; skipped when a fitting surrogate is there.
 
@@ -121,16 +119,11 @@ def train_study(
 
     Killed half-way, the next call goes on from the last shard of the data set or the last epoch.
 
-    Args:
-        ranks: processes that train together; the others are in `follow_training`.
-
     Raises:
         SurrogateError: too few samples, or a checkpoint of another training is in the way.
-        WorkersError: a process was lost.
     """
     found = None if fresh or start is not None else find_surrogate(study, model.building)
     if found is not None:
-        ranks.shared(None)
         return TrainReport(found[0], found[1], False, 0.0, 0.0)
     settings = settings or default_settings(model)
     check_samples(samples, settings)
@@ -144,9 +137,7 @@ def train_study(
     dataset, folder = _dataset(study, model, samples, settings.seed, progress)
     between = time.monotonic()
     checkpoint = study.path(_CHECKPOINT)
-    result = train_mvae(
-        training_task(model, dataset), settings, checkpoint, progress, initial, ranks
-    )
+    result = train_mvae(training_task(model, dataset), settings, checkpoint, progress, initial)
     how = {
         "samples": samples,
         "modes": _MODES_KEPT,

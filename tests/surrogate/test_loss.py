@@ -1,6 +1,5 @@
 """The terms of the loss against torch's distributions, and what minimises them."""
 
-import copy
 from dataclasses import replace
 
 import numpy as np
@@ -9,11 +8,8 @@ import torch
 from torch import nn
 from torch.distributions import Normal
 
-from femupdate.surrogate import loss
 from femupdate.surrogate.loss import (
-    WHOLE,
     LossSettings,
-    Share,
     loss_terms,
     noisy_input,
     proposal,
@@ -138,32 +134,3 @@ def test_the_proposal_teaches_the_observation_encoder_alone(batch):
     assert all(value.grad is None for value in others)
     moved = [value.grad for value in networks.observation_encoder.parameters()]
     assert all(value is not None and bool(value.abs().sum() > 0) for value in moved[:2])
-
-
-def gradients(mvae, batch, share):
-    """Terms and gradients of one share in double precision, and the next random number."""
-    x, seen = batch
-    draw = torch.Generator().manual_seed(4)
-    own = copy.deepcopy(mvae).double().requires_grad_(True)
-    theta = torch.rand(6, 2, generator=generator(7), dtype=torch.float64) + 0.6
-    zeta = torch.linspace(0.02, 0.04, 6, dtype=torch.float64)
-    # Fewer rows for the proposal than there may be processes.
-    settings = LossSettings(points=8, proposal_rows=4)
-    terms = loss_terms(own, x.double(), theta, zeta, seen, settings, draw, share)
-    terms.total().backward()
-    found = [terms.reconstruction.detach(), terms.proposal.detach()]
-    return [*found, *(one.grad for one in own.parameters())], torch.rand(1, generator=draw)
-
-
-@pytest.mark.parametrize("count", [2, 3, 6])
-def test_shares_add_up_to_the_batch(mvae, batch, count, monkeypatch):
-    """All terms and gradients; every process draws the same random numbers."""
-    monkeypatch.setattr(loss, "has_fast_half", lambda: False)
-    monkeypatch.setattr(loss, "_ROWS", 3)  # the noise of a batch is made in several pieces
-    whole, following = gradients(mvae, batch, WHOLE)
-    parts = [gradients(mvae, batch, Share(number, count)) for number in range(count)]
-    for k, value in enumerate(whole):
-        total = sum(part[k] for part, _ in parts)
-        # The encoder's head is of single precision.
-        torch.testing.assert_close(total, value, rtol=1e-5, atol=1e-5 * float(value.abs().max()))
-    assert all(torch.equal(next_one, following) for _, next_one in parts)

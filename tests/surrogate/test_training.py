@@ -12,7 +12,6 @@ from safetensors import safe_open
 from safetensors.torch import load_file
 
 from femupdate.errors import StudyError, SurrogateError
-from femupdate.ranks import Ranks
 from femupdate.surrogate import training as room
 from femupdate.surrogate.training import TrainingSettings, draw_visibility, train_mvae
 from femupdate.surrogate.visibility import EARLIEST_END, LATEST_START, Visibility
@@ -253,13 +252,6 @@ def test_weights_of_another_prior_to_start_from(task, quick, trained):
 def test_too_few_samples(make_task, quick):
     with pytest.raises(SurrogateError, match="300 samples are too few for batches of 500"):
         train_mvae(make_task(samples=300), quick)
-
-
-def test_more_processes_than_samples_in_a_batch(task, quick):
-    ranks = Ranks()
-    ranks.count = 501
-    with pytest.raises(SurrogateError, match="501 processes are too many for batches of 500"):
-        train_mvae(task, quick, ranks=ranks)
 
 
 def test_the_validation_is_the_same_every_time(task, quick, trained):

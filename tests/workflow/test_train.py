@@ -16,10 +16,9 @@ from safetensors import safe_open
 
 from femupdate.building.files import load_building
 from femupdate.errors import SurrogateError
-from femupdate.ranks import Ranks
 from femupdate.study import Study
 from femupdate.surrogate.storage import load_surrogate
-from femupdate.surrogate.training import TrainingSettings, follow_training
+from femupdate.surrogate.training import TrainingSettings
 from femupdate.workflow import surrogates
 from femupdate.workflow.model import open_study
 from femupdate.workflow.surrogates import find_surrogate, require_surrogate
@@ -98,24 +97,6 @@ def test_what_is_written_is_what_was_trained(trained):
         else:
             # Half precision keeps 11 bits, and nothing below 6e-8.
             torch.testing.assert_close(stored[name], value, rtol=2.0**-11, atol=6e-8)
-
-
-class Told(Ranks):
-    """Remembers what the other processes are told."""
-
-    def __init__(self):
-        self.told = []
-
-    def shared(self, value):
-        self.told.append(value)
-        return value
-
-
-def test_the_others_are_told_where_nothing_is_trained(copy):
-    ranks = Told()
-    assert not train_study(copy, open_study(copy), SAMPLES, SMALL, ranks=ranks).trained
-    assert ranks.told == [None]
-    follow_training(ranks)
 
 
 def test_a_second_training_is_skipped(copy, snapshot):
