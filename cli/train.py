@@ -73,8 +73,6 @@ def command(
     The usual training takes some minutes. A longer one, by --thorough, reduces the number of
     responses that a calibration needs afterwards.
 
-    It also learns the effects that the building lists, over the range of their prior.
-
     After an interruption the same command resumes. It does nothing where a trained surrogate (the
     study's own or a shipped one) fits the building.
 

@@ -482,11 +482,6 @@ class System:
         return shapes, rigid
 
 
-def makes_modes_complex(effect: Effect) -> bool:
-    """Whether an effect acts along a line: then there are no real modes."""
-    return type(effect).port_stiffness is not Effect.port_stiffness
-
-
 def changes_in_run(effect: Effect) -> bool:
     """Whether the structure differs between parts of a run: then no one set of modes serves."""
     return type(effect).run_change is not Effect.run_change

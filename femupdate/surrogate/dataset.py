@@ -32,7 +32,7 @@ class ModalDataset:
     """Parameter samples and their modes.
 
     Attributes:
-        theta: (N, p) float64; sizes of effects come last.
+        theta: (N, p) float64.
         modal: float32 modal data of the N samples.
     """
 
@@ -70,7 +70,7 @@ def compute_dataset(
     The caller chooses a folder that belongs to this system, box and plan alone.
 
     Args:
-        system: the reduced model with its effects, if any.
+        system: the reduced model.
         box: of the parameters, filled evenly.
         folder: of the shards; made where it is missing.
         progress: advances by one for each sample.

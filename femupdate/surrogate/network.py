@@ -6,9 +6,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
-from femupdate.dynamics.closed_form import ClosedForm
 from femupdate.surrogate.layers import FloorLinear, residual_blocks
-from femupdate.surrogate.modal_decoder import LEAST_SQUARE, ModalDecoder
+from femupdate.surrogate.modal_decoder import ModalDecoder
 from femupdate.surrogate.places import from_place, parameter_features, to_place
 from femupdate.surrogate.sizes import NetworkSizes
 from femupdate.surrogate.visibility import Visibility
@@ -102,11 +101,8 @@ class ObservationEncoder(nn.Module):
 class Mvae(nn.Module):
     """Multimodal variational autoencoder of FRFs x and stiffness factors theta.
 
-    Where the building lists effects, their sizes are the last parameters in theta.
-
     Args:
         sizes: of the networks.
-        form: what the building's effects do in closed form, after the modes; nothing where None.
 
     Buffers hold the prior box and the mean and scale (f, k) that standardise ln|H| for the
     observation encoder, so that a weights file is complete.
@@ -117,10 +113,9 @@ class Mvae(nn.Module):
     x_mean: Tensor
     x_scale: Tensor
 
-    def __init__(self, sizes: NetworkSizes, form: ClosedForm | None = None) -> None:
+    def __init__(self, sizes: NetworkSizes) -> None:
         super().__init__()
         self.sizes = sizes
-        self.form = form or ClosedForm()
         self.observation_encoder = ObservationEncoder(sizes)
         self.bend = Bend(sizes)
         self.decoder = ModalDecoder(sizes)
@@ -142,13 +137,13 @@ class Mvae(nn.Module):
         q(z|theta) is concentrated there. The coordinate of an unknown damping ratio, about which
         theta says nothing, keeps its prior.
         """
-        return _ROOT_SPREAD * to_place(theta, self.lower, self.upper, self.sizes.effect_sizes)
+        return _ROOT_SPREAD * to_place(theta, self.lower, self.upper)
 
     def parameters_at(self, z: Tensor) -> Tensor:
         """theta (B, p) at z (B, z), at most slightly outside the prior's box."""
         reach = 1.0 + _BEYOND
         place = (z[:, : self.sizes.parameters] / _ROOT_SPREAD).clamp(-reach, reach)
-        return from_place(place, self.lower, self.upper, self.sizes.effect_sizes)
+        return from_place(place, self.lower, self.upper)
 
     def reach(self) -> Tensor:
         """Largest coordinates (z,), of either sign, for which there is a theta."""
@@ -159,12 +154,7 @@ class Mvae(nn.Module):
     def decode(self, z: Tensor, points: Tensor | slice = slice(None)) -> Tensor:
         """Mean of ln|H| (B, f, k) at z (B, z); `points` chooses some of the k frequencies."""
         theta = self.parameters_at(z)
-        features = parameter_features(theta, self.lower, self.upper, self.sizes.effect_sizes)
+        features = parameter_features(theta, self.lower, self.upper)
         inner = torch.cat([self.bend(features), z[:, self.sizes.parameters :]], dim=1)
-        if not self.form.changes:
-            values: Tensor = self.decoder(inner, points)
-            return values
-        parts = self.decoder.frf_parts(inner, points)
-        omega = 2.0 * math.pi * self.form.top_hz * self.decoder.frequency[points]
-        sizes = theta[:, self.form.stories :]
-        return self.form.log_frf(parts, omega, sizes, least=LEAST_SQUARE)
+        values: Tensor = self.decoder(inner, points)
+        return values

@@ -10,7 +10,7 @@ class NetworkSizes:
     Attributes:
         floors: observed floors f.
         points: frequencies k.
-        parameters: stiffness factors and sizes of effects p.
+        parameters: stiffness factors p.
         free_damping: whether the damping ratio is unknown; it is then one more coordinate of z.
         modes: of the decoder.
         floor_features: features that the observation encoder first reduces each floor's FRF to.
@@ -21,7 +21,6 @@ class NetworkSizes:
         parameter_blocks: the same for the bend.
         decoder_blocks: the same for the decoder.
         components: of the observation encoder's mixture.
-        effect_sizes: number of sizes of effects, which are the last parameters.
     """
 
     floors: int
@@ -37,7 +36,6 @@ class NetworkSizes:
     parameter_blocks: int = 2
     decoder_blocks: int = 3
     components: int = 8
-    effect_sizes: int = 0
 
     @property
     def coordinates(self) -> int:

@@ -12,9 +12,6 @@ from safetensors.torch import save
 from torch import Tensor
 
 from femupdate.atomic import write_bytes
-from femupdate.dynamics.closed_form import ClosedForm
-from femupdate.effects.effect import Placed
-from femupdate.effects.registry import CATALOGUE
 from femupdate.errors import SurrogateError
 from femupdate.surrogate.network import Mvae
 from femupdate.surrogate.sizes import NetworkSizes
@@ -90,8 +87,6 @@ def save_surrogate(surrogate: TrainedSurrogate, path: Path) -> None:
         "settings": dict(info.settings),
         "metrics": dict(info.metrics),
     }
-    if surrogate.mvae.form.placed:
-        header["effects"] = _form_entry(surrogate.mvae.form)
     if info.calibration:
         header |= {"likelihood_power": info.likelihood_power, "calibration": dict(info.calibration)}
     write_bytes(path, save(tensors, metadata={"femupdate": json.dumps(header)}))
@@ -107,8 +102,7 @@ def load_surrogate(path: Path) -> TrainedSurrogate:
         with safe_open(path, framework="pt") as file:
             header = json.loads((file.metadata() or {})["femupdate"])
             state = {name: file.get_tensor(name).float() for name in file.keys()}  # noqa: SIM118
-        form = _form(header.pop("effects", None))
-        return TrainedSurrogate(_filled(header.pop("sizes"), state, form), _info(header))
+        return TrainedSurrogate(_filled(header.pop("sizes"), state), _info(header))
     except _UNREADABLE as error:
         reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise SurrogateError(
@@ -116,35 +110,14 @@ def load_surrogate(path: Path) -> TrainedSurrogate:
         ) from error
 
 
-def _form_entry(form: ClosedForm) -> dict[str, Any]:
-    """Effects in closed form, as entries of a header."""
-    return {
-        "placed": [[one.effect.name, one.place] for one in form.placed],
-        "pitch": form.pitch,
-        "floors": form.floors,
-        "levels": form.levels,
-        "stories": form.stories,
-        "top_hz": form.top_hz,
-    }
-
-
-def _form(entry: Mapping[str, Any] | None) -> ClosedForm:
-    """Inverse of `_form_entry`; nothing where a building lists no effects."""
-    if entry is None:
-        return ClosedForm()
-    lists = {name: tuple(entry[name]) for name in ("pitch", "floors", "levels")}
-    placed = tuple(Placed(CATALOGUE[name], place) for name, place in entry["placed"])
-    return ClosedForm(placed, **lists, stories=entry["stories"], top_hz=entry["top_hz"])
-
-
-def _filled(sizes: Mapping[str, Any], state: Mapping[str, Tensor], form: ClosedForm) -> Mvae:
+def _filled(sizes: Mapping[str, Any], state: Mapping[str, Tensor]) -> Mvae:
     """Networks with these weights."""
     asked, held = NetworkSizes(**sizes), sum(value.numel() for value in state.values())
     if min(sizes.values()) < 0 or asked.least_weights > held:
         raise ValueError(f"{held} weights are not of its sizes")
     # The weights that they start from are drawn at random: leave the caller's random state alone.
     with torch.random.fork_rng(devices=[]):
-        mvae = Mvae(asked, form)
+        mvae = Mvae(asked)
     mvae.load_state_dict(state)
     wrong = [name for name, value in state.items() if not torch.isfinite(value).all()]
     if wrong:

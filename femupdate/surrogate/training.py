@@ -98,11 +98,6 @@ class TrainingTask:
     box: Box
     sizes: NetworkSizes
 
-    def ratio(self, omega: Tensor, zeta: Tensor, theta: Tensor) -> Tensor:
-        """Damping ratios (N, m) of modes omega (N, m), rad/s, at parameters theta (N, p)."""
-        first = self.sizes.parameters - self.sizes.effect_sizes
-        return self.system.ratio(omega, zeta, theta[:, first:])
-
 
 @dataclass(frozen=True)
 class TrainingResult:
@@ -253,11 +248,9 @@ def _start(
     settings: TrainingSettings,
     initial: Mvae | None = None,
 ) -> TrainingRun:
-    top_hz = float(task.frequency_hz[-1])
-    form = task.system.closed_form(top_hz)
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(settings.seed)
-        mvae = Mvae(task.sizes, form)
+        mvae = Mvae(task.sizes)
     first = torch.arange(min(_STANDARDISING, len(task.dataset)))
     pool = _draw_samples(task, settings, 0, first).log_frf.float()
     mvae.x_mean.copy_(pool.mean(0))
@@ -279,11 +272,12 @@ def _set_decoder(mvae: Mvae, task: TrainingTask) -> None:
     mvae.decoder.frequency.copy_(frequency / frequency[-1])
     mvae.decoder.damping_bounds.copy_(torch.tensor(task.zeta_bounds))
     some = slice(min(_STANDARDISING, len(task.dataset)))
-    modal, theta = task.dataset.modal[some], task.dataset.theta[some].float()
+    modal = task.dataset.modal[some]
+    omega = modal.omega.float()
     zeta = torch.full((len(modal),), sum(task.zeta_bounds) / 2.0)
     mvae.decoder.standardise(
-        modal.omega.float(),
-        task.ratio(modal.omega.float(), zeta, theta) / zeta[:, None],
+        omega,
+        task.system.ratio(omega, zeta, omega.new_zeros(len(omega), 0)) / zeta[:, None],
         modal.effect.float(),
         modal.residual.float(),
         2.0 * math.pi * float(frequency[-1]),

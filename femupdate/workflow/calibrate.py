@@ -16,7 +16,6 @@ from femupdate.workflow.calibrate_latent import sample_latent
 from femupdate.workflow.calibrate_settings import CalibrationSettings, plain_settings
 from femupdate.workflow.calibration_report import POSTERIOR, CalibrationReport
 from femupdate.workflow.conclusion import concluded
-from femupdate.workflow.effect_surrogate import with_effects
 from femupdate.workflow.finer_mesh import FINER
 from femupdate.workflow.kinds import Measured, read_measured_of
 from femupdate.workflow.mesh_error import with_finer_mesh
@@ -24,7 +23,7 @@ from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.reduced_file import REDUCED
 from femupdate.workflow.sampling import ChainRunner
-from femupdate.workflow.surrogates import SURROGATE, require_surrogate
+from femupdate.workflow.surrogates import SURROGATE, unserved
 
 
 def calibrate_study(
@@ -47,15 +46,13 @@ def calibrate_study(
     source = source.opened()
     measured = read_measured_of(study, model, source, progress)
     # Surrogates know FRFs under a base that translates.
-    settings = replace(settings, exact=settings.exact or measured.beyond_surrogates)
+    why = "" if settings.exact else unserved(model.building)
+    settings = replace(settings, exact=settings.exact or measured.beyond_surrogates or bool(why))
     fitted = None
-    if model.building.effects and settings.exact:
+    if model.building.effects:
         measured = with_levels(model, source, measured)
         fitted = fitted_effects(study, model, measured, progress)
         model = fitted.model
-    elif model.building.effects:
-        require_surrogate(study, model.building)
-        model = with_effects(study, model, progress)
     sampling, *drawing = spawn(settings.seed, 5)
     origin = {**model.made_from(), **source.made_from()}
     used = {"sensors": list(measured.as_observation.floors), "band_hz": source.band_hz}
@@ -73,6 +70,9 @@ def calibrate_study(
         if settings.exact
         else sample_latent(study, model, measured, settings, run)
     )
+    if why:
+        note = f"{model.building.name} {why}: the likelihood of the data themselves was sampled."
+        sampled = replace(sampled, notes=(note, *sampled.notes))
     report = concluded(
         model, measured, settings, sampled, drawing, study.result("posterior.nc")
     ).with_settings(level_settings(model, model.system.placed, source, measured.levels))

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from femupdate.building.files import mechanics_hash
-from femupdate.errors import InferenceError, StudyError
+from femupdate.errors import InferenceError, StudyError, SurrogateError
 from femupdate.inference.encoder_input import encoder_input
 from femupdate.progress import SILENT, Progress
 from femupdate.study import BUILDING_FILE, Study
@@ -14,11 +14,10 @@ from femupdate.surrogate.storage import load_surrogate
 from femupdate.surrogate.training import TrainingSettings
 from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.calibration_report import POSTERIOR
-from femupdate.workflow.effect_surrogate import check_amortisable
 from femupdate.workflow.kinds import measured_of
 from femupdate.workflow.model import StudyModel, choose_building, open_study
 from femupdate.workflow.observed import ObservationSource, check_readable
-from femupdate.workflow.surrogates import require_surrogate
+from femupdate.workflow.surrogates import require_surrogate, unserved
 from femupdate.workflow.train import check_samples
 
 
@@ -45,8 +44,7 @@ def check_calibration(
     check_readable(source)
     chosen = choose_building(study, building)
     measured = measured_of(chosen, source)
-    if not settings.exact and not measured.beyond_surrogates:
-        check_amortisable(chosen)
+    if not (settings.exact or measured.beyond_surrogates or unserved(chosen)):
         known = study.path(BUILDING_FILE).exists()
         surrogate = require_surrogate(study, chosen, None if known else building)
         encoder_input(measured.base, surrogate.info.floors)
@@ -75,8 +73,8 @@ def check_training(
         building: name or path, for a new study.
 
     Raises:
-        SurrogateError: too few samples, no weights to start from, or the building lists an effect
-            that no surrogate can know.
+        SurrogateError: too few samples, no weights to start from, or the building is one that no
+            surrogate serves.
         BuildingError: the building cannot be read.
         StudyError: the study has no building and none is named, is of another one, or cannot be
             written.
@@ -89,7 +87,12 @@ def check_training(
             "`femupdate build-model NAME` first"
         )
     check_samples(samples, TrainingSettings(batch=batch))
-    check_amortisable(choose_building(study, building))
+    chosen = choose_building(study, building)
+    if why := unserved(chosen):
+        raise SurrogateError(
+            f"{chosen.name} {why}, which no surrogate serves; it needs none: `femupdate calibrate` "
+            "samples the likelihood of the data themselves"
+        )
     if start is not None:
         load_surrogate(start)
 

@@ -11,17 +11,20 @@ from femupdate.arrays import Floats
 from femupdate.building.document import without_effects
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.schema import Building
-from femupdate.discrepancy.mesh_error import MeshError, learn_mesh_error
+from femupdate.discrepancy.finder_model import check_sizes
+from femupdate.discrepancy.mesh_error import MeshError, corrected, learn_mesh_error
 from femupdate.discrepancy.thresholds import MESH_ERROR as THRESHOLDS
 from femupdate.dynamics.finer_mesh import on_finer_mesh, on_nodes_of
 from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.dynamics.snapshots import log_even_samples
+from femupdate.dynamics.system import System
+from femupdate.effects.listed import building_effects, check_places
 from femupdate.effects.structure import Structure, structure_of
 from femupdate.inference.priors import reduction_target, theta_prior
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import even_points
 from femupdate.study import Study, StudyPart, write_text
-from femupdate.workflow.effects import finder_origin
+from femupdate.workflow.effects import finder_origin, open_structure
 from femupdate.workflow.finer_mesh import FinerMesh, finer_origin, finer_part, half_mesh_size
 from femupdate.workflow.model import StudyModel, on_kept_finer
 
@@ -117,3 +120,19 @@ def _thetas(building: Building) -> Floats:
     )
     unit = even_points(THRESHOLDS.thetas, len(low), 4)
     return np.asarray(np.exp(low + (high - low) * unit))
+
+
+def open_system(study: Study, model: StudyModel) -> System:
+    """The study's reduced model with the effects that its building lists, if any."""
+    if len(model.building.effects) == len(model.system.placed):
+        return model.system
+    reduced = open_structure(study, model.building)
+    mesh = kept_mesh_error(study, model.building)
+    if mesh is not None:
+        reduced = corrected(reduced, mesh)
+    effects = building_effects(model.building)
+    check_places(reduced.structure, effects)
+    terms = tuple(reduced.terms(one) for one in effects.placed)
+    system = System(reduced.model, model.law, effects.placed, terms)
+    check_sizes(model.building, system, effects.values)
+    return system

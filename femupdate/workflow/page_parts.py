@@ -13,7 +13,7 @@ from femupdate.errors import StudyError
 from femupdate.inference.posterior import Posterior
 from femupdate.netcdf import read_tree
 from femupdate.study import REPAIRED, Artefact, Study
-from femupdate.workflow.effect_surrogate import open_system
+from femupdate.workflow.mesh_error import open_system
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.modes import StudyMode, find_modes, posterior_modes
 from femupdate.workflow.status import StatusReport

@@ -11,8 +11,8 @@ from femupdate.report.plot_posterior import SampleSet, posterior_pairs
 from femupdate.study import Study
 from femupdate.workflow.calibration_report import CalibrationReport
 from femupdate.workflow.compare import CompareReport
-from femupdate.workflow.effect_surrogate import open_system
 from femupdate.workflow.fitted_curves import fitted_curves
+from femupdate.workflow.mesh_error import open_system
 
 
 def draw_posterior(

@@ -32,7 +32,7 @@ from femupdate.study import Study, file_hash
 from femupdate.tables import first_notes
 from femupdate.units import percent
 from femupdate.workflow.amplitude import UNFOLLOWED, changing_note, mean_level
-from femupdate.workflow.effect_surrogate import open_system
+from femupdate.workflow.mesh_error import open_system
 from femupdate.workflow.model import StudyModel, on_kept_finer
 from femupdate.workflow.predict_draws import (
     PredictionDraws,

@@ -14,8 +14,8 @@ from femupdate.sheets import Sheet
 from femupdate.study import Study
 from femupdate.workflow.calibration_report import CalibrationReport
 from femupdate.workflow.diagnose import DiagnosisReport
-from femupdate.workflow.effect_surrogate import open_system
 from femupdate.workflow.fitted_curves import fitted_curves
+from femupdate.workflow.mesh_error import open_system
 from femupdate.workflow.predict import PredictionReport
 from femupdate.workflow.prediction_quantities import TIDY, Quantity, member_rows
 from femupdate.workflow.render import RenderReport

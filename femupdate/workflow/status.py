@@ -26,6 +26,7 @@ from femupdate.study import (
 from femupdate.tables import table
 from femupdate.units import capital
 from femupdate.workflow.summary import kept_summary
+from femupdate.workflow.surrogates import unserved
 
 CURRENT, STALE, DAMAGED, MISSING = "current", "stale", "changed by hand", "missing"
 # Commands that need no files. Others do their work on the way, and so much more as well.
@@ -288,7 +289,8 @@ class _Look:
     def _first_calibration(self) -> tuple[tuple[str, str], ...]:
         """Before there is a posterior."""
         reason = "Nothing is calibrated yet; OBSERVATION is a measured file."
-        if "surrogate" in self.artefacts or self._ships_a_surrogate():
+        assert self.building is not None
+        if unserved(self.building) or "surrogate" in self.artefacts or self._ships_a_surrogate():
             return ((self._say("calibrate OBSERVATION"), reason),)
         return (
             (self._say("calibrate OBSERVATION --exact"), reason),

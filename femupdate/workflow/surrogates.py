@@ -7,8 +7,10 @@ from pathlib import Path
 from femupdate.building.files import mechanics_hash
 from femupdate.building.schema import Building
 from femupdate.errors import SurrogateError
+from femupdate.inference.priors import damping_parameter, theta_prior
 from femupdate.study import Study, StudyPart
 from femupdate.surrogate.storage import TrainedSurrogate, load_surrogate, save_surrogate
+from femupdate.workflow.thresholds import CALIBRATION
 
 SURROGATE = "surrogate"
 TRAINED = StudyPart(
@@ -19,6 +21,14 @@ TRAINED = StudyPart(
     load_surrogate,
     lambda value: {"samples": value.info.settings["samples"]},
 )
+
+
+def unserved(building: Building) -> str:
+    """Why no surrogate can serve a building, in words; empty where one can."""
+    if building.effects:
+        return "lists effects"
+    count = theta_prior(building).size + damping_parameter(building).free
+    return f"has {count} parameters" if count > CALIBRATION.few else ""
 
 
 def find_surrogate(study: Study, building: Building) -> tuple[TrainedSurrogate, Path] | None:

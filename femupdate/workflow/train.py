@@ -129,10 +129,6 @@ def train_study(
     check_samples(samples, settings)
     initial = None if start is None else load_surrogate(start).mvae
     model = with_finer_mesh(study, model, progress)
-    if len(model.building.effects) > len(model.system.placed):
-        from femupdate.workflow.effect_surrogate import with_effects
-
-        model = with_effects(study, model, progress)
     started = time.monotonic()
     dataset, folder = _dataset(study, model, samples, settings.seed, progress)
     between = time.monotonic()
@@ -191,7 +187,6 @@ def network_sizes(model: StudyModel) -> NetworkSizes:
         free_damping=model.damping.free,
         modes=modes_kept(model.system, _MODES_DECODED),
         floor_features=max(24, 384 // floors),
-        effect_sizes=model.system.sizes,
     )
 
 
@@ -207,7 +202,6 @@ def _dataset(
     # Shards of another building, plan or reduction are never mixed in: the folder's name says.
     folder = study.path("dataset", f"{model.hash[:12]}-{samples}-{_shapes(model)}-{seed}")
     show.start("Solving modes of parameter samples", samples)
-    # All over the box alike: sizes that their prior thinks unlikely are learned as well.
     return compute_dataset(model.system, model.prior, plan, folder, show), folder
 
 

@@ -1,12 +1,10 @@
 """Modal data with effects, what surrogates learn from, against full equations written by hand."""
 
 import numpy as np
-import pytest
 import torch
 
 from femupdate.dynamics.damping import RayleighDamping
-from femupdate.dynamics.system import Responses, makes_modes_complex
-from femupdate.effects.registry import CATALOGUE
+from femupdate.dynamics.system import Responses
 
 ZETA = 0.03
 GROUND = ("base_sway@base", "foundation_rocking@base", "table_pitch@base", "channel_gain@RF")
@@ -111,15 +109,6 @@ def test_what_an_estimate_shows_is_taken_before_the_logarithm(stick):
     found = system.log_frf(one(stick, [0.1]), zeta, grid, Responses(seen=PlusOne()))
     alone = stick.frf("added_mass@3F", sizes=[0.1], zeta=0.02)
     np.testing.assert_allclose(found[0], np.log(np.abs(alone + 1.0)), atol=1e-9)
-
-
-@pytest.mark.parametrize("name", CATALOGUE)
-def test_only_what_acts_along_lines_makes_modes_complex(stick, frame, name):
-    effect = CATALOGUE[name]
-    for case in (stick, frame):
-        for place in effect.places(case.structure)[:1]:
-            has_port = effect.terms(case.structure, place).port is not None
-            assert makes_modes_complex(effect) == has_port
 
 
 def test_the_closed_form_knows_the_heights_of_the_floors(case):
