@@ -255,7 +255,6 @@ class Effect(ABC):
         words: the two of a change, for more and for less.
         at: the preposition of a place that is a floor or story.
         sits: where it can be in a building, in words of `PLACES`.
-        confused_with: names of effects that look alike.
         contains: names of effects that are this one at some value of its parameters. Where one of
             them does as well, that one is meant.
         settled_by: a look or a measurement that tells whether it is there, without any model.
@@ -278,7 +277,6 @@ class Effect(ABC):
     words: ClassVar[tuple[str, str]] = ("more", "less")
     at: ClassVar[str] = "at"
     sits: ClassVar[str]
-    confused_with: ClassVar[tuple[str, ...]] = ()
     contains: ClassVar[tuple[str, ...]] = ()
     settled_by: ClassVar[str]
     parameters: ClassVar[tuple[Parameter, ...]]

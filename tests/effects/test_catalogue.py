@@ -29,12 +29,6 @@ def test_says_what_it_is(effect):
 
 
 @EFFECTS
-def test_is_confused_with_others_that_exist(effect):
-    assert effect.name not in effect.confused_with
-    assert set(effect.confused_with) <= set(CATALOGUE)
-
-
-@EFFECTS
 def test_has_parameters_with_a_prior(effect):
     names = [p.name for p in effect.parameters]
     assert len(set(names)) == len(names)

@@ -19,7 +19,6 @@ class AddedMass(Effect):
     )
     clause = "{place} carries {change} mass than modelled"
     sits = "every floor"
-    confused_with = ("tuned_appendage", "base_sway", "foundation_rocking")
     settled_by = "a look at what stands on the floor, and its weight"
     parameters = (
         Parameter("size", "1", 0.1, lower=-0.5, upper=1.0, text="share of the floor's mass"),

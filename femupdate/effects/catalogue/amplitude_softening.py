@@ -19,7 +19,6 @@ class AmplitudeSoftening(Softening):
     clause = "Stiffness falls by {lost} with every doubling of the amplitude {where}"
     sits = "all stories together, and every story"
     at = "in"
-    confused_with = ()
     settled_by = "a third record at another level"
     needs_levels = True
 

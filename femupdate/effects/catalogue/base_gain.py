@@ -15,7 +15,6 @@ class BaseGain(Effect):
     clause = "The base sensor reads {change}"
     words = ("too much", "too little")
     sits = "the base"
-    confused_with = ("base_sway",)
     settled_by = "two sensors side by side on the base in one run: their readings must agree"
     parameters = (
         Parameter("size", "1", 0.05, lower=-0.5, upper=1.0, text="relative error of the gain"),

@@ -16,7 +16,6 @@ class BaseSway(Effect):
     )
     clause = "The base sways by {size} of the roof's static displacement"
     sits = "the base"
-    confused_with = ("roll_off", "added_mass", "foundation_rocking")
     settled_by = "a sensor on the foundation beside the one on the ground or the table"
     parameters = (
         Parameter(

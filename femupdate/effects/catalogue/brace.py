@@ -21,7 +21,6 @@ class Brace(Effect):
         "and carries force past the walls and columns of the model."
     )
     clause = "A brace {where} has {size} of the building's stiffness"
-    confused_with = ("wall_stiffness", "non_structural_walls")
     settled_by = "a look at the facades, stairs and shafts, and behind the cladding"
     parameters = (
         Parameter(

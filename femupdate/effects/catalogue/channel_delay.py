@@ -13,7 +13,6 @@ class ChannelDelay(ChannelEffect):
     name = "channel_delay"
     title = "Delay of a channel"
     sentence = "One floor's channel is late against the base: a phase that falls with frequency."
-    confused_with = ("roll_off",)
     settled_by = "all sensors side by side on the base in one run: their phases must agree"
     parameters = (
         Parameter("size", "s", 0.002, lower=-0.05, upper=0.05, text="delay against the base"),

@@ -17,7 +17,6 @@ class ChannelGain(ChannelEffect):
     )
     clause = "The sensor of {place} reads {change}"
     words = ("too much", "too little")
-    confused_with = ("base_gain",)
     settled_by = "all sensors side by side on the base in one run: their readings must agree"
     parameters = (
         Parameter("size", "1", 0.05, lower=-0.5, upper=1.0, text="relative error of the gain"),

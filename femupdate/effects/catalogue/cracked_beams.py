@@ -17,7 +17,6 @@ class CrackedBeams(MemberStiffness):
         "and columns have not."
     )
     clause = "The beams have lost {lost} of their second moments of area {where}"
-    confused_with = ("cracked_columns", "joint_flexibility")
     settled_by = "the beams' cracks, or the rotation of their ends"
     parameters = (
         Parameter(

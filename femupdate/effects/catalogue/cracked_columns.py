@@ -16,7 +16,6 @@ class CrackedColumns(MemberStiffness):
         "The columns have lost bending stiffness by cracking, while walls and beams have not."
     )
     clause = "The columns have lost {lost} of their second moments of area {where}"
-    confused_with = ("cracked_beams",)
     settled_by = "the columns' cracks, or the rotation of their ends"
     parameters = (
         Parameter(

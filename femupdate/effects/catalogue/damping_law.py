@@ -20,7 +20,6 @@ class DampingLaw(Effect):
         "Damping varies with frequency differently from the model's law, so that the peaks of "
         "high and low modes cannot both be right."
     )
-    confused_with = ("story_damper", "roll_off")
     settled_by = "the decay of free vibration in each mode"
     parameters = (
         Parameter("size", "1", 0.5, lower=-0.9, upper=3.0, text="share of the other law"),

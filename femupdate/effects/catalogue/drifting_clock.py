@@ -21,7 +21,6 @@ class DriftingClock(ChannelEffect):
         "the record, which turns phases and wipes out amplitude at high frequencies."
     )
     clause = "The delay of {place} grows by {size} during the run"
-    confused_with = ("channel_delay", "roll_off")
     contains = ("channel_delay",)
     settled_by = "the delay found in either half of the record alone, or a common trigger"
     parameters = (

@@ -17,7 +17,6 @@ class Eccentricity(Effect):
         "one direction drives torsion and peaks split in two."
     )
     clause = "The masses lie {size} of the plan's depth beside the middle"
-    confused_with = ("tuned_appendage", "table_pitch")
     settled_by = "two sensors on each floor, at opposite sides of the plan"
     parameters = (
         Parameter("size", "1", 0.05, lower=0.0, upper=0.15, text="shift over plan depth"),

@@ -25,7 +25,6 @@ class FlexibleDiaphragm(MemberStiffness):
         "that the frames of one floor move apart; best seen with several sensors on a floor."
     )
     clause = "The slabs are {lost} softer in their plane {where}"
-    confused_with = ("slab_participation", "cracked_beams")
     settled_by = "sensors at the ends and in the middle of one floor, kept apart"
     parameters = (
         Parameter("size", "1", 0.3, lower=-0.95, upper=0.0, text="change of in-plane stiffness"),

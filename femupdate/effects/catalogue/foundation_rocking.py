@@ -18,7 +18,6 @@ class FoundationRocking(Effect):
     )
     clause = "The foundation rocks by {size} of the roof's static displacement"
     sits = "the base"
-    confused_with = ("wall_stiffness", "added_mass", "table_pitch")
     settled_by = "two vertical sensors at opposite edges of the foundation"
     turns_base = True
     parameters = (

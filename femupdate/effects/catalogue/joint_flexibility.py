@@ -21,7 +21,6 @@ class JointFlexibility(Effect):
         "The joints between columns and floors rotate (soft beams or plates, slip, cracked "
         "connections): stories are softer than clamped ones and bend their neighbours."
     )
-    confused_with = ("foundation_rocking", "cracked_beams")
     settled_by = "gyroscopes or pairs of vertical sensors beside a joint"
     parameters = (
         Parameter(

@@ -19,7 +19,6 @@ class NonStructuralWalls(Effect):
         "the frame and stiffen the stories in which they stand."
     )
     clause = "The non-structural walls {where} have {size} of their elastic stiffness"
-    confused_with = ("wall_stiffness", "cracked_beams", "eccentricity")
     settled_by = "the gaps around these walls, or sensors at both sides of the plan"
     parameters = (
         Parameter(

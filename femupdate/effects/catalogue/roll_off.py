@@ -18,7 +18,6 @@ class RollOff(ChannelEffect):
         "filter: a smooth droop, with a phase lag."
     )
     sits = "all floors together"
-    confused_with = ("base_sway", "damping_law")
     settled_by = "the sensors' data sheets, or floor and base sensors side by side in one run"
     parameters = (
         Parameter(

@@ -14,7 +14,6 @@ class SlabParticipation(MemberStiffness):
         "effective width."
     )
     clause = "The slabs are {change} than modelled {where}"
-    confused_with = ("cracked_beams",)
     settled_by = "the slab's cracks, or strains of the slab beside a beam"
     parameters = (
         Parameter("size", "1", 0.3, lower=-0.9, upper=3.0, text="change of the slabs' stiffness"),

@@ -22,7 +22,6 @@ class SofteningInRun(Softening):
     )
     clause = "Stiffness falls within the run by {lost} with every doubling of the amplitude"
     sits = "all stories together"
-    confused_with = ("damping_law", "story_damper")
     # Off by 12 to 66 % in four trials of a stick that noise of even strength shook: the levels of a
     # run are told by few parts.
     own_error = 0.4

@@ -25,7 +25,6 @@ class StoryDamper(Effect):
     )
     clause = "The story {where} adds {size} to the first damping ratio"
     sits = "every story, named after the floor above it"
-    confused_with = ("damping_law",)
     settled_by = "what may rub or slip in the story, or the decay of free vibration in each mode"
     parameters = (
         Parameter("size", "1", 0.02, lower=0.0, upper=0.5, text="damping ratio in the first mode"),

@@ -18,7 +18,6 @@ class TablePitch(Effect):
     )
     clause = "The table turns by {number} mrad for every metre that it moves"
     sits = "the base"
-    confused_with = ("foundation_rocking",)
     settled_by = "two vertical sensors at opposite ends of the table"
     turns_base = True
     parameters = (

@@ -19,7 +19,6 @@ class TunedAppendage(Effect):
     )
     clause = "Something of {size} of the mass of {place} vibrates by itself"
     sits = "every floor"
-    confused_with = ("added_mass",)
     settled_by = "a sensor on the thing itself (tank, mast, machine)"
     parameters = (
         # What is lighter stands for a damping ratio of one mode that the model has not.

@@ -14,7 +14,6 @@ class WallStiffness(MemberStiffness):
         "frame: cracking, openings, another thickness or effective width."
     )
     clause = "The walls are {change} than modelled {where}"
-    confused_with = ("foundation_rocking",)
     settled_by = "the walls' cracks, or strains at their feet"
     parameters = (
         Parameter("size", "1", 0.25, lower=-0.9, upper=3.0, text="change of the walls' stiffness"),
