@@ -73,10 +73,6 @@ class AffineOperators:
         full[self.free] = values
         return full
 
-    def restrict(self, values: Floats) -> Floats:
-        """Keep the independent degrees of freedom of a motion, (6N, ...) -> (n_free, ...)."""
-        return values[self.free]
-
     def gather(self, load: Floats) -> Floats:
         """Loads on the independent degrees of freedom, (6N, ...) -> (n_free, ...).
 

@@ -125,7 +125,7 @@ def test_expand_and_restrict(structure):
     full = operators.expand(values)
     assert full.shape == (structure.dof, 2)
     assert not full[structure.fixed.ravel()].any()
-    np.testing.assert_array_equal(operators.restrict(full), values)
+    np.testing.assert_array_equal(full[operators.free], values)
     assert operators.expand(values[:, 0] * 1j).dtype == complex
 
 
@@ -142,7 +142,7 @@ def test_inertia_sees_the_moving_supports(structure, direction):
     np.testing.assert_allclose(
         operators.inertia(direction), (mass @ motion)[operators.free], atol=1e-9
     )
-    only_free = operators.mass @ operators.restrict(motion)
+    only_free = operators.mass @ motion[operators.free]
     assert operators.inertia(direction).sum() > only_free.sum() + 1.0
     np.testing.assert_array_equal(
         motion.reshape(-1, 6).sum(axis=0)[direction], len(structure.nodes)
