@@ -125,17 +125,6 @@ class ReductionSettings(Entry):
     tolerance: PositiveNumber = 0.02
 
 
-class Provenance(Entry):
-    """Which entries are published and which are assumed, as dotted keys or their beginnings.
-
-    `stories[*].height` stands for the height of every story, `walls[0]` for all of the first wall.
-    """
-
-    source: str = ""
-    published: tuple[str, ...] = ()
-    assumed: tuple[str, ...] = ()
-
-
 class ParameterGrouping(Entry):
     """Which members share a stiffness factor: `["story"]`, or `["story", "kind"]`.
 

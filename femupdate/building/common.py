@@ -1,6 +1,7 @@
 """What building files of every kind hold, validated (SI inside)."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from functools import cached_property
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -12,7 +13,6 @@ from femupdate.building.analysis import (
     FrequencyGrid,
     ObservationSettings,
     Prior,
-    Provenance,
     ReductionSettings,
 )
 from femupdate.building.entry import Complaint, Entry, unknown
@@ -42,7 +42,8 @@ class BuildingBase(Entry):
     observation: ObservationSettings = ObservationSettings()
     reduction: ReductionSettings = ReductionSettings()
     effects: tuple[EffectEntry, ...] = ()
-    provenance: Provenance = Provenance()
+    # Where the figures come from, in the words of the file's author; nothing here reads it.
+    provenance: Mapping[str, str | tuple[str, ...]] = Field(default_factory=dict)
     # What is left out of the document, and so of its hash, where it is not said.
     masses_known: Flag | None = None
     supports: Base | None = None
@@ -51,6 +52,11 @@ class BuildingBase(Entry):
     def _consistent(self) -> "BuildingBase":
         self.check()
         return self
+
+    @cached_property
+    def source(self) -> str:
+        """The text of the file that it was read from, with its comments; empty without one."""
+        return ""
 
     @property
     def story_names(self) -> tuple[str, ...]:

@@ -2,19 +2,20 @@
 
 import logging
 import shutil
+from collections.abc import Mapping, MutableMapping
 from functools import cache
 from pathlib import Path
 from typing import Any
+
+import tomlkit
 
 from femupdate.atomic import atomic_path
 from femupdate.building.document import building_hash, from_document, mechanics_hash, to_document
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.mesh import check_mesh
 from femupdate.building.own_mesh import MeshBuilding
-from femupdate.building.provenance import provenance_of
 from femupdate.building.schema import Building
 from femupdate.building.shipped import building_text
-from femupdate.building.toml_writer import to_toml
 from femupdate.errors import BuildingError
 from femupdate.files import toml_content
 
@@ -55,6 +56,7 @@ def load_building(path_or_name: str | Path) -> Building:
             f"{where}: its lists or tables are nested too deeply; write the "
             "building as in a shipped file"
         ) from None
+    building.__dict__["source"] = text  # what a cached property of it would be
     if isinstance(building, MeshBuilding):
         building = _with_mesh_file(building, Path(where).expanduser().parent / building.mesh.file)
     _check_mesh(building, where)
@@ -88,8 +90,9 @@ def _with_mesh_beside(building: MeshBuilding, target: Path) -> MeshBuilding:
 def save_building(building: Building, path: str | Path) -> Path:
     """Write the building as TOML that loads back equal, and return the path.
 
-    The file appears whole or not at all. Every figure carries its origin as a comment. The mesh of
-    a building of kind "mesh" is copied beside it.
+    The file appears whole or not at all. Of a building that was read from a file, or that changes
+    one, the text stays with all its comments but for what has changed. The mesh of a building of
+    kind "mesh" is copied beside it.
 
     Raises:
         BuildingError: the file cannot be written.
@@ -97,10 +100,51 @@ def save_building(building: Building, path: str | Path) -> Path:
     target = Path(path).expanduser()
     if isinstance(building, MeshBuilding):
         building = _with_mesh_beside(building, target)
-    text = to_toml(to_document(building), comment=lambda key: provenance_of(building, key))
+    text = to_toml(building)
     with atomic_path(target, BuildingError) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
     return target
 
 
-__all__ = ["building_hash", "load_building", "mechanics_hash", "save_building"]
+def to_toml(building: Building) -> str:
+    """The text of a building's file, with the comments of the file that it was read from."""
+    document = to_document(building)
+    if building.source:
+        text = tomlkit.parse(building.source)
+        _change(text, to_document(from_document(text.unwrap())), document)
+        if to_document(from_document(tomlkit.parse(tomlkit.dumps(text)).unwrap())) == document:
+            return tomlkit.dumps(text)
+    return tomlkit.dumps({name: _item(value) for name, value in document.items()})
+
+
+def _change(
+    text: MutableMapping[str, Any], before: Mapping[str, Any], after: Mapping[str, Any]
+) -> None:
+    """Change what differs in the tables of a file."""
+    for name in before.keys() - after.keys():
+        del text[name]
+    for name, value in after.items():
+        old = before.get(name)
+        if old == value:
+            continue
+        if isinstance(old, dict) and isinstance(value, dict):
+            _change(text[name], old, value)
+        elif _tables(old) and _tables(value) and value[: len(old)] == old:
+            for table in value[len(old) :]:
+                text[name].append(_item(table))
+        else:
+            text[name] = _item(value)
+
+
+def _tables(value: Any) -> bool:
+    return isinstance(value, list) and bool(value) and isinstance(value[0], dict)
+
+
+def _item(value: Any) -> Any:
+    """An entry as TOML: text of several lines is written as such."""
+    if isinstance(value, str) and "\n" in value:
+        return tomlkit.string(value, multiline=True)
+    return tomlkit.item(value)
+
+
+__all__ = ["building_hash", "load_building", "mechanics_hash", "save_building", "to_toml"]

@@ -1,12 +1,10 @@
 """Building files: found, read, written, hashed."""
 
-import tomllib
-from pathlib import Path
+from collections import Counter
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
+from femupdate.building.analysis import EffectEntry
 from femupdate.building.document import from_document, to_document
 from femupdate.building.files import (
     building_hash,
@@ -16,7 +14,6 @@ from femupdate.building.files import (
 )
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.shipped import building_text, shipped_buildings
-from femupdate.building.toml_writer import to_toml
 from femupdate.errors import BuildingError
 
 NAMES = ("shear_3dof", "shear_4dof", "six_story_wall_frame")
@@ -57,11 +54,34 @@ def test_frame_with_every_optional_entry_loads_back_equal(small_text, tmp_path):
     assert load_building(save_building(building, tmp_path / "again.toml")) == building
 
 
-def test_saved_figures_carry_units_and_their_origin(tmp_path):
-    path = save_building(load_building("six_story_wall_frame"), tmp_path / "six.toml")
-    lines = path.read_text(encoding="utf-8").splitlines()
-    assert 'youngs_modulus = "24.4 kN/mm2"  # published' in lines
-    assert 'total = "21500 kg"  # assumed' in lines or 'total = "21.5 t"  # assumed' in lines
+def test_a_new_effect_leaves_the_text_and_its_comments(tmp_path):
+    text = building_text("two_story_openings")[1]
+    repaired = load_building("two_story_openings").model_copy(
+        update={"effects": (EffectEntry(name="added_mass", place="RF", parameters={"size": 0.1}),)}
+    )
+    saved = save_building(repaired, tmp_path / "repaired.toml")
+    lines = saved.read_text(encoding="utf-8").splitlines()
+    own = Counter(line for line in text.splitlines() if line)
+    assert own - Counter(lines) == Counter()
+    new = ["[[effects]]", 'name = "added_mass"', 'place = "RF"', "[effects.parameters]"]
+    assert Counter(line for line in lines if line) - own == Counter([*new, "size = 0.1"])
+    assert load_building(saved) == repaired
+    twice = repaired.model_copy(
+        update={
+            "description": "two\nlines",
+            "effects": (*repaired.effects, EffectEntry(name="p_delta", place="all")),
+        }
+    )
+    again = load_building(save_building(twice, tmp_path / "twice.toml"))
+    assert again == twice
+    assert "# " in again.source
+
+
+def test_a_building_made_in_python_has_its_figures_with_units(tmp_path):
+    made = from_document(to_document(load_building("six_story_wall_frame")))
+    lines = save_building(made, tmp_path / "six.toml").read_text(encoding="utf-8").splitlines()
+    assert 'youngs_modulus = "24.4 kN/mm2"' in lines
+    assert load_building(tmp_path / "six.toml") == made
 
 
 def test_saving_makes_missing_folders(tmp_path):
@@ -149,39 +169,6 @@ def test_fixed_constant_damping_is_mechanics(small_text, tmp_path):
 def test_document_round_trip_needs_no_file():
     building = load_building("shear_4dof")
     assert from_document(to_document(building)) == building
-
-
-texts = st.text(st.characters(exclude_categories=("Cs",)), max_size=20)
-scalars = st.one_of(
-    texts, st.booleans(), st.integers(-(2**60), 2**60), st.floats(allow_nan=False).filter(abs)
-)
-finite = scalars.filter(lambda v: not (isinstance(v, float) and abs(v) == float("inf")))
-plain = st.one_of(finite, st.lists(texts, max_size=3))
-documents = st.recursive(
-    st.dictionaries(texts, plain, max_size=3),
-    lambda tables: st.dictionaries(
-        texts,
-        st.one_of(plain, tables, st.lists(tables, min_size=1, max_size=3)),
-        max_size=3,
-    ),
-    max_leaves=8,
-)
-
-
-@given(document=documents)
-def test_written_toml_reads_back_equal(document):
-    # An empty table inside a list of tables or alone is kept as well.
-    assert tomllib.loads(to_toml(document)) == document
-
-
-def test_toml_writer_refuses_what_it_cannot_write():
-    with pytest.raises(TypeError, match="Path"):
-        to_toml({"a": Path("x")})
-
-
-def test_toml_comments_stand_behind_their_entries():
-    text = to_toml({"a": {"b": 1}}, comment=lambda key: f"said of {key}")
-    assert text == "[a]\nb = 1  # said of a.b\n"
 
 
 def test_masses_of_a_frame_may_be_nominal(tmp_path):
