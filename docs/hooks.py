@@ -6,6 +6,7 @@ such a page says where the same list is printed.
 
 import dataclasses
 import importlib
+import inspect
 import pkgutil
 import re
 from collections.abc import Iterator
@@ -24,6 +25,7 @@ _FROM_ROOT["CHANGELOG.md"] = "changelog.md"
 _MARK = re.compile(r"<!-- made from the code: (\w+) -->")
 # Where importing a module would run it.
 _NOT_READ = ("__main__", "cli", "examples", "models")
+_CODE = re.compile(r"`[^`\n]+`")
 _LINK = re.compile(r"(?<=\]\()([^)\s#]+)")
 
 
@@ -38,6 +40,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
     """Put the lists of the code into a page, and lead its links to where pages are in the site."""
     markdown = _MARK.sub(lambda found: "\n".join(_LISTS[found[1]]()), markdown)
+    # GitHub wants bars in code of tables escaped, mkdocs does not.
+    markdown = _CODE.sub(lambda found: found[0].replace("\\|", "|"), markdown)
     addresses = {address: name for name, address in _FROM_ROOT.items()}
     uri = page.file.src_uri
     source = PurePosixPath(addresses.get(uri, f"docs/{uri}"))
@@ -68,7 +72,8 @@ def _commands() -> Iterator[str]:
 
 
 def _command(command: click.Command, context: click.Context) -> Iterator[str]:
-    words, _, examples = (command.help or "").replace("\b", "").partition("Examples:")
+    text = inspect.cleandoc(command.help or "")
+    words, _, examples = re.sub(r"\x08\nExamples?:\n", "\0", text).partition("\0")
     yield f"## {context.info_name}\n\n{words}\n"
     usage = " ".join(command.collect_usage_pieces(context))
     lines = [line.strip() for line in examples.splitlines() if line.strip()]
