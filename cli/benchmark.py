@@ -6,25 +6,19 @@ from importlib.util import find_spec
 import click
 
 from .common import Failure
-from .lazy import LazyGroup
 
 _PACKAGE = "femupdate.benchmarks"
-_HELP = """Published tables and other programs, side by side with ours.
-
-Each benchmark prints its table and writes it, with machine and date, as JSON and Markdown
-into the folder --output.
-"""
+_HELP = "Published tables and other programs, side by side with ours."
 _MISSING = (
     "the benchmarks are not part of the installed package; clone the repository of femupdate and "
     f"run `python -m {_PACKAGE} NAME` in its root folder"
 )
 
 
-def _present() -> click.Group:
-    """All benchmarks, each imported when it is called."""
-    return LazyGroup(
-        "benchmark", help=_HELP, commands=import_module(_PACKAGE).COMMANDS, package=_PACKAGE
-    )
+def _present() -> click.Command:
+    """All benchmarks; what each needs is imported when it runs."""
+    group: click.Group = import_module(f"{_PACKAGE}.commands").group
+    return group
 
 
 def _absent() -> click.Command:

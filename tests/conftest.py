@@ -86,6 +86,16 @@ def killer():
 
 
 @pytest.fixture(scope="session")
+def opensees():
+    """OpenSeesPy, which fails to import where the system lacks BLAS."""
+    try:
+        import openseespy.opensees as module
+    except (ImportError, RuntimeError) as error:
+        pytest.skip(f"OpenSeesPy cannot be imported: {error}")
+    return module
+
+
+@pytest.fixture(scope="session")
 def write_record():
     """Writes a ground motion as a table of time and acceleration, and returns its path."""
     import numpy as np

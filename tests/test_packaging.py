@@ -87,7 +87,7 @@ def test_everything_imported_is_declared():
     used = ("ambient", "arviz", "benchmark", "distributed", "formats", "xlsx")
     extras = [one for name in used for one in optional[name]]
     # VTK is PyVista's, pydantic_core pydantic's; the others go by other names.
-    brought = {"femupdate", "vtkmodules", "pydantic_core", "sklearn", "pyro", "pyoma2", "nptdms"}
+    brought = {"femupdate", "vtkmodules", "pydantic_core", "sklearn", "pyoma2", "nptdms"}
     brought |= {"PIL", "dask"}
     allowed = declared | brought | {re.split(r"[<>=]", one)[0] for one in extras}
     wrong = set()

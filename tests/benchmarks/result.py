@@ -1,4 +1,4 @@
-"""The result of a benchmark: JSON for programs, Markdown for people."""
+"""The result of a benchmark: a JSON file, and tables as text."""
 
 import json
 import math
@@ -19,8 +19,8 @@ class Report:
 
     Attributes:
         machine: it ran on.
-        text: tables in Markdown.
-        json, markdown: files written.
+        text: tables, which the command prints.
+        json: file written.
         pictures: drawn.
         answer: main figures, for --json.
     """
@@ -28,18 +28,12 @@ class Report:
     machine: Machine
     text: str
     json: Path
-    markdown: Path
     pictures: tuple[Path, ...] = ()
     answer: Mapping[str, Any] = field(default_factory=dict)
 
-    @property
-    def files(self) -> tuple[Path, Path]:
-        """Both files of the result."""
-        return self.json, self.markdown
-
     def as_dict(self) -> dict[str, Any]:
         """What the command prints with --json."""
-        return {"machine": self.machine.sentence(), **self.answer, "results": self.files}
+        return {"machine": self.machine.sentence(), **self.answer, "results": (self.json,)}
 
     def lines(self) -> list[str]:
         """What the command prints without it."""
@@ -75,13 +69,13 @@ class Job:
         pictures: Sequence[Path] = (),
         answer: Mapping[str, Any] | None = None,
     ) -> Report:
-        """Write NAME.json and NAME.md into the folder, each whole or not at all.
+        """Write NAME.json into the folder, whole or not at all.
 
         Args:
             name: of the files.
             content: of the JSON file beside machine and seed; dataclasses and arrays are taken
                 apart.
-            text: Markdown below the line with the machine.
+            text: tables, also in the file.
             packages: whose versions matter beside those that always do.
             pictures, answer: for the report.
 
@@ -93,14 +87,12 @@ class Job:
             machine=machine,
             text=text,
             json=self.folder / f"{name}.json",
-            markdown=self.folder / f"{name}.md",
             pictures=tuple(pictures),
             answer=answer or {},
         )
         everything = {"benchmark": name, "machine": machine, "seed": self.seed, **content}
+        everything["tables"] = text.splitlines()
         write_text(report.json, json.dumps(json_content(everything), indent=1) + "\n")
-        head = f"{machine.sentence()}, seed {self.seed}."
-        write_text(report.markdown, f"{head}\n\n{text.rstrip()}\n")
         return report
 
 

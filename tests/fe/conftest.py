@@ -18,13 +18,3 @@ def _load(name):
 @pytest.fixture(scope="session")
 def meshes():
     return _load("meshes")
-
-
-@pytest.fixture(scope="session")
-def opensees():
-    """OpenSeesPy, which fails to import where the system lacks BLAS."""
-    try:
-        import openseespy.opensees as module
-    except (ImportError, RuntimeError) as error:
-        pytest.skip(f"OpenSeesPy cannot be imported: {error}")
-    return module

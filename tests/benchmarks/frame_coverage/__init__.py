@@ -1,1 +1,5 @@
-"""Whether intervals of a frame hold the truth of another mesh or another program."""
+"""Intervals of frames whose truth another mesh or another program made."""
+
+from pathlib import Path
+
+BUILDING = Path(__file__).with_name("three_story_frame.toml")

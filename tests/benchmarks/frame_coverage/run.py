@@ -1,10 +1,9 @@
 """Frames whose truth another mesh or another program made, calibrated, and their intervals."""
 
-import json
 import shutil
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -24,7 +23,7 @@ from femupdate.measurement.observation_file import Histories
 from femupdate.measurement.record import GroundMotion
 from femupdate.measurement.write import write_observation_histories
 from femupdate.simulation.truth import FineModel, fine_model, truth_of
-from femupdate.study import Study, write_text
+from femupdate.study import Study
 from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.mesh_error import with_finer_mesh
@@ -32,6 +31,7 @@ from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.train import default_settings, train_study
 
+from ..log import ResumableLog
 from ..result import Job, Report, markdown_table
 from .motions import RATE_HZ, RECORDED, SIMULATED, WHITE, base_motion
 from .opensees import SHELLS, opensees_model
@@ -81,12 +81,12 @@ class Case:
 
     truth: str
     motion: str
-    theta: list[float]
+    theta: Floats
     zeta: float
-    mean: list[float]
-    sd: list[float]
-    low: list[float]
-    high: list[float]
+    mean: Floats
+    sd: Floats
+    low: Floats
+    high: Floats
     zeta_low: float
     zeta_high: float
     misfit: float
@@ -95,13 +95,12 @@ class Case:
     @property
     def held(self) -> Flags:
         """Which true factors (p,) lie within their intervals."""
-        theta = np.array(self.theta)
-        return (np.array(self.low) <= theta) & (theta <= np.array(self.high))
+        return (self.low <= self.theta) & (self.theta <= self.high)
 
     @property
     def away(self) -> Floats:
         """Errors (p,) over their standard deviations."""
-        return (np.array(self.mean) - np.array(self.theta)) / np.array(self.sd)
+        return (self.mean - self.theta) / self.sd
 
     @property
     def zeta_held(self) -> bool:
@@ -114,24 +113,20 @@ def run_coverage(job: Job, plan: CoveragePlan) -> Report:
     building = load_building(plan.building)
     assert isinstance(building, FrameBuilding)
     way = "exact" if plan.exact else "latent"
-    folder = job.folder / f"{_NAME}_{building.name}_{way}"
+    name = f"{_NAME}_{building.name}_{way}"
     model = _prepared(job, plan.building, job.folder / f"{_NAME}_{building.name}")
     makers = list(_truths().items())
     job.progress.start("Calibrating", plan.cases)
+    log = ResumableLog(job.folder / f"{name}_cases.jsonl", [replace(plan, cases=0), job.seed])
     cases = []
     for number, rng in enumerate(np.random.default_rng(job.seed).spawn(plan.cases)):
-        path = folder / f"{number}.json"
-        if not path.exists():
-            kind = makers[(number // len(_MOTIONS)) % len(makers)]
-            motion = _MOTIONS[number % len(_MOTIONS)]
-            found = _case(plan, model, building, kind, motion, rng)
-            path.parent.mkdir(parents=True, exist_ok=True)
-            write_text(path, json.dumps(asdict(found)) + "\n")
-        cases.append(Case(**json.loads(path.read_text(encoding="utf-8"))))
+        kind = makers[(number // len(_MOTIONS)) % len(makers)]
+        motion = _MOTIONS[number % len(_MOTIONS)]
+        make = partial(_case, plan, model, building, kind, motion, rng)
+        cases.append(log.get_or_make(str(number), Case, make))
         job.progress.advance()
-    content = {"building": building.name, "likelihood": way, "cases": [asdict(c) for c in cases]}
+    content = {"building": building.name, "likelihood": way, "cases": cases}
     answer = {"likelihood": way, **counted(cases)}
-    name = f"{_NAME}_{building.name}_{way}"
     return job.write(name, content, _text(cases), packages=("openseespy",), answer=answer)
 
 
@@ -200,12 +195,12 @@ def _case(
     return Case(
         truth=kind[0],
         motion=motion,
-        theta=theta.tolist(),
+        theta=theta,
         zeta=zeta,
-        mean=draws.mean(axis=0).tolist(),
-        sd=draws.std(axis=0).tolist(),
-        low=low.tolist(),
-        high=high.tolist(),
+        mean=draws.mean(axis=0),
+        sd=draws.std(axis=0),
+        low=low,
+        high=high,
         zeta_low=float(np.quantile(ratio, 0.05)),
         zeta_high=float(np.quantile(ratio, 0.95)),
         misfit=report.misfit,
@@ -236,7 +231,7 @@ def written(
 def counted(cases: list[Case]) -> dict[str, float]:
     held = np.concatenate([case.held for case in cases])
     away = np.concatenate([case.away for case in cases])
-    relative = np.concatenate([np.array(case.sd) / np.array(case.theta) for case in cases])
+    relative = np.concatenate([case.sd / case.theta for case in cases])
     return {
         "cases": len(cases),
         "within_90": float(held.mean()),

@@ -1,15 +1,11 @@
 """The benchmark `shear4dof`: the published tables, beside the truth."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from itertools import product
-from pathlib import Path
 
 import numpy as np
-
-from femupdate.inference.bridge import Start, bridge
-from femupdate.inference.smc import TemperedSmc
 
 from ..log import ResumableLog
 from ..result import Job, Report
@@ -17,13 +13,10 @@ from ..shipped import benchmark_model, shipped_surrogate, surrogate_mark
 from .case import (
     Shear4dof,
     authors_case,
-    data_likelihood,
     exact_posterior,
     random_case,
 )
-from .nuts import nuts_row, require_pyro
 from .observations import ObservationResult, observation_result
-from .pictures import draw_benchmark
 from .samplers import SAMPLERS, SamplerRow, floor_rows, sampler_row, sampler_targets
 from .tables import exact_table, observation_table, sampler_table, solutions_table
 
@@ -39,16 +32,14 @@ class Shear4dofPlan:
         runs: of each sampler at each size.
         reference_draws: of the posteriors that others are compared with.
         observations: that latent posterior and bridge are judged on.
-        particles: of the posteriors in the pictures; half as many judge an observation.
-        nuts: iterations of the No-U-Turn sampler on each likelihood; 0 for none.
+        particles: of the posteriors that judge an observation.
     """
 
     sizes: tuple[int, ...] = (500, 1000, 2000, 4000)
     runs: int = 10
     reference_draws: int = 50_000
     observations: int = 20
-    particles: int = 4000
-    nuts: int = 0
+    particles: int = 2000
 
 
 QUICK = Shear4dofPlan((200,), 2, 3000, 2)
@@ -62,14 +53,12 @@ def run_shear4dof(job: Job, plan: Shear4dofPlan) -> Report:
 
     Raises:
         SurrogateError: the shipped surrogate does not fit the shipped building.
-        InferenceError: scikit-learn, or Pyro where it is asked for, is not installed.
-        StudyError, ReportError: a file cannot be written.
+        InferenceError: scikit-learn is not installed.
+        StudyError: a file cannot be written.
     """
-    if plan.nuts:
-        require_pyro()
     model = benchmark_model()
     surrogate, case = shipped_surrogate(model.building), authors_case(model)
-    header = [model.hash, surrogate_mark(surrogate), job.seed, replace(plan, nuts=0)]
+    header = [model.hash, surrogate_mark(surrogate), job.seed, plan]
     log = ResumableLog(job.folder / f"{NAME}_parts.jsonl", header)
     job.progress.start("Exact posterior", 1)
     exact = exact_posterior(model, case, plan.reference_draws, job.seed)
@@ -93,7 +82,6 @@ def run_shear4dof(job: Job, plan: Shear4dofPlan) -> Report:
         {**found, **more},
         _text(problem, samplers, observations),
         packages=("scikit-learn",),
-        pictures=_draw(job.folder, problem, plan.particles, job.seed),
         answer=found,
     )
 
@@ -103,17 +91,12 @@ def _samplers(
 ) -> list[SamplerRow]:
     rows = []
     targets = sampler_targets(problem, plan.reference_draws, job.seed)
-    advance = job.progress.advance
     for target in targets:
         job.progress.start(f"Samplers, {target.label} likelihood", 2 * len(plan.sizes))
         for name, size in product(SAMPLERS, plan.sizes):
             make = partial(sampler_row, problem, target, name, size, plan.runs)
             rows.append(log.get_or_make(f"{target.label}, {name}, {size}", SamplerRow, make))
-            advance()
-        if plan.nuts:
-            job.progress.start(f"NUTS, {target.label} likelihood", plan.nuts)
-            make = partial(nuts_row, problem, target, plan.nuts, job.seed, advance)
-            rows.append(log.get_or_make(f"{target.label}, NUTS, {plan.nuts}", SamplerRow, make))
+            job.progress.advance()
     return rows + floor_rows(problem, targets[1], plan.sizes, plan.runs, job.seed + 17)
 
 
@@ -126,7 +109,7 @@ def _observations(
     results = []
     for number in range(plan.observations):
         case = random_case(problem.model, rng) if number else problem.case
-        sizes = draws, plan.particles // 2
+        sizes = draws, plan.particles
         make = partial(observation_result, problem, case, job.seed + number, *sizes)
         results.append(log.get_or_make(f"observation {number}", ObservationResult, make))
         job.progress.advance()
@@ -150,16 +133,3 @@ def _text(
             observation_table(observations),
         )
     )
-
-
-def _draw(folder: Path, problem: Shear4dof, particles: int, seed: int) -> tuple[Path, ...]:
-    prior, latent = problem.model.prior, problem.latent()
-    start = TemperedSmc(prior, latent).run(particles, seed)
-    likelihood = data_likelihood(problem.model, problem.case)
-    best = bridge(prior, likelihood, Start(start, latent), seed)
-    draws = {
-        "latent": start.theta.numpy(),
-        "exact": problem.exact.theta[:particles],
-        "bridge": best.theta.numpy(),
-    }
-    return draw_benchmark(folder, problem, draws)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from femupdate.benchmarks.frame_coverage.command import BUILDING
+from femupdate.benchmarks.frame_coverage import BUILDING
 from femupdate.benchmarks.hidden_effects.by_opensees import (
     made_by_opensees,
     opensees_truth,
@@ -45,8 +45,7 @@ def frequencies(fine, effects=()):
 
 
 @pytest.fixture(scope="module")
-def without(fine):
-    pytest.importorskip("openseespy", reason="openseespy is not installed")
+def without(fine, opensees):
     return frequencies(fine)
 
 

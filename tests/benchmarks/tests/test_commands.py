@@ -39,12 +39,12 @@ def test_solver(run, tmp_path, monkeypatch):
     found = answer(run("solver", "--sizes", "", "--json"))
     assert found["elements_reached"] == 1
     assert [one["verdict"] for one in found["elements"]] == ["behind", "within 2 %"]
-    assert found["results"] == [str(tmp_path / "solver.json"), str(tmp_path / "solver.md")]
+    assert found["results"] == [str(tmp_path / "solver.json")]
     assert found["pictures"] == [str(tmp_path / "convergence.png")]
     assert json.loads((tmp_path / "solver.json").read_text(encoding="utf-8"))["speed"] == []
     done = run("solver", "--sizes", "")
     assert "1 of 2 rows reach the best other" in done.stdout
-    assert str(tmp_path / "solver.md") in done.stdout
+    assert str(tmp_path / "solver.json") in done.stdout
 
 
 def test_an_unknown_size_is_one_sentence(run, monkeypatch):

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from femupdate.benchmarks.frame_coverage.command import BUILDING
+from femupdate.benchmarks.frame_coverage import BUILDING
 from femupdate.benchmarks.frame_coverage.motions import (
     RECORDED,
     SIMULATED,
@@ -19,12 +19,12 @@ from femupdate.measurement.kinds import read_observation_file
 CASE = Case(
     truth="mesh of 0.4",
     motion=WHITE,
-    theta=[1.0, 2.0],
+    theta=np.array([1.0, 2.0]),
     zeta=0.02,
-    mean=[1.1, 1.9],
-    sd=[0.1, 0.02],
-    low=[0.95, 1.87],
-    high=[1.25, 1.93],
+    mean=np.array([1.1, 1.9]),
+    sd=np.array([0.1, 0.02]),
+    low=np.array([0.95, 1.87]),
+    high=np.array([1.25, 1.93]),
     zeta_low=0.015,
     zeta_high=0.018,
     misfit=1.0,

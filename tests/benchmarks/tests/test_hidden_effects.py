@@ -139,7 +139,7 @@ def test_the_result_is_written_with_machine_and_seed(run):
     content = run.report.content()
     assert content["seed"] == SEED
     assert [one["kind"] for one in content["outcomes"]] == [ONE, CLEAN, ONE, OUTSIDE, CLEAN, ONE]
-    assert "false alarms" in run.report.markdown.read_text(encoding="utf-8")
+    assert "false alarms" in run.report.text
 
 
 @pytest.mark.parametrize("data", [MODES, FORCE])

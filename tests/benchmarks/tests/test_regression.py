@@ -102,6 +102,6 @@ def test_a_figure_that_has_fallen_is_marked(tmp_path):
     changed.write_text(json.dumps(found))
     report, fallen = run.run_regression(job, changed, True, "model shear_3dof")
     assert fallen == 1
-    marked = [line for line in report.markdown.read_text().splitlines() if line.endswith("| ! |")]
+    marked = [line for line in report.text.splitlines() if line.endswith("| ! |")]
     assert len(marked) == 1
     assert "frequency 1 Hz" in marked[0]

@@ -77,9 +77,7 @@ def test_results_are_written_with_machine_and_date(tmp_path, monkeypatch):
     assert found["speed"][0]["ratio"] == 4.5
     assert found["speed"][0]["largest_difference"] == pytest.approx(0.01)
     assert [one["reached"] for one in found["elements"]] == [True, False]
-    text = report.markdown.read_text(encoding="utf-8")
-    assert text.startswith(found["machine"]["date"][:10])
-    assert "| another |" in text
+    assert "| another |" in report.text
 
 
 def test_without_opensees_ours_runs_alone(monkeypatch):

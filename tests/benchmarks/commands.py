@@ -1,0 +1,244 @@
+"""femupdate benchmark NAME: the commands of all benchmarks, each of which runs a `Job`.
+
+A new benchmark is a function here that hands the job to its module and returns its `Report`.
+"""
+
+import functools
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+from femupdate.cli.answer import Answer
+from femupdate.cli.bars import Bars
+from femupdate.cli.common import Failure, running, shared_out
+from femupdate.cli.parameters import BuildingName, Columns, InputFile, Names
+
+from .frame_coverage import BUILDING
+from .result import Job, Report
+
+Command = Callable[..., Report]
+
+
+@click.group("benchmark")
+def group() -> None:
+    """Published tables and other programs, side by side with ours.
+
+    Each benchmark prints its table and writes it, with machine and date, as JSON into the folder
+    --output. Cases are kept there as they end, so that an interrupted run goes on.
+    """
+
+
+def benchmark(name: str) -> Callable[[Command], click.Command]:
+    """A command of the group with --output, --seed, --json and -v, which prints its report.
+
+    Errors of the library end the command with exit code 1.
+    """
+
+    def command(function: Command) -> click.Command:
+        @group.command(name, short_help=(function.__doc__ or "").splitlines()[0])
+        @click.option(
+            "--output",
+            "output_folder",
+            type=click.Path(file_okay=False, path_type=Path),
+            default=Path("benchmarks"),
+            show_default=True,
+            help="Folder for the results.",
+        )
+        @running
+        @functools.wraps(function)
+        def run(output_folder: Path, seed: int, as_json: bool, **options: Any) -> None:
+            with Bars() as bars:
+                report = function(Job(output_folder, seed, bars), **options)
+            Answer(report, report.pictures or None, files=(report.json,)).show(as_json)
+
+        return run
+
+    return command
+
+
+def count(name: str, default: int | None, least: int, text: str) -> Callable[[Command], Command]:
+    """An option that is a whole number, at least so large."""
+    kind = click.IntRange(min=least)
+    return click.option(name, type=kind, default=default, show_default=True, help=text)
+
+
+def building_option(default: str, text: str) -> Callable[[Command], Command]:
+    """The building that is tried."""
+    return click.option("--building", default=default, show_default=default != str(BUILDING),
+                        help=text)  # fmt: skip
+
+
+@benchmark("all")
+@click.option("--quick", is_flag=True, help="The cheap half of the runs, some ten minutes.")
+@click.option(
+    "--reference",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Figures to compare with; default: docs/results/regression.json.",
+)
+@click.option("--only", default="*", show_default=True, help="Names of runs, such as 'finder*'.")
+def regression(job: Job, quick: bool, reference: Path | None, only: str) -> Report:
+    """Every command on fixed data, beside a reference: what has fallen is marked.
+
+    To run before a release. A figure outside of its tolerance, a slower run and one with more than
+    2 GB are marked, and the exit code is then 1. Runs in the output folder are not made again.
+    """
+    from .regression.run import REFERENCE, run_regression
+
+    report, fallen = run_regression(job, reference or REFERENCE, quick, only)
+    if fallen:
+        click.echo(report.text, err=True)
+        raise Failure(f"{fallen} lines of {report.json} are outside of their tolerance")
+    return report
+
+
+@benchmark("solver")
+@click.option(
+    "--sizes",
+    type=Names(),
+    default="small",
+    show_default=True,
+    help="Buildings of the speed comparison: small, medium, large, with commas (1,680, 8,640 and "
+    '31,110 shells; seconds, minutes and a quarter of an hour), or "" for none.',
+)
+def solver(job: Job, sizes: tuple[str, ...]) -> Report:
+    """Element tests against published values; speed against OpenSees."""
+    from .solver.run import run_solver
+
+    return run_solver(job, sizes)
+
+
+@benchmark("shear4dof")
+@count("--runs", 10, 2, "Runs of each sampler.")
+@count("--observations", 20, 1, "Simulated buildings that judge latent posterior and bridge.")
+@click.option("--quick", is_flag=True, help="A few runs with few particles, to try it out.")
+def shear4dof(job: Job, runs: int, observations: int, quick: bool) -> Report:
+    """The posterior with four modes: published tables, and the exact posterior."""
+    from .shear4dof.run import QUICK, Shear4dofPlan, run_shear4dof
+
+    plan = Shear4dofPlan(runs=runs, observations=observations)
+    return run_shear4dof(job, QUICK if quick else plan)
+
+
+@benchmark("calibration")
+@building_option("shear_4dof", "Shipped name.")
+@click.option(
+    "--sensors",
+    "floors",
+    type=Names(),
+    default=(),
+    help="Observed floors, or `any` for random sets; default: the roof alone.",
+)
+@count("--cases", 200, 10, "Simulated buildings.")
+@count("--particles", 1000, 200, "Posterior draws for each.")
+@click.option("--latent", is_flag=True, help="Leave out the data-space posteriors.")
+@count("--beside", None, 0, "Number of cases with data-space posteriors; default: all.")
+@click.option(
+    "--noise",
+    "noise_sd",
+    type=click.FloatRange(min=1e-3),
+    help="Noise on ln|H|; default: that of the training.",
+)
+def calibration(job: Job, latent: bool, beside: int | None, **plan: Any) -> Report:
+    """Whether posteriors hold the truth as often as they say.
+
+    Coverage, ranks and TARP of latent and data-space posteriors. The binomial error of the coverage
+    of the 90 % region is 2 % with 200 cases and 1 % with 1000.
+    """
+    from .calibration.run import CalibrationPlan, run_calibration
+
+    compared = 0 if latent and beside is None else beside
+    return run_calibration(job, CalibrationPlan(beside=compared, **plan))
+
+
+@benchmark("hidden-effects")
+@building_option("shear_4dof", "Shipped name or file.")
+@count("--clean", 100, 0, "Cases without an effect.")
+@count("--one", 150, 0, "Cases with one effect.")
+@count("--two", 30, 0, "Cases with two effects.")
+@count("--outside", 30, 0, "Cases with an effect outside the catalogue.")
+@click.option("--mesh-size", type=float, help="Mesh size of the truth, m; default: .4 of its own.")
+@click.option(
+    "--data",
+    type=click.Choice(["base", "modes", "force"]),
+    default="base",
+    show_default=True,
+    help="Records of base motion, identified modes, or a hammer test.",
+)
+@click.option("--opensees", is_flag=True, help="OpenSees makes the truths, not our finer mesh.")
+@click.option("--no-phase", is_flag=True, help="Use the amplitude alone.")
+@click.option(
+    "--minutes", type=click.FloatRange(min=0), help="Minutes after which no trial is started."
+)
+@click.option("--quick", is_flag=True, help="A dozen trials, to try it out.")
+@click.option(
+    "--dask",
+    metavar="ADDRESS",
+    help="Share the trials out by Dask: address of a scheduler, or local for processes.",
+)
+def hidden_effects(
+    job: Job,
+    building: str,
+    data: str,
+    mesh_size: float | None,
+    opensees: bool,
+    no_phase: bool,
+    minutes: float | None,
+    quick: bool,
+    dask: str | None,
+    **counts: int,
+) -> Report:
+    """What the effect finder makes of effects that were hidden."""
+    from .hidden_effects.measurement import OPENSEES, OURS, TrialSettings
+    from .hidden_effects.run import QUICK, TrialPlan, run_hidden_effects
+
+    plan = QUICK if quick else TrialPlan(**counts)
+    truth = OPENSEES if opensees else OURS
+    settings = TrialSettings(mesh_size=mesh_size, use_phase=not no_phase, truth=truth)
+    limit = float("inf") if minutes is None else minutes
+    with shared_out(dask):
+        return run_hidden_effects(job, building, plan, settings, limit, data)
+
+
+@benchmark("changes")
+@count("--pairs", 50, 1, "Buildings, each measured before, without a change, and with one.")
+def changes(job: Job, pairs: int) -> Report:
+    """Whether a changed story is named, and how often an unchanged one.
+
+    Each building is shear_4dof with its own stiffness factors and a story softened by 10 %; once
+    the model of it is right, and once it lacks a tenth of the mass of one floor.
+    """
+    from .changes.run import run_changes
+
+    return run_changes(job, pairs)
+
+
+@benchmark("frame-coverage")
+@building_option(str(BUILDING), "Shipped name or file; default: three stories.")
+@count("--cases", 40, 1, "Simulated buildings.")
+@count("--particles", 1000, 200, "Posterior draws for each.")
+@click.option("--latent", is_flag=True, help="Latent posteriors in place of the data-space ones.")
+def frame_coverage(job: Job, latent: bool, **plan: Any) -> Report:
+    """Whether intervals of frames hold the truth of another mesh or program.
+
+    Truths are of a mesh of .4 or .6 times the building's own, or of OpenSees with two kinds of
+    shells; half of them are shaken by white noise, half by earthquakes. Damping is .5 to 3 %.
+    """
+    from .frame_coverage.run import CoveragePlan, run_coverage
+
+    return run_coverage(job, CoveragePlan(exact=not latent, **plan))
+
+
+@benchmark("measured")
+@click.argument("files", type=InputFile(), nargs=-1, required=True)
+@click.option("--building", type=BuildingName(), required=True, help="Shipped name or TOML file.")
+@click.option("--base", default="base", show_default=True, help="Column of the base's motion.")
+@click.option("--columns", type=Columns(), help="Column names: ours=theirs,...")
+@count("--particles", 1000, 200, "Posterior draws.")
+@count("--samples", 200, 20, "Histories of a prediction.")
+@click.option("--several", is_flag=True, help="Each file from all others together.")
+def measured(job: Job, **plan: Any) -> Report:
+    """How honest intervals are: each of the measured FILES from every other, of one structure."""
+    from .measured.run import MeasuredPlan, run_measured
+
+    return run_measured(job, MeasuredPlan(**plan))
