@@ -7,6 +7,7 @@ such a page says where the same list is printed.
 import dataclasses
 import importlib
 import inspect
+import json
 import pkgutil
 import re
 from collections.abc import Iterator
@@ -23,6 +24,7 @@ ROOT = Path(__file__).resolve().parent.parent
 _FROM_ROOT = {"README.md": "index.md", "CONTRIBUTING.md": "contributing.md"}
 _FROM_ROOT["CHANGELOG.md"] = "changelog.md"
 _MARK = re.compile(r"<!-- made from the code: (\w+) -->")
+_NAMES = {"RF|[0-9]+F": "FLOOR", "theta_[0-9]+": "PARAMETER", "[0-9]+": "STORY"}
 # Where importing a module would run it.
 _NOT_READ = ("__main__", "cli", "examples", "models")
 _CODE = re.compile(r"`[^`\n]+`")
@@ -115,6 +117,43 @@ def _formats() -> Iterator[str]:
         yield f"| `{reader.name}` | {_cell(reader.reads)} |"
 
 
+def _keys() -> Iterator[str]:
+    """Keys of the JSON that commands print, as a test has recorded them."""
+    for command, keys in _recorded().items():
+        under: dict[str, list[str]] = {}
+        for path in keys:
+            parent, _, key = path.rpartition(".")
+            under.setdefault(_named(parent), []).append(f"`{_named(key)}`")
+        if command != "study" and "=" not in command:
+            yield f"### {command}\n"
+            for parent, names in under.items():
+                intro = f"in `{parent}`: " if parent else ""
+                yield f"- {intro}{', '.join(dict.fromkeys(names))}"
+            yield ""
+
+
+def _columns() -> Iterator[str]:
+    """Columns of the tables of a study, as a test has recorded them."""
+    yield "| table | columns |\n|---|---|"
+    for entry in _recorded()["study"]:
+        name, _, columns = entry.partition(": ")
+        if columns:
+            yield f"| `{name}` | {', '.join(columns.split(','))} |"
+
+
+def _recorded() -> dict[str, list[str]]:
+    path = ROOT / "tests" / "cli" / "contract.json"
+    recorded: dict[str, list[str]] = json.loads(path.read_text(encoding="utf-8"))
+    return recorded
+
+
+def _named(key: str) -> str:
+    """A key with what stands for the names of one building."""
+    for pattern, word in _NAMES.items():
+        key = re.sub(rf"(^|\.)({pattern})(?=$|\.)", rf"\1{word}", key)
+    return key
+
+
 def _thresholds() -> Iterator[str]:
     """Every table of numbers that the code keeps with their meaning and source."""
     seen: set[str] = set()
@@ -156,6 +195,8 @@ _LISTS = {
     "commands": _commands,
     "effects": _effects,
     "formats": _formats,
+    "keys": _keys,
+    "columns": _columns,
     "thresholds": _thresholds,
     "records": _records,
 }
