@@ -33,7 +33,10 @@ from femupdate.progress import SILENT, Progress
 from femupdate.seeds import even_points
 from femupdate.workers import everywhere
 
-_NOTHING = 1e-10  # of the largest energy among shapes: it adds nothing new
+# Of the largest energy among shapes: a direction below it adds nothing new. Rounding leaves 1e-14
+# to energies, and 1e-12 of the first squared frequency to stiffnesses, which is divided by the
+# energy of a direction. A tenth of the energy of combinations that count (`LOCAL_BASIS.least`).
+_NOTHING = 1e-8
 
 Sized = tuple[tuple[Placed, float], ...]
 """Effects, each with its first parameter."""
@@ -164,32 +167,37 @@ def _neighbours(theta: Floats, spread: float) -> Floats:
 class KnownModes:
     """Modes of equations without their springs, from which changed ones are answered.
 
+    An eigensolver's modes are orthonormal to its tolerance alone. What they are is projected, not
+    what they should be: the difference, of 1e-9, would pass for new directions beside them.
+
     Attributes:
         equations: without the changes.
         shapes: (n, m) of unit modal mass.
         image: (n, m) the mass times them.
-        squared: (m,) circular frequencies, squared.
+        stiffness, mass: (m, m) of the equations on the shapes.
     """
 
     equations: Equations
     shapes: Floats
     image: Floats
-    squared: Floats
+    stiffness: Floats
+    mass: Floats
 
     @staticmethod
     def of(equations: Equations, modes: Modes) -> "KnownModes":
         """From the modes of the equations."""
-        image = symmetric_times(equations.mass, modes.shapes)
-        return KnownModes(equations, modes.shapes, image, (2.0 * np.pi * modes.frequency_hz) ** 2)
+        shapes, image = modes.shapes, symmetric_times(equations.mass, modes.shapes)
+        held = symmetric_times(equations.stiffness, shapes)
+        return KnownModes(equations, shapes, image, along(shapes, held), along(shapes, image))
 
     def of_changed(self, changed: Equations) -> tuple[Floats, Floats, Floats]:
         """Stiffness and mass (m, m) of changed equations on the shapes, and the mass times them."""
         spring = changed.springs.rows @ self.shapes
         pulled = spring.T @ (changed.springs.stiffness[:, None] * spring)
         rows, more = self._times(changed.stiffness - self.equations.stiffness)
-        stiffness = np.diag(self.squared) + pulled + self.shapes[rows].T @ more
+        stiffness = self.stiffness + pulled + self.shapes[rows].T @ more
         rows, more = self._times(changed.mass - self.equations.mass)
-        mass = np.eye(len(self.squared)) + self.shapes[rows].T @ more
+        mass = self.mass + self.shapes[rows].T @ more
         image = self.image
         if len(rows):
             image = image.copy()
@@ -231,18 +239,14 @@ def nearby_shapes(
     stiffness, mass, image = known.of_changed(equations)
     own = _Projected(stiffness, mass, rows @ modes, force @ modes)
     first = own.responses(rows @ static, target)
-    # What the stiffness makes of the new shapes are the right-hand sides that they solve.
-    right = combined(image, first)
-    fresh = np.column_stack([factors.apply(right), static])
-    moved = symmetric_times(equations.mass, fresh)
-    driven = force @ fresh
-    across = np.column_stack([own.mass @ first, own.driven])
-    within = np.column_stack([fresh.T @ right, driven])
+    fresh = np.column_stack([factors.apply(combined(image, first)), static])
+    # Projected as they are, and not as solutions: what the solver leaves would pass for stiffness.
+    held, moved = factors.times(fresh), symmetric_times(equations.mass, fresh)
     both = _Projected(
-        _symmetric(own.stiffness, across, within),
+        _symmetric(own.stiffness, along(modes, held), fresh.T @ held),
         _symmetric(own.mass, along(image, fresh), fresh.T @ moved),
         np.column_stack([own.floors, rows @ fresh]),
-        np.append(own.driven, driven),
+        np.append(own.driven, force @ fresh),
     )
     weights = both.responses(rows @ static, target)
     count = modes.shape[1]
@@ -277,7 +281,8 @@ class _Projected:
         kept = energy > _NOTHING * energy[-1]
         onto = (directions[:, kept] / np.sqrt(energy[kept])) / scale[:, None]
         squared, vectors = eigh(onto.T @ self.stiffness @ onto)
-        modes = onto @ vectors
+        stands = squared > 0.0  # what a negative stiffness pushes away has no steady response
+        squared, modes = squared[stands], onto @ vectors[:, stands]
         participation, floors = self.driven @ modes, self.floors @ modes
         missed = static - (floors * participation) @ (1.0 / squared)
         felt = FeltModes(np.sqrt(squared), participation, floors, missed)
