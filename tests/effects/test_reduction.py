@@ -235,13 +235,13 @@ def frames(draw, document):
         "stories": [{"name": f"S{n}", "height": height} for n, height in enumerate(heights, 1)],
         "walls": document["walls"] if draw(st.booleans()) else [],
         "floor_mass": [*mass[: count - 1], roof],
-        "mesh": {"size": draw(st.sampled_from([3.0, 5.0]))},
+        "mesh": {"size": draw(st.sampled_from([1.6, 2.2]))},
     }
     theta = [np.exp(draw(st.floats(-1.0, 1.0))) for _ in heights]
     return {**document, **changed}, np.array(theta)
 
 
-@settings(max_examples=12, derandomize=True)
+@settings(max_examples=8, derandomize=True)
 @given(data=st.data())
 def test_local_basis_of_any_frame_holds_its_response_with_any_effect(frame_document, data):
     """Whatever a question adds to the modes, be it nothing but rounding, the basis is sound."""
@@ -269,11 +269,15 @@ def test_local_basis_of_any_frame_holds_its_response_with_any_effect(frame_docum
 
 
 def test_a_question_that_changes_nothing_adds_nothing_but_the_static_shape(structure, target):
-    """What rounding leaves beside the modes is no direction: no frequency is negative or absurd."""
+    """Modes that are orthonormal to an eigensolver's tolerance alone hide no new direction."""
     modes = modes_below(structure.operators, HERE, TOP * GRID[-1])
+    count = modes.shapes.shape[1]
+    near = 1e-9 * np.random.default_rng(4).standard_normal((count, count))
     same = equations_at(structure, HERE)
-    shapes = nearby_shapes(same, structure.floor_rows, KnownModes.of(same, modes), target)
+    loose = replace(modes, shapes=modes.shapes @ (np.eye(count) + near))
+    shapes = nearby_shapes(same, structure.floor_rows, KnownModes.of(same, loose), target)
     static = np.linalg.solve(same.stiffness.toarray(), same.force[:, 0])
     span = np.column_stack([modes.shapes, static])
-    left = shapes - span @ np.linalg.lstsq(span, shapes)[0]
+    scale = np.linalg.norm(span, axis=0)
+    left = shapes - (span / scale) @ np.linalg.lstsq(span / scale, shapes)[0]
     assert np.abs(left).max() < 1e-6 * np.abs(shapes).max()
