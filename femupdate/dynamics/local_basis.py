@@ -35,7 +35,7 @@ from femupdate.workers import everywhere
 
 # Of the largest energy among shapes: a direction below it adds nothing new. Rounding leaves 1e-14
 # to energies and, at 1e-11, a millionth of the first squared frequency to stiffnesses (two frames
-# of 31,000 degrees of freedom). With 1e-8 a frame without walls errs by .04 rms of ln|H|, not .0003.
+# of 31,000 degrees of freedom). At 1e-8 a frame without walls errs by .04 rms of ln|H|, not .0003.
 _NOTHING = 1e-11
 
 Sized = tuple[tuple[Placed, float], ...]
